@@ -1,0 +1,169 @@
+"""Plain data that every reader returns: links, joints, closures, couplings, motors, home posture.
+
+Nothing here computes dynamics and nothing here knows a file format. Units are SI; a *placement* is a (4, 4)
+homogeneous matrix, "frame B in A": coordinates of B's axes and origin in A.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+JointKind = Literal["fixed", "revolute", "continuous", "prismatic", "spherical", "planar", "floating"]
+RotationKind = Literal["free", "perpendicular", "parallel", "fixed"]
+
+
+@dataclass(frozen=True)
+class Link:
+    """A rigid body as its file states it.
+
+    Attributes:
+        name: Name of the link.
+        mass: Mass [kg], 0 where the file gives no inertial.
+        com: Centre of mass, shape (3,), [m], link frame.
+        inertia: Inertia about the centre of mass, shape (3, 3), [kg m^2], link axes.
+        line: Line in the file, or None.
+    """
+
+    name: str
+    mass: float
+    com: Array
+    inertia: Array
+    line: int | None = None
+
+
+@dataclass(frozen=True)
+class Joint:
+    """A joint of the spanning tree.
+
+    Attributes:
+        name: Name of the joint.
+        kind: One of `JointKind`; coordinates are Pinocchio's (`continuous`: cos, sin; `spherical`: quaternion
+            x, y, z, w; `planar`: x, y, cos, sin; `floating`: x, y, z, quaternion).
+        parent: Name of the parent link.
+        child: Name of the child link.
+        placement: Child frame in the parent frame at joint position zero, shape (4, 4).
+        axis: Unit axis in the child frame, shape (3,) (revolute, continuous, prismatic; normal of a planar joint).
+        lower: Lower position limit [m or rad], -inf where absent.
+        upper: Upper position limit [m or rad], +inf where absent.
+        velocity: Speed limit [m/s or rad/s], +inf where absent.
+        effort: Effort limit [N or N m], +inf where absent.
+        damping: Viscous friction [N s/m or N m s/rad], from URDF `<dynamics>` or model.toml.
+        friction: Coulomb friction [N or N m].
+        rotor_inertia: Inertia of the rotor about its own axis [kg m^2].
+        gear_ratio: Rotor turns per joint turn.
+        line: Line in the file, or None.
+    """
+
+    name: str
+    kind: JointKind
+    parent: str
+    child: str
+    placement: Array
+    axis: Array
+    lower: float = -np.inf
+    upper: float = np.inf
+    velocity: float = np.inf
+    effort: float = np.inf
+    damping: float = 0.0
+    friction: float = 0.0
+    rotor_inertia: float = 0.0
+    gear_ratio: float = 1.0
+    line: int | None = None
+
+
+@dataclass(frozen=True)
+class Closure:
+    """A loop closure between two links, in one canonical form.
+
+    With frame A fixed to `link_a` and frame B fixed to `link_b`, r the position of B's origin relative to A's
+    origin in A's axes, and z_A, z_B their third axes:
+
+        r[i] = 0 for every i in `translations`
+        rotation "free"           nothing more
+        rotation "perpendicular"  z_A . z_B = 0              (1 row: universal; z_A and z_B are its two axes)
+        rotation "parallel"       z_A = z_B                  (2 rows: turning about z is left)
+        rotation "fixed"          A and B have the same axes (3 rows)
+
+    So: fixed (0,1,2)+fixed; revolute (0,1,2)+parallel; prismatic along z (0,1)+fixed; cylindrical (0,1)+parallel;
+    universal (0,1,2)+perpendicular; planar with normal z (2,)+parallel; spherical (0,1,2)+free.
+
+    Attributes:
+        name: Name of the closure.
+        kind: What the author called it, for messages ("revolute", "rows", "6d", ...).
+        link_a: Predecessor link.
+        frame_a: Frame A in `link_a`, shape (4, 4).
+        link_b: Successor link.
+        frame_b: Frame B in `link_b`, shape (4, 4).
+        translations: Axes of A along which B's origin may not move, a subset of (0, 1, 2).
+        rotation: One of `RotationKind`.
+        line: Line in the file, or None.
+    """
+
+    name: str
+    kind: str
+    link_a: str
+    frame_a: Array
+    link_b: str
+    frame_b: Array
+    translations: tuple[int, ...]
+    rotation: RotationKind
+    line: int | None = None
+
+
+@dataclass(frozen=True)
+class Coupling:
+    """A linear relation between joint positions: sum of coefficient x position = offset.
+
+    Attributes:
+        name: Name of the coupling (a mimic joint's own name).
+        terms: Pairs (joint name, coefficient); joints with one freedom only.
+        offset: Right-hand side [m or rad].
+        line: Line in the file, or None.
+    """
+
+    name: str
+    terms: tuple[tuple[str, float], ...]
+    offset: float = 0.0
+    line: int | None = None
+
+
+@dataclass(frozen=True)
+class Description:
+    """Everything that the files say about one robot.
+
+    Attributes:
+        name: Name of the robot.
+        links: Every link, in file order.
+        joints: Every joint of the spanning tree, fixed ones too, in file order.
+        closures: Every loop closure.
+        couplings: Every coupling.
+        motors: Names of the driven joints, in order.
+        motors_from: The rule that found the motors, one phrase for `info`.
+        home: Joint positions of the home posture by joint name: one number (angle or metres), or the joint's
+            Pinocchio coordinates; joints not named are at zero.
+        notes: Remarks of the reader that a user should see (never an ignored closure).
+        source: Path of the robot file, or None.
+    """
+
+    name: str
+    links: tuple[Link, ...]
+    joints: tuple[Joint, ...]
+    closures: tuple[Closure, ...] = ()
+    couplings: tuple[Coupling, ...] = ()
+    motors: tuple[str, ...] = ()
+    motors_from: str = ""
+    home: dict[str, tuple[float, ...]] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+    source: str | None = None
+
+    @property
+    def root(self) -> str:
+        """Name of the link that is no joint's child."""
+        children = {joint.child for joint in self.joints}
+        return next(link.name for link in self.links if link.name not in children)

@@ -1,0 +1,126 @@
+"""The exceptions of hybridyn.
+
+    HybridynError
+    |-- ModelError          the robot's files: file, line, element
+    |-- TrajectoryError     a table: file, row, column
+    |-- AssemblyError       a posture that does not close: module, leg, residual, iterations
+    |-- SingularityError    something lost rank: module, what, condition number
+    `-- ActuationError      motors that cannot produce what is asked: module, direction, size
+
+Each message says what, where by name, the number against its threshold, and the mend; each carries its
+data as attributes, so that a program can act on it.
+"""
+
+from __future__ import annotations
+
+
+class HybridynError(Exception):
+    """Base of every error that hybridyn raises on purpose."""
+
+
+class ModelError(HybridynError):
+    """A robot's description is wrong, or says something that hybridyn refuses.
+
+    Attributes:
+        file: Path of the file, or None.
+        line: Line in the file (from 1), or None.
+        element: Name of the link, joint, closure or tag concerned, or None.
+    """
+
+    def __init__(
+        self, message: str, *, file: str | None = None, line: int | None = None, element: str | None = None
+    ) -> None:
+        where = f"{file}:{line}: " if file and line else f"{file}: " if file else ""
+        super().__init__(where + message)
+        self.file, self.line, self.element = file, line, element
+
+
+class TrajectoryError(HybridynError):
+    """A table of samples is wrong.
+
+    Attributes:
+        file: Path of the table, or None for arrays.
+        row: Number of the data row (from 1, the header not counted), or None.
+        column: Name of the column, or None.
+    """
+
+    def __init__(
+        self, message: str, *, file: str | None = None, row: int | None = None, column: str | None = None
+    ) -> None:
+        parts = [str(file)] if file else []
+        parts += [f"row {row}"] if row is not None else []
+        parts += [f"column '{column}'"] if column else []
+        super().__init__((", ".join(parts) + ": " if parts else "") + message)
+        self.file, self.row, self.column = file, row, column
+
+
+class AssemblyError(HybridynError):
+    """The loops do not close.
+
+    Attributes:
+        module: Name of the module, or None.
+        leg: Name of the leg with the worst closure, or None.
+        sample: Index of the sample in the batch (from 0), or None.
+        residual: Closure residual reached, relative to the module's length, or None.
+        iterations: Newton iterations spent, or None.
+    """
+
+    def __init__(
+        self,
+        message: str,
+        *,
+        module: str | None = None,
+        leg: str | None = None,
+        sample: int | None = None,
+        residual: float | None = None,
+        iterations: int | None = None,
+    ) -> None:
+        super().__init__(message)
+        self.module, self.leg, self.sample = module, leg, sample
+        self.residual, self.iterations = residual, iterations
+
+
+class SingularityError(HybridynError):
+    """A matrix that must be solved lost rank.
+
+    Attributes:
+        module: Name of the module, or None.
+        what: What lost rank ("legs", "motors", "inertia", ...), or None.
+        condition: Condition number of it (scaled), or None.
+        sample: Index of the sample in the batch (from 0), or None.
+    """
+
+    def __init__(
+        self,
+        message: str,
+        *,
+        module: str | None = None,
+        what: str | None = None,
+        condition: float | None = None,
+        sample: int | None = None,
+    ) -> None:
+        super().__init__(message)
+        self.module, self.what, self.condition, self.sample = module, what, condition, sample
+
+
+class ActuationError(HybridynError):
+    """The motors cannot produce what is asked of them.
+
+    Attributes:
+        module: Name of the module, or None.
+        direction: Text that names the missing direction, or None.
+        size: How much effort is missing along it [N or N m], or None.
+        sample: Index of the sample in the batch (from 0), or None.
+    """
+
+    def __init__(
+        self,
+        message: str,
+        *,
+        module: str | None = None,
+        direction: str | None = None,
+        size: float | None = None,
+        sample: int | None = None,
+    ) -> None:
+        super().__init__(message)
+        self.module, self.direction, self.size, self.sample = module, direction, size, sample
