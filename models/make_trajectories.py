@@ -1,0 +1,168 @@
+"""Write models/<robot>/traj.csv for the shipped robots: smooth, periodic, with analytic rates.
+
+Every coordinate is a sum of two harmonics of the period, with an amplitude chosen for the robot and a phase
+that follows from the coordinate's number, so that no two coordinates move alike and every run of this script
+writes the same bytes. Units and column names are those of the trajectory tables: SI, `<joint>/position`,
+`<link>@<other>/pose/...`, rates relative to `other`, in its axes, accelerations classical.
+
+    python models/make_trajectories.py              every robot
+    python models/make_trajectories.py lx4 snake    these only
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Columns = dict[str, Array]
+
+PERIOD = 10.0  # [s]
+TIME = np.linspace(0.0, PERIOD, 1001)
+GOLDEN_ANGLE = np.pi * (3.0 - np.sqrt(5.0))  # phases that never coincide, whatever the number of coordinates
+DIGITS = 12
+
+
+def wave(number: int, amplitude: float, offset: float = 0.0) -> Array:
+    """Give one coordinate's motion.
+
+    Args:
+        number: Number of the coordinate in its robot, fixes harmonics and phase.
+        amplitude: Bound of the deviation from `offset`.
+        offset: Value to move about.
+
+    Returns:
+        Value, rate and acceleration at `TIME`, shape (3, samples).
+    """
+    motion = np.zeros((3, TIME.size))
+    motion[0] = offset
+    for share, harmonic in ((0.7, 1 + number % 2), (0.3, 3 + number % 3)):
+        omega = 2.0 * np.pi * harmonic / PERIOD
+        angle = omega * TIME + GOLDEN_ANGLE * (number + 1)
+        motion[0] += share * amplitude * np.sin(angle)
+        motion[1] += share * amplitude * omega * np.cos(angle)
+        motion[2] -= share * amplitude * omega**2 * np.sin(angle)
+    return motion
+
+
+def joint_columns(joint: str, motion: Array) -> Columns:
+    """Name the columns of one joint's motion, shape (3, samples)."""
+    return {f"{joint}/{what}": motion[i] for i, what in enumerate(("position", "velocity", "acceleration"))}
+
+
+def rotation_motion(roll: Array, pitch: Array, yaw: Array) -> tuple[Array, Array, Array]:
+    """Turn roll, pitch, yaw (R = Rz Ry Rx) with their rates into quaternion, angular velocity and acceleration.
+
+    Args:
+        roll: Value, rate, acceleration, shape (3, samples), [rad].
+        pitch: Likewise.
+        yaw: Likewise.
+
+    Returns:
+        Quaternion x, y, z, w, shape (4, samples); angular velocity and acceleration, shape (3, samples), in the
+        axes of the fixed frame.
+    """
+    (cr, sr), (cp, sp), (cy, sy) = ((np.cos(a[0] / 2), np.sin(a[0] / 2)) for a in (roll, pitch, yaw))
+    quaternion = np.array(
+        [
+            cy * cp * sr - sy * sp * cr,
+            cy * sp * cr + sy * cp * sr,
+            sy * cp * cr - cy * sp * sr,
+            cy * cp * cr + sy * sp * sr,
+        ]
+    )
+    zero, one = np.zeros_like(yaw[0]), np.ones_like(yaw[0])
+    yaw_axis = np.array([zero, zero, one])
+    pitch_axis = np.array([-np.sin(yaw[0]), np.cos(yaw[0]), zero])
+    roll_axis = np.array(
+        [np.cos(yaw[0]) * np.cos(pitch[0]), np.sin(yaw[0]) * np.cos(pitch[0]), -np.sin(pitch[0])]
+    )
+    after_yaw = yaw[1] * yaw_axis
+    after_pitch = after_yaw + pitch[1] * pitch_axis
+    omega = after_pitch + roll[1] * roll_axis
+    alpha = (
+        yaw[2] * yaw_axis
+        + pitch[2] * pitch_axis
+        + pitch[1] * np.cross(after_yaw, pitch_axis, axis=0)
+        + roll[2] * roll_axis
+        + roll[1] * np.cross(after_pitch, roll_axis, axis=0)
+    )
+    return quaternion, omega, alpha
+
+
+def pose_columns(link: str, position: Array, rotation: tuple[Array, Array, Array]) -> Columns:
+    """Name the columns of a pose with its rates.
+
+    Args:
+        link: `<link>` or `<link>@<other>`.
+        position: Value, rate, acceleration of x, y, z, shape (3, 3, samples) with the coordinate first.
+        rotation: What `rotation_motion` gives.
+
+    Returns:
+        Nineteen columns.
+    """
+    quaternion, omega, alpha = rotation
+    columns = {f"{link}/pose/{c}": position[i, 0] for i, c in enumerate("xyz")}
+    columns |= {f"{link}/pose/{c}": quaternion[i] for i, c in enumerate(("qx", "qy", "qz", "qw"))}
+    for order, what, turning in ((1, "velocity", omega), (2, "acceleration", alpha)):
+        columns |= {f"{link}/{what}/{c}": position[i, order] for i, c in enumerate("xyz")}
+        columns |= {f"{link}/{what}/{c}": turning[i] for i, c in enumerate(("wx", "wy", "wz"))}
+    return columns
+
+
+def platform_columns(link: str, first: int, home: Array, reach: Array, tilt: Array) -> Columns:
+    """Move a platform with six freedoms about its home.
+
+    Args:
+        link: `<link>@<other>`.
+        first: Number of its first coordinate.
+        home: Position at home, shape (3,), [m].
+        reach: Amplitudes of x, y, z, shape (3,), [m].
+        tilt: Amplitudes of roll, pitch, yaw, shape (3,), [rad].
+
+    Returns:
+        Nineteen columns.
+    """
+    position = np.array([wave(first + i, reach[i], home[i]) for i in range(3)])
+    return pose_columns(link, position, rotation_motion(*(wave(first + 3 + i, tilt[i]) for i in range(3))))
+
+
+def gough_stewart() -> Columns:
+    """Give the motion of the single Gough-Stewart platform."""
+    home, reach, tilt = np.array([0.0, 0.0, 0.7]), np.array([0.08, 0.08, 0.06]), np.array([0.2, 0.2, 0.25])
+    return platform_columns("m1_platform@m1_base", 0, home, reach, tilt)
+
+
+def lx4() -> Columns:
+    """Give the motion of the four modules of the LX4, each relative to the one below."""
+    columns: Columns = {}
+    for k in range(1, 5):
+        below, height = ("m1_base", 0.5) if k == 1 else (f"m{k - 1}_platform", 0.525)
+        home, reach, tilt = np.array([0.0, 0.0, height]), np.array([0.04, 0.04, 0.04]), np.full(3, 0.14)
+        columns |= platform_columns(f"m{k}_platform@{below}", 6 * (k - 1), home, reach, tilt)
+    return columns
+
+
+MOTIONS: dict[str, Callable[[], Columns]] = {"gough_stewart": gough_stewart, "lx4": lx4}
+
+
+def table(columns: Columns) -> str:
+    """Write `time` and the columns as comma-separated text, `DIGITS` significant digits."""
+    values = np.column_stack([TIME, *columns.values()]) + 0.0  # no negative zeros
+    rows = (",".join(format(value, f".{DIGITS}g") for value in row) for row in values.tolist())
+    return "\n".join([",".join(["time", *columns]), *rows]) + "\n"
+
+
+def main(names: list[str]) -> None:
+    """Write the tables of the named robots, or of all."""
+    here = Path(__file__).parent
+    for name in names or MOTIONS:
+        (here / name / "traj.csv").write_text(table(MOTIONS[name]()), encoding="utf-8", newline="\n")
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
