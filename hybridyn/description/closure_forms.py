@@ -1,0 +1,97 @@
+"""The closures that files name ("revolute", "3d", rows ...), in the canonical form of `records.Closure`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from hybridyn.description.placement import rotation_to_axis, turned
+from hybridyn.description.records import Array, RotationKind
+
+
+@dataclass(frozen=True)
+class Form:
+    """What a kind of closure locks, when z is its axis.
+
+    Attributes:
+        translations: Axes of frame A along which B's origin may not move.
+        rotation: What is locked of the rotation.
+        has_axis: Whether an axis means anything for it.
+    """
+
+    translations: tuple[int, ...]
+    rotation: RotationKind
+    has_axis: bool = True
+
+
+FORMS: dict[str, Form] = {
+    "fixed": Form((0, 1, 2), "fixed", has_axis=False),
+    "revolute": Form((0, 1, 2), "parallel"),
+    "continuous": Form((0, 1, 2), "parallel"),
+    "prismatic": Form((0, 1), "fixed"),
+    "cylindrical": Form((0, 1), "parallel"),
+    "universal": Form((0, 1, 2), "perpendicular"),
+    "planar": Form((2,), "parallel"),
+    "spherical": Form((0, 1, 2), "free", has_axis=False),
+    "point": Form((0, 1, 2), "free", has_axis=False),
+}
+"""Closures by name, 6, 5, 5, 5, 4, 4, 3, 3 and 3 rows."""
+
+ROWS = ("tx", "ty", "tz", "rx", "ry", "rz")
+"""Rows of a general closure: translations along and rotations about the axes of the predecessor frame."""
+
+SINGLE_ROTATION = (
+    "a single rotation row is not holonomic, so it closes no loop by itself; "
+    'lock two (the remaining axes stay parallel), three or none, or use type="universal" '
+    "(two axes kept perpendicular)"
+)
+
+
+@dataclass(frozen=True)
+class RowsForm:
+    """A general closure in canonical form.
+
+    Attributes:
+        translations: As in `records.Closure`, in the turned frames.
+        rotation: As in `records.Closure`.
+        rotation_of_frames: Turn of both frames in their own axes, shape (3, 3).
+    """
+
+    translations: tuple[int, ...]
+    rotation: RotationKind
+    rotation_of_frames: Array
+
+
+def form_of_rows(text: str) -> RowsForm:
+    """Bring `rows="tx ty rx ry"` to canonical form by a cyclic permutation of the frames' axes.
+
+    Two locked rotations leave the third axes of both frames parallel; that axis becomes z.
+
+    Raises:
+        ValueError: Unknown, repeated or no rows, or a single rotation; the text says which.
+    """
+    words = text.split()
+    for word in words:
+        if word not in ROWS:
+            raise ValueError(f"unknown row '{word}'; rows are {' '.join(ROWS)}")
+    if len(set(words)) != len(words):
+        raise ValueError("a row is stated twice")
+    if not words:
+        raise ValueError("no row is stated, so nothing is closed")
+    locked = [axis for axis in range(3) if ROWS[axis] in words]
+    turns = [axis for axis in range(3) if ROWS[3 + axis] in words]
+    if len(turns) == 1:
+        raise ValueError(SINGLE_ROTATION)
+    if len(turns) != 2:
+        return RowsForm(tuple(locked), "fixed" if turns else "free", np.eye(3))
+    z = ({0, 1, 2} - set(turns)).pop()
+    order = [(z + 1) % 3, (z + 2) % 3, z]
+    translations = tuple(sorted(order.index(axis) for axis in locked))
+    return RowsForm(translations, "parallel", np.eye(3)[:, order])
+
+
+def frames_on_axis(frame_a: Array, frame_b: Array, axis: Array) -> tuple[Array, Array]:
+    """Turn both frames alike so that `axis` (unit, in frame A's axes) becomes their z; two shapes (4, 4)."""
+    rotation = rotation_to_axis(axis)
+    return turned(frame_a, rotation), turned(frame_b, rotation)

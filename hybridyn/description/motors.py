@@ -1,0 +1,79 @@
+"""Which joints are driven: the first source that says so, in a fixed order, else one clear rule."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+
+from hybridyn.description.names import did_you_mean, listed
+from hybridyn.description.robot_file import MotorSource, MotorStatement, RobotFile
+from hybridyn.description.urdf_loops import FREEDOMS
+from hybridyn.errors import ModelError
+
+RANKING: tuple[MotorSource, ...] = ("side-car", "model file", "transmission", "independent", "names")
+"""Sources of motor names, the strongest first; what the caller passes stands above all."""
+
+
+def choose_motors(robot: RobotFile, motors: Sequence[str] | None) -> tuple[tuple[str, ...], str]:
+    """Give the names of the driven joints and the rule that found them.
+
+    The order of sources: the caller, the side-car's `name_mot`, the model file's `motors`, URDF
+    transmissions, URDF+ `independent=`. Where none speaks: all one-freedom joints that follow no other if the
+    robot has no closure; else those joints whose limit states an effort above zero, unless that is all of
+    them, which says nothing.
+
+    Raises:
+        ModelError: A name is unknown, stated twice, or that of a joint that cannot be driven.
+    """
+    if motors is not None:
+        statement = MotorStatement("names", "the caller (motors=)", tuple(motors), robot.file)
+        return _checked(robot, statement), statement.where
+    for source in RANKING:
+        found = [statement for statement in robot.motors if statement.source == source]
+        if found:
+            return _checked(robot, found[0]), found[0].where
+    return _by_rule(robot)
+
+
+def _by_rule(robot: RobotFile) -> tuple[tuple[str, ...], str]:
+    followers = {
+        coupling.terms[0][0] for coupling in robot.couplings if coupling.name == coupling.terms[0][0]
+    }
+    free = [joint for joint in robot.joints if FREEDOMS[joint.kind] == 1 and joint.name not in followers]
+    if not robot.closures and len(followers) == len(robot.couplings):
+        return tuple(joint.name for joint in free), "every joint (no closure, and no file names motors)"
+    strong = [joint.name for joint in free if 0 < joint.effort < np.inf]
+    if 0 < len(strong) < len(free):
+        return tuple(strong), "joints with an effort limit above zero (no file names motors)"
+    robot.notes.append(
+        "no file says which joints of this closed-loop robot are driven: pass motors=[...], or write "
+        "motors = [...] in model.toml, <transmission> in the URDF, or name_mot in robot.yaml"
+    )
+    return (), "nothing: no file names motors, and effort limits do not tell"
+
+
+def _checked(robot: RobotFile, statement: MotorStatement) -> tuple[str, ...]:
+    kinds = {joint.name: joint.kind for joint in robot.joints}
+    for index, name in enumerate(statement.names):
+        if name not in kinds:
+            known = _drivable(robot)
+            hint = did_you_mean(name, known) or f"; joints that can be driven: {listed(known)}"
+            raise _error(statement, f"motor '{name}' is no joint of the robot{hint}", name)
+        if FREEDOMS[kinds[name]] != 1:
+            raise _error(
+                statement, f"motor '{name}' is a {kinds[name]} joint; a motor drives one freedom", name
+            )
+        if name in statement.names[:index]:
+            raise _error(statement, f"motor '{name}' is stated twice", name)
+    return statement.names
+
+
+def _drivable(robot: RobotFile) -> Iterable[str]:
+    return [joint.name for joint in robot.joints if FREEDOMS[joint.kind] == 1]
+
+
+def _error(statement: MotorStatement, message: str, name: str) -> ModelError:
+    return ModelError(
+        f"{message} (from {statement.where})", file=statement.file, line=statement.line, element=name
+    )

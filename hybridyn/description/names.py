@@ -1,0 +1,30 @@
+"""Look names up, and say which one was probably meant."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+
+LISTED_NAMES = 8
+"""How many names an error message lists before it writes "and n more"."""
+
+
+def closest(name: str, known: Iterable[str]) -> str | None:
+    """Give the known name that is most like `name`, or None where none comes near."""
+    by_lower = {candidate.lower(): candidate for candidate in known}
+    found = difflib.get_close_matches(name.lower(), by_lower, n=1, cutoff=0.72)
+    return by_lower[found[0]] if found else None
+
+
+def did_you_mean(name: str, known: Iterable[str]) -> str:
+    """Give " (did you mean 'x'?)" for a name that is nearly known, else an empty string."""
+    best = closest(name, known)
+    return f" (did you mean '{best}'?)" if best else ""
+
+
+def listed(names: Iterable[str]) -> str:
+    """Give names as "'a', 'b' and 3 more"."""
+    quoted = [f"'{name}'" for name in names]
+    if len(quoted) <= LISTED_NAMES:
+        return ", ".join(quoted)
+    return ", ".join(quoted[:LISTED_NAMES]) + f" and {len(quoted) - LISTED_NAMES} more"

@@ -1,0 +1,99 @@
+"""`read`: one robot file, whatever its format, to one `Description`.
+
+A format is one entry of `FORMATS`: the name of its root element, and the function that reads this element.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+
+from hybridyn.description.motors import choose_motors
+from hybridyn.description.records import Description
+from hybridyn.description.robot_file import RobotFile
+from hybridyn.description.urdf import read_urdf
+from hybridyn.description.urdf_foreign import refuse_unclosed_frames
+from hybridyn.description.validate import validate
+from hybridyn.description.xml_node import LARGEST_FILE, Node, parse
+from hybridyn.errors import ModelError
+
+FORMATS: dict[str, Callable[[Node], RobotFile]] = {"robot": read_urdf}
+"""Readers by the name of the root element."""
+
+UNREAD_FORMATS = {"mujoco": "MJCF (MuJoCo)", "sdf": "SDF (Gazebo)", "mujocoinclude": "MJCF (MuJoCo)"}
+"""Formats that are known and not read yet, by the name of the root element."""
+
+
+def read(
+    path: str | os.PathLike[str],
+    *,
+    motors: Sequence[str] | None = None,
+    xacro_args: Mapping[str, str] | None = None,
+    package_dirs: Sequence[str | os.PathLike[str]] = (),
+) -> Description:
+    """Read a robot file and the files beside it.
+
+    Args:
+        path: A URDF (`.urdf`) or xacro (`.xacro`) file.
+        motors: Names of the driven joints, in order; None takes what the files say
+            (see `motors.choose_motors`).
+        xacro_args: Arguments of a xacro file by name.
+        package_dirs: Folders that hold packages, for `$(find package)` in xacro.
+
+    Returns:
+        Everything that the files say.
+
+    Raises:
+        ModelError: Anything about the files is wrong; the message names file, line and what to do.
+    """
+    file = os.fspath(path)
+    text = read_bytes(file)
+    root = parse(text, file)
+    robot = _reader(root)(root)
+    validate(robot)
+    refuse_unclosed_frames(robot)
+    chosen, rule = choose_motors(robot, motors)
+    return Description(
+        name=robot.name,
+        links=tuple(robot.links),
+        joints=tuple(robot.joints),
+        closures=tuple(robot.closures),
+        couplings=tuple(robot.couplings),
+        motors=chosen,
+        motors_from=rule,
+        notes=tuple(robot.notes),
+        source=file,
+    )
+
+
+def read_bytes(file: str) -> bytes:
+    """Give the content of a file.
+
+    Raises:
+        ModelError: It cannot be read, or is absurdly large.
+    """
+    try:
+        path = Path(file)
+        if path.is_dir():
+            raise ModelError("is a folder; name the robot file in it", file=file)
+        if path.exists() and not path.is_file():
+            raise ModelError("is not a regular file", file=file)
+        if path.stat().st_size > LARGEST_FILE:
+            raise ModelError(f"is larger than {LARGEST_FILE // 2**20} MiB", file=file)
+        return path.read_bytes()
+    except OSError as error:
+        raise ModelError(f"cannot be read: {error.strerror}", file=file) from None
+    except ValueError as error:
+        raise ModelError(f"is no path of a file: {error}", file=file) from None
+
+
+def _reader(root: Node) -> Callable[[Node], RobotFile]:
+    if root.tag in FORMATS:
+        return FORMATS[root.tag]
+    if root.tag in UNREAD_FORMATS:
+        name = UNREAD_FORMATS[root.tag]
+        raise root.error(
+            f"this is {name}, which is not read yet; convert the robot to URDF with <loop> closures"
+        )
+    raise root.error("not a robot file; the root element of a URDF is <robot>")

@@ -1,0 +1,54 @@
+"""What a format's reader hands over before motors, home posture and checks complete it to a `Description`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+from hybridyn.description.records import Closure, Coupling, Joint, Link
+
+MotorSource = Literal["side-car", "model file", "transmission", "independent", "names"]
+
+
+@dataclass(frozen=True)
+class MotorStatement:
+    """A list of driven joints that some file states.
+
+    Attributes:
+        source: Where it stands; `motors.py` ranks the sources.
+        where: The place in words, for `info` and messages ("URDF <transmission>").
+        names: Names of joints as the author wrote them.
+        file: Path of the file.
+        line: Line in the file, or None.
+    """
+
+    source: MotorSource
+    where: str
+    names: tuple[str, ...]
+    file: str
+    line: int | None = None
+
+
+@dataclass
+class RobotFile:
+    """The content of a robot file, still open for side-cars to add to.
+
+    Attributes:
+        name: Name of the robot.
+        file: Path of the file, for messages.
+        links: Links in file order.
+        joints: Joints of the spanning tree in file order.
+        closures: Loop closures.
+        couplings: Couplings.
+        motors: Every list of motors that the file states.
+        notes: Remarks for the user.
+    """
+
+    name: str
+    file: str
+    links: list[Link] = field(default_factory=list)
+    joints: list[Joint] = field(default_factory=list)
+    closures: list[Closure] = field(default_factory=list)
+    couplings: list[Coupling] = field(default_factory=list)
+    motors: list[MotorStatement] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)

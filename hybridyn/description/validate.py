@@ -1,0 +1,164 @@
+"""What must hold of every description, whatever file it came from: one tree, known names, physical bodies."""
+
+from __future__ import annotations
+
+from collections import Counter, deque
+from collections.abc import Iterable
+
+import numpy as np
+
+from hybridyn.description.names import did_you_mean, listed
+from hybridyn.description.records import Closure, Joint, Link
+from hybridyn.description.robot_file import RobotFile
+from hybridyn.description.urdf_loops import FREEDOMS
+from hybridyn.errors import ModelError
+
+INERTIA_SLACK = 1e-3
+"""How far the triangle inequality may fail, relative to the largest moment: CAD keeps 3 to 6 digits."""
+
+TWO_PARENTS_ADVICE = (
+    "a robot file is a tree plus closures: keep one of the joints, and state the other as a closure, e.g. "
+    '<loop name=".." type="revolute"><predecessor link=".."><origin xyz=".."/></predecessor>'
+    '<successor link=".."><origin xyz=".."/></successor><axis xyz=".."/></loop>'
+)
+
+
+def validate(robot: RobotFile) -> None:
+    """Check names and structure; add notes on bodies that no matter could have.
+
+    Raises:
+        ModelError: Duplicated or unknown names, a link with two parents, a cycle, or several roots.
+    """
+    if not robot.links:
+        raise ModelError("the robot has no link", file=robot.file)
+    _refuse_duplicates(robot, "link", robot.links)
+    _refuse_duplicates(robot, "joint", robot.joints)
+    _refuse_duplicates(robot, "closure", robot.closures)
+    _check_tree(robot)
+    for closure in robot.closures:
+        _check_closure(robot, closure)
+    _check_couplings(robot)
+    _note_unphysical(robot)
+
+
+def _refuse_duplicates(robot: RobotFile, what: str, items: Iterable[Link | Joint | Closure]) -> None:
+    lines: dict[str, int | None] = {}
+    for item in items:
+        if item.name in lines:
+            first = f" (first in line {lines[item.name]})" if lines[item.name] else ""
+            raise ModelError(
+                f"{what} '{item.name}' is stated twice{first}; rename one",
+                file=robot.file,
+                line=item.line,
+                element=item.name,
+            )
+        lines[item.name] = item.line
+
+
+def _check_tree(robot: RobotFile) -> None:
+    names = {link.name for link in robot.links}
+    parents: dict[str, Joint] = {}
+    for joint in robot.joints:
+        for role, link in (("parent", joint.parent), ("child", joint.child)):
+            if link not in names:
+                raise _joint_error(robot, joint, f"unknown {role} link '{link}'{did_you_mean(link, names)}")
+        if joint.parent == joint.child:
+            raise _joint_error(robot, joint, f"joins link '{joint.child}' to itself")
+        if joint.child in parents:
+            other = parents[joint.child].name
+            raise _joint_error(
+                robot,
+                joint,
+                f"link '{joint.child}' is already the child of joint '{other}'; {TWO_PARENTS_ADVICE}",
+            )
+        parents[joint.child] = joint
+    roots = [link.name for link in robot.links if link.name not in parents]
+    if not roots:
+        raise ModelError(
+            f"the joints form a cycle and no link is the root; {TWO_PARENTS_ADVICE}", file=robot.file
+        )
+    if len(roots) > 1:
+        raise ModelError(
+            f"{len(roots)} links have no parent joint: {listed(roots)}; a robot has one root, so join the "
+            "others to it (a fixed joint welds, a floating joint leaves free)",
+            file=robot.file,
+            element=roots[1],
+        )
+    _refuse_cycles(robot, roots[0])
+
+
+def _refuse_cycles(robot: RobotFile, root: str) -> None:
+    """Refuse links that cannot be reached from the root: with one parent each, they form a cycle."""
+    children: dict[str, list[str]] = {}
+    for joint in robot.joints:
+        children.setdefault(joint.parent, []).append(joint.child)
+    reached, queue = {root}, deque([root])
+    while queue:
+        below = children.get(queue.popleft(), [])
+        reached.update(below)
+        queue.extend(below)
+    lost = [link for link in robot.links if link.name not in reached]
+    if lost:
+        raise ModelError(
+            f"links {listed(link.name for link in lost)} form a cycle of joints apart from the root "
+            f"'{root}'; {TWO_PARENTS_ADVICE}",
+            file=robot.file,
+            line=lost[0].line,
+            element=lost[0].name,
+        )
+
+
+def _check_closure(robot: RobotFile, closure: Closure) -> None:
+    names = {link.name for link in robot.links}
+    for link in (closure.link_a, closure.link_b):
+        if link not in names:
+            raise _closure_error(robot, closure, f"unknown link '{link}'{did_you_mean(link, names)}")
+    if closure.link_a == closure.link_b:
+        raise _closure_error(robot, closure, f"joins link '{closure.link_a}' to itself")
+
+
+def _check_couplings(robot: RobotFile) -> None:
+    kinds = {joint.name: joint.kind for joint in robot.joints}
+    counted = Counter(coupling.name for coupling in robot.couplings)
+    for coupling in robot.couplings:
+        wrong = f"is stated {counted[coupling.name]} times" if counted[coupling.name] > 1 else ""
+        for name, _ in coupling.terms:
+            if name not in kinds:
+                wrong = f"unknown joint '{name}'{did_you_mean(name, kinds)}"
+            elif FREEDOMS[kinds[name]] != 1:
+                wrong = f"joint '{name}' is {kinds[name]}; only joints with one freedom can be coupled"
+        if wrong:
+            raise ModelError(
+                f"coupling '{coupling.name}': {wrong}",
+                file=robot.file,
+                line=coupling.line,
+                element=coupling.name,
+            )
+
+
+def _note_unphysical(robot: RobotFile) -> None:
+    """Note the links whose inertia no distribution of mass can have; dynamics is defined all the same."""
+    unphysical = [link.name for link in robot.links if link.inertia.any() and not _is_physical(link)]
+    if unphysical:
+        robot.notes.append(
+            f"{len(unphysical)} links have an unphysical inertia (a negative principal moment, or one larger "
+            f"than the sum of the others): {listed(unphysical)}"
+        )
+
+
+def _is_physical(link: Link) -> bool:
+    moments = np.linalg.eigvalsh(link.inertia)
+    slack = INERTIA_SLACK * float(np.abs(moments).max())
+    return bool(moments[0] >= -slack and moments[2] <= moments[0] + moments[1] + slack)
+
+
+def _joint_error(robot: RobotFile, joint: Joint, message: str) -> ModelError:
+    return ModelError(
+        f"joint '{joint.name}': {message}", file=robot.file, line=joint.line, element=joint.name
+    )
+
+
+def _closure_error(robot: RobotFile, closure: Closure, message: str) -> ModelError:
+    return ModelError(
+        f"closure '{closure.name}': {message}", file=robot.file, line=closure.line, element=closure.name
+    )
