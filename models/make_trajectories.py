@@ -20,29 +20,30 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 Columns = dict[str, Array]
+Triple = tuple[float, float, float]
 
-PERIOD = 10.0  # [s]
-TIME = np.linspace(0.0, PERIOD, 1001)
+SAMPLES = 1001
 GOLDEN_ANGLE = np.pi * (3.0 - np.sqrt(5.0))  # phases that never coincide, whatever the number of coordinates
 DIGITS = 12
 
 
-def wave(number: int, amplitude: float, offset: float = 0.0) -> Array:
-    """Give one coordinate's motion.
+def wave(time: Array, number: int, amplitude: float, offset: float = 0.0) -> Array:
+    """Give one coordinate's motion, with the table's duration as period.
 
     Args:
+        time: From zero to one period, shape (samples,), [s].
         number: Number of the coordinate in its robot, fixes harmonics and phase.
         amplitude: Bound of the deviation from `offset`.
         offset: Value to move about.
 
     Returns:
-        Value, rate and acceleration at `TIME`, shape (3, samples).
+        Value, rate and acceleration, shape (3, samples).
     """
-    motion = np.zeros((3, TIME.size))
+    motion = np.zeros((3, time.size))
     motion[0] = offset
     for share, harmonic in ((0.7, 1 + number % 2), (0.3, 3 + number % 3)):
-        omega = 2.0 * np.pi * harmonic / PERIOD
-        angle = omega * TIME + GOLDEN_ANGLE * (number + 1)
+        omega = 2.0 * np.pi * harmonic / time[-1]
+        angle = omega * time + GOLDEN_ANGLE * (number + 1)
         motion[0] += share * amplitude * np.sin(angle)
         motion[1] += share * amplitude * omega * np.cos(angle)
         motion[2] -= share * amplitude * omega**2 * np.sin(angle)
@@ -55,7 +56,7 @@ def joint_columns(joint: str, motion: Array) -> Columns:
 
 
 def rotation_motion(roll: Array, pitch: Array, yaw: Array) -> tuple[Array, Array, Array]:
-    """Turn roll, pitch, yaw (R = Rz Ry Rx) with their rates into quaternion, angular velocity and acceleration.
+    """Turn roll, pitch, yaw (R = Rz Ry Rx) and their rates into quaternion and angular rates.
 
     Args:
         roll: Value, rate, acceleration, shape (3, samples), [rad].
@@ -63,8 +64,8 @@ def rotation_motion(roll: Array, pitch: Array, yaw: Array) -> tuple[Array, Array
         yaw: Likewise.
 
     Returns:
-        Quaternion x, y, z, w, shape (4, samples); angular velocity and acceleration, shape (3, samples), in the
-        axes of the fixed frame.
+        Quaternion x, y, z, w, shape (4, samples); angular velocity and acceleration, shape (3, samples) each,
+        in the axes of the fixed frame.
     """
     (cr, sr), (cp, sp), (cy, sy) = ((np.cos(a[0] / 2), np.sin(a[0] / 2)) for a in (roll, pitch, yaw))
     quaternion = np.array(
@@ -114,45 +115,87 @@ def pose_columns(link: str, position: Array, rotation: tuple[Array, Array, Array
     return columns
 
 
-def platform_columns(link: str, first: int, home: Array, reach: Array, tilt: Array) -> Columns:
+def platform_columns(
+    time: Array, link: str, first: int, home: Triple, reach: Triple, tilt: Triple
+) -> Columns:
     """Move a platform with six freedoms about its home.
 
     Args:
+        time: Shape (samples,), [s].
         link: `<link>@<other>`.
         first: Number of its first coordinate.
-        home: Position at home, shape (3,), [m].
-        reach: Amplitudes of x, y, z, shape (3,), [m].
-        tilt: Amplitudes of roll, pitch, yaw, shape (3,), [rad].
+        home: Position at home [m].
+        reach: Amplitudes of x, y, z [m].
+        tilt: Amplitudes of roll, pitch, yaw [rad].
 
     Returns:
         Nineteen columns.
     """
-    position = np.array([wave(first + i, reach[i], home[i]) for i in range(3)])
-    return pose_columns(link, position, rotation_motion(*(wave(first + 3 + i, tilt[i]) for i in range(3))))
+    position = np.array([wave(time, first + i, reach[i], home[i]) for i in range(3)])
+    angles = (wave(time, first + 3 + i, tilt[i]) for i in range(3))
+    return pose_columns(link, position, rotation_motion(*angles))
 
 
-def gough_stewart() -> Columns:
-    """Give the motion of the single Gough-Stewart platform."""
-    home, reach, tilt = np.array([0.0, 0.0, 0.7]), np.array([0.08, 0.08, 0.06]), np.array([0.2, 0.2, 0.25])
-    return platform_columns("m1_platform@m1_base", 0, home, reach, tilt)
+def gough_stewart(time: Array) -> Columns:
+    """Move the platform in all six freedoms."""
+    home, reach, tilt = (0.0, 0.0, 0.7), (0.08, 0.08, 0.06), (0.2, 0.2, 0.25)
+    return platform_columns(time, "m1_platform@m1_base", 0, home, reach, tilt)
 
 
-def lx4() -> Columns:
-    """Give the motion of the four modules of the LX4, each relative to the one below."""
+def lx4(time: Array) -> Columns:
+    """Move each of the four platforms relative to the one below."""
     columns: Columns = {}
     for k in range(1, 5):
         below, height = ("m1_base", 0.5) if k == 1 else (f"m{k - 1}_platform", 0.525)
-        home, reach, tilt = np.array([0.0, 0.0, height]), np.array([0.04, 0.04, 0.04]), np.full(3, 0.14)
-        columns |= platform_columns(f"m{k}_platform@{below}", 6 * (k - 1), home, reach, tilt)
+        home, reach, tilt = (0.0, 0.0, height), (0.04, 0.04, 0.04), (0.14, 0.14, 0.14)
+        columns |= platform_columns(time, f"m{k}_platform@{below}", 6 * (k - 1), home, reach, tilt)
     return columns
 
 
-MOTIONS: dict[str, Callable[[], Columns]] = {"gough_stewart": gough_stewart, "lx4": lx4}
+def rps3(time: Array) -> Columns:
+    """Give height, roll and pitch only, without rates: the reader's spline and the loops supply the rest."""
+    platform = "m1_platform@m1_base/pose"
+    return {
+        f"{platform}/z": wave(time, 0, 0.06, 0.5)[0],
+        f"{platform}/roll": wave(time, 1, 0.2)[0],
+        f"{platform}/pitch": wave(time, 2, 0.2)[0],
+    }
 
 
-def table(columns: Columns) -> str:
-    """Write `time` and the columns as comma-separated text, `DIGITS` significant digits."""
-    values = np.column_stack([TIME, *columns.values()]) + 0.0  # no negative zeros
+def five_bar(time: Array) -> Columns:
+    """Move the two motors."""
+    left, right = wave(time, 0, 0.4), wave(time, 1, 0.4)
+    return joint_columns("m1_left_drive", left) | joint_columns("m1_right_drive", right)
+
+
+def delta_columns(time: Array, first: int, home: Triple, reach: Triple) -> Columns:
+    """Move the platform of a Delta, which only translates, relative to the Delta's base."""
+    columns: Columns = {}
+    for i, axis in enumerate("xyz"):
+        motion = wave(time, first + i, reach[i], home[i])
+        for order, what in enumerate(("pose", "velocity", "acceleration")):
+            columns[f"m1_platform@m1_base/{what}/{axis}"] = motion[order]
+    return columns
+
+
+def delta(time: Array) -> Columns:
+    """Move the platform briskly, as a Delta does."""
+    return delta_columns(time, 0, (0.0, 0.0, -0.65), (0.16, 0.16, 0.09))
+
+
+# Name of the robot: period [s] and motion.
+MOTIONS: dict[str, tuple[float, Callable[[Array], Columns]]] = {
+    "gough_stewart": (5.0, gough_stewart),
+    "lx4": (8.0, lx4),
+    "rps3": (5.0, rps3),
+    "five_bar": (2.0, five_bar),
+    "delta": (1.5, delta),
+}
+
+
+def table(time: Array, columns: Columns) -> str:
+    """Write `time` and the columns as comma-separated text."""
+    values = np.column_stack([time, *columns.values()]) + 0.0  # no negative zeros
     rows = (",".join(format(value, f".{DIGITS}g") for value in row) for row in values.tolist())
     return "\n".join([",".join(["time", *columns]), *rows]) + "\n"
 
@@ -161,7 +204,9 @@ def main(names: list[str]) -> None:
     """Write the tables of the named robots, or of all."""
     here = Path(__file__).parent
     for name in names or MOTIONS:
-        (here / name / "traj.csv").write_text(table(MOTIONS[name]()), encoding="utf-8", newline="\n")
+        period, motion = MOTIONS[name]
+        time = np.linspace(0.0, period, SAMPLES)
+        (here / name / "traj.csv").write_text(table(time, motion(time)), encoding="utf-8", newline="\n")
 
 
 if __name__ == "__main__":
