@@ -24,11 +24,22 @@ Triple = tuple[float, float, float]
 
 SAMPLES = 1001
 GOLDEN_ANGLE = np.pi * (3.0 - np.sqrt(5.0))  # phases that never coincide, whatever the number of coordinates
-DIGITS = 12
+POSE_DIGITS = 12  # seven numbers of a pose have to fit each other and the loops
+JOINT_DIGITS = 6  # a joint's position stands alone: any value is one that the robot can take
+
+
+def sinusoid(time: Array, harmonic: int, phase: float, amplitude: float) -> Array:
+    """Give amplitude sin(omega t + phase), its rate and acceleration, shape (3, samples).
+
+    The period of the first harmonic is the table's duration, time[-1].
+    """
+    omega = 2.0 * np.pi * harmonic / time[-1]
+    sine, cosine = np.sin(omega * time + phase), np.cos(omega * time + phase)
+    return amplitude * np.array([sine, omega * cosine, -(omega**2) * sine])
 
 
 def wave(time: Array, number: int, amplitude: float, offset: float = 0.0) -> Array:
-    """Give one coordinate's motion, with the table's duration as period.
+    """Give one coordinate's motion.
 
     Args:
         time: From zero to one period, shape (samples,), [s].
@@ -39,14 +50,10 @@ def wave(time: Array, number: int, amplitude: float, offset: float = 0.0) -> Arr
     Returns:
         Value, rate and acceleration, shape (3, samples).
     """
-    motion = np.zeros((3, time.size))
-    motion[0] = offset
-    for share, harmonic in ((0.7, 1 + number % 2), (0.3, 3 + number % 3)):
-        omega = 2.0 * np.pi * harmonic / time[-1]
-        angle = omega * time + GOLDEN_ANGLE * (number + 1)
-        motion[0] += share * amplitude * np.sin(angle)
-        motion[1] += share * amplitude * omega * np.cos(angle)
-        motion[2] -= share * amplitude * omega**2 * np.sin(angle)
+    phase = GOLDEN_ANGLE * (number + 1)
+    motion = sinusoid(time, 1 + number % 2, phase, 0.7 * amplitude)
+    motion += sinusoid(time, 3 + number % 3, phase, 0.3 * amplitude)
+    motion[0] += offset
     return motion
 
 
@@ -168,20 +175,92 @@ def five_bar(time: Array) -> Columns:
     return joint_columns("m1_left_drive", left) | joint_columns("m1_right_drive", right)
 
 
-def delta_columns(time: Array, first: int, home: Triple, reach: Triple) -> Columns:
-    """Move the platform of a Delta, which only translates, relative to the Delta's base."""
+def delta_columns(time: Array, base: str, first: int, home: Triple, reach: Triple) -> Columns:
+    """Move the platform of a Delta, which only translates, relative to the link that carries the Delta."""
     columns: Columns = {}
     for i, axis in enumerate("xyz"):
         motion = wave(time, first + i, reach[i], home[i])
         for order, what in enumerate(("pose", "velocity", "acceleration")):
-            columns[f"m1_platform@m1_base/{what}/{axis}"] = motion[order]
+            columns[f"m1_platform@{base}/{what}/{axis}"] = motion[order]
     return columns
 
 
 def delta(time: Array) -> Columns:
     """Move the platform briskly, as a Delta does."""
-    return delta_columns(time, 0, (0.0, 0.0, -0.65), (0.16, 0.16, 0.09))
+    return delta_columns(time, "m1_base", 0, (0.0, 0.0, -0.65), (0.16, 0.16, 0.09))
 
+
+def tanev(time: Array) -> Columns:
+    """Move the motors of the 3-RPS, and turn the upper platform about its ball."""
+    columns: Columns = {}
+    for i in range(3):
+        columns |= joint_columns(f"m1_leg{i + 1}_slide", wave(time, i, 0.06))
+    angles = [wave(time, 3 + i, amplitude) for i, amplitude in enumerate((0.25, 0.25, 0.2))]
+    rotation = rotation_motion(*angles)
+    (roll, pitch, yaw), (_, omega, alpha) = (angle[0] for angle in angles), rotation
+    pivot, above = np.array([0.0, 0.0, 0.345]), 0.04  # the ball in m1_platform; the platform's origin over it
+    arm = above * np.array(
+        [
+            np.cos(yaw) * np.sin(pitch) * np.cos(roll) + np.sin(yaw) * np.sin(roll),
+            np.sin(yaw) * np.sin(pitch) * np.cos(roll) - np.cos(yaw) * np.sin(roll),
+            np.cos(pitch) * np.cos(roll),
+        ]
+    )
+    velocity = np.cross(omega, arm, axis=0)
+    acceleration = np.cross(alpha, arm, axis=0) + np.cross(omega, velocity, axis=0)
+    position = np.stack([pivot[:, None] + arm, velocity, acceleration], axis=1)
+    return columns | pose_columns("m2_platform@m1_platform", position, rotation)
+
+
+def stewart_ur5(time: Array) -> Columns:
+    """Move the platform and, about a bent posture, the six joints of the arm."""
+    home, reach, tilt = (0.0, 0.0, 0.7), (0.06, 0.06, 0.05), (0.12, 0.12, 0.2)
+    columns = platform_columns(time, "m1_platform@m1_base", 0, home, reach, tilt)
+    bent = {
+        "shoulder_pan_joint": 0.0,
+        "shoulder_lift_joint": -1.3,
+        "elbow_joint": 1.6,
+        "wrist_1_joint": -1.9,
+        "wrist_2_joint": -1.6,
+        "wrist_3_joint": 0.0,
+    }
+    for number, (joint, angle) in enumerate(bent.items(), start=6):
+        columns |= joint_columns(joint, wave(time, number, 0.5, angle))
+    return columns
+
+
+def scara_delta(time: Array) -> Columns:
+    """Move the four joints of the arm, and the Delta relative to the arm's flange."""
+    arm = {
+        "scara_shoulder": (-0.5, 0.6),
+        "scara_elbow": (1.0, 0.7),
+        "scara_lift": (0.0, 0.1),
+        "scara_spin": (0.0, 0.8),
+    }
+    columns: Columns = {}
+    for number, (joint, (middle, amplitude)) in enumerate(arm.items()):
+        columns |= joint_columns(joint, wave(time, number, amplitude, middle))
+    return columns | delta_columns(time, "scara_flange", 4, (0.0, 0.0, -0.29), (0.05, 0.05, 0.03))
+
+
+def snake(time: Array) -> Columns:
+    """Send a wave along the motors of the twelve modules; the tail's pose is for base="moving"."""
+    position = np.array([wave(time, i, reach, middle) for i, (reach, middle) in enumerate(TAIL_REACH)])
+    angles = (wave(time, 3 + i, tilt, middle) for i, (tilt, middle) in enumerate(TAIL_TILT))
+    columns = pose_columns("tail", position, rotation_motion(*angles))
+    for k in range(12):
+        lag = 2.0 * np.pi * k / 9.0
+        for i in range(3):
+            foot = 2.0 * np.pi * i / 3.0
+            motion = np.cos(foot) * sinusoid(time, 1, -lag, 0.008)
+            motion += np.sin(foot) * sinusoid(time, 2, -lag, 0.004) + sinusoid(time, 3, -lag, 0.001)
+            columns |= joint_columns(f"m{k + 1}_leg{i + 1}_slide", motion)
+    return columns
+
+
+# The snake lies along x: its tail's z axis, along which the modules stack, is pitched by a quarter turn.
+TAIL_REACH = ((0.1, 0.0), (0.05, 0.0), (0.03, 0.2))  # amplitude and middle of x, y, z [m]
+TAIL_TILT = ((0.1, 0.0), (0.1, np.pi / 2.0), (0.3, 0.0))  # of roll, pitch, yaw [rad]
 
 # Name of the robot: period [s] and motion.
 MOTIONS: dict[str, tuple[float, Callable[[Array], Columns]]] = {
@@ -190,14 +269,20 @@ MOTIONS: dict[str, tuple[float, Callable[[Array], Columns]]] = {
     "rps3": (5.0, rps3),
     "five_bar": (2.0, five_bar),
     "delta": (1.5, delta),
+    "tanev": (5.0, tanev),
+    "stewart_ur5": (5.0, stewart_ur5),
+    "scara_delta": (3.0, scara_delta),
+    "snake": (4.0, snake),
 }
 
 
 def table(time: Array, columns: Columns) -> str:
     """Write `time` and the columns as comma-separated text."""
-    values = np.column_stack([time, *columns.values()]) + 0.0  # no negative zeros
-    rows = (",".join(format(value, f".{DIGITS}g") for value in row) for row in values.tolist())
-    return "\n".join([",".join(["time", *columns]), *rows]) + "\n"
+    columns = {"time": time} | columns
+    digits = [JOINT_DIGITS if name.count("/") < 2 else POSE_DIGITS for name in columns]
+    values = np.column_stack(list(columns.values())) + 0.0  # no negative zeros
+    rows = (",".join(map("{:.{}g}".format, row, digits)) for row in values.tolist())
+    return "\n".join([",".join(columns), *rows]) + "\n"
 
 
 def main(names: list[str]) -> None:
