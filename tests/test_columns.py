@@ -1,0 +1,161 @@
+"""The header of a trajectory: what each column means, and one test per way a header can be wrong."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from hybridyn.description.columns import Layout, read_layout
+from hybridyn.description.records import Description, Joint, JointKind, Link
+from hybridyn.errors import TrajectoryError
+
+
+def link(name: str) -> Link:
+    return Link(name, 1.0, np.zeros(3), np.eye(3))
+
+
+def joint(name: str, kind: JointKind, parent: str, child: str) -> Joint:
+    return Joint(name, kind, parent, child, np.eye(4), np.array([0.0, 0.0, 1.0]))
+
+
+ROBOT = Description(
+    name="robot",
+    links=tuple(map(link, ["base", "slider", "elbow", "tool", "flange", "ns/tip", "odd@name"])),
+    joints=(
+        joint("lift", "prismatic", "base", "slider"),
+        joint("elbow", "revolute", "slider", "elbow"),
+        joint("spin", "continuous", "elbow", "tool"),
+        joint("weld", "fixed", "tool", "flange"),
+        joint("ns/tip_joint", "fixed", "flange", "ns/tip"),
+        joint("odd", "fixed", "flange", "odd@name"),
+    ),
+)
+MOTORS = ("lift", "elbow")
+POSE = [f"tool/pose/{name}" for name in ("x", "y", "z", "qx", "qy", "qz", "qw")]
+TWIST = [f"tool/velocity/{name}" for name in ("x", "y", "z", "wx", "wy", "wz")]
+WRENCH = [f"tool/wrench/{name}" for name in ("fx", "fy", "fz", "mx", "my", "mz")]
+
+
+def layout(columns: list[str], robot: Description = ROBOT, **options: Any) -> Layout:
+    return read_layout(columns, robot, motors=MOTORS, file="t.csv", **options)
+
+
+def refusal(columns: list[str], **options: Any) -> TrajectoryError:
+    with pytest.raises(TrajectoryError) as caught:
+        layout(columns, **options)
+    assert caught.value.file == "t.csv"
+    return caught.value
+
+
+def test_motors_with_some_rates() -> None:
+    found = layout(["time", "elbow/position", "lift/position", "lift/velocity"])
+    assert found.time == 0
+    assert not found.full_state
+    assert found.joints["lift"].position == (2,)
+    assert found.joints["lift"].missing == ("acceleration",)
+    assert found.joints["elbow"].missing == ("velocity", "acceleration")
+
+
+def test_every_joint_is_a_full_state_and_needs_no_motors() -> None:
+    found = layout(["time", "lift/position", "elbow/position", "spin/position"])
+    assert found.full_state
+    assert found.joints["spin"].wraps == (0,)
+    assert found.joints["elbow"].wraps == ()
+
+
+def test_a_link_and_a_joint_of_one_name_are_told_apart() -> None:
+    columns = ["time", "elbow/position", "elbow/velocity", "elbow/pose/x", "elbow/velocity/x"]
+    found = layout(columns)
+    assert found.joints["elbow"].velocity == (2,)
+    assert found.poses["elbow"].velocity == (4,)
+
+
+def test_whole_and_partial_poses() -> None:
+    found = layout(["time", *reversed(POSE)])
+    assert found.poses["tool"].position == (7, 6, 5, 4, 3, 2, 1)
+    found = layout(["time", "tool@slider/pose/yaw", "tool@slider/pose/z"])
+    assert found.poses["tool@slider"].components == ("z", "yaw")
+    assert found.poses["tool@slider"].position == (2, 1)
+    assert found.poses["tool@slider"].wraps == (1,)
+
+
+@pytest.mark.parametrize("owner", ["ns/tip", "odd@name", "odd@name@slider", "slider@odd@name"])
+def test_names_with_separators_in_them(owner: str) -> None:
+    assert owner in layout(["time", f"{owner}/pose/x"]).poses
+
+
+def test_wrenches_and_efforts() -> None:
+    columns = ["time", "lift/position", "elbow/position", *WRENCH]
+    assert layout(columns).wrenches == {"tool": (3, 4, 5, 6, 7, 8)}
+    assert layout([*columns, "lift/effort"], efforts=True).efforts == {"lift": 9}
+    assert refusal([*columns, "lift/effort"]).column == "lift/effort"
+
+
+def test_without_time_every_rate_must_be_given() -> None:
+    rates = [f"{name}/{rate}" for name in MOTORS for rate in ("position", "velocity", "acceleration")]
+    assert layout(rates).time is None
+    error = refusal(rates[:-1])
+    assert error.column == "time"
+    assert "elbow/acceleration" in str(error)
+
+
+@pytest.mark.parametrize("base", ["moving", "floating"])
+def test_a_base_that_moves_has_its_pose_in_the_table(base: str) -> None:
+    pose = [column.replace("tool", "base") for column in POSE]
+    joints = ["time", "lift/position", "elbow/position", "spin/position"]
+    assert layout([*joints, *pose], base=base).full_state
+    assert refusal(joints, base=base).column == "base/pose/x"
+    assert refusal([*joints, "base/pose/x"], base=base).column == "base/pose/qx"
+    assert "fixed" in str(refusal([*joints, *pose]))
+
+
+def test_joints_with_several_freedoms() -> None:
+    ball = Description(
+        name="ball", links=(link("base"), link("tool")), joints=(joint("ball", "spherical", "base", "tool"),)
+    )
+    position = [f"ball/position/q{axis}" for axis in "xyzw"]
+    rates = [f"ball/{rate}/w{axis}" for rate in ("velocity", "acceleration") for axis in "xyz"]
+    found = layout(["time", *position, *rates], robot=ball)
+    assert found.full_state
+    assert found.joints["ball"].velocity == (5, 6, 7)
+    error = refusal(["time", *position], robot=ball)
+    assert error.column == "ball/velocity/wx"
+    assert "not fitted" in str(error)
+    assert refusal(["time", "ball/position"], robot=ball).column == "ball/position"
+
+
+@pytest.mark.parametrize(
+    ("columns", "column", "words"),
+    [
+        (["Time", "lift/position"], "Time", "did you mean 'time'"),
+        (["time", "speed"], "speed", "columns are 'time'"),
+        (["time", "lifd/position"], "lifd/position", "did you mean 'lift'"),
+        (["time", "tool/position"], "tool/position", "'tool' is a link"),
+        (["time", "weld/position"], "weld/position", "fixed"),
+        (["time", "tol/pose/x"], "tol/pose/x", "did you mean 'tool'"),
+        (["time", "lift/pose/x"], "lift/pose/x", "'lift' is a joint"),
+        (["time", "tool@tol/pose/x"], "tool@tol/pose/x", "no link 'tol'"),
+        (["time", "tool@tool/pose/x"], "tool@tool/pose/x", "no link"),
+        (["time", "tool/pose"], "tool/pose", "lacks its component"),
+        (["time", "lift/effort/x"], "lift/effort/x", "not known"),
+        (["time", "lift/velocity", "elbow/position"], "lift/position", "is missing"),
+        (["time", "lift/position"], "elbow/position", "is missing"),
+        (["time"], "lift/position", "is missing"),
+        (["time", "lift/position", "elbow/position/x"], "elbow/position/x", "does not belong"),
+        (["time", "lift/position", "spin/position"], "spin/position", "not a motor"),
+        (["time", *POSE[:-1]], "tool/pose/qw", "is missing"),
+        (["time", *POSE, "tool/pose/roll"], "tool/pose/roll", "does not belong"),
+        (["time", "tool/pose/x", "tool/pose/w"], "tool/pose/w", "does not belong"),
+        (["time", *POSE, *TWIST[:-1]], "tool/velocity/wz", "is missing"),
+        (["time", *POSE, "tool/velocity/yaw"], "tool/velocity/yaw", "does not belong"),
+        (["time", "tool/pose/z", "tool/pose/yaw", "tool/velocity/z"], "tool/velocity/yaw", "is missing"),
+        (["time", *TWIST], "tool/pose/x", "is missing"),
+        (["time", *POSE, *WRENCH[:-1]], "tool/wrench/mz", "is missing"),
+        (["time", *POSE, "tool@slider/wrench/fx"], "tool@slider/wrench/fx", "acts on one link"),
+        (["time", *POSE, "lift/position", "elbow/position", "spin/position"], "tool/pose/x", "every joint"),
+    ],
+)
+def test_names_the_column_that_is_wrong(columns: list[str], column: str, words: str) -> None:
+    error = refusal(columns)
+    assert error.column == column
+    assert words in str(error)

@@ -1,0 +1,85 @@
+"""Parquet tables: the same rules as for CSV."""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hybridyn.description.parquet import parquet_writer
+from hybridyn.description.tables import open_table
+from hybridyn.errors import TrajectoryError
+
+pl = pytest.importorskip("polars")
+
+
+def saved(tmp_path: Path, columns: dict[str, object]) -> Path:
+    path = tmp_path / "t.parquet"
+    pl.DataFrame(columns).write_parquet(path)
+    return path
+
+
+def refusal(path: Path) -> TrajectoryError:
+    with pytest.raises(TrajectoryError) as caught, open_table(path) as table:
+        list(table.blocks)
+    assert caught.value.file == str(path)
+    return caught.value
+
+
+@pytest.mark.parametrize("block_rows", [1, 3, 10, 100_000])
+def test_reads_numbers_of_any_kind_in_blocks(tmp_path: Path, block_rows: int) -> None:
+    path = saved(tmp_path, {"a": list(range(10)), "b": [x / 3 for x in range(10)]})
+    with open_table(path, block_rows=block_rows) as table:
+        assert table.columns == ("a", "b")
+        blocks = list(table.blocks)
+        assert table.fraction() == 1.0
+    values = np.concatenate([block.values for block in blocks])
+    assert values.tolist() == [[float(x), x / 3] for x in range(10)]
+    assert [block.first_row for block in blocks] == list(range(1, 11, block_rows))
+
+
+@pytest.mark.parametrize(
+    ("cell", "words"), [(None, "empty"), (float("nan"), "not a finite"), (float("inf"), "not a finite")]
+)
+def test_names_the_cell_that_is_not_a_finite_number(tmp_path: Path, cell: object, words: str) -> None:
+    error = refusal(saved(tmp_path, {"a": [1.0, 2.0, 3.0], "b": [1.0, 2.0, cell]}))
+    assert (error.row, error.column) == (3, "b")
+    assert words in str(error)
+
+
+def test_refuses_text_and_no_rows(tmp_path: Path) -> None:
+    error = refusal(saved(tmp_path, {"a": [1.0], "b": ["x"]}))
+    assert error.column == "b"
+    assert "numbers" in str(error)
+    assert "no rows" in str(refusal(saved(tmp_path, {"a": pl.Series([], dtype=pl.Float64)})))
+
+
+@pytest.mark.parametrize("damage", ["text", "truncated", "flipped"])
+def test_refuses_damaged_files(tmp_path: Path, damage: str) -> None:
+    path = saved(tmp_path, {"a": [float(x) for x in range(1000)]})
+    content = path.read_bytes()
+    middle = len(content) // 2
+    flipped = content[:-20] + bytes(byte ^ 255 for byte in content[-20:-8]) + content[-8:]
+    path.write_bytes({"text": b"a,b\n1,2\n", "truncated": content[:middle], "flipped": flipped}[damage])
+    refusal(path)
+
+
+def test_says_what_to_install_without_polars(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = saved(tmp_path, {"a": [1.0]})
+    monkeypatch.setitem(sys.modules, "polars", None)
+    assert "hybridyn[io]" in str(refusal(path))
+
+
+@pytest.mark.parametrize("rows", [0, 1, 120_000])
+def test_writes_what_it_is_given(tmp_path: Path, rows: int) -> None:
+    folder = tmp_path / "odd [1] name"
+    folder.mkdir()
+    path = folder / "t.parquet"
+    numbers = np.random.default_rng(0).normal(size=(rows, 2))
+    with parquet_writer(path, ["a", "b/c"]) as write:
+        for start in range(0, rows, 7_000):
+            write(numbers[start : start + 7_000])
+    frame = pl.read_parquet(path, glob=False)
+    assert frame.columns == ["a", "b/c"]
+    assert np.array_equal(frame.to_numpy(), numbers)
+    assert list(folder.iterdir()) == [path]

@@ -1,0 +1,87 @@
+"""Writing tables: exact numbers, and a file that is complete or not there."""
+
+import stat
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hybridyn.description.results import check_target, open_results
+from hybridyn.description.tables import open_table
+from hybridyn.errors import TrajectoryError
+
+NUMBERS = np.array([[0.1, -0.0], [1.0 / 3.0, 5e-324], [1.7976931348623157e308, -123456789.123456789]])
+
+
+@pytest.mark.parametrize("name", ["out.csv", "out.parquet"])
+def test_numbers_come_back_bit_for_bit(tmp_path: Path, name: str) -> None:
+    if name.endswith(".parquet"):
+        pytest.importorskip("polars")
+    path = tmp_path / name
+    with open_results(path, ["time", "a, b/effort"]) as write:
+        write(NUMBERS[:2])
+        assert not path.exists()
+        write(NUMBERS[2:])
+    with open_table(path) as table:
+        assert table.columns == ("time", "a, b/effort")
+        values = next(table.blocks).values
+    assert values.tobytes() == NUMBERS.tobytes()
+    assert [file.name for file in tmp_path.iterdir()] == [name]
+
+
+@pytest.mark.parametrize("name", ["out.csv", "out.parquet"])
+@pytest.mark.parametrize("error", [ValueError, KeyboardInterrupt])
+def test_an_error_leaves_the_old_file_and_nothing_else(
+    tmp_path: Path, name: str, error: type[BaseException]
+) -> None:
+    if name.endswith(".parquet"):
+        pytest.importorskip("polars")
+    path = tmp_path / name
+    path.write_text("old")
+
+    def interrupted() -> None:
+        with open_results(path, ["a", "b"]) as write:
+            write(NUMBERS)
+            raise error
+
+    with pytest.raises(error):
+        interrupted()
+    assert path.read_text() == "old"
+    assert [file.name for file in tmp_path.iterdir()] == [name]
+
+
+def test_standard_output(capsys: pytest.CaptureFixture[str]) -> None:
+    with open_results(None, ["a", "b"]) as write:
+        write(NUMBERS[:1])
+    assert capsys.readouterr().out == "a,b\n0.1,-0.0\n"
+
+
+def test_writes_into_a_device_and_never_replaces_it() -> None:
+    with open_results("/dev/null", ["a", "b"]) as write:
+        write(NUMBERS)
+    assert stat.S_ISCHR(Path("/dev/null").stat().st_mode)
+
+
+def test_follows_a_link(tmp_path: Path) -> None:
+    (tmp_path / "link.csv").symlink_to(tmp_path / "real.csv")
+    with open_results(tmp_path / "link.csv", ["a", "b"]) as write:
+        write(NUMBERS)
+    assert (tmp_path / "link.csv").is_symlink()
+    assert (tmp_path / "real.csv").read_text().startswith("a,b\n")
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [("out.txt", "ends in"), ("out", "ends in"), ("no/out.csv", "does not exist"), ("d.csv", "is a folder")],
+)
+def test_refuses_a_bad_target_before_any_work(tmp_path: Path, name: str, words: str) -> None:
+    (tmp_path / "d.csv").mkdir()
+    with pytest.raises(TrajectoryError, match=words):
+        check_target(tmp_path / name)
+
+
+def test_parquet_needs_polars(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "polars", None)
+    with pytest.raises(TrajectoryError, match=r"hybridyn\[io\]"):
+        check_target(tmp_path / "out.parquet")

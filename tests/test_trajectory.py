@@ -1,0 +1,256 @@
+"""From tables to motion: rates given or fitted, poses whole or partial, states in q, v, a."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from hybridyn.description.columns import read_layout
+from hybridyn.description.records import Description, Joint, JointKind, Link
+from hybridyn.description.results import open_results
+from hybridyn.description.tables import open_table
+from hybridyn.description.trajectory import Motion, full_state, read_motions
+from hybridyn.errors import TrajectoryError
+
+ROUNDING = 1e-13
+FIT = 1e-6  # fitted accelerations of the motions below, sampled at 100 Hz
+DIFFERENCES = 1e-6  # central differences at 1e-5 s of motions of order one
+
+TIME = 0.01 * np.arange(700)
+
+
+def link(name: str) -> Link:
+    return Link(name, 1.0, np.zeros(3), np.eye(3))
+
+
+def joint(name: str, kind: JointKind, parent: str, child: str) -> Joint:
+    return Joint(name, kind, parent, child, np.eye(4), np.array([0.0, 0.0, 1.0]))
+
+
+ARM = Description(
+    name="arm",
+    links=tuple(map(link, ["base", "slider", "tool"])),
+    joints=(joint("lift", "prismatic", "base", "slider"), joint("spin", "continuous", "slider", "tool")),
+)
+BALL = Description(
+    name="ball", links=(link("base"), link("tool")), joints=(joint("ball", "spherical", "base", "tool"),)
+)
+
+
+def motions(
+    tmp_path: Path,
+    columns: dict[str, np.ndarray],
+    robot: Description = ARM,
+    base: str = "fixed",
+    block_rows: int = 2000,
+) -> list[Motion]:
+    path = tmp_path / "t.csv"
+    with open_results(path, list(columns)) as write:
+        write(np.column_stack(list(columns.values())))
+    motors = [joint.name for joint in robot.joints if joint.kind != "spherical"]
+    with open_table(path, block_rows=block_rows) as table:
+        layout = read_layout(table.columns, robot, motors=motors, base=base, file=str(path))
+        return list(read_motions(table, layout))
+
+
+def refusal(tmp_path: Path, columns: dict[str, np.ndarray], **options: Any) -> TrajectoryError:
+    with pytest.raises(TrajectoryError) as caught:
+        motions(tmp_path, columns, **options)
+    assert caught.value.file == str(tmp_path / "t.csv")
+    return caught.value
+
+
+def pose_columns(owner: str, pose: np.ndarray) -> dict[str, np.ndarray]:
+    names = ("x", "y", "z", "qx", "qy", "qz", "qw")
+    return {f"{owner}/pose/{name}": pose[:, index] for index, name in enumerate(names)}
+
+
+def pose_at(t: float) -> pin.SE3:
+    """Give some smooth pose."""
+    turn = pin.exp3(np.array([0.4 * np.sin(t), 0.9 * np.cos(1.3 * t), 0.5 * t]))
+    return pin.SE3(turn, np.array([np.sin(t), np.cos(0.7 * t), 0.2 * t]))
+
+
+def poses_of(time: np.ndarray) -> np.ndarray:
+    return np.array([pin.SE3ToXYZQUAT(pose_at(t)) for t in time])
+
+
+def test_rates_that_are_given_are_taken_as_they_are(tmp_path: Path) -> None:
+    generator = np.random.default_rng(0)
+    rates = ("position", "velocity", "acceleration")
+    columns = {f"{name}/{rate}": generator.normal(size=5) for name in ("lift", "spin") for rate in rates}
+    (motion,) = motions(tmp_path, columns)
+    assert motion.time is None
+    for name in ("lift", "spin"):
+        for level, rate in enumerate(rates):
+            assert np.array_equal(motion.joints[name][level], columns[f"{name}/{rate}"])
+
+
+def test_missing_rates_are_fitted(tmp_path: Path) -> None:
+    lift, spin = np.sin(TIME), np.cos(TIME)
+    columns = {"time": TIME, "lift/position": lift, "spin/position": spin, "spin/velocity": 2 * TIME**2}
+    (motion,) = motions(tmp_path, columns)
+    assert motion.joints["lift"][1] == pytest.approx(np.cos(TIME), abs=FIT)
+    assert motion.joints["lift"][2] == pytest.approx(-np.sin(TIME), abs=FIT)
+    assert np.array_equal(motion.joints["spin"][1], 2 * TIME**2)
+    assert motion.joints["spin"][2] == pytest.approx(
+        4 * TIME, abs=FIT
+    )  # from the velocities, not the positions
+
+
+def test_accelerations_given_without_velocities(tmp_path: Path) -> None:
+    columns = {"time": TIME, "lift/position": np.sin(TIME), "lift/acceleration": TIME, "spin/position": TIME}
+    (motion,) = motions(tmp_path, columns)
+    assert motion.joints["lift"][1] == pytest.approx(np.cos(TIME), abs=FIT)
+    assert np.array_equal(motion.joints["lift"][2], TIME)
+
+
+def test_angles_may_wrap(tmp_path: Path) -> None:
+    turned = np.angle(np.exp(2j * TIME))
+    assert np.abs(np.diff(turned)).max() > 6.0
+    (motion,) = motions(tmp_path, {"time": TIME, "lift/position": TIME, "spin/position": turned})
+    assert motion.joints["spin"][1] == pytest.approx(2.0 * np.ones_like(TIME), abs=FIT)
+    (motion,) = motions(tmp_path, {"time": TIME, "tool/pose/z": TIME, "tool/pose/yaw": turned})
+    pose, velocity, acceleration = motion.platforms["tool"]
+    assert sorted(pose) == sorted(velocity) == sorted(acceleration) == ["yaw", "z"]
+    assert np.array_equal(pose["yaw"], turned)
+    assert velocity["yaw"] == pytest.approx(2.0 * np.ones_like(TIME), abs=FIT)
+
+
+def test_poses_give_twists_in_reference_axes(tmp_path: Path) -> None:
+    pose = poses_of(TIME)
+    pose[::5, 3:] *= -1.0
+    (motion,) = motions(tmp_path, {"time": TIME, **pose_columns("tool@slider", pose)})
+    found, twist, acceleration = motion.platforms["tool@slider"]
+    h = 1e-5
+    for index in (0, 150, 699):
+        t = TIME[index]
+        before, here, after = pose_at(t - h), pose_at(t), pose_at(t + h)
+        omega = pin.log3(after.rotation @ before.rotation.T) / (2 * h)
+        linear = (after.translation - before.translation) / (2 * h)
+        assert pin.XYZQUATToSE3(found[index]).isApprox(here, ROUNDING)
+        assert twist[index] == pytest.approx(np.concatenate([linear, omega]), abs=DIFFERENCES)
+    middle = slice(1, -1)
+    differences = (twist[2:] - twist[:-2]) / 0.02
+    assert acceleration[middle] == pytest.approx(differences, abs=1e-3)  # h^2 of plain differences
+
+
+@pytest.mark.parametrize("block_rows", [50, 199, 350])
+def test_blocks_do_not_change_the_numbers(tmp_path: Path, block_rows: int) -> None:
+    noise = 1e-4 * np.random.default_rng(5).normal(size=len(TIME))
+    columns = {"time": TIME, "lift/position": np.sin(TIME) + noise, **pose_columns("tool", poses_of(TIME))}
+    (whole,) = motions(tmp_path, columns)
+    pieces = motions(tmp_path, columns, block_rows=block_rows)
+    assert len(pieces) > 1
+    for level in range(3):
+        lift = np.concatenate([piece.joints["lift"][level] for piece in pieces])
+        tool = np.concatenate([piece.platforms["tool"][level] for piece in pieces])
+        for found, wanted in ((lift, whole.joints["lift"][level]), (tool, whole.platforms["tool"][level])):
+            assert np.abs(found - wanted).max() <= ROUNDING * np.abs(wanted).max()
+
+
+def test_wrenches_and_time_go_with_their_rows(tmp_path: Path) -> None:
+    wrench = np.random.default_rng(1).normal(size=(len(TIME), 6))
+    names = ("fx", "fy", "fz", "mx", "my", "mz")
+    columns = {"time": TIME, "lift/position": TIME, "spin/position": TIME}
+    columns |= {f"tool/wrench/{name}": wrench[:, index] for index, name in enumerate(names)}
+    pieces = motions(tmp_path, columns, block_rows=300)
+    assert [piece.first_row for piece in pieces] == [1, 301, 601]
+    assert np.array_equal(np.concatenate([piece.wrenches["tool"] for piece in pieces]), wrench)
+    assert np.array_equal(np.concatenate([piece.time for piece in pieces]), TIME)
+
+
+def test_full_state_in_pinocchios_coordinates(tmp_path: Path) -> None:
+    (motion,) = motions(tmp_path, {"time": TIME, "lift/position": np.sin(TIME), "spin/position": TIME**2})
+    q, v, a = full_state(motion, ARM.joints)
+    assert q == pytest.approx(np.column_stack([np.sin(TIME), np.cos(TIME**2), np.sin(TIME**2)]), abs=ROUNDING)
+    assert v == pytest.approx(np.column_stack([np.cos(TIME), 2 * TIME]), abs=1e-5)
+    assert a == pytest.approx(np.column_stack([-np.sin(TIME), 2 + 0 * TIME]), abs=1e-3)
+
+
+def test_full_state_of_a_ball_joint(tmp_path: Path) -> None:
+    quaternions = poses_of(TIME)[:, 3:]
+    columns = {f"ball/position/q{axis}": quaternions[:, i] for i, axis in enumerate("xyzw")}
+    columns |= {f"ball/velocity/w{axis}": TIME + i for i, axis in enumerate("xyz")}
+    columns |= {f"ball/acceleration/w{axis}": TIME - i for i, axis in enumerate("xyz")}
+    (motion,) = motions(tmp_path, columns, robot=BALL)
+    q, v, a = full_state(motion, BALL.joints)
+    assert q == pytest.approx(quaternions, abs=ROUNDING)
+    assert np.array_equal(v, TIME[:, None] + np.arange(3))
+    assert np.array_equal(a, TIME[:, None] - np.arange(3))
+
+
+def test_the_base_gets_local_velocities_and_spatial_accelerations(tmp_path: Path) -> None:
+    columns = {
+        "time": TIME,
+        "lift/position": TIME,
+        "spin/position": TIME,
+        **pose_columns("base", poses_of(TIME)),
+    }
+    (motion,) = motions(tmp_path, columns, base="floating")
+    q, v, a = full_state(motion, ARM.joints, root="base")
+    assert q.shape == (len(TIME), 10)
+    h = 1e-5
+    for index in (100, 400):
+        t = TIME[index]
+        step = pin.log6(pose_at(t - h).actInv(pose_at(t + h))).vector / (2 * h)
+        assert v[index, :6] == pytest.approx(step, abs=DIFFERENCES)
+    assert a[1:-1, :6] == pytest.approx((v[2:, :6] - v[:-2, :6]) / 0.02, abs=1e-3)  # h^2 of plain differences
+
+
+def test_time_must_increase_within_and_across_blocks(tmp_path: Path) -> None:
+    for block_rows in (2000, 5):
+        time = TIME[:12].copy()
+        time[5] = time[4]
+        columns = {"time": time, "lift/position": time, "spin/position": time}
+        error = refusal(tmp_path, columns, block_rows=block_rows)
+        assert (error.row, error.column) == (6, "time")
+
+
+@pytest.mark.parametrize("factor", [1.0 + 2e-6, 0.0, 1e300])
+def test_quaternions_must_have_length_one(tmp_path: Path, factor: float) -> None:
+    pose = poses_of(TIME[:20])
+    pose[7, 3:] *= factor
+    error = refusal(tmp_path, {"time": TIME[:20], **pose_columns("tool", pose)})
+    assert (error.row, error.column) == (8, "tool/pose/qx")
+    assert "length" in str(error)
+
+
+def test_rounded_quaternions_pass_and_are_normalised(tmp_path: Path) -> None:
+    pose = np.round(poses_of(TIME[:20]), 7)
+    (motion,) = motions(tmp_path, {"time": TIME[:20], **pose_columns("tool", pose)})
+    assert np.linalg.norm(motion.platforms["tool"][0][:, 3:], axis=1) == pytest.approx(np.ones(20), abs=1e-15)
+
+
+def test_too_few_rows_for_a_fit(tmp_path: Path) -> None:
+    error = refusal(tmp_path, {"time": TIME[:5], "lift/position": TIME[:5], "spin/position": TIME[:5]})
+    assert "too few" in str(error)
+    assert (
+        len(motions(tmp_path, {"time": TIME[:6], "lift/position": TIME[:6], "spin/position": TIME[:6]})) == 1
+    )
+
+
+@pytest.mark.parametrize("block_rows", [2000, 8])
+def test_half_turns_between_rows_are_not_guessed(tmp_path: Path, block_rows: int) -> None:
+    pose = poses_of(TIME[:20])
+    pose[10:, 3:] = [1.0, 0.0, 0.0, 0.0]
+    error = refusal(tmp_path, {"time": TIME[:20], **pose_columns("tool", pose)}, block_rows=block_rows)
+    assert (error.row, error.column) == (11, "tool/pose/qx")
+    assert "degrees" in str(error)
+
+
+def test_numbers_that_no_spline_can_pass_are_refused(tmp_path: Path) -> None:
+    columns = {
+        "time": TIME[:20],
+        "lift/position": 1e308 * (-1.0) ** np.arange(20),
+        "spin/position": TIME[:20],
+    }
+    error = refusal(tmp_path, columns)
+    assert error.row == 1
+    assert "'lift'" in str(error)
+    time = np.concatenate([5e-324 * np.arange(6), np.arange(1.0, 6.0)])
+    error = refusal(tmp_path, {"time": time, "lift/position": time, "spin/position": time})
+    assert error.column == "time"
+    assert "too close" in str(error)
