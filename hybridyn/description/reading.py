@@ -10,11 +10,13 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 from hybridyn.description.motors import choose_motors
+from hybridyn.description.names import listed
 from hybridyn.description.records import Description
 from hybridyn.description.robot_file import RobotFile
 from hybridyn.description.urdf import read_urdf
 from hybridyn.description.urdf_foreign import refuse_unclosed_frames
 from hybridyn.description.validate import validate
+from hybridyn.description.xacro_files import expand, is_xacro
 from hybridyn.description.xml_node import LARGEST_FILE, Node, parse
 from hybridyn.errors import ModelError
 
@@ -29,7 +31,7 @@ def read(
     path: str | os.PathLike[str],
     *,
     motors: Sequence[str] | None = None,
-    xacro_args: Mapping[str, str] | None = None,
+    xacro_args: Mapping[str, object] | None = None,
     package_dirs: Sequence[str | os.PathLike[str]] = (),
 ) -> Description:
     """Read a robot file and the files beside it.
@@ -48,9 +50,9 @@ def read(
         ModelError: Anything about the files is wrong; the message names file, line and what to do.
     """
     file = os.fspath(path)
-    text = read_bytes(file)
-    root = parse(text, file)
+    root, notes = _open(file, xacro_args or {}, package_dirs)
     robot = _reader(root)(root)
+    robot.notes += notes
     validate(robot)
     refuse_unclosed_frames(robot)
     chosen, rule = choose_motors(robot, motors)
@@ -65,6 +67,19 @@ def read(
         notes=tuple(robot.notes),
         source=file,
     )
+
+
+def _open(
+    file: str, xacro_args: Mapping[str, object], package_dirs: Sequence[str | os.PathLike[str]]
+) -> tuple[Node, list[str]]:
+    """Give the root element of a file, expanded if it is xacro, and the notes of the expansion."""
+    text = read_bytes(file)
+    if is_xacro(file, text):
+        expanded, notes = expand(file, xacro_args, package_dirs)
+        return parse(expanded, f"{file} (expanded)"), notes
+    if xacro_args:
+        raise ModelError(f"is no xacro file, so it takes no arguments ({listed(xacro_args)})", file=file)
+    return parse(text, file), []
 
 
 def read_bytes(file: str) -> bytes:

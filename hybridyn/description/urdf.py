@@ -51,11 +51,11 @@ def read_urdf(root: Node) -> RobotFile:
         raise root.error(f"{len(link_nodes)} links, limit {MOST_LINKS}")
     for node in link_nodes:
         robot.links.append(_read_link(node, robot.notes))
-    independent: list[str] = []
+    independent: set[str] = set()
     for node in joint_nodes:
         robot.joints.append(_read_joint(node, robot))
         if node.flag("independent", True):
-            independent.append(robot.joints[-1].name)
+            independent.add(robot.joints[-1].name)
     for node in root.children(*CLOSURE_READERS):
         robot.closures.append(CLOSURE_READERS[node.tag](node))
         if node.child("dynamics") is not None:
@@ -66,14 +66,14 @@ def read_urdf(root: Node) -> RobotFile:
     return robot
 
 
-def _state_motors(robot: RobotFile, root: Node, independent: list[str]) -> None:
+def _state_motors(robot: RobotFile, root: Node, independent: set[str]) -> None:
     """Add what the file says of motors: transmissions (with their rotors), `independent=` attributes."""
     statement, rotors = read_transmissions(root)
     robot.joints = [rotors.get(joint.name, Rotor()).put_into(joint) for joint in robot.joints]
     if statement is not None:
         robot.motors.append(statement)
     if len(independent) < len(robot.joints):
-        driven = [j.name for j in robot.joints if j.name in set(independent) and FREEDOMS[j.kind] == 1]
+        driven = [j.name for j in robot.joints if j.name in independent and FREEDOMS[j.kind] == 1]
         where = 'joints that URDF+ leaves independent="true"'
         robot.motors.append(MotorStatement("independent", where, tuple(driven), root.file))
 

@@ -35,8 +35,7 @@ def validate(robot: RobotFile) -> None:
     _refuse_duplicates(robot, "joint", robot.joints)
     _refuse_duplicates(robot, "closure", robot.closures)
     _check_tree(robot)
-    for closure in robot.closures:
-        _check_closure(robot, closure)
+    _check_closures(robot)
     _check_couplings(robot)
     _note_unphysical(robot)
 
@@ -108,13 +107,14 @@ def _refuse_cycles(robot: RobotFile, root: str) -> None:
         )
 
 
-def _check_closure(robot: RobotFile, closure: Closure) -> None:
+def _check_closures(robot: RobotFile) -> None:
     names = {link.name for link in robot.links}
-    for link in (closure.link_a, closure.link_b):
-        if link not in names:
-            raise _closure_error(robot, closure, f"unknown link '{link}'{did_you_mean(link, names)}")
-    if closure.link_a == closure.link_b:
-        raise _closure_error(robot, closure, f"joins link '{closure.link_a}' to itself")
+    for closure in robot.closures:
+        for link in (closure.link_a, closure.link_b):
+            if link not in names:
+                raise _closure_error(robot, closure, f"unknown link '{link}'{did_you_mean(link, names)}")
+        if closure.link_a == closure.link_b:
+            raise _closure_error(robot, closure, f"joins link '{closure.link_a}' to itself")
 
 
 def _check_couplings(robot: RobotFile) -> None:
