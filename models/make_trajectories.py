@@ -264,12 +264,12 @@ TAIL_TILT = ((0.1, 0.0), (0.1, np.pi / 2.0), (0.3, 0.0))  # of roll, pitch, yaw 
 
 # Name of the robot: period [s] and motion.
 MOTIONS: dict[str, tuple[float, Callable[[Array], Columns]]] = {
-    "gough_stewart": (5.0, gough_stewart),
-    "lx4": (8.0, lx4),
-    "rps3": (5.0, rps3),
+    "gough_stewart": (3.0, gough_stewart),
+    "lx4": (5.0, lx4),
+    "rps3": (2.5, rps3),
     "five_bar": (2.0, five_bar),
     "delta": (1.5, delta),
-    "tanev": (5.0, tanev),
+    "tanev": (3.0, tanev),
     "stewart_ur5": (5.0, stewart_ur5),
     "scara_delta": (3.0, scara_delta),
     "snake": (4.0, snake),
