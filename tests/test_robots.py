@@ -19,15 +19,10 @@ ROOT = Path(__file__).parents[1]
 
 CLOSED = 1e-12  # of the robot's length: home is computed in the xacro, so only rounding is left
 INDEPENDENT = 1e-2  # reciprocal condition number of motors against free motions at home, lengths scaled
-TRIANGLE = (
-    1e-3  # least slack of the triangle inequality, of the smallest moment: a rod has 1, a thin plate 1e-2
-)
+TRIANGLE = 1e-3  # slack of the triangle inequality against the least moment: rods have 1, thin plates 1e-2
 WRITTEN = {"pose": 1e-11, "joint": 1e-5}  # digits in the table: 12 for poses, 6 for joints
 SPECTRAL = {"pose": 1e-8, "joint": 1e-4}  # of the largest rate; derivatives of what is written
-HARMONICS = {
-    "pose": 60,
-    "joint": 6,
-}  # kept in those derivatives: waves have 5, quaternions a tail that ends before 60
+HARMONICS = {"pose": 60, "joint": 6}  # kept in those derivatives: waves have 5, quaternions a tail
 
 
 class Facts(NamedTuple):
