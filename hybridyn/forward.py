@@ -1,0 +1,211 @@
+"""The forward recursion over modules: placements, twists and accelerations of every output, Eqs. (25), (28).
+
+Both dynamic models begin here. Gravity is carried by the base's acceleration and appears nowhere else.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from .errors import AssemblyError, TrajectoryError
+from .kinematics import Motion
+from .module import Mechanism, Module
+from .robot import HybridRobot
+from .spatial import Array, crm, motion_to_body, rotate_back, rotation_from_quaternion
+
+#: Positions and rates handed to the dynamics must close the loops to this part of the module's length.
+CLOSED = 1e-6
+
+
+@dataclass
+class ModuleState:
+    """One module at every sample.
+
+    Attributes:
+        module: The module.
+        spanning: Motion of its spanning tree relative to its base.
+        motion: The same motion for the tree after the cuts.
+        q: Positions on the tree after the cuts, shape (T, nq).
+        v: Rates x_dot, shape (T, n).
+        a: Accelerations x_ddot, shape (T, n); zero where none were given.
+        V: Twist of the base, shape (T, 6), base frame.
+        V_dot: Spatial acceleration of the base less gravity, shape (T, 6), base frame.
+        outputs: Twists V_o of the outputs, shape (T, outputs, 6), own frames.
+        outputs_dot: Their spatial accelerations less gravity, shape (T, outputs, 6), own frames.
+    """
+
+    module: Module
+    spanning: Motion
+    motion: Motion
+    q: Array
+    v: Array
+    a: Array
+    V: Array
+    V_dot: Array
+    outputs: Array
+    outputs_dot: Array
+
+    @property
+    def mechanism(self) -> Mechanism:
+        """The module's numbers."""
+        return self.module.mechanism
+
+    def placement(self, output: int) -> tuple[Array, Array]:
+        """Give the placement (R, p) of an output in the base, shapes (T, 3, 3), (T, 3)."""
+        body = self.mechanism.spec.outputs[output]
+        return self.motion.R[:, body], self.motion.p[:, body]
+
+
+def as_batch(array: object, width: int, name: str) -> tuple[Array, bool]:
+    """Give samples as (T, width) and say whether one single sample came in.
+
+    Raises:
+        TrajectoryError: Wrong shape, or a number that is not finite.
+    """
+    out = np.asarray(array, dtype=float)
+    single = out.ndim == 1
+    if single:
+        out = out[None]
+    if out.ndim != 2 or out.shape[1] != width:
+        raise TrajectoryError(f"{name} has shape {np.shape(array)}; wanted ({width},) or (T, {width})")
+    bad = np.flatnonzero(~np.isfinite(out).all(axis=1))
+    if len(bad):
+        raise TrajectoryError(f"{name} is not finite at sample {bad[0]}", row=int(bad[0]) + 1)
+    return out, single
+
+
+def base_motion(robot: HybridRobot, q: Array, v: Array, a: Array) -> tuple[Array, Array]:
+    """Give V_0 and V_dot_0 - g of the body that the first modules stand on, shapes (T, 6).
+
+    For "fixed" and "floating" that is the world; for "moving" the root body, whose motion is prescribed.
+    """
+    T = len(q)
+    V, V_dot = np.zeros((2, T, 6))
+    if robot.base == "moving":
+        V, V_dot = v[:, :6].copy(), a[:, :6].copy()
+        V_dot[:, :3] -= rotate_back(rotation_from_quaternion(q[:, 3:7]), np.tile(robot.gravity, (T, 1)))
+    else:
+        V_dot[:, :3] = -robot.gravity
+    return V, V_dot
+
+
+def forward(robot: HybridRobot, q: Array, v: Array, a: Array | None) -> list[ModuleState]:
+    """Run the forward recursion.
+
+    Args:
+        robot: The robot.
+        q: Positions, shape (T, nq).
+        v: Rates, shape (T, nv).
+        a: Accelerations, shape (T, nv); without them accelerations are those of a_o u_dot = 0 (not used).
+
+    Returns:
+        One state per module, in the order of `robot.modules`.
+    """
+    given = np.zeros_like(v) if a is None else a
+    root = base_motion(robot, q, v, given)
+    states: list[ModuleState] = []
+    for module in robot.modules:
+        m = module.mechanism
+        V, V_dot = _base_of(states, module, root)
+        qk, vk = q[:, module.q_index], v[:, module.v_index]
+        ak = None if a is None else a[:, module.v_index]
+        spanning = m.spanning.sweep(qk, vk, ak)
+        x, x_dot, x_ddot = m.cut(qk, vk, ak, spanning)
+        motion = m.cut_motion(spanning)
+        outputs, outputs_dot = np.zeros((2, len(q), len(m.spec.outputs), 6))
+        for o, body in enumerate(m.spec.outputs):
+            relative = motion.twist(body)
+            R, p = motion.R[:, body], motion.p[:, body]
+            outputs[:, o] = motion_to_body(R, p, V) + relative  # Eq. (25)
+            outputs_dot[:, o] = (
+                motion_to_body(R, p, V_dot) + motion.acceleration(body) + crm(outputs[:, o], relative)
+            )  # Eq. (28)
+        states.append(ModuleState(module, spanning, motion, x, x_dot, x_ddot, V, V_dot, outputs, outputs_dot))
+    return states
+
+
+def _base_of(states: list[ModuleState], module: Module, root: tuple[Array, Array]) -> tuple[Array, Array]:
+    """Give twist and acceleration of the body that a module stands on."""
+    if module.parent < 0:
+        return root
+    below = states[module.parent]
+    return below.outputs[:, module.parent_output], below.outputs_dot[:, module.parent_output]
+
+
+def residuals(robot: HybridRobot, q: Array) -> Iterator[tuple[Module, Array]]:
+    """Give each looped module with its scaled closure residuals, shape (T, rows)."""
+    for module in robot.modules:
+        m = module.mechanism
+        if m.spanning_closures.rows:
+            qk = q[:, module.q_index]
+            residual = m.spanning_closures.residual(qk, m.spanning.sweep(qk))
+            yield module, residual * m.spanning_row_scale
+
+
+def closure_residual(robot: HybridRobot, q: Array) -> Array:
+    """Give the worst closure residual of each sample, relative to its module's length.
+
+    Args:
+        robot: The robot.
+        q: Positions, shape (nq,) or (T, nq).
+
+    Returns:
+        Shape () or (T,): metres over the module's length, or radians, whichever is worst.
+    """
+    batch, single = as_batch(q, robot.nq, "q")
+    worst = np.zeros(len(batch))
+    for _, residual in residuals(robot, batch):
+        worst = np.maximum(worst, np.abs(residual).max(axis=1))
+    return worst[0] if single else worst
+
+
+def check_closed(robot: HybridRobot, states: list[ModuleState], q: Array, accelerations: bool) -> None:
+    """Refuse states that do not close the loops to `CLOSED` (more where the file itself is rounded).
+
+    Args:
+        robot: The robot.
+        states: Its modules' states.
+        q: Positions, shape (T, nq).
+        accelerations: Whether accelerations are checked as well.
+
+    Raises:
+        AssemblyError: Naming module, closure and sample.
+    """
+    for state in states:
+        m = state.mechanism
+        if not m.spanning_closures.rows:
+            continue
+        slack = CLOSED + m.rounding
+        qk = q[:, state.module.q_index]
+        open_by = m.spanning_closures.residual(qk, state.spanning) * m.spanning_row_scale
+        _refuse(state.module, np.abs(open_by), np.full(len(q), slack), "positions", "open")
+        motion = m.tree.sweep(state.q, state.v)
+        first, drift = m.closures.rates(motion, state.v)
+        scale, unit = m.reduction.row_scale, m.reduction.col_scale
+        speed = np.abs(state.v / unit).max(axis=1, initial=0.0)
+        _refuse(state.module, np.abs(first * scale), slack * speed, "rates", "opening")
+        if accelerations:
+            second = np.einsum("tij,tj->ti", m.closures.matrix(motion), state.a) + drift
+            size = np.abs(state.a / unit).max(axis=1, initial=0.0) + speed**2
+            _refuse(state.module, np.abs(second * scale), slack * size, "accelerations", "accelerating apart")
+
+
+def _refuse(module: Module, value: Array, limit: Array, what: str, how: str) -> None:
+    excess = np.where(value > limit[:, None], value, 0.0)
+    if not excess.any():
+        return
+    sample, row = np.unravel_index(int(np.argmax(excess)), excess.shape)
+    closures = module.mechanism.spanning_closures
+    name = ""
+    if what == "positions":
+        index = next(i for i, at in enumerate(closures.row_slices) if at.start <= row < at.stop)
+        name = f", closure '{module.closures[index]}'"
+    raise AssemblyError(
+        f"module '{module.name}'{name}: the {what} do not close the loops at sample {sample}: {how} by "
+        f"{value[sample, row]:.2g} (limit {limit[sample]:.2g}, relative to the module's length "
+        f"{module.mechanism.length:g} m). Take q, v, a from hybridyn.assemble",
+        module=module.name, sample=int(sample), residual=float(value[sample, row]),
+    )  # fmt: skip

@@ -1,0 +1,182 @@
+"""Inverse dynamic model: motor efforts from a motion, Eqs. (30)-(33) in their general form."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Literal, overload
+
+import numpy as np
+
+from .actuation import Sharing, motor_efforts
+from .errors import ActuationError, TrajectoryError
+from .forward import ModuleState, as_batch, base_motion, check_closed, forward
+from .loads import Loads, gather_loads
+from .reactions import Reactions, module_reactions
+from .robot import HybridRobot
+from .spatial import Array, crf, wrench_to_base
+
+
+@overload
+def idm(
+    robot: HybridRobot, q: Array, v: Array, a: Array, *, wrenches: Mapping[str, Array] | None = ...,
+    effects: None = ..., passive: str = ..., weights: Mapping[str, float] | Array | None = ...,
+    on_singular: str = ..., reactions: Literal[False] = ...,
+) -> Array: ...  # fmt: skip
+@overload
+def idm(
+    robot: HybridRobot, q: Array, v: Array, a: Array, *, wrenches: Mapping[str, Array] | None = ...,
+    effects: None = ..., passive: str = ..., weights: Mapping[str, float] | Array | None = ...,
+    on_singular: str = ..., reactions: Literal[True],
+) -> tuple[Array, Reactions]: ...  # fmt: skip
+def idm(
+    robot: HybridRobot,
+    q: Array,
+    v: Array,
+    a: Array,
+    *,
+    wrenches: Mapping[str, Array] | None = None,
+    effects: None = None,
+    passive: str = "given",
+    weights: Mapping[str, float] | Array | None = None,
+    on_singular: str = "raise",
+    reactions: bool = False,
+) -> Array | tuple[Array, Reactions]:
+    """Give the motor efforts that move a robot as prescribed.
+
+    B tau = Psi^T H + sum_o a_o^T W_o, module after module from the outermost inwards, Eqs. (16), (31)-(33).
+
+    Args:
+        robot: The robot.
+        q: Positions of the spanning tree, shape (nq,) or (T, nq).
+        v: Rates, shape (nv,) or (T, nv), [m/s, rad/s].
+        a: Accelerations, shape (nv,) or (T, nv), [m/s^2, rad/s^2].
+        wrenches: For each link a wrench ON it, shape (6,) or (T, 6), [N, N m], in the link's frame at its origin.
+        effects: None for gravity, leg inertia and velocity terms.
+        passive: "given": `a` is taken as it comes, and a passive motion that would need an effort is an error.
+            "solved": only the motors' accelerations (and a prescribed base's) count, the rest follows from zero effort.
+        weights: For each motor w in the sum of w x effort^2 that redundant motors make least, by name or in the
+            order of `robot.motors`; by effort limits where left out.
+        on_singular: "raise", or "least-norm" to go on with the least efforts where motors lose a direction.
+        reactions: Also give the wrenches between modules and in the closures.
+
+    Returns:
+        Efforts in the order of `robot.motors`, shape (motors,) or (T, motors), [N or N m]; with `reactions=True`
+        also a `Reactions`.
+
+    Raises:
+        AssemblyError: The state does not close the loops.
+        SingularityError: The motors lose a direction and `on_singular` is "raise".
+        ActuationError: A passive motion would need an effort.
+        TrajectoryError: Arrays of the wrong shape, or not finite; an unknown link.
+
+    Source:
+        Ibrahim & Khalil (2010), Eqs. (30)-(33); trees of modules, any mobility and number of motors are ours.
+    """
+    q, single = as_batch(q, robot.nq, "q")
+    v, a = as_batch(v, robot.nv, "v")[0], as_batch(a, robot.nv, "a")[0]
+    if not len(q) == len(v) == len(a):
+        raise TrajectoryError(f"q, v, a have {len(q)}, {len(v)}, {len(a)} samples")
+    if on_singular not in ("raise", "least-norm"):
+        raise TrajectoryError(f"on_singular must be 'raise' or 'least-norm', not {on_singular!r}")
+    if passive not in ("given", "solved"):
+        raise TrajectoryError(f"passive must be 'given' or 'solved', not {passive!r}")
+    if effects is not None:
+        raise TrajectoryError("effects other than the default are not available yet")
+    loads = gather_loads(robot, wrenches, len(q))
+    if passive == "solved":
+        from .ddm import solve_passive
+
+        a = solve_passive(robot, q, v, a, loads)
+    states = forward(robot, q, v, a)
+    check_closed(robot, states, q, accelerations=True)
+    hint = (
+        'Give the accelerations that need no effort there, or pass passive="solved"' if passive == "given" else ""
+    )
+    sharing = Sharing(_weights(robot, weights), on_singular, hint)
+    tau, result = _backward(robot, states, loads, sharing, reactions, (q, v, a))
+    if result is None:
+        return tau[0] if single else tau
+    return (tau[0], result.sample(0)) if single else (tau, result)
+
+
+def _backward(
+    robot: HybridRobot, states: list[ModuleState], loads: Loads, sharing: Sharing, reactions: bool,
+    given: tuple[Array, Array, Array],
+) -> tuple[Array, Reactions | None]:  # fmt: skip
+    """Run the backward recursion: from what each output must receive to efforts and the base's wrench."""
+    T = len(given[0])
+    tau = np.zeros((T, len(robot.motors)))
+    received = [np.zeros((T, len(s.module.outputs), 6)) for s in states]  # sum over children of F_k, outputs' frames
+    summed = [np.zeros((T, len(s.module.outputs))) for s in states]  # the same without cancellation, as work
+    root = np.zeros((T, 6))
+    result = Reactions.empty(T) if reactions else None
+    for k in reversed(range(len(states))):
+        s, load = states[k], loads.modules[k]
+        m = s.mechanism
+        F_b, H = m.legs.rnea(s.V, s.V_dot, s.q, s.v, s.a)  # Eqs. (54)-(62)
+        f_base, f_legs = load.on_legs(s)
+        F, H = F_b - f_base, H - f_legs
+        Psi = m.basis(s.motion).Psi
+        Q = np.einsum("tij,ti->tj", Psi, H)
+        size = _terms(m.reduction.col_scale, H)
+        for o, body in enumerate(m.spec.outputs):
+            inertia, V = m.inertias[o], s.outputs[:, o]
+            F_p = s.outputs_dot[:, o] @ inertia + crf(V, V @ inertia)  # Eq. (30)
+            W = F_p - load.on_output(s, o) + received[k][:, o]  # Eqs. (31), (32)
+            J = m.jacobian(s.motion, body)
+            H = H + np.einsum("tij,ti->tj", J, W)
+            size = size + _work(F_p, m.length) + _work(load.on_output(s, o), m.length) + summed[k][:, o]
+            Q += np.einsum("tij,ti->tj", np.matmul(J, Psi), W)  # Eqs. (16), (33) before the motors
+            F += wrench_to_base(*s.placement(o), W)
+        tau[:, s.module.motor_index] = motor_efforts(robot, s.module, Psi, Q, size, sharing)  # Eq. (33)
+        if result is not None:
+            module_reactions(result, s, F, H, tau[:, s.module.motor_index])
+        if s.module.parent < 0:
+            root += F
+        else:
+            received[s.module.parent][:, s.module.parent_output] += F
+            summed[s.module.parent][:, s.module.parent_output] += size
+    if result is not None:
+        result.base[:] = root + _root_body(robot, loads, given)
+    return tau, result
+
+
+def _terms(col_scale: Array, H: Array) -> Array:
+    """Give the largest generalised force as work per scaled coordinate, shape (T,), [N m]."""
+    out: Array = np.abs(H * col_scale).max(axis=1, initial=0.0)
+    return out
+
+
+def _work(W: Array, length: float) -> Array:
+    """Give the size of a wrench as work per scaled coordinate, shape (T,), [N m]."""
+    out: Array = np.linalg.norm(W[:, :3], axis=1) * length + np.linalg.norm(W[:, 3:], axis=1)
+    return out
+
+
+def _root_body(robot: HybridRobot, loads: Loads, given: tuple[Array, Array, Array]) -> Array:
+    """Give what the root body itself must receive (a free base has it in its module)."""
+    if robot.base == "floating":
+        return np.zeros_like(loads.root)
+    V, V_dot = base_motion(robot, *given)
+    I0 = robot.root_inertia
+    return V_dot @ I0 + crf(V, V @ I0) - loads.root
+
+
+def _weights(robot: HybridRobot, weights: Mapping[str, float] | Array | None) -> Array | None:
+    """Give weights in the order of the motors.
+
+    Raises:
+        ActuationError: A weight is missing, unknown or not positive.
+    """
+    if weights is None:
+        return None
+    if isinstance(weights, Mapping):
+        unknown = sorted(set(weights) - set(robot.motors))
+        missing = [m for m in robot.motors if m not in weights]
+        if unknown or missing:
+            raise ActuationError(f"weights: unknown motors {unknown}, missing motors {missing}")
+        weights = np.array([weights[m] for m in robot.motors])
+    out = np.asarray(weights, dtype=float)
+    if out.shape != (len(robot.motors),) or not (np.isfinite(out).all() and (out > 0).all()):
+        raise ActuationError(f"weights must be {len(robot.motors)} positive numbers")
+    return out

@@ -1,0 +1,287 @@
+"""Positions, velocities and accelerations of a tree of bodies, for a whole batch at once.
+
+One sweep outwards per level of the tree; everything in the axes of the tree's base, which is at rest. Velocities
+and accelerations here are classical: those of each body frame's origin, and the angular ones.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from .description.records import JointKind
+from .spatial import (
+    Array,
+    cross,
+    rotate,
+    rotate_back,
+    rotation_from_axis_angle,
+    rotation_from_quaternion,
+)
+
+NQ = {"revolute": 1, "continuous": 2, "prismatic": 1, "spherical": 4, "planar": 4, "floating": 7}
+NV = {"revolute": 1, "continuous": 1, "prismatic": 1, "spherical": 3, "planar": 3, "floating": 6}
+
+
+@dataclass(frozen=True)
+class TreeJoint:
+    """A joint of a tree; its child is the body of the same number plus one (body 0 is the base).
+
+    Attributes:
+        name: Name of the joint.
+        kind: Kind of joint (never "fixed").
+        parent: Number of the parent body.
+        R: Child axes in the parent at joint position zero, shape (3, 3).
+        p: Child origin in the parent at joint position zero, shape (3,), [m].
+        axis: Unit axis in the child frame, shape (3,).
+    """
+
+    name: str
+    kind: JointKind
+    parent: int
+    R: Array
+    p: Array
+    axis: Array
+
+    @cached_property
+    def S(self) -> Array:
+        """Motion subspace in the child frame, shape (6, nv); constant for every kind of joint we know."""
+        if self.kind == "prismatic":
+            return np.concatenate([self.axis, np.zeros(3)])[:, None]
+        if self.kind in ("revolute", "continuous"):
+            return np.concatenate([np.zeros(3), self.axis])[:, None]
+        columns = {"spherical": (3, 4, 5), "planar": (0, 1, 5), "floating": range(6)}[self.kind]
+        return np.eye(6)[:, list(columns)]
+
+    def transform(self, q: Array) -> tuple[Array, Array]:
+        """Give the motion of the child relative to its zero position: rotations (T, 3, 3), shifts (T, 3)."""
+        zero = np.zeros((len(q), 3))
+        if self.kind == "prismatic":
+            return np.broadcast_to(np.eye(3), (len(q), 3, 3)), q * self.axis
+        if self.kind == "revolute":
+            return rotation_from_axis_angle(self.axis, np.cos(q[:, 0]), np.sin(q[:, 0])), zero
+        if self.kind == "continuous":
+            return rotation_from_axis_angle(self.axis, q[:, 0], q[:, 1]), zero
+        if self.kind == "spherical":
+            return rotation_from_quaternion(q), zero
+        if self.kind == "planar":
+            zero[:, :2] = q[:, :2]
+            return rotation_from_axis_angle(np.array([0.0, 0.0, 1.0]), q[:, 2], q[:, 3]), zero
+        return rotation_from_quaternion(q[:, 3:]), q[:, :3]
+
+
+@dataclass(frozen=True)
+class Motion:
+    """What one sweep gives, for every body of the tree; body 0 is the base, at rest.
+
+    Attributes:
+        R: Body axes in the base, shape (T, bodies, 3, 3).
+        p: Body origins in the base, shape (T, bodies, 3), [m].
+        w: Angular velocities, shape (T, bodies, 3), [rad/s], base axes.
+        pd: Velocities of the origins, shape (T, bodies, 3), [m/s], base axes.
+        wd: Angular accelerations, shape (T, bodies, 3), [rad/s^2], base axes.
+        pdd: Classical accelerations of the origins, shape (T, bodies, 3), [m/s^2], base axes.
+    """
+
+    R: Array
+    p: Array
+    w: Array
+    pd: Array
+    wd: Array
+    pdd: Array
+
+    def twist(self, body: int) -> Array:
+        """Give the body's twist relative to the base in its own frame, shape (T, 6): the paper's v_k."""
+        R = self.R[:, body]
+        return np.concatenate([rotate_back(R, self.pd[:, body]), rotate_back(R, self.w[:, body])], axis=-1)
+
+    def acceleration(self, body: int) -> Array:
+        """Give the body's *spatial* acceleration relative to the base in its own frame, shape (T, 6)."""
+        R, w, pd = self.R[:, body], self.w[:, body], self.pd[:, body]
+        linear = self.pdd[:, body] - cross(w, pd)
+        return np.concatenate([rotate_back(R, linear), rotate_back(R, self.wd[:, body])], axis=-1)
+
+
+class Tree:
+    """A base and the bodies that joints hang from it, parents first.
+
+    Attributes:
+        joints: The joints; the child of `joints[i]` is body i + 1.
+        nq: Number of position coordinates.
+        nv: Number of velocities.
+        q_slices: Slice of q of each joint.
+        v_slices: Slice of v of each joint.
+    """
+
+    def __init__(self, joints: list[TreeJoint]) -> None:
+        self.joints = tuple(joints)
+        q_ends = np.cumsum([0] + [NQ[j.kind] for j in joints])
+        v_ends = np.cumsum([0] + [NV[j.kind] for j in joints])
+        self.nq, self.nv = int(q_ends[-1]), int(v_ends[-1])
+        self.q_slices = [slice(int(a), int(b)) for a, b in zip(q_ends, q_ends[1:], strict=False)]
+        self.v_slices = [slice(int(a), int(b)) for a, b in zip(v_ends, v_ends[1:], strict=False)]
+        self.dof_body = np.repeat(np.arange(1, len(joints) + 1), [NV[j.kind] for j in joints]).astype(int)
+        self._placement_R = np.array([j.R for j in joints]).reshape(-1, 3, 3)
+        self._placement_p = np.array([j.p for j in joints]).reshape(-1, 3)
+        S = np.concatenate([j.S for j in joints], axis=1) if joints else np.zeros((6, 0))
+        self.S_linear, self.S_angular = S[:3].T.copy(), S[3:].T.copy()
+        depth = np.zeros(len(joints) + 1, dtype=int)
+        self.support = np.zeros((len(joints) + 1, self.nv), dtype=bool)
+        for i, joint in enumerate(joints):
+            depth[i + 1] = depth[joint.parent] + 1
+            self.support[i + 1] = self.support[joint.parent]
+            self.support[i + 1, self.v_slices[i]] = True
+        parents = np.array([j.parent for j in joints], dtype=int)
+        self._levels = []
+        for level in range(1, int(depth.max(initial=0)) + 1):
+            children = np.flatnonzero(depth == level)
+            self._levels.append((children, parents[children - 1]))
+        self._kinds = self._group_by_kind()
+
+    def _group_by_kind(self) -> list[tuple[str, Array, Array, Array]]:
+        """Group the one-freedom joints by kind: (kind, joint numbers, q indices, axes)."""
+        groups = []
+        for kind in ("revolute", "continuous", "prismatic"):
+            numbers = [i for i, j in enumerate(self.joints) if j.kind == kind]
+            if numbers:
+                at = np.array([self.q_slices[i].start for i in numbers])
+                groups.append((kind, np.array(numbers), at, np.array([self.joints[i].axis for i in numbers])))
+        return groups
+
+    def neutral(self) -> Array:
+        """Give the zero position, shape (nq,)."""
+        q = np.zeros(self.nq)
+        for joint, at in zip(self.joints, self.q_slices, strict=True):
+            if joint.kind == "continuous":
+                q[at.start] = 1.0
+            elif joint.kind == "planar":
+                q[at.start + 2] = 1.0
+            elif joint.kind in ("spherical", "floating"):
+                q[at.stop - 1] = 1.0
+        return q
+
+    def integrate(self, q: Array, dq: Array) -> Array:
+        """Move from q along the constant joint twists dq for unit time, shapes (T, nq), (T, nv).
+
+        The result stays on the joints' manifolds; for `floating` and `planar` joints the rotation and the
+        translation are moved separately, which is a retraction, not Pinocchio's exponential.
+        """
+        out = q.copy()
+        for joint, at, to in zip(self.joints, self.q_slices, self.v_slices, strict=True):
+            x = q[:, at]
+            d = dq[:, to]
+            if joint.kind in ("revolute", "prismatic"):
+                out[:, at] = x + d
+            elif joint.kind == "continuous":
+                out[:, at] = _turn(x, d[:, 0])
+            elif joint.kind == "planar":
+                cos, sin = x[:, 2], x[:, 3]
+                out[:, at.start] = x[:, 0] + cos * d[:, 0] - sin * d[:, 1]
+                out[:, at.start + 1] = x[:, 1] + sin * d[:, 0] + cos * d[:, 1]
+                out[:, at.start + 2 : at.stop] = _turn(x[:, 2:], d[:, 2])
+            elif joint.kind == "spherical":
+                out[:, at] = _compose(x, d)
+            else:
+                out[:, at.start : at.start + 3] = x[:, :3] + rotate(rotation_from_quaternion(x[:, 3:]), d[:, :3])
+                out[:, at.start + 3 : at.stop] = _compose(x[:, 3:], d[:, 3:])
+        return out
+
+    def _local(self, q: Array) -> tuple[Array, Array]:
+        """Give every child frame in its parent: rotations (T, joints, 3, 3), origins (T, joints, 3)."""
+        T, n = len(q), len(self.joints)
+        R = np.empty((T, n, 3, 3))
+        shift = np.zeros((T, n, 3))
+        for kind, numbers, at, axes in self._kinds:
+            x = q[:, at]
+            if kind == "prismatic":
+                R[:, numbers] = np.eye(3)
+                shift[:, numbers] = x[..., None] * axes
+            elif kind == "revolute":
+                R[:, numbers] = rotation_from_axis_angle(axes, np.cos(x), np.sin(x))
+            else:
+                R[:, numbers] = rotation_from_axis_angle(axes, x, q[:, at + 1])
+        for i, joint in enumerate(self.joints):
+            if joint.kind in ("spherical", "planar", "floating"):
+                R[:, i], shift[:, i] = joint.transform(q[:, self.q_slices[i]])
+        return np.matmul(self._placement_R, R), self._placement_p + rotate(self._placement_R, shift)
+
+    def sweep(self, q: Array, v: Array | None = None, a: Array | None = None) -> Motion:
+        """Give the motion of every body; rates and accelerations left out are zero.
+
+        With `a` left out, `wd` and `pdd` are what remains at zero joint accelerations (J_dot q_dot).
+
+        Args:
+            q: Joint positions, shape (T, nq).
+            v: Joint rates, shape (T, nv).
+            a: Joint accelerations, shape (T, nv).
+        """
+        T, n = len(q), len(self.joints) + 1
+        R, p = np.empty((T, n, 3, 3)), np.zeros((T, n, 3))
+        R[:, 0] = np.eye(3)
+        R_local, p_local = self._local(q)
+        for children, parents in self._levels:
+            R[:, children] = np.matmul(R[:, parents], R_local[:, children - 1])
+            p[:, children] = p[:, parents] + rotate(R[:, parents], p_local[:, children - 1])
+        w, pd, wd, pdd = (np.zeros((T, n, 3)) for _ in range(4))
+        if v is not None:
+            self._sweep_rates(R, p, v, a, (w, pd, wd, pdd))
+        return Motion(R, p, w, pd, wd, pdd)
+
+    def _sweep_rates(self, R: Array, p: Array, v: Array, a: Array | None, out: tuple[Array, ...]) -> None:
+        w, pd, wd, pdd = out
+        rel_p, rel_w = self._joint_rates(R, v)
+        acc_p, acc_w = (np.zeros(()), np.zeros(())) if a is None else self._joint_rates(R, a)
+        for children, parents in self._levels:
+            r = p[:, children] - p[:, parents]
+            w0, wd0 = w[:, parents], wd[:, parents]
+            slide, turn = rel_p[:, children], rel_w[:, children]
+            w[:, children] = w0 + turn
+            pd[:, children] = pd[:, parents] + cross(w0, r) + slide
+            wd_new = wd0 + cross(w0, turn)
+            pdd_new = pdd[:, parents] + cross(wd0, r) + cross(w0, cross(w0, r) + slide) + cross(w0 + turn, slide)
+            if a is not None:
+                wd_new += acc_w[:, children]
+                pdd_new += acc_p[:, children]
+            wd[:, children], pdd[:, children] = wd_new, pdd_new
+
+    def _joint_rates(self, R: Array, rates: Array) -> tuple[Array, Array]:
+        """Give S times the joint rates per body in base axes: linear and angular, shape (T, bodies, 3)."""
+        T, n = len(R), len(self.joints) + 1
+        linear, angular = np.zeros((T, n, 3)), np.zeros((T, n, 3))
+        if self.nv == len(self.joints):
+            linear[:, 1:] = rates[..., None] * self.S_linear
+            angular[:, 1:] = rates[..., None] * self.S_angular
+        else:
+            for i, at in enumerate(self.v_slices):
+                linear[:, i + 1] = rates[:, at] @ self.S_linear[at]
+                angular[:, i + 1] = rates[:, at] @ self.S_angular[at]
+        return rotate(R, linear), rotate(R, angular)
+
+    def columns(self, motion: Motion) -> tuple[Array, Array]:
+        """Give what a unit rate of each freedom does to its own body, in base axes.
+
+        Returns:
+            Velocity of the body's origin and angular velocity, each of shape (T, nv, 3). A point x of any body
+            further out moves with `linear + angular x (x - origin of dof_body)`.
+        """
+        R = motion.R[:, self.dof_body]
+        return rotate(R, self.S_linear), rotate(R, self.S_angular)
+
+
+def _turn(cos_sin: Array, angle: Array) -> Array:
+    """Turn unit vectors (T, 2) by angles (T,)."""
+    cos, sin = np.cos(angle), np.sin(angle)
+    out = np.stack([cos_sin[:, 0] * cos - cos_sin[:, 1] * sin, cos_sin[:, 0] * sin + cos_sin[:, 1] * cos], -1)
+    return out / np.linalg.norm(out, axis=-1, keepdims=True)
+
+
+def _compose(quat: Array, turn: Array) -> Array:
+    """Follow quaternions (T, 4) by body rotation vectors (T, 3)."""
+    half = 0.5 * np.linalg.norm(turn, axis=-1, keepdims=True)
+    u = 0.5 * turn * np.sinc(half / np.pi)
+    c = np.cos(half)
+    x, w = quat[:, :3], quat[:, 3:]
+    out = np.concatenate([w * u + c * x + cross(x, u), w * c - np.sum(x * u, axis=-1, keepdims=True)], axis=-1)
+    return out / np.linalg.norm(out, axis=-1, keepdims=True)

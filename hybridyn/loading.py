@@ -1,0 +1,50 @@
+"""`load`: from a robot's files to a `HybridRobot`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from os import PathLike
+
+from .robot import Base, HybridRobot, build_robot
+
+
+def load(
+    path: str | PathLike[str],
+    *,
+    base: Base = "fixed",
+    motors: Sequence[str] | None = None,
+    gravity: tuple[float, float, float] = (0.0, 0.0, -9.81),
+    xacro_args: Mapping[str, str] | None = None,
+    package_dirs: Sequence[str | PathLike[str]] = (),
+    rank_tolerance: float | None = None,
+    closure_tolerance: float = 1e-4,
+) -> HybridRobot:
+    """Load a robot from URDF or xacro, with the loop closures its author expressed in any form we read.
+
+    Args:
+        path: The robot's file; a side-car (`robot.yaml`, `model.toml`) is found beside it.
+        base: "fixed", "moving" (prescribed motion) or "floating" (free): the last two put a free-flyer first in
+            q, v, a, with Pinocchio's local velocities.
+        motors: Names of the driven joints, instead of what the files say.
+        gravity: Acceleration of gravity in the world, shape (3,), [m/s^2].
+        xacro_args: Arguments of a xacro file by name.
+        package_dirs: Folders in which `$(find package)` and `package://` look.
+        rank_tolerance: Relative singular value under which closure rows count as dependent; found at generic
+            postures where left out.
+        closure_tolerance: Largest closure residual that is accepted as rounding in the file, relative to the
+            module's length.
+
+    Raises:
+        ModelError: The files are wrong, say something we refuse, or leave the rank of a module in doubt.
+        AssemblyError: A module's loops close nowhere.
+    """
+    from .description import read
+
+    description = read(path, motors=motors, xacro_args=xacro_args, package_dirs=package_dirs)
+    return build_robot(
+        description,
+        base=base,
+        gravity=gravity,
+        rank_tolerance=rank_tolerance,
+        closure_tolerance=closure_tolerance,
+    )

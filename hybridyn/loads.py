@@ -1,0 +1,125 @@
+"""External wrenches on links, brought to where the recursions take them."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from .errors import TrajectoryError
+from .modulespec import ModuleSpec
+from .robot import HybridRobot
+from .spatial import Array, wrench_to_base
+
+if TYPE_CHECKING:
+    from .forward import ModuleState
+
+
+@dataclass
+class ModuleLoad:
+    """Wrenches on one module's bodies, each in the body's frame at its origin.
+
+    Attributes:
+        outputs: Output number and wrench (T, 6).
+        legs: Body of the tree after the cuts and wrench (T, 6).
+        wrist_links: Body of the spanning tree and wrench (T, 6), for massless links inside wrists that were cut.
+        base: Wrenches that a wrist hands straight to the base body, (T, 6).
+    """
+
+    outputs: list[tuple[int, Array]] = field(default_factory=list)
+    legs: list[tuple[int, Array]] = field(default_factory=list)
+    wrist_links: list[tuple[int, Array]] = field(default_factory=list)
+    base: list[Array] = field(default_factory=list)
+
+    def on_output(self, state: ModuleState, output: int) -> Array:
+        """Give the wrench on an output, shape (T, 6), its own frame: minus the paper's F_e."""
+        out = np.zeros_like(state.V)
+        for number, wrench in self.outputs:
+            if number == output:
+                out += wrench
+        return out
+
+    def on_legs(self, state: ModuleState) -> tuple[Array, Array]:
+        """Give what the wrenches on leg links do to the base, (T, 6), and along x, (T, n)."""
+        m = state.mechanism
+        base, along = np.zeros_like(state.V), np.zeros((len(state.V), m.tree.nv))
+        for wrench in self.base:
+            base += wrench
+        for body, wrench in self.legs:
+            base += wrench_to_base(state.motion.R[:, body], state.motion.p[:, body], wrench)
+            along += np.einsum("tij,ti->tj", m.jacobian(state.motion, body), wrench)
+        for body, wrench in self.wrist_links:
+            base += wrench_to_base(state.spanning.R[:, body], state.spanning.p[:, body], wrench)
+            J = m.wrist_link_jacobian(state.spanning, state.motion, body)
+            along += np.einsum("tij,ti->tj", J, wrench)
+        return base, along
+
+
+@dataclass
+class Loads:
+    """All external wrenches.
+
+    Attributes:
+        modules: One entry per module.
+        root: Wrench on the root body, shape (T, 6), its frame.
+    """
+
+    modules: list[ModuleLoad]
+    root: Array
+
+
+def gather_loads(robot: HybridRobot, wrenches: Mapping[str, Array] | None, samples: int) -> Loads:
+    """Sort wrenches on links by module and body.
+
+    Args:
+        robot: The robot.
+        wrenches: For each link a wrench on it, shape (6,) or (samples, 6), in its frame at its origin.
+        samples: Number of samples.
+
+    Raises:
+        TrajectoryError: An unknown link, a wrong shape, or a number that is not finite.
+    """
+    loads = Loads([ModuleLoad() for _ in robot.modules], np.zeros((samples, 6)))
+    for link, given in (wrenches or {}).items():
+        wrench = _wrench(robot, link, given, samples)
+        body, R, p = robot.bodies.place[link]
+        wrench = wrench_to_base(R, p, wrench)
+        if body == 0 and robot.base != "floating":
+            loads.root += wrench
+            continue
+        module, number = robot.body_owner[body]
+        _place(robot.modules[module].mechanism.spec, loads.modules[module], number, wrench)
+    return loads
+
+
+def _wrench(robot: HybridRobot, link: str, given: Array, samples: int) -> Array:
+    if link not in robot.bodies.place:
+        near = difflib.get_close_matches(link, robot.bodies.place, 1)
+        hint = f"; did you mean '{near[0]}'?" if near else ""
+        raise TrajectoryError(f"wrench on unknown link '{link}'{hint}")
+    wrench = np.asarray(given, dtype=float)
+    if wrench.shape not in ((6,), (samples, 6)):
+        raise TrajectoryError(f"wrench on '{link}' has shape {wrench.shape}; wanted (6,) or ({samples}, 6)")
+    if not np.isfinite(wrench).all():
+        raise TrajectoryError(f"wrench on '{link}' is not finite")
+    return np.broadcast_to(wrench, (samples, 6))
+
+
+def _place(spec: ModuleSpec, load: ModuleLoad, body: int, wrench: Array) -> None:
+    """Enter a wrench on a body of a module's spanning tree."""
+    for wrist in spec.wrists:
+        if wrist.end == body and not wrist.carries:
+            wrench = wrench_to_base(wrist.R, wrist.p, wrench)
+            body = wrist.target
+            break
+    if body == 0:
+        load.base.append(wrench)
+    elif body not in spec.tree_body:
+        load.wrist_links.append((body, wrench))
+    elif (number := spec.tree_body.index(body)) in spec.outputs:
+        load.outputs.append((spec.outputs.index(number), wrench))
+    else:
+        load.legs.append((number, wrench))

@@ -1,0 +1,157 @@
+"""The page of conventions, and the few 6-D helpers that Pinocchio does not give for batches.
+
+- Units are SI, angles in radians.
+- Spatial vectors are Pinocchio's: linear part first, in body coordinates, at the body frame's origin. A twist
+  is [v; omega], a wrench [f; m].
+- A *placement* (R, p) of frame B in frame A: columns of R are B's axes in A, p is B's origin in A.
+- `V_dot` is the *spatial* acceleration (Pinocchio's `data.a`): linear part = classical acceleration of the
+  origin minus omega x v. Tables of users hold classical accelerations; they are converted where they enter.
+- `X` moves a twist from a base frame to a body frame: X = [R^T, -R^T hat(p); 0, R^T], Eq. (26); a wrench moves
+  back to the base frame through X^T.
+- Every function takes leading batch axes.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+def cross(a: Array, b: Array) -> Array:
+    """Give a x b along the last axis, shapes (..., 3) (np.cross without its overhead)."""
+    a0, a1, a2 = a[..., 0], a[..., 1], a[..., 2]
+    b0, b1, b2 = b[..., 0], b[..., 1], b[..., 2]
+    return np.stack([a1 * b2 - a2 * b1, a2 * b0 - a0 * b2, a0 * b1 - a1 * b0], axis=-1)
+
+
+def rotate(R: Array, x: Array) -> Array:
+    """Give R x for matrices (..., 3, 3) and vectors (..., 3)."""
+    out: Array = np.matmul(R, x[..., None])[..., 0]
+    return out
+
+
+def rotate_back(R: Array, x: Array) -> Array:
+    """Give R^T x for matrices (..., 3, 3) and vectors (..., 3)."""
+    out: Array = np.matmul(x[..., None, :], R)[..., 0, :]
+    return out
+
+
+def hat(x: Array) -> Array:
+    """Give the matrix of the vector product, hat(x) y = x cross y, shape (..., 3, 3)."""
+    out = np.zeros((*x.shape, 3))
+    out[..., 0, 1], out[..., 0, 2], out[..., 1, 2] = -x[..., 2], x[..., 1], -x[..., 0]
+    out[..., 1, 0], out[..., 2, 0], out[..., 2, 1] = x[..., 2], -x[..., 1], x[..., 0]
+    return out
+
+
+def motion_to_body(R: Array, p: Array, V: Array) -> Array:
+    """Give X V: a twist of the base frame seen from a body at placement (R, p), shape (..., 6), Eq. (24)."""
+    v, w = V[..., :3], V[..., 3:]
+    return np.concatenate([rotate_back(R, v + cross(w, p)), rotate_back(R, w)], axis=-1)
+
+
+def wrench_to_base(R: Array, p: Array, W: Array) -> Array:
+    """Give X^T W: a wrench in body coordinates moved to the base frame, shape (..., 6)."""
+    f = rotate(R, W[..., :3])
+    return np.concatenate([f, rotate(R, W[..., 3:]) + cross(p, f)], axis=-1)
+
+
+def motion_matrix(R: Array, p: Array) -> Array:
+    """Give X, shape (..., 6, 6), Eq. (26)."""
+    Rt = np.swapaxes(R, -1, -2)
+    X = np.zeros((*R.shape[:-2], 6, 6))
+    X[..., :3, :3] = X[..., 3:, 3:] = Rt
+    X[..., :3, 3:] = -np.matmul(Rt, hat(p))
+    return X
+
+
+def crm(V: Array, U: Array) -> Array:
+    """Give crm(V) U, the spatial product of two twists, shapes (..., 6)."""
+    v, w = V[..., :3], V[..., 3:]
+    return np.concatenate([cross(w, U[..., :3]) + cross(v, U[..., 3:]), cross(w, U[..., 3:])], axis=-1)
+
+
+def crf(V: Array, F: Array) -> Array:
+    """Give crf(V) F, the spatial product of a twist and a wrench, shapes (..., 6)."""
+    v, w, f = V[..., :3], V[..., 3:], F[..., :3]
+    return np.concatenate([cross(w, f), cross(w, F[..., 3:]) + cross(v, f)], axis=-1)
+
+
+def spatial_inertia(mass: float, com: Array, inertia: Array) -> Array:
+    """Give the 6-D inertia about the body frame's origin, shape (6, 6), Eq. (13).
+
+    Args:
+        mass: Mass [kg].
+        com: Centre of mass, shape (3,), [m], body frame.
+        inertia: Inertia about the centre of mass, shape (3, 3), [kg m^2], body axes.
+    """
+    c = hat(np.asarray(com, dtype=float))
+    out = np.zeros((6, 6))
+    out[:3, :3] = mass * np.eye(3)
+    out[:3, 3:], out[3:, :3] = -mass * c, mass * c
+    out[3:, 3:] = inertia + mass * c @ c.T
+    return out
+
+
+def rotation_from_axis_angle(axis: Array, cos: Array, sin: Array) -> Array:
+    """Give rotations about unit axes (..., 3) by angles given as cosine and sine (...,)."""
+    x, y, z = axis[..., 0], axis[..., 1], axis[..., 2]
+    d = 1.0 - cos
+    R = np.empty((*np.broadcast(x, cos).shape, 3, 3))
+    R[..., 0, 0], R[..., 0, 1], R[..., 0, 2] = cos + d * x * x, d * x * y - sin * z, d * x * z + sin * y
+    R[..., 1, 0], R[..., 1, 1], R[..., 1, 2] = d * x * y + sin * z, cos + d * y * y, d * y * z - sin * x
+    R[..., 2, 0], R[..., 2, 1], R[..., 2, 2] = d * x * z - sin * y, d * y * z + sin * x, cos + d * z * z
+    return R
+
+
+def rotation_from_quaternion(quat: Array) -> Array:
+    """Give rotations from quaternions x, y, z, w, shape (..., 4), which need not be normalised."""
+    s = 2.0 / np.sum(quat * quat, axis=-1)
+    x, y, z, w = quat[..., 0], quat[..., 1], quat[..., 2], quat[..., 3]
+    R = np.empty((*quat.shape[:-1], 3, 3))
+    R[..., 0, 0], R[..., 0, 1], R[..., 0, 2] = 1 - s * (y * y + z * z), s * (x * y - z * w), s * (x * z + y * w)
+    R[..., 1, 0], R[..., 1, 1], R[..., 1, 2] = s * (x * y + z * w), 1 - s * (x * x + z * z), s * (y * z - x * w)
+    R[..., 2, 0], R[..., 2, 1], R[..., 2, 2] = s * (x * z - y * w), s * (y * z + x * w), 1 - s * (x * x + y * y)
+    return R
+
+
+def quaternion_from_rotation(R: Array) -> Array:
+    """Give unit quaternions x, y, z, w with w >= 0 from rotations (..., 3, 3), stable for every angle."""
+    m00, m11, m22 = R[..., 0, 0], R[..., 1, 1], R[..., 2, 2]
+    # The row of the 4x4 matrix 4 q q^T with the largest diagonal entry is the quaternion, safely scaled.
+    rows = np.stack(
+        [
+            np.stack([1 + m00 - m11 - m22, R[..., 0, 1] + R[..., 1, 0], R[..., 0, 2] + R[..., 2, 0],
+                      R[..., 2, 1] - R[..., 1, 2]], axis=-1),
+            np.stack([R[..., 0, 1] + R[..., 1, 0], 1 - m00 + m11 - m22, R[..., 1, 2] + R[..., 2, 1],
+                      R[..., 0, 2] - R[..., 2, 0]], axis=-1),
+            np.stack([R[..., 0, 2] + R[..., 2, 0], R[..., 1, 2] + R[..., 2, 1], 1 - m00 - m11 + m22,
+                      R[..., 1, 0] - R[..., 0, 1]], axis=-1),
+            np.stack([R[..., 2, 1] - R[..., 1, 2], R[..., 0, 2] - R[..., 2, 0], R[..., 1, 0] - R[..., 0, 1],
+                      1 + m00 + m11 + m22], axis=-1),
+        ],
+        axis=-2,
+    )  # fmt: skip
+    best = np.argmax(np.diagonal(rows, axis1=-2, axis2=-1), axis=-1)
+    quat = np.take_along_axis(rows, best[..., None, None], axis=-2)[..., 0, :]
+    quat = quat / np.linalg.norm(quat, axis=-1, keepdims=True)
+    out: Array = np.where(quat[..., 3:] < 0, -quat, quat)
+    return out
+
+
+def rotation_vector(R: Array) -> Array:
+    """Give log of rotations (..., 3, 3) as vectors (..., 3), well behaved up to half a turn."""
+    quat = quaternion_from_rotation(R)
+    sine = np.linalg.norm(quat[..., :3], axis=-1)
+    angle = 2.0 * np.arctan2(sine, quat[..., 3])
+    scale = np.where(sine > 1e-9, angle / np.where(sine > 1e-9, sine, 1.0), 2.0)
+    return quat[..., :3] * scale[..., None]
+
+
+def rotation_from_vector(r: Array) -> Array:
+    """Give exp of rotation vectors (..., 3)."""
+    angle = np.linalg.norm(r, axis=-1)
+    axis = r / np.where(angle > 0, angle, 1.0)[..., None]
+    return rotation_from_axis_angle(axis, np.cos(angle), np.sin(angle))
