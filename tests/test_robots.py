@@ -2,10 +2,9 @@
 
 import importlib.util
 import re
-import tomllib
 from pathlib import Path
 from types import ModuleType
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -52,10 +51,6 @@ def robot_file(name: str) -> Path:
     return ROOT / "urdf" / f"{name}.urdf.xacro"
 
 
-def model_toml(name: str) -> dict[str, Any]:
-    return tomllib.loads((ROOT / "models" / name / "model.toml").read_text(encoding="utf-8"))
-
-
 @pytest.fixture(scope="module", params=ROBOTS)
 def name(request: pytest.FixtureRequest) -> str:
     return str(request.param)
@@ -63,7 +58,7 @@ def name(request: pytest.FixtureRequest) -> str:
 
 @pytest.fixture(scope="module")
 def robot(name: str) -> Description:
-    return read(robot_file(name), motors=model_toml(name).get("motors"))
+    return read(robot_file(name))
 
 
 @pytest.fixture(scope="module")
@@ -84,9 +79,9 @@ def script() -> ModuleType:
     return module
 
 
-def home(oracle: Oracle, values: dict[str, float]) -> np.ndarray:
+def home(oracle: Oracle) -> np.ndarray:
     q = np.zeros(oracle.nq)
-    for joint, value in values.items():
+    for joint, value in oracle.description.home.items():
         q[oracle.coordinates[joint][1]] = value
     return q
 
@@ -119,44 +114,35 @@ def test_inertias_are_physical(robot: Description) -> None:
     assert all(not link.inertia.any() for link in robot.links if link.mass == 0)
 
 
-def test_home_closes_every_loop(name: str, robot: Description) -> None:
+def test_home_closes_every_loop(robot: Description) -> None:
     oracle = Oracle(robot)
-    residual = oracle.residual(home(oracle, model_toml(name)["home"]))
+    residual = oracle.residual(home(oracle))
     assert np.abs(residual).max() < CLOSED * oracle.tree.length
 
 
 def test_motors_drive_every_freedom_at_home(name: str, robot: Description) -> None:
     oracle = Oracle(robot)
-    motions = oracle.motions(home(oracle, model_toml(name)["home"]))
+    motions = oracle.motions(home(oracle))
     driven = (motions / oracle.unit[:, None])[oracle.motors]
     assert driven.shape == (ROBOTS[name].motors, ROBOTS[name].mobility)
     singular_values = np.linalg.svd(driven, compute_uv=False)
     assert singular_values[-1] > INDEPENDENT * singular_values[0]
 
 
-def test_motors_have_limits_around_home(name: str, robot: Description) -> None:
-    values = model_toml(name)["home"]
+def test_limits_hold_home_and_motors_have_all_of_them(robot: Description) -> None:
     for joint in robot.joints:
         if joint.name in robot.motors:
             assert 0 < joint.effort < np.inf, joint.name
             assert 0 < joint.velocity < np.inf, joint.name
         if joint.kind != "fixed":
-            assert joint.lower < values.get(joint.name, 0.0) < joint.upper, joint.name
+            assert joint.lower < robot.home.get(joint.name, (0.0,))[0] < joint.upper, joint.name
 
 
-def test_model_file_names_motors(name: str, robot: Description) -> None:
-    model = model_toml(name)
-    assert set(model.get("joints", {})) <= set(robot.motors)
-    for joint, values in model.get("joints", {}).items():
-        assert set(values) == {"rotor_inertia", "gear_ratio", "damping", "friction"}, joint
-        assert all(value > 0 for value in values.values()), joint
-    movable = {joint.name for joint in robot.joints if joint.kind != "fixed"}
-    assert set(model["home"]) <= movable
-
-
-def test_every_motor_has_a_rotor(name: str, robot: Description) -> None:
-    in_xacro = {joint.name for joint in robot.joints if joint.rotor_inertia > 0 and joint.damping > 0}
-    assert set(model_toml(name).get("joints", {})) | in_xacro == set(robot.motors)
+def test_motors_alone_have_rotors_and_friction(robot: Description) -> None:
+    """Stated in the xacro, or in model.toml beside it."""
+    for joint in robot.joints:
+        stated = (joint.rotor_inertia, joint.damping, joint.friction, abs(joint.gear_ratio - 1.0))
+        assert (min(stated) > 0) == (max(stated) > 0) == (joint.name in robot.motors), joint.name
 
 
 @pytest.mark.parametrize(("file", "argument", "count"), [("snake", "n", 3), ("lx4", "modules", 6)])
