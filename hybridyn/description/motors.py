@@ -32,8 +32,21 @@ def choose_motors(robot: RobotFile, motors: Sequence[str] | None) -> tuple[tuple
     for source in RANKING:
         found = [statement for statement in robot.motors if statement.source == source]
         if found:
+            _note_disagreement(robot, found[0])
             return _checked(robot, found[0]), found[0].where
     return _by_rule(robot)
+
+
+def _note_disagreement(robot: RobotFile, chosen: MotorStatement) -> None:
+    """Note where URDF+ leaves more joints independent than transmissions drive: one of the lists is short."""
+    for other in robot.motors:
+        if chosen.source == "transmission" and other.source == "independent":
+            missing = [name for name in other.names if name not in chosen.names]
+            if missing:
+                robot.notes.append(
+                    f"<transmission> drives {len(chosen.names)} joints, but {other.where} are more: "
+                    f"{listed(missing)}; if they are driven too, write motors = [..] in model.toml"
+                )
 
 
 def _by_rule(robot: RobotFile) -> tuple[tuple[str, ...], str]:

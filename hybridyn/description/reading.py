@@ -9,12 +9,14 @@ import os
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
+from hybridyn.description.gepetto import apply_frame_names, find_side_car, read_side_car
+from hybridyn.description.model_file import apply_model_file, find_model_file, read_model_file
 from hybridyn.description.motors import choose_motors
 from hybridyn.description.names import listed
 from hybridyn.description.records import Description
 from hybridyn.description.robot_file import RobotFile
 from hybridyn.description.urdf import read_urdf
-from hybridyn.description.urdf_foreign import refuse_unclosed_frames
+from hybridyn.description.urdf_foreign import refuse_unclosed_frames, refuse_unread_side_cars
 from hybridyn.description.validate import validate
 from hybridyn.description.xacro_files import expand, is_xacro
 from hybridyn.description.xml_node import LARGEST_FILE, Node, parse
@@ -53,6 +55,9 @@ def read(
     root, notes = _open(file, xacro_args or {}, package_dirs)
     robot = _reader(root)(root)
     robot.notes += notes
+    if root.tag == "robot":
+        _read_side_cars(robot, file)
+    home = _read_model_file(robot, file)
     validate(robot)
     refuse_unclosed_frames(robot)
     chosen, rule = choose_motors(robot, motors)
@@ -64,6 +69,7 @@ def read(
         couplings=tuple(robot.couplings),
         motors=chosen,
         motors_from=rule,
+        home=home,
         notes=tuple(robot.notes),
         source=file,
     )
@@ -80,6 +86,27 @@ def _open(
     if xacro_args:
         raise ModelError(f"is no xacro file, so it takes no arguments ({listed(xacro_args)})", file=file)
     return parse(text, file), []
+
+
+def _read_side_cars(robot: RobotFile, file: str) -> None:
+    """Add what files beside a URDF say of its closures, else what the names of its frames say."""
+    folder = Path(file).parent
+    side_car = find_side_car(file)
+    if side_car is not None:
+        read_side_car(robot, read_bytes(str(side_car)), str(side_car))
+    else:
+        apply_frame_names(robot)
+    refuse_unread_side_cars(robot, folder)
+
+
+def _read_model_file(robot: RobotFile, file: str) -> dict[str, tuple[float, ...]]:
+    """Add what model.toml says, and give the home posture."""
+    path = find_model_file(file)
+    if path is None:
+        return {}
+    text = read_bytes(str(path))
+    model = read_model_file(text, str(path))
+    return apply_model_file(robot, model, text.decode("utf-8"), str(path))
 
 
 def read_bytes(file: str) -> bytes:

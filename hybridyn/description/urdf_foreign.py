@@ -7,6 +7,7 @@ known not to bear on dynamics, or it is looked into; and the tags that are read 
 from __future__ import annotations
 
 import re
+from pathlib import Path
 
 from hybridyn.description.names import closest, listed
 from hybridyn.description.robot_file import RobotFile
@@ -56,6 +57,14 @@ LEGACY_FORMS = {
     "cable": "a cable of old Drake; hybridyn has no cables",
 }
 """Forms that are known and not read, with the way to write them."""
+
+UNREAD_SIDE_CARS = {
+    "submechanisms.yml": "Phobos and HyRoDyn",
+    "submechanisms.yaml": "Phobos and HyRoDyn",
+    "loop_closures.yaml": "scikit-robot",
+    "loop_closures.yml": "scikit-robot",
+}
+"""Files beside a robot that hold closures in forms that are not read."""
 
 _LOOP_WORDS = re.compile(
     r"loop|constraint|closure|closing|coupling|equality|weld|bushing|mimic|linkage", re.IGNORECASE
@@ -126,6 +135,25 @@ def refuse_unclosed_frames(robot: RobotFile) -> None:
             line=lines[named[0]],
             element=named[0],
         )
+
+
+def refuse_unread_side_cars(robot: RobotFile, folder: Path) -> None:
+    """Refuse side-cars in forms that are not read; beside a robot that states its closures they are noted.
+
+    Raises:
+        ModelError: There is one, and the robot states no closure.
+    """
+    for name, form in UNREAD_SIDE_CARS.items():
+        if not (folder / name).is_file():
+            continue
+        if not robot.closures:
+            raise ModelError(
+                f"{name} beside it ({form}) may state loop closures, but is not read; move it away if it "
+                f"belongs to another robot. {_capital(ACCEPTED_FORMS)}",
+                file=robot.file,
+                element=name,
+            )
+        robot.notes.append(f"{name} ({form}) stands beside the robot and was not read")
 
 
 def _refuse_if_suspicious(node: Node) -> None:

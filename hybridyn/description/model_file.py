@@ -1,0 +1,182 @@
+"""`model.toml`: what URDF cannot say about a robot: home posture, motors, rotors, friction.
+
+For `X.urdf` or `X.urdf.xacro` it is `X.model.toml` beside it, else `../models/X/model.toml`.
+
+    motors = ["slide1", "slide2"]
+    [home]
+    slide1 = 0.1                    # one number, or the joint's Pinocchio coordinates as a list
+    [joints.slide1]
+    rotor_inertia = 3e-5            # and gear_ratio, damping, friction
+"""
+
+from __future__ import annotations
+
+import math
+import re
+import tomllib
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated
+
+from pydantic import Field, FiniteFloat, ValidationError
+
+from hybridyn.description.names import did_you_mean
+from hybridyn.description.records import Joint
+from hybridyn.description.robot_file import MotorStatement, RobotFile
+from hybridyn.description.schema import Schema, first_problem
+from hybridyn.errors import ModelError
+
+NotNegative = Annotated[FiniteFloat, Field(ge=0)]
+
+COORDINATES = {
+    "revolute": (1,),
+    "prismatic": (1,),
+    "continuous": (1, 2),
+    "spherical": (4,),
+    "planar": (4,),
+    "floating": (7,),
+}
+"""How many numbers a home position may have, by kind of joint."""
+
+UNIT_PART = {("continuous", 2): 0, ("spherical", 4): 0, ("planar", 4): 2, ("floating", 7): 3}
+"""Where the unit vector (cosine and sine, or quaternion) starts in such a position; it runs to the end."""
+
+UNIT_SLACK = 1e-4
+"""How far a written unit vector may be from length one before it is an error rather than rounding."""
+
+
+class JointNumbers(Schema):
+    """What may be said of one joint; see `records.Joint`."""
+
+    rotor_inertia: NotNegative | None = None
+    gear_ratio: FiniteFloat | None = None
+    damping: NotNegative | None = None
+    friction: NotNegative | None = None
+
+
+class ModelFile(Schema):
+    """The tables of model.toml; a new table (effects) is a new field."""
+
+    motors: list[str] | None = None
+    home: dict[str, FiniteFloat | list[FiniteFloat]] = Field(default_factory=dict)
+    joints: dict[str, JointNumbers] = Field(default_factory=dict)
+
+
+def find_model_file(file: str) -> Path | None:
+    """Give the path of the model file that belongs to a robot file, or None."""
+    path = Path(file)
+    name = re.sub(r"(\.urdf)?(\.xacro)?$", "", path.name)
+    candidates = [path.with_name(f"{name}.model.toml"), path.parent / ".." / "models" / name / "model.toml"]
+    return next((candidate for candidate in candidates if candidate.is_file()), None)
+
+
+def read_model_file(text: bytes, file: str) -> ModelFile:
+    """Read the text of a model file.
+
+    Raises:
+        ModelError: It is no TOML, or a key or value is wrong; the line is named.
+    """
+    try:
+        plain = text.decode("utf-8")
+        content = tomllib.loads(plain)
+    except UnicodeDecodeError as error:
+        raise ModelError(f"is not UTF-8 text (byte {error.start})", file=file) from None
+    except tomllib.TOMLDecodeError as error:
+        at = re.search(r"at line (\d+)", str(error))
+        raise ModelError(
+            f"not readable as TOML: {error}", file=file, line=int(at[1]) if at else None
+        ) from None
+    except (RecursionError, ValueError):
+        raise ModelError("not readable as TOML: nested too deeply, or a number too long", file=file) from None
+    try:
+        return ModelFile.model_validate(content)
+    except ValidationError as error:
+        known = [*ModelFile.model_fields]
+        if error.errors()[0]["loc"][:1] == ("joints",):
+            known = [*JointNumbers.model_fields]
+        place, message = first_problem(error, known)
+        keys = tuple(str(part) for part in place)
+        key = ".".join(keys)
+        raise ModelError(f"'{key}': {message}", file=file, line=line_of(plain, keys), element=key) from None
+
+
+def apply_model_file(
+    robot: RobotFile, model: ModelFile, text: str, file: str
+) -> dict[str, tuple[float, ...]]:
+    """Put what a model file says into the robot, and give the home posture by joint name.
+
+    Raises:
+        ModelError: A joint is unknown, or a home position does not fit its joint.
+    """
+    by_name = {joint.name: joint for joint in robot.joints}
+
+    def wrong(table: str, name: str, message: str) -> ModelError:
+        line = line_of(text, (table, name))
+        return ModelError(f"[{table}] '{name}': {message}", file=file, line=line, element=name)
+
+    for table, names in (("home", model.home), ("joints", model.joints)):
+        for name in names:
+            if name not in by_name:
+                raise wrong(table, name, f"no such joint{did_you_mean(name, by_name)}")
+            if by_name[name].kind == "fixed":
+                raise wrong(table, name, "the joint is fixed")
+    home: dict[str, tuple[float, ...]] = {}
+    for name, value in model.home.items():
+        try:
+            home[name] = home_position(by_name[name], value if isinstance(value, list) else [value])
+        except ValueError as error:
+            raise wrong("home", name, str(error)) from None
+    for name, numbers in model.joints.items():
+        if numbers.gear_ratio == 0:
+            raise wrong("joints", name, "a gear ratio of 0 moves nothing")
+    robot.joints = [_with_numbers(joint, model.joints.get(joint.name)) for joint in robot.joints]
+    if model.motors is not None:
+        line = line_of(text, ("motors",))
+        robot.motors.append(MotorStatement("model file", "model.toml", tuple(model.motors), file, line))
+    return home
+
+
+def home_position(joint: Joint, values: list[float]) -> tuple[float, ...]:
+    """Check a home position against its joint; unit vectors are brought to length one.
+
+    Raises:
+        ValueError: The number of values is wrong, or what must be a unit vector is none.
+    """
+    counts = COORDINATES[joint.kind]
+    if len(values) not in counts:
+        wanted = " or ".join(str(count) for count in counts)
+        raise ValueError(f"{len(values)} numbers for a {joint.kind} joint, which has {wanted}")
+    start = UNIT_PART.get((joint.kind, len(values)))
+    if start is None:
+        return tuple(values)
+    length = math.hypot(*values[start:])
+    if abs(length - 1) > UNIT_SLACK:
+        raise ValueError(f"its last {len(values) - start} numbers have length {length:g} instead of 1")
+    return (*values[:start], *(value / length for value in values[start:]))
+
+
+def line_of(text: str, keys: tuple[str, ...]) -> int | None:
+    """Give the line (from 1) that defines a key of a TOML text, or the nearest table around it."""
+    table: tuple[str, ...] = ()
+    best: tuple[int, int | None] = (0, None)
+    for number, line in enumerate(text.splitlines(), start=1):
+        header = re.match(r"\s*\[+\s*([^\]]+?)\s*\]", line)
+        if header:
+            defined = table = _dotted(header[1])
+        elif assignment := re.match(r"""\s*((?:[\w-]+|"[^"]*"|'[^']*'|\s*\.\s*)+?)\s*=""", line):
+            defined = (*table, *_dotted(assignment[1]))
+        else:
+            continue
+        shared = len(defined)
+        if defined == keys[:shared] and shared > best[0]:
+            best = (shared, number)
+    return best[1]
+
+
+def _dotted(text: str) -> tuple[str, ...]:
+    return tuple(part.strip("\"'") for part in re.findall(r"""[\w-]+|"[^"]*"|'[^']*'""", text))
+
+
+def _with_numbers(joint: Joint, numbers: JointNumbers | None) -> Joint:
+    stated = numbers.model_dump(exclude_none=True) if numbers else {}
+    return replace(joint, **stated) if stated else joint
