@@ -1,0 +1,125 @@
+"""The arithmetics that the oracle runs in: double precision, or as many digits as one likes.
+
+Both know three things beyond sums and products: elementary functions, square systems, and a rank-revealing
+factorisation. Arrays are plain NumPy arrays, of floats or of mpmath numbers.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+Numbers = NDArray[Any]
+
+
+class Factor(NamedTuple):
+    """Rank-revealing factors `A = U inverse^-1 V^T`, with U and V orthonormal and Z the null space of A."""
+
+    U: Numbers
+    inverse: Numbers
+    V: Numbers
+    Z: Numbers
+
+    def least_norm(self, b: Numbers) -> Numbers:
+        """Give the least-norm least-squares solution of `A x = b`."""
+        x: Numbers = self.V @ (self.inverse @ (self.U.T @ b))
+        return x
+
+    def least_norm_normal(self, b: Numbers) -> Numbers:
+        """Give the least-norm solution of `A^T A x = b`."""
+        x: Numbers = self.V @ (self.inverse @ (self.inverse.T @ (self.V.T @ b)))
+        return x
+
+
+class Float64:
+    """IEEE double precision; rank from singular values."""
+
+    epsilon = float(np.finfo(float).eps)
+    sin, cos = staticmethod(math.sin), staticmethod(math.cos)
+    sqrt, atan2 = staticmethod(math.sqrt), staticmethod(math.atan2)
+
+    def array(self, values: Any) -> Numbers:
+        """Copy `values` into an array of this arithmetic."""
+        return np.array(values, dtype=float)
+
+    def factor(self, A: Numbers, tolerance: float, largest: float = 0.0) -> Factor:
+        """Factor A by singular values; those up to `tolerance` x the greatest (or `largest`) are dropped."""
+        U, s, Vt = np.linalg.svd(A, full_matrices=True)
+        rank = int(np.sum(s > tolerance * max(s[0], largest))) if s.size else 0
+        return Factor(U[:, :rank], np.diag(1.0 / s[:rank]), Vt[:rank].T, Vt[rank:].T)
+
+    def solve(self, A: Numbers, B: Numbers) -> Numbers:
+        """Solve the square system `A X = B`."""
+        return np.linalg.solve(A, B)
+
+
+class Extended:
+    """Arrays of mpmath numbers; rank from a column-pivoted Householder QR.
+
+    Args:
+        mp: An mpmath context with its precision set (`mpmath.mp`, `mp.dps = 50`).
+    """
+
+    def __init__(self, mp: Any) -> None:
+        self.mp = mp
+        self.epsilon = float(mp.eps)
+        self.sin, self.cos, self.sqrt, self.atan2 = mp.sin, mp.cos, mp.sqrt, mp.atan2
+
+    def array(self, values: Any) -> Numbers:
+        """Copy `values` into an array of this arithmetic, each number exactly."""
+        source = np.asarray(values)
+        numbers = [x if isinstance(x, self.mp.mpf) else self.mp.mpf(float(x)) for x in source.flat]
+        out = np.empty(len(numbers), dtype=object)
+        out[:] = numbers
+        return out.reshape(source.shape)
+
+    def factor(self, A: Numbers, tolerance: float, largest: float = 0.0) -> Factor:
+        """Factor A by two QR; pivots up to `tolerance` x the greatest (or `largest`) are dropped."""
+        Q, R, order, rank = self._qr(A, tolerance, largest)
+        W, S, turned, _ = self._qr(R[:rank].T, 0.0, 0.0)
+        V = np.empty_like(W)
+        V[order] = W
+        lower = S[:rank].T  # R^T = W S P^T, so A = (Q P) lower (order^-1 W)^T
+        inverse = self.array(np.eye(rank))
+        for i in range(rank):
+            inverse[i] = (
+                (inverse[i] - lower[i, :i] @ inverse[:i]) / lower[i, i] if i else inverse[i] / lower[0, 0]
+            )
+        return Factor(Q[:, :rank][:, turned], inverse, V[:, :rank], V[:, rank:])
+
+    def solve(self, A: Numbers, B: Numbers) -> Numbers:
+        """Solve the square system `A X = B`."""
+        return self.factor(A, 0.0).least_norm(B)
+
+    def _qr(self, A: Numbers, tolerance: float, largest: float) -> tuple[Numbers, Numbers, list[int], int]:
+        """Give Q (square), R, the column order and the rank of `A[:, order] = Q R`."""
+        rows, columns = A.shape
+        R, Q, order = A.copy(), self.array(np.eye(rows)), list(range(columns))
+        rank = 0
+        for k in range(min(rows, columns)):
+            norms = [R[k:, j] @ R[k:, j] for j in range(k, columns)]
+            best = max(range(len(norms)), key=norms.__getitem__)
+            norm = self.sqrt(norms[best])
+            largest = max(norm, largest)
+            if norm == 0 or norm <= tolerance * largest:
+                break
+            j = k + best
+            R[:, [k, j]], order[k], order[j] = R[:, [j, k]], order[j], order[k]
+            w = R[k:, k].copy()
+            w[0] += norm if w[0] >= 0 else -norm
+            w = w / self.sqrt(w @ w)
+            R[k:] = R[k:] - 2 * np.outer(w, w @ R[k:])
+            Q[:, k:] = Q[:, k:] - 2 * np.outer(Q[:, k:] @ w, w)
+            rank = k + 1
+        return Q, R, order, rank
+
+
+Arithmetic = Float64 | Extended
+
+
+def cross(a: Numbers, b: Numbers) -> Numbers:
+    """Give the cross product of two 3-vectors, of any arithmetic."""
+    return np.array([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])

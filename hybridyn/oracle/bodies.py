@@ -1,0 +1,85 @@
+"""Newton and Euler for every link, in world axes about the body's origin."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from hybridyn.description.records import Description
+from hybridyn.oracle.arithmetic import Arithmetic, Numbers, cross
+from hybridyn.oracle.tree import Posture
+
+Wrenches = Mapping[str, Any]
+
+
+class Bodies:
+    """The masses of a robot and what moves them.
+
+    Args:
+        description: The robot.
+        gravity: Acceleration of gravity, shape (3,), [m/s^2], world.
+        arithmetic: The arithmetic of everything here.
+    """
+
+    def __init__(self, description: Description, gravity: Numbers, arithmetic: Arithmetic) -> None:
+        array = arithmetic.array
+        self.gravity, self.arithmetic = gravity, arithmetic
+        self.links = [(x.name, array(x.mass)[()], array(x.com), array(x.inertia)) for x in description.links]
+        self.mass = sum(x.mass for x in description.links)
+        self.inertia = sum(float(np.trace(x.inertia)) for x in description.links)
+
+    def effort(self, posture: Posture, V: Numbers, V_dot: Numbers, wrenches: Wrenches) -> Numbers:
+        """Give the generalized effort Q that a motion needs, `Q = G^T W`, shape (nv,).
+
+        Args:
+            posture: Where the bodies are.
+            V: Body velocities, shape (bodies, 6), [m/s, rad/s], world axes, body origins.
+            V_dot: Body accelerations, classical, shape (bodies, 6).
+            wrenches: Link name to outer wrench [force; moment] on it, shape (6,), link frame at its origin.
+
+        Raises:
+            KeyError: A wrench names no link.
+        """
+        W = self.arithmetic.array(np.zeros(V.shape))
+        for name, mass, com, inertia in self.links:
+            link = posture.links[name]
+            omega, alpha, lever = V[link.body][3:], V_dot[link.body][3:], link.r + link.E @ com
+            c_ddot = V_dot[link.body][:3] + cross(alpha, lever) + cross(omega, cross(omega, lever))
+            force = mass * (c_ddot - self.gravity)
+            J = link.E @ inertia @ link.E.T
+            moment = J @ alpha + cross(omega, J @ omega) + cross(lever, force)
+            W[link.body] = W[link.body] + np.concatenate([force, moment])
+        for name, wrench in wrenches.items():
+            link, wrench = posture.links[name], self.arithmetic.array(wrench)
+            force, moment = link.E @ wrench[:3], link.E @ wrench[3:]
+            W[link.body] = W[link.body] - np.concatenate([force, moment + cross(link.r, force)])
+        return posture.G.T @ W.reshape(-1)
+
+    def inertia_root(self, posture: Posture, motions: Numbers) -> Numbers:
+        """Give C with `C^T C = motions^T G^T M G motions`: link velocities times square roots of masses."""
+        count = motions.shape[1]
+        moved = (posture.G @ motions).reshape(-1, 6, count)
+        blocks = [self.arithmetic.array(np.zeros((0, count)))]
+        for name, mass, com, inertia in self.links:
+            link = posture.links[name]
+            lever, omega = link.r + link.E @ com, moved[link.body][3:]
+            c_dot = (
+                moved[link.body][:3]
+                - np.array([cross(lever, omega[:, j]) for j in range(count)]).reshape(-1, 3).T
+            )
+            blocks += [self.arithmetic.sqrt(mass) * c_dot, self.root(inertia) @ link.E.T @ omega]
+        return np.concatenate(blocks)
+
+    def root(self, inertia: Numbers) -> Numbers:
+        """Give X with `X^T X = inertia`, by Cholesky with pivoting; a zero or singular inertia is fine."""
+        left, rows = inertia.copy(), []
+        for _ in range(3):
+            i = max(range(3), key=lambda j: left[j, j])
+            if left[i, i] <= 0:
+                break
+            rows.append(left[i] / self.arithmetic.sqrt(left[i, i]))
+            left = left - np.outer(rows[-1], rows[-1])
+            left[i, :] = left[:, i] = 0
+        return self.arithmetic.array(rows).reshape(-1, 3)

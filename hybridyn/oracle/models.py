@@ -1,0 +1,248 @@
+"""The oracle: kinematics of the closed loops, inverse and direct dynamics."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Literal
+
+import numpy as np
+
+from hybridyn.description.records import Description
+from hybridyn.oracle.arithmetic import Arithmetic, Factor, Float64, Numbers
+from hybridyn.oracle.bodies import Bodies, Wrenches
+from hybridyn.oracle.tree import Base, Posture, Tree
+
+RANK_TOLERANCE = 1e-9
+INERTIA_TOLERANCE = 1e-11  # on square roots of masses: 1e-22 in mass
+FORCED_TOLERANCE = 1e-8  # effort along a massless motion, against the largest effort
+CLOSED_TOLERANCE = 1e-9  # residual that `close` accepts, against the robot's length
+
+
+def largest(x: Numbers) -> float:
+    """Give the largest magnitude in an array, zero for none."""
+    return max((abs(float(value)) for value in x.reshape(-1)), default=0.0)
+
+
+class Oracle:
+    """The reference models of one robot; every call takes one sample.
+
+    Args:
+        description: The robot.
+        base: "fixed"; "moving" (prescribed) or "floating" (free): a free-flyer `root_joint` comes first.
+        gravity: Acceleration of gravity, shape (3,), [m/s^2], world.
+        arithmetic: `Float64()` (default) or `Extended(mpmath.mp)`.
+        rank_tolerance: Relative threshold for the rank of the closure rows and of the motors' map.
+        inertia_tolerance: Relative threshold on C under which a motion counts as massless.
+
+    Attributes:
+        nq, nv, joint_names: The spanning tree's coordinates, in the order of `pin.buildModelFromXML`.
+        coordinates: Joint name to (kind, slice of q, slice of v).
+        unit: What one scaled velocity coordinate is in v, shape (nv,).
+        motors: Index in v of each motor, in the description's order.
+    """
+
+    def __init__(
+        self,
+        description: Description,
+        base: Base = "fixed",
+        gravity: Sequence[float] = (0.0, 0.0, -9.81),
+        *,
+        arithmetic: Arithmetic | None = None,
+        rank_tolerance: float = RANK_TOLERANCE,
+        inertia_tolerance: float = INERTIA_TOLERANCE,
+    ) -> None:
+        self.description, self.base, self.arithmetic = description, base, arithmetic or Float64()
+        self.rank_tolerance, self.inertia_tolerance = rank_tolerance, inertia_tolerance
+        self.tree = Tree(description, base, self.arithmetic, rank_tolerance)
+        self.bodies = Bodies(description, self.arithmetic.array(gravity), self.arithmetic)
+        self.nq, self.nv, self.unit = self.tree.nq, self.tree.nv, self.tree.unit
+        self.coordinates, self.joint_names = self.tree.coordinates, list(self.tree.coordinates)
+        self.motors = [self.coordinates[name][2].start for name in description.motors]
+
+    # ---------------------------------------------------------------- closing
+
+    def posture(self, q: Numbers) -> Posture:
+        """Place every link and write every row at q, shape (nq,)."""
+        return self.tree.posture(q)
+
+    def residual(self, q: Numbers) -> Numbers:
+        """Give what the closures and couplings miss at q, all zero where they hold, shape (n,).
+
+        In the order of `rows`, slides in metres; then one negative cosine for every pair of axes that should
+        agree and point apart by more than a right angle (the rows alone vanish there too).
+        """
+        posture = self.posture(q)
+        return np.concatenate(
+            [self.tree.values(posture, self.arithmetic.array(q)), self.tree.turned(posture)]
+        )
+
+    def rows(self, q: Numbers) -> Numbers:
+        """Give K, the rows of closures, then couplings, on tree velocities, shape (rows, nv)."""
+        return self.posture(q).K
+
+    def motions(self, q: Numbers) -> Numbers:
+        """Give a basis of the tree velocities that the closures allow, shape (nv, mobility)."""
+        return self.unit[:, None] * self.posture(q).Z
+
+    def integrate(self, q: Numbers, step: Numbers) -> Numbers:
+        """Move q by a step of velocity x time, shape (nv,): first order, on each joint's manifold."""
+        return self.tree.integrate(q, step)
+
+    def close(self, q: Numbers, iterations: int = 60) -> Numbers:
+        """Close the loops from a near guess, by Gauss-Newton steps of least norm and bounded length.
+
+        Raises:
+            ValueError: The residual stays too large, or the loops close the wrong way round.
+        """
+        q = self.arithmetic.array(q)
+        for _ in range(iterations):
+            posture = self.posture(q)
+            x = self.tree.least_change(posture, self.tree.values(posture, q))
+            size = largest(x / self.unit)
+            q = self.integrate(q, -x * min(1.0, 0.3 / size if size else 1.0))
+            if size < 4 * self.arithmetic.epsilon:
+                break
+        posture = self.posture(q)
+        left = largest(self.tree.values(posture, q) / posture.scale)
+        if left > CLOSED_TOLERANCE or self.tree.turned(posture).size:
+            raise ValueError(
+                f"the loops do not close from this guess: residual {left:.1e} of the robot's length"
+            )
+        return q
+
+    def project_velocity(self, q: Numbers, v: Numbers) -> Numbers:
+        """Give the nearest velocity that the closures allow."""
+        posture, v = self.posture(q), self.arithmetic.array(v)
+        return v - self.tree.least_change(posture, posture.K @ v)
+
+    def consistent_acceleration(self, q: Numbers, v: Numbers, a: Numbers) -> Numbers:
+        """Give the nearest acceleration that keeps the closures closed, `K a + k = 0`."""
+        posture, a = self.posture(q), self.arithmetic.array(a)
+        k = self.tree.drifts(posture, self.arithmetic.array(v))[2]
+        return a - self.tree.least_change(posture, posture.K @ a + k)
+
+    # ---------------------------------------------------------------- dynamics
+
+    def motor_map(self, posture: Posture) -> Numbers:
+        """Give what each motor's effort does along Z, `Z^T S^T`, shape (mobility, motors)."""
+        return (self.unit[self.motors, None] * posture.Z[self.motors]).T
+
+    def idm(
+        self,
+        q: Numbers,
+        v: Numbers,
+        a: Numbers,
+        wrenches: Wrenches | None = None,
+        weights: Sequence[float] | None = None,
+        passive: Literal["given", "solved"] = "given",
+    ) -> Numbers:
+        """Give the motor efforts of a motion, shape (motors,), [N or N m], order `description.motors`.
+
+        Args:
+            q: Closed posture, shape (nq,).
+            v: Velocity that the closures allow, shape (nv,).
+            a: Acceleration that the closures allow, shape (nv,).
+            wrenches: Link name to the wrench [force; moment] on it, shape (6,), link frame at its origin.
+            weights: Redundant motors share so that sum weight x effort^2 is least; default ones.
+            passive: "given" takes `a` as it is; "solved" only the motors' (and a prescribed base's) entries.
+        """
+        return self.idm_and_missing(q, v, a, wrenches, weights, passive)[0]
+
+    def idm_and_missing(
+        self,
+        q: Numbers,
+        v: Numbers,
+        a: Numbers,
+        wrenches: Wrenches | None = None,
+        weights: Sequence[float] | None = None,
+        passive: Literal["given", "solved"] = "given",
+    ) -> tuple[Numbers, Numbers]:
+        """Give the motor efforts, and the effort that no motor can produce, on tree coordinates, (nv,)."""
+        if passive == "solved":
+            a = self.solve_passive(q, v, a, wrenches)
+        posture, a = self.posture(q), self.arithmetic.array(a)
+        V, g, _ = self.tree.drifts(posture, self.arithmetic.array(v))
+        Q = self.bodies.effort(posture, V, (posture.G @ a).reshape(-1, 6) + g, wrenches or {})
+        w = self.arithmetic.array(np.ones(len(self.motors)) if weights is None else weights)
+        w = self.arithmetic.array([1 / self.arithmetic.sqrt(x) for x in w])
+        B, needed = self.motor_map(posture), posture.Z.T @ (self.unit * Q)
+        tau = w * self.arithmetic.factor(B * w, self.rank_tolerance).least_norm(needed)
+        return tau, posture.Z @ (needed - B @ tau) / self.unit
+
+    def solve_passive(self, q: Numbers, v: Numbers, a: Numbers, wrenches: Wrenches | None = None) -> Numbers:
+        """Give the acceleration with the motors' (and a moving base's) entries of `a`, the rest unforced."""
+        posture, a = self.posture(q), self.arithmetic.array(a)
+        V, g, k = self.tree.drifts(posture, self.arithmetic.array(v))
+        driven = self.motors + list(range(self.tree.free.start))
+        S = self.arithmetic.array(np.eye(self.nv))[driven]
+        factor = self.arithmetic.factor(
+            np.concatenate([posture.K * self.unit / posture.scale[:, None], S]), self.rank_tolerance
+        )
+        a_p = self.unit * factor.least_norm(np.concatenate([-k / posture.scale, (a / self.unit)[driven]]))
+        return self._unforced(posture, a_p, factor.Z, self.unit * 0, V, g, wrenches or {})
+
+    def ddm(
+        self,
+        q: Numbers,
+        v: Numbers,
+        tau: Numbers,
+        base_acceleration: Numbers | None = None,
+        wrenches: Wrenches | None = None,
+    ) -> Numbers:
+        """Give the tree accelerations under motor efforts, shape (nv,); least norm where nothing has mass.
+
+        Args:
+            q: Closed posture, shape (nq,).
+            v: Velocity that the closures allow, shape (nv,).
+            tau: Motor efforts, shape (motors,), [N or N m].
+            base_acceleration: Of a "moving" base, shape (6,): rates of the base entries of v; default zero.
+            wrenches: As in `idm`.
+
+        Raises:
+            ValueError: A massless motion is forced.
+        """
+        posture = self.posture(q)
+        V, g, k = self.tree.drifts(posture, self.arithmetic.array(v))
+        effort = self.unit * 0
+        for motor, value in zip(self.motors, self.arithmetic.array(tau), strict=True):
+            effort[motor] = effort[motor] + value
+        a_p = self.tree.least_change(posture, -k)
+        if base_acceleration is not None:
+            a_p[: self.tree.free.start] = self.arithmetic.array(base_acceleration)
+        return self._unforced(posture, a_p, posture.Z, effort, V, g, wrenches or {})
+
+    def _unforced(
+        self,
+        posture: Posture,
+        a_p: Numbers,
+        Z: Numbers,
+        effort: Numbers,
+        V: Numbers,
+        g: Numbers,
+        wrenches: Wrenches,
+    ) -> Numbers:
+        """Give the `a = a_p + unit Z y` that needs no other effort along Z than the given one."""
+        Q = self.bodies.effort(posture, V, (posture.G @ a_p).reshape(-1, 6) + g, wrenches)
+        along = Z.T @ (self.unit * (effort - Q))
+        C = self._inertia(posture, Z)
+        left, all_efforts = largest(C.Z.T @ along), largest(self.unit * (abs(effort) + abs(Q)))
+        if left > FORCED_TOLERANCE * all_efforts:
+            raise ValueError(
+                f"a motion without mass is forced by {left:.1e} (largest effort: {all_efforts:.1e})"
+            )
+        a: Numbers = a_p + self.unit * (Z @ C.least_norm_normal(along))
+        return a
+
+    def _inertia(self, posture: Posture, Z: Numbers) -> Factor:
+        """Factor C for motions along Z; what is massless is measured against all the robot's mass."""
+        scale = math.sqrt(self.bodies.mass * self.tree.length**2 + self.bodies.inertia)
+        C = self.bodies.inertia_root(posture, self.unit[:, None] * Z)
+        return self.arithmetic.factor(C, self.inertia_tolerance, scale)
+
+    def massless(self, q: Numbers) -> Numbers:
+        """Give a basis of the allowed tree accelerations that nothing resists, shape (nv, massless)."""
+        posture = self.posture(q)
+        C = self._inertia(posture, posture.Z)
+        basis: Numbers = self.unit[:, None] * (posture.Z @ C.Z)
+        return basis

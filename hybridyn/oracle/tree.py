@@ -1,0 +1,316 @@
+"""The spanning tree: its coordinates, where a posture puts every link, and the rows written there."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+
+from hybridyn.description.records import Closure, Description, Joint, JointKind
+from hybridyn.oracle.arithmetic import Arithmetic, Factor, Numbers, cross
+from hybridyn.oracle.rows import ROWS, Frame, Row, constraint_rows, coordinate_rows
+
+Base = Literal["fixed", "moving", "floating"]
+
+ROOT_JOINT = "root_joint"
+WORLD = "(world)"
+FREEDOMS: dict[JointKind, tuple[int, int]] = {
+    "fixed": (0, 0),
+    "revolute": (1, 1),
+    "continuous": (2, 1),
+    "prismatic": (1, 1),
+    "spherical": (4, 3),
+    "planar": (4, 3),
+    "floating": (7, 6),
+}
+SLIDES: dict[JointKind, int] = {
+    "prismatic": 1,
+    "planar": 2,
+    "floating": 3,
+}  # velocity coordinates in m/s, first
+
+
+def quaternion_matrix(xyzw: Numbers) -> Numbers:
+    """Give the rotation of a quaternion (x, y, z, w) of any norm."""
+    u, w = xyzw[:3], xyzw[3]
+    skew = np.array([cross(u, e) for e in np.eye(3)]).T
+    R: Numbers = ((w * w - u @ u) * np.eye(3) + 2 * np.outer(u, u) + 2 * w * skew) / (xyzw @ xyzw)
+    return R
+
+
+def rotation_about_z(c: Any, s: Any) -> Numbers:
+    """Give the rotation about z with that cosine and sine."""
+    return np.array([[c, -s, 0 * c], [s, c, 0 * c], [0 * c, 0 * c, 1 + 0 * c]])
+
+
+class TreeJoint(NamedTuple):
+    """A joint with its place in q and v, and its geometry in the oracle's arithmetic."""
+
+    joint: Joint
+    at_q: slice
+    at_v: slice
+    R: Numbers
+    t: Numbers
+    triad: Numbers
+
+
+class Loop(NamedTuple):
+    """The rows between two frames: a closure's, or a tree joint's (its coordinates' rows come last)."""
+
+    A: Frame
+    B: Frame
+    rows: list[Row]
+
+    @property
+    def at_a(self) -> Numbers:
+        """Coefficients of the rows on the body of A, shape (rows, 6)."""
+        return np.array([row.at_a for row in self.rows])
+
+    @property
+    def at_b(self) -> Numbers:
+        """Coefficients of the rows on the body of B, shape (rows, 6)."""
+        return np.array([row.at_b for row in self.rows])
+
+    def drift(self, V: Numbers) -> Numbers:
+        """Give the rows' drift, shape (rows,), from the velocities of all bodies, shape (bodies, 6)."""
+        return np.array([row.drift(V[self.A.body], V[self.B.body]) for row in self.rows])
+
+
+@dataclass(frozen=True)
+class Posture:
+    """What a posture alone decides.
+
+    Attributes:
+        links: Frame of every link.
+        joints: The moving joints, parents first.
+        closures: The closures, in the description's order.
+        G: Body velocities of tree velocities, shape (6 bodies, nv).
+        K: Closure rows, then coupling rows, on tree velocities, shape (rows, nv).
+        scale: Divisor of each row of K, shape (rows,).
+        factor: Factors of the scaled K, its free columns only.
+        Z: Null space of the scaled K, shape (nv, mobility), zero on a prescribed base.
+    """
+
+    links: dict[str, Frame]
+    joints: list[Loop]
+    closures: list[Loop]
+    G: Numbers
+    K: Numbers
+    scale: Numbers
+    factor: Factor
+    Z: Numbers
+
+
+def depth_first(description: Description, base: Base) -> list[Joint]:
+    """Order the joints depth-first, siblings by name, fixed ones at their place, the base's mount first."""
+    children: dict[str, list[Joint]] = {}
+    for joint in description.joints:
+        children.setdefault(joint.parent, []).append(joint)
+    eye = np.eye(4)
+    mount = Joint(
+        ROOT_JOINT, "fixed" if base == "fixed" else "floating", WORLD, description.root, eye, eye[2, :3]
+    )
+    ordered, stack = [], [mount]
+    while stack:
+        joint = stack.pop()
+        ordered.append(joint)
+        stack += sorted(children.get(joint.child, []), key=lambda j: j.name, reverse=True)
+    return ordered
+
+
+class Tree:
+    """The spanning tree of one robot, in one arithmetic.
+
+    Attributes:
+        nq, nv: Numbers of position and velocity coordinates.
+        coordinates: Moving joint's name to (kind, slice of q, slice of v), in the order of q and v.
+        length: The longest offset in the robot, rounded to a power of two [m].
+        unit: What one scaled velocity coordinate is in v: `length` for slides, 1 for turns, shape (nv,).
+        free: The velocity coordinates that are not prescribed.
+    """
+
+    def __init__(
+        self, description: Description, base: Base, arithmetic: Arithmetic, rank_tolerance: float
+    ) -> None:
+        self.description, self.arithmetic, self.rank_tolerance = description, arithmetic, rank_tolerance
+        self.joints: list[TreeJoint] = []
+        self.coordinates: dict[str, tuple[JointKind, slice, slice]] = {}
+        self.nq = self.nv = 0
+        for joint in depth_first(description, base):
+            nq, nv = self.nq + FREEDOMS[joint.kind][0], self.nv + FREEDOMS[joint.kind][1]
+            at_q, at_v = slice(self.nq, nq), slice(self.nv, nv)
+            self.joints.append(
+                TreeJoint(joint, at_q, at_v, *self._placement(joint.placement), self._triad(joint))
+            )
+            if joint.kind != "fixed":
+                self.coordinates[joint.name] = (joint.kind, at_q, at_v)
+            self.nq, self.nv = nq, nv
+        self._ends = [(self._placement(c.frame_a), self._placement(c.frame_b)) for c in description.closures]
+        offsets = [joint.placement for joint in description.joints]
+        offsets += [frame for closure in description.closures for frame in (closure.frame_a, closure.frame_b)]
+        longest = max((float(np.linalg.norm(offset[:3, 3])) for offset in offsets), default=0.0)
+        self.length = 2.0 ** round(math.log2(longest)) if longest > 0 else 1.0
+        self.unit = arithmetic.array(np.ones(self.nv))
+        for kind, _, at in self.coordinates.values():
+            self.unit[at.start : at.start + SLIDES.get(kind, 0)] = self.length
+        self.free = slice(6 if base == "moving" else 0, self.nv)
+
+    def _placement(self, placement: Numbers) -> tuple[Numbers, Numbers]:
+        """Give rotation and origin of a placement, the rotation made orthonormal to the last digit."""
+        M = self.arithmetic.array(placement)
+        R = M[:3, :3]
+        for _ in range(3):
+            R = R @ (3 * np.eye(3) - R.T @ R) / 2
+        return R, M[:3, 3]
+
+    def _triad(self, joint: Joint) -> Numbers:
+        """Give axes (columns) in the child frame whose third is the joint's, for joints with one axis."""
+        if joint.kind not in ("revolute", "continuous", "prismatic"):
+            return self.arithmetic.array(np.eye(3))
+        z = self.arithmetic.array(joint.axis)
+        z = z / self.arithmetic.sqrt(z @ z)
+        x = cross(np.eye(3)[int(np.argmin(np.abs(joint.axis)))], z)
+        x = x / self.arithmetic.sqrt(x @ x)
+        return np.array([x, cross(z, x), z]).T
+
+    def _displacement(self, kind: JointKind, q: Numbers) -> tuple[Numbers, Numbers]:
+        """Give rotation and position of B in A for a joint's coordinates."""
+        R, t = self.arithmetic.array(np.eye(3)), self.arithmetic.array(np.zeros(3))
+        if kind == "revolute":
+            R = rotation_about_z(self.arithmetic.cos(q[0]), self.arithmetic.sin(q[0]))
+        elif kind in ("continuous", "planar"):
+            R = rotation_about_z(*(q[-2:] / self.arithmetic.sqrt(q[-2:] @ q[-2:])))
+        elif kind in ("spherical", "floating"):
+            R = quaternion_matrix(q[-4:])
+        if kind == "prismatic":
+            t[2] = q[0]
+        elif kind == "planar":
+            t[:2] = q[:2]
+        elif kind == "floating":
+            t = q[:3]
+        return R, t
+
+    def posture(self, q: Numbers) -> Posture:
+        """Place every link and write every row at q, shape (nq,)."""
+        q = self.arithmetic.array(q)
+        zero, eye = self.arithmetic.array(np.zeros(3)), self.arithmetic.array(np.eye(3))
+        links, joints = {WORLD: Frame(zero, eye, zero, 0)}, []
+        G = [self.arithmetic.array(np.zeros((6, self.nv)))]
+        for joint, at_q, at_v, R_P, t_P, triad in self.joints:
+            A = _attach(links[joint.parent], R_P @ triad, t_P)
+            if joint.kind == "fixed":
+                links[joint.child] = A
+                continue
+            R, t = self._displacement(joint.kind, q[at_q])
+            B = Frame(A.x + A.E @ t, A.E @ R, zero, len(G))
+            links[joint.child] = B._replace(E=B.E @ triad.T)
+            loop = Loop(A, B, constraint_rows(A, B, *ROWS[joint.kind]) + coordinate_rows(A, B, joint.kind))
+            rates = self.arithmetic.array(np.zeros((6, self.nv)))
+            freedoms = at_v.stop - at_v.start
+            rates[6 - freedoms :, at_v] = self.arithmetic.array(np.eye(freedoms))
+            G.append(self.arithmetic.solve(loop.at_b, rates - loop.at_a @ G[A.body]))
+            joints.append(loop)
+        closures = [
+            self._closure(c, ends, links)
+            for c, ends in zip(self.description.closures, self._ends, strict=True)
+        ]
+        K, scale = self._closure_rows(closures, G)
+        factor = self.arithmetic.factor((K * self.unit / scale[:, None])[:, self.free], self.rank_tolerance)
+        Z = self.arithmetic.array(np.zeros((self.nv, factor.Z.shape[1])))
+        Z[self.free] = factor.Z
+        return Posture(links, joints, closures, np.concatenate(G), K, scale, factor, Z)
+
+    def _closure(
+        self, closure: Closure, ends: tuple[tuple[Numbers, Numbers], ...], links: dict[str, Frame]
+    ) -> Loop:
+        """Write the rows of one closure."""
+        A, B = _attach(links[closure.link_a], *ends[0]), _attach(links[closure.link_b], *ends[1])
+        return Loop(A, B, constraint_rows(A, B, closure.translations, closure.rotation))
+
+    def _closure_rows(self, closures: list[Loop], G: list[Numbers]) -> tuple[Numbers, Numbers]:
+        """Give K, and what its rows are divided by."""
+        K = [row.at_a @ G[loop.A.body] + row.at_b @ G[loop.B.body] for loop in closures for row in loop.rows]
+        scale = [self.length if row.slides else 1.0 for loop in closures for row in loop.rows]
+        for coupling in self.description.couplings:
+            row = self.arithmetic.array(np.zeros(self.nv))
+            for name, coefficient in coupling.terms:
+                row[self.coordinates[name][2].start] += self.arithmetic.array(coefficient)[()]
+            K.append(row)
+            scale.append(self.arithmetic.sqrt((row * self.unit) @ (row * self.unit)))
+        return self.arithmetic.array(K).reshape(-1, self.nv), self.arithmetic.array(scale)
+
+    def integrate(self, q: Numbers, step: Numbers) -> Numbers:
+        """Move q by a step of tree velocity x time (first order in each joint, on its manifold)."""
+        q, step = self.arithmetic.array(q), self.arithmetic.array(step)
+        for kind, at, at_v in self.coordinates.values():
+            x, d = q[at], step[at_v]
+            if kind in ("revolute", "prismatic"):
+                q[at] = x + d
+            if kind == "planar":
+                q[at][:2] = x[:2] + rotation_about_z(x[2], x[3])[:2, :2] @ d[:2]
+            if kind == "floating":
+                q[at][:3] = x[:3] + quaternion_matrix(x[3:]) @ d[:3]
+            if kind in ("continuous", "planar"):
+                c, s = self.arithmetic.cos(d[-1]), self.arithmetic.sin(d[-1])
+                q[at][-2:] = np.array([c * x[-2] - s * x[-1], s * x[-2] + c * x[-1]])
+            if kind in ("spherical", "floating"):
+                u, w, half = x[-4:-1].copy(), x[-1], d[-3:] / 2
+                q[at][-4:] = np.concatenate([u + w * half + cross(u, half), [w - u @ half]])
+                q[at][-4:] = q[at][-4:] / self.arithmetic.sqrt(q[at][-4:] @ q[at][-4:])
+        return q
+
+    def drifts(self, posture: Posture, v: Numbers) -> tuple[Numbers, Numbers, Numbers]:
+        """Give body velocities G v, their drift g, (bodies, 6), and the closures' drift k, (rows,)."""
+        V = (posture.G @ v).reshape(-1, 6)
+        g = self.arithmetic.array(np.zeros(V.shape))
+        for loop in posture.joints:
+            missing = loop.drift(V) + loop.at_a @ g[loop.A.body]
+            g[loop.B.body] = self.arithmetic.solve(loop.at_b, -missing[:, None])[:, 0]
+        k = [self.arithmetic.array(np.zeros(0))]
+        k += [
+            loop.drift(V) + loop.at_a @ g[loop.A.body] + loop.at_b @ g[loop.B.body]
+            for loop in posture.closures
+        ]
+        k.append(self.arithmetic.array(np.zeros(len(self.description.couplings))))
+        return V, g, np.concatenate(k)
+
+    def least_change(self, posture: Posture, missing: Numbers) -> Numbers:
+        """Give the least tree rates x with `K x = missing`, none on a prescribed base."""
+        x = self.arithmetic.array(np.zeros(self.nv))
+        x[self.free] = posture.factor.least_norm(missing / posture.scale)
+        return self.unit * x
+
+    def values(self, posture: Posture, q: Numbers) -> Numbers:
+        """Give what the closures and couplings miss, shape (rows,), in the order of K; slides in metres."""
+        values = [row.value for loop in posture.closures for row in loop.rows]
+        for coupling in self.description.couplings:
+            value, turns = -self.arithmetic.array(coupling.offset)[()], []
+            for name, coefficient in coupling.terms:
+                kind, at, _ = self.coordinates[name]
+                if kind == "continuous":
+                    turns.append(8 * coefficient * self.arithmetic.atan2(1, 1))
+                    value += coefficient * self.arithmetic.atan2(q[at][1], q[at][0])
+                else:
+                    value += coefficient * q[at][0]
+            for turn in turns:  # the angle of a continuous joint is known up to whole turns
+                value -= turn * round(float(value / turn))
+            values.append(value)
+        return self.arithmetic.array(values)
+
+    def turned(self, posture: Posture) -> Numbers:
+        """Give, for axes that should agree but point apart by more than a right angle, their cosine."""
+        axes = {"parallel": [2], "fixed": [0, 1, 2]}
+        cosines = [
+            loop.B.E[:, i] @ loop.A.E[:, i]
+            for closure, loop in zip(self.description.closures, posture.closures, strict=True)
+            for i in axes.get(closure.rotation, [])
+        ]
+        return self.arithmetic.array([c for c in cosines if c < 0])
+
+
+def _attach(link: Frame, R: Numbers, t: Numbers) -> Frame:
+    """Give a frame fixed in a link, from its rotation and origin there."""
+    offset = link.E @ t
+    return Frame(link.x + offset, link.E @ R, link.r + offset, link.body)
