@@ -7,8 +7,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from hybridyn.description.names import did_you_mean, listed
-from hybridyn.description.robot_file import MotorSource, MotorStatement, RobotFile
-from hybridyn.description.urdf_loops import FREEDOMS
+from hybridyn.description.robot_file import FREEDOMS, MotorSource, MotorStatement, RobotFile
 from hybridyn.errors import ModelError
 
 RANKING: tuple[MotorSource, ...] = ("side-car", "model file", "transmission", "independent", "names")

@@ -5,9 +5,21 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Literal
 
-from hybridyn.description.records import Closure, Coupling, Joint, Link
+from hybridyn.description.records import Closure, Coupling, Joint, JointKind, Link
 
 MotorSource = Literal["side-car", "model file", "transmission", "independent", "names"]
+
+
+FREEDOMS: dict[JointKind, int] = {
+    "fixed": 0,
+    "revolute": 1,
+    "continuous": 1,
+    "prismatic": 1,
+    "spherical": 3,
+    "planar": 3,
+    "floating": 6,
+}
+"""Freedoms of a joint by kind."""
 
 
 @dataclass(frozen=True)

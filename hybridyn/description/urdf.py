@@ -14,10 +14,9 @@ import numpy as np
 from hybridyn.description.names import did_you_mean, listed
 from hybridyn.description.placement import axis_of, origin_of
 from hybridyn.description.records import Array, Joint, JointKind, Link
-from hybridyn.description.robot_file import MotorStatement, RobotFile
+from hybridyn.description.robot_file import FREEDOMS, MotorStatement, RobotFile
 from hybridyn.description.urdf_foreign import refuse_unread_loops
 from hybridyn.description.urdf_loops import (
-    FREEDOMS,
     read_constraint,
     read_coupling,
     read_loop,

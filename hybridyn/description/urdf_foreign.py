@@ -127,7 +127,9 @@ def refuse_unclosed_frames(robot: RobotFile) -> None:
             element=mates[0],
         )
     named = [name for name in free if _NAMED_FRAME.search(name)]
-    if named and not robot.closures:
+    if named and robot.closures:
+        robot.notes.append(f"frames {listed(named)} are named for closing a loop, but no closure uses them")
+    elif named:
         raise ModelError(
             f"{listed(named)} looks like the end of a closed loop, but nothing says which frames close it; "
             f"list the pairs in a side-car robot.yaml, or write <loop>. {_capital(ACCEPTED_FORMS)}",

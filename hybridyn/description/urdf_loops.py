@@ -14,23 +14,13 @@ from hybridyn.description.closure_forms import FORMS, Form, form_of_rows, frames
 from hybridyn.description.names import did_you_mean, listed
 from hybridyn.description.placement import axis_of, origin_of, rotation_to_axis, turned
 from hybridyn.description.records import Array, Closure, Coupling, Joint
+from hybridyn.description.robot_file import FREEDOMS
 from hybridyn.description.xml_node import Node
 
 POSE = ("xyz", "rpy", "quat_xyzw")
 
 LOOP_JOINT_TYPES = {"3d": "spherical", "ball": "spherical", "6d": "fixed"}
 """Other words for the types of `<loop_joint>`, in lower case."""
-
-FREEDOMS = {
-    "fixed": 0,
-    "revolute": 1,
-    "continuous": 1,
-    "prismatic": 1,
-    "spherical": 3,
-    "planar": 3,
-    "floating": 6,
-}
-"""Freedoms of a joint by kind."""
 
 
 def read_loop(node: Node) -> Closure:

@@ -9,8 +9,7 @@ import numpy as np
 
 from hybridyn.description.names import did_you_mean, listed
 from hybridyn.description.records import Closure, Joint, Link
-from hybridyn.description.robot_file import RobotFile
-from hybridyn.description.urdf_loops import FREEDOMS
+from hybridyn.description.robot_file import FREEDOMS, RobotFile
 from hybridyn.errors import ModelError
 
 INERTIA_SLACK = 1e-3

@@ -1,4 +1,4 @@
-"""Strict YAML: the numbers of YAML 1.2, no duplicate keys, no tags, few aliases; every value knows its place."""
+"""Strict YAML: numbers as in YAML 1.2, no duplicate keys, no tags, few aliases; values know their places."""
 
 from __future__ import annotations
 
