@@ -12,6 +12,7 @@ import pytest
 from hybridyn.description import Description, read
 from hybridyn.description.columns import read_layout
 from hybridyn.description.tables import open_table
+from hybridyn.errors import ModelError
 from hybridyn.oracle import Oracle
 
 ROOT = Path(__file__).parents[1]
@@ -226,3 +227,10 @@ def test_quaternions_turn_with_the_angular_velocity(table: dict[str, np.ndarray]
         omega = 2.0 * (w * x_dot - w_dot * x - np.cross(x_dot, x, axis=0))  # 2 q_dot q*, fixed axes
         for i, axis in enumerate(("wx", "wy", "wz")):
             assert_rates(table[f"{link}/velocity/{axis}"][:-1], omega[i], key)
+
+
+@pytest.mark.parametrize("count", ["0", "2.5"])
+@pytest.mark.parametrize(("file", "argument"), [("snake", "n"), ("lx4", "modules")])
+def test_wrong_number_of_modules_is_refused(file: str, argument: str, count: str) -> None:
+    with pytest.raises(ModelError, match=f"{argument} must be a whole number, at least 1"):
+        read(robot_file(file), xacro_args={argument: count})
