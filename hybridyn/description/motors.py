@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
-from hybridyn.description.names import did_you_mean, listed
+from hybridyn.description.names import closest, did_you_mean, listed
+from hybridyn.description.records import Coupling, Joint
 from hybridyn.description.robot_file import FREEDOMS, MotorSource, MotorStatement, RobotFile
 from hybridyn.errors import ModelError
 
@@ -31,29 +33,42 @@ def choose_motors(robot: RobotFile, motors: Sequence[str] | None) -> tuple[tuple
     for source in RANKING:
         found = [statement for statement in robot.motors if statement.source == source]
         if found:
-            _note_disagreement(robot, found[0])
-            return _checked(robot, found[0]), found[0].where
+            statement = _of_this_robot(robot, found[0])
+            _note_passive(robot, statement)
+            return _checked(robot, statement), statement.where
     return _by_rule(robot)
 
 
-def _note_disagreement(robot: RobotFile, chosen: MotorStatement) -> None:
-    """Note where URDF+ leaves more joints independent than transmissions drive: one of the lists is short."""
-    for other in robot.motors:
-        if chosen.source == "transmission" and other.source == "independent":
-            missing = [name for name in other.names if name not in chosen.names]
-            if missing:
-                robot.notes.append(
-                    f"<transmission> drives {len(chosen.names)} joints, but {other.where} are more: "
-                    f"{listed(missing)}; if they are driven too, write motors = [..] in model.toml"
-                )
+def _of_this_robot(robot: RobotFile, statement: MotorStatement) -> MotorStatement:
+    """Drop transmissions of parts that were cut away; a misspelt name stays, and is an error later."""
+    if statement.source != "transmission":
+        return statement
+    joints = {joint.name for joint in robot.joints}
+    undriven = [joint.name for joint in _free_joints(robot) if joint.name not in statement.names]
+    lost = [name for name in statement.names if name not in joints and not closest(name, undriven)]
+    if not lost:
+        return statement
+    robot.notes.append(f"<transmission> names joints that the robot does not have: {listed(lost)}")
+    return replace(statement, names=tuple(name for name in statement.names if name not in lost))
+
+
+def _note_passive(robot: RobotFile, chosen: MotorStatement) -> None:
+    """Note the joints that transmissions leave undriven though nothing moves them: the list may be short."""
+    if chosen.source != "transmission":
+        return
+    stated = [name for other in robot.motors if other.source == "independent" for name in other.names]
+    expected = stated or ([] if robot.closures else [joint.name for joint in _free_joints(robot)])
+    missing = [name for name in expected if name not in chosen.names]
+    if missing:
+        robot.notes.append(
+            f"<transmission> drives {len(chosen.names)} joints and leaves these passive: {listed(missing)}; "
+            "if they are driven too, write motors = [..] in model.toml or pass motors=[..]"
+        )
 
 
 def _by_rule(robot: RobotFile) -> tuple[tuple[str, ...], str]:
-    followers = {
-        coupling.terms[0][0] for coupling in robot.couplings if coupling.name == coupling.terms[0][0]
-    }
-    free = [joint for joint in robot.joints if FREEDOMS[joint.kind] == 1 and joint.name not in followers]
-    if not robot.closures and len(followers) == len(robot.couplings):
+    free = _free_joints(robot)
+    if not robot.closures and all(_is_mimic(coupling) for coupling in robot.couplings):
         return tuple(joint.name for joint in free), "every joint (no closure, and no file names motors)"
     strong = [joint.name for joint in free if 0 < joint.effort < np.inf]
     if 0 < len(strong) < len(free):
@@ -63,6 +78,17 @@ def _by_rule(robot: RobotFile) -> tuple[tuple[str, ...], str]:
         "motors = [...] in model.toml, <transmission> in the URDF, or name_mot in robot.yaml"
     )
     return (), "nothing: no file names motors, and effort limits do not tell"
+
+
+def _free_joints(robot: RobotFile) -> list[Joint]:
+    """Give the joints with one freedom that mimic no other."""
+    followers = {coupling.name for coupling in robot.couplings if _is_mimic(coupling)}
+    return [joint for joint in robot.joints if FREEDOMS[joint.kind] == 1 and joint.name not in followers]
+
+
+def _is_mimic(coupling: Coupling) -> bool:
+    """Tell whether a coupling came from `<mimic>`: it has the name of the joint that follows."""
+    return coupling.name == coupling.terms[0][0]
 
 
 def _checked(robot: RobotFile, statement: MotorStatement) -> tuple[str, ...]:

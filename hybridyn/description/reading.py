@@ -18,7 +18,7 @@ from hybridyn.description.robot_file import RobotFile
 from hybridyn.description.urdf import read_urdf
 from hybridyn.description.urdf_foreign import refuse_unclosed_frames, refuse_unread_side_cars
 from hybridyn.description.validate import validate
-from hybridyn.description.xacro_files import expand, is_xacro
+from hybridyn.description.xacro_files import expand
 from hybridyn.description.xml_node import LARGEST_FILE, Node, parse
 from hybridyn.errors import ModelError
 
@@ -80,12 +80,16 @@ def _open(
 ) -> tuple[Node, list[str]]:
     """Give the root element of a file, expanded if it is xacro, and the notes of the expansion."""
     text = read_bytes(file)
-    if is_xacro(file, text):
-        expanded, notes = expand(file, xacro_args, package_dirs)
-        return parse(expanded, f"{file} (expanded)"), notes
-    if xacro_args:
-        raise ModelError(f"is no xacro file, so it takes no arguments ({listed(xacro_args)})", file=file)
-    return parse(text, file), []
+    if not file.endswith(".xacro"):
+        root = parse(text, file)
+        if not any(node.tag.startswith("xacro:") for node in root.descendants()):
+            if xacro_args:
+                raise ModelError(
+                    f"is no xacro file, so it takes no arguments ({listed(xacro_args)})", file=file
+                )
+            return root, []
+    expanded, notes = expand(file, xacro_args, package_dirs)
+    return parse(expanded, f"{file} (expanded)"), notes
 
 
 def _read_side_cars(robot: RobotFile, file: str) -> None:

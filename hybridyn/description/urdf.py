@@ -15,7 +15,7 @@ from hybridyn.description.names import did_you_mean, listed
 from hybridyn.description.placement import axis_of, origin_of
 from hybridyn.description.records import Array, Joint, JointKind, Link
 from hybridyn.description.robot_file import FREEDOMS, MotorStatement, RobotFile
-from hybridyn.description.urdf_foreign import refuse_unread_loops
+from hybridyn.description.urdf_foreign import note_mimic_plugins, refuse_unread_loops
 from hybridyn.description.urdf_loops import (
     read_constraint,
     read_coupling,
@@ -61,13 +61,14 @@ def read_urdf(root: Node) -> RobotFile:
             robot.notes.append(f"closure '{robot.closures[-1].name}': damping of the cut joint is not read")
     parents = {joint.child: joint for joint in robot.joints}
     robot.couplings += [read_coupling(node, parents) for node in root.children("coupling")]
+    note_mimic_plugins(root, robot)
     _state_motors(robot, root, independent)
     return robot
 
 
 def _state_motors(robot: RobotFile, root: Node, independent: set[str]) -> None:
     """Add what the file says of motors: transmissions (with their rotors), `independent=` attributes."""
-    statement, rotors = read_transmissions(root)
+    statement, rotors = read_transmissions(root, robot)
     robot.joints = [rotors.get(joint.name, Rotor()).put_into(joint) for joint in robot.joints]
     if statement is not None:
         robot.motors.append(statement)
@@ -132,9 +133,11 @@ def _read_joint(node: Node, robot: RobotFile) -> Joint:
     joint = read_rotor(node).put_into(joint)
     mimic = node.child("mimic")
     if mimic is not None:
-        if FREEDOMS[kind] != 1:
-            raise mimic.error(f"joint '{name}' is {kind}; only joints with one freedom can mimic")
-        robot.couplings.append(read_mimic(mimic, name))
+        coupling = read_mimic(mimic, name)
+        if kind == "fixed":
+            robot.notes.append(f"joint '{name}' (line {node.line}) is fixed; its <mimic> means nothing")
+        else:
+            robot.couplings.append(coupling)
     return _with_dynamics(_with_limits(joint, node.child("limit"), robot.notes), node.child("dynamics"))
 
 

@@ -158,6 +158,24 @@ def refuse_unread_side_cars(robot: RobotFile, folder: Path) -> None:
         robot.notes.append(f"{name} ({form}) stands beside the robot and was not read")
 
 
+def note_mimic_plugins(root: Node, robot: RobotFile) -> None:
+    """Note the joints that a Gazebo plugin makes mimic others, where the URDF itself does not."""
+    coupled = {coupling.name for coupling in robot.couplings}
+    movable = {joint.name for joint in robot.joints if joint.kind != "fixed"}
+    followers = [
+        (node.xml.text or "").strip()
+        for block in root.children("gazebo")
+        for node in block.descendants()
+        if node.tag == "mimicJoint"
+    ]
+    lost = [name for name in followers if name in movable - coupled]
+    if lost:
+        robot.notes.append(
+            f"joints {listed(lost)} mimic others by a Gazebo plugin, which is not read: they move freely "
+            "here; write <mimic> in the joint if they shall not"
+        )
+
+
 def _refuse_if_suspicious(node: Node) -> None:
     """Refuse an unknown element below `<robot>` that may stand for something dynamic."""
     intended = closest(node.tag, READ_TAGS)
@@ -181,11 +199,6 @@ def _refuse_inside(node: Node, outer: Node) -> None:
         raise _refusal(node, f"an SDF joint inside <{outer.tag}> (Gazebo)")
     if node.tag in READ_TAGS[3:] or node.tag in LEGACY_FORMS:
         raise _refusal(node, f"inside <{outer.tag}>")
-    if node.tag == "plugin" and "mimic" in node.xml.get("filename", "").lower():
-        raise _refusal(
-            node,
-            f"a Gazebo mimic plugin inside <{outer.tag}>; write <mimic> in the joint and remove the plugin",
-        )
 
 
 def _refuse_misplaced(root: Node) -> None:

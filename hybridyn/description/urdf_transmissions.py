@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+from hybridyn.description.names import listed
 from hybridyn.description.records import Joint
-from hybridyn.description.robot_file import MotorStatement
+from hybridyn.description.robot_file import MotorStatement, RobotFile
 from hybridyn.description.xml_node import Node
 
+JOINT_TAGS = ("joint", "flexJoint", "rollJoint")
 INERTIA_TAGS = ("rotor_inertia", "drake:rotor_inertia", "rotorInertia")
 RATIO_TAGS = ("gear_ratio", "drake:gear_ratio", "mechanicalReduction")
 
@@ -40,8 +42,8 @@ class Rotor:
         )
 
 
-def read_transmissions(root: Node) -> tuple[MotorStatement | None, dict[str, Rotor]]:
-    """Read every `<transmission>`: its joints are driven.
+def read_transmissions(root: Node, robot: RobotFile) -> tuple[MotorStatement | None, dict[str, Rotor]]:
+    """Read every `<transmission>`: its joints are driven, fixed ones apart.
 
     Returns:
         The list of motors (None where there is no transmission), and rotors by joint name; of a transmission
@@ -50,9 +52,9 @@ def read_transmissions(root: Node) -> tuple[MotorStatement | None, dict[str, Rot
     nodes = root.children("transmission")
     rotors: dict[str, Rotor] = {}
     for node in nodes:
-        joints, actuators = node.children("joint"), node.children("actuator")
+        joints, actuators = node.children(*JOINT_TAGS), node.children("actuator")
         if not joints:
-            raise node.error('no <joint name=".."> in it')
+            robot.notes.append(f"{node.label} (line {node.line}) names no <joint> and drives nothing")
         for joint in joints:
             name = joint.text("name")
             rotors[name] = read_rotor(joint).over(rotors.get(name, Rotor()))
@@ -60,9 +62,13 @@ def read_transmissions(root: Node) -> tuple[MotorStatement | None, dict[str, Rot
             name = joints[0].text("name")
             for owner in (*actuators, node):
                 rotors[name] = rotors[name].over(read_rotor(owner))
-    if not nodes:
+    if not rotors:
         return None, {}
-    statement = MotorStatement("transmission", "URDF <transmission>", tuple(rotors), root.file, nodes[0].line)
+    fixed = [joint.name for joint in robot.joints if joint.kind == "fixed" and joint.name in rotors]
+    if fixed:
+        robot.notes.append(f"<transmission> names fixed joints, which nothing drives: {listed(fixed)}")
+    driven = tuple(name for name in rotors if name not in fixed)
+    statement = MotorStatement("transmission", "URDF <transmission>", driven, root.file, nodes[0].line)
     return statement, rotors
 
 

@@ -140,8 +140,8 @@ def _note_unphysical(robot: RobotFile) -> None:
     unphysical = [link.name for link in robot.links if link.inertia.any() and not _is_physical(link)]
     if unphysical:
         robot.notes.append(
-            f"{len(unphysical)} links have an unphysical inertia (a negative principal moment, or one larger "
-            f"than the sum of the others): {listed(unphysical)}"
+            f"{len(unphysical)} of {len(robot.links)} links have an unphysical inertia "
+            f"(a negative principal moment, or one larger than the sum of the others): {listed(unphysical)}"
         )
 
 

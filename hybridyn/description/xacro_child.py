@@ -152,17 +152,18 @@ def prepare(xacro: Any, request: dict[str, Any], notes: list[str]) -> None:
     def warning(*words: Any) -> None:
         notes.append("xacro: " + " ".join(" ".join(map(str, words)).split()))
 
-    xacro.safe_eval, substitution_args._eval, xacro.parse, xacro.warning = (
-        safe_eval,
-        safe_dollar,
-        parse,
-        warning,
-    )
+    def find(package: str) -> str:
+        return find_package(package, request["package_dirs"], request["file"], request["share_dirs"])
+
+    def locate(name: str) -> str:
+        package, _, rest = name.removeprefix("package://").partition("/")
+        return os.path.join(find(package), rest) if name.startswith("package://") else absolute(name)
+
+    absolute, xacro.abs_filename_spec = xacro.abs_filename_spec, locate
+    xacro.safe_eval, xacro.parse, xacro.warning = safe_eval, parse, warning
     xacro.print_location, xacro.replace_node = lambda: None, replace_node
-    substitution_args._eval_find = lambda package: find_package(
-        package, request["package_dirs"], request["file"], request["share_dirs"]
-    )
-    substitution_args._eval_dict["find"] = substitution_args._eval_find
+    substitution_args._eval = safe_dollar
+    substitution_args._eval_find = substitution_args._eval_dict["find"] = find
 
 
 def replace_node(node: Any, by: Any, content_only: bool = False) -> None:
@@ -243,6 +244,8 @@ def failure(xacro: Any, error: Exception) -> dict[str, Any]:
     inner = getattr(error, "exc", None)
     if isinstance(inner, RefusedError):
         error = RefusedError(f"{inner} {getattr(error, 'suffix', None) or ''}")
+    elif isinstance(inner, OSError):
+        error = RefusedError(f"{inner.strerror}: {inner.filename}")
     message = " ".join(str(error).split()) or type(error).__name__
     if isinstance(error, MemoryError):
         message = "needs too much memory"

@@ -25,11 +25,6 @@ LONGEST_MESSAGE = 400
 """Characters of xacro's own message that are passed on."""
 
 
-def is_xacro(file: str, text: bytes) -> bool:
-    """Tell whether a file must be expanded: by its ending, or because it holds xacro's elements."""
-    return file.endswith(".xacro") or b"<xacro:" in text
-
-
 def expand(
     file: str, arguments: Mapping[str, object], package_dirs: Sequence[str | os.PathLike[str]]
 ) -> tuple[bytes, list[str]]:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import cast
 
@@ -196,14 +196,18 @@ class Node:
                     f"unknown in {self.label}{hint}; known: {listed(known_children) or 'nothing'}"
                 )
 
-    def refuse_misspelt(self, attributes: Iterable[str], children: Iterable[str]) -> None:
-        """Refuse attributes and children that are nearly one of the given ones; let all others pass."""
-        known_attributes, known_children = list(attributes), list(children)
-        for name in self.attributes():
-            if name not in known_attributes and (best := closest(name, known_attributes)):
+    def refuse_misspelt(self, attributes: Sequence[str], children: Sequence[str]) -> None:
+        """Refuse attributes and children that nearly are a given one that is absent; let all others pass."""
+        written = self.attributes()
+        absent = [name for name in attributes if name not in written]
+        for name in written:
+            if name not in attributes and (best := closest(name, absent)):
                 raise self.error(f"unknown attribute '{name}'; did you mean '{best}'?")
-        for node in self.children():
-            if node.tag not in known_children and (best := closest(node.tag, known_children)):
+        nodes = self.children()
+        tags = {node.tag for node in nodes}
+        absent = [tag for tag in children if tag not in tags]
+        for node in nodes:
+            if node.tag not in children and (best := closest(node.tag, absent)):
                 raise node.error(f"unknown in {self.label}; did you mean <{best}>?")
 
     def _number(self, word: str, what: str, infinite: bool) -> float:
