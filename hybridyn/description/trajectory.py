@@ -38,6 +38,7 @@ class Motion:
 
     Attributes:
         first_row: Number of the first row in the table (from 1).
+        size: Number of rows.
         time: Times, shape (T,), [s], or None.
         joints: Position, velocity and acceleration by joint, shape (T,) each, or (T, n).
         platforms: Pose, velocity and acceleration by link, as `hybridyn.assemble` takes them.
@@ -46,6 +47,7 @@ class Motion:
     """
 
     first_row: int
+    size: int
     time: Array | None
     joints: dict[str, Triple] = field(default_factory=dict)
     platforms: dict[str, tuple[Parts, Parts, Parts]] = field(default_factory=dict)
@@ -80,6 +82,7 @@ def read_motions(table: Table, layout: Layout) -> Iterator[Motion]:
         own = window.values[window.core]
         yield Motion(
             first_row=window.first_row,
+            size=len(own),
             time=None if time is None else time[window.core],
             joints={name: _joint(signal, window, time, file) for name, signal in layout.joints.items()},
             platforms={key: _platform(signal, window, time, file) for key, signal in layout.poses.items()},

@@ -1,0 +1,142 @@
+"""The command line: one file per command, found by name; errors of the library become one line.
+
+Results go to standard output, messages to standard error. Exit status: 0 done, 1 the user's data are wrong,
+2 wrong usage, 130 interrupted. Nothing heavy is imported before a command needs it.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import importlib
+import os
+import signal
+import sys
+import warnings
+from collections.abc import Iterator
+from types import FrameType
+
+import click
+
+from hybridyn import __version__
+from hybridyn.errors import HybridynError
+
+COMMANDS = ("idm", "info")
+"""Commands in the order of `--help`; each is `command` in the module of its name."""
+
+INTERRUPTED, TERMINATED, READER_GONE = 130, 143, 141  # what shells report for SIGINT, SIGTERM, SIGPIPE
+
+
+class Commands(click.Group):
+    """The commands, imported when they are asked for."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """Give the names of the commands."""
+        return list(COMMANDS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        """Import a command, or give None if there is none of that name."""
+        if cmd_name not in COMMANDS:
+            return None
+        command = importlib.import_module(f"hybridyn.cli.{cmd_name.replace('-', '_')}").command
+        assert isinstance(command, click.Command)
+        return command
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        """Find the command that is named, or say which one was probably meant."""
+        if args and not args[0].startswith("-") and args[0] not in COMMANDS:
+            from hybridyn.description.names import did_you_mean
+
+            hint = did_you_mean(args[0], COMMANDS)
+            ctx.fail(f"there is no command '{args[0]}'{hint}; the commands are {', '.join(COMMANDS)}")
+        return super().resolve_command(ctx, args)
+
+    def invoke(self, ctx: click.Context) -> object:
+        """Run a command; a reader that has gone away (`| head`) ends it quietly."""
+        try:
+            return super().invoke(ctx)
+        except BrokenPipeError:
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # nothing more can be flushed
+            return ctx.exit(READER_GONE)
+
+
+@click.group(
+    cls=Commands,
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
+    epilog="'hybridyn COMMAND --help' explains a command.",
+)
+@click.version_option(__version__, message="%(prog)s %(version)s")
+@click.option("--debug", is_flag=True, help="Show the traceback of an error.")
+def commands(debug: bool) -> None:
+    """Dynamics of hybrid robots: parallel modules stacked in series, described in URDF or xacro."""
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run the command line.
+
+    Args:
+        arguments: The words after `hybridyn`; None takes the program's own.
+
+    Returns:
+        The exit status.
+    """
+    words = sys.argv[1:] if arguments is None else list(arguments)
+    debug = "--debug" in words
+    words = [word for word in words if word != "--debug"]  # accepted before and after the command
+    try:
+        with _program_manners():
+            status = commands.main(words, prog_name="hybridyn", standalone_mode=False)
+        return status if isinstance(status, int) else 0
+    except (click.Abort, KeyboardInterrupt):
+        return _fail("interrupted", INTERRUPTED)
+    except Exception as error:
+        if debug:
+            raise
+        return _fail(*_explained(error))
+
+
+def _explained(error: Exception) -> tuple[str, int]:
+    """Give the message and the exit status of an error."""
+    if isinstance(error, click.ClickException):
+        path = error.ctx.command_path if isinstance(error, click.UsageError) and error.ctx else "hybridyn"
+        return f"{error.format_message()} (see '{path} --help')", error.exit_code
+    if isinstance(error, HybridynError):
+        return str(error), 1
+    if isinstance(error, OSError):
+        return f"{error.filename}: {error.strerror}" if error.filename else str(error), 1
+    if isinstance(error, MemoryError):
+        return "out of memory", 1
+    return f"unexpected {type(error).__name__}: {error}; this is a bug: report it with what --debug shows", 1
+
+
+def _fail(message: str, status: int) -> int:
+    """Print a message as one line and give the exit status."""
+    line = " ".join(message.split())
+    line = "".join(letter if letter.isprintable() else ascii(letter)[1:-1] for letter in line)
+    with contextlib.suppress(BrokenPipeError):
+        click.echo(f"error: {line}", err=True)
+    return status
+
+
+@contextlib.contextmanager
+def _program_manners() -> Iterator[None]:
+    """Show warnings as one line, and let a polite kill clean up as an error does."""
+
+    def show(message: Warning | str, *_: object, **__: object) -> None:
+        click.echo(f"warning: {' '.join(str(message).split())}", err=True)
+
+    def terminate(number: int, frame: FrameType | None) -> None:
+        raise SystemExit(TERMINATED)
+
+    with warnings.catch_warnings():
+        warnings.showwarning = show
+        try:
+            before = signal.signal(signal.SIGTERM, terminate)
+        except ValueError:  # not in the main thread: signals are somebody else's
+            yield
+            return
+        try:
+            yield
+        finally:
+            signal.signal(signal.SIGTERM, before)

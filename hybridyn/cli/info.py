@@ -1,0 +1,164 @@
+"""`hybridyn info`: the tree of modules, and what looks wrong."""
+
+from __future__ import annotations
+
+import shutil
+import sys
+import textwrap
+from collections import Counter
+from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING
+
+import click
+
+from hybridyn.cli.robot_options import RobotCommand, takes_robot
+from hybridyn.cli.summary import counted
+
+if TYPE_CHECKING:
+    from hybridyn.module import Module
+    from hybridyn.robot import HybridRobot
+
+NARROWEST, WIDEST = 40, 110  # columns of text: a terminal may be tiny, a page must not be too wide to read
+LABEL = 10  # columns of "closures  "
+GLUE = "\u00a0"  # a space that no line is broken at
+LETTERS = {
+    "revolute": "R",
+    "continuous": "R",
+    "prismatic": "P",
+    "spherical": "S",
+    "planar": "E",
+    "floating": "F",
+}
+
+
+@click.command("info", cls=RobotCommand, short_help="Modules, legs, closures, motors, and what looks wrong.")
+@takes_robot
+def command(load: Callable[[], HybridRobot]) -> None:
+    """Show ROBOT (URDF or xacro) as the tree of its modules.
+
+    For each module: its mobility and motors, platforms, legs with their joints (motors marked *), closures by
+    type, redundancy, and whether its loops close at the home posture. Then what looks wrong.
+    """
+    from hybridyn.findings import findings, home_residuals
+
+    robot = load()
+    width = min(max(shutil.get_terminal_size().columns, NARROWEST), WIDEST)
+    for line in _head(robot):
+        click.echo("\n".join(textwrap.wrap(line, width, subsequent_indent="    ")))
+    click.echo()
+    for line in _Tree(robot, home_residuals(robot), width).lines():
+        click.echo(line)
+    click.echo("\nR revolute or continuous, P prismatic, S spherical, E planar, F floating; * motor")
+    found = findings(robot)
+    click.echo("nothing looks wrong" if not found else "to look at:")
+    for text in found:
+        click.echo("\n".join(textwrap.wrap(text, width, initial_indent="  - ", subsequent_indent="    ")))
+
+
+def _head(robot: HybridRobot) -> Iterator[str]:
+    """Give the lines about the robot as a whole."""
+    description = robot.description
+    yield f"{robot.name} ({description.source})"
+    free = counted(robot.mobility, "freedom")
+    base = {"fixed": "fixed", "moving": "moving (prescribed)", "floating": "floating"}[robot.base]
+    yield f"base '{description.root}' {base}; {counted(len(robot.modules), 'module')}; {free}"
+    joints = sum(joint.kind != "fixed" for joint in description.joints)
+    motors = counted(len(robot.motors), "motor")
+    yield f"{counted(joints, 'movable joint')} (nq {robot.nq}, nv {robot.nv}), {motors}"
+    rule = f" (from {description.motors_from})" if description.motors_from else ""
+    yield f"motors{rule}: {', '.join(robot.motors) or 'none'}"
+
+
+class _Tree:
+    """The tree of modules as lines of text."""
+
+    def __init__(self, robot: HybridRobot, home: list[float], width: int) -> None:
+        self.robot, self.home, self.width = robot, home, width
+        self.kinds = {joint.name: joint.kind for joint in robot.description.joints}
+        closures = [(c.name, c.kind) for c in robot.description.closures]
+        self.closure_kinds = dict(closures) | {c.name: "coupling" for c in robot.description.couplings}
+        self.children: dict[int, list[int]] = {}
+        for number, module in enumerate(robot.modules):
+            self.children.setdefault(module.parent, []).append(number)
+        self.first: dict[int, str] = {}  # the first module of each kind, by its mechanism
+        fancy = "utf" in (sys.stdout.encoding or "").lower()
+        self.branch, self.last, self.bar = ("├─ ", "└─ ", "│  ") if fancy else ("|- ", "`- ", "|  ")
+
+    def lines(self) -> Iterator[str]:
+        """Give every line, from the root link outwards."""
+        yield "world" if self.robot.base == "floating" else self.robot.description.root
+        # A stack, not recursion: chains of modules may be longer than Python's.
+        stack = [(number, "") for number in reversed(self.children.get(-1, []))]
+        while stack:
+            number, indent = stack.pop()
+            module = self.robot.modules[number]
+            below = self.children.get(number, [])
+            is_last = number == self.children[module.parent][-1]
+            yield f"{indent}{self.last if is_last else self.branch}{self._title(module)}"
+            inner = indent + ("   " if is_last else self.bar)
+            for label, text in self._facts(module, self.home[number]):
+                yield from self._wrapped(inner + (self.bar if below else "   "), label, text)
+            stack += [(child, inner) for child in reversed(below)]
+
+    def _wrapped(self, indent: str, label: str, text: str) -> list[str]:
+        room = max(self.width - len(indent), NARROWEST)
+        lines = textwrap.wrap(
+            text,
+            room + len(indent),
+            initial_indent=indent + label.ljust(LABEL),
+            subsequent_indent=indent + " " * LABEL,
+            break_long_words=False,
+            break_on_hyphens=False,
+        )
+        return [line.replace(GLUE, " ") for line in lines]
+
+    def _title(self, module: Module) -> str:
+        name = module.outputs[0] if len(module.outputs) == 1 else module.name
+        if len(module.joints) == 1 and module.joints[0] in self.kinds:
+            joint = module.joints[0]
+            role = "" if module.motors else ", passive"
+            return f"{name}  {self.kinds[joint]} joint {self._joint(joint)}{role}"
+        if not module.closures and module.joints == ("root_joint",):
+            return f"{name}  free base, 6 freedoms"
+        motors = counted(len(module.motors), "motor")
+        return f"{name}  module, {counted(module.mobility, 'freedom')}, {motors}"
+
+    def _facts(self, module: Module, open_by: float) -> Iterator[tuple[str, str]]:
+        if len(module.joints) == 1 and not module.closures:
+            return
+        like = self.first.setdefault(id(module.mechanism), module.name)
+        yield "base", module.base
+        if len(module.outputs) > 1:
+            yield "outputs", ", ".join(module.outputs)
+        if like != module.name:
+            yield "like", f"{like}; motors {', '.join(module.motors) or 'none'}"
+            return
+        for number, (name, joints) in enumerate(module.legs):
+            chain = ", ".join(f"{self._letter(joint)}{GLUE}{self._joint(joint)}" for joint in joints)
+            yield "" if number else "legs", f"{name}: {chain or 'no joints of its own'}"
+        yield from self._closure_facts(module, open_by)
+        spare = len(module.motors) - module.mobility
+        if spare > 0:
+            yield "motors", f"{counted(spare, 'motor')} more than freedoms: efforts are shared"
+        elif spare < 0:
+            yield "motors", f"{-spare} fewer than freedoms: some motion is passive"
+
+    def _closure_facts(self, module: Module, open_by: float) -> Iterator[tuple[str, str]]:
+        if not module.closures:
+            return
+        mechanism = module.mechanism
+        kinds = Counter(self.closure_kinds.get(name, "closure") for name in module.closures)
+        parts = [f"{count} {kind}" for kind, count in kinds.items()]
+        if mechanism.spec.wrists:
+            parts.append(f"{counted(len(mechanism.spec.wrists), 'wrist')} cut")
+        report = mechanism.reduction.report
+        spare = report.rows - report.rank
+        yield "closures", f"{', '.join(parts)}: {counted(report.rows, 'row')}, {spare or 'none'} redundant"
+        closed = open_by <= self.robot.closure_tolerance
+        yield "at home", f"{'closed' if closed else 'OPEN'} to {open_by:.1e} of the module's size"
+
+    def _joint(self, name: str) -> str:
+        return f"{name}*" if name in self.robot.motors else name
+
+    def _letter(self, name: str) -> str:
+        return LETTERS.get(self.kinds.get(name, "floating"), "")  # only a moving base has no kind of its own

@@ -1,0 +1,52 @@
+"""A progress bar on standard error, for work that is long and a terminal that is one."""
+
+from __future__ import annotations
+
+import shutil
+import sys
+import time
+from types import TracebackType
+from typing import Self
+
+PATIENCE = 2.0  # seconds of silence before the bar appears
+INTERVAL = 0.1  # seconds between two drawings
+BAR_WIDTH = 30
+
+
+class Progress:
+    """A bar that appears after two seconds and is wiped away at the end. Use it in `with`."""
+
+    def __init__(self) -> None:
+        self.started = self.drawn = time.perf_counter()
+        self.wanted = sys.stderr.isatty()
+        self.visible = False
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
+    ) -> None:
+        if self.visible:
+            sys.stderr.write("\r\x1b[K")
+            sys.stderr.flush()
+
+    def show(self, samples: int, fraction: float | None) -> None:
+        """Draw the bar, if it is time to.
+
+        Args:
+            samples: Samples done.
+            fraction: Part of the work that is done, in [0, 1], or None where the whole is unknown.
+        """
+        now = time.perf_counter()
+        if not self.wanted or now - self.started < PATIENCE or now - self.drawn < INTERVAL:
+            return
+        self.drawn, self.visible = now, True
+        elapsed = now - self.started
+        text = f"{samples:,} samples, {samples / elapsed:,.0f}/s"
+        if fraction:
+            full = round(BAR_WIDTH * fraction)
+            left = elapsed * (1.0 - fraction) / fraction
+            text = f"[{'#' * full}{'.' * (BAR_WIDTH - full)}] {fraction:4.0%}  {text}, {left:,.0f} s left"
+        sys.stderr.write(f"\r\x1b[K{text[: shutil.get_terminal_size().columns - 1]}")
+        sys.stderr.flush()

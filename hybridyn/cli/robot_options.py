@@ -1,0 +1,167 @@
+"""The arguments that say which robot, shared by every command that takes one."""
+
+from __future__ import annotations
+
+import functools
+import math
+import os
+import re
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+import click
+
+if TYPE_CHECKING:
+    from hybridyn.robot import Base, HybridRobot
+
+XACRO_WORD = re.compile(r"([A-Za-z_]\w*):=(.*)", re.DOTALL)
+
+
+class RobotCommand(click.Command):
+    """A command that takes xacro arguments as bare words too, `name:=value`, anywhere on its line."""
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """Put `--xacro` before each bare `name:=value`, then parse as usual."""
+        words: list[str] = []
+        for word in args:
+            if XACRO_WORD.fullmatch(word) and words[-1:] != ["--xacro"]:
+                words.append("--xacro")
+            words.append(word)
+        return super().parse_args(ctx, words)
+
+
+def existing_file(ctx: click.Context, param: click.Parameter, value: str) -> str:
+    """Check that a file is there ("-" is standard input); if not, name the nearest one that is."""
+    if value == "-" or os.path.isfile(value):
+        return value
+    if os.path.isdir(value):
+        raise click.BadParameter(f"'{value}' is a folder", ctx, param)
+    from hybridyn.description.names import closest
+
+    folder, name = os.path.split(value)
+    if folder and not os.path.isdir(folder):
+        raise click.BadParameter(f"there is no folder '{folder}'", ctx, param)
+    near = closest(name, os.listdir(folder or "."))
+    hint = f" (did you mean '{os.path.join(folder, near)}'?)" if near else ""
+    raise click.BadParameter(f"there is no file '{value}'{hint}", ctx, param)
+
+
+def _names(ctx: click.Context, param: click.Parameter, value: str | None) -> list[str] | None:
+    """Split names at commas."""
+    if value is None:
+        return None
+    names = [name.strip() for name in value.split(",")]
+    if not all(names):
+        raise click.BadParameter(f"'{value}' has an empty name", ctx, param)
+    return names
+
+
+def _vector(ctx: click.Context, param: click.Parameter, value: str) -> tuple[float, float, float]:
+    """Parse three numbers separated by commas."""
+    try:
+        x, y, z = (float(number) for number in value.split(","))
+    except ValueError:
+        raise click.BadParameter(f"'{value}' is not three numbers with commas between", ctx, param) from None
+    if not all(math.isfinite(number) for number in (x, y, z)):
+        raise click.BadParameter(f"'{value}' is not finite", ctx, param)
+    return x, y, z
+
+
+def _xacro_arguments(ctx: click.Context, param: click.Parameter, values: tuple[str, ...]) -> dict[str, str]:
+    """Split each name:=value."""
+    matches = {value: XACRO_WORD.fullmatch(value) for value in values}
+    for value, match in matches.items():
+        if match is None:
+            raise click.BadParameter(f"'{value}' is not of the form name:=value", ctx, param)
+    return {match[1]: match[2] for match in matches.values() if match}
+
+
+_OPTIONS = (
+    click.argument("robot", callback=existing_file),
+    click.option(
+        "--base",
+        type=click.Choice(["fixed", "moving", "floating"]),
+        default="fixed",
+        show_default=True,
+        help="What the root link does: stand still, move as the table says, or float freely.",
+    ),
+    click.option("--motors", metavar="A,B,...", callback=_names, help="Driven joints, not the files' own."),
+    click.option(
+        "--gravity",
+        metavar="X,Y,Z",
+        callback=_vector,
+        default="0,0,-9.81",
+        show_default=True,
+        help="Acceleration of gravity in the world [m/s^2].",
+    ),
+    click.option(
+        "--xacro",
+        "xacro_args",
+        metavar="NAME:=VALUE",
+        callback=_xacro_arguments,
+        multiple=True,
+        help="Argument of a xacro file; bare words NAME:=VALUE do the same.",
+    ),
+    click.option(
+        "--package-dir",
+        "package_dirs",
+        type=click.Path(exists=True, file_okay=False),
+        multiple=True,
+        help="Folder that holds packages, for $(find ...) in xacro files.",
+    ),
+    click.option(
+        "--rank-tolerance",
+        type=click.FloatRange(0, 1, min_open=True, max_open=True),
+        help="Relative singular value under which closure rows count as dependent, where no gap shows it.",
+    ),
+    click.option(
+        "--closure-tolerance",
+        type=click.FloatRange(0, 1, min_open=True),
+        default=1e-4,
+        show_default=True,
+        help="Largest closure residual that counts as closed, relative to a module's size.",
+    ),
+)
+
+
+def takes_robot(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Give a command the options that say which robot; it receives `load`, which reads and builds the robot.
+
+    Args:
+        function: The command's body; its keyword `load` is a function without arguments.
+
+    Returns:
+        The body with the options in front of its own.
+    """
+
+    @functools.wraps(function)
+    def body(
+        robot: str,
+        base: Base,
+        motors: list[str] | None,
+        gravity: tuple[float, float, float],
+        xacro_args: dict[str, str],
+        package_dirs: tuple[str, ...],
+        rank_tolerance: float | None,
+        closure_tolerance: float,
+        **rest: Any,
+    ) -> Any:
+        def load() -> HybridRobot:
+            import hybridyn
+
+            return hybridyn.load(
+                robot,
+                base=base,
+                motors=motors,
+                gravity=gravity,
+                xacro_args=xacro_args or None,
+                package_dirs=package_dirs,
+                rank_tolerance=rank_tolerance,
+                closure_tolerance=closure_tolerance,
+            )
+
+        return function(load=load, **rest)
+
+    for option in reversed(_OPTIONS):
+        body = option(body)
+    return body

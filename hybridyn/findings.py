@@ -1,0 +1,125 @@
+"""What a careful colleague would remark: loops open at home, singular postures, missing mass."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .module import Mechanism, Module
+from .robot import HybridRobot
+from .spatial import Array
+
+#: Reciprocal condition below which a posture is called singular.
+SINGULAR = 1e-5
+#: Part of a module's largest inertia below which a motion has none (rounding of the sum is far below).
+MASSLESS = 1e-12
+
+
+def home_residuals(robot: HybridRobot) -> list[float]:
+    """Give for each module how far its loops are open at the home posture, relative to its length.
+
+    Args:
+        robot: The robot.
+    """
+    out = []
+    for module in robot.modules:
+        m = module.mechanism
+        q = robot.home[None, module.q_index]
+        open_by = m.spanning_closures.residual(q, m.spanning.sweep(q)) * m.spanning_row_scale
+        out.append(float(np.abs(open_by).max(initial=0.0)))
+    return out
+
+
+def findings(robot: HybridRobot) -> list[str]:
+    """Give what looks wrong, one sentence each, the reader's notes first.
+
+    Args:
+        robot: The robot.
+    """
+    out = list(robot.notes)
+    known: dict[int, str] = {}
+    for module, open_by in zip(robot.modules, home_residuals(robot), strict=True):
+        m = module.mechanism
+        if id(m) in known:
+            out += [f"module '{module.name}': as module '{known[id(m)]}'"] if known[id(m)] else []
+            continue
+        found = [*_at_home(module, robot, open_by), *_of_structure(module)]
+        known[id(m)] = module.name if found else ""
+        out += [f"module '{module.name}': {text}" for text in found]
+    return out
+
+
+def _at_home(module: Module, robot: HybridRobot, open_by: float) -> list[str]:
+    """Judge the home posture: open loops, closures or motors that lose a direction."""
+    m = module.mechanism
+    if open_by > robot.closure_tolerance:
+        return [
+            f"its loops are open at the home posture by {open_by:.2g} of its size; "
+            "state a home posture that closes them ([home] in model.toml)"
+        ]
+    motion = m.cut_motion(m.spanning.sweep(robot.home[None, module.q_index]))
+    basis = m.basis(motion)
+    if m.closures.rows and basis.pivot[0] < SINGULAR:
+        return [f"the home posture is singular: its closures lose rank (smallest pivot {basis.pivot[0]:.1e})"]
+    condition = motor_condition(module, basis.Psi)
+    if condition is not None and condition[0] < SINGULAR:
+        return [f"the home posture is singular: its motors lose a direction ({condition[0]:.1e})"]
+    return []
+
+
+def motor_condition(module: Module, Psi: Array) -> Array | None:
+    """Give the reciprocal condition number of the motor map S_a Psi, metres over the module's length.
+
+    Args:
+        module: The module.
+        Psi: Its motions, shape (T, n, N).
+
+    Returns:
+        Shape (T,), or None where the module has no motors or none are needed.
+    """
+    if not module.motors or not module.mobility:
+        return None
+    scale = module.mechanism.reduction.col_scale
+    orthonormal = np.linalg.qr(Psi / scale[:, None])[0]
+    s = np.linalg.svd(orthonormal[:, module.motor_columns], compute_uv=False)
+    out: Array = s[:, -1] / np.maximum(s[:, 0], np.finfo(float).tiny)
+    return out
+
+
+def _of_structure(module: Module) -> list[str]:
+    """Judge what holds at every posture: freedoms without inertia, motors that move nothing."""
+    m = module.mechanism
+    out = []
+    posture = m.postures[:1]
+    motion = m.tree.sweep(posture)
+    Psi = m.basis(motion).Psi[0] / m.reduction.col_scale[:, None]
+    still = [
+        name
+        for name, column in zip(module.motors, module.motor_columns, strict=True)
+        if m.mobility == 0 or np.abs(Psi[column]).max() < SINGULAR * np.abs(Psi).max()
+    ]
+    if still:
+        out.append(f"motor '{still[0]}' cannot move: the closures hold it")
+    if m.mobility:
+        values, vectors = np.linalg.eigh(_inertia(m, posture))
+        if values[-1] <= 0.0:
+            out.append("none of its bodies has mass")
+        elif values[0] <= MASSLESS * values[-1]:
+            joints = np.abs(Psi @ vectors[:, 0])
+            named = [i for i, source in enumerate(m.spec.tree_joint) if source is not None]
+            worst = max(named, key=lambda i: joints[m.tree.v_slices[i]].max(initial=0.0), default=None)
+            where = "" if worst is None else f" of joint '{module.joints[m.spec.tree_joint[worst] or 0]}'"
+            out.append(f"a motion{where} has no inertia; its direct model needs one there")
+    return out
+
+
+def _inertia(m: Mechanism, posture: Array) -> Array:
+    """Give the inertia of a module alone along its scaled motions, shape (N, N)."""
+    motion = m.tree.sweep(posture)
+    Psi = m.basis(motion).Psi
+    legs = m.legs.crba(posture)[:, 6:, 6:]
+    total = np.swapaxes(Psi, 1, 2) @ legs @ Psi
+    for body, inertia in zip(m.spec.outputs, m.inertias, strict=True):
+        a_map = np.matmul(m.jacobian(motion, body), Psi)
+        total = total + np.swapaxes(a_map, 1, 2) @ inertia @ a_map
+    out: Array = total[0]
+    return out

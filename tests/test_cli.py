@@ -1,0 +1,424 @@
+"""The command line: what goes where, exit statuses, one-line errors, and nothing half-written."""
+
+import csv
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import hybridyn
+from hybridyn.cli import COMMANDS, main
+from hybridyn.cli.progress import Progress
+from hybridyn.cli.summary import aligned_rows
+from hybridyn.errors import AssemblyError
+
+ARM = """<robot name="arm">
+  <link name="base"/>
+  <link name="slider"><inertial><mass value="2"/>
+    <inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <link name="tool"><inertial><origin xyz="1 0 0"/><mass value="3"/>
+    <inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <joint name="lift" type="prismatic"><parent link="base"/><child link="slider"/><axis xyz="0 0 1"/>
+    <limit lower="-1" upper="1" effort="100" velocity="1"/></joint>
+  <joint name="turn" type="revolute"><parent link="slider"/><child link="tool"/><axis xyz="0 1 0"/>
+    <limit lower="-3" upper="3" effort="100" velocity="1"/></joint>
+</robot>
+"""
+HEADER = [f"{name}/{rate}" for name in ("lift", "turn") for rate in ("position", "velocity", "acceleration")]
+ROWS = np.random.default_rng(7).uniform(-1.0, 1.0, (30, 6))
+TIME = 0.1 * np.arange(30)
+
+
+def table_text(header: list[str], rows: np.ndarray) -> str:
+    return "\n".join([",".join(header), *(",".join(map(repr, row)) for row in rows.tolist()), ""])
+
+
+@pytest.fixture
+def arm(tmp_path: Path) -> str:
+    path = tmp_path / "arm.urdf"
+    path.write_text(ARM)
+    return str(path)
+
+
+@pytest.fixture
+def motion(tmp_path: Path) -> str:
+    path = tmp_path / "traj.csv"
+    path.write_text(table_text(["time", *HEADER], np.column_stack([TIME, ROWS])))
+    return str(path)
+
+
+@pytest.fixture
+def run(capsys: pytest.CaptureFixture[str]) -> Callable[..., tuple[int, str, str]]:
+    def call(*words: object) -> tuple[int, str, str]:
+        status = main([str(word) for word in words])
+        out, err = capsys.readouterr()
+        return status, out, err
+
+    return call
+
+
+def expected_efforts(arm: str) -> np.ndarray:
+    robot = hybridyn.load(arm)
+    return hybridyn.idm(robot, ROWS[:, [0, 3]], ROWS[:, [1, 4]], ROWS[:, [2, 5]])
+
+
+def program(*words: str, **options: object) -> subprocess.Popen[str]:
+    environment = {**os.environ, "PYTHONWARNINGS": "error"}
+    return subprocess.Popen(
+        [sys.executable, "-m", "hybridyn", *words],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env=environment,
+        **options,  # type: ignore[call-overload]
+    )
+
+
+def test_efforts_on_standard_output_and_summary_on_standard_error(run, arm, motion) -> None:
+    status, out, err = run("idm", arm, motion)
+    assert status == 0
+    header, *rows = csv.reader(out.splitlines())
+    assert header == ["time", "lift/effort", "turn/effort"]
+    found = np.array(rows, dtype=float)
+    tau = expected_efforts(arm)
+    assert np.array_equal(found[:, 0], TIME)
+    assert np.array_equal(found[:, 1:], tau)
+    lift, turn = (line.split() for line in err.splitlines()[2:4])
+    peak = np.abs(tau[:, 0]).argmax()
+    assert lift == [
+        "lift",
+        f"{tau[peak, 0]:.6g}",
+        f"{np.sqrt(np.mean(tau[:, 0] ** 2)):.6g}",
+        "N",
+        f"{TIME[peak]:.6g}",
+        "s",
+    ]
+    assert " N m " in err.splitlines()[3]
+    assert turn[0] == "turn"
+    assert "30 samples" in err
+    assert "wall time" in err
+    assert "residual" not in err  # nothing to close
+    assert "spline" not in err
+
+
+def test_quiet_says_nothing(run, arm, motion) -> None:
+    assert run("idm", arm, motion, "-q")[::2] == (0, "")
+
+
+@pytest.mark.parametrize("ending", ["csv", "parquet"])
+def test_writes_a_file(run, arm, motion, tmp_path: Path, ending: str) -> None:
+    target = tmp_path / f"out.{ending}"
+    status, out, _ = run("idm", arm, motion, "-o", target)
+    assert (status, out) == (0, "")
+    pl = pytest.importorskip("polars")
+    frame = pl.read_csv(target) if ending == "csv" else pl.read_parquet(target)
+    assert np.array_equal(frame.to_numpy()[:, 1:], expected_efforts(arm))
+
+
+def test_gravity_wrenches_and_motors_reach_the_model(run, arm, tmp_path: Path) -> None:
+    wrench = [f"tool/wrench/{name}" for name in ("fx", "fy", "fz", "mx", "my", "mz")]
+    rest = np.zeros((1, 12))
+    rest[0, 8] = 5.0
+    path = tmp_path / "rest.csv"
+    path.write_text(table_text([*HEADER, *wrench], rest))
+    status, out, _ = run("idm", arm, path, "--gravity", "0,0,-2", "--motors", "turn,lift")
+    assert status == 0
+    header, row = csv.reader(out.splitlines())
+    assert header == ["turn/effort", "lift/effort"]
+    assert [float(cell) for cell in row] == pytest.approx([-6.0, 5.0])  # -(3 x 2) x 1 m; (2 + 3) x 2 - 5
+
+
+def test_says_which_rates_come_from_a_spline(run, arm, tmp_path: Path) -> None:
+    path = tmp_path / "traj.csv"
+    path.write_text(
+        table_text(["time", "lift/position", "turn/position"], np.column_stack([TIME, TIME, TIME**2]))
+    )
+    status, out, err = run("idm", arm, path)
+    assert status == 0
+    assert "spline" in err
+    assert "velocity and acceleration of 'lift', 'turn'" in err
+    assert len(out.splitlines()) == 31
+
+
+def test_reads_standard_input(run, arm, motion, monkeypatch: pytest.MonkeyPatch) -> None:
+    wanted = run("idm", arm, motion)[1]
+    with open(motion) as text:
+        monkeypatch.setattr(sys, "stdin", text)
+        assert run("idm", arm, "-")[1] == wanted
+
+
+@pytest.mark.parametrize(
+    ("damage", "words"),
+    [
+        (("lift/position", "lifd/position"), ["column 'lifd/position'", "did you mean 'lift'"]),
+        (("time", "tim"), ["column 'tim'", "did you mean 'time'"]),
+        (("0.1,", "zero,"), ["row 2, column 'time'", "not a number"]),
+        (("0.1,", "0.0,"), ["row 2, column 'time'", "does not come after"]),
+    ],
+)
+def test_bad_tables_are_one_line_and_leave_nothing(run, arm, motion, tmp_path: Path, damage, words) -> None:
+    path = Path(motion)
+    path.write_text(path.read_text().replace(*damage, 1))
+    before = sorted(tmp_path.iterdir())
+    status, out, err = run("idm", arm, motion, "-o", tmp_path / "out.csv")
+    assert (status, out) == (1, "")
+    assert err.count("\n") == 1
+    assert err.startswith(f"error: {motion}, ")
+    assert all(word in err for word in words)
+    assert sorted(tmp_path.iterdir()) == before
+
+
+def test_an_error_late_in_the_table_leaves_nothing_either(run, arm, tmp_path: Path) -> None:
+    rows = np.column_stack([0.01 * np.arange(5_000), np.zeros((5_000, 6))])
+    text = table_text(["time", *HEADER], rows)
+    (tmp_path / "traj.csv").write_text(text.rstrip("\n")[:-3] + "nan\n")
+    (tmp_path / "out.csv").write_text("old")
+    before = sorted(tmp_path.iterdir())
+    status, _, err = run("idm", arm, tmp_path / "traj.csv", "-o", tmp_path / "out.csv")
+    assert status == 1
+    assert "row 5000" in err
+    assert sorted(tmp_path.iterdir()) == before
+    assert (tmp_path / "out.csv").read_text() == "old"
+
+
+def test_efforts_that_overflow_are_an_error(run, arm, tmp_path: Path) -> None:
+    path = tmp_path / "traj.csv"
+    path.write_text(table_text(HEADER, np.array([[0.0, 0, 0, 0, 1e200, 0]])))
+    status, _, err = run("idm", arm, path)
+    assert status == 1
+    assert "row 1" in err
+
+
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        (["ids"], "there is no command 'ids'"),
+        (["idm"], "Missing argument"),
+        (["idm", "{arm}"], "Missing argument"),
+        (["idm", "{folder}/arn.urdf", "{motion}"], "did you mean '{folder}/arm.urdf'"),
+        (["idm", "{arm}", "{folder}/tray.csv"], "did you mean '{folder}/traj.csv'"),
+        (["idm", "{folder}", "{motion}"], "is a folder"),
+        (["idm", "nowhere/arm.urdf", "{motion}"], "no folder 'nowhere'"),
+        (["idm", "{arm}", "{motion}", "--gravity", "1,2"], "three numbers"),
+        (["idm", "{arm}", "{motion}", "--gravity", "1,2,nan"], "not finite"),
+        (["idm", "{arm}", "{motion}", "--base", "loose"], "'loose' is not one of"),
+        (["idm", "{arm}", "{motion}", "--xacro", "n=3"], "name:=value"),
+        (["idm", "{arm}", "{motion}", "--motors", "lift,"], "empty name"),
+        (["idm", "{arm}", "{motion}", "--weights", "lift=heavy"], "motor=value"),
+        (["idm", "{arm}", "{motion}", "--weights", "lifd=1"], "did you mean 'lift'"),
+        (["idm", "{arm}", "{motion}", "--wieghts", "1"], "No such option"),
+    ],
+)
+def test_wrong_usage_is_status_2_and_one_line(run, arm, motion, tmp_path: Path, words, expected) -> None:
+    places = {"arm": arm, "motion": motion, "folder": tmp_path}
+    status, out, err = run(*(word.format(**places) for word in words))
+    assert (status, out) == (2, "")
+    assert err.count("\n") == 1
+    assert expected.format(**places) in err
+    assert "--help" in err
+
+
+@pytest.mark.parametrize("target", ["out.txt", "nowhere/out.csv"])
+def test_a_bad_target_is_found_first(run, arm, motion, tmp_path: Path, target: str) -> None:
+    status, _, err = run("idm", arm, motion, "-o", tmp_path / target)
+    assert status == 1
+    assert str(tmp_path / target) in err
+
+
+def test_bad_robots_are_one_line(run, motion, tmp_path: Path) -> None:
+    path = tmp_path / "arm.urdf"
+    path.write_text(ARM.replace('link="slider"', 'link="slidr"', 1))
+    status, _, err = run("idm", path, motion)
+    assert status == 1
+    assert err.count("\n") == 1
+    assert str(path) in err
+
+
+def test_bugs_are_one_line_without_debug(run, arm, motion, monkeypatch: pytest.MonkeyPatch) -> None:
+    def broken(*_: object, **__: object) -> None:
+        raise ZeroDivisionError("a\nb\x1b[31m")
+
+    monkeypatch.setattr(hybridyn, "idm", broken)
+    status, _, err = run("idm", arm, motion)
+    assert status == 1
+    assert err.count("\n") == 1
+    assert "unexpected ZeroDivisionError: a b" in err
+    assert "\x1b" not in err
+    with pytest.raises(ZeroDivisionError):
+        main(["idm", arm, motion, "--debug"])
+
+
+def test_xacro_words_anywhere(run, motion, tmp_path: Path) -> None:
+    path = tmp_path / "arm.urdf.xacro"
+    text = ARM.replace('name="arm"', 'name="arm" xmlns:xacro="http://www.ros.org/wiki/xacro"')
+    text = text.replace('<link name="base"/>', '<xacro:arg name="m" default="2"/><link name="base"/>')
+    path.write_text(text.replace('mass value="2"', 'mass value="$(arg m)"'))
+    still = tmp_path / "still.csv"
+    still.write_text(table_text(HEADER, np.zeros((1, 6))))
+    weights = []
+    for words in (
+        [path, still],
+        [path, "m:=4", still],
+        [path, still, "--xacro", "m:=4"],
+        ["m:=4", path, still],
+    ):
+        status, out, _ = run("idm", *words)
+        assert status == 0
+        weights.append(float(out.splitlines()[1].split(",")[0]))
+    assert weights == pytest.approx([5 * 9.81, 7 * 9.81, 7 * 9.81, 7 * 9.81])
+
+
+class Assembled:
+    """Stands for `hybridyn.assemble`: remembers what it was asked, fails on demand."""
+
+    def __init__(self, fail_at: float = np.inf) -> None:
+        self.calls: list[dict[str, object]] = []
+        self.fail_at = fail_at
+
+    def __call__(self, robot, *, motors=None, platforms=None, guess=None):
+        """Lift the arm to the tool's height."""
+        self.calls.append({"motors": motors, "platforms": platforms, "guess": guess})
+        z = platforms["tool"][0]["z"]
+        wrong = np.flatnonzero(z >= self.fail_at)
+        if len(wrong):
+            raise AssemblyError(f"module 'arm' at sample {wrong[0]}: out of reach", sample=int(wrong[0]))
+        zero = np.zeros((len(z), 2))
+        return np.column_stack([z, 0 * z]), zero, zero
+
+
+def test_platforms_are_assembled_block_after_block(run, arm, tmp_path: Path, monkeypatch) -> None:
+    assembled = Assembled()
+    monkeypatch.setattr(hybridyn, "assemble", assembled, raising=False)
+    time_ = 0.001 * np.arange(4_500)
+    path = tmp_path / "traj.csv"
+    path.write_text(table_text(["time", "tool/pose/z"], np.column_stack([time_, time_])))
+    status, out, _ = run("idm", arm, path)
+    assert status == 0
+    assert len(out.splitlines()) == 4_501
+    assert len(assembled.calls) == 3
+    assert assembled.calls[0]["guess"] is None
+    assert assembled.calls[1]["guess"] == pytest.approx([time_[1999], 0.0])
+
+
+def test_rows_without_time_are_assembled_one_by_one(run, arm, tmp_path: Path, monkeypatch) -> None:
+    assembled = Assembled(fail_at=3.0)
+    monkeypatch.setattr(hybridyn, "assemble", assembled, raising=False)
+    header = ["tool/pose/z", "tool/velocity/z", "tool/acceleration/z"]
+    path = tmp_path / "traj.csv"
+    path.write_text(table_text(header, np.zeros((4, 3))))
+    assert run("idm", arm, path)[0] == 0
+    assert [call["guess"] for call in assembled.calls] == [None] * 4
+    path.write_text(table_text(header, np.arange(6.0)[:, None] * [1, 0, 0]))
+    status, _, err = run("idm", arm, path)
+    assert status == 1
+    assert f"{path}, row 4: module 'arm'" in err
+
+
+def test_errors_of_the_core_name_file_row_and_time(run, arm, tmp_path: Path, monkeypatch) -> None:
+    monkeypatch.setattr(hybridyn, "assemble", Assembled(fail_at=2.5), raising=False)
+    time_ = 0.001 * np.arange(4_500)
+    path = tmp_path / "traj.csv"
+    path.write_text(table_text(["time", "tool/pose/z"], np.column_stack([time_, time_])))
+    status, _, err = run("idm", arm, path)
+    assert status == 1
+    assert err == f"error: {path}, row 2501 (t = 2.5 s): module 'arm': out of reach\n"
+
+
+def test_weights_from_words_and_files(run, arm, motion, tmp_path: Path, monkeypatch) -> None:
+    seen = []
+
+    def remembering(robot, q, v, a, *, weights=None, **_):
+        seen.append(weights)
+        return np.zeros((len(q), 2))
+
+    monkeypatch.setattr(hybridyn, "idm", remembering)
+    (tmp_path / "w.csv").write_text("turn,lift\n2,3\n")
+    for words in (["lift=3,turn=2"], ["lift=3", "--weights", "turn=2"], [tmp_path / "w.csv"]):
+        assert run("idm", arm, motion, "--weights", *words)[0] == 0
+    assert seen == [{"lift": 3.0, "turn": 2.0}] * 3
+
+
+def test_info_shows_modules_and_what_looks_wrong(run, arm, tmp_path: Path) -> None:
+    status, out, err = run("info", arm)
+    assert (status, err) == (0, "")
+    assert "base 'base' fixed; 2 modules; 2 freedoms" in out
+    assert "prismatic joint lift*" in out
+    assert "revolute joint turn*" in out
+    assert "nothing looks wrong" in out
+    path = tmp_path / "light.urdf"
+    path.write_text(
+        ARM.replace('mass value="3"', 'mass value="0"').replace('"1" iyy="1" izz="1"', '"0" iyy="0" izz="0"')
+    )
+    out = run("info", path)[1]
+    assert "to look at:\n  - module 'tool': none of its bodies has mass" in out
+
+
+def test_help_names_every_command(run) -> None:
+    status, out, _ = run("--help")
+    assert status == 0
+    assert all(f"\n  {name}" in out for name in COMMANDS)
+    assert run("--version")[1] == f"hybridyn {hybridyn.__version__}\n"
+
+
+def test_help_imports_nothing_heavy() -> None:
+    code = (
+        "import sys; from hybridyn.cli import main; main(['--help']);"
+        "print([name for name in ('numpy', 'pinocchio', 'scipy', 'polars', 'lxml') if name in sys.modules])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines()[-1] == "[]"
+
+
+def test_a_reader_that_goes_away_is_no_error(arm, tmp_path: Path) -> None:
+    rows = np.column_stack([0.01 * np.arange(20_000), np.zeros((20_000, 6))])
+    (tmp_path / "traj.csv").write_text(table_text(["time", *HEADER], rows))
+    with program("idm", arm, str(tmp_path / "traj.csv")) as process:
+        assert process.stdout is not None
+        assert process.stderr is not None
+        assert process.stdout.readline() == "time,lift/effort,turn/effort\n"
+        process.stdout.close()
+        assert process.stderr.read() == ""
+        assert process.wait(timeout=60) == 141
+
+
+@pytest.mark.parametrize(("number", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_interruption_leaves_nothing(arm, tmp_path: Path, number: int, status: int) -> None:
+    """The table is a pipe that never ends, so that the work is under way when the signal comes."""
+    target = tmp_path / "out.csv"
+    with program("idm", arm, "-", "-o", str(target), stdin=subprocess.PIPE) as process:
+        assert process.stdin is not None
+        assert process.stderr is not None
+        process.stdin.write(table_text(["time", *HEADER], np.column_stack([TIME, ROWS])))
+        process.stdin.flush()
+        deadline = time.monotonic() + 60
+        while not list(tmp_path.glob(".out.csv.*")) and time.monotonic() < deadline:
+            time.sleep(0.02)
+        assert list(tmp_path.glob(".out.csv.*"))
+        process.send_signal(number)
+        assert process.wait(timeout=60) == status
+        assert process.stderr.read().strip() in ("error: interrupted", "")
+    assert [path.name for path in tmp_path.iterdir()] == ["arm.urdf"]
+
+
+def test_progress_is_drawn_only_when_it_takes_long(capsys, monkeypatch) -> None:
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
+    with Progress() as progress:
+        progress.show(10, 0.1)
+        assert capsys.readouterr().err == ""
+        progress.started -= 10.0
+        progress.drawn -= 10.0
+        progress.show(1_000, 0.5)
+        drawn = capsys.readouterr().err
+        assert "50%" in drawn
+        assert "1,000 samples" in drawn
+    assert capsys.readouterr().err == "\r\x1b[K"
+
+
+def test_cells_are_set_in_columns() -> None:
+    assert aligned_rows([["a", "1.5"], ["long", "10"]], right=(1,)) == ["a     1.5", "long   10"]
