@@ -8,7 +8,7 @@ from .module import Mechanism, Module
 from .robot import HybridRobot
 from .spatial import Array
 
-#: Reciprocal condition below which a posture is called singular.
+#: Smallest pivot, or smallest share of the motors in a motion, below which a posture is called singular.
 SINGULAR = 1e-5
 #: Part of a module's largest inertia below which a motion has none (rounding of the sum is far below).
 MASSLESS = 1e-12
@@ -60,28 +60,30 @@ def _at_home(module: Module, robot: HybridRobot, open_by: float) -> list[str]:
     basis = m.basis(motion)
     if m.closures.rows and basis.pivot[0] < SINGULAR:
         return [f"the home posture is singular: its closures lose rank (smallest pivot {basis.pivot[0]:.1e})"]
-    condition = motor_condition(module, basis.Psi)
-    if condition is not None and condition[0] < SINGULAR:
-        return [f"the home posture is singular: its motors lose a direction ({condition[0]:.1e})"]
+    share = motor_share(module, basis.Psi)
+    if share is not None and share[0] < SINGULAR:
+        return [
+            f"the home posture is singular: its motors lose a direction (their share in it: {share[0]:.1e})"
+        ]
     return []
 
 
-def motor_condition(module: Module, Psi: Array) -> Array | None:
-    """Give the reciprocal condition number of the motor map S_a Psi, metres over the module's length.
+def motor_share(module: Module, Psi: Array) -> Array | None:
+    """Give the least share of the motors in a motion: smallest singular value of S_a Psi, Psi orthonormal.
+
+    Metres count over the module's length, as radians do.
 
     Args:
         module: The module.
         Psi: Its motions, shape (T, n, N).
 
     Returns:
-        Shape (T,), or None where the module has no motors or none are needed.
+        Shape (T,), in [0, 1], 0 where motors lose a direction; None where there are no motors or no motions.
     """
     if not module.motors or not module.mobility:
         return None
-    scale = module.mechanism.reduction.col_scale
-    orthonormal = np.linalg.qr(Psi / scale[:, None])[0]
-    s = np.linalg.svd(orthonormal[:, module.motor_columns], compute_uv=False)
-    out: Array = s[:, -1] / np.maximum(s[:, 0], np.finfo(float).tiny)
+    orthonormal = np.linalg.qr(Psi / module.mechanism.reduction.col_scale[:, None])[0]
+    out: Array = np.linalg.svd(orthonormal[:, module.motor_columns], compute_uv=False)[:, -1]
     return out
 
 
@@ -95,7 +97,7 @@ def _of_structure(module: Module) -> list[str]:
     still = [
         name
         for name, column in zip(module.motors, module.motor_columns, strict=True)
-        if m.mobility == 0 or np.abs(Psi[column]).max() < SINGULAR * np.abs(Psi).max()
+        if not m.mobility or np.abs(Psi[column]).max() < SINGULAR * np.abs(Psi).max()
     ]
     if still:
         out.append(f"motor '{still[0]}' cannot move: the closures hold it")
