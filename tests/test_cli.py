@@ -134,6 +134,24 @@ def test_gravity_wrenches_and_motors_reach_the_model(run, arm, tmp_path: Path) -
     assert [float(cell) for cell in row] == pytest.approx([-6.0, 5.0])  # -(3 x 2) x 1 m; (2 + 3) x 2 - 5
 
 
+def test_a_moving_base_takes_its_motion_from_the_table(run, arm, tmp_path: Path) -> None:
+    """Upside down and thrown: the lift holds five kilograms against gravity less the throw."""
+    pose = {"x": 0, "y": 0, "z": 9, "qx": 1, "qy": 0, "qz": 0, "qw": 0}
+    header = [f"base/pose/{name}" for name in pose]
+    header += [
+        f"base/{rate}/{n}" for rate in ("velocity", "acceleration") for n in ("x", "y", "z", "wx", "wy", "wz")
+    ]
+    row = [*pose.values(), *[0, 0, 7, 0, 0, 0], *[0, 0, 2, 0, 0, 0]]
+    path = tmp_path / "thrown.csv"
+    path.write_text(table_text([*HEADER, *header], np.array([[0.0] * 6 + row])))
+    status, out, _ = run("idm", arm, path, "--base", "moving", "--gravity", "0,0,-10")
+    assert status == 0
+    assert float(out.splitlines()[1].split(",")[0]) == pytest.approx(-5.0 * (10.0 + 2.0))
+    status, _, err = run("idm", arm, path)
+    assert status == 1
+    assert "the base is fixed" in err
+
+
 def test_says_which_rates_come_from_a_spline(run, arm, tmp_path: Path) -> None:
     path = tmp_path / "traj.csv"
     path.write_text(
@@ -363,6 +381,7 @@ def test_help_names_every_command(run) -> None:
     status, out, _ = run("--help")
     assert status == 0
     assert all(f"\n  {name}" in out for name in COMMANDS)
+    assert run() == (0, out, "")
     assert run("--version")[1] == f"hybridyn {hybridyn.__version__}\n"
 
 
