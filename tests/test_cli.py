@@ -242,11 +242,17 @@ def test_wrong_usage_is_status_2_and_one_line(run, arm, motion, tmp_path: Path, 
     assert "--help" in err
 
 
-@pytest.mark.parametrize("target", ["out.txt", "nowhere/out.csv"])
-def test_a_bad_target_is_found_first(run, arm, motion, tmp_path: Path, target: str) -> None:
-    status, _, err = run("idm", arm, motion, "-o", tmp_path / target)
-    assert status == 1
+@pytest.mark.parametrize(
+    ("target", "words"),
+    [("out.txt", "ends in"), ("nowhere/out.csv", "nowhere"), ("traj.csv", "would be replaced")],
+)
+@pytest.mark.parametrize("first", [True, False])
+def test_a_bad_target_is_found_first(run, arm, motion, tmp_path: Path, target, words, first) -> None:
+    option = ["-o", tmp_path / target]
+    status, _, err = run("idm", *option, arm, motion) if first else run("idm", arm, motion, *option)
+    assert status == 2
     assert str(tmp_path / target) in err
+    assert words in err
 
 
 def test_bad_robots_are_one_line(run, motion, tmp_path: Path) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import os
 import time
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
@@ -11,7 +12,7 @@ import click
 
 from hybridyn.cli.postures import postures, rows_named
 from hybridyn.cli.progress import Progress
-from hybridyn.cli.robot_options import RobotCommand, existing_file, takes_robot
+from hybridyn.cli.robot_options import RobotCommand, existing_file, result_file, takes_robot
 from hybridyn.cli.summary import EffortSummary
 
 if TYPE_CHECKING:
@@ -24,7 +25,13 @@ if TYPE_CHECKING:
 @click.command("idm", cls=RobotCommand, short_help="Motor efforts for a motion (inverse dynamic model).")
 @takes_robot
 @click.argument("trajectory", callback=existing_file)
-@click.option("-o", "--output", help="Result file, .csv or .parquet  [default: CSV on standard output]")
+@click.option(
+    "-o",
+    "--output",
+    metavar="FILE",
+    callback=result_file,
+    help="Result file, .csv or .parquet  [default: CSV on standard output]",
+)
 @click.option(
     "--passive",
     type=click.Choice(["given", "solved"]),
@@ -69,13 +76,13 @@ def command(
 
     import hybridyn
     from hybridyn.description.columns import read_layout
-    from hybridyn.description.results import check_target, open_results
+    from hybridyn.description.results import open_results
     from hybridyn.description.tables import open_table
     from hybridyn.description.trajectory import read_motions
 
     started = time.perf_counter()
-    if output is not None:
-        check_target(output)
+    if output and os.path.exists(output) and os.path.realpath(output) == os.path.realpath(trajectory):
+        raise click.UsageError(f"'{output}' is read, and would be replaced")
     with open_table(trajectory) as table:
         robot = load()
         layout = read_layout(

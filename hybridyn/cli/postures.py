@@ -109,5 +109,7 @@ def rows_named(layout: Layout, motion: Motion) -> Iterator[None]:
         if sample is not None:
             time = "" if motion.time is None else f" (t = {motion.time[sample]:.6g} s)"
             message = str(error).replace(f" at sample {sample}", "")  # counted within the block
+            if layout.full_state and isinstance(error, AssemblyError):
+                message += ", or leave the passive joints out of the table: the posture is then assembled"
             error.args = (f"{layout.file}, row {motion.first_row + sample}{time}: {message}",)
         raise

@@ -46,6 +46,20 @@ def existing_file(ctx: click.Context, param: click.Parameter, value: str) -> str
     raise click.BadParameter(f"there is no file '{value}'{hint}", ctx, param)
 
 
+def result_file(ctx: click.Context, param: click.Parameter, value: str | None) -> str | None:
+    """Check, before any work is done, that a result can be written there."""
+    if value is None or value == "-":
+        return value
+    from hybridyn.description.results import check_target
+    from hybridyn.errors import TrajectoryError
+
+    try:
+        check_target(value)
+    except TrajectoryError as error:
+        raise click.BadParameter(str(error), ctx, param) from error
+    return value
+
+
 def _names(ctx: click.Context, param: click.Parameter, value: str | None) -> list[str] | None:
     """Split names at commas."""
     if value is None:
