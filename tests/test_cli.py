@@ -16,6 +16,7 @@ import hybridyn
 from hybridyn.cli import COMMANDS, main
 from hybridyn.cli.progress import Progress
 from hybridyn.cli.summary import aligned_rows
+from hybridyn.description.tables import open_table
 from hybridyn.errors import AssemblyError
 
 ARM = """<robot name="arm">
@@ -30,6 +31,7 @@ ARM = """<robot name="arm">
     <limit lower="-3" upper="3" effort="100" velocity="1"/></joint>
 </robot>
 """
+ROOT = Path(__file__).parents[1]
 HEADER = [f"{name}/{rate}" for name in ("lift", "turn") for rate in ("position", "velocity", "acceleration")]
 ROWS = np.random.default_rng(7).uniform(-1.0, 1.0, (30, 6))
 TIME = 0.1 * np.arange(30)
@@ -298,6 +300,36 @@ def test_xacro_words_anywhere(run, motion, tmp_path: Path) -> None:
     assert weights == pytest.approx([5 * 9.81, 7 * 9.81, 7 * 9.81, 7 * 9.81])
 
 
+def test_a_five_bar_from_its_motors_or_its_full_state(run, tmp_path: Path) -> None:
+    robot, source = ROOT / "urdf/five_bar.urdf.xacro", ROOT / "models/five_bar/traj.csv"
+    status, out, err = run("idm", robot, source)
+    assert status == 0
+    assert "worst closure residual" in err
+    efforts = np.array(list(csv.reader(out.splitlines()[1:])), dtype=float)
+    assert len(efforts) == 1001
+
+    five_bar = hybridyn.load(robot)
+    with open_table(source) as table:
+        rows = next(table.blocks).values
+    motors = {name: tuple(rows[:, 1 + 3 * i : 4 + 3 * i].T) for i, name in enumerate(five_bar.motors)}
+    q, v, a = hybridyn.assemble(five_bar, motors=motors)
+    assert np.array_equal(efforts[:, 1:], hybridyn.idm(five_bar, q, v, a))
+
+    header = [
+        f"{name}/{rate}" for rate in ("position", "velocity", "acceleration") for name in five_bar.joints
+    ]
+    path = tmp_path / "state.csv"
+    path.write_text(table_text(header, np.hstack([q, v, a])))
+    status, out, _ = run("idm", robot, path)
+    assert status == 0
+    assert np.array_equal(np.array(list(csv.reader(out.splitlines()[1:])), dtype=float), efforts[:, 1:])
+
+    path.write_text(table_text(header, np.hstack([q + 1e-3, v, a])))
+    status, _, err = run("idm", robot, path)
+    assert status == 1
+    assert "leave the passive joints out" in err
+
+
 class Assembled:
     """Stands for `hybridyn.assemble`: remembers what it was asked, fails on demand."""
 
@@ -311,14 +343,15 @@ class Assembled:
         z = platforms["tool"][0]["z"]
         wrong = np.flatnonzero(z >= self.fail_at)
         if len(wrong):
-            raise AssemblyError(f"module 'arm' at sample {wrong[0]}: out of reach", sample=int(wrong[0]))
+            text = f"module 'arm' at sample {wrong[0]}: out of reach, pass passive=\"solved\""
+            raise AssemblyError(text, sample=int(wrong[0]))
         zero = np.zeros((len(z), 2))
         return np.column_stack([z, 0 * z]), zero, zero
 
 
 def test_platforms_are_assembled_block_after_block(run, arm, tmp_path: Path, monkeypatch) -> None:
     assembled = Assembled()
-    monkeypatch.setattr(hybridyn, "assemble", assembled, raising=False)
+    monkeypatch.setattr(hybridyn, "assemble", assembled)
     time_ = 0.001 * np.arange(4_500)
     path = tmp_path / "traj.csv"
     path.write_text(table_text(["time", "tool/pose/z"], np.column_stack([time_, time_])))
@@ -332,7 +365,7 @@ def test_platforms_are_assembled_block_after_block(run, arm, tmp_path: Path, mon
 
 def test_rows_without_time_are_assembled_one_by_one(run, arm, tmp_path: Path, monkeypatch) -> None:
     assembled = Assembled(fail_at=3.0)
-    monkeypatch.setattr(hybridyn, "assemble", assembled, raising=False)
+    monkeypatch.setattr(hybridyn, "assemble", assembled)
     header = ["tool/pose/z", "tool/velocity/z", "tool/acceleration/z"]
     path = tmp_path / "traj.csv"
     path.write_text(table_text(header, np.zeros((4, 3))))
@@ -345,13 +378,13 @@ def test_rows_without_time_are_assembled_one_by_one(run, arm, tmp_path: Path, mo
 
 
 def test_errors_of_the_core_name_file_row_and_time(run, arm, tmp_path: Path, monkeypatch) -> None:
-    monkeypatch.setattr(hybridyn, "assemble", Assembled(fail_at=2.5), raising=False)
+    monkeypatch.setattr(hybridyn, "assemble", Assembled(fail_at=2.5))
     time_ = 0.001 * np.arange(4_500)
     path = tmp_path / "traj.csv"
     path.write_text(table_text(["time", "tool/pose/z"], np.column_stack([time_, time_])))
     status, _, err = run("idm", arm, path)
     assert status == 1
-    assert err == f"error: {path}, row 2501 (t = 2.5 s): module 'arm': out of reach\n"
+    assert err == f"error: {path}, row 2501 (t = 2.5 s): module 'arm': out of reach, pass --passive solved\n"
 
 
 def test_weights_from_words_and_files(run, arm, motion, tmp_path: Path, monkeypatch) -> None:

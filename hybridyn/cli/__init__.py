@@ -23,6 +23,9 @@ from hybridyn.errors import HybridynError
 COMMANDS = ("idm", "info")
 """Commands in the order of `--help`; each is `command` in the module of its name."""
 
+OPTIONS = {'passive="solved"': "--passive solved", 'on_singular="least-norm"': "--on-singular least-norm"}
+"""What the library's advice is called here."""
+
 INTERRUPTED, TERMINATED, READER_GONE = 130, 143, 141  # what shells report for SIGINT, SIGTERM, SIGPIPE
 
 
@@ -106,7 +109,10 @@ def _explained(error: Exception) -> tuple[str, int]:
         path = error.ctx.command_path if isinstance(error, click.UsageError) and error.ctx else "hybridyn"
         return f"{error.format_message()} (see '{path} --help')", error.exit_code
     if isinstance(error, HybridynError):
-        return str(error), 1
+        message = str(error)
+        for word, option in OPTIONS.items():
+            message = message.replace(word, option)
+        return message, 1
     if isinstance(error, OSError):
         return f"{error.filename}: {error.strerror}" if error.filename else str(error), 1
     if isinstance(error, MemoryError):
