@@ -106,7 +106,10 @@ def spatial_loop(s: Sketch, base: str, closure: str, mobility: int = 2) -> list[
     count = ROW_COUNT[closure] + mobility
     at, link = s.rng.uniform(-0.2, 0.2, 3), base
     second = s.rng.uniform(-0.2, 0.2, 3)
-    slides = set(s.rng.choice(count, size=1 if count < 6 else 2, replace=False).tolist())
+    moved = (
+        0 if not CLOSURES[closure][0] else 1 if count < 6 else 2
+    )  # slides that the closure's rows can feel
+    slides = set(s.rng.choice(count, size=moved, replace=False).tolist())
     ends = [(base, second), (base, at)]
     for i in range(count):
         link, at = ends[i % 2]
@@ -423,6 +426,7 @@ KINDS: dict[str, Kind] = {
         partial(one, part=star, feet="UUUUUU", turned=2), loops=(6,), motors="redundant"
     ),
     "gough_gimbals": Kind(partial(one, part=star, feet="UUUUUU", wrists=["gimbal", "crossing"]), loops=(6,)),
+    "gough_points": Kind(partial(one, part=star, feet="UUUUUU", wrists=["point"]), loops=(6,)),
     "star_three": Kind(partial(one, part=star, feet="UUU", turned=3), loops=(6,)),
     "star_four": Kind(partial(one, part=star, feet="UUUR", turned=1), loops=(5,)),
     "star_five": Kind(partial(one, part=star, feet="UUUUU", turned=1), loops=(6,)),

@@ -206,12 +206,11 @@ class Sketch:
         z = self.direction() if z is None else z
         x = self.perpendicular(z)
         A = np.column_stack([x, np.cross(z, x), z])
+        about_z = [turn(np.array([0.0, 0.0, 1.0]), self.jitter(3.0)) for _ in range(2)]
         B = {
             "fixed": A,
-            "parallel": A @ turn(np.array([0.0, 0.0, 1.0]), self.jitter(3.0)),
-            "perpendicular": A
-            @ turn(np.array([1.0, 0.0, 0.0]), np.pi / 2)
-            @ turn(np.array([0.0, 0.0, 1.0]), self.jitter(3.0)),
+            "parallel": A @ about_z[0],
+            "perpendicular": A @ about_z[0] @ turn(np.array([1.0, 0.0, 0.0]), np.pi / 2) @ about_z[1],
             "free": self.random_rotation(),
         }[rotation]
         left = [self.jitter(0.2) if i not in translations else 0.0 for i in range(3)]

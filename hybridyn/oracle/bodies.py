@@ -13,6 +13,8 @@ from hybridyn.oracle.tree import Posture
 
 Wrenches = Mapping[str, Any]
 
+DATA_ROUNDING = 1e-15
+
 
 class Bodies:
     """The masses of a robot and what moves them.
@@ -73,11 +75,14 @@ class Bodies:
         return np.concatenate(blocks)
 
     def root(self, inertia: Numbers) -> Numbers:
-        """Give X with `X^T X = inertia`, by Cholesky with pivoting; a zero or singular inertia is fine."""
+        """Give X with `X^T X = inertia`, by Cholesky with pivoting; a zero or singular inertia is fine.
+
+        A pivot within the rounding of the data, which are doubles in any arithmetic, is zero.
+        """
         left, rows = inertia.copy(), []
         for _ in range(3):
             i = max(range(3), key=lambda j: left[j, j])
-            if left[i, i] <= 0:
+            if left[i, i] <= DATA_ROUNDING * (inertia[0, 0] + inertia[1, 1] + inertia[2, 2]):
                 break
             rows.append(left[i] / self.arithmetic.sqrt(left[i, i]))
             left = left - np.outer(rows[-1], rows[-1])

@@ -1,0 +1,145 @@
+"""Pinocchio models of descriptions, built here and nowhere else, so that tests have a judge of their own."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from importlib.metadata import files
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+
+from hybridyn.description.records import Description, Joint, JointKind, Link
+
+KNOWN: tuple[JointKind, ...] = ("fixed", "revolute", "continuous", "prismatic", "planar", "floating")
+
+
+def example_urdf(name: str) -> str:
+    """Give the text of a URDF file of `example-robot-data`, by the file's name."""
+    listed = files("example-robot-data") or []
+    return Path(next(str(f.locate()) for f in listed if f.name == name)).read_text()
+
+
+def describe(urdf: str) -> Description:
+    """Read a plain URDF tree: links, joints, every joint with one freedom driven."""
+    root = ET.fromstring(urdf)
+    links, joints = [], []
+    for element in root.findall("link"):
+        mass, com, inertia = 0.0, np.zeros(3), np.zeros((3, 3))
+        if (inertial := element.find("inertial")) is not None:
+            M = _origin(inertial)
+            terms = inertial.find("inertia").attrib  # type: ignore[union-attr]
+            xx, xy, xz, yy, yz, zz = (float(terms[k]) for k in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"))
+            mass = float(inertial.find("mass").get("value"))  # type: ignore[union-attr,arg-type]
+            com = M[:3, 3]
+            inertia = M[:3, :3] @ np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) @ M[:3, :3].T
+        links.append(Link(element.attrib["name"], mass, com, inertia))
+    for element in root.findall("joint"):
+        kind: JointKind = next(k for k in KNOWN if k == element.get("type"))
+        axis = element.find("axis")
+        z = _numbers(axis.attrib["xyz"]) if axis is not None else np.array([1.0, 0.0, 0.0])
+        parent, child = (element.find(end).attrib["link"] for end in ("parent", "child"))  # type: ignore[union-attr]
+        norm = np.linalg.norm(z) or 1.0
+        joints.append(Joint(element.attrib["name"], kind, parent, child, _origin(element), z / norm))
+    motors = tuple(j.name for j in joints if j.kind in ("revolute", "continuous", "prismatic"))
+    return Description(root.get("name", ""), tuple(links), tuple(joints), motors=motors)
+
+
+def _numbers(text: str) -> np.ndarray:
+    return np.array([float(x) for x in text.split()])
+
+
+def _origin(element: ET.Element) -> np.ndarray:
+    M, origin = np.eye(4), element.find("origin")
+    if origin is not None:
+        M[:3, 3] = _numbers(origin.get("xyz", "0 0 0"))
+        M[:3, :3] = pin.rpy.rpyToMatrix(_numbers(origin.get("rpy", "0 0 0")))
+    return M
+
+
+class Peer:
+    """The spanning tree of a description as a Pinocchio model, and its point and weld closures.
+
+    Attributes:
+        model, data: Pinocchio's.
+        links: Link name to (joint index, placement of the link in that joint's frame).
+    """
+
+    def __init__(self, description: Description, base: str = "fixed") -> None:
+        self.description = description
+        self.model = pin.Model()
+        at = 0
+        if base != "fixed":
+            at = self.model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "root_joint")
+        self.links = {description.root: (at, pin.SE3.Identity())}
+        self._grow(description.root)
+        for link in description.links:
+            index, placement = self.links[link.name]
+            self.model.appendBodyToJoint(index, pin.Inertia(link.mass, link.com, link.inertia), placement)
+        self.data = self.model.createData()
+        assert self.model.check(self.data)
+
+    def _grow(self, parent: str) -> None:
+        for joint in sorted((j for j in self.description.joints if j.parent == parent), key=lambda j: j.name):
+            index, placement = self.links[parent]
+            M = placement * pin.SE3(joint.placement)
+            self.links[joint.child] = (index, M)
+            if joint.kind != "fixed":
+                turned = pin.SE3.Identity()
+                if joint.kind in ("revolute", "continuous", "prismatic"):
+                    turned.rotation = pin.Quaternion.FromTwoVectors(
+                        np.array([0.0, 0.0, 1.0]), joint.axis
+                    ).matrix()
+                model = {
+                    "revolute": pin.JointModelRZ,
+                    "continuous": pin.JointModelRUBZ,
+                    "prismatic": pin.JointModelPZ,
+                    "spherical": pin.JointModelSpherical,
+                    "planar": pin.JointModelPlanar,
+                    "floating": pin.JointModelFreeFlyer,
+                }[joint.kind]()
+                at = self.model.addJoint(index, model, M * turned, joint.name)
+                self.links[joint.child] = (at, turned.inverse())
+            self._grow(joint.child)
+
+    def efforts(self, tau: np.ndarray) -> np.ndarray:
+        """Spread the motors' efforts over the tree, shape (nv,)."""
+        Q = np.zeros(self.model.nv)
+        for name, value in zip(self.description.motors, tau, strict=True):
+            Q[self.model.joints[self.model.getJointId(name)].idx_v] += value
+        return Q
+
+    def forces(self, wrenches: dict[str, np.ndarray]) -> pin.StdVec_Force:
+        """Give outer wrenches on links as Pinocchio's `f_ext`."""
+        out = pin.StdVec_Force([pin.Force.Zero() for _ in range(self.model.njoints)])
+        for name, wrench in wrenches.items():
+            index, placement = self.links[name]
+            out[index] += placement.act(pin.Force(wrench))
+        return out
+
+    def energy(self, q: np.ndarray, v: np.ndarray) -> float:
+        """Give kinetic and potential energy."""
+        kinetic = pin.computeKineticEnergy(self.model, self.data, q, v)
+        return float(kinetic + pin.computePotentialEnergy(self.model, self.data, q))
+
+    def constraint_dynamics(self, q: np.ndarray, v: np.ndarray, tau: np.ndarray, mu: float) -> np.ndarray:
+        """Give accelerations by `pin.constraintDynamics`, for point and weld closures."""
+        models = pin.StdVec_RigidConstraintModel()
+        for closure in self.description.closures:
+            kind = {"spherical": pin.ContactType.CONTACT_3D, "fixed": pin.ContactType.CONTACT_6D}[
+                closure.kind
+            ]
+            ends = []
+            for link, frame in ((closure.link_a, closure.frame_a), (closure.link_b, closure.frame_b)):
+                index, placement = self.links[link]
+                ends += [index, placement * pin.SE3(frame)]
+            models.append(pin.RigidConstraintModel(kind, self.model, *ends, pin.ReferenceFrame.LOCAL))
+        datas = pin.StdVec_RigidConstraintData()
+        for model in models:
+            datas.append(model.createData())
+        data = self.model.createData()
+        pin.initConstraintDynamics(self.model, data, models, datas)
+        settings = pin.ProximalSettings(1e-15, mu, 50)
+        return pin.constraintDynamics(
+            self.model, data, q, v, self.efforts(tau), models, datas, settings
+        ).copy()
