@@ -264,7 +264,7 @@ def test_a_five_bar_agrees_with_its_kinetic_energy() -> None:
 
 @pytest.mark.parametrize("kind", CLOSURES)
 def test_closures_hold_what_their_record_says(kind: str) -> None:
-    """Move B from a closed placement: nothing is missed along what the record leaves free, else something is."""
+    """Move B from a closed placement: something is missed except along what the record leaves free."""
     translations, rotation = CLOSURES[kind]
     rng, pi = np.random.default_rng(0), np.pi
     frames = [pin.exp6(rng.normal(size=6)).homogeneous for _ in range(2)]
