@@ -8,6 +8,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from .assembly import assemble
     from .errors import (
         ActuationError,
         AssemblyError,
@@ -31,6 +32,7 @@ _HOME = {
     "ModelError": "errors",
     "SingularityError": "errors",
     "TrajectoryError": "errors",
+    "assemble": "assembly",
     "closure_residual": "forward",
     "idm": "idm",
     "load": "loading",
@@ -48,6 +50,7 @@ __all__ = [
     "SingularityError",
     "TrajectoryError",
     "__version__",
+    "assemble",
     "closure_residual",
     "idm",
     "load",

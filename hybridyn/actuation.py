@@ -72,7 +72,7 @@ def motor_efforts(
     elif motors == N:
         tau = _square(module, B, Q, sharing)
     else:
-        share = np.ones(motors) if motors < N else _share(robot, module, sharing) / unit
+        share = np.ones(motors) if motors < N else _share(robot, module, sharing) * unit
         tau = _least_norm(module, B, Q, share, sharing)
     missing = Q - np.einsum("tij,tj->ti", B, tau)
     _check_driven(module, Psi, missing, size, sharing)

@@ -1,18 +1,23 @@
-"""Newton on the closures of one module, for many starts at once.
+"""Newton on the closures and targets of one module, for many starts at once.
 
-Every step is the least-norm Gauss-Newton step on as many singular values as the closures generically have, limited
-in length (a trust region in scaled coordinates) and damped while it does not help.
+Every step is the least-norm Gauss-Newton step on as many singular values as the rows generically have, limited in
+length (a trust region in scaled coordinates) and damped while it does not help. Where the freedoms that may move
+fall into blocks of full rank (the legs under a given platform), each block is solved by itself by pivoted QR.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from .closure import Closures
-from .reduction import RANK_TOLERANCE
+from .elimination import back_substitute, pivot_ratio, pivoted_qr
+from .kinematics import Motion, Tree
+from .reduction import RANK_TOLERANCE, Block
 from .spatial import Array
+from .targets import Target
 
 #: Longest step of one iteration in scaled coordinates [rad, module lengths].
 LONGEST_STEP = 0.5
@@ -27,7 +32,7 @@ class Closed:
     Attributes:
         q: Positions, shape (T, nq).
         residual: Scaled residual of the worst row, shape (T,).
-        step: Length of the next step: how far the projection on the closures' generic range is from zero, (T,).
+        step: Length of the next step: how far the projection on the rows' generic range is from zero, (T,).
         iterations: Iterations spent.
     """
 
@@ -37,66 +42,128 @@ class Closed:
     iterations: int
 
 
-def close(
-    closures: Closures,
-    q: Array,
-    row_scale: Array,
-    col_scale: Array,
-    *,
-    free: Array | None = None,
-    rank: int | None = None,
-    iterations: int = 60,
-) -> Closed:
-    """Close the loops of a module from the positions given.
+@dataclass(frozen=True)
+class LoopProblem:
+    """Rows to be made zero by moving some freedoms of a tree.
 
-    Args:
-        closures: The module's closures and their tree.
-        q: Starts, shape (T, nq).
-        row_scale: Factor of each row, shape (rows,).
+    Attributes:
+        closures: Closures and their tree.
+        row_scale: Factor of each closure row, shape (rows,).
         col_scale: Unit of each freedom, shape (nv,).
-        free: Which freedoms may move, shape (nv,) of bool; all where left out.
-        rank: Number of singular values that count; those above `RANK_TOLERANCE` where left out.
-        iterations: Most iterations.
+        free: Freedoms that may move, shape (nv,) of bool.
+        targets: Poses that bodies shall take, one more set of rows each.
+        rank: Number of singular values that count; those above `RANK_TOLERANCE` where None.
+        blocks: Blocks of full column rank that hold every free freedom; empty for one dense step.
     """
-    tree = closures.tree
-    free = np.ones(tree.nv, dtype=bool) if free is None else free
-    q = q.copy()
-    T = len(q)
-    residual = closures.residual(q, tree.sweep(q)) * row_scale
-    damping, last = np.zeros(T), np.full(T, np.inf)
-    active = np.arange(T)
-    spent = 0
-    for spent in range(1, iterations + 1):  # noqa: B007 - the count is reported
-        motion = tree.sweep(q[active])
-        K = closures.matrix(motion)[:, :, free] * row_scale[:, None] * col_scale[free]
-        dx = np.zeros((len(active), tree.nv))
-        dx[:, free] = _step(K, residual[active], damping[active], rank)
-        length = np.abs(dx).max(axis=1, initial=0.0)
-        last[active] = length
-        dx *= np.minimum(1.0, LONGEST_STEP / np.where(length > 0, length, 1.0))[:, None]
-        trial = tree.integrate(q[active], dx * col_scale)
-        new = closures.residual(trial, tree.sweep(trial)) * row_scale
-        before, after = (np.linalg.norm(r, axis=1) for r in (residual[active], new))
-        good = (after < before) | (length < 1e-6)
-        q[active[good]], residual[active[good]] = trial[good], new[good]
-        lower = damping[active] / 10
-        damping[active] = np.where(good, np.where(lower < 1e-9, 0.0, lower), damping[active] * 10 + 1e-6)
-        stuck = damping[active] > 1e6
-        active = active[(length > SMALLEST_STEP) & ~stuck]
-        if not len(active):
-            break
-    return Closed(q, np.abs(residual).max(axis=1, initial=0.0), last, spent)
+
+    closures: Closures
+    row_scale: Array
+    col_scale: Array
+    free: Array
+    targets: Sequence[Target] = ()
+    rank: int | None = None
+    blocks: Sequence[Block] = ()
+
+    @property
+    def tree(self) -> Tree:
+        """The tree that moves."""
+        return self.closures.tree
+
+    @property
+    def length(self) -> float:
+        """The unit of length of the scaled coordinates [m]."""
+        return float(self.col_scale.max(initial=1.0)) if len(self.col_scale) else 1.0
+
+    def residual(self, q: Array, samples: Array, motion: Motion | None = None) -> Array:
+        """Give the scaled residuals at samples (numbers into the targets), shape (T, rows)."""
+        motion = motion or self.tree.sweep(q)
+        rows = [self.closures.residual(q, motion) * self.row_scale]
+        rows += [t.residual(motion, samples) / t.units for t in self.targets]
+        return np.concatenate(rows, axis=1)
+
+    def matrix(self, motion: Motion) -> Array:
+        """Give the scaled rows over all freedoms, shape (T, rows, nv)."""
+        rows = [self.closures.matrix(motion) * self.row_scale[:, None]]
+        rows += [t.matrix(self.tree, motion) / t.units[:, None] for t in self.targets]
+        return np.concatenate(rows, axis=1) * self.col_scale
+
+    def solve(self, K: Array, rhs: Array, damping: Array | None = None) -> Array:
+        """Give the least-norm x of the free freedoms with K x = rhs, scaled, shape (T, nv); others zero."""
+        out = np.zeros((len(K), self.tree.nv))
+        if self.blocks and (damping is None or not damping.any()):
+            hard = self._solve_blocks(K, rhs, out)
+        else:
+            hard = np.arange(len(K))
+        if len(hard):
+            A = K[hard][:, :, self.free]
+            out[np.ix_(hard, self.free)] = _truncated(
+                A, rhs[hard], np.zeros(len(hard)) if damping is None else damping[hard], self.rank
+            )
+        return out
+
+    def _solve_blocks(self, K: Array, rhs: Array, out: Array) -> Array:
+        """Solve block by block into `out`; give the samples where some block is close to singular."""
+        T = len(K)
+        easy = np.ones(T, dtype=bool)
+        shapes: dict[tuple[int, int], list[Block]] = {}
+        for block in self.blocks:
+            shapes.setdefault((len(block.rows), len(block.cols)), []).append(block)
+        for (m, c), group in shapes.items():
+            rows, cols = np.array([b.rows for b in group]), np.array([b.cols for b in group])
+            A = np.concatenate([K[:, rows[:, :, None], cols[:, None, :]], rhs[:, rows, None]], axis=-1)
+            R, order = pivoted_qr(A.reshape(-1, m, c + 1), c, c)
+            x = np.empty((len(R), c))
+            np.put_along_axis(x, order, back_substitute(R[:, :c, :c], R[:, :c, c:])[..., 0], axis=1)
+            out[:, cols] = x.reshape(T, len(group), c)
+            easy &= pivot_ratio(R, c).reshape(T, -1).min(axis=1) > RANK_TOLERANCE
+        return np.flatnonzero(~easy)
 
 
-def _step(K: Array, residual: Array, damping: Array, rank: int | None) -> Array:
-    """Give the damped least-norm step on the leading singular values, shape (T, columns)."""
+def _truncated(K: Array, rhs: Array, damping: Array, rank: int | None) -> Array:
+    """Solve K x = rhs on the leading singular values, damped, least norm, shape (T, columns)."""
     if 0 in K.shape:
         return np.zeros((len(K), K.shape[2]))
     U, s, Vt = np.linalg.svd(K, full_matrices=False)
     top = s[:, :1]
     keep = s > RANK_TOLERANCE * top if rank is None else (np.arange(s.shape[1]) < rank) & (s > 0)
     gain = np.where(keep, s / np.where(keep, s * s + damping[:, None] * top**2, 1.0), 0.0)
-    return -np.einsum("bji,bj->bi", Vt, gain * np.einsum("bji,bj->bi", U, residual))
+    return np.einsum("bji,bj->bi", Vt, gain * np.einsum("bji,bj->bi", U, rhs))
+
+
+def close(problem: LoopProblem, q: Array, samples: Array | None = None, *, iterations: int = 60) -> Closed:
+    """Make a problem's rows zero, starting from the positions given.
+
+    Args:
+        problem: Rows and the freedoms that may move.
+        q: Starts, shape (T, nq).
+        samples: Number of each start's sample in the problem's targets, shape (T,).
+        iterations: Most iterations.
+    """
+    tree, q, T = problem.tree, q.copy(), len(q)
+    samples = np.zeros(T, dtype=int) if samples is None else samples
+    residual = problem.residual(q, samples)
+    damping, last = np.zeros(T), np.full(T, np.inf)
+    active = np.arange(T)
+    spent = 0
+    for spent in range(1, iterations + 1):  # noqa: B007 - the count is reported
+        K = problem.matrix(tree.sweep(q[active]))
+        dx = problem.solve(K, -residual[active], damping[active])
+        length = np.abs(dx).max(axis=1, initial=0.0)
+        last[active] = length
+        dx *= np.minimum(1.0, LONGEST_STEP / np.where(length > 0, length, 1.0))[:, None]
+        trial = tree.integrate(q[active], dx * problem.col_scale)
+        new = problem.residual(trial, samples[active])
+        before, after = (np.linalg.norm(r, axis=1) for r in (residual[active], new))
+        good = (after < before) | (length < 1e-6)
+        q[active[good]], residual[active[good]] = trial[good], new[good]
+        lower = damping[active] / 10
+        damping[active] = np.where(good, np.where(lower < 1e-9, 0.0, lower), damping[active] * 10 + 1e-6)
+        # A Newton step of 1e-8 leaves an error of 1e-16: what remains is rounding.
+        done = (length <= SMALLEST_STEP) | ((length < 1e-8) & (after > 0.1 * before)) | (damping[active] > 1e6)
+        active = active[~done]
+        if not len(active):
+            break
+    return Closed(q, np.abs(residual).max(axis=1, initial=0.0), last, spent)
 
 
 def generic_postures(
@@ -119,12 +186,12 @@ def generic_postures(
     """
     rng = np.random.default_rng(2010)
     tree = closures.tree
+    problem = LoopProblem(closures, row_scale, col_scale, np.ones(tree.nv, dtype=bool))
     found: list[Array] = []
     best = np.inf
     for spread, starts in ((0.15, 2 * count), (0.5, 4 * count), (1.5, 8 * count), (3.0, 16 * count)):
         noise = rng.uniform(-spread, spread, (starts, tree.nv)) * col_scale
-        q = tree.integrate(np.tile(home, (starts, 1)), noise)
-        closed = close(closures, q, row_scale, col_scale)
+        closed = close(problem, tree.integrate(np.tile(home, (starts, 1)), noise))
         best = min(best, float(closed.residual.min(initial=np.inf)))
         found.extend(closed.q[(closed.residual <= tolerance) & (closed.step < 1e-6)])
         if len(found) >= count:

@@ -20,7 +20,7 @@ import numpy as np
 
 from .description.records import RotationKind
 from .kinematics import Motion, Tree
-from .spatial import Array, cross, rotate, rotate_back, rotation_vector
+from .spatial import Array, compose, cross, rotate, rotate_back, rotation_vector, samples_inside, select
 
 ROTATION_ROWS = {"free": 0, "perpendicular": 1, "parallel": 2, "fixed": 3}
 
@@ -91,10 +91,10 @@ class _Group:
 
     def frames(self, motion: Motion) -> tuple[Array, Array, Array, Array]:
         """Give axes and origins of A and B in the base: (T, g, 3, 3), (T, g, 3), twice."""
-        Ra, Rb = motion.R[:, self.a], motion.R[:, self.b]
+        Ra, Rb = select(motion.R, self.a), select(motion.R, self.b)
         return (
-            np.matmul(Ra, self.R_a), motion.p[:, self.a] + rotate(Ra, self.p_a),
-            np.matmul(Rb, self.R_b), motion.p[:, self.b] + rotate(Rb, self.p_b),
+            compose(Ra, self.R_a), select(motion.p, self.a) + rotate(Ra, self.p_a),
+            compose(Rb, self.R_b), select(motion.p, self.b) + rotate(Rb, self.p_b),
         )  # fmt: skip
 
     def normals(self, A: Array, B: Array) -> Array:
@@ -112,7 +112,7 @@ class _Group:
         shift = rotate_back(A, pb - pa)[..., self.translations]
         if self.rotation == "free":
             return shift
-        relative = np.matmul(np.swapaxes(A, -1, -2), B)
+        relative = compose(np.swapaxes(A, -1, -2), B)
         if self.rotation == "fixed":
             turn = rotation_vector(relative)
         elif self.rotation == "perpendicular":
@@ -129,20 +129,21 @@ class _Group:
     def matrix(self, tree: Tree, motion: Motion, columns: tuple[Array, Array]) -> Array:
         """Give the rows over the involved freedoms, shape (T, g, rows, involved)."""
         A, _, B, pb = self.frames(motion)
-        linear, angular = (c[:, self.cols] * self.sign[..., None] for c in columns)
-        origin = motion.p[:, tree.dof_body[self.cols]]
+        linear, angular = (select(c, self.cols) * self.sign[..., None] for c in columns)
+        origin = select(motion.p, tree.dof_body[self.cols])
         at_b = linear + cross(angular, pb[:, :, None, :] - origin)
-        shift = np.matmul(np.swapaxes(A, -1, -2)[..., self.translations, :], np.swapaxes(at_b, -1, -2))
-        return np.concatenate([shift, np.matmul(self.normals(A, B), np.swapaxes(angular, -1, -2))], axis=-2)
+        shift = np.einsum("tgri,tgci->tgrc", np.swapaxes(A, -1, -2)[..., self.translations, :], at_b)
+        turn = np.einsum("tgri,tgci->tgrc", self.normals(A, B), angular)
+        return np.concatenate([shift, turn], axis=-2)
 
     def rates(self, motion: Motion) -> tuple[Array, Array]:
         """Give the first and second time derivatives of the residuals along the motion, shapes (T, g, rows)."""
         A, pa, B, pb = self.frames(motion)
-        wa, wb, wda, wdb = (x[:, i] for x in (motion.w, motion.wd) for i in (self.a, self.b))
-        ra, rb = pa - motion.p[:, self.a], pb - motion.p[:, self.b]
-        va, vb = motion.pd[:, self.a] + cross(wa, ra), motion.pd[:, self.b] + cross(wb, rb)
-        aa = motion.pdd[:, self.a] + cross(wda, ra) + cross(wa, cross(wa, ra))
-        ab = motion.pdd[:, self.b] + cross(wdb, rb) + cross(wb, cross(wb, rb))
+        wa, wb, wda, wdb = (select(x, i) for x in (motion.w, motion.wd) for i in (self.a, self.b))
+        ra, rb = pa - select(motion.p, self.a), pb - select(motion.p, self.b)
+        va, vb = select(motion.pd, self.a) + cross(wa, ra), select(motion.pd, self.b) + cross(wb, rb)
+        aa = select(motion.pdd, self.a) + cross(wda, ra) + cross(wa, cross(wa, ra))
+        ab = select(motion.pdd, self.b) + cross(wdb, rb) + cross(wb, cross(wb, rb))
         r = pb - pa
         slide = vb - va - cross(wa, r)
         slide_dot = ab - aa - cross(wda, r) - cross(wa, vb - va)
@@ -150,9 +151,9 @@ class _Group:
         shift_dot = rotate_back(A, slide_dot - cross(wa, slide))[..., self.translations]
         normals = self.normals(A, B)
         normals_dot = self._normals_dot(A, B, wa, wb)
-        w = (wb - wa)[..., None]
-        turn = np.matmul(normals, w)[..., 0]
-        turn_dot = (np.matmul(normals, (wdb - wda)[..., None]) + np.matmul(normals_dot, w))[..., 0]
+        w = wb - wa
+        turn = rotate(normals, w)
+        turn_dot = rotate(normals, wdb - wda) + rotate(normals_dot, w)
         return np.concatenate([shift, turn], axis=-1), np.concatenate([shift_dot, turn_dot], axis=-1)
 
     def _normals_dot(self, A: Array, B: Array, wa: Array, wb: Array) -> Array:
@@ -232,10 +233,12 @@ class Closures:
 
     def matrix(self, motion: Motion) -> Array:
         """Give the constraint rows K over the tree's freedoms, shape (T, rows, nv)."""
-        K = np.zeros((len(motion.p), self.rows, self.tree.nv))
+        K = samples_inside((len(motion.p), self.rows, self.tree.nv))
         columns = self.tree.columns(motion)
+        by_row = np.moveaxis(K, 0, -1)
         for group in self._groups:
-            K[:, group.rows[:, :, None], group.cols[:, None, :]] = group.matrix(self.tree, motion, columns)
+            rows = group.matrix(self.tree, motion, columns)
+            by_row[group.rows[:, :, None], group.cols[:, None, :]] = np.moveaxis(rows, 0, -1)
         K[:, self.rows - len(self.couplings) :] = self._coupling_rows
         return K
 

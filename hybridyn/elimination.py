@@ -95,14 +95,14 @@ def null_basis(K: Array, gamma: Array, rank: int) -> tuple[Array, Array, Array]:
     return out[:, :, :-1], out[:, :, -1], pivot_ratio(R, rank)
 
 
-def least_squares(A: Array, b: Array, relative: float = 1e-12) -> Array:
+def least_squares(A: Array, b: Array, *, relative: float = 1e-12, rank: int | None = None) -> Array:
     """Give the least-norm least-squares solution of A x = b by singular values, shapes (B, m, n), (B, m).
 
-    Singular values under `relative` times the largest are dropped.
+    The leading `rank` singular values count, or, where it is left out, those above `relative` times the largest.
     """
     if A.shape[1] == 0 or A.shape[2] == 0:
         return np.zeros((len(A), A.shape[2]))
     U, s, Vt = np.linalg.svd(A, full_matrices=False)
-    keep = s > relative * s[:, :1]
+    keep = s > relative * s[:, :1] if rank is None else (np.arange(s.shape[1]) < rank) & (s > 0)
     y = np.where(keep, np.einsum("bji,bj->bi", U, b) / np.where(keep, s, 1.0), 0.0)
     return np.einsum("bji,bj->bi", Vt, y)

@@ -14,11 +14,15 @@ import numpy as np
 from .description.records import JointKind
 from .spatial import (
     Array,
+    compose,
     cross,
     rotate,
     rotate_back,
     rotation_from_axis_angle,
     rotation_from_quaternion,
+    rotation_vector,
+    samples_inside,
+    select,
 )
 
 NQ = {"revolute": 1, "continuous": 2, "prismatic": 1, "spherical": 4, "planar": 4, "floating": 7}
@@ -191,8 +195,7 @@ class Tree:
     def _local(self, q: Array) -> tuple[Array, Array]:
         """Give every child frame in its parent: rotations (T, joints, 3, 3), origins (T, joints, 3)."""
         T, n = len(q), len(self.joints)
-        R = np.empty((T, n, 3, 3))
-        shift = np.zeros((T, n, 3))
+        R, shift = samples_inside((T, n, 3, 3)), samples_inside((T, n, 3))
         for kind, numbers, at, axes in self._kinds:
             x = q[:, at]
             if kind == "prismatic":
@@ -205,7 +208,7 @@ class Tree:
         for i, joint in enumerate(self.joints):
             if joint.kind in ("spherical", "planar", "floating"):
                 R[:, i], shift[:, i] = joint.transform(q[:, self.q_slices[i]])
-        return np.matmul(self._placement_R, R), self._placement_p + rotate(self._placement_R, shift)
+        return compose(self._placement_R, R), self._placement_p + rotate(self._placement_R, shift)
 
     def sweep(self, q: Array, v: Array | None = None, a: Array | None = None) -> Motion:
         """Give the motion of every body; rates and accelerations left out are zero.
@@ -218,13 +221,14 @@ class Tree:
             a: Joint accelerations, shape (T, nv).
         """
         T, n = len(q), len(self.joints) + 1
-        R, p = np.empty((T, n, 3, 3)), np.zeros((T, n, 3))
+        R, p = samples_inside((T, n, 3, 3)), samples_inside((T, n, 3))
         R[:, 0] = np.eye(3)
         R_local, p_local = self._local(q)
         for children, parents in self._levels:
-            R[:, children] = np.matmul(R[:, parents], R_local[:, children - 1])
-            p[:, children] = p[:, parents] + rotate(R[:, parents], p_local[:, children - 1])
-        w, pd, wd, pdd = (np.zeros((T, n, 3)) for _ in range(4))
+            R0 = select(R, parents)
+            R[:, children] = compose(R0, select(R_local, children - 1))
+            p[:, children] = select(p, parents) + rotate(R0, select(p_local, children - 1))
+        w, pd, wd, pdd = (samples_inside((T, n, 3)) for _ in range(4))
         if v is not None:
             self._sweep_rates(R, p, v, a, (w, pd, wd, pdd))
         return Motion(R, p, w, pd, wd, pdd)
@@ -234,22 +238,23 @@ class Tree:
         rel_p, rel_w = self._joint_rates(R, v)
         acc_p, acc_w = (np.zeros(()), np.zeros(())) if a is None else self._joint_rates(R, a)
         for children, parents in self._levels:
-            r = p[:, children] - p[:, parents]
-            w0, wd0 = w[:, parents], wd[:, parents]
-            slide, turn = rel_p[:, children], rel_w[:, children]
-            w[:, children] = w0 + turn
-            pd[:, children] = pd[:, parents] + cross(w0, r) + slide
-            wd_new = wd0 + cross(w0, turn)
-            pdd_new = pdd[:, parents] + cross(wd0, r) + cross(w0, cross(w0, r) + slide) + cross(w0 + turn, slide)
+            r = select(p, children) - select(p, parents)
+            w0, wd0 = select(w, parents), select(wd, parents)
+            slide, turn = select(rel_p, children), select(rel_w, children)
+            w1, sweep = w0 + turn, cross(w0, r)
+            w[:, children] = w1
+            pd[:, children] = select(pd, parents) + sweep + slide
+            wd1 = wd0 + cross(w0, turn)
+            pdd1 = select(pdd, parents) + cross(wd0, r) + cross(w0, sweep + slide) + cross(w1, slide)
             if a is not None:
-                wd_new += acc_w[:, children]
-                pdd_new += acc_p[:, children]
-            wd[:, children], pdd[:, children] = wd_new, pdd_new
+                wd1 += select(acc_w, children)
+                pdd1 += select(acc_p, children)
+            wd[:, children], pdd[:, children] = wd1, pdd1
 
     def _joint_rates(self, R: Array, rates: Array) -> tuple[Array, Array]:
         """Give S times the joint rates per body in base axes: linear and angular, shape (T, bodies, 3)."""
         T, n = len(R), len(self.joints) + 1
-        linear, angular = np.zeros((T, n, 3)), np.zeros((T, n, 3))
+        linear, angular = samples_inside((T, n, 3)), samples_inside((T, n, 3))
         if self.nv == len(self.joints):
             linear[:, 1:] = rates[..., None] * self.S_linear
             angular[:, 1:] = rates[..., None] * self.S_angular
@@ -266,8 +271,53 @@ class Tree:
             Velocity of the body's origin and angular velocity, each of shape (T, nv, 3). A point x of any body
             further out moves with `linear + angular x (x - origin of dof_body)`.
         """
-        R = motion.R[:, self.dof_body]
+        R = select(motion.R, self.dof_body)
         return rotate(R, self.S_linear), rotate(R, self.S_angular)
+
+    def jacobian(self, motion: Motion, body: int, point: Array | None = None) -> Array:
+        """Give the velocity of a point of a body and the body's angular velocity over the rates, base axes.
+
+        Args:
+            motion: Motion of the tree.
+            body: Number of the body.
+            point: The point in the base, shape (T, 3), [m]; the body's origin where left out.
+
+        Returns:
+            Shape (T, 6, nv).
+        """
+        point = motion.p[:, body] if point is None else point
+        linear, angular = self.columns(motion)
+        at_point = linear + cross(angular, point[:, None] - select(motion.p, self.dof_body))
+        J = np.concatenate([at_point, angular], axis=-1) * self.support[body][:, None]
+        return np.swapaxes(J, 1, 2)
+
+    def difference(self, q0: Array, q1: Array) -> Array:
+        """Give the joint twists dq with `integrate(q0, dq) = q1`, shape (T, nv)."""
+        out = np.empty((len(q0), self.nv))
+        for joint, at, to in zip(self.joints, self.q_slices, self.v_slices, strict=True):
+            x, y = q0[:, at], q1[:, at]
+            if joint.kind in ("revolute", "prismatic"):
+                out[:, to] = y - x
+            elif joint.kind == "continuous":
+                out[:, to.start] = _turned(x, y)
+            elif joint.kind == "planar":
+                d, cos, sin = y[:, :2] - x[:, :2], x[:, 2], x[:, 3]
+                out[:, to.start] = cos * d[:, 0] + sin * d[:, 1]
+                out[:, to.start + 1] = cos * d[:, 1] - sin * d[:, 0]
+                out[:, to.start + 2] = _turned(x[:, 2:], y[:, 2:])
+            else:
+                R = rotation_from_quaternion(x[:, -4:])
+                turn = np.matmul(np.swapaxes(R, 1, 2), rotation_from_quaternion(y[:, -4:]))
+                out[:, to.stop - 3 : to.stop] = rotation_vector(turn)
+                if joint.kind == "floating":
+                    out[:, to.start : to.start + 3] = rotate_back(R, y[:, :3] - x[:, :3])
+        return out
+
+
+def _turned(x: Array, y: Array) -> Array:
+    """Give the angles from unit vectors x to y, shape (T,)."""
+    out: Array = np.arctan2(x[:, 0] * y[:, 1] - x[:, 1] * y[:, 0], x[:, 0] * y[:, 0] + x[:, 1] * y[:, 1])
+    return out
 
 
 def _turn(cos_sin: Array, angle: Array) -> Array:

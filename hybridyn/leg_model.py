@@ -27,7 +27,7 @@ def pinocchio_joint(joint: TreeJoint) -> pin.JointModel:
                 return aligned[joint.kind][i]()
         unaligned = {
             "revolute": pin.JointModelRevoluteUnaligned,
-            "continuous": pin.JointModelRevoluteUnboundedUnaligned,
+            "continuous": _continuous,
             "prismatic": pin.JointModelPrismaticUnaligned,
         }
         return unaligned[joint.kind](joint.axis)
@@ -36,6 +36,17 @@ def pinocchio_joint(joint: TreeJoint) -> pin.JointModel:
         "planar": pin.JointModelPlanar,
         "floating": pin.JointModelFreeFlyer,
     }[joint.kind]()
+
+
+def _continuous(axis: Array) -> pin.JointModel:
+    """Give a continuous joint about any axis; Python cannot set its axis, the URDF reader can."""
+    x, y, z = (float(value) for value in axis)
+    return pin.buildModelFromXML(
+        '<robot name="one"><link name="a"/><link name="b"><inertial><mass value="1"/>'
+        '<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>'
+        f'<joint name="j" type="continuous"><parent link="a"/><child link="b"/><axis xyz="{x!r} {y!r} {z!r}"/>'
+        "</joint></robot>"
+    ).joints[1]
 
 
 def pinocchio_inertia(body: Body) -> pin.Inertia:

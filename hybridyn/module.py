@@ -13,7 +13,7 @@ and an output on a leg link moves with a_o = J_o Psi.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -21,11 +21,11 @@ from .closing import generic_postures
 from .closure import Closures
 from .elimination import least_squares
 from .errors import AssemblyError, ModelError
-from .kinematics import Motion, Tree
+from .kinematics import Motion, Tree, TreeJoint
 from .leg_model import LegModel
 from .modulespec import ModuleSpec
 from .reduction import Basis, Block, Reduction
-from .spatial import Array, cross, quaternion_from_rotation, spatial_inertia
+from .spatial import Array, cross, quaternion_from_rotation, select, spatial_inertia
 
 
 class Mechanism:
@@ -62,7 +62,9 @@ class Mechanism:
             self.postures, self.best_residual = generic_postures(
                 self.closures, self.home, *scales, closure_tolerance
             )
+        self.spanning_col_scale = self._col_scale(self.spanning)
         self.spanning_row_scale = self._row_scale(self.spanning, self.spanning_closures)
+        self.rounding = 0.0
         self.generic_K = self.closures.matrix(self.tree.sweep(self.postures))
         if len(self.postures):
             self.reduction.fix_ranks(self.generic_K, rank_tolerance)
@@ -160,10 +162,35 @@ class Mechanism:
                 out_a[:, to] = motion.acceleration(body)
         return out_q, out_v, out_a
 
+    def take_legs(self, x: Array, out: Array) -> None:
+        """Copy the legs' rates (or accelerations) of `tree` into those of the spanning tree, in place."""
+        out[:, self._v_from] = x[:, self._v_to]
+
+    def take_leg_positions(self, x: Array, out: Array) -> None:
+        """Copy the legs' positions of `tree` into those of the spanning tree, in place."""
+        out[:, self._q_from] = x[:, self._q_to]
+
+    def tree_body(self, body: int) -> int:
+        """Give the number in `tree` of a body of the spanning tree (a welded wrist's end counts as its target)."""
+        for wrist in self.spec.wrists:
+            if wrist.end == body:
+                body = wrist.target
+        return int(np.flatnonzero(self.bodies == body)[0])
+
+    def wrist_joints(self, wrist: int) -> tuple[TreeJoint, ...]:
+        """Give a wrist's joints as a chain of their own, hanging from the wrist's parent body."""
+        joints = self.spec.wrists[wrist].joints
+        return tuple(replace(self.spanning.joints[j], parent=i) for i, j in enumerate(joints))
+
+    def wrist_positions(self, wrist: int) -> Array:
+        """Give the position coordinates of a wrist in the spanning tree."""
+        every = np.arange(self.spanning.nq)
+        return np.concatenate([every[self.spanning.q_slices[i]] for i in self.spec.wrists[wrist].joints])
+
     def cut_motion(self, motion: Motion) -> Motion:
         """Give the same motion for the bodies of `tree` (they are bodies of the spanning tree)."""
         take = self.bodies
-        return Motion(*(x[:, take] for x in (motion.R, motion.p, motion.w, motion.pd, motion.wd, motion.pdd)))
+        return Motion(*(select(x, take) for x in (motion.R, motion.p, motion.w, motion.pd, motion.wd, motion.pdd)))
 
     def basis(self, motion: Motion, gamma: Array | None = None) -> Basis:
         """Give Psi and drift on `tree` from its motion (drift 0 where gamma is left out)."""
@@ -172,7 +199,7 @@ class Mechanism:
 
     def jacobian(self, motion: Motion, body: int) -> Array:
         """Give a body's twist in its own frame over x_dot, shape (T, 6, n); over u it is J Psi, the paper's a."""
-        return to_body_axes(motion.R[:, body], point_jacobian(self.tree, motion, body, motion.p[:, body]))
+        return to_body_axes(motion.R[:, body], self.tree.jacobian(motion, body))
 
     def wrist_link_jacobian(self, spanning: Motion, motion: Motion, body: int) -> Array:
         """Give the twist in its own frame of a massless link inside a wrist that was cut, over x_dot, (T, 6, n).
@@ -187,11 +214,11 @@ class Mechanism:
         parent = int(np.flatnonzero(self.bodies == self.spanning.joints[wrist.joints[0]].parent)[0])
         target = int(np.flatnonzero(self.bodies == wrist.target)[0])
         end, here = spanning.p[:, wrist.end], spanning.p[:, body]
-        miss = point_jacobian(self.tree, motion, target, end) - point_jacobian(self.tree, motion, parent, end)
+        miss = self.tree.jacobian(motion, target, end) - self.tree.jacobian(motion, parent, end)
         miss[:, :3] /= self.length
         rates = np.matmul(np.linalg.pinv(self.wrist_rates(spanning, number), rcond=1e-12), miss)
-        own = point_jacobian(self.spanning, spanning, body, here)[:, :, cols]
-        J = point_jacobian(self.tree, motion, parent, here) + np.matmul(own, rates)
+        own = self.spanning.jacobian(spanning, body, here)[:, :, cols]
+        J = self.tree.jacobian(motion, parent, here) + np.matmul(own, rates)
         return to_body_axes(spanning.R[:, body], J)
 
     def wrist_rates(self, motion: Motion, wrist: int) -> Array:
@@ -252,14 +279,6 @@ class Mechanism:
         return np.concatenate([every[self.spanning.v_slices[i]] for i in self.spec.wrists[wrist].joints])
 
 
-def point_jacobian(tree: Tree, motion: Motion, body: int, point: Array) -> Array:
-    """Give velocity of a point of a body (T, 3) and the body's angular velocity over the rates, (T, 6, nv), base axes."""
-    linear, angular = tree.columns(motion)
-    at_point = linear + cross(angular, point[:, None] - motion.p[:, tree.dof_body])
-    J = np.concatenate([at_point, angular], axis=-1)
-    return np.swapaxes(J * tree.support[body][:, None], 1, 2)
-
-
 def to_body_axes(R: Array, J: Array) -> Array:
     """Turn Jacobians (T, 6, n) from base axes to axes R (T, 3, 3)."""
     Rt = np.swapaxes(R, 1, 2)
@@ -306,6 +325,17 @@ class Module:
     def mobility(self) -> int:
         """The paper's N_k."""
         return self.mechanism.mobility
+
+    def named_rows(self) -> list[tuple[str, slice]]:
+        """Name the rows of the closures after the cuts: the author's closures, carrying wrists, couplings."""
+        closures, authors = self.mechanism.closures, len(self.mechanism.spec.closures)
+        carried = [f"wrist of '{name}'" for name in self.outputs] * (len(closures.closures) - authors)
+        names = [*self.closures[:authors], *carried[: len(closures.closures) - authors], *self.closures[authors:]]
+        return list(zip(names, closures.row_slices, strict=True))
+
+    def row_name(self, row: int) -> str:
+        """Say which closure or coupling a closure row belongs to."""
+        return next(f"closure '{name}'" for name, at in self.named_rows() if at.start <= row < at.stop)
 
 
 def check_mechanism(mechanism: Mechanism, name: str, source: str | None, closure_tolerance: float) -> None:

@@ -74,11 +74,13 @@ def module_reactions(result: Reactions, state: ModuleState, F: Array, force: Arr
     y = np.einsum("tij,tj->ti", Vt, needed * reduction.col_scale)
     multipliers = np.einsum("tij,tj->ti", U, np.where(keep, y / np.where(keep, s, 1.0), 0.0)) * reduction.row_scale
     unique = reduction.rank == m.closures.rows
-    for i, (name, at) in enumerate(zip(module.closures, m.closures.row_slices, strict=True)):
+    authors = len(m.spec.closures)
+    for i, (name, at) in enumerate(module.named_rows()):
         lam = multipliers[:, at]
-        if i < len(m.closures.closures):
-            cut, author = m.closures.closures[i], m.spanning_closures.closures[i]
-            lam = _closure_wrench(state, cut, author, lam)
+        if i < authors:
+            lam = _closure_wrench(state, m.closures.closures[i], m.spanning_closures.closures[i], lam)
+        elif i < len(m.closures.closures):
+            continue  # a wrist that carries a platform is a joint, not a closure of the author's
         result.closures[name], result.unique[name] = lam, unique
 
 

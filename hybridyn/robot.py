@@ -89,14 +89,17 @@ class HybridRobot:
         return self.description.notes
 
     @cached_property
+    def body_of_joint(self) -> dict[str, int]:
+        """For each joint the body that it moves."""
+        return {j.joint.name: j.child for j in self.bodies.joints} | {ROOT_JOINT: 0}
+
+    @cached_property
     def body_owner(self) -> dict[int, tuple[int, int]]:
         """For each body, the module that moves it and its number in the module's spanning tree; root: (-1, 0)."""
         out = {0: (-1, 0)}
-        offset = 1 if self.base != "fixed" else 0
-        number = {name: i + 1 for i, name in enumerate(self.joints[offset:])} | {ROOT_JOINT: 0}
         for k, module in enumerate(self.modules):
             for i, joint in enumerate(module.joints):
-                out[number[joint]] = (k, i + 1)
+                out[self.body_of_joint[joint]] = (k, i + 1)
         return out
 
     @cached_property

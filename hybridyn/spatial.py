@@ -19,22 +19,43 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 
+def samples_inside(shape: tuple[int, ...]) -> Array:
+    """Give zeros of a shape (T, ...) whose memory runs over the samples first: long inner loops, many times faster."""
+    return np.zeros((*shape[1:], shape[0])).transpose(-1, *range(len(shape) - 1))
+
+
+def select(x: Array, numbers: Array) -> Array:
+    """Give x[:, numbers] for x of shape (T, bodies, ...), keeping the samples innermost in memory."""
+    chosen = x.transpose(*range(1, x.ndim), 0)[numbers]
+    return chosen.transpose(-1, *range(chosen.ndim - 1))
+
+
 def cross(a: Array, b: Array) -> Array:
     """Give a x b along the last axis, shapes (..., 3) (np.cross without its overhead)."""
     a0, a1, a2 = a[..., 0], a[..., 1], a[..., 2]
     b0, b1, b2 = b[..., 0], b[..., 1], b[..., 2]
-    return np.stack([a1 * b2 - a2 * b1, a2 * b0 - a0 * b2, a0 * b1 - a1 * b0], axis=-1)
+    out: Array = np.multiply(a, b)  # only for its shape and memory order
+    np.subtract(a1 * b2, a2 * b1, out=out[..., 0])
+    np.subtract(a2 * b0, a0 * b2, out=out[..., 1])
+    np.subtract(a0 * b1, a1 * b0, out=out[..., 2])
+    return out
+
+
+def compose(A: Array, B: Array) -> Array:
+    """Give A B for matrices (..., 3, 3) (einsum follows the memory order, matmul would not)."""
+    out: Array = np.einsum("...ij,...jk->...ik", A, B)
+    return out
 
 
 def rotate(R: Array, x: Array) -> Array:
     """Give R x for matrices (..., 3, 3) and vectors (..., 3)."""
-    out: Array = np.matmul(R, x[..., None])[..., 0]
+    out: Array = np.einsum("...ij,...j->...i", R, x)
     return out
 
 
 def rotate_back(R: Array, x: Array) -> Array:
     """Give R^T x for matrices (..., 3, 3) and vectors (..., 3)."""
-    out: Array = np.matmul(x[..., None, :], R)[..., 0, :]
+    out: Array = np.einsum("...ji,...j->...i", R, x)
     return out
 
 
@@ -99,7 +120,8 @@ def rotation_from_axis_angle(axis: Array, cos: Array, sin: Array) -> Array:
     """Give rotations about unit axes (..., 3) by angles given as cosine and sine (...,)."""
     x, y, z = axis[..., 0], axis[..., 1], axis[..., 2]
     d = 1.0 - cos
-    R = np.empty((*np.broadcast(x, cos).shape, 3, 3))
+    shape = np.broadcast(x, cos).shape
+    R = samples_inside((*shape, 3, 3)) if shape else np.empty((3, 3))
     R[..., 0, 0], R[..., 0, 1], R[..., 0, 2] = cos + d * x * x, d * x * y - sin * z, d * x * z + sin * y
     R[..., 1, 0], R[..., 1, 1], R[..., 1, 2] = d * x * y + sin * z, cos + d * y * y, d * y * z - sin * x
     R[..., 2, 0], R[..., 2, 1], R[..., 2, 2] = d * x * z - sin * y, d * y * z + sin * x, cos + d * z * z
@@ -110,7 +132,7 @@ def rotation_from_quaternion(quat: Array) -> Array:
     """Give rotations from quaternions x, y, z, w, shape (..., 4), which need not be normalised."""
     s = 2.0 / np.sum(quat * quat, axis=-1)
     x, y, z, w = quat[..., 0], quat[..., 1], quat[..., 2], quat[..., 3]
-    R = np.empty((*quat.shape[:-1], 3, 3))
+    R = samples_inside((*quat.shape[:-1], 3, 3)) if quat.ndim > 1 else np.empty((3, 3))
     R[..., 0, 0], R[..., 0, 1], R[..., 0, 2] = 1 - s * (y * y + z * z), s * (x * y - z * w), s * (x * z + y * w)
     R[..., 1, 0], R[..., 1, 1], R[..., 1, 2] = s * (x * y + z * w), 1 - s * (x * x + z * z), s * (y * z - x * w)
     R[..., 2, 0], R[..., 2, 1], R[..., 2, 2] = s * (x * z - y * w), s * (y * z + x * w), 1 - s * (x * x + y * y)

@@ -1,0 +1,86 @@
+"""Whether what is given about a module fixes its posture, and how the rows fall into blocks."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .closing import LoopProblem
+from .errors import AssemblyError
+from .module import Module
+from .reduction import RANK_TOLERANCE, Block, decide_rank
+from .spatial import Array
+
+#: A motion that moves outputs, motors and centres of mass by less than this is idle (a rod's spin).
+IDLE = 1e-6
+
+
+def check_determined(module: Module, problem: LoopProblem, generic: Array) -> int:
+    """Give the generic rank of a problem's rows over its free freedoms.
+
+    Args:
+        module: The module.
+        problem: Its closures and targets.
+        generic: Scaled rows at generic postures, shape (samples, rows, nv).
+
+    Raises:
+        AssemblyError: A motion that is not idle is left open; names what it moves.
+    """
+    free = problem.free
+    report = decide_rank(generic[:, :, free], RANK_TOLERANCE)
+    left = int(free.sum()) - report.rank
+    if left:
+        K = generic[0][:, free]
+        null = np.linalg.svd(K, full_matrices=True)[2][report.rank :].T
+        motion = np.zeros((problem.tree.nv, left))
+        motion[free] = null
+        _refuse_open(module, problem, motion)
+    return report.rank
+
+
+def _refuse_open(module: Module, problem: LoopProblem, motion: Array) -> None:
+    """Refuse motions, shape (nv, count), that move a motor, an output, or a centre of mass of a leg's end."""
+    m = module.mechanism
+    moved = motion * problem.col_scale[:, None]
+    posture = m.tree.sweep(m.postures[:1])
+    names = [f"motor '{name}'" for name in module.motors]
+    sizes = [np.abs(motion[c]).max() for c in module.motor_columns]
+    for name, body in zip(module.outputs, m.spec.outputs, strict=True):
+        J = m.tree.jacobian(posture, body)[0] @ moved
+        names.append(f"link '{name}'")
+        sizes.append(max(np.abs(J[:3]).max() / m.length, np.abs(J[3:]).max()))
+    if not m.spec.outputs:
+        for i, body in enumerate(m.spec.leg_bodies):
+            if body is not None and body.mass:
+                centre = posture.p[:, i + 1] + posture.R[:, i + 1] @ body.com
+                J = m.tree.jacobian(posture, i + 1, centre)[0] @ moved
+                names.append(f"joint '{module.joints[m.spec.tree_joint[i] or 0]}'")
+                sizes.append(np.abs(J[:3]).max() / m.length)
+    if not sizes or max(sizes) <= IDLE:
+        return
+    worst = names[int(np.argmax(sizes))]
+    raise AssemblyError(
+        f"module '{module.name}': what is given leaves {motion.shape[1]} of its {module.mobility} freedoms open; {worst} "
+        f"could still move. Give {module.mobility} positions of its motors or coordinates of its platform"
+        + (f" (motors: {', '.join(module.motors)})" if module.motors else ""),
+        module=module.name,
+    )  # fmt: skip
+
+
+def full_rank_blocks(generic: Array, free: Array) -> list[Block]:
+    """Give the connected blocks of rows and free columns, or none where one of them has not full column rank."""
+    cols = np.flatnonzero(free)
+    touched = (np.abs(generic[:, :, cols]) > 1e-12).any(axis=0)
+    label = np.arange(len(cols))
+    for row in touched:
+        members = np.unique(label[row])
+        if len(members) > 1:
+            label[np.isin(label, members)] = members[0]
+    blocks = []
+    for name in np.unique(label):
+        own = label == name
+        rows = np.flatnonzero(touched[:, own].any(axis=1))
+        K = generic[:, rows[:, None], cols[own]]
+        if decide_rank(K, RANK_TOLERANCE).rank < own.sum():
+            return []
+        blocks.append(Block(rows, cols[own]))
+    return blocks

@@ -1,0 +1,213 @@
+"""From one posture to a whole trajectory of them, without leaving the assembly branch unnoticed.
+
+All samples are solved together, coarse to fine. Then every step between neighbours must be the one that the rows'
+derivative predicts: on another branch it is not. Where a step is too long to tell, it is walked in smaller ones.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from .closing import Closed, LoopProblem, close
+from .errors import AssemblyError
+from .spatial import Array
+
+#: A step between samples may differ from the predicted one by this part of it, plus `SMALL`.
+SAME_BRANCH = 0.25
+SMALL = 1e-7
+#: Smallest part of a step that is walked.
+FINEST = 2048
+
+
+@dataclass(frozen=True)
+class Task:
+    """A problem at every sample of a trajectory.
+
+    Attributes:
+        problem: Rows and free freedoms.
+        known: Positions, of which the joints in `given` count, shape (T, nq).
+        given: Numbers of the joints whose positions are given.
+        tolerance: Largest scaled residual that counts as closed.
+        module: The module's name, for messages.
+        row_names: What each row belongs to, for messages.
+    """
+
+    problem: LoopProblem
+    known: Array
+    given: Sequence[int]
+    tolerance: float
+    module: str
+    row_names: Sequence[str]
+
+    def with_known(self, q: Array, samples: Array) -> Array:
+        """Give positions with the given joints at their values."""
+        q = q.copy()
+        for joint in self.given:
+            at = self.problem.tree.q_slices[joint]
+            q[:, at] = self.known[samples, at]
+        return q
+
+    def solve(self, q: Array, samples: Array) -> Closed:
+        """Close from the positions given, the given joints at their values."""
+        return close(self.problem, self.with_known(q, samples), samples)
+
+    def closed(self, result: Closed) -> Array:
+        """Say which samples converged and closed, shape (T,) of bool."""
+        settled = (result.step <= 1e-9) | (result.residual <= 1e-12)
+        out: Array = settled & (result.residual <= self.tolerance)
+        return out
+
+    def between(self, sample: int, parts: int) -> Task:
+        """Give the task on the way from a sample (its own sample 0) to the next (sample `parts`)."""
+        tree = self.problem.tree
+        fractions = np.arange(parts + 1) / parts
+        start = np.tile(self.known[sample], (parts + 1, 1))
+        whole = tree.difference(self.known[sample : sample + 1], self.known[sample + 1 : sample + 2])
+        known = tree.integrate(start, fractions[:, None] * whole)
+        known[-1] = self.known[sample + 1]
+        targets = [t.between(sample, fractions) for t in self.problem.targets]
+        return replace(self, problem=replace(self.problem, targets=targets), known=known)
+
+
+def follow(task: Task, guess: Array) -> Array:
+    """Give a posture for every sample, each on the branch of the one before.
+
+    Args:
+        task: The task.
+        guess: Where to start, shape (nq,).
+
+    Returns:
+        Positions, shape (T, nq).
+
+    Raises:
+        AssemblyError: No first posture, an unreachable sample, or a step that leaves the branch.
+    """
+    T = len(task.known)
+    q = np.empty((T, task.problem.tree.nq))
+    q[0] = first_posture(task, guess)
+    last, chunk = 0, T
+    while last < T - 1:
+        stop = min(T, last + 1 + chunk)
+        q[last:stop], good = _coarse_to_fine(task, q[last], np.arange(last, stop))
+        steady = _steps_as_predicted(task, q, np.arange(last, stop - 1)) & good[1:]
+        bad = np.flatnonzero(~steady)
+        for number, pair in enumerate(bad + last):
+            walked = _walk(task, q[pair], int(pair))
+            off = task.problem.tree.difference(walked[None], q[pair + 1 : pair + 2])
+            q[pair + 1], before = walked, np.abs(off).max(initial=0.0)
+            if before > SMALL and number + 1 <= len(bad):
+                last, chunk = int(pair) + 1, 64
+                break
+        else:
+            last, chunk = stop - 1, 4 * chunk
+    return q
+
+
+def first_posture(task: Task, guess: Array) -> Array:
+    """Give the closed posture that a guess leads to; from seeded restarts about it where it leads nowhere.
+
+    Raises:
+        AssemblyError: Nothing closes; with the best residual.
+    """
+    tree = task.problem.tree
+    result = task.solve(guess[None], np.zeros(1, dtype=int))
+    if task.closed(result)[0]:
+        return result.q[0]
+    rng = np.random.default_rng(2010)
+    best, iterations = result, result.iterations
+    for spread, starts in ((0.1, 32), (0.5, 64), (1.5, 128), (3.2, 256)):
+        noise = rng.uniform(-spread, spread, (starts, tree.nv)) * task.problem.col_scale
+        result = task.solve(tree.integrate(np.tile(guess, (starts, 1)), noise), np.zeros(starts, dtype=int))
+        iterations += result.iterations
+        good = np.flatnonzero(task.closed(result))
+        if len(good):
+            away = tree.difference(np.tile(guess, (len(good), 1)), result.q[good]) / task.problem.col_scale
+            return result.q[good[np.argmin(np.linalg.norm(away, axis=1))]]
+        if result.residual.min() < best.residual.min():
+            best = result
+    raise unreachable(task, best, 0, iterations)
+
+
+def unreachable(task: Task, result: Closed, sample: int, iterations: int) -> AssemblyError:
+    """Say where the best of several attempts is still open."""
+    at = int(np.argmin(result.residual))
+    rows = task.problem.residual(result.q[at : at + 1], np.array([min(sample, len(task.known) - 1)]))[0]
+    worst = task.row_names[int(np.argmax(np.abs(rows)))]
+    return AssemblyError(
+        f"module '{task.module}', {worst}: the loops do not close at sample {sample}: best residual "
+        f"{result.residual[at]:.2g} of the module's length (limit {task.tolerance:.0e}) after {iterations} iterations. "
+        "The target is out of reach, or contradicts another one; move it, or give a better guess",
+        module=task.module, leg=worst, sample=sample, residual=float(result.residual[at]), iterations=iterations,
+    )  # fmt: skip
+
+
+def _coarse_to_fine(task: Task, start: Array, samples: Array) -> tuple[Array, Array]:
+    """Solve all samples, the first of them known: every 64th, every 8th, then all, from interpolated starts."""
+    tree = task.problem.tree
+    n = len(samples)
+    q = np.tile(start, (n, 1))
+    good = np.ones(n, dtype=bool)
+    have = np.array([0])
+    for stride in (64, 8, 1):
+        todo = np.setdiff1d(np.arange(0, n, stride), have)
+        if not len(todo):
+            continue
+        before = have[np.searchsorted(have, todo, side="right") - 1]
+        after = have[np.minimum(np.searchsorted(have, todo), len(have) - 1)]
+        gap = np.where(after > before, after - before, 1)
+        fraction = np.where(after > before, (todo - before) / gap, 0.0)
+        step = tree.difference(q[before], q[after])
+        result = task.solve(tree.integrate(q[before], fraction[:, None] * step), samples[todo])
+        q[todo], good[todo] = result.q, task.closed(result)
+        have = np.union1d(have, todo)
+    return q, good
+
+
+def _steps_as_predicted(task: Task, q: Array, samples: Array) -> Array:
+    """Say for each sample whether the step to the next is the one that the rows' derivative predicts."""
+    problem = task.problem
+    start = task.with_known(q[samples], samples + 1)
+    motion = problem.tree.sweep(start)
+    dx = problem.solve(problem.matrix(motion), -problem.residual(start, samples + 1, motion))
+    predicted = problem.tree.integrate(start, dx * problem.col_scale)
+    off = problem.tree.difference(predicted, q[samples + 1]) / problem.col_scale
+    size = np.abs(dx).max(axis=1, initial=0.0)
+    out: Array = np.abs(off).max(axis=1, initial=0.0) <= SAME_BRANCH * size + SMALL
+    return out
+
+
+def _walk(task: Task, q: Array, sample: int) -> Array:
+    """Walk from a sample to the next in small steps, each as predicted; give the posture reached.
+
+    Raises:
+        AssemblyError: A target on the way is out of reach, or the branch ends.
+    """
+    parts = 4
+    while parts <= FINEST:
+        way = task.between(sample, parts)
+        path = np.tile(q, (parts + 1, 1))
+        for i in range(1, parts + 1):
+            result = way.solve(path[i - 1 : i], np.array([i]))
+            if not way.closed(result)[0]:
+                break
+            path[i] = result.q[0]
+        else:
+            if _steps_as_predicted(way, path, np.arange(parts)).all():
+                return path[-1]
+        parts *= 4
+    raise _lost(task, q, sample)
+
+
+def _lost(task: Task, q: Array, sample: int) -> AssemblyError:
+    """Say that a branch ends between two samples."""
+    result = task.solve(q[None], np.array([sample + 1]))
+    if not task.closed(result)[0]:
+        return unreachable(task, result, sample + 1, result.iterations)
+    return AssemblyError(
+        f"module '{task.module}': no continuous motion leads from sample {sample} to sample {sample + 1}: the posture "
+        f"would jump to another assembly branch. Move the trajectory away from the singularity between them",
+        module=task.module, sample=sample + 1, residual=float(result.residual[0]), iterations=result.iterations,
+    )  # fmt: skip
