@@ -258,9 +258,9 @@ def snake(time: Array) -> Columns:
     return columns
 
 
-# The snake lies along x: its tail's z axis, along which the modules stack, is pitched by a quarter turn.
-TAIL_REACH = ((0.1, 0.0), (0.05, 0.0), (0.03, 0.2))  # amplitude and middle of x, y, z [m]
-TAIL_TILT = ((0.1, 0.0), (0.1, np.pi / 2.0), (0.3, 0.0))  # of roll, pitch, yaw [rad]
+# The snake hangs: its tail's z axis, along which the modules stack, points down.
+TAIL_REACH = ((0.1, 0.0), (0.05, 0.0), (0.03, 2.0))  # amplitude and middle of x, y, z [m]
+TAIL_TILT = ((0.1, 0.0), (0.1, np.pi), (0.3, 0.0))  # of roll, pitch, yaw [rad]
 
 # Name of the robot: period [s] and motion.
 MOTIONS: dict[str, tuple[float, Callable[[Array], Columns]]] = {

@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
+from hybridyn import HybridRobot, closure_residual, idm
 from hybridyn.description import Description, read
 from hybridyn.description.columns import read_layout
 from hybridyn.description.tables import open_table
@@ -23,6 +24,10 @@ TRIANGLE = 1e-3  # slack of the triangle inequality against the least moment: ro
 WRITTEN = {"pose": 1e-11, "joint": 1e-5}  # digits in the table: 12 for poses, 6 for joints
 SPECTRAL = {"pose": 1e-8, "joint": 1e-4}  # of the largest rate; derivatives of what is written
 HARMONICS = {"pose": 60, "joint": 6}  # kept in those derivatives: waves have 5, quaternions a tail
+POSES_CLOSE = 1e-11  # of a module's length: poses of 12 digits that a loop over-determines
+THIN = 5  # of the rows are assembled one
+MOVES = 0.05  # of a motor's range, at least
+MARGIN_ROUNDING = 0.005  # margins are stated with two digits
 
 
 class Facts(NamedTuple):
@@ -70,14 +75,31 @@ def table(name: str) -> dict[str, np.ndarray]:
         return dict(zip(header, np.loadtxt(lines, delimiter=",").T, strict=True))
 
 
-@pytest.fixture(scope="module")
-def script() -> ModuleType:
-    spec = importlib.util.spec_from_file_location("trajectories", ROOT / "models" / "make_trajectories.py")
+def script(file: str) -> ModuleType:
+    spec = importlib.util.spec_from_file_location(Path(file).stem, ROOT / "models" / file)
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module
+
+
+@pytest.fixture(scope="module")
+def margins() -> ModuleType:
+    return script("margins.py")
+
+
+@pytest.fixture(scope="module")
+def loaded(name: str, margins: ModuleType) -> HybridRobot:
+    robot = margins.load(name)
+    assert isinstance(robot, HybridRobot)
+    return robot
+
+
+@pytest.fixture(scope="module")
+def states(loaded: HybridRobot, name: str, margins: ModuleType) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    q, v, a = margins.states(loaded, name, every=THIN)
+    return q, v, a
 
 
 def home(oracle: Oracle) -> np.ndarray:
@@ -180,11 +202,10 @@ def test_trajectory_is_finite_and_long(table: dict[str, np.ndarray]) -> None:
     assert all(np.ptp(column) > 0 for key, column in table.items() if "/position" in key or "/pose/" in key)
 
 
-def test_trajectory_is_what_the_script_writes(
-    name: str, table: dict[str, np.ndarray], script: ModuleType
-) -> None:
-    period, motion = script.MOTIONS[name]
-    columns = motion(np.linspace(0.0, period, script.SAMPLES))
+def test_trajectory_is_what_the_script_writes(name: str, table: dict[str, np.ndarray]) -> None:
+    written_by = script("make_trajectories.py")
+    period, motion = written_by.MOTIONS[name]
+    columns = motion(np.linspace(0.0, period, written_by.SAMPLES))
     assert ["time", *columns] == list(table)
     for key, values in columns.items():
         assert np.abs(table[key] - values).max() <= WRITTEN[digits(key)] * np.abs(values).max(), key
@@ -234,3 +255,31 @@ def test_quaternions_turn_with_the_angular_velocity(table: dict[str, np.ndarray]
 def test_wrong_number_of_modules_is_refused(file: str, argument: str, count: str) -> None:
     with pytest.raises(ModelError, match=f"{argument} must be a whole number, at least 1"):
         read(robot_file(file), xacro_args={argument: count})
+
+
+def test_trajectory_closes_every_loop(loaded: HybridRobot, states: tuple[np.ndarray, ...]) -> None:
+    assert loaded.mobility == ROBOTS[loaded.name].mobility
+    assert np.abs(closure_residual(loaded, states[0])).max() < POSES_CLOSE
+
+
+def test_trajectory_stays_within_limits(loaded: HybridRobot, states: tuple[np.ndarray, ...]) -> None:
+    q, v, a = states
+    tau = idm(loaded, q, v, a)
+    for joint in loaded.description.joints:
+        if joint.kind == "fixed":
+            continue
+        number = loaded.joints.index(joint.name)
+        position, rate = q[:, loaded.q_slices[number]], v[:, loaded.v_slices[number]]
+        assert joint.lower < position.min() <= position.max() < joint.upper, joint.name
+        if joint.name in loaded.motors:
+            assert np.ptp(position) > MOVES * (joint.upper - joint.lower), joint.name
+            assert np.abs(rate).max() < joint.velocity, joint.name
+            assert np.abs(tau[:, loaded.motors.index(joint.name)]).max() < joint.effort, joint.name
+
+
+def test_singularity_margin_is_the_one_stated(name: str, margins: ModuleType) -> None:
+    """Few rows can only come out larger than the whole trajectory, for which `margins.py` takes a minute."""
+    readme = (ROOT / "models" / name / "README.md").read_text(encoding="utf-8")
+    (stated,) = re.findall(r"\*\*(0\.\d\d)\*\*", readme)
+    found = margins.smallest_margin(name, every=200)
+    assert float(stated) - MARGIN_ROUNDING < found < 1.25 * float(stated)
