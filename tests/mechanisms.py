@@ -5,7 +5,8 @@ and fixed joints in between. Each is drawn assembled, in a posture that is store
 closure rows or motors' map are ill conditioned, or whose mobility is not the recipe's, is thrown away.
 
     description = random_mechanism(seed, kind="five_bar", base="floating")
-    q, v, a = random_states(description, "floating", seed, count=5)
+    wrenches = random_wrenches(description, seed)
+    q, v, a = random_states(description, "floating", seed, count=5, wrenches=wrenches)
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from sketch import Sketch, unit
 from hybridyn.description.records import Description
 from hybridyn.oracle import Base, Oracle
 
-__all__ = ["KINDS", "Kind", "home_posture", "random_mechanism", "random_states"]
+__all__ = ["KINDS", "Kind", "drawn", "home_posture", "random_mechanism", "random_states", "random_wrenches"]
 
 KEPT = 1e-2  # least singular value of the scaled closure rows that are kept, relative to the largest
 DROPPED = 1e-12  # greatest one that is dropped: closed to rounding, far under the oracle's threshold of 1e-9
@@ -91,6 +92,21 @@ def is_well_conditioned(oracle: Oracle, q: np.ndarray, recipe: Kind, margin: flo
     return len(s) >= independent and bool(s[independent - 1] > margin * MOTORS * s[0])
 
 
+def recipe_of(description: Description) -> Kind:
+    """Give the recipe that a description was drawn by."""
+    return KINDS[description.name.rsplit("_", 1)[0]]
+
+
+def random_wrenches(description: Description, seed: int, count: int = 3) -> dict[str, np.ndarray]:
+    """Draw outer wrenches on some links; where motions have no mass, on a platform, which forces none."""
+    rng = np.random.default_rng([seed, 11])
+    names = [link.name for link in description.links]
+    if recipe_of(description).massless:
+        names = [name for name in names if name.endswith("platform_link")]
+    chosen = rng.choice(names, size=min(count, len(names)), replace=False)
+    return {str(name): 5 * rng.normal(size=6) for name in chosen}
+
+
 def random_states(
     description: Description,
     base: Base,
@@ -107,7 +123,7 @@ def random_states(
     Returns:
         q, v, a: Shapes (count, nq), (count, nv), (count, nv).
     """
-    recipe = KINDS[description.name.rsplit("_", 1)[0]]
+    recipe = recipe_of(description)
     oracle = Oracle(description, base)
     home = home_posture(description, base)
     rng = np.random.default_rng([seed, 7])
@@ -132,3 +148,12 @@ def random_states(
             a = oracle.solve_passive(q, v, a, wrenches)
         states.append((q, v, a))
     raise RuntimeError(f"{description.name}: too few well conditioned states")
+
+
+def drawn(
+    kind: str, base: Base = "fixed", seed: int = 0
+) -> tuple[Description, np.ndarray, np.ndarray, np.ndarray]:
+    """Give one mechanism with one state."""
+    description = random_mechanism(seed, kind=kind)
+    q, v, a = (x[0] for x in random_states(description, base, seed, 1))
+    return description, q, v, a

@@ -1,42 +1,19 @@
-"""The oracle, judged by what is not hybridyn: Pinocchio, a closed form, energy, another arithmetic."""
+"""The oracle, judged by what is not hybridyn: Pinocchio and a closed form."""
 
 from __future__ import annotations
 
-from dataclasses import replace
-
-import mpmath
 import numpy as np
 import pinocchio as pin
 import pytest
-from mechanisms import KINDS, home_posture, random_mechanism, random_states
+from comparing import ROUNDING, SOLVED, close_to
+from mechanisms import drawn, random_mechanism, random_states, random_wrenches
 from peers import Peer, describe, example_urdf
-from sketch import CLOSURES, ROW_COUNT
 
 from hybridyn.description.records import Closure, Description, Joint, Link
-from hybridyn.oracle import Base, Extended, Float64, Oracle
+from hybridyn.oracle import Base, Oracle
 
-ROUNDING = 1e-13  # a few hundred operations on numbers of one size
-SOLVED = 1e-11  # the same after solving with matrices of condition up to some hundreds
 PROXIMAL = 1e-9  # what constraintDynamics reaches at its best mu
-TAYLOR = 1e-9  # fourth-order integration at the steps used, relative to the energy in play
-DIFFERENCES = 1e-7  # central differences with a step of 1e-5
 BASES: tuple[Base, ...] = ("fixed", "moving", "floating")
-LOOPS = [kind for kind, recipe in KINDS.items() if recipe.loops]
-
-
-def close_to(actual: np.ndarray, expected: np.ndarray, tolerance: float) -> None:
-    """Compare relative to the largest entry."""
-    scale = max(np.abs(expected).max(initial=0.0), 1e-300)
-    assert np.abs(np.asarray(actual, float) - expected).max(initial=0.0) <= tolerance * scale
-
-
-def drawn(
-    kind: str, base: Base = "fixed", seed: int = 0
-) -> tuple[Description, np.ndarray, np.ndarray, np.ndarray]:
-    """Give one mechanism with one state."""
-    description = random_mechanism(seed, kind=kind)
-    q, v, a = (x[0] for x in random_states(description, base, seed, 1))
-    return description, q, v, a
 
 
 # -------------------------------------------------------------------- trees, against Pinocchio
@@ -128,6 +105,21 @@ def test_drawn_trees_move_as_in_aba(kind: str, base: Base) -> None:
     wrenches = {link.name: rng.normal(size=6) for link in description.links[:3]}
     expected = pin.aba(peer.model, peer.data, q, v, peer.efforts(tau), peer.forces(wrenches))
     close_to(oracle.ddm(q, v, tau, wrenches=wrenches), expected, SOLVED)
+
+
+@pytest.mark.parametrize("base", BASES)
+@pytest.mark.parametrize("kind", ["serial", "serial_all", "gough_points", "on_leg"])
+def test_what_carries_the_robot_is_the_base_wrench(kind: str, base: Base) -> None:
+    """Closures pass nothing to the base: the spanning tree's own `rnea` gives the wrench on a free root."""
+    description = random_mechanism(0, kind=kind)
+    wrenches = random_wrenches(description, 0)
+    q, v, a = (x[0] for x in random_states(description, base, 0, 1, wrenches=wrenches))
+    peer = Peer(description, "floating")
+    at_rest = [np.array([0.0, 0, 0, 0, 0, 0, 1]), np.zeros(6), np.zeros(6)]
+    free = [np.concatenate([r, x]) if base == "fixed" else x for r, x in zip(at_rest, (q, v, a), strict=True)]
+    expected = pin.rnea(peer.model, peer.data, *free, peer.forces(wrenches))[:6]
+    support = Oracle(description, base).support(q, v, a, wrenches)
+    assert np.abs(support - expected).max() <= ROUNDING * 9.81 * sum(link.mass for link in description.links)
 
 
 def test_a_moving_base_accelerates_as_prescribed() -> None:
@@ -257,278 +249,3 @@ def test_a_five_bar_agrees_with_its_kinetic_energy() -> None:
         tau = oracle.idm(q, v, a)
         close_to(tau, five_bar_closed_form(q[at], v[at], a[at]), SOLVED)
         close_to(oracle.ddm(q, v, tau), a, SOLVED)
-
-
-# -------------------------------------------------------------------- rows, by differences and by energy
-
-
-@pytest.mark.parametrize("kind", CLOSURES)
-def test_closures_hold_what_their_record_says(kind: str) -> None:
-    """Move B from a closed placement: something is missed except along what the record leaves free."""
-    translations, rotation = CLOSURES[kind]
-    rng, pi = np.random.default_rng(0), np.pi
-    frames = [pin.exp6(rng.normal(size=6)).homogeneous for _ in range(2)]
-    closure = Closure("c", kind, "base", frames[0], "body", frames[1], translations, rotation)
-    links = tuple(Link(name, 1.0, np.zeros(3), np.eye(3)) for name in ("base", "body"))
-    joint = Joint("j", "floating", "base", "body", np.eye(4), np.array([0.0, 0.0, 1.0]))
-    oracle = Oracle(Description("two", links, (joint,), (closure,)))
-
-    def missed(A_to_B: pin.SE3) -> float:
-        body = pin.SE3(frames[0]) * A_to_B * pin.SE3(frames[1]).inverse()
-        return float(np.abs(oracle.residual(pin.SE3ToXYZQUAT(body))).max(initial=0.0))
-
-    z = np.array([0.0, 0.0, 1.0])
-    start = {
-        "free": pin.exp3(rng.normal(size=3)),
-        "perpendicular": pin.exp3(0.7 * z) @ pin.exp3(np.array([pi / 2, 0, 0])) @ pin.exp3(0.4 * z),
-        "parallel": pin.exp3(0.7 * z),
-        "fixed": np.eye(3),
-    }[rotation]
-    z_B = start @ z
-    turns = {
-        "free": (list(np.eye(3)), []),
-        "perpendicular": ([z, z_B], [np.cross(z, z_B)]),
-        "parallel": ([z], [np.array([1.0, 0, 0]), np.array([0, 1.0, 0])]),
-        "fixed": ([], list(np.eye(3))),
-    }[rotation]
-    at = np.array([0.0 if i in translations else 0.3 * i + 0.1 for i in range(3)])
-    assert missed(pin.SE3(start, at)) <= ROUNDING
-    for i in range(3):
-        moved = missed(pin.SE3(start, at + 0.2 * np.eye(3)[i]))
-        assert moved == pytest.approx(0.2) if i in translations else moved <= ROUNDING
-    for free, axes in zip((True, False), turns, strict=True):
-        for axis in axes:
-            moved = missed(pin.SE3(pin.exp3(0.3 * axis) @ start, at))
-            assert moved <= ROUNDING if free else moved == pytest.approx(np.sin(0.3))
-
-
-@pytest.mark.parametrize("base", ["fixed", "floating"])
-@pytest.mark.parametrize("kind", LOOPS)
-def test_rows_and_drift_are_derivatives_of_the_residual(kind: str, base: Base) -> None:
-    description, q, v, _ = drawn(kind, base)
-    oracle, rng, h = Oracle(description, base), np.random.default_rng(2), 1e-5
-    v, a = (
-        rng.normal(size=oracle.nv),
-        rng.normal(size=oracle.nv),
-    )  # any motion: rows hold off the closures too
-    rows, drift = oracle.rows(q), oracle.tree.drifts(oracle.posture(q), v)[2]
-    ahead, behind = (oracle.integrate(q, s * h * v + h * h / 2 * a) for s in (1, -1))
-    count = len(rows)
-    close_to(
-        (oracle.residual(ahead)[:count] - oracle.residual(behind)[:count]) / (2 * h), rows @ v, DIFFERENCES
-    )
-    change = oracle.rows(ahead) @ (v + h * a) - oracle.rows(behind) @ (v - h * a)
-    close_to(change / (2 * h), rows @ a + drift, DIFFERENCES)
-
-
-@pytest.mark.parametrize("base", ["fixed", "floating"])
-@pytest.mark.parametrize("kind", LOOPS)
-def test_the_motors_power_is_the_rate_of_energy(kind: str, base: Base) -> None:
-    description, q, v, _ = drawn(kind, base)
-    oracle, peer, h = Oracle(description, base), Peer(description, base), 1e-5
-    tau = 5 * np.random.default_rng(4).normal(size=len(oracle.motors))
-    a = oracle.ddm(q, v, tau)
-    ahead, behind = (
-        peer.energy(pin.integrate(peer.model, q, s * h * v + h * h / 2 * a), v + s * h * a) for s in (1, -1)
-    )
-    power = tau * v[oracle.motors]
-    assert abs((ahead - behind) / (2 * h) - power.sum()) <= DIFFERENCES * max(abs(ahead), np.abs(power).max())
-
-
-@pytest.mark.parametrize(
-    "kind", ["five_bar", "loop_cylindrical", "loop_universal", "delta_bars", "gear_across"]
-)
-def test_a_free_motion_keeps_its_energy_and_its_loops(kind: str) -> None:
-    """Integrate with RK4 under steady efforts: energy changes by the work, closures stay closed."""
-    description, q, v, _ = drawn(kind)
-    oracle, peer = Oracle(description), Peer(description)
-    tau, h, work = np.random.default_rng(4).normal(size=len(oracle.motors)), 1e-3, 0.0
-    start = peer.energy(q, v)
-    for _ in range(10):
-        rates: list[tuple[np.ndarray, np.ndarray]] = []
-        for weight in (0.0, 0.5, 0.5, 1.0):
-            v_at = v + weight * h * rates[-1][1] if rates else v
-            q_at = pin.integrate(peer.model, q, weight * h * rates[-1][0]) if rates else q
-            rates.append((v_at, oracle.ddm(q_at, v_at, tau)))
-        mean = [(a + 2 * b + 2 * c + d) / 6 for a, b, c, d in zip(*rates, strict=True)]
-        work += h * tau @ mean[0][oracle.motors]
-        q, v = pin.integrate(peer.model, q, h * mean[0]), v + h * mean[1]
-    assert abs(work) > 1e3 * TAYLOR
-    assert abs(peer.energy(q, v) - start - work) <= TAYLOR * abs(start)
-    assert np.abs(oracle.residual(q)).max() <= TAYLOR
-    assert np.abs(oracle.rows(q) @ v).max() <= 100 * TAYLOR
-
-
-# -------------------------------------------------------------------- the other arithmetic
-
-
-@pytest.mark.parametrize(
-    ("kind", "base"),
-    [
-        ("five_bar", "fixed"),
-        ("gear_three", "floating"),
-        ("planar_rpr", "moving"),
-        ("rssr", "floating"),
-        ("sps_thin", "fixed"),
-    ],
-)
-def test_fifty_digits_agree_with_sixteen(kind: str, base: Base) -> None:
-    description, q, v, a = drawn(kind, base)
-    with mpmath.workdps(50):
-        short, long = Oracle(description, base), Oracle(description, base, arithmetic=Extended(mpmath.mp))
-        exact = long.close(q)
-        v_exact = long.project_velocity(exact, v)
-        a_exact = long.consistent_acceleration(exact, v_exact, a)
-        tau = long.idm(exact, v_exact, a_exact)
-        close_to(short.idm(q, v, a), np.array(tau, float), SOLVED)
-        base_acceleration = a_exact[:6] if base == "moving" else None
-        again = long.ddm(exact, v_exact, tau, base_acceleration)
-        free = np.array(long.massless(exact), float)  # along these an acceleration has no answer
-        left = np.array(again - a_exact, float)
-        left -= free @ np.linalg.lstsq(free, left, rcond=None)[0]
-        assert np.abs(left).max() <= SOLVED * np.abs(a).max()
-
-
-@pytest.mark.parametrize("shape", [(7, 4), (4, 7), (5, 5)])
-@pytest.mark.parametrize("rank", [0, 2, 4])
-def test_both_factorisations_are_what_they_say(shape: tuple[int, int], rank: int) -> None:
-    rng = np.random.default_rng(rank)
-    A = rng.normal(size=(shape[0], rank)) @ rng.normal(size=(rank, shape[1]))
-    b = rng.normal(size=shape[0])
-    with mpmath.workdps(30):
-        for arithmetic in (Float64(), Extended(mpmath.mp)):
-            factor = arithmetic.factor(arithmetic.array(A), 1e-9)
-            U, inverse, V, Z = (np.array(x, float) for x in factor)
-            assert (U.shape[1], Z.shape[1]) == (rank, shape[1] - rank)
-            close_to(U.T @ A @ V @ inverse, np.eye(rank), SOLVED)
-            close_to(
-                np.array(factor.least_norm(arithmetic.array(b)), float), np.linalg.pinv(A, 1e-9) @ b, SOLVED
-            )
-            assert np.abs(A @ Z).max(initial=0.0) <= SOLVED
-            close_to(Z.T @ Z, np.eye(Z.shape[1]), SOLVED)
-
-
-# -------------------------------------------------------------------- what else it promises
-
-
-@pytest.mark.parametrize("base", BASES)
-@pytest.mark.parametrize("kind", [kind for kind, recipe in KINDS.items() if not recipe.massless])
-def test_inverse_and_direct_model_undo_each_other(kind: str, base: Base) -> None:
-    description, q, v, a = drawn(kind, base, seed=1)
-    oracle = Oracle(description, base)
-    tau, missing = oracle.idm_and_missing(q, v, a)
-    close_to(oracle.ddm(q, v, tau, base_acceleration=a[:6] if base == "moving" else None), a, SOLVED)
-    needed = np.abs(oracle.idm(q, v, a, wrenches={description.root: 100 * np.ones(6)})).max()
-    assert np.abs(missing).max() <= SOLVED * max(np.abs(tau).max(), needed)
-
-
-def test_redundant_motors_share_by_weights() -> None:
-    description, q, v, a = drawn("five_bar_four_motors")
-    oracle, w = Oracle(description), np.array([1.0, 4.0, 0.25, 9.0])
-    tau = oracle.idm(q, v, a, weights=w)
-    B = oracle.motor_map(oracle.posture(q))
-    needed = B @ oracle.idm(q, v, a)
-    close_to(B @ tau, needed, SOLVED)
-    close_to(tau, (B.T / w[:, None]) @ np.linalg.solve(B @ (B.T / w[:, None]), needed), SOLVED)
-
-
-def test_what_no_motor_can_produce_is_told() -> None:
-    description, q, v, a = drawn("five_bar_one_motor")
-    oracle = Oracle(description)
-    pushed = a + oracle.motions(q) @ np.array([1.0, -2.0])
-    tau, missing = oracle.idm_and_missing(q, v, pushed)
-    full = Oracle(replace(description, motors=tuple(oracle.joint_names)))
-    needed = full.idm(q, v, pushed)
-    Z = oracle.motions(q)
-    produced = np.zeros(oracle.nv)
-    produced[oracle.motors] = tau
-    close_to(Z.T @ (produced + missing), Z.T[:, full.motors] @ needed, SOLVED)
-    assert np.abs(missing).max() > 1e-3 * np.abs(tau).max()
-
-
-def test_solved_passive_motion_needs_no_effort() -> None:
-    description, q, v, a = drawn("five_bar_one_motor")
-    oracle, rng = Oracle(description), np.random.default_rng(0)
-    wrenches = {description.links[0].name: rng.normal(size=6)}
-    asked = a + rng.normal(size=oracle.nv)
-    solved = oracle.solve_passive(q, v, asked, wrenches)
-    close_to(solved[oracle.motors], asked[oracle.motors], SOLVED)
-    tau, missing = oracle.idm_and_missing(q, v, asked, wrenches, passive="solved")
-    assert np.abs(missing).max() <= SOLVED * np.abs(tau).max()
-    close_to(oracle.ddm(q, v, tau, wrenches=wrenches), solved, SOLVED)
-
-
-def test_redundant_rows_are_found() -> None:
-    description = random_mechanism(0, kind="four_bar")
-    oracle = Oracle(description)
-    rows = oracle.rows(home_posture(description, "fixed"))
-    assert (len(rows), oracle.nv - oracle.motions(home_posture(description, "fixed")).shape[1]) == (5, 2)
-
-
-def test_a_forced_motion_without_mass_is_refused_an_unforced_one_rests() -> None:
-    base, rod = np.zeros((3, 3)), np.diag([0.0, 1.0, 1.0])
-    links = (Link("base", 0.0, np.zeros(3), base), Link("rod", 1.0, np.array([0.3, 0, 0]), rod))
-    joints = (Joint("spin", "revolute", "base", "rod", np.eye(4), np.array([1.0, 0, 0])),)
-    oracle = Oracle(Description("spin", links, joints, motors=("spin",)))
-    assert oracle.ddm([0.1], [0.2], [0.0]) == pytest.approx(0.0)
-    with pytest.raises(ValueError, match="without mass is forced"):
-        oracle.ddm([0.1], [0.2], [1.0])
-
-
-def test_loops_out_of_reach_and_turned_axes_are_no_closure() -> None:
-    description = five_bar()
-    far = np.eye(4)
-    far[0, 3] = 5.0
-    open_loop = replace(description.closures[0], frame_b=far @ description.closures[0].frame_b)
-    with pytest.raises(ValueError, match="do not close"):
-        Oracle(replace(description, closures=(open_loop,))).close(np.array([1.9, 1.2, -1.2, 1.0]))
-    oracle = Oracle(description)
-    q = oracle.close(np.array([1.9, -1.2, 1.2, 1.0])[[0, 1, 2, 3]])
-    back = description.closures[0].frame_b @ np.diag([1.0, -1.0, -1.0, 1.0])
-    turned = replace(description, closures=(replace(description.closures[0], frame_b=back),))
-    assert np.abs(oracle.residual(q)).max() <= ROUNDING
-    assert Oracle(turned).residual(q).min() == pytest.approx(-1.0)
-
-
-def test_a_wrench_on_no_link_is_refused() -> None:
-    description, q, v, a = drawn("serial")
-    with pytest.raises(KeyError):
-        Oracle(description).idm(q, v, a, wrenches={"nobody": np.zeros(6)})
-
-
-# -------------------------------------------------------------------- the drawn mechanisms
-
-
-@pytest.mark.parametrize("kind", KINDS)
-def test_recipes_are_what_they_say(kind: str) -> None:
-    """Joints that share closure rows form the modules; mobility is what the rows leave to each."""
-    recipe, description = KINDS[kind], random_mechanism(2, kind=kind)
-    oracle = Oracle(description)
-    q, _, _ = random_states(description, "fixed", 2, 1)
-    K = oracle.rows(q[0])
-    groups = [{i} for i in range(oracle.nv)]
-    for row in K:
-        met = {int(i) for i in np.flatnonzero(np.abs(row) > 1e-9)}
-        met |= set().union(*(g for g in groups if g & met))
-        groups = [g for g in groups if not g & met] + [met]
-    looped = [sorted(g) for g in groups if np.abs(K[:, sorted(g)]).max(initial=0.0) > 1e-9]
-    left = [len(g) - np.linalg.matrix_rank(K[:, g], tol=1e-9) for g in looped]
-    assert sorted(left) == sorted(recipe.loops)
-    assert oracle.nv - sum(map(len, looped)) == recipe.serial
-    rank = np.linalg.matrix_rank(oracle.motor_map(oracle.posture(q[0])), tol=1e-9)
-    assert (rank < recipe.mobility) == (recipe.motors == "few")
-    assert (len(oracle.motors) > rank) == (recipe.motors == "redundant")
-    assert (oracle.massless(q[0]).shape[1] > 0) == recipe.massless
-
-
-def test_draws_are_repeatable_and_differ_by_seed() -> None:
-    first, same, other = (random_mechanism.__wrapped__(seed, kind="gough") for seed in (0, 0, 1))
-    assert [link.name for link in first.links] == [link.name for link in same.links]
-    assert all((a.placement == b.placement).all() for a, b in zip(first.joints, same.joints, strict=True))
-    assert [link.name for link in first.links] != [link.name for link in other.links]
-
-
-def test_every_kind_of_closure_is_drawn() -> None:
-    drawn_kinds = {closure.kind for kind in KINDS for closure in random_mechanism(0, kind=kind).closures}
-    assert drawn_kinds == set(CLOSURES)
-    assert all(count > 0 for count in ROW_COUNT.values())

@@ -32,14 +32,17 @@ class Bodies:
         self.mass = sum(x.mass for x in description.links)
         self.inertia = sum(float(np.trace(x.inertia)) for x in description.links)
 
-    def effort(self, posture: Posture, V: Numbers, V_dot: Numbers, wrenches: Wrenches) -> Numbers:
-        """Give the generalized effort Q that a motion needs, `Q = G^T W`, shape (nv,).
+    def needed(self, posture: Posture, V: Numbers, V_dot: Numbers, wrenches: Wrenches) -> Numbers:
+        """Give the wrench W that the motion of each body needs beyond gravity and outer wrenches.
 
         Args:
             posture: Where the bodies are.
             V: Body velocities, shape (bodies, 6), [m/s, rad/s], world axes, body origins.
             V_dot: Body accelerations, classical, shape (bodies, 6).
             wrenches: Link name to outer wrench [force; moment] on it, shape (6,), link frame at its origin.
+
+        Returns:
+            [force; moment] about each body's origin, shape (bodies, 6), world axes; the world is body 0.
 
         Raises:
             KeyError: A wrench names no link.
@@ -57,7 +60,7 @@ class Bodies:
             link, wrench = posture.links[name], self.arithmetic.array(wrench)
             force, moment = link.E @ wrench[:3], link.E @ wrench[3:]
             W[link.body] = W[link.body] - np.concatenate([force, moment + cross(link.r, force)])
-        return posture.G.T @ W.reshape(-1)
+        return W
 
     def inertia_root(self, posture: Posture, motions: Numbers) -> Numbers:
         """Give C with `C^T C = motions^T G^T M G motions`: link velocities times square roots of masses."""

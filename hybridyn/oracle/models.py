@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 
 from hybridyn.description.records import Description
-from hybridyn.oracle.arithmetic import Arithmetic, Factor, Float64, Numbers
+from hybridyn.oracle.arithmetic import Arithmetic, Factor, Float64, Numbers, cross
 from hybridyn.oracle.bodies import Bodies, Wrenches
 from hybridyn.oracle.tree import Base, Posture, Tree
 
@@ -163,12 +163,28 @@ class Oracle:
             a = self.solve_passive(q, v, a, wrenches)
         posture, a = self.posture(q), self.arithmetic.array(a)
         V, g, _ = self.tree.drifts(posture, self.arithmetic.array(v))
-        Q = self.bodies.effort(posture, V, (posture.G @ a).reshape(-1, 6) + g, wrenches or {})
+        W = self.bodies.needed(posture, V, (posture.G @ a).reshape(-1, 6) + g, wrenches or {})
+        Q = posture.G.T @ W.reshape(-1)
         w = self.arithmetic.array(np.ones(len(self.motors)) if weights is None else weights)
         w = self.arithmetic.array([1 / self.arithmetic.sqrt(x) for x in w])
         B, needed = self.motor_map(posture), posture.Z.T @ (self.unit * Q)
         tau = w * self.arithmetic.factor(B * w, self.rank_tolerance).least_norm(needed)
         return tau, posture.Z @ (needed - B @ tau) / self.unit
+
+    def support(self, q: Numbers, v: Numbers, a: Numbers, wrenches: Wrenches | None = None) -> Numbers:
+        """Give the wrench that carries the robot, [force; moment] on the root link, in its frame, (6,).
+
+        It is what all bodies together need, whatever passes between them.
+        """
+        posture, a = self.posture(q), self.arithmetic.array(a)
+        V, g, _ = self.tree.drifts(posture, self.arithmetic.array(v))
+        W = self.bodies.needed(posture, V, (posture.G @ a).reshape(-1, 6) + g, wrenches or {})
+        root = posture.links[self.description.root]
+        total = [root.x * 0, root.x * 0]
+        for wrench, origin in zip(W, posture.origins, strict=True):
+            total[0] = total[0] + wrench[:3]
+            total[1] = total[1] + wrench[3:] + cross(origin - root.x, wrench[:3])
+        return np.concatenate([root.E.T @ part for part in total])
 
     def solve_passive(self, q: Numbers, v: Numbers, a: Numbers, wrenches: Wrenches | None = None) -> Numbers:
         """Give the acceleration with the motors' (and a moving base's) entries of `a`, the rest unforced."""
@@ -223,7 +239,8 @@ class Oracle:
         wrenches: Wrenches,
     ) -> Numbers:
         """Give the `a = a_p + unit Z y` that needs no other effort along Z than the given one."""
-        Q = self.bodies.effort(posture, V, (posture.G @ a_p).reshape(-1, 6) + g, wrenches)
+        W = self.bodies.needed(posture, V, (posture.G @ a_p).reshape(-1, 6) + g, wrenches)
+        Q = posture.G.T @ W.reshape(-1)
         along = Z.T @ (self.unit * (effort - Q))
         C = self._inertia(posture, Z)
         left, all_efforts = largest(C.Z.T @ along), largest(self.unit * (abs(effort) + abs(Q)))

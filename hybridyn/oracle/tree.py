@@ -102,6 +102,11 @@ class Posture:
     factor: Factor
     Z: Numbers
 
+    @property
+    def origins(self) -> list[Numbers]:
+        """World positions of the bodies' origins, the world's own first."""
+        return [self.links[WORLD].x] + [loop.B.x for loop in self.joints]
+
 
 def depth_first(description: Description, base: Base) -> list[Joint]:
     """Order the joints depth-first, siblings by name, fixed ones at their place, the base's mount first."""
