@@ -12,6 +12,9 @@ LISTED_NAMES = 8
 def closest(name: str, known: Iterable[str]) -> str | None:
     """Give the known name that is most like `name`, or None where none comes near."""
     by_lower = {candidate.lower(): candidate for candidate in known}
+    turned = [word for word in by_lower if sorted(word) == sorted(name.lower())]
+    if turned:
+        return by_lower[turned[0]]
     found = difflib.get_close_matches(name.lower(), by_lower, n=1, cutoff=0.72)
     return by_lower[found[0]] if found else None
 

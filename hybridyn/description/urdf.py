@@ -59,7 +59,8 @@ def read_urdf(root: Node) -> RobotFile:
         robot.closures.append(CLOSURE_READERS[node.tag](node))
         if node.child("dynamics") is not None:
             robot.notes.append(f"closure '{robot.closures[-1].name}': damping of the cut joint is not read")
-    parents = {joint.child: joint for joint in robot.joints}
+    parents: dict[str, Joint | None] = {link.name: None for link in robot.links}
+    parents |= {joint.child: joint for joint in robot.joints}
     robot.couplings += [read_coupling(node, parents) for node in root.children("coupling")]
     note_mimic_plugins(root, robot)
     _state_motors(robot, root, independent)
@@ -108,7 +109,7 @@ def _read_inertia(node: Node) -> Array:
 
 def _pose(node: Node | None) -> Array:
     if node is not None:
-        node.refuse_misspelt(["xyz", "rpy", "quat_xyzw"], [])
+        node.only(["xyz", "rpy", "quat_xyzw"], [])
     return origin_of(node)
 
 
@@ -120,7 +121,7 @@ def _read_joint(node: Node, robot: RobotFile) -> Joint:
     name, kind = node.text("name"), _joint_kind(node)
     axis = node.child("axis")
     if axis is not None:
-        axis.refuse_misspelt(["xyz"], [])
+        axis.only(["xyz"], [])
     joint = Joint(
         name=name,
         kind=kind,

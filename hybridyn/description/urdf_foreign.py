@@ -203,13 +203,16 @@ def _refuse_inside(node: Node, outer: Node) -> None:
 
 def _refuse_misplaced(root: Node) -> None:
     """Refuse tags of loops where nothing reads them: `<loop>` inside a link, `<mimic>` outside a joint."""
-    for node in root.descendants():
-        if node.tag not in (*READ_TAGS[3:], "mimic", *LEGACY_FORMS):
-            continue
-        above = node.xml.getparent()
-        place = "robot" if above is root.xml else str(above.tag if above is not None else "")
-        if place != ("joint" if node.tag == "mimic" else "robot"):
-            raise node.error(f"stands inside <{place}>, where nothing reads it")
+    for top in root.children():
+        for node in top.descendants():
+            lost = node.tag in (*READ_TAGS[3:], *LEGACY_FORMS)
+            if top.tag in ("link", "joint"):
+                lost = lost or node.tag in ("link", "joint")
+            if node.tag == "mimic":
+                lost = top.tag != "joint" or node.xml.getparent() is not top.xml
+            if lost:
+                above = next(node.xml.iterancestors())
+                raise node.error(f"stands inside <{Node(above, node.file).tag}>, where nothing reads it")
 
 
 def _refusal(node: Node, form: str) -> ModelError:

@@ -100,7 +100,7 @@ def read_loop_joint(node: Node) -> Closure:
     return _closure(node, kind, FORMS[kind], link_a, frame_a, link_b, frame_b)
 
 
-def read_coupling(node: Node, parents: dict[str, Joint]) -> Coupling:
+def read_coupling(node: Node, parents: dict[str, Joint | None]) -> Coupling:
     """Read `<coupling>`, a gear between the two ways from the nearest common ancestor to its two links.
 
         ratio x (sum of joint positions on the predecessor's way) = sum of those on the successor's way
@@ -109,7 +109,7 @@ def read_coupling(node: Node, parents: dict[str, Joint]) -> Coupling:
 
     Args:
         node: The element.
-        parents: The joint above each link, by the link's name.
+        parents: The joint above every link, by the link's name; None above the root.
 
     Source: URDF+; the sign is that of its reference reader in the GRBDA library.
     """
@@ -126,6 +126,8 @@ def read_coupling(node: Node, parents: dict[str, Joint]) -> Coupling:
         end = node.required_child(tag)
         end.only(["link"], [])
         ends.append(end.text("link"))
+        if ends[-1] not in parents:
+            raise end.error(f"unknown link '{ends[-1]}'{did_you_mean(ends[-1], parents)}")
     ways = [_way_to_root(end, parents) for end in ends]
     shared = {joint.name for joint in ways[0]} & {joint.name for joint in ways[1]}
     terms: list[tuple[str, float]] = []
@@ -181,7 +183,7 @@ def _closure(
     return Closure(name, kind, link_a, frame_a, link_b, frame_b, form.translations, form.rotation, node.line)
 
 
-def _way_to_root(link: str, parents: dict[str, Joint]) -> list[Joint]:
+def _way_to_root(link: str, parents: dict[str, Joint | None]) -> list[Joint]:
     """Give the joints from a link to the root; a cycle ends the way (the validator names it later)."""
     way: list[Joint] = []
     seen = {link}

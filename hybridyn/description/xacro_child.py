@@ -241,21 +241,30 @@ def refuse_unused(arguments: Arguments) -> None:
 
 def failure(xacro: Any, error: Exception) -> dict[str, Any]:
     """Describe an error in one line: what, in which file and macro."""
-    inner = getattr(error, "exc", None)
-    if isinstance(inner, RefusedError):
-        error = RefusedError(f"{inner} {getattr(error, 'suffix', None) or ''}")
-    elif isinstance(inner, OSError):
-        error = RefusedError(f"{inner.strerror}: {inner.filename}")
-    message = " ".join(str(error).split()) or type(error).__name__
-    if isinstance(error, MemoryError):
-        message = "needs too much memory"
-    elif isinstance(error, RecursionError):
-        message = "macros or includes call themselves without end"
+    own, inner, suffix = "", error, ""
+    if isinstance(error, xacro.XacroException) and error.exc is not None:
+        own, inner, suffix = str(error.args[0] or ""), error.exc, str(error.suffix or "")
+        if own.startswith("<class") or isinstance(inner, OSError):
+            own = ""
+    message = " ".join(" ".join([own, describe(inner), suffix]).split())
     macros = [macro.body.getAttribute("name") for macro in reversed(xacro.macrostack or [])]
     if macros:
         message += f" (in macro {' < '.join(macros[:4])})"
     stack = [name for name in xacro.filestack or [] if name]
     return {"error": message, "file": stack[-1] if stack else None, "line": getattr(error, "lineno", None)}
+
+
+def describe(error: BaseException) -> str:
+    """Describe what Python raised in words for the author of a robot file."""
+    if isinstance(error, MemoryError):
+        return "needs too much memory"
+    if isinstance(error, RecursionError):
+        return "macros or includes call themselves without end"
+    if isinstance(error, OSError) and error.filename:
+        return f"{error.strerror}: {error.filename}"
+    if isinstance(error, SyntaxError):
+        return error.msg
+    return str(error) or type(error).__name__
 
 
 if __name__ == "__main__":

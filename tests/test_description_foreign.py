@@ -1,0 +1,145 @@
+"""urdf_foreign.py: a loop in a form that is not read is refused by name; no loop is loaded as a tree."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from robot_texts import FOUR_BAR, LOOP, TREE, line_of, read_text, robot, save
+
+from hybridyn.description import read
+from hybridyn.errors import ModelError
+
+ENDS = '<predecessor link="coupler"/><successor link="rocker"/>'
+
+
+@pytest.mark.parametrize(
+    ("element", "message"),
+    [
+        (
+            '<gazebo><joint name="E" type="revolute">'
+            "<parent>coupler</parent><child>rocker</child></joint></gazebo>",
+            "an SDF joint inside <gazebo> (Gazebo)",
+        ),
+        (
+            "<gazebo><plugin><x><joint name='E'>"
+            "<child>rocker</child><parent>coupler</parent></joint></x></plugin></gazebo>",
+            "an SDF joint inside <gazebo> (Gazebo)",
+        ),
+        (
+            '<drake:ball_constraint><drake:ball_constraint_body_A name="a"/></drake:ball_constraint>',
+            "a Drake constraint",
+        ),
+        (
+            '<drake:linear_bushing_rpy><drake:bushing_frameA name="a"/></drake:linear_bushing_rpy>',
+            "a Drake bushing",
+        ),
+        ('<drake:weld_constraint body="a"/>', "an unknown form"),
+        ('<drake:joint name="j" type="ball"/>', "a Drake joint"),
+        (
+            '<loop_constraint name="l"><parent link="a"/><child link="b"/></loop_constraint>',
+            "an early form of URDF+",
+        ),
+        ('<joint_constraint name="l"><gear_ratio value="6"/></joint_constraint>', "an early form of URDF+"),
+        (f'<lopp name="l" type="revolute">{ENDS}</lopp>', "did you mean <loop>"),
+        (f'<Loop name="l" type="revolute">{ENDS}</Loop>', "did you mean <loop>"),
+        ('<couplng name="c"/>', "did you mean <coupling>"),
+        ('<jiont name="c"/>', "did you mean <joint>"),
+        (f'<pin name="l" type="revolute">{ENDS}</pin>', "an unknown form"),
+        ('<pin name="l" link1="a" link2="b"/>', "an unknown form"),
+        ('<cut><parent link="a"/><child link="b"/></cut>', "an unknown form"),
+        ("<loop_closures/>", "an unknown form"),
+        ('<equality><connect body1="a" body2="b"/></equality>', "an unknown form"),
+        ('<predecessor link="a"/>', "stands directly below <robot>"),
+        ('<mimic joint="drive"/>', "stands directly below <robot>"),
+        ('<part><link name="x"/></part>', "they would be lost"),
+        (f"<gazebo>{LOOP}</gazebo>", "inside <gazebo>"),
+        (f'<link name="x">{LOOP}</link>', "stands inside <link>"),
+        (f'<link name="x"><visual>{LOOP}</visual></link>', "stands inside <visual>"),
+        ('<link name="x"><mimic joint="drive"/></link>', "stands inside <link>"),
+        ('<joint name="x" type="fixed"><link name="y"/></joint>', "stands inside <joint>"),
+        (
+            f'<joint name="x" type="fixed"><robot name="r">{TREE}{LOOP}</robot></joint>',
+            "stands inside <robot>",
+        ),
+        ('<joint name="x" type="fixed"><axis><mimic joint="drive"/></axis></joint>', "stands inside <axis>"),
+        ('<transmission><loop name="l"/></transmission>', "stands inside <transmission>"),
+    ],
+)
+def test_is_refused_by_name(tmp_path: Path, element: str, message: str) -> None:
+    text = robot(element)
+    with pytest.raises(ModelError) as caught:
+        read_text(tmp_path, text)
+    assert message in str(caught.value)
+    start = line_of(text, element)
+    assert caught.value.line in range(start, start + element.count("\n") + 1)
+
+
+@pytest.mark.parametrize(
+    "element",
+    [
+        '<sensor name="imu" type="imu"><parent link="crank"/><origin xyz="0 0 0"/></sensor>',
+        '<ros2_control name="r" type="system"><joint name="drive">'
+        '<command_interface name="effort"/></joint></ros2_control>',
+        '<frame name="tip" link="rocker" xyz="1 0 0" rpy="0 0 0"/>',
+        '<mujoco><compiler meshdir="x"/></mujoco>',
+        '<gazebo><plugin filename="libx.so"><joint>drive</joint></plugin></gazebo>',
+        "<!-- " + LOOP + " -->",
+        '<custom_colour_table><entry value="3"/></custom_colour_table>',
+    ],
+)
+def test_what_closes_nothing_passes(tmp_path: Path, element: str) -> None:
+    assert read_text(tmp_path, robot(element)).closures == ()
+
+
+def frames(*names: str) -> str:
+    """Give massless frame links, the first ones on the coupler, the last one on the rocker."""
+    return "".join(
+        f'<link name="{name}"/><joint name="{name}_frame" type="fixed"><parent link="{parent}"/>'
+        f'<child link="{name}"/></joint>'
+        for name, parent in zip(names, ["coupler"] * (len(names) - 1) + ["rocker"], strict=True)
+    )
+
+
+def test_closing_frames_of_onshape_to_robot(tmp_path: Path) -> None:
+    element = frames("closing_pin_1", "closing_pin_2")
+    with pytest.raises(ModelError, match="onshape-to-robot") as caught:
+        read_text(tmp_path, robot(element))
+    assert caught.value.line is not None
+    used = LOOP.replace('"coupler"', '"closing_pin_1"').replace('"rocker"', '"closing_pin_2"')
+    assert len(read_text(tmp_path, robot(element, used)).closures) == 1
+    assert read_text(tmp_path, robot(frames("closing_soon"))).closures == ()
+
+
+def test_frames_named_for_a_loop_that_nothing_closes(tmp_path: Path) -> None:
+    with pytest.raises(ModelError, match="nothing says which frames close it"):
+        read_text(tmp_path, robot(frames("fermeture_a", "fermeture_b")))
+    description = read_text(tmp_path, robot(frames("fermeture_a", "fermeture_b"), LOOP))
+    assert any("named for closing a loop" in note for note in description.notes)
+
+
+@pytest.mark.parametrize("name", ["submechanisms.yml", "loop_closures.yaml"])
+def test_side_cars_that_are_not_read(tmp_path: Path, name: str) -> None:
+    path = save(tmp_path, robot())
+    save(tmp_path, "closures: []", name)
+    with pytest.raises(ModelError, match=name):
+        read(path)
+    description = read(save(tmp_path, FOUR_BAR))
+    assert any(name in note for note in description.notes)
+
+
+def test_a_gazebo_mimic_plugin_is_noted(tmp_path: Path) -> None:
+    plugin = (
+        "<gazebo><plugin filename='libmimic.so'><joint>drive</joint>"
+        "<mimicJoint>{}</mimicJoint></plugin></gazebo>"
+    )
+    description = read_text(tmp_path, robot(plugin.format("elbow")))
+    assert any("'elbow' mimic others by a Gazebo plugin" in note for note in description.notes)
+    assert read_text(tmp_path, robot(plugin.format("stranger"))).notes == ()
+
+
+def test_two_parents_are_refused_with_the_accepted_form(tmp_path: Path) -> None:
+    second = '<joint name="pin" type="revolute"><parent link="coupler"/><child link="rocker"/></joint>'
+    with pytest.raises(ModelError, match=r"already the child of joint 'swing'.*<loop name") as caught:
+        read_text(tmp_path, f'<robot name="r">{TREE}{second}</robot>')
+    assert caught.value.element == "pin"

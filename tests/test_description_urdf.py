@@ -1,0 +1,169 @@
+"""urdf.py and urdf_transmissions.py: links, joints, limits, rotors; what is misspelt is named, not lost."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from robot_texts import FOUR_BAR, INERTIAL, line_of, read_text, robot
+
+from hybridyn.errors import ModelError
+
+ROUNDING = 1e-15  # placements are products of two sines: a few units in the last place
+
+
+def test_a_joint_says_all_that_its_file_says(tmp_path: Path) -> None:
+    drive = read_text(tmp_path, FOUR_BAR).joints[0]
+    assert (drive.name, drive.kind, drive.parent, drive.child) == ("drive", "revolute", "ground", "crank")
+    assert (drive.lower, drive.upper, drive.velocity, drive.effort) == (-3, 3, 5, 10)
+    assert (drive.damping, drive.friction, drive.rotor_inertia, drive.gear_ratio) == (0.1, 0.2, 0, 1)
+    expected = [[math.cos(0.4), -math.sin(0.4)], [math.sin(0.4), math.cos(0.4)]]
+    np.testing.assert_allclose(drive.placement[:2, :2], expected, atol=ROUNDING)
+    assert drive.line == line_of(FOUR_BAR, '<joint name="drive"')
+
+
+def test_absent_limits_are_infinite(tmp_path: Path) -> None:
+    elbow = read_text(tmp_path, FOUR_BAR).joints[1]
+    assert (elbow.lower, elbow.upper, elbow.velocity, elbow.effort) == (
+        -math.inf,
+        math.inf,
+        math.inf,
+        math.inf,
+    )
+
+
+def test_orientation_and_inertia_are_those_of_pinocchio(tmp_path: Path) -> None:
+    text = """<robot name="one"><link name="a"/><link name="b"><inertial>
+      <origin xyz="0.1 -0.2 0.3" rpy="0.5 -1.1 2.3"/><mass value="3"/>
+      <inertia ixx="0.3" ixy="0.01" ixz="-0.02" iyy="0.4" iyz="0.03" izz="0.5"/></inertial></link>
+      <joint name="j" type="prismatic"><origin xyz="1 2 3" rpy="-0.7 0.9 -2.5"/>
+      <parent link="a"/><child link="b"/>
+      <axis xyz="1 2 2"/><limit lower="-1" upper="1" effort="1" velocity="1"/></joint></robot>"""
+    ours = read_text(tmp_path, text)
+    model = pin.buildModelFromXML(text)
+    np.testing.assert_allclose(ours.joints[0].placement, model.jointPlacements[1].homogeneous, atol=ROUNDING)
+    np.testing.assert_allclose(ours.links[1].inertia, model.inertias[1].inertia, atol=ROUNDING)
+    np.testing.assert_allclose(ours.links[1].com, model.inertias[1].lever, atol=0)
+    np.testing.assert_allclose(ours.joints[0].axis, np.array([1, 2, 2]) / 3, atol=ROUNDING)
+
+
+def test_quaternions_of_urdf_1_1(tmp_path: Path) -> None:
+    half = math.sqrt(0.5)
+    text = FOUR_BAR.replace('rpy="0 0 0.4"', f'quat_xyzw="0 0 {half} {half}"')
+    placement = read_text(tmp_path, text).joints[0].placement
+    np.testing.assert_allclose(placement[:2, :2], [[0, -1], [1, 0]], atol=ROUNDING)
+    for wrong in ("quat_xyzw='0 0 0 0'", "rpy='0 0 0' quat_xyzw='0 0 0 1'", "quat_xyzw='0 0 1'"):
+        with pytest.raises(ModelError, match="origin"):
+            read_text(tmp_path, FOUR_BAR.replace('rpy="0 0 0.4"', wrong))
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("<inertial>", "<inertail>", "did you mean <inertial>"),
+        ('<axis xyz="0 0 1"/>\n    <limit', '<axsi xyz="0 0 1"/>\n    <limit', "did you mean <axis>"),
+        ('<axis xyz="0 0 1"/>\n    <limit', '<axis xzy="0 0 1"/>\n    <limit', "(did you mean 'xyz'?)"),
+        ('rpy="0 0 0.4"', 'ryp="0 0 0.4"', "(did you mean 'rpy'?)"),
+        ('effort="10"', 'efort="10"', "did you mean 'effort'"),
+        ("<mass value", "<mas value", "did you mean <mass>"),
+        ('<parent link="ground"/><child link="crank"/>', '<child link="crank"/>', "<parent> is missing"),
+        ('type="revolute">\n    <origin', 'type="revolut">\n    <origin', "did you mean 'revolute'"),
+        ('type="revolute">\n    <origin', 'type="spherical">\n    <origin', "does not exist in URDF"),
+        ('type="revolute">\n    <origin', ">\n    <origin", "attribute 'type' is missing"),
+        ('name="drive"', 'name=""', "attribute 'name' is empty"),
+        ('<mass value="2"/>', '<mass value="-2"/>', "negative mass"),
+        ('<mass value="2"/>', '<mass value="2"/><mass value="2"/>', "stated twice"),
+        ('damping="0.1"', 'damping="-0.1"', "negative damping"),
+        ('<axis xyz="0 0 1"/>\n    <limit', '<axis xyz="0 0 0"/>\n    <limit', "the axis is zero"),
+    ],
+)
+def test_mistakes_are_named_with_their_line(tmp_path: Path, old: str, new: str, message: str) -> None:
+    text = FOUR_BAR.replace(old, new)
+    if old == "<inertial>":
+        text = text.replace("</inertial>", "</inertail>")
+    with pytest.raises(ModelError) as caught:
+        read_text(tmp_path, text)
+    assert message in str(caught.value)
+    assert caught.value.line is not None
+
+
+def test_limits_that_lie_are_noted(tmp_path: Path) -> None:
+    text = FOUR_BAR.replace('lower="-3" upper="3" velocity="5"', 'lower="3" upper="-3" velocity="-1"')
+    description = read_text(tmp_path, text)
+    drive = description.joints[0]
+    assert (drive.lower, drive.upper, drive.velocity) == (-math.inf, math.inf, math.inf)
+    assert any("both ignored" in note for note in description.notes)
+    assert any("negative velocity" in note for note in description.notes)
+
+
+def test_other_attributes_and_tags_pass(tmp_path: Path) -> None:
+    text = FOUR_BAR.replace('velocity="5"', 'velocity="5" gear_velocity="10" jerk="3"').replace(
+        '<link name="ground"/>',
+        '<link name="ground"><visual><geometry><mesh filename="package://nowhere/a.stl"/></geometry></visual></link>'
+        '<material name="red"/><gazebo reference="drive"><provideFeedback>true</provideFeedback></gazebo>',
+    )
+    assert len(read_text(tmp_path, text).joints) == 3
+
+
+def test_kinds_that_pinocchio_has(tmp_path: Path) -> None:
+    for kind in ("fixed", "revolute", "continuous", "prismatic", "floating", "planar"):
+        text = f"""<robot name="r"><link name="a"/><link name="b">{INERTIAL}</link>
+        <joint name="j" type="{kind}"><parent link="a"/><child link="b"/><axis xyz="0 0 1"/></joint>
+        </robot>"""
+        assert read_text(tmp_path, text).joints[0].kind == kind
+
+
+def test_a_link_and_a_joint_may_share_a_name(tmp_path: Path) -> None:
+    description = read_text(tmp_path, FOUR_BAR.replace('"drive"', '"crank"'))
+    assert description.joints[0].name == description.joints[0].child == "crank"
+
+
+TRANSMISSION = """<transmission name="t"><type>transmission_interface/SimpleTransmission</type>
+  <joint name="drive"><hardwareInterface>EffortJointInterface</hardwareInterface></joint>
+  <actuator name="m"><mechanicalReduction>50</mechanicalReduction>
+  <drake:rotor_inertia value="1e-4"/></actuator></transmission>"""
+
+
+def test_transmissions_give_rotor_and_ratio(tmp_path: Path) -> None:
+    drive = read_text(tmp_path, robot(TRANSMISSION)).joints[0]
+    assert (drive.gear_ratio, drive.rotor_inertia) == (50, 1e-4)
+
+
+@pytest.mark.parametrize(
+    ("old", "new"), [(">50<", ">fifty<"), (">50<", ">0<"), ('"1e-4"', '"-1"'), (">50<", "><")]
+)
+def test_wrong_rotors_are_refused(tmp_path: Path, old: str, new: str) -> None:
+    with pytest.raises(ModelError) as caught:
+        read_text(tmp_path, robot(TRANSMISSION).replace(old, new))
+    assert caught.value.line is not None
+
+
+def test_mimic_is_a_coupling(tmp_path: Path) -> None:
+    text = robot().replace(
+        '<origin xyz="1 0 0"/><parent link="crank"/>',
+        '<mimic joint="drive" multiplier="-2" offset="0.3"/><origin xyz="1 0 0"/><parent link="crank"/>',
+    )
+    (coupling,) = read_text(tmp_path, text).couplings
+    assert coupling.name == "elbow"
+    assert coupling.terms == (("elbow", 1.0), ("drive", 2.0))
+    assert coupling.offset == 0.3
+    for old, new, message in (
+        ('joint="drive" m', 'joint="driv" m', "did you mean 'drive'"),
+        ('joint="drive" m', 'joint="elbow" m', "mimic itself"),
+        ("multiplier", "multiplyer", "did you mean 'multiplier'"),
+    ):
+        with pytest.raises(ModelError, match=message):
+            read_text(tmp_path, text.replace(old, new))
+
+
+def test_mimic_on_a_fixed_joint_is_noted(tmp_path: Path) -> None:
+    text = robot(
+        '<link name="x"/><joint name="f" type="fixed"><parent link="rocker"/><child link="x"/>'
+        '<mimic joint="drive"/></joint>'
+    )
+    description = read_text(tmp_path, text)
+    assert not description.couplings
+    assert any("<mimic> means nothing" in note for note in description.notes)

@@ -1,0 +1,130 @@
+"""xacro_files.py and xacro_child.py: macros, arguments, packages work; programs in robot files do no harm."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+import pytest
+from robot_texts import FOUR_BAR, LOOP, TREE, save
+
+from hybridyn.description import read, xacro_files
+from hybridyn.errors import ModelError
+
+HEAD = '<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">'
+QUICK = 2.0  # seconds for a small robot; the whole command has no more
+
+
+def xacro(folder: Path, body: str, name: str = "robot.urdf.xacro", **options: object) -> list[str]:
+    """Read a xacro file and give the names of its links."""
+    path = save(folder, f"{HEAD}{body}</robot>", name)
+    return [link.name for link in read(path, **options).links]  # type: ignore[arg-type]
+
+
+def test_macros_arguments_and_includes(tmp_path: Path) -> None:
+    save(
+        tmp_path / "parts",
+        f'{HEAD}<xacro:macro name="bar" params="name"><link name="${{name}}_bar"/></xacro:macro></robot>',
+        "bar.xacro",
+    )
+    body = (
+        '<xacro:arg name="prefix" default="left"/><xacro:include filename="parts/bar.xacro"/>'
+        '<xacro:bar name="$(arg prefix)"/>'
+    )
+    start = time.perf_counter()
+    assert xacro(tmp_path, body) == ["left_bar"]
+    assert time.perf_counter() - start < QUICK
+    assert xacro(tmp_path, body, xacro_args={"prefix": "right"}) == ["right_bar"]
+    with pytest.raises(ModelError, match="there is no argument 'prefx'; the file's arguments: 'prefix'"):
+        xacro(tmp_path, body, xacro_args={"prefx": "right"})
+
+
+def test_arguments_need_a_xacro_file(tmp_path: Path) -> None:
+    with pytest.raises(ModelError, match="is no xacro file"):
+        read(save(tmp_path, FOUR_BAR), xacro_args={"n": "3"})
+
+
+def test_a_urdf_that_holds_xacro_is_expanded(tmp_path: Path) -> None:
+    assert xacro(tmp_path, '<xacro:property name="n" value="a"/><link name="${n}"/>', "robot.urdf") == ["a"]
+
+
+def test_packages_are_found(tmp_path: Path) -> None:
+    save(tmp_path / "ws" / "arm_description", f'{HEAD}<link name="a"/></robot>', "arm.xacro")
+    body = '<xacro:include filename="$(find arm_description)/arm.xacro"/>'
+    assert xacro(tmp_path, body, package_dirs=[tmp_path / "ws"]) == ["a"]
+    assert xacro(tmp_path, body, package_dirs=[tmp_path / "ws" / "arm_description"]) == ["a"]
+    assert xacro(tmp_path / "ws" / "other" / "urdf", body) == ["a"]
+    assert xacro(
+        tmp_path / "ws" / "other", body.replace("$(find arm_description)", "package://arm_description")
+    ) == ["a"]
+    with pytest.raises(ModelError, match=r"package 'arm_description' is not found.*package_dirs"):
+        xacro(tmp_path / "elsewhere", body)
+
+
+@pytest.mark.parametrize(
+    ("body", "message"),
+    [
+        ("${[c for c in (1,2)]}", "ListComp is not allowed"),
+        ("${(lambda: 1)()}", "Lambda is not allowed"),
+        ("${().__class__}", "name '__class__' is not allowed"),
+        ("${_private}", "name '_private' is not allowed"),
+        ("${'a'.format(1)}", "name 'format' is not allowed"),
+        ("$(eval [c for c in [1]])", "ListComp is not allowed"),
+        ("$(eval __import__)", "name '__import__' is not allowed"),
+        ("$(env HOME)", "HOME"),
+        ("${undefined + 1}", "undefined"),
+        ("${1 +}", "invalid syntax"),
+        ("${1 / 0}", "division by zero"),
+        ("${xacro.load_yaml('/dev/zero')}", "not a regular file"),
+        ("${xacro.load_yaml('/no/such/file')}", "No such file"),
+        ("${'a' * 10**11}", "needs too much memory"),
+        ("$(find nowhere)", "package 'nowhere' is not found"),
+        ("$(arg nothing)", "nothing"),
+    ],
+)
+def test_expressions_do_no_harm(tmp_path: Path, body: str, message: str) -> None:
+    with pytest.raises(ModelError) as caught:
+        xacro(tmp_path, f'<link name="{body}"/>')
+    assert message in str(caught.value)
+    assert "\n" not in str(caught.value)
+    assert caught.value.file == str(tmp_path / "robot.urdf.xacro")
+
+
+def test_errors_name_the_included_file_and_the_macro(tmp_path: Path) -> None:
+    save(tmp_path, f"{HEAD}<link></robot>", "broken.xacro")
+    with pytest.raises(ModelError, match=r"broken\.xacro:1: xacro: mismatched tag"):
+        xacro(tmp_path, '<xacro:include filename="broken.xacro"/>')
+    with pytest.raises(ModelError, match="No such file or directory"):
+        xacro(tmp_path, '<xacro:include filename="absent.xacro"/>')
+    macro = '<xacro:macro name="m" params="a"><link name="${a + nothing}"/></xacro:macro><xacro:m a="1"/>'
+    with pytest.raises(ModelError, match=r"in macro m"):
+        xacro(tmp_path, macro)
+    with pytest.raises(ModelError, match="unknown macro name"):
+        xacro(tmp_path, "<xacro:nothing/>")
+    endless = '<xacro:macro name="m"><xacro:m/></xacro:macro><xacro:m/>'
+    with pytest.raises(ModelError, match="without end"):
+        xacro(tmp_path, endless)
+    save(tmp_path, '<!DOCTYPE r [<!ENTITY a "b">]><robot/>', "entity.xacro")
+    with pytest.raises(ModelError, match="DOCTYPE"):
+        xacro(tmp_path, '<xacro:include filename="entity.xacro"/>')
+
+
+def test_time_is_limited(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(xacro_files, "SECONDS", 1)
+    with pytest.raises(ModelError, match="more than 1 s of processor time"):
+        xacro(tmp_path, '<link name="${10**10**9}"/>')
+
+
+def test_what_is_expanded_is_checked_like_any_urdf(tmp_path: Path) -> None:
+    path = save(
+        tmp_path, f"{HEAD}{TREE}{LOOP}</robot>".replace("<loop", "<lopp").replace("/loop", "/lopp"), "r.xacro"
+    )
+    with pytest.raises(ModelError, match=r"\(expanded\):\d+: .*did you mean <loop>"):
+        read(path)
+
+
+def test_an_optional_glob_that_matches_nothing_is_noted(tmp_path: Path) -> None:
+    path = save(
+        tmp_path, f'{HEAD}<link name="a"/><xacro:include filename="none_*.xacro"/></robot>', "r.xacro"
+    )
+    assert any("matched no files" in note for note in read(path).notes)

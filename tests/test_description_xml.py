@@ -1,0 +1,102 @@
+"""xml_node.py: what no robot file needs is refused, numbers are read strictly, and messages name the line."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+import pytest
+from robot_texts import FOUR_BAR, line_of, read_text, save
+
+from hybridyn.description import read, xml_node
+from hybridyn.errors import ModelError
+
+BOMB = (
+    '<!DOCTYPE robot [<!ENTITY a "aaaaaaaaaa">'
+    + "".join(f'<!ENTITY {chr(98 + i)} "{("&" + chr(97 + i) + ";") * 10}">' for i in range(9))
+    + ']><robot name="&j;"><link name="a"/></robot>'
+)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (BOMB, "<!DOCTYPE is not allowed"),
+        ('<!DOCTYPE robot SYSTEM "file:///etc/passwd"><robot/>', "<!DOCTYPE is not allowed"),
+        ("<!doctype robot><robot/>", "<!DOCTYPE is not allowed"),
+        ("", "the file is empty"),
+        ("  \n ", "the file is empty"),
+        ("no xml at all", "not well-formed XML"),
+        (FOUR_BAR[:-20], "not well-formed XML"),
+        (FOUR_BAR.encode("utf-16"), "save the file as UTF-8"),
+        ('<?xml version="1.0" encoding="UTF-7"?><robot/>', "save the file as UTF-8"),
+        ('<?xml version="1.0" encoding="nonsense"?><robot/>', "save the file as UTF-8"),
+        ("<robot>" * 2000 + "</robot>" * 2000, "not well-formed XML"),
+        ("<mujoco><worldbody/></mujoco>", "this is MJCF (MuJoCo), which is not read yet"),
+        ('<sdf version="1.9"><model name="a"/></sdf>', "this is SDF (Gazebo), which is not read yet"),
+        ("<html/>", "not a robot file"),
+        ('<robot name="a"><drake:frame/></robot>', "not well-formed XML"),
+    ],
+)
+def test_refuses_what_is_no_robot(tmp_path: Path, text: str | bytes, message: str) -> None:
+    start = time.perf_counter()
+    with pytest.raises(ModelError) as caught:
+        read_text(tmp_path, text)
+    assert message in str(caught.value)
+    assert "\n" not in str(caught.value)
+    assert time.perf_counter() - start < 5, "a refusal must not take the time of an expansion"
+
+
+def test_refuses_an_absurd_size(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("hybridyn.description.reading.LARGEST_FILE", 1000)
+    with pytest.raises(ModelError, match="larger than"):
+        read_text(tmp_path, FOUR_BAR)
+    monkeypatch.setattr(xml_node, "LARGEST_FILE", 1000)
+    with pytest.raises(ModelError, match="MiB of XML"):
+        xml_node.parse(FOUR_BAR.encode(), "four_bar.urdf")
+
+
+def test_refuses_what_is_no_file(tmp_path: Path) -> None:
+    with pytest.raises(ModelError, match="No such file"):
+        read(tmp_path / "absent.urdf")
+    with pytest.raises(ModelError, match="is a folder"):
+        read(tmp_path)
+    with pytest.raises(ModelError, match="not a regular file"):
+        read("/dev/zero")
+    with pytest.raises(ModelError, match="null byte"):
+        read("a\0b.urdf")
+
+
+@pytest.mark.parametrize(
+    "word", ["nan", "inf", "-inf", "1,5", "", " ", "1_0", "0x10", "1e400", "one", "\uff11", "1e", "--1"]
+)
+def test_a_mass_must_be_a_finite_number(tmp_path: Path, word: str) -> None:
+    text = FOUR_BAR.replace('<mass value="2"/>', f'<mass value="{word}"/>')
+    with pytest.raises(ModelError) as caught:
+        read_text(tmp_path, text)
+    assert caught.value.line == line_of(text, "<mass")
+    assert caught.value.file == str(tmp_path / "four_bar.urdf")
+
+
+@pytest.mark.parametrize("word", ["2", "+2", "2.", "2e0", "0.02E+2", " 2 "])
+def test_ordinary_numbers_pass(tmp_path: Path, word: str) -> None:
+    text = FOUR_BAR.replace('<mass value="2"/>', f'<mass value="{word}"/>')
+    assert read_text(tmp_path, text).links[1].mass == 2.0
+
+
+@pytest.mark.parametrize("words", ["0 0", "0 0 0 0", "", "0,0,1", "0 0 z"])
+def test_vectors_have_three_numbers(tmp_path: Path, words: str) -> None:
+    text = FOUR_BAR.replace(
+        '<origin xyz="1 0 0"/><parent link="crank"/>', f'<origin xyz="{words}"/><parent link="crank"/>'
+    )
+    with pytest.raises(ModelError) as caught:
+        read_text(tmp_path, text)
+    assert caught.value.line == line_of(text, f'<origin xyz="{words}"/><parent link="crank"/>')
+
+
+def test_comments_bom_and_line_ends_pass(tmp_path: Path) -> None:
+    plain = read_text(tmp_path, FOUR_BAR)
+    text = FOUR_BAR.replace("<link", "<!-- <loop/> --><link", 1).replace("\n", "\r\n")
+    other = read(save(tmp_path, b"\xef\xbb\xbf" + text.encode(), "windows.urdf"))
+    assert [joint.name for joint in other.joints] == [joint.name for joint in plain.joints]
+    assert len(other.closures) == 1

@@ -1,0 +1,77 @@
+"""yaml_file.py: YAML 1.2 numbers, and every trap of YAML is an error that names its line."""
+
+from __future__ import annotations
+
+import pytest
+
+from hybridyn.description.yaml_file import read_yaml
+from hybridyn.errors import ModelError
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [
+        ("1e-10", 1e-10),
+        ("-.5", -0.5),
+        ("1.", 1.0),
+        ("12", 12),
+        ("012", 12),
+        ("1:30", "1:30"),
+        ("yes", "yes"),
+        ("no", "no"),
+        ("true", True),
+        ("null", None),
+        ("1_000", "1_000"),
+        (".nan", ".nan"),
+        ("'1e-10'", "1e-10"),
+        ("[a, [1, 2.5]]", ["a", [1, 2.5]]),
+        ("{a: 1, b: {c: d}}", {"a": 1, "b": {"c": "d"}}),
+        ("a: &x [1]\nb: *x", {"a": [1], "b": [1]}),
+        ("", None),
+    ],
+)
+def test_values(text: str, value: object) -> None:
+    read = read_yaml(text.encode(), "f.yaml").data
+    assert read == value
+    assert type(read) is type(value)
+
+
+BOMB = "a: &a [x]\n" + "".join(
+    f"{chr(98 + i)}: &{chr(98 + i)} [{', '.join(['*' + chr(97 + i)] * 10)}]\n" for i in range(9)
+)
+
+
+@pytest.mark.parametrize(
+    ("text", "line", "message"),
+    [
+        ("a: 1\nb: 2\na: 3", 3, "the key is stated twice"),
+        ("a: 1\nb: [1, 2", 2, "not readable as YAML"),
+        ("a: !!python/object:os.system x", 1, "is not allowed"),
+        ("a:\n  - !thing x", 2, "is not allowed"),
+        ("[a, b]: 1", 1, "a key must be a plain word"),
+        ("a: *nothing", 1, "undefined alias"),
+        ("a: 1\n--- \nb: 2", 2, "not readable as YAML"),
+        (BOMB, None, "are aliases nested"),
+        ("a: &a [*a]", None, "nested too deeply"),
+        ("[" * 5000, None, "nested too deeply"),
+        ("a: \x07", None, "not readable as YAML"),
+        ("\tb: 1", 1, "not readable as YAML"),
+    ],
+)
+def test_traps(text: str, line: int | None, message: str) -> None:
+    with pytest.raises(ModelError) as caught:
+        read_yaml(text.encode(), "f.yaml")
+    assert message in str(caught.value)
+    assert "\n" not in str(caught.value)
+    if line is not None:
+        assert caught.value.line == line
+
+
+def test_text_that_is_not_utf8() -> None:
+    with pytest.raises(ModelError, match="UTF-8"):
+        read_yaml(b"a: \xff", "f.yaml")
+
+
+def test_size_is_limited() -> None:
+    with pytest.raises(ModelError, match="larger than 1 MiB"):
+        read_yaml(b"a: " + b"x" * 2**20, "f.yaml")

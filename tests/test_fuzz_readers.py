@@ -1,0 +1,280 @@
+"""No mutation of a robot's files ends in a traceback, a hang or a robot that lost a loop.
+
+Seeded mutations of small valid URDF, xacro, YAML and TOML files. Each must be read or refused with a
+`ModelError` of one line; a robot that is read has every joint, closure and coupling that still stands in its
+text, and no number that is not finite.
+"""
+
+from __future__ import annotations
+
+import random
+import re
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from robot_texts import LOOP, robot, save
+
+from hybridyn.description import Description, read
+from hybridyn.errors import ModelError
+
+LONGEST = 5.0  # seconds for one small file, on a loaded machine; an ordinary one takes milliseconds
+CASES = 60  # per seed and file
+
+FRAMES = (
+    '<link name="end_a"/><joint name="end_a_frame" type="fixed">'
+    '<parent link="coupler"/><child link="end_a"/></joint>\n'
+    '<link name="end_b"/><joint name="end_b_frame" type="fixed">'
+    '<parent link="rocker"/><child link="end_b"/></joint>\n'
+)
+URDF = robot(
+    LOOP,
+    FRAMES,
+    '<loop name="u" type="universal"><predecessor link="coupler"><origin xyz="1 2 3"/></predecessor>'
+    '<successor link="end_b"/><axis xyz="1 0 0"/><axis2 xyz="0 1 0"/></loop>',
+    '<loop name="r" type="rows" rows="tx ty rx ry">'
+    '<predecessor link="crank"/><successor link="end_b"/></loop>',
+    '<constraint name="c" type="revolute"><parent link="end_a"/><parent_axis xyz="0 0 1"/>'
+    '<child link="end_b"/><child_axis xyz="0 0 1"/></constraint>',
+    '<loop_joint name="lj" type="spherical"><link1 link="crank" xyz="0 0 0" rpy="0 0 0"/>'
+    '<link2 link="rocker" xyz="0 0 0" rpy="0 0 0"/></loop_joint>',
+    '<coupling name="gear"><predecessor link="coupler"/><successor link="rocker"/>'
+    '<ratio value="-2"/></coupling>',
+    '<link name="tip"/><joint name="tip_joint" type="prismatic"><parent link="rocker"/><child link="tip"/>'
+    '<mimic joint="drive" multiplier="0.5" offset="0.1"/></joint>',
+    '<transmission name="t"><joint name="drive"/><actuator name="m">'
+    "<mechanicalReduction>50</mechanicalReduction></actuator></transmission>",
+    '<gazebo reference="drive"><provideFeedback>true</provideFeedback></gazebo>',
+)
+SIDE_CAR = """closed_loop: [[end_a, end_b]]
+type: ['6d']
+name_mot: [drive]
+joint_name: [swing]
+joint_type: [SPHERICAL]
+"""
+MODEL = """motors = ["drive"]
+[home]
+drive = 0.5
+elbow = [0.6, 0.8]
+[joints.drive]
+rotor_inertia = 3e-5
+gear_ratio = 100.0
+"""
+XACRO = """<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">
+<xacro:arg name="n" default="2"/><xacro:property name="length" value="${0.5 * 2}"/>
+<link name="ground"/>
+<xacro:macro name="bar" params="name parent x:=0">
+  <link name="${name}"/>
+  <joint name="${name}_joint" type="continuous"><origin xyz="${x} 0 0"/><parent link="${parent}"/>
+    <child link="${name}"/><axis xyz="0 0 1"/></joint>
+</xacro:macro>
+<xacro:bar name="crank" parent="ground"/>
+<xacro:bar name="coupler" parent="crank" x="${length}"/>
+<xacro:bar name="rocker" parent="ground" x="1.5"/>
+<xacro:if value="$(arg n)"><loop name="pin" type="revolute"><predecessor link="coupler"/>
+<successor link="rocker"><origin xyz="${length} 0 0"/></successor><axis xyz="0 0 1"/></loop></xacro:if>
+</robot>
+"""
+
+NUMBERS = [
+    "nan",
+    "inf",
+    "-1",
+    "1e400",
+    "1,5",
+    "",
+    "0",
+    "-0",
+    "1e-320",
+    "1e149",
+    "0x1",
+    "1_0",
+    "999999999999999999999",
+]
+WORDS = [
+    "",
+    "a",
+    "loop",
+    "joint",
+    "end_a",
+    "drive",
+    "lopp",
+    "../x",
+    "\u00e9",
+    "a b",
+    "&lt;",
+    "${x}",
+    "\u202e",
+]
+
+
+def flip_bytes(text: str, draw: random.Random) -> bytes:
+    raw = bytearray(text.encode())
+    for _ in range(draw.choice([1, 1, 2, 5])):
+        raw[draw.randrange(len(raw))] = draw.randrange(256)
+    return bytes(raw)
+
+
+def cut(text: str, draw: random.Random) -> bytes:
+    start = draw.randrange(len(text))
+    return (text[:start] + text[start + draw.choice([1, 3, 30, 300]) :]).encode()
+
+
+def elements(text: str) -> list[re.Match[str]]:
+    """Give the spans of whole elements: empty ones, and those that hold no element of their own name."""
+    return list(re.finditer(r"<([\w:]+)\b[^<>]*/>|<([\w:]+)\b[^<>]*>(?:(?!<\2\b).)*?</\2>", text, re.DOTALL))
+
+
+def drop_element(text: str, draw: random.Random) -> bytes:
+    return _spliced(text, draw, lambda part: "")
+
+
+def double_element(text: str, draw: random.Random) -> bytes:
+    return _spliced(text, draw, lambda part: part + part)
+
+
+def move_element(text: str, draw: random.Random) -> bytes:
+    part = draw.choice(elements(text) or [re.match("", text)])[0]
+    rest = text.replace(part, "", 1)
+    places = [match.end() for match in re.finditer(r">", rest)] or [0]
+    at = draw.choice(places)
+    return (rest[:at] + part + rest[at:]).encode()
+
+
+def wrap_element(text: str, draw: random.Random) -> bytes:
+    tag = draw.choice(["link", "joint", "loop", "group", "gazebo", "x"])
+    return _spliced(text, draw, lambda part: f"<{tag}>{part}</{tag}>")
+
+
+def rename(text: str, draw: random.Random) -> bytes:
+    """Misspell one tag (both ends) or one attribute."""
+    words = sorted(set(re.findall(r"</([\w:]+)>|\s([\w:]+)=|^(\w+):|^(\w+) =", text, re.MULTILINE)))
+    word = next(part for part in draw.choice(words or [("x", "")]) if part)
+    letters = list(word)
+    at = draw.randrange(len(letters))
+    letters[at] = draw.choice(["", letters[at] * 2, "z", letters[at].upper()])
+    return re.sub(rf"\b{re.escape(word)}\b", "".join(letters), text, count=draw.choice([0, 0, 1])).encode()
+
+
+def change_number(text: str, draw: random.Random) -> bytes:
+    return _replaced(text, draw, r"(?<![\w.])-?\d+(\.\d+)?(e-?\d+)?(?![\w.])", NUMBERS)
+
+
+def change_value(text: str, draw: random.Random) -> bytes:
+    return _replaced(text, draw, r"(?<=[\"'\[, ])\w+(?=[\"'\], ])", WORDS)
+
+
+def swap_values(text: str, draw: random.Random) -> bytes:
+    found = list(re.finditer(r'(?<==")[^"]*(?=")|(?<=\[)[^\[\]]*(?=\])', text))
+    first, second = sorted(draw.sample(found, 2), key=lambda match: match.start())
+    middle = text[first.end() : second.start()]
+    return (text[: first.start()] + second[0] + middle + first[0] + text[second.end() :]).encode()
+
+
+def _spliced(text: str, draw: random.Random, change: Callable[[str], str]) -> bytes:
+    part = draw.choice(elements(text) or [re.match(".*", text)])
+    return (text[: part.start()] + change(part[0]) + text[part.end() :]).encode()
+
+
+def _replaced(text: str, draw: random.Random, pattern: str, by: list[str]) -> bytes:
+    found = list(re.finditer(pattern, text))
+    if not found:
+        return text.encode()
+    part = draw.choice(found)
+    return (text[: part.start()] + draw.choice(by) + text[part.end() :]).encode()
+
+
+FLAT = [flip_bytes, cut, change_number, change_value, rename, swap_values]
+TREE = [*FLAT, drop_element, double_element, move_element, wrap_element]
+
+
+def outcome(path: Path, text: bytes) -> Description | None:
+    """Read a file that must be read, or refused with one readable line, in a moment."""
+    start = time.perf_counter()
+    try:
+        description = read(path)
+    except ModelError as error:
+        message = str(error)
+        assert message.strip()
+        assert "\n" not in message, text
+        assert len(message) < 2000, text
+        description = None
+    assert time.perf_counter() - start < LONGEST, text
+    return description
+
+
+def check(description: Description | None, text: bytes) -> None:
+    """Check that a robot that was read has all its loops and only finite numbers."""
+    if description is None:
+        return
+    plain = re.sub(rb"<!--.*?-->", b"", text, flags=re.DOTALL)
+    closures = len(re.findall(rb"<(?:loop|constraint|loop_joint)\b", plain))
+    couplings = len(re.findall(rb"<(?:coupling|mimic)\b", plain))
+    idle = sum("<mimic> means nothing" in note for note in description.notes)
+    assert len(description.closures) >= closures, text
+    assert len(description.couplings) + idle >= couplings, text
+    assert len(description.joints) >= len(re.findall(rb"<joint\b[^<>]*\btype=", plain)), text
+    for link in description.links:
+        assert np.isfinite([link.mass, *link.com, *link.inertia.ravel()]).all(), text
+        assert link.mass >= 0
+    for joint in description.joints:
+        assert np.isfinite([*joint.placement.ravel(), *joint.axis]).all(), text
+        assert joint.lower <= joint.upper
+    for closure in description.closures:
+        assert np.isfinite([closure.frame_a, closure.frame_b]).all(), text
+        assert len(closure.translations) or closure.rotation != "free"
+
+
+def test_the_files_are_good_as_they_stand(tmp_path: Path) -> None:
+    save(
+        tmp_path,
+        SIDE_CAR.replace("swing", "elbow_").replace("joint_name: [elbow_]\njoint_type: [SPHERICAL]\n", ""),
+        "r.yaml",
+    )
+    save(tmp_path, MODEL, "r.model.toml")
+    description = read(save(tmp_path, URDF, "r.urdf"))
+    assert len(description.closures) == 6
+    assert len(description.couplings) == 2
+    check(description, URDF.encode())
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_urdf(tmp_path: Path, seed: int) -> None:
+    draw = random.Random(seed)
+    refused = 0
+    for _ in range(CASES * 2):
+        text = draw.choice(TREE)(URDF, draw)
+        description = outcome(save(tmp_path, text, "r.urdf"), text)
+        check(description, text)
+        refused += description is None
+    assert 0 < refused < CASES * 2, "mutations must hit, and must not hit always"
+
+
+@pytest.mark.parametrize("name", ["r.yaml", "r.model.toml"])
+def test_files_beside(tmp_path: Path, name: str) -> None:
+    draw = random.Random(name)
+    urdf = robot(FRAMES, LOOP)
+    path = save(tmp_path, urdf, "r.urdf")
+    original = SIDE_CAR if name == "r.yaml" else MODEL
+    refused = 0
+    for _ in range(CASES):
+        text = draw.choice(FLAT)(original, draw)
+        save(tmp_path, text, name)
+        description = outcome(path, text)
+        check(description, urdf.encode())
+        if description is not None and re.search(rb"^closed_loop: \[\[.+\]\]$", text, re.MULTILINE):
+            assert len(description.closures) == 2, text
+        refused += description is None
+    assert 0 < refused < CASES
+
+
+def test_xacro(tmp_path: Path) -> None:
+    draw = random.Random(0)
+    refused = 0
+    for _ in range(25):
+        text = draw.choice(TREE)(XACRO, draw)
+        description = outcome(save(tmp_path, text, "r.urdf.xacro"), text)
+        refused += description is None
+    assert 0 < refused < 25
