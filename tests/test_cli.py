@@ -343,8 +343,9 @@ class Assembled:
         z = platforms["tool"][0]["z"]
         wrong = np.flatnonzero(z >= self.fail_at)
         if len(wrong):
-            text = f"module 'arm' at sample {wrong[0]}: out of reach, pass passive=\"solved\""
-            raise AssemblyError(text, sample=int(wrong[0]))
+            at = int(wrong[0])
+            text = f"module 'arm' at sample {at}: no way from sample {at - 1}, pass passive=\"solved\""
+            raise AssemblyError(text, sample=at)
         zero = np.zeros((len(z), 2))
         return np.column_stack([z, 0 * z]), zero, zero
 
@@ -384,7 +385,8 @@ def test_errors_of_the_core_name_file_row_and_time(run, arm, tmp_path: Path, mon
     path.write_text(table_text(["time", "tool/pose/z"], np.column_stack([time_, time_])))
     status, _, err = run("idm", arm, path)
     assert status == 1
-    assert err == f"error: {path}, row 2501 (t = 2.5 s): module 'arm': out of reach, pass --passive solved\n"
+    message = "module 'arm': no way from row 2500, pass --passive solved"
+    assert err == f"error: {path}, row 2501 (t = 2.5 s): {message}\n"
 
 
 def test_weights_from_words_and_files(run, arm, motion, tmp_path: Path, monkeypatch) -> None:

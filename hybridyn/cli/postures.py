@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import re
 from collections.abc import Iterable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -96,7 +97,7 @@ def _row(signals: Mapping[str, tuple[Any, ...]], index: int) -> dict[str, tuple[
 
 @contextlib.contextmanager
 def rows_named(layout: Layout, motion: Motion) -> Iterator[None]:
-    """Put file, row and time before the message of an error that knows its sample.
+    """Put file, row and time before the message of an error that knows its sample, and rows for samples.
 
     Args:
         layout: The meaning of the table's columns.
@@ -108,7 +109,8 @@ def rows_named(layout: Layout, motion: Motion) -> Iterator[None]:
         sample = getattr(error, "sample", None)
         if sample is not None:
             time = "" if motion.time is None else f" (t = {motion.time[sample]:.6g} s)"
-            message = str(error).replace(f" at sample {sample}", "")  # counted within the block
+            message = re.sub(rf" at sample {sample}\b", "", str(error))
+            message = re.sub(r"\bsample (\d+)", lambda m: f"row {motion.first_row + int(m[1])}", message)
             if layout.full_state and isinstance(error, AssemblyError):
                 message += ", or leave the passive joints out of the table: the posture is then assembled"
             error.args = (f"{layout.file}, row {motion.first_row + sample}{time}: {message}",)
