@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from .assembly import assemble
+    from .ddm import ddm
     from .errors import (
         ActuationError,
         AssemblyError,
@@ -34,6 +35,7 @@ _HOME = {
     "TrajectoryError": "errors",
     "assemble": "assembly",
     "closure_residual": "forward",
+    "ddm": "ddm",
     "idm": "idm",
     "load": "loading",
     "Reactions": "reactions",
@@ -52,6 +54,7 @@ __all__ = [
     "__version__",
     "assemble",
     "closure_residual",
+    "ddm",
     "idm",
     "load",
 ]

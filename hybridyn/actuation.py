@@ -145,21 +145,10 @@ def _check_driven(module: Module, Psi: Array, missing: Array, size: Array, shari
     if sharing.on_singular != "raise" and len(module.motors) >= module.mobility:
         return
     motion = Psi[t] @ missing[t] / module.mechanism.reduction.col_scale
-    joint = _freedom_names(module)[int(np.argmax(np.abs(motion)))]
+    joint = module.freedom_names()[int(np.argmax(np.abs(motion)))]
     raise ActuationError(
         f"module '{module.name}': {len(module.motors)} motors for {module.mobility} freedoms; no motor can produce the "
         f"{lack[t]:.3g} N m that the motion of {joint} needs at sample {t} (largest term {size[t]:.3g} N m). "
         + (sharing.passive_hint or "Add a motor there"),
         module=module.name, direction=joint, size=float(lack[t]), sample=t,
     )  # fmt: skip
-
-
-def _freedom_names(module: Module) -> list[str]:
-    """Name the freedoms of a module's tree: joints, and the platforms' six."""
-    m = module.mechanism
-    names = []
-    for i, (joint, source) in enumerate(zip(m.tree.joints, m.spec.tree_joint, strict=True)):
-        label = f"platform '{module.name}'" if source is None else f"joint '{module.joints[source]}'"
-        width = m.tree.v_slices[i].stop - m.tree.v_slices[i].start
-        names += [f"{label} ({axis})" for axis in "x y z rx ry rz".split()] if joint.kind == "floating" else [label] * width
-    return names

@@ -21,7 +21,7 @@ from .module import Mechanism, Module
 from .requests import ModuleRequest, Requests, gather_requests
 from .rigid_motion import RigidMotion
 from .robot import HybridRobot
-from .spatial import Array, quaternion_from_rotation
+from .spatial import Array, cross
 from .targets import PoseTarget
 
 
@@ -80,13 +80,13 @@ def assemble(
 
 def _place_base(robot: HybridRobot, requests: Requests, q: Array, v: Array, a: Array) -> None:
     """Enter the pose of a moving or floating base, with Pinocchio's local velocities."""
-    if robot.base == "fixed" or requests.base is None:
+    if robot.base == "fixed" or requests.base is None or requests.base_quaternion is None:
         return
     pose = requests.base
     R = np.swapaxes(pose.R, 1, 2)
-    q[:, :3], q[:, 3:7] = pose.p, quaternion_from_rotation(pose.R)
+    q[:, :3], q[:, 3:7] = pose.p, requests.base_quaternion
     v[:, :3], v[:, 3:6] = (np.matmul(R, x[..., None])[..., 0] for x in (pose.pd, pose.w))
-    spatial = pose.pdd - np.cross(pose.w, pose.pd)
+    spatial = pose.pdd - cross(pose.w, pose.pd)
     a[:, :3], a[:, 3:6] = (np.matmul(R, x[..., None])[..., 0] for x in (spatial, pose.wd))
 
 

@@ -73,7 +73,7 @@ class Task:
 
 
 def follow(task: Task, guess: Array) -> Array:
-    """Give a posture for every sample, each on the branch of the one before.
+    """Give a posture for every sample, each on the branch of the one before, the first on that of the guess.
 
     Args:
         task: The task.
@@ -107,7 +107,10 @@ def follow(task: Task, guess: Array) -> Array:
 
 
 def first_posture(task: Task, guess: Array) -> Array:
-    """Give the closed posture that a guess leads to; from seeded restarts about it where it leads nowhere.
+    """Give the closed posture that a guess leads to.
+
+    That is the one at the end of a walk from the guess on its own assembly branch; where there is none, the one that
+    Newton finds from the guess, or from seeded restarts about it.
 
     Raises:
         AssemblyError: Nothing closes; with the best residual.
@@ -115,7 +118,7 @@ def first_posture(task: Task, guess: Array) -> Array:
     tree = task.problem.tree
     result = task.solve(guess[None], np.zeros(1, dtype=int))
     if task.closed(result)[0]:
-        return result.q[0]
+        return _on_branch_of(task, guess, result.q[0])
     rng = np.random.default_rng(2010)
     best, iterations = result, result.iterations
     for spread, starts in ((0.1, 32), (0.5, 64), (1.5, 128), (3.2, 256)):
@@ -129,6 +132,27 @@ def first_posture(task: Task, guess: Array) -> Array:
         if result.residual.min() < best.residual.min():
             best = result
     raise unreachable(task, best, 0, iterations)
+
+
+def _on_branch_of(task: Task, guess: Array, found: Array) -> Array:
+    """Give the posture that a walk from the guess reaches, or the one found where the guess's branch ends."""
+    problem = task.problem
+    loops = replace(problem, free=np.ones(problem.tree.nv, dtype=bool), targets=(), rank=None, blocks=())
+    start = close(loops, guess[None])
+    if start.residual[0] > task.tolerance:
+        return found
+    motion = problem.tree.sweep(start.q)
+    targets = [t.from_here(motion) for t in problem.targets]
+    way = replace(
+        task, problem=replace(problem, targets=targets), known=np.vstack([start.q, task.known[:1]])
+    )
+    path = np.vstack([start.q, found])
+    if _steps_as_predicted(way, path, np.zeros(1, dtype=int))[0]:
+        return found
+    try:
+        return _walk(way, start.q[0], 0)
+    except AssemblyError:
+        return found
 
 
 def unreachable(task: Task, result: Closed, sample: int, iterations: int) -> AssemblyError:

@@ -93,23 +93,33 @@ def idm(
         'Give the accelerations that need no effort there, or pass passive="solved"' if passive == "given" else ""
     )
     sharing = Sharing(_weights(robot, weights), on_singular, hint)
-    tau, result = _backward(robot, states, loads, sharing, reactions, (q, v, a))
+    result = Reactions.empty(len(q)) if reactions else None
+    tau = np.zeros((len(q), len(robot.motors)))
+    _backward(robot, states, loads, sharing, tau, result, (q, v, a))
     if result is None:
         return tau[0] if single else tau
     return (tau[0], result.sample(0)) if single else (tau, result)
 
 
+def reactions_of(robot: HybridRobot, q: Array, v: Array, a: Array, tau: Array, loads: Loads) -> Reactions:
+    """Give the wrenches between modules and in the closures of a motion under known efforts, shapes (T, ...)."""
+    result = Reactions.empty(len(q))
+    _backward(robot, forward(robot, q, v, a), loads, None, tau, result, (q, v, a))
+    return result
+
+
 def _backward(
-    robot: HybridRobot, states: list[ModuleState], loads: Loads, sharing: Sharing, reactions: bool,
-    given: tuple[Array, Array, Array],
-) -> tuple[Array, Reactions | None]:  # fmt: skip
-    """Run the backward recursion: from what each output must receive to efforts and the base's wrench."""
+    robot: HybridRobot, states: list[ModuleState], loads: Loads, sharing: Sharing | None, tau: Array,
+    result: Reactions | None, given: tuple[Array, Array, Array],
+) -> None:  # fmt: skip
+    """Run the backward recursion: from what each output must receive to efforts and the base's wrench.
+
+    Fills in `tau` (unless `sharing` is None: efforts are known) and `result` (unless None).
+    """
     T = len(given[0])
-    tau = np.zeros((T, len(robot.motors)))
     received = [np.zeros((T, len(s.module.outputs), 6)) for s in states]  # sum over children of F_k, outputs' frames
     summed = [np.zeros((T, len(s.module.outputs))) for s in states]  # the same without cancellation, as work
     root = np.zeros((T, 6))
-    result = Reactions.empty(T) if reactions else None
     for k in reversed(range(len(states))):
         s, load = states[k], loads.modules[k]
         m = s.mechanism
@@ -128,7 +138,8 @@ def _backward(
             size = size + _work(F_p, m.length) + _work(load.on_output(s, o), m.length) + summed[k][:, o]
             Q += np.einsum("tij,ti->tj", np.matmul(J, Psi), W)  # Eqs. (16), (33) before the motors
             F += wrench_to_base(*s.placement(o), W)
-        tau[:, s.module.motor_index] = motor_efforts(robot, s.module, Psi, Q, size, sharing)  # Eq. (33)
+        if sharing is not None:
+            tau[:, s.module.motor_index] = motor_efforts(robot, s.module, Psi, Q, size, sharing)  # Eq. (33)
         if result is not None:
             module_reactions(result, s, F, H, tau[:, s.module.motor_index])
         if s.module.parent < 0:
@@ -138,7 +149,6 @@ def _backward(
             summed[s.module.parent][:, s.module.parent_output] += size
     if result is not None:
         result.base[:] = root + _root_body(robot, loads, given)
-    return tau, result
 
 
 def _terms(col_scale: Array, H: Array) -> Array:

@@ -166,6 +166,10 @@ class Mechanism:
         """Copy the legs' rates (or accelerations) of `tree` into those of the spanning tree, in place."""
         out[:, self._v_from] = x[:, self._v_to]
 
+    def give_legs(self, spanning: Array, out: Array) -> None:
+        """Copy the legs' rates (or accelerations) of the spanning tree into those of `tree`, in place."""
+        out[:, self._v_to] = spanning[:, self._v_from]
+
     def take_leg_positions(self, x: Array, out: Array) -> None:
         """Copy the legs' positions of `tree` into those of the spanning tree, in place."""
         out[:, self._q_from] = x[:, self._q_to]
@@ -325,6 +329,17 @@ class Module:
     def mobility(self) -> int:
         """The paper's N_k."""
         return self.mechanism.mobility
+
+    def freedom_names(self) -> list[str]:
+        """Name the freedoms of the tree after the cuts: joints, and the platforms' six."""
+        m = self.mechanism
+        names = []
+        for i, (joint, source) in enumerate(zip(m.tree.joints, m.spec.tree_joint, strict=True)):
+            label = f"platform '{self.name}'" if source is None else f"joint '{self.joints[source]}'"
+            axes = [f"{label} ({axis})" for axis in ("x", "y", "z", "rx", "ry", "rz")]
+            width = m.tree.v_slices[i].stop - m.tree.v_slices[i].start
+            names += axes if joint.kind == "floating" else [label] * width
+        return names
 
     def named_rows(self) -> list[tuple[str, slice]]:
         """Name the rows of the closures after the cuts: the author's closures, carrying wrists, couplings."""

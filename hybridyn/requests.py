@@ -67,6 +67,7 @@ class Requests:
         joints: For each joint its position, rate and acceleration, shape (3, T).
         poses: The poses.
         base: Pose of a moving or floating base in the world, or None.
+        base_quaternion: Its quaternions as they were given, shape (T, 4), or None.
     """
 
     samples: int
@@ -74,6 +75,7 @@ class Requests:
     joints: dict[str, Array]
     poses: tuple[PoseRequest, ...]
     base: RigidMotion | None
+    base_quaternion: Array | None
 
     def for_module(
         self, robot: HybridRobot, number: int, base_body: int, bodies: Mapping[int, RigidMotion]
@@ -194,15 +196,16 @@ def gather_requests(
         _lengths(part) for parts in raw.values() for part in parts
     )
     arrays = {name: np.stack([np.broadcast_to(x, (T,)) for x in parts]) for name, parts in joints.items()}
-    base = None
+    base, quaternion = None, None
     poses = []
     for key, parts in raw.items():
         pose = _pose(robot, key, parts, T)
         if pose.link == pose.other and robot.bodies.place[pose.link][0] == 0:
             base = pose.motion
+            quaternion = np.broadcast_to(np.asarray(parts[0], dtype=float)[..., 3:], (T, 4))
         else:
             poses.append(pose)
-    return Requests(T, single, arrays, tuple(poses), base)
+    return Requests(T, single, arrays, tuple(poses), base, quaternion)
 
 
 def _known(name: str, known: Mapping[str, object], what: str) -> None:

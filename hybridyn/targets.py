@@ -46,6 +46,10 @@ class Target(Protocol):
         """Give the target on the way from a sample to the next, one new sample per fraction, at rest."""
         ...
 
+    def from_here(self, motion: Motion) -> Target:
+        """Give the target whose sample 0 is what the body does now and whose sample 1 is sample 0."""
+        ...
+
 
 @dataclass(frozen=True)
 class PoseTarget:
@@ -86,8 +90,12 @@ class PoseTarget:
         """Give the pose on the way from a sample to the next: straight, turning about one axis."""
         R0, R1, p0, p1 = self.R[sample], self.R[sample + 1], self.p[sample], self.p[sample + 1]
         turn = rotation_from_vector(fractions[:, None] * rotation_vector(R0.T @ R1))
-        rest = np.zeros((len(fractions), 6))
-        return PoseTarget(self.body, R0 @ turn, p0 + fractions[:, None] * (p1 - p0), rest, rest, self.units)
+        return replace(self, R=R0 @ turn, p=p0 + fractions[:, None] * (p1 - p0))
+
+    def from_here(self, motion: Motion) -> PoseTarget:
+        """Give the way from where the body is now to sample 0."""
+        R, p = motion.R[:1, self.body], motion.p[:1, self.body]
+        return replace(self, R=np.concatenate([R, self.R[:1]]), p=np.concatenate([p, self.p[:1]]))
 
 
 @dataclass(frozen=True)
@@ -159,9 +167,12 @@ class CoordinateTarget:
         step = self.value[sample + 1] - self.value[sample]
         angle = np.array(self._rows()) >= 3
         step[angle] -= 2 * np.pi * np.round(step[angle] / (2 * np.pi))
-        value = self.value[sample] + fractions[:, None] * step
-        rest = np.zeros_like(value)
-        return replace(self, value=value, rate=rest, acceleration=rest)
+        return replace(self, value=self.value[sample] + fractions[:, None] * step)
+
+    def from_here(self, motion: Motion) -> CoordinateTarget:
+        """Give the way from where the body is now to sample 0."""
+        now = self.residual(motion, np.zeros(len(motion.p), dtype=int))[:1] + self.value[:1]
+        return replace(self, value=np.concatenate([now, self.value[:1]]))
 
 
 def roll_pitch_yaw(R: Array) -> Array:
