@@ -49,6 +49,7 @@ ENDS = '<predecessor link="coupler"/><successor link="rocker"/>'
         ('<pin name="l" link1="a" link2="b"/>', "an unknown form"),
         ('<cut><parent link="a"/><child link="b"/></cut>', "an unknown form"),
         ("<loop_closures/>", "an unknown form"),
+        ('<include filename="rest.urdf"/>', "URDF includes no file"),
         ('<equality><connect body1="a" body2="b"/></equality>', "an unknown form"),
         ('<predecessor link="a"/>', "stands directly below <robot>"),
         ('<mimic joint="drive"/>', "stands directly below <robot>"),
@@ -89,7 +90,9 @@ def test_is_refused_by_name(tmp_path: Path, element: str, message: str) -> None:
     ],
 )
 def test_what_closes_nothing_passes(tmp_path: Path, element: str) -> None:
-    assert read_text(tmp_path, robot(element)).closures == ()
+    description = read_text(tmp_path, robot(element))
+    assert description.closures == ()
+    assert any("<custom" in note for note in description.notes) == ("<custom" in element)
 
 
 def frames(*names: str) -> str:

@@ -56,6 +56,17 @@ def test_refuses_an_absurd_size(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
         xml_node.parse(FOUR_BAR.encode(), "four_bar.urdf")
 
 
+def test_refuses_absurd_numbers_of_elements_and_absurd_names(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with pytest.raises(ModelError, match="characters, limit 2000") as caught:
+        read_text(tmp_path, FOUR_BAR.replace('"crank"', f'"{"c" * 5000}"'))
+    assert len(str(caught.value)) < 500
+    monkeypatch.setattr(xml_node, "MOST_ELEMENTS", 10)
+    with pytest.raises(ModelError, match="elements, limit 10"):
+        read_text(tmp_path, FOUR_BAR)
+
+
 def test_refuses_what_is_no_file(tmp_path: Path) -> None:
     with pytest.raises(ModelError, match="No such file"):
         read(tmp_path / "absent.urdf")

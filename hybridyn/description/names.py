@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import functools
 from collections.abc import Iterable
 
 LISTED_NAMES = 8
@@ -11,12 +12,20 @@ LISTED_NAMES = 8
 
 def closest(name: str, known: Iterable[str]) -> str | None:
     """Give the known name that is most like `name`, or None where none comes near."""
+    words = tuple(known)
+    return _remembered(name, words) if len(words) < 100 else _closest(name, words)
+
+
+def _closest(name: str, known: tuple[str, ...]) -> str | None:
     by_lower = {candidate.lower(): candidate for candidate in known}
     turned = [word for word in by_lower if sorted(word) == sorted(name.lower())]
     if turned:
         return by_lower[turned[0]]
     found = difflib.get_close_matches(name.lower(), by_lower, n=1, cutoff=0.72)
     return by_lower[found[0]] if found else None
+
+
+_remembered = functools.lru_cache(maxsize=1024)(_closest)  # a file repeats its unknown tags
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:

@@ -44,7 +44,7 @@ def read_urdf(root: Node) -> RobotFile:
     """
     name = root.xml.get("name", "").strip()
     robot = RobotFile(name or "robot", root.file)
-    refuse_unread_loops(root)
+    refuse_unread_loops(root, robot.notes)
     link_nodes, joint_nodes = root.children("link"), root.children("joint")
     if len(link_nodes) > MOST_LINKS:
         raise root.error(f"{len(link_nodes)} links, limit {MOST_LINKS}")

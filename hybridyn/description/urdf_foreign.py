@@ -85,22 +85,31 @@ _CLOSING_FRAME = re.compile(r"closing_(.+)_[12](_z)?")
 _NAMED_FRAME = re.compile(r"closed_?loop|fermeture|loop_?closure", re.IGNORECASE)
 
 
-def refuse_unread_loops(root: Node) -> None:
+def refuse_unread_loops(root: Node, notes: list[str]) -> None:
     """Look at every element for a loop in a form that is not read, or in a place where it is not read.
+
+    Other unknown elements are noted.
 
     Raises:
         ModelError: There is one; the text names the form, its line, and how to write it.
     """
+    unknown: dict[str, int | None] = {}
     for node in root.children():
         if node.tag in LEGACY_FORMS:
             raise _refusal(node, LEGACY_FORMS[node.tag])
+        if node.tag in ("include", "xi:include"):
+            raise node.error("URDF includes no file; write <xacro:include> and name this file .xacro")
         if node.tag in READ_TAGS:
             continue
         if node.tag not in HARMLESS_TAGS:
             _refuse_if_suspicious(node)
+            unknown.setdefault(node.tag, node.line)
         for inner in node.descendants():
             _refuse_inside(inner, node)
     _refuse_misplaced(root)
+    if unknown:
+        where = listed(f"<{tag}> (line {line})" for tag, line in unknown.items())
+        notes.append(f"unknown elements, which were not read: {where}")
 
 
 def refuse_unclosed_frames(robot: RobotFile) -> None:

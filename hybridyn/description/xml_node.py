@@ -23,6 +23,12 @@ from hybridyn.errors import ModelError
 LARGEST_FILE = 128 * 2**20
 """Largest XML file read [bytes]; a stack of 1,000 six-legged modules takes about a third of it."""
 
+MOST_ELEMENTS = 2_000_000
+"""Most elements read; a stack of 1,000 six-legged modules has about half a million."""
+
+LONGEST_TEXT = 2000
+"""Longest attribute read [characters]; names and numbers are far shorter."""
+
 LARGEST_NUMBER = 1e150
 """Largest number accepted; its square is still finite, so no length or inertia overflows downstream."""
 
@@ -55,6 +61,9 @@ def parse(text: bytes, file: str) -> Node:
         raise ModelError(f"not readable as XML: {error}", file=file) from None
     if root.getroottree().docinfo.internalDTD is not None:
         raise ModelError("a DOCTYPE is not allowed in a robot file; remove it", file=file, line=1)
+    count = sum(1 for _ in root.iter("*"))
+    if count > MOST_ELEMENTS:
+        raise ModelError(f"{count} elements, limit {MOST_ELEMENTS}", file=file)
     return Node(root, file)
 
 
@@ -107,7 +116,7 @@ class Node:
     @property
     def label(self) -> str:
         """The element for messages: `<joint name="elbow">`."""
-        name = self.xml.get("name")
+        name = str(self.xml.get("name", ""))[:100]
         return f'<{self.tag} name="{name}">' if name else f"<{self.tag}>"
 
     def error(self, message: str) -> ModelError:
@@ -150,6 +159,12 @@ class Node:
         if not value:
             wrong = "is empty" if attribute in self.xml.attrib else "is missing"
             raise self.error(f"attribute '{attribute}' {wrong}{did_you_mean(attribute, self.attributes())}")
+        if len(value) > LONGEST_TEXT:
+            raise ModelError(
+                f"<{self.tag}>: attribute '{attribute}' has {len(value)} characters, limit {LONGEST_TEXT}",
+                file=self.file,
+                line=self.line,
+            )
         return value
 
     def attributes(self) -> list[str]:
