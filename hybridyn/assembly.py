@@ -18,6 +18,7 @@ from .errors import AssemblyError
 from .following import Task, follow
 from .kinematics import Motion, Tree
 from .module import Mechanism, Module
+from .reduction import Block
 from .requests import ModuleRequest, Requests, gather_requests
 from .rigid_motion import RigidMotion
 from .robot import HybridRobot
@@ -98,13 +99,11 @@ def _assemble_module(
     task = _task(robot, module, request)
     start = m.cut(q[:1, module.q_index], None, None, m.spanning.sweep(q[:1, module.q_index]))[0][0]
     x = follow(task, start)
-    samples = np.arange(len(x))
     open_rows = m.closures.residual(x, m.tree.sweep(x)) * m.reduction.row_scale
     bent = np.flatnonzero(np.abs(open_rows).max(axis=1, initial=0.0) > 1e-12)
     if len(bent):
         x[bent] = _settle(m, x[bent])
-    x_dot = _rates(task.problem, m, request, x, samples)
-    x_ddot = _accelerations(task.problem, m, request, x, x_dot, samples)
+    x_dot, x_ddot = _rates_and_accelerations(task.problem, m, request, x)
     target = m.tree.sweep(x, x_dot, x_ddot)
     q[:, module.q_index] = _spanning_positions(module, x, target, q[0, module.q_index])
     vk, ak = np.zeros((2, len(x), m.spanning.nv))
@@ -141,27 +140,24 @@ def _settle(m: Mechanism, x: Array) -> Array:
     return close(LoopProblem(m.closures, r.row_scale, r.col_scale, everything, (), r.rank), x).q
 
 
-def _rates(problem: LoopProblem, m: Mechanism, request: ModuleRequest, x: Array, samples: Array) -> Array:
-    """Give the rates of the tree after the cuts."""
+def _rates_and_accelerations(
+    problem: LoopProblem, m: Mechanism, request: ModuleRequest, x: Array
+) -> tuple[Array, Array]:
+    """Give rates and accelerations of the tree after the cuts, from the same rows."""
+    samples = np.arange(len(x))
     motion = m.tree.sweep(x)
+    K = problem.matrix(motion)
     wanted = [np.zeros((len(x), m.closures.rows))]
     wanted += [t.rates(motion, samples)[0] / t.units for t in problem.targets]
-    return _solve(problem, m, motion, request.known_v, np.concatenate(wanted, axis=1))
-
-
-def _accelerations(
-    problem: LoopProblem, m: Mechanism, request: ModuleRequest, x: Array, x_dot: Array, samples: Array
-) -> Array:
-    """Give the accelerations of the tree after the cuts."""
+    x_dot = _solve(problem, m, K, request.known_v, np.concatenate(wanted, axis=1))
     motion = m.tree.sweep(x, x_dot)
     drift = m.closures.rates(motion, x_dot)[1] * m.reduction.row_scale
     wanted = [-drift] + [t.rates(motion, samples)[1] / t.units for t in problem.targets]
-    return _solve(problem, m, motion, request.known_a, np.concatenate(wanted, axis=1))
+    return x_dot, _solve(problem, m, K, request.known_a, np.concatenate(wanted, axis=1))
 
 
-def _solve(problem: LoopProblem, m: Mechanism, motion: Motion, known: Array, wanted: Array) -> Array:
+def _solve(problem: LoopProblem, m: Mechanism, K: Array, known: Array, wanted: Array) -> Array:
     """Solve the rows for the free freedoms, the others given; what is given yields to the closures at last."""
-    K = problem.matrix(motion)
     x = known / problem.col_scale
     x = x + problem.solve(K, wanted - np.einsum("tij,tj->ti", K, x))
     rows = m.closures.rows
@@ -191,7 +187,8 @@ def _spanning_positions(module: Module, x: Array, target: Motion, guess: Array) 
         free = np.ones(tree.nv, dtype=bool)
         none = Closures(tree, [], [])
         cols = m.wrist_columns(number)
-        problem = LoopProblem(none, np.zeros(0), m.spanning_col_scale[cols], free, [goal], tree.nv)
+        blocks = [Block(np.arange(6), np.arange(tree.nv))]
+        problem = LoopProblem(none, np.zeros(0), m.spanning_col_scale[cols], free, [goal], tree.nv, blocks)
         name = f"wrist of '{module.joints[wrist.joints[-1]]}'"
         task = Task(problem, np.zeros((len(x), tree.nq)), (), 1e-6, module.name, [name] * 6)
         at = m.wrist_positions(number)

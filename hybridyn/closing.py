@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -21,8 +22,8 @@ from .targets import Target
 
 #: Longest step of one iteration in scaled coordinates [rad, module lengths].
 LONGEST_STEP = 0.5
-#: Newton has converged when its next step is this small: the rounding of positions of order one.
-SMALLEST_STEP = 1e-13
+#: Newton has converged after a step this small: the next one would be its square.
+SMALLEST_STEP = 1e-9
 
 
 @dataclass(frozen=True)
@@ -77,15 +78,22 @@ class LoopProblem:
     def residual(self, q: Array, samples: Array, motion: Motion | None = None) -> Array:
         """Give the scaled residuals at samples (numbers into the targets), shape (T, rows)."""
         motion = motion or self.tree.sweep(q)
-        rows = [self.closures.residual(q, motion) * self.row_scale]
-        rows += [t.residual(motion, samples) / t.units for t in self.targets]
-        return np.concatenate(rows, axis=1)
+        rows = [t.residual(motion, samples) / t.units for t in self.targets]
+        return np.concatenate([self.closures.residual(q, motion) * self.row_scale, *rows], axis=1)
 
-    def matrix(self, motion: Motion) -> Array:
-        """Give the scaled rows over all freedoms, shape (T, rows, nv)."""
-        rows = [self.closures.matrix(motion) * self.row_scale[:, None]]
-        rows += [t.matrix(self.tree, motion) / t.units[:, None] for t in self.targets]
-        return np.concatenate(rows, axis=1) * self.col_scale
+    @cached_property
+    def moving(self) -> Closures:
+        """The closures over the free freedoms."""
+        return self.closures.moved_by(self.free)
+
+    def matrix(self, motion: Motion, *, every: bool = True) -> Array:
+        """Give the scaled rows over all freedoms, or at least over the free ones, shape (T, rows, nv)."""
+        closures = self.closures if every else self.moving
+        K = closures.matrix(motion, (self.row_scale, self.col_scale))
+        if not self.targets:
+            return K
+        rows = [t.matrix(self.tree, motion) / t.units[:, None] * self.col_scale for t in self.targets]
+        return np.concatenate([K, *rows], axis=1)
 
     def solve(self, K: Array, rhs: Array, damping: Array | None = None) -> Array:
         """Give the least-norm x of the free freedoms with K x = rhs, scaled, shape (T, nv); others zero."""
@@ -141,28 +149,29 @@ def close(problem: LoopProblem, q: Array, samples: Array | None = None, *, itera
     """
     tree, q, T = problem.tree, q.copy(), len(q)
     samples = np.zeros(T, dtype=int) if samples is None else samples
-    residual = problem.residual(q, samples)
+    motion = tree.sweep(q)
+    residual = problem.residual(q, samples, motion)
     damping, last = np.zeros(T), np.full(T, np.inf)
     active = np.arange(T)
     spent = 0
     for spent in range(1, iterations + 1):  # noqa: B007 - the count is reported
-        K = problem.matrix(tree.sweep(q[active]))
-        dx = problem.solve(K, -residual[active], damping[active])
+        dx = problem.solve(problem.matrix(motion, every=False), -residual[active], damping[active])
         length = np.abs(dx).max(axis=1, initial=0.0)
         last[active] = length
         dx *= np.minimum(1.0, LONGEST_STEP / np.where(length > 0, length, 1.0))[:, None]
         trial = tree.integrate(q[active], dx * problem.col_scale)
-        new = problem.residual(trial, samples[active])
+        motion = tree.sweep(trial)
+        new = problem.residual(trial, samples[active], motion)
         before, after = (np.linalg.norm(r, axis=1) for r in (residual[active], new))
         good = (after < before) | (length < 1e-6)
         q[active[good]], residual[active[good]] = trial[good], new[good]
         lower = damping[active] / 10
         damping[active] = np.where(good, np.where(lower < 1e-9, 0.0, lower), damping[active] * 10 + 1e-6)
-        # A Newton step of 1e-8 leaves an error of 1e-16: what remains is rounding.
-        done = (length <= SMALLEST_STEP) | ((length < 1e-8) & (after > 0.1 * before)) | (damping[active] > 1e6)
-        active = active[~done]
-        if not len(active):
+        done = (length <= SMALLEST_STEP) | (damping[active] > 1e6)
+        if done.all():
             break
+        active = active[~done]
+        motion = tree.sweep(q[active]) if not good.all() else motion.take(~done) if done.any() else motion
     return Closed(q, np.abs(residual).max(axis=1, initial=0.0), last, spent)
 
 

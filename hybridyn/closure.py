@@ -14,6 +14,7 @@ closed. A coupling is one more row, constant, without drift.
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import dataclass
 
 import numpy as np
@@ -88,6 +89,16 @@ class _Group:
         self.cols = np.array([np.flatnonzero(involved(tree, c)) for c in closures]).reshape(len(closures), -1)
         on_b = tree.support[self.b[:, None], self.cols].astype(float)
         self.sign = on_b - tree.support[self.a[:, None], self.cols]
+
+    def moved_by(self, free: Array) -> _Group:
+        """Give the same group over some freedoms only, where every closure involves as many of them."""
+        count = free[self.cols].sum(axis=1)
+        out = copy(self)
+        if (count == count[0]).all():
+            chosen = free[self.cols]
+            out.cols = self.cols[chosen].reshape(len(self.cols), -1)
+            out.sign = self.sign[chosen].reshape(len(self.cols), -1)
+        return out
 
     def frames(self, motion: Motion) -> tuple[Array, Array, Array, Array]:
         """Give axes and origins of A and B in the base: (T, g, 3, 3), (T, g, 3), twice."""
@@ -231,16 +242,31 @@ class Closures:
         out: Array = total - period * np.round(total / period) if np.isfinite(period) else total
         return out
 
-    def matrix(self, motion: Motion) -> Array:
-        """Give the constraint rows K over the tree's freedoms, shape (T, rows, nv)."""
+    def matrix(self, motion: Motion, scales: tuple[Array, Array] | None = None) -> Array:
+        """Give the constraint rows K over the tree's freedoms, shape (T, rows, nv).
+
+        Args:
+            motion: Motion of the tree (positions suffice).
+            scales: Factor of each row and of each column, shapes (rows,) and (nv,); one where left out.
+        """
         K = samples_inside((len(motion.p), self.rows, self.tree.nv))
+        row_scale, col_scale = scales or (np.ones(self.rows), np.ones(self.tree.nv))
         columns = self.tree.columns(motion)
-        by_row = np.moveaxis(K, 0, -1)
+        by_row = K.transpose(1, 2, 0)
         for group in self._groups:
-            rows = group.matrix(self.tree, motion, columns)
-            by_row[group.rows[:, :, None], group.cols[:, None, :]] = np.moveaxis(rows, 0, -1)
-        K[:, self.rows - len(self.couplings) :] = self._coupling_rows
+            rows = group.matrix(self.tree, motion, columns).transpose(1, 2, 3, 0)
+            at, cols = group.rows[:, :, None], group.cols[:, None, :]
+            by_row[at, cols] = rows * (row_scale[at] * col_scale[cols])[..., None]
+        first = self.rows - len(self.couplings)
+        K[:, first:] = self._coupling_rows * row_scale[first:, None] * col_scale
         return K
+
+    def moved_by(self, free: Array) -> Closures:
+        """Give the same closures whose matrix is filled in for some freedoms only, shape (nv,) of bool."""
+        out = copy(self)
+        out._groups = [group.moved_by(free) for group in self._groups]
+        out._coupling_rows = self._coupling_rows * free
+        return out
 
     def rates(self, motion: Motion, v: Array) -> tuple[Array, Array]:
         """Give K q_dot and the second derivative of the residual along the motion, shapes (T, rows).

@@ -253,7 +253,7 @@ def _motions(state: ModuleState, prescribed: Array | None) -> tuple[Basis, list[
     """Give a module's motions, and its outputs' accelerations at zero x_ddot (own frames, shape (T, 6))."""
     m = state.mechanism
     motion = m.tree.sweep(state.q, state.v)
-    basis = m.basis(motion, m.closures.rates(motion, state.v)[1])
+    basis = m.basis(state.K, m.closures.rates(motion, state.v)[1])
     bias = [motion.acceleration(body) for body in m.spec.outputs]
     motors = state.module.motor_columns
     if prescribed is None or not len(motors):

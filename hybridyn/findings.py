@@ -57,7 +57,7 @@ def _at_home(module: Module, robot: HybridRobot, open_by: float) -> list[str]:
             "state a home posture that closes them ([home] in model.toml)"
         ]
     motion = m.cut_motion(m.spanning.sweep(robot.home[None, module.q_index]))
-    basis = m.basis(motion)
+    basis = m.basis(m.closures.matrix(motion))
     if m.closures.rows and basis.pivot[0] < SINGULAR:
         return [f"the home posture is singular: its closures lose rank (smallest pivot {basis.pivot[0]:.1e})"]
     share = motor_share(module, basis.Psi)
@@ -93,7 +93,7 @@ def _of_structure(module: Module) -> list[str]:
     out = []
     posture = m.postures[:1]
     motion = m.tree.sweep(posture)
-    Psi = m.basis(motion).Psi[0] / m.reduction.col_scale[:, None]
+    Psi = m.basis(m.closures.matrix(motion)).Psi[0] / m.reduction.col_scale[:, None]
     still = [
         name
         for name, column in zip(module.motors, module.motor_columns, strict=True)
@@ -117,7 +117,7 @@ def _of_structure(module: Module) -> list[str]:
 def _inertia(m: Mechanism, posture: Array) -> Array:
     """Give the inertia of a module alone along its scaled motions, shape (N, N)."""
     motion = m.tree.sweep(posture)
-    Psi = m.basis(motion).Psi
+    Psi = m.basis(m.closures.matrix(motion)).Psi
     legs = m.legs.crba(posture)[:, 6:, 6:]
     total = np.swapaxes(Psi, 1, 2) @ legs @ Psi
     for body, inertia in zip(m.spec.outputs, m.inertias, strict=True):

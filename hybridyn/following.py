@@ -18,8 +18,12 @@ from .spatial import Array
 #: A step between samples may differ from the predicted one by this part of it, plus `SMALL`.
 SAME_BRANCH = 0.25
 SMALL = 1e-7
+#: Every so many samples are solved first, then all.
+STRIDES = (8, 1)
 #: Smallest part of a step that is walked.
-FINEST = 2048
+FINEST = 256
+#: The same where Newton does not reach the end of the step at all.
+COARSEST = 16
 
 
 @dataclass(frozen=True)
@@ -169,25 +173,44 @@ def unreachable(task: Task, result: Closed, sample: int, iterations: int) -> Ass
 
 
 def _coarse_to_fine(task: Task, start: Array, samples: Array) -> tuple[Array, Array]:
-    """Solve all samples, the first of them known: every 64th, every 8th, then all, from interpolated starts."""
+    """Solve all samples, the first of them known: some, then all, from starts interpolated between those at hand."""
     tree = task.problem.tree
     n = len(samples)
     q = np.tile(start, (n, 1))
     good = np.ones(n, dtype=bool)
     have = np.array([0])
-    for stride in (64, 8, 1):
+    for stride in STRIDES:
         todo = np.setdiff1d(np.arange(0, n, stride), have)
         if not len(todo):
             continue
         before = have[np.searchsorted(have, todo, side="right") - 1]
-        after = have[np.minimum(np.searchsorted(have, todo), len(have) - 1)]
-        gap = np.where(after > before, after - before, 1)
-        fraction = np.where(after > before, (todo - before) / gap, 0.0)
-        step = tree.difference(q[before], q[after])
-        result = task.solve(tree.integrate(q[before], fraction[:, None] * step), samples[todo])
+        start, step = _interpolated(task, q, have, todo, before)
+        result = task.solve(tree.integrate(start, step), samples[todo])
         q[todo], good[todo] = result.q, task.closed(result)
         have = np.union1d(have, todo)
     return q, good
+
+
+def _interpolated(task: Task, q: Array, have: Array, todo: Array, before: Array) -> tuple[Array, Array]:
+    """Give where to start at samples between those at hand: cubic between four neighbours, else what is nearest.
+
+    Returns:
+        Positions of the sample before, and the step from there, shapes (n, nq), (n, nv).
+    """
+    tree = task.problem.tree
+    at = np.searchsorted(have, todo, side="right") - 1
+    last = len(have) - 1
+    step = np.zeros((len(todo), tree.nv))
+    if last >= 1:
+        first = np.clip(at - 1, 0, max(last - 3, 0))
+        nodes = [have[np.minimum(first + i, last)] for i in range(min(4, last + 1))]
+        for i, node in enumerate(nodes):
+            weight = np.ones(len(todo))
+            for j, other in enumerate(nodes):
+                if i != j:
+                    weight *= (todo - other) / (node - other)
+            step += weight[:, None] * tree.difference(q[before], q[node])
+    return q[before], step
 
 
 def _steps_as_predicted(task: Task, q: Array, samples: Array) -> Array:
@@ -195,7 +218,7 @@ def _steps_as_predicted(task: Task, q: Array, samples: Array) -> Array:
     problem = task.problem
     start = task.with_known(q[samples], samples + 1)
     motion = problem.tree.sweep(start)
-    dx = problem.solve(problem.matrix(motion), -problem.residual(start, samples + 1, motion))
+    dx = problem.solve(problem.matrix(motion, every=False), -problem.residual(start, samples + 1, motion))
     predicted = problem.tree.integrate(start, dx * problem.col_scale)
     off = problem.tree.difference(predicted, q[samples + 1]) / problem.col_scale
     size = np.abs(dx).max(axis=1, initial=0.0)
@@ -210,7 +233,9 @@ def _walk(task: Task, q: Array, sample: int) -> Array:
         AssemblyError: A target on the way is out of reach, or the branch ends.
     """
     parts = 4
-    while parts <= FINEST:
+    there = task.solve(q[None], np.array([sample + 1]))
+    finest = FINEST if task.closed(there)[0] else COARSEST
+    while parts <= finest:
         way = task.between(sample, parts)
         path = np.tile(q, (parts + 1, 1))
         for i in range(1, parts + 1):

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -47,6 +48,11 @@ class ModuleState:
     V_dot: Array
     outputs: Array
     outputs_dot: Array
+
+    @cached_property
+    def K(self) -> Array:
+        """Closure rows of the module, shape (T, rows, n)."""
+        return self.mechanism.closures.matrix(self.motion)
 
     @property
     def mechanism(self) -> Mechanism:
@@ -188,7 +194,7 @@ def check_closed(robot: HybridRobot, states: list[ModuleState], q: Array, accele
         speed = np.abs(state.v / unit).max(axis=1, initial=0.0)
         _refuse(state.module, np.abs(first * scale), slack * speed, "rates", "opening")
         if accelerations:
-            second = np.einsum("tij,tj->ti", m.closures.matrix(motion), state.a) + drift
+            second = np.einsum("tij,tj->ti", state.K, state.a) + drift
             size = np.abs(state.a / unit).max(axis=1, initial=0.0) + speed**2
             _refuse(state.module, np.abs(second * scale), slack * size, "accelerations", "accelerating apart")
 

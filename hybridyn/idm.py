@@ -126,7 +126,7 @@ def _backward(
         F_b, H = m.legs.rnea(s.V, s.V_dot, s.q, s.v, s.a)  # Eqs. (54)-(62)
         f_base, f_legs = load.on_legs(s)
         F, H = F_b - f_base, H - f_legs
-        Psi = m.basis(s.motion).Psi
+        Psi = m.basis(s.K).Psi
         Q = np.einsum("tij,ti->tj", Psi, H)
         size = _terms(m.reduction.col_scale, H)
         for o, body in enumerate(m.spec.outputs):

@@ -96,6 +96,11 @@ class Motion:
     wd: Array
     pdd: Array
 
+    def take(self, samples: Array) -> Motion:
+        """Give the motion at some samples (numbers or a mask)."""
+        kept = (np.ascontiguousarray(x.transpose(*range(1, x.ndim), 0)[..., samples]) for x in (self.R, self.p, self.w, self.pd, self.wd, self.pdd))
+        return Motion(*(x.transpose(-1, *range(x.ndim - 1)) for x in kept))
+
     def twist(self, body: int) -> Array:
         """Give the body's twist relative to the base in its own frame, shape (T, 6): the paper's v_k."""
         R = self.R[:, body]

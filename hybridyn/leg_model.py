@@ -129,7 +129,7 @@ class LegModel:
         Q = np.asfortranarray(np.concatenate([np.tile(self._base_q, (T, 1)), q[:, self._q_columns]], 1).T)
         U = np.asfortranarray(np.concatenate([V, v[:, self.columns]], axis=1).T)
         A = np.asfortranarray(np.concatenate([V_dot, a[:, self.columns]], axis=1).T)
-        out = pin.rneaInParallel(1, self._pool, Q, U, A).T
+        out = pin.rneaInParallel(1, self._pool, Q, U, A).reshape(-1, T, order="F").T  # one sample comes back flat
         H[:, self.columns] = out[:, 6:]
         return out[:, :6].copy(), H
 

@@ -196,9 +196,8 @@ class Mechanism:
         take = self.bodies
         return Motion(*(select(x, take) for x in (motion.R, motion.p, motion.w, motion.pd, motion.wd, motion.pdd)))
 
-    def basis(self, motion: Motion, gamma: Array | None = None) -> Basis:
-        """Give Psi and drift on `tree` from its motion (drift 0 where gamma is left out)."""
-        K = self.closures.matrix(motion)
+    def basis(self, K: Array, gamma: Array | None = None) -> Basis:
+        """Give Psi and drift on `tree` from its closure rows (drift 0 where gamma is left out)."""
         return self.reduction.basis(K, np.zeros(K.shape[:2]) if gamma is None else gamma)
 
     def jacobian(self, motion: Motion, body: int) -> Array:

@@ -68,7 +68,7 @@ def module_reactions(result: Reactions, state: ModuleState, F: Array, force: Arr
     needed = force.copy()
     needed[:, module.motor_columns] -= tau
     reduction = m.reduction
-    K = reduction.scaled(m.closures.matrix(state.motion))
+    K = reduction.scaled(state.K)
     U, s, Vt = np.linalg.svd(K, full_matrices=False)
     keep = (np.arange(s.shape[1]) < reduction.rank) & (s > 0)
     y = np.einsum("tij,tj->ti", Vt, needed * reduction.col_scale)
