@@ -167,7 +167,8 @@ def unreachable(task: Task, result: Closed, sample: int, iterations: int) -> Ass
     return AssemblyError(
         f"module '{task.module}', {worst}: the loops do not close at sample {sample}: best residual "
         f"{result.residual[at]:.2g} of the module's length (limit {task.tolerance:.0e}) after {iterations} iterations. "
-        "The target is out of reach, or contradicts another one; move it, or give a better guess",
+        "The target is out of reach, or contradicts another one; move it, give a better guess, or, where the file is "
+        "rounded that much, raise closure_tolerance",
         module=task.module, leg=worst, sample=sample, residual=float(result.residual[at]), iterations=iterations,
     )  # fmt: skip
 

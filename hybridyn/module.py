@@ -363,7 +363,8 @@ def check_mechanism(mechanism: Mechanism, name: str, source: str | None, closure
         raise AssemblyError(
             f"module '{name}': no posture closes its loops; the best residual found is "
             f"{mechanism.best_residual:.2g} of the module's size (limit {closure_tolerance:.0e}). "
-            "Check the closures' frames and axes, or give a home posture near an assembled one",
+            "Check the closures' frames and axes, give a home posture near an assembled one, or, where the file is rounded "
+            "that much, raise closure_tolerance",
             module=name, residual=mechanism.best_residual,
         )  # fmt: skip
     report = mechanism.reduction.report

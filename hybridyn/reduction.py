@@ -19,6 +19,8 @@ from .spatial import Array
 RANK_TOLERANCE = 1e-4
 #: The singular values on both sides of the rank must differ by this factor, or the user has to decide.
 RANK_GAP = 100.0
+#: Dependent rows above this (relative) are dependent only up to the rounding of a file.
+ROUNDED = 1e-12
 #: A leg is eliminated alone while its smallest pivot is above this part of its largest (growth at most 1e3).
 LEG_PIVOT = 1e-3
 
@@ -124,8 +126,9 @@ class Reduction:
         K = self.scaled(K)
         self.report = decide_rank(K, tolerance)
         self.rank = self.report.rank
-        if len(self._blocks) == 1 and len(self._shared) == 0:
-            self._blocks = []  # one leg and no platform: the dense elimination is the same
+        alone = len(self._blocks) == 1 and len(self._shared) == 0
+        if alone or self.report.dropped > ROUNDED:
+            self._blocks = []  # one dense elimination: the same for one leg; sees all of a rounded file's rows at once
         for block in self._blocks:
             report = decide_rank(K[:, block.rows[:, None], block.cols], tolerance)
             block.rank = report.rank

@@ -18,8 +18,9 @@ from .errors import ModelError
 from .kinematics import NQ, NV, Tree, TreeJoint
 from .module import Mechanism, Module, check_mechanism
 from .modulespec import ModuleSpec, module_spec
+from .reduction import RANK_TOLERANCE, ROUNDED
 from .spatial import Array, spatial_inertia
-from .topology import ModuleGraph, find_modules
+from .topology import ModuleGraph, find_modules, leave_whole
 
 if TYPE_CHECKING:
     import pinocchio as pin
@@ -141,8 +142,6 @@ def build_robot(
         ModelError: The description makes no robot, or the rank of a module's closures is in doubt.
         AssemblyError: A module's loops close nowhere.
     """
-    from .reduction import RANK_TOLERANCE
-
     if base not in ("fixed", "moving", "floating"):
         raise ModelError(f"base must be 'fixed', 'moving' or 'floating', not {base!r}")
     bodies, graphs = find_modules(description)
@@ -214,6 +213,10 @@ class _Builder:
         names = [self.bodies.joints[j].joint.name for j in graph.joints]
         q_index = np.concatenate([np.arange(self.home.size)[self.q_slices[self.number[n]]] for n in names])
         spec = module_spec(self.bodies, graph, self.home[q_index])
+        report = self._mechanism(spec).reduction.report
+        if graph.wrists and report.dropped > ROUNDED:
+            leave_whole(self.bodies, graph)
+            spec = module_spec(self.bodies, graph, self.home[q_index])
         body = dict(enumerate([graph.base] + [j + 1 for j in graph.joints]))
         outputs = [body[spec.tree_body[o]] for o in spec.outputs]
         link = [self.bodies.bodies[b].name for b in outputs]
@@ -229,14 +232,19 @@ class _Builder:
         for i, o in enumerate(outputs):
             self.output_of[o] = (len(self.modules) - 1, i)
 
+    def _mechanism(self, spec: ModuleSpec) -> Mechanism:
+        """Give the mechanism of a module, the one of an equal module where there is one."""
+        key = spec.key
+        if key not in self.shared:
+            self.shared[key] = Mechanism(spec, *self.tolerances)
+        return self.shared[key]
+
     def _append(
         self, spec: ModuleSpec, name: str, base: str, outputs: tuple[str, ...], joints: list[str],
         legs: list[tuple[str, list[str]]], closures: list[str], parent: int, output: int,
     ) -> None:  # fmt: skip
-        mechanism = self.shared.get(spec.key)
-        if mechanism is None:
-            mechanism = self.shared[spec.key] = Mechanism(spec, *self.tolerances)
-            check_mechanism(mechanism, name, self.description.source, self.tolerances[1])
+        mechanism = self._mechanism(spec)
+        check_mechanism(mechanism, name, self.description.source, self.tolerances[1])
         every_q, every_v = np.arange(self.q_slices[-1].stop), np.arange(self.v_slices[-1].stop)
         numbers = [self.number[j] for j in joints]
         tree_joint = {joints[s]: i for i, s in enumerate(spec.tree_joint) if s is not None}

@@ -74,6 +74,17 @@ def find_modules(description: Description) -> tuple[Bodies, list[ModuleGraph]]:
     return bodies, list(modules.values())
 
 
+def leave_whole(bodies: Bodies, module: ModuleGraph) -> None:
+    """Undo a module's cuts: its closures and joints stay as the author wrote them.
+
+    Cut joints become rows. Where rows are redundant, and the file is rounded, rows hold only in the least-squares
+    sense while joints hold exactly: such modules are not cut.
+    """
+    module.platforms, module.wrists = [], []
+    module.cut_closures = list(module.closures)
+    module.legs = _components(bodies, module, {module.base})
+
+
 def body_closure(bodies: Bodies, closure: Closure, description: Description) -> TreeClosure:
     """Move a closure from its links to their bodies."""
     a, Ra, pa = bodies.place[closure.link_a]
