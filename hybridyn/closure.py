@@ -16,6 +16,8 @@ from __future__ import annotations
 
 from copy import copy
 from dataclasses import dataclass
+from fractions import Fraction
+from math import gcd, lcm
 
 import numpy as np
 
@@ -180,6 +182,16 @@ class _Group:
         )
 
 
+def common_measure(numbers: list[float]) -> float:
+    """Give the largest number that divides all, their ratios taken as small fractions; 0 for none."""
+    sizes = [abs(x) for x in numbers if x]
+    if not sizes:
+        return 0.0
+    ratios = [Fraction(x / sizes[0]).limit_denominator(1000) for x in sizes]
+    denominator = lcm(*(r.denominator for r in ratios))
+    return sizes[0] * gcd(*(int(r * denominator) for r in ratios)) / denominator
+
+
 def involved(tree: Tree, closure: TreeClosure) -> Array:
     """Say which freedoms of the tree move frame B relative to frame A, shape (nv,) of bool."""
     out: Array = tree.support[closure.body_a] ^ tree.support[closure.body_b]
@@ -230,16 +242,17 @@ class Closures:
 
     def _coupling_residual(self, coupling: TreeCoupling, q: Array) -> Array:
         total = np.full(len(q), -coupling.offset)
-        period = np.inf
+        endless = []
         for joint, coefficient in coupling.terms:
             x = q[:, self.tree.q_slices[joint]]
             if self.tree.joints[joint].kind == "continuous":
                 total += coefficient * np.arctan2(x[:, 1], x[:, 0])
-                period = min(period, 2 * np.pi * abs(coefficient))
+                endless.append(coefficient)
             else:
                 total += coefficient * x[:, 0]
         # Whole turns of a continuous joint cannot be seen in its cosine and sine.
-        out: Array = total - period * np.round(total / period) if np.isfinite(period) else total
+        period = 2 * np.pi * common_measure(endless)
+        out: Array = total - period * np.round(total / period) if period else total
         return out
 
     def matrix(self, motion: Motion, scales: tuple[Array, Array] | None = None) -> Array:
