@@ -5,6 +5,9 @@ The public names, imported when first used so that the command line starts quick
 
 from __future__ import annotations
 
+import sys
+from importlib import import_module
+from types import ModuleType
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -20,6 +23,7 @@ if TYPE_CHECKING:
     )
     from .forward import closure_residual
     from .idm import idm
+    from .link_motion import LinkMotion, kinematics
     from .loading import load
     from .reactions import Reactions
     from .robot import HybridRobot
@@ -36,6 +40,8 @@ _HOME = {
     "assemble": "assembly",
     "closure_residual": "forward",
     "ddm": "ddm",
+    "kinematics": "link_motion",
+    "LinkMotion": "link_motion",
     "idm": "idm",
     "load": "loading",
     "Reactions": "reactions",
@@ -47,6 +53,7 @@ __all__ = [
     "AssemblyError",
     "HybridRobot",
     "HybridynError",
+    "LinkMotion",
     "ModelError",
     "Reactions",
     "SingularityError",
@@ -56,6 +63,7 @@ __all__ = [
     "closure_residual",
     "ddm",
     "idm",
+    "kinematics",
     "load",
 ]
 
@@ -63,8 +71,17 @@ __all__ = [
 def __getattr__(name: str) -> object:
     if name not in _HOME:
         raise AttributeError(f"module 'hybridyn' has no attribute {name!r}")
-    from importlib import import_module
-
     value = getattr(import_module(f"{__name__}.{_HOME[name]}"), name)
     globals()[name] = value
     return value
+
+
+class _Package(ModuleType):
+    """A package whose public names win over the files they live in: `hybridyn.idm` is the function."""
+
+    def __setattr__(self, name: str, value: object) -> None:
+        if not (name in _HOME and isinstance(value, ModuleType)):
+            super().__setattr__(name, value)
+
+
+sys.modules[__name__].__class__ = _Package

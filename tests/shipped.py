@@ -1,0 +1,46 @@
+"""The shipped robots as records, and states of them that the oracle has closed."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+
+from hybridyn.description import Description, read
+from hybridyn.oracle import Base, Oracle
+
+ROBOTS = (
+    "gough_stewart", "lx4", "rps3", "five_bar", "delta", "tanev", "stewart_ur5", "scara_delta", "snake",
+)  # fmt: skip
+FROM_HOME = 0.1  # how far a state lies from home, in the oracle's scaled coordinates
+
+States = tuple[np.ndarray, np.ndarray, np.ndarray]
+
+
+@lru_cache(maxsize=64)
+def shipped(name: str, **arguments: str) -> Description:
+    """Read a shipped robot, with arguments of its xacro file."""
+    path = Path(__file__).parents[1] / "urdf" / f"{name}.urdf.xacro"
+    return read(path, xacro_args=arguments)
+
+
+def states_near_home(description: Description, base: Base, seed: int, count: int) -> States:
+    """Draw closed postures near home, with rates and accelerations that the loops allow."""
+    oracle, rng = Oracle(description, base), np.random.default_rng(seed)
+    home = np.zeros(oracle.nq)
+    for joint, (kind, at, _) in oracle.coordinates.items():
+        home[at] = description.home.get(joint, (0, 0, 0, 0, 0, 0, 1) if kind == "floating" else 0.0)
+    states = []
+    for _ in range(count):
+        motions = oracle.motions(home)
+        step = motions @ rng.normal(size=motions.shape[1]) * FROM_HOME / np.sqrt(motions.shape[1])
+        start = home.copy()
+        if base != "fixed":
+            turn = rng.normal(size=4)
+            start[:7] = [*rng.normal(size=3), *(turn / np.linalg.norm(turn))]
+        q = oracle.close(oracle.integrate(start, step))
+        v = oracle.project_velocity(q, rng.normal(size=oracle.nv))
+        states.append((q, v, oracle.consistent_acceleration(q, v, 3 * rng.normal(size=oracle.nv))))
+    q, v, a = (np.array(part) for part in zip(*states, strict=True))
+    return q, v, a
