@@ -192,5 +192,5 @@ def _spanning_positions(module: Module, x: Array, target: Motion, guess: Array) 
         name = f"wrist of '{module.joints[wrist.joints[-1]]}'"
         task = Task(problem, np.zeros((len(x), tree.nq)), (), 1e-6, module.name, [name] * 6)
         at = m.wrist_positions(number)
-        q[:, at] = follow(task, guess[at])
+        q[:, at] = follow(task, guess[at], keep_branch=False)
     return q

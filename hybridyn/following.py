@@ -76,12 +76,14 @@ class Task:
         return replace(self, problem=replace(self.problem, targets=targets), known=known)
 
 
-def follow(task: Task, guess: Array) -> Array:
+def follow(task: Task, guess: Array, *, keep_branch: bool = True) -> Array:
     """Give a posture for every sample, each on the branch of the one before, the first on that of the guess.
 
     Args:
         task: The task.
         guess: Where to start, shape (nq,).
+        keep_branch: Whether leaving the branch is an error; if not, the posture that Newton finds is taken (a
+            wrist in gimbal lock has no branch to stay on).
 
     Returns:
         Positions, shape (T, nq).
@@ -97,12 +99,12 @@ def follow(task: Task, guess: Array) -> Array:
         stop = min(T, last + 1 + chunk)
         q[last:stop], good = _coarse_to_fine(task, q[last], np.arange(last, stop))
         steady = _steps_as_predicted(task, q, np.arange(last, stop - 1)) & good[1:]
-        bad = np.flatnonzero(~steady)
-        for number, pair in enumerate(bad + last):
-            walked = _walk(task, q[pair], int(pair))
+        bad = np.flatnonzero(~steady if keep_branch else ~good[1:])
+        for pair in bad + last:
+            walked = _walk(task, q[pair], int(pair)) if keep_branch else _at_once(task, q[pair], int(pair))
             off = task.problem.tree.difference(walked[None], q[pair + 1 : pair + 2])
             q[pair + 1], before = walked, np.abs(off).max(initial=0.0)
-            if before > SMALL and number + 1 <= len(bad):
+            if before > SMALL:
                 last, chunk = int(pair) + 1, 64
                 break
         else:
@@ -249,6 +251,18 @@ def _walk(task: Task, q: Array, sample: int) -> Array:
                 return path[-1]
         parts *= 4
     raise _lost(task, q, sample)
+
+
+def _at_once(task: Task, q: Array, sample: int) -> Array:
+    """Solve the next sample by itself, whatever its branch.
+
+    Raises:
+        AssemblyError: The target is out of reach.
+    """
+    result = task.solve(q[None], np.array([sample + 1]))
+    if not task.closed(result)[0]:
+        raise unreachable(task, result, sample + 1, result.iterations)
+    return result.q[0]
 
 
 def _lost(task: Task, q: Array, sample: int) -> AssemblyError:

@@ -13,6 +13,7 @@ and an output on a leg link moves with a_o = J_o Psi.
 
 from __future__ import annotations
 
+import logging
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -26,6 +27,11 @@ from .leg_model import LegModel
 from .modulespec import ModuleSpec
 from .reduction import Basis, Block, Reduction
 from .spatial import Array, cross, quaternion_from_rotation, select, spatial_inertia
+
+#: A wrist whose reciprocal condition falls below this is in gimbal lock.
+GIMBAL_LOCK = 1e-9
+
+_log = logging.getLogger("hybridyn")
 
 
 class Mechanism:
@@ -272,7 +278,9 @@ class Mechanism:
                 linear = target.pdd[:, body] + cross(wd, r) + cross(w, cross(w, r)) - motion.pdd[:, wrist.end]
                 angular = wd - motion.wd[:, wrist.end]
             miss = np.concatenate([linear / self.length, angular], axis=-1)
-            unknown[:, cols] = least_squares(self.wrist_rates(motion, number), miss)
+            S = self.wrist_rates(motion, number)
+            unknown[:, cols] = least_squares(S, miss)
+            _flag_gimbal_lock(S)
             if wrist.carries:  # what hangs from a platform moves with it: sweep again before the next wrist
                 motion = None
 
@@ -280,6 +288,17 @@ class Mechanism:
         """Give the freedoms of a wrist in the spanning tree."""
         every = np.arange(self.spanning.nv)
         return np.concatenate([every[self.spanning.v_slices[i]] for i in self.spec.wrists[wrist].joints])
+
+
+def _flag_gimbal_lock(S: Array) -> None:
+    """Log samples at which a wrist's joints lose a direction; their rates are the least-norm ones."""
+    s = np.linalg.svd(S, compute_uv=False)
+    locked = np.flatnonzero(s[:, -1] < GIMBAL_LOCK * s[:, 0])
+    if len(locked):
+        _log.warning(
+            "gimbal lock of a wrist at %d samples, the first %d: rates of its joints are the least-norm ones, "
+            "nothing else is affected", len(locked), locked[0],
+        )  # fmt: skip
 
 
 def to_body_axes(R: Array, J: Array) -> Array:

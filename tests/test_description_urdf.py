@@ -167,3 +167,10 @@ def test_mimic_on_a_fixed_joint_is_noted(tmp_path: Path) -> None:
     description = read_text(tmp_path, text)
     assert not description.couplings
     assert any("<mimic> means nothing" in note for note in description.notes)
+
+
+def test_a_planar_joint_about_another_axis_is_refused(tmp_path: Path) -> None:
+    text = f"""<robot name="r"><link name="a"/><link name="b">{INERTIAL}</link>
+    <joint name="j" type="planar"><parent link="a"/><child link="b"/><axis xyz="1 0 0"/></joint></robot>"""
+    with pytest.raises(ModelError, match="x-y plane"):
+        read_text(tmp_path, text)

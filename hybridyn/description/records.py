@@ -48,7 +48,7 @@ class Joint:
         parent: Name of the parent link.
         child: Name of the child link.
         placement: Child frame in the parent frame at joint position zero, shape (4, 4).
-        axis: Unit axis in the child frame, shape (3,) (revolute, continuous, prismatic; normal of a planar joint).
+        axis: Unit axis in the child frame, shape (3,) (revolute, continuous, prismatic; always z for a planar joint, whose normal it is).
         lower: Lower position limit [m or rad], -inf where absent.
         upper: Upper position limit [m or rad], +inf where absent.
         velocity: Speed limit [m/s or rad/s], +inf where absent.

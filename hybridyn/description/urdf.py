@@ -128,7 +128,7 @@ def _read_joint(node: Node, robot: RobotFile) -> Joint:
         parent=node.required_child("parent").text("link"),
         child=node.required_child("child").text("link"),
         placement=_pose(node.child("origin")),
-        axis=axis_of(axis) if FREEDOMS[kind] in (1, 3) else np.array([1.0, 0.0, 0.0]),
+        axis=_axis(axis, kind, node),
         line=node.line,
     )
     joint = read_rotor(node).put_into(joint)
@@ -140,6 +140,23 @@ def _read_joint(node: Node, robot: RobotFile) -> Joint:
         else:
             robot.couplings.append(coupling)
     return _with_dynamics(_with_limits(joint, node.child("limit"), robot.notes), node.child("dynamics"))
+
+
+def _axis(axis: Node | None, kind: JointKind, node: Node) -> Array:
+    """Give a joint's axis; a planar joint moves in the x-y plane of its frame, as in Pinocchio.
+
+    Raises:
+        ModelError: A planar joint states another normal than z.
+    """
+    if kind == "planar":
+        normal = np.array([0.0, 0.0, 1.0])
+        if axis is not None and np.abs(np.cross(axis_of(axis), normal)).max() > 1e-12:
+            raise node.error(
+                "a planar joint moves in the x-y plane of its frame, whatever its <axis> says (Pinocchio's reading); "
+                "turn its <origin> so that the normal is z, and write <axis xyz=\"0 0 1\"/>"
+            )
+        return normal
+    return axis_of(axis) if FREEDOMS[kind] == 1 else np.array([1.0, 0.0, 0.0])
 
 
 def _joint_kind(node: Node) -> JointKind:
