@@ -25,7 +25,7 @@ from .errors import AssemblyError, ModelError
 from .kinematics import Motion, Tree, TreeJoint
 from .leg_model import LegModel
 from .modulespec import ModuleSpec
-from .reduction import Basis, Block, Reduction
+from .reduction import RANK_TOLERANCE, Basis, Block, Reduction
 from .spatial import Array, cross, quaternion_from_rotation, select, spatial_inertia
 
 #: A wrist whose reciprocal condition falls below this is in gimbal lock.
@@ -49,8 +49,9 @@ class Mechanism:
         postures: Assembled generic postures of `tree`, shape (samples, nq).
     """
 
-    def __init__(self, spec: ModuleSpec, rank_tolerance: float, closure_tolerance: float) -> None:
+    def __init__(self, spec: ModuleSpec, rank_tolerance: float | None, closure_tolerance: float) -> None:
         self.spec = spec
+        self.rank_is_given = rank_tolerance is not None
         self.spanning, self.tree = Tree(list(spec.spanning)), Tree(list(spec.tree))
         self.spanning_closures = Closures(self.spanning, list(spec.closures), list(spec.couplings))
         self.closures = Closures(self.tree, list(spec.cut_closures), list(spec.cut_couplings))
@@ -73,7 +74,7 @@ class Mechanism:
         self.rounding = 0.0
         self.generic_K = self.closures.matrix(self.tree.sweep(self.postures))
         if len(self.postures):
-            self.reduction.fix_ranks(self.generic_K, rank_tolerance)
+            self.reduction.fix_ranks(self.generic_K, rank_tolerance or RANK_TOLERANCE)
             at_best = self.closures.residual(self.postures, self.tree.sweep(self.postures))
             worst = np.abs(at_best * self.reduction.row_scale).max(initial=0.0)
             #: How far rounding in the file keeps over-constrained loops from closing, relative to the length.
@@ -387,10 +388,11 @@ def check_mechanism(mechanism: Mechanism, name: str, source: str | None, closure
             module=name, residual=mechanism.best_residual,
         )  # fmt: skip
     report = mechanism.reduction.report
-    if not report.clear:
+    doubt = report.doubted if report.clear else (report.kept, report.dropped)
+    if doubt and not mechanism.rank_is_given:
         raise ModelError(
-            f"module '{name}': the rank of its closures is in doubt: relative singular values {report.kept:.1e} and "
-            f"{report.dropped:.1e} stand on both sides of it. Say which count with rank_tolerance "
-            f"(for example {np.sqrt(report.kept * report.dropped):.0e})",
+            f"module '{name}': the rank of its closures is in doubt: relative singular values {doubt[0]:.1e} and "
+            f"{doubt[1]:.1e} stand on both sides of it. Say which count with rank_tolerance: "
+            f"{np.sqrt(doubt[0] * doubt[1]):.0e} where the lesser is rounding in the file, {doubt[1] / 10:.0e} where it is not",
             file=source, element=name,
         )  # fmt: skip

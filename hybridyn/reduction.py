@@ -19,6 +19,8 @@ from .spatial import Array
 RANK_TOLERANCE = 1e-4
 #: The singular values on both sides of the rank must differ by this factor, or the user has to decide.
 RANK_GAP = 100.0
+#: Singular values that count, but lie below this and under such a gap, may be a coarse file's rounding after all.
+SUSPECT = 1e-2
 #: Dependent rows above this (relative) are dependent only up to the rounding of a file.
 ROUNDED = 1e-12
 #: A leg is eliminated alone while its smallest pivot is above this part of its largest (growth at most 1e3).
@@ -64,12 +66,14 @@ class RankReport:
         rows: Number of rows.
         kept: Smallest relative singular value that counts (median over generic postures).
         dropped: Largest one that does not, 0 where every row is independent.
+        doubted: Values on both sides of a gap among those that count that looks like rounding, or None.
     """
 
     rank: int
     rows: int
     kept: float
     dropped: float
+    doubted: tuple[float, float] | None = None
 
     @property
     def clear(self) -> bool:
@@ -87,7 +91,10 @@ def decide_rank(K: Array, tolerance: float) -> RankReport:
     rank = int(np.sum(typical > tolerance))
     kept = float(typical[rank - 1]) if rank else 1.0
     dropped = float(typical[rank]) if rank < len(typical) else 0.0
-    return RankReport(rank, rows, kept, dropped)
+    above, below = typical[: max(rank - 1, 0)], typical[1 : max(rank, 1)]
+    gaps = np.flatnonzero((above >= RANK_GAP * below) & (below < SUSPECT))
+    doubted = (float(above[gaps[0]]), float(below[gaps[0]])) if len(gaps) else None
+    return RankReport(rank, rows, kept, dropped, doubted)
 
 
 class Reduction:

@@ -18,7 +18,7 @@ from .errors import ModelError
 from .kinematics import NQ, NV, Tree, TreeJoint
 from .module import Mechanism, Module, check_mechanism
 from .modulespec import ModuleSpec, module_spec
-from .reduction import RANK_TOLERANCE, ROUNDED
+from .reduction import ROUNDED
 from .spatial import Array, spatial_inertia
 from .topology import ModuleGraph, find_modules, leave_whole
 
@@ -153,7 +153,7 @@ def build_robot(
     q_slices = tuple(slice(int(a), int(b)) for a, b in zip(q_ends, q_ends[1:], strict=False))
     v_slices = tuple(slice(int(a), int(b)) for a, b in zip(v_ends, v_ends[1:], strict=False))
     home = _home(description, bodies, kinds, base)
-    build = _Builder(bodies, description, joints, q_slices, v_slices, home, rank_tolerance or RANK_TOLERANCE,
+    build = _Builder(bodies, description, joints, q_slices, v_slices, home, rank_tolerance,
                      closure_tolerance)  # fmt: skip
     if base == "floating":
         build.add_base()
@@ -186,7 +186,7 @@ class _Builder:
 
     def __init__(
         self, bodies: Bodies, description: Description, joints: list[str], q_slices: tuple[slice, ...],
-        v_slices: tuple[slice, ...], home: Array, rank_tolerance: float, closure_tolerance: float,
+        v_slices: tuple[slice, ...], home: Array, rank_tolerance: float | None, closure_tolerance: float,
     ) -> None:  # fmt: skip
         self.bodies, self.description = bodies, description
         self.number = {name: i for i, name in enumerate(joints)}

@@ -1,0 +1,73 @@
+"""What a state on the spanning tree says of motors and platforms, in the words that `assemble` takes.
+
+Poses come from Pinocchio's model of the spanning tree, which knows nothing of modules.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+import pinocchio as pin
+
+from hybridyn import HybridRobot
+
+Triple = tuple[np.ndarray, np.ndarray, np.ndarray]
+
+
+def position(robot: HybridRobot, joint: str, q: np.ndarray) -> np.ndarray:
+    """Give a joint's angle or length from q, shape (..., nq)."""
+    number = robot.joints.index(joint)
+    x = q[..., robot.q_slices[number]]
+    return np.arctan2(x[..., 1], x[..., 0]) if robot.kinds[number] == "continuous" else x[..., 0]
+
+
+def of_joints(
+    robot: HybridRobot, q: np.ndarray, v: np.ndarray, a: np.ndarray, joints: Iterable[str] | None = None
+) -> dict[str, Triple]:
+    """Give positions, rates and accelerations of joints, the motors where left out."""
+    out = {}
+    for joint in robot.motors if joints is None else joints:
+        at = robot.v_slices[robot.joints.index(joint)].start
+        out[joint] = (position(robot, joint, q), v[..., at], a[..., at])
+    return out
+
+
+def of_link(robot: HybridRobot, q: np.ndarray, v: np.ndarray, a: np.ndarray, link: str, other: str) -> Triple:
+    """Give a link's pose, velocity and classical acceleration as seen from another link, whose axes turn.
+
+    Shapes (T, 7), (T, 6), (T, 6).
+    """
+    data = robot.model.createData()
+    rows = []
+    for x, x_dot, x_ddot in zip(q, v, a, strict=True):
+        pin.forwardKinematics(robot.model, data, x, x_dot, x_ddot)
+        pin.updateFramePlacements(robot.model, data)
+        frames = [robot.model.getFrameId(name, pin.BODY) for name in (link, other)]
+        M, B = (data.oMf[f] for f in frames)
+        (V, VB), (A, AB) = (
+            [get(robot.model, data, f, pin.LOCAL) for f in frames]
+            for get in (pin.getFrameVelocity, pin.getFrameAcceleration)
+        )
+        seen = B.actInv(M)
+        relative = V - seen.actInv(VB)
+        rate = A - seen.actInv(AB) + V.cross(relative)  # of the relative twist, in the link's own axes
+        w, linear = relative.angular, relative.linear
+        classical = rate.linear + np.cross(w, linear)
+        pose = np.concatenate([seen.translation, pin.Quaternion(seen.rotation).coeffs()])
+        parts = (linear, w, classical, rate.angular)
+        velocity_and_acceleration = [seen.rotation @ part for part in parts]
+        rows.append(
+            (
+                pose,
+                np.concatenate(velocity_and_acceleration[:2]),
+                np.concatenate(velocity_and_acceleration[2:]),
+            )
+        )
+    pose, velocity, acceleration = (np.array(part) for part in zip(*rows, strict=True))
+    return pose, velocity, acceleration
+
+
+def far_apart(robot: HybridRobot, q0: np.ndarray, q1: np.ndarray) -> float:
+    """Give the largest joint step between two batches of postures, turns and signs of quaternions apart."""
+    return float(max(np.abs(pin.difference(robot.model, x, y)).max() for x, y in zip(q0, q1, strict=True)))

@@ -1,0 +1,125 @@
+"""Rank-revealing elimination: factors, null spaces, and what happens when pivots vanish."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from comparing import ROUNDING, close_to
+
+from hybridyn.elimination import back_substitute, least_squares, null_basis, pivot_ratio, pivoted_qr
+
+BATCH = 20
+GROWTH = 100  # largest entry of Psi that a well conditioned draw of this size may reach
+
+
+def matrices(m: int, n: int, rank: int, seed: int = 0) -> np.ndarray:
+    """Draw matrices of a rank and of modest condition."""
+    rng = np.random.default_rng([seed, m, n, rank])
+    U = np.linalg.qr(rng.normal(size=(BATCH, m, m)))[0][:, :, :rank]
+    V = np.linalg.qr(rng.normal(size=(BATCH, n, n)))[0][:, :, :rank]
+    return (U * np.linspace(1, 3, rank)) @ np.swapaxes(V, 1, 2)
+
+
+SHAPES = [(5, 5, 5), (3, 7, 3), (8, 6, 6), (8, 6, 4), (6, 9, 2), (1, 4, 1), (4, 1, 1), (3, 3, 0)]
+
+
+@pytest.mark.parametrize(("m", "n", "rank"), SHAPES)
+def test_pivoted_qr_is_a_factorisation(m: int, n: int, rank: int) -> None:
+    """Transformed right-hand sides give Q^T, so A P = Q R can be checked, and the input is left alone."""
+    A = matrices(m, n, rank)
+    both = np.concatenate([A, np.tile(np.eye(m), (BATCH, 1, 1))], axis=-1)
+    kept = both.copy()
+    out, order = pivoted_qr(both, n, rank)
+    assert np.array_equal(both, kept)
+    R, Qt = out[:, :, :n], out[:, :, n:]
+    close_to(Qt @ np.swapaxes(Qt, 1, 2), np.tile(np.eye(m), (BATCH, 1, 1)), ROUNDING)
+    close_to(np.swapaxes(Qt, 1, 2) @ R, np.take_along_axis(A, order[:, None, :], axis=2), ROUNDING)
+    assert np.abs(np.tril(R[:, :, :rank], -1)).max(initial=0.0) < ROUNDING
+    assert np.abs(R[:, rank:]).max(initial=0.0) < ROUNDING  # nothing is left below the rank
+    assert (np.sort(order, axis=1) == np.arange(n)).all()
+    diagonal = np.abs(np.diagonal(R[:, :rank, :rank], axis1=1, axis2=2))
+    assert (np.diff(diagonal, axis=1) <= ROUNDING).all()
+
+
+def test_pivot_ratio_sees_how_close_rank_is_to_falling() -> None:
+    A = np.array([np.diag([2.0, 1.0, 1e-9]), np.eye(3), np.zeros((3, 3)), np.diag([1.0, 1.0, 0.0])])
+    R, _ = pivoted_qr(A, 3, 3)
+    close_to(pivot_ratio(R, 3), np.array([0.5e-9, 1.0, 0.0, 0.0]), ROUNDING)
+    assert (pivot_ratio(R, 0) == 1.0).all()
+
+
+def test_back_substitution_gives_zero_where_a_pivot_is_exactly_zero() -> None:
+    R = np.triu(matrices(4, 4, 4))
+    R[1, 2, 2] = 0.0
+    rhs = np.random.default_rng(1).normal(size=(BATCH, 4, 2))
+    x = back_substitute(R, rhs)
+    assert np.isfinite(x).all()
+    assert not x[1, 2].any()
+    good = np.arange(BATCH) != 1
+    close_to((R @ x)[good], rhs[good], ROUNDING * 100)
+
+
+@pytest.mark.parametrize(("m", "n", "rank"), SHAPES)
+def test_null_basis_solves_the_rows(m: int, n: int, rank: int) -> None:
+    K = matrices(m, n, rank)
+    gamma = (K @ np.random.default_rng(3).normal(size=(BATCH, n, 1)))[..., 0]
+    Psi, x0, pivot = null_basis(K, gamma, rank)
+    assert Psi.shape == (BATCH, n, n - rank)
+    assert np.abs(K @ Psi).max(initial=0.0) < ROUNDING * max(np.abs(Psi).max(initial=0.0), 1.0)
+    assert (
+        np.abs(np.einsum("tij,tj->ti", K, x0) + gamma).max() < ROUNDING * max(np.abs(gamma).max(), 1.0) * 10
+    )
+    assert np.abs(Psi).max(initial=0.0) < GROWTH
+    assert (np.linalg.matrix_rank(Psi) == n - rank).all() if n > rank else True
+    assert (pivot > 0.1).all()
+    for psi in Psi:  # the free coordinates are unknowns themselves
+        assert sum(any(np.array_equal(row, e) for row in psi) for e in np.eye(n - rank)) == n - rank
+
+
+@pytest.mark.parametrize("small", [1e-6, 1e-12, 1e-15, 0.0])
+def test_null_basis_stays_bounded_as_rank_falls(small: float) -> None:
+    """The rank is kept, the basis grows no more than pivoting allows, and the rows stay satisfied."""
+    U, V = np.linalg.qr(np.random.default_rng(5).normal(size=(2, BATCH, 6, 6)))[0]
+    K = (U[:, :4, :4] * np.array([1, 0.8, 0.5, small])) @ np.swapaxes(V[:, :, :4], 1, 2)
+    Psi, x0, pivot = null_basis(K, np.zeros((BATCH, 4)), 4)
+    assert np.isfinite(Psi).all()
+    assert not x0.any()
+    assert np.abs(Psi).max() < GROWTH
+    if small > 1e-15:
+        assert np.abs(K @ Psi).max() < 1e3 * ROUNDING
+        assert (pivot < 10 * small).all()
+
+
+def test_equal_columns_and_empty_rows_are_no_obstacle() -> None:
+    K = np.ones((2, 3, 4))
+    K[:, 1] = 0.0
+    K[:, 2] = -2.0
+    Psi, x0, _ = null_basis(K, np.array([[1.0, 0.0, -2.0]] * 2), 1)
+    assert np.abs(K @ Psi).max() < ROUNDING
+    close_to(np.einsum("tij,tj->ti", K, x0), np.array([[-1.0, 0.0, 2.0]] * 2), ROUNDING)
+    Psi, x0, pivot = null_basis(np.zeros((2, 0, 3)), np.zeros((2, 0)), 0)
+    assert np.array_equal(Psi, np.tile(np.eye(3), (2, 1, 1)))
+    assert not x0.any()
+    assert (pivot == 1.0).all()
+
+
+@pytest.mark.parametrize(("m", "n", "rank"), SHAPES)
+def test_least_squares_is_the_pseudo_inverse(m: int, n: int, rank: int) -> None:
+    A, b = matrices(m, n, rank), np.random.default_rng(2).normal(size=(BATCH, m))
+    expected = np.einsum("tij,tj->ti", np.linalg.pinv(A, rcond=1e-10), b)
+    close_to(least_squares(A, b), expected, 10 * ROUNDING) if rank else None
+    close_to(least_squares(A, b, rank=rank), expected, 10 * ROUNDING)
+
+
+def test_least_squares_of_nothing_is_zero() -> None:
+    assert least_squares(np.zeros((2, 0, 3)), np.zeros((2, 0))).tolist() == [[0.0] * 3] * 2
+    assert least_squares(np.zeros((2, 3, 0)), np.zeros((2, 3))).shape == (2, 0)
+    assert not least_squares(np.zeros((2, 3, 3)), np.ones((2, 3))).any()
+
+
+def test_least_squares_with_a_rank_ignores_rounding_of_the_file() -> None:
+    """A singular value of 1e-6 beyond the rank must not blow its part of b up."""
+    A = np.diag([1.0, 0.5, 1e-6])[None]
+    b = np.ones((1, 3))
+    assert least_squares(A, b, rank=2).max() == 2.0
+    assert least_squares(A, b).max() == pytest.approx(1e6)

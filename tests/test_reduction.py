@@ -1,0 +1,198 @@
+"""From closure rows to motions: leg by leg as in one piece, near singular legs, rounded geometry."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from comparing import SOLVED, close_to
+from mechanisms import KINDS, random_mechanism, random_states
+from posing import position
+from shipped import shipped, states_near_home
+
+import hybridyn
+from hybridyn.description.records import Description
+from hybridyn.elimination import null_basis
+from hybridyn.errors import ModelError
+from hybridyn.forward import forward
+from hybridyn.module import Mechanism
+from hybridyn.reduction import LEG_PIVOT, RANK_GAP, decide_rank
+from hybridyn.robot import build_robot
+from hybridyn.spatial import Array
+
+SAME_SPACE = 1e-10  # of two bases of one null space, each of condition up to some hundreds
+CLOSED_BY = 1e-13  # rows times Psi, relative to Psi's largest entry
+STARS = ("gough", "gough_eight_motors", "star_four", "sps", "rps3", "central", "delta_bars", "planar_rpr",
+         "star_universal", "on_leg", "stack")  # fmt: skip
+
+
+def bases(m: Mechanism, q: Array, v: Array, legs: bool) -> tuple[Array, Array, Array, Array]:
+    """Give scaled rows and drift term, and the scaled basis and drift: leg by leg, or in one piece."""
+    motion = m.tree.sweep(q, v)
+    K, gamma = m.closures.matrix(motion), m.closures.rates(motion, v)[1]
+    r = m.reduction
+    if legs:
+        basis = r.basis(K, gamma)
+        return r.scaled(K), gamma * r.row_scale, basis.Psi / r.col_scale[:, None], basis.drift / r.col_scale
+    scaled, drift = r.scaled(K), gamma * r.row_scale
+    return scaled, drift, *null_basis(scaled, drift, r.rank)[:2]
+
+
+def same_motions(m: Mechanism, q: Array, v: Array) -> None:
+    """Assert that both bases span one space, that drifts differ by a motion, and that the rows hold."""
+    K, gamma, Psi, x0 = bases(m, q, v, legs=True)
+    _, _, dense, y0 = bases(m, q, v, legs=False)
+    assert Psi.shape == dense.shape
+    assert np.abs(K @ Psi).max(initial=0.0) < CLOSED_BY * np.abs(Psi).max(initial=1.0)
+    left = np.einsum("tij,tj->ti", K, x0) + gamma
+    assert np.abs(left).max(initial=0.0) <= SOLVED * max(np.abs(x0).max(), np.abs(gamma).max(initial=0.0))
+    Q = np.linalg.qr(dense)[0]
+    for part in (Psi, (x0 - y0)[..., None]):
+        outside = part - Q @ (np.swapaxes(Q, 1, 2) @ part)
+        assert np.abs(outside).max(initial=0.0) < SAME_SPACE * max(np.abs(part).max(initial=0.0), 1.0)
+
+
+@pytest.mark.parametrize("kind", [k for k in KINDS if KINDS[k].loops])
+def test_legs_and_one_piece_give_the_same_motions(kind: str) -> None:
+    description = random_mechanism(5, kind=kind)
+    robot = build_robot(description)
+    q, v, _ = random_states(description, "fixed", 5, 2)
+    for state in forward(robot, q, v, None):
+        same_motions(state.mechanism, state.q, state.v)
+
+
+@pytest.mark.parametrize("kind", STARS)
+def test_stars_are_eliminated_leg_by_leg(kind: str) -> None:
+    """Otherwise the comparison above says nothing."""
+    robot = build_robot(random_mechanism(5, kind=kind))
+    assert any(len(m.mechanism.reduction._groups) for m in robot.modules)
+
+
+@pytest.mark.parametrize("kind", [k for k in KINDS if KINDS[k].loops])
+def test_rank_is_clear_and_mobility_the_recipes(kind: str) -> None:
+    robot = build_robot(random_mechanism(5, kind=kind))
+    looped = [m for m in robot.modules if m.closures]
+    assert sorted(m.mobility for m in looped) == sorted(KINDS[kind].loops)
+    assert sum(m.mobility for m in robot.modules) == robot.mobility == KINDS[kind].mobility
+    for m in looped:
+        report = m.mechanism.reduction.report
+        assert report.clear
+        assert report.dropped < 1e-12  # exact geometry
+        assert report.kept > 1e-3
+
+
+# -------------------------------------------------------------------- near singular legs
+
+
+@pytest.mark.parametrize("stretch", [1e-1, 1e-3, 1e-5, 1e-8, 1e-12, 0.0])
+def test_a_leg_near_its_own_singularity_is_eliminated_with_the_rest(stretch: float) -> None:
+    """A UPS leg whose second axis comes to lie along its slide: a turn about the first moves nothing.
+
+    The module is not singular there, only the leg's own rows; motions stay right to rounding.
+    """
+    robot = build_robot(shipped("gough_stewart"))
+    m = robot.modules[0].mechanism
+    q, v, _ = states_near_home(robot.description, "fixed", 3, 1)
+    state = forward(robot, q, v, None)[0]
+    K = state.K.copy()
+    leg = m.reduction._groups[0][0]
+    # Make the first leg's rows depend on its first joint as they do on a stretched leg: almost not at all.
+    K[:, leg.rows[:, None], leg.cols[0]] *= stretch
+    r = m.reduction
+    scaled = r.scaled(K)
+    basis = r.basis(K, np.zeros(K.shape[:2]))
+    Psi = basis.Psi / r.col_scale[:, None]
+    assert np.isfinite(Psi).all()
+    assert np.abs(scaled @ Psi).max() < CLOSED_BY * np.abs(Psi).max()
+    assert np.linalg.svd(Psi[0], compute_uv=False)[-1] > 1e-3  # still six independent motions
+    if stretch <= LEG_PIVOT:
+        assert np.abs(Psi).max() < 1e3  # complete pivoting takes the leg's turn itself as a coordinate
+
+
+def test_singular_samples_do_not_change_their_neighbours() -> None:
+    robot = build_robot(shipped("gough_stewart"))
+    r = robot.modules[0].mechanism.reduction
+    q, v, _ = states_near_home(robot.description, "fixed", 3, 5)
+    K = forward(robot, q, v, None)[0].K.copy()
+    before = r.basis(K, np.zeros(K.shape[:2])).Psi
+    leg = r._groups[0][0]
+    K[2, leg.rows[:, None], leg.cols[0]] = 0.0
+    after = r.basis(K, np.zeros(K.shape[:2])).Psi
+    others = [0, 1, 3, 4]
+    close_to(after[others], before[others], 1e-14)
+
+
+# -------------------------------------------------------------------- rounded geometry
+
+
+def rounded(description: Description, digits: int) -> Description:
+    """Give the description as a CAD export would write it."""
+
+    def short(M: Array) -> Array:
+        return np.round(M, digits)
+
+    joints = tuple(
+        replace(j, placement=short(j.placement), axis=short(j.axis) / np.linalg.norm(short(j.axis)))
+        for j in description.joints
+    )
+    closures = tuple(
+        replace(c, frame_a=short(c.frame_a), frame_b=short(c.frame_b)) for c in description.closures
+    )
+    home = {name: tuple(np.round(x, digits)) for name, x in description.home.items()}
+    return replace(description, joints=joints, closures=closures, home=home)
+
+
+@pytest.mark.parametrize("digits", [5, 6, 9])
+@pytest.mark.parametrize("kind", ["four_bar", "five_bar", "six_bar", "planar_rpr", "delta_bars"])
+def test_rounded_loops_keep_their_mobility(kind: str, digits: int) -> None:
+    """Five or six digits make the redundant rows of planar loops independent; rank is read from the gap."""
+    robot = build_robot(rounded(random_mechanism(5, kind=kind), digits))
+    (module,) = robot.modules
+    report = module.mechanism.reduction.report
+    assert module.mobility == KINDS[kind].mobility
+    assert report.rank < report.rows
+    assert 0 < report.dropped < 10.0 ** (1 - digits)
+    exact = build_robot(random_mechanism(5, kind=kind))
+    start = {m: (position(exact, m, exact.home), 0.3, -0.2) for m in exact.motors}
+    wanted = hybridyn.idm(exact, *hybridyn.assemble(exact, motors=start))
+    efforts = hybridyn.idm(robot, *hybridyn.assemble(robot, motors=start))
+    # Efforts feel the rounding, times the conditioning of the loop, and no more.
+    assert np.abs(efforts - wanted).max() < 10.0 ** (3 - digits) * np.abs(wanted).max()
+
+
+@pytest.mark.parametrize(("kind", "digits"), [("four_bar", 3), ("planar_rpr", 3), ("five_bar", 4)])
+def test_doubtful_rank_is_asked_for(kind: str, digits: int) -> None:
+    """Coarse rounding comes near what counts, or counts and locks the loop; the user's word settles it."""
+    coarse = rounded(random_mechanism(5, kind=kind), digits)
+    with pytest.raises(ModelError, match=r"rank of its closures is in doubt.*rank_tolerance") as caught:
+        build_robot(coarse, closure_tolerance=1e-2)
+    assert caught.value.element
+    assert build_robot(coarse, closure_tolerance=1e-2, rank_tolerance=1e-2).mobility == KINDS[kind].mobility
+    assert build_robot(coarse, closure_tolerance=1e-2, rank_tolerance=1e-6).mobility == 0
+
+
+def spectrum(values: list[float]) -> Array:
+    return np.tile(np.diag(values), (3, 1, 1))
+
+
+def test_rank_is_decided_by_the_gap() -> None:
+    clear = decide_rank(spectrum([1, 0.3, 0.2, 1e-7]), 1e-4)
+    assert (clear.rank, clear.clear) == (3, True)
+    assert clear.kept == pytest.approx(0.2)
+    assert clear.dropped == pytest.approx(1e-7)
+    assert not decide_rank(spectrum([1, 2e-4, 0.9e-4]), 1e-4).clear
+    hidden = decide_rank(spectrum([1, 0.3, 2e-4, 1.5e-4]), 1e-4)
+    assert (hidden.rank, hidden.clear) == (4, True)
+    assert hidden.doubted == pytest.approx((0.3, 2e-4))
+    assert clear.doubted is None
+    at_the_gap = decide_rank(spectrum([1, 5e-3, 5e-3 / RANK_GAP * 0.99]), 1e-3)
+    assert at_the_gap.clear
+    assert decide_rank(np.zeros((2, 3, 4)), 1e-4).rank == 0
+    assert decide_rank(np.zeros((2, 0, 4)), 1e-4).clear
+
+
+def test_one_singular_posture_among_the_generic_ones_does_not_lower_the_rank() -> None:
+    K = spectrum([1.0, 0.5, 0.4])
+    K[1, 2, 2] = 0.0
+    assert decide_rank(K, 1e-4).rank == 3
