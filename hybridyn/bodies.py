@@ -7,6 +7,7 @@ joint frame. Joints are numbered depth-first, siblings by name, as `pin.buildMod
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
@@ -87,6 +88,11 @@ class Bodies:
     bodies: list[Body]
     joints: list[BodyJoint]
     place: dict[str, tuple[int, Array, Array]]
+
+    @cached_property
+    def reach(self) -> float:
+        """Longest offset from one joint to the next [m]: what a distance must be small against to be none."""
+        return max((float(np.abs(j.p).max()) for j in self.joints), default=0.0) or 1.0
 
     def path(self, a: int, b: int) -> list[int]:
         """Give the numbers of the joints between two bodies."""

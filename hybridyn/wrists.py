@@ -16,7 +16,7 @@ from .closure import TreeClosure
 from .description.records import RotationKind
 from .spatial import Array
 
-#: Crossing and right angles of a wrist must be exact to rounding, or the cut would change the mechanism.
+#: Axes must cross (to this part of the robot's reach) and stand at right angles, or a cut would change the mechanism.
 EXACT = 1e-13
 
 _REVOLUTE = ("revolute", "continuous")
@@ -71,7 +71,9 @@ def find_wrist(
     best = None
     while len(chain) < 3 and body - 1 in joints:
         joint = bodies.joints[body - 1]
-        if body - 1 in held or joint.joint.damping or joint.joint.friction or joint.joint.kind == "floating":
+        record = joint.joint
+        acts = record.damping or record.friction or record.rotor_inertia
+        if body - 1 in held or acts or record.kind == "floating":
             break
         chain.insert(0, body - 1)
         kind = _kind(bodies, chain)
@@ -104,11 +106,7 @@ def _kind(bodies: Bodies, chain: list[int]) -> str | None:
     assert before is not None
     assert after is not None
     seen = second.R.T @ (before - second.p)
-    return "spherical" if np.linalg.norm(seen - after) <= EXACT * _size(before, after, second.p) else None
-
-
-def _size(*points: Array) -> float:
-    return max(float(np.abs(p).max()) for p in points) or 1.0
+    return "spherical" if np.linalg.norm(seen - after) <= EXACT * bodies.reach else None
 
 
 def _crossing(bodies: Bodies, first: int, second: int) -> Array | None:
@@ -118,7 +116,7 @@ def _crossing(bodies: Bodies, first: int, second: int) -> Array | None:
     normal = np.cross(a, b)
     if np.linalg.norm(normal) < 1e-3:
         return None  # nearly parallel axes make no wrist
-    if abs(normal @ p) > EXACT * _size(p) * np.linalg.norm(normal):
+    if abs(normal @ p) > EXACT * bodies.reach * np.linalg.norm(normal):
         return None
     along: float = np.cross(p, b) @ normal / (normal @ normal)
     return along * a
