@@ -1,0 +1,96 @@
+"""The documentation: its Python runs, its robots load, and the functions that it names exist."""
+
+from __future__ import annotations
+
+import re
+from importlib import import_module
+from pathlib import Path
+
+import pytest
+from snippets import PAGES, ROOT, Block, blocks, run_python, stand_where_a_user_does
+
+import hybridyn
+from hybridyn.description import Description
+
+DOCS = ROOT / "docs"
+LOOPS = DOCS / "describing-loops.md"
+ROTATION_ROWS = {"free": 0, "perpendicular": 1, "parallel": 2, "fixed": 3}
+CLOSED = 1e-5  # of the module's size: the home posture is printed with six digits
+
+
+@pytest.mark.parametrize(
+    "page", [page for page in PAGES[1:] if blocks(page, "python")], ids=lambda page: page.name
+)
+def test_python_of_a_page_runs(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    stand_where_a_user_does(tmp_path, monkeypatch)
+    run_python(page)
+
+
+def examples() -> list[Block]:
+    return [block for block in blocks(LOOPS) if "robot" not in block.facts]
+
+
+def load(folder: Path, example: Block) -> hybridyn.HybridRobot:
+    """Load the page's four-bar with an example in its place: in the robot, or in a file beside it."""
+    robot, pin = blocks(LOOPS)[:2]
+    closure = {"xml": example.text, "toml": pin.text, "yaml": ""}[example.language]
+    path = folder / "four_bar.urdf"
+    path.write_text(robot.text.replace("<!-- the loop -->", closure))
+    if example.language != "xml":
+        name = {"yaml": "robot.yaml", "toml": "four_bar.model.toml"}[example.language]
+        (folder / name).write_text(example.text)
+    return hybridyn.load(path)
+
+
+def rows(description: Description) -> int:
+    return sum(len(c.translations) + ROTATION_ROWS[c.rotation] for c in description.closures)
+
+
+@pytest.mark.parametrize("example", examples(), ids=str)
+def test_example_of_a_loop_is_read_as_the_page_says(example: Block, tmp_path: Path) -> None:
+    robot = load(tmp_path, example)
+    if example.language == "toml":
+        assert robot.description.motors_from == "model.toml"
+        assert float(hybridyn.closure_residual(robot, robot.home)) < CLOSED
+        return
+    assert rows(robot.description) == int(example.facts.get("rows", 0))
+    assert len(robot.description.couplings) == int(example.facts.get("couplings", 0))
+    assert robot.mobility == int(example.facts["mobility"])
+    assert robot.motors == ("drive",)
+
+
+def test_every_accepted_element_has_an_example() -> None:
+    from hybridyn.description.closure_forms import FORMS
+    from hybridyn.description.urdf import CLOSURE_READERS
+
+    text = "".join(block.text for block in examples())
+    for element in (*CLOSURE_READERS, "coupling", "mimic", "transmission"):
+        assert f"<{element} " in text, element
+    table = LOOPS.read_text()
+    for kind in (*FORMS, "rows"):
+        assert f"`{kind}`" in table, kind
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_names_of_functions_exist(page: Path) -> None:
+    for name in re.findall(r"\bhybridyn(?:\.\w+)+", re.sub(r"https?://\S+", "", page.read_text())):
+        module, attributes = hybridyn, name.split(".")[1:]
+        while attributes and _is_module(module, attributes[0]):
+            module = import_module(f"{module.__name__}.{attributes.pop(0)}")
+        value: object = module
+        for attribute in attributes:
+            fields = getattr(value, "__dataclass_fields__", {})
+            assert hasattr(value, attribute) or attribute in fields, f"{page.name}: {name}"
+            value = getattr(value, attribute, None)
+
+
+def _is_module(package: object, name: str) -> bool:
+    folder = Path(getattr(package, "__path__", ["/nowhere"])[0])
+    return (folder / f"{name}.py").is_file() or (folder / name / "__init__.py").is_file()
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_links_to_files_lead_somewhere(page: Path) -> None:
+    for target in re.findall(r"\]\(([^)#\s]+)", page.read_text()):
+        if not target.startswith("http"):
+            assert (page.parent / target).exists(), target

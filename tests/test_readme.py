@@ -1,0 +1,95 @@
+"""The README: its Python runs, its commands print what it shows; `.ci/run` runs the set-up commands whole."""
+
+from __future__ import annotations
+
+import re
+import shlex
+import tomllib
+from itertools import groupby
+from pathlib import Path
+
+import pytest
+import yaml
+from snippets import ROOT, blocks, run_python, stand_where_a_user_does
+
+import hybridyn
+from hybridyn.cli import COMMANDS, main
+
+README = ROOT / "README.md"
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
+SHOWN = 1e-3  # numbers are printed with two to six digits
+ROUNDING = 1e-9  # what is printed of a closed loop is rounding, other on every machine
+MACHINE = re.compile(r"[\d,.]+(?= samples/s)|(?<=wall time )[\d.]+")  # speeds
+
+
+@pytest.fixture(autouse=True)
+def as_a_user(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("COLUMNS", "90")
+    stand_where_a_user_does(tmp_path, monkeypatch)
+
+
+def test_python_runs(capsys: pytest.CaptureFixture[str]) -> None:
+    run_python(README)
+    assert "84 24 [6, 6, 6, 6]\n" in capsys.readouterr().out  # as the comment beside it says
+
+
+def shown() -> list[tuple[str, str]]:
+    """Give the commands that the README shows with their output."""
+    pairs = []
+    for block in blocks(README, "console"):
+        for part in re.split(r"^\$ ", block.text, flags=re.MULTILINE)[1:]:
+            command, _, output = part.partition("\n")
+            pairs.append((command, output))
+    return pairs
+
+
+def same_word(word: str, expected: str) -> bool:
+    try:
+        a, b = float(word), float(expected)
+    except ValueError:
+        return word == expected
+    return abs(a - b) <= max(SHOWN * abs(b), ROUNDING)
+
+
+@pytest.mark.parametrize(("command", "expected"), shown(), ids=[command for command, _ in shown()])
+def test_command_prints_what_is_shown(
+    command: str, expected: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    program, *words = shlex.split(command)
+    assert program == "hybridyn"
+    assert main(words) == 0
+    out, err = capsys.readouterr()
+    lines = [[MACHINE.sub("#", line).split() for line in text.splitlines()] for text in (out + err, expected)]
+    for found, wanted in zip(*lines, strict=True):
+        assert len(found) == len(wanted), (found, wanted)
+        assert all(map(same_word, found, wanted)), (found, wanted)
+
+
+@pytest.mark.parametrize("block", blocks(README, "sh"), ids=str)
+def test_setup_command_names_what_exists(block) -> None:
+    for is_and, group in groupby(shlex.split(block.text), key="&&".__eq__):
+        if is_and:
+            continue
+        program, *words = group
+        name = Path(program).name
+        assert name in ("python3", "pip", "pytest", "hybridyn")
+        if name == "pip":
+            extras = re.findall(r"\.\[(.*)\]", words[-1])[0].split(",")
+            assert set(extras) <= PROJECT["project"]["optional-dependencies"].keys()
+        if name == "hybridyn":
+            assert words[0] in COMMANDS
+            assert all((ROOT / word).is_file() for word in words[1:])
+
+
+@pytest.mark.parametrize("marker", ["main job", "tests"])
+def test_ci_finds_the_setup_commands(marker: str) -> None:
+    assert README.read_text().count(f"<!-- {marker} -->\n```sh\n") == 1
+    assert f'readme_command "{marker}"' in (ROOT / ".ci" / "run").read_text()
+
+
+def test_version_and_paper_are_stated_alike() -> None:
+    citation = yaml.safe_load((ROOT / "CITATION.cff").read_text())
+    assert PROJECT["project"]["version"] == hybridyn.__version__ == citation["version"]
+    assert PROJECT["project"]["license"] == citation["license"]
+    assert citation["preferred-citation"]["doi"] == "10.1016/j.mechmachtheory.2009.11.007"
+    assert citation["preferred-citation"]["doi"] in README.read_text()
