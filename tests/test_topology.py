@@ -194,7 +194,7 @@ def test_platforms_of_shipped_robots_are_outputs(name: str) -> None:
 
 
 def test_gimbals_and_balls_of_a_gough_platform_are_cut() -> None:
-    """A leg keeps three joints (a cross of two, and a slide), and those of a wrist that ends in a hinge's rows."""
+    """A leg keeps three joints, and two more of a wrist whose third is a hinge's rows."""
     robot = build_robot(random_mechanism(1, kind="gough_gimbals"))
     (module,) = robot.modules
     spec = module.mechanism.spec

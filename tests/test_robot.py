@@ -1,0 +1,204 @@
+"""HybridRobot: the coordinates and the model of `pin.buildModelFromXML`, its bases, and what it refuses."""
+
+from __future__ import annotations
+
+from importlib.metadata import files
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from comparing import ROUNDING, close_to
+from mechanisms import KINDS, home_posture, random_mechanism
+from shipped import ROBOTS, shipped
+from test_oracle import SHUFFLED
+
+import hybridyn
+from hybridyn import HybridRobot, ModelError
+from hybridyn.description.records import Description, Joint, Link
+from hybridyn.oracle import Base, Oracle
+from hybridyn.robot import build_robot
+
+BASES: tuple[Base, ...] = ("fixed", "moving", "floating")
+SAMPLES = 4
+SERIAL = (
+    "ur5_robot.urdf",
+    "panda.urdf",
+    "pr2.urdf",
+    "allegro_left_hand.urdf",
+    "talos_reduced.urdf",
+    "solo12.urdf",
+    "kinova.urdf",
+    "shuffled",
+)
+ALL_DRIVEN = ("ur5_robot.urdf", "allegro_left_hand.urdf", "talos_reduced.urdf", "solo12.urdf", "kinova.urdf")
+
+
+def urdf_file(name: str, folder: Path) -> Path:
+    if name == "shuffled":
+        path = folder / "shuffled.urdf"
+        path.write_text(SHUFFLED)
+        return path
+    return Path(next(str(f.locate()) for f in files("example-robot-data") or [] if f.name == name))
+
+
+def from_pinocchio(path: Path, base: Base) -> pin.Model:
+    return (
+        pin.buildModelFromUrdf(str(path))
+        if base == "fixed"
+        else pin.buildModelFromUrdf(str(path), pin.JointModelFreeFlyer())
+    )
+
+
+@pytest.mark.parametrize("base", BASES)
+@pytest.mark.parametrize("name", SERIAL)
+def test_serial_robots_are_pinocchios(name: str, base: Base, tmp_path: Path) -> None:
+    """Order, coordinates and names; the robot's own model has the same dynamics, limits and frames."""
+    path = urdf_file(name, tmp_path)
+    robot, expected = hybridyn.load(path, base=base), from_pinocchio(path, base)
+    assert (robot.nq, robot.nv, list(robot.joints)) == (expected.nq, expected.nv, list(expected.names)[1:])
+    for i, (at_q, at_v) in enumerate(zip(robot.q_slices, robot.v_slices, strict=True), start=1):
+        assert (at_q.start, at_q.stop) == (expected.idx_qs[i], expected.idx_qs[i] + expected.nqs[i])
+        assert (at_v.start, at_v.stop) == (expected.idx_vs[i], expected.idx_vs[i] + expected.nvs[i])
+    model = robot.model
+    assert (model.nq, model.nv, list(model.names)) == (expected.nq, expected.nv, list(expected.names))
+    assert model is robot.model
+    data, other = model.createData(), expected.createData()
+    assert model.check(data)
+    rng = np.random.default_rng(1)
+    for _ in range(SAMPLES):
+        q = pin.integrate(expected, pin.neutral(expected), rng.normal(size=expected.nv))
+        v, a = rng.normal(size=(2, expected.nv))
+        close_to(pin.rnea(model, data, q, v, a), pin.rnea(expected, other, q, v, a), ROUNDING)
+    pin.framesForwardKinematics(model, data, q)
+    pin.framesForwardKinematics(expected, other, q)
+    for link in robot.bodies.place:
+        ours, theirs = (m.getFrameId(link, pin.BODY) for m in (model, expected))
+        close_to(data.oMf[ours].homogeneous, other.oMf[theirs].homogeneous, ROUNDING)
+    finite = np.isfinite(expected.velocityLimit) & (expected.velocityLimit < 1e300)
+    one = np.repeat(expected.nvs[1:] == np.ones(len(robot.joints)), expected.nvs[1:]) & finite
+    assert np.array_equal(model.velocityLimit[one], expected.velocityLimit[one])
+
+
+@pytest.mark.parametrize("base", ["fixed", "moving"])
+@pytest.mark.parametrize("name", ALL_DRIVEN)
+def test_inverse_model_of_serial_robots_is_rnea(name: str, base: Base, tmp_path: Path) -> None:
+    """Every joint is driven here, in Pinocchio's order; on a moving base, its wrench is rnea's too."""
+    path = urdf_file(name, tmp_path)
+    expected = from_pinocchio(path, base)
+    first = hybridyn.load(path, base=base)
+    single = [
+        j
+        for j, k in zip(first.joints, first.kinds, strict=True)
+        if k in ("revolute", "continuous", "prismatic")
+    ]
+    assert not first.description.couplings
+    robot = hybridyn.load(path, base=base, motors=single)
+    assert list(robot.motors) == single
+    assert len(single) == len(robot.joints) - (base == "moving")
+    rng = np.random.default_rng(2)
+    q = np.array(
+        [pin.integrate(expected, pin.neutral(expected), rng.normal(size=robot.nv)) for _ in range(SAMPLES)]
+    )
+    v, a = rng.normal(size=(2, SAMPLES, robot.nv))
+    tau, reactions = hybridyn.idm(robot, q, v, a, reactions=True)
+    wanted = np.array([pin.rnea(expected, expected.createData(), *x) for x in zip(q, v, a, strict=True)])
+    close_to(tau, wanted[:, robot.nv - len(single) :], ROUNDING)
+    if base == "moving":
+        close_to(reactions.base, wanted[:, :6], ROUNDING)
+
+
+@pytest.mark.parametrize("base", BASES)
+@pytest.mark.parametrize("name", ROBOTS)
+def test_shipped_robots_have_one_order_in_all_models(name: str, base: Base) -> None:
+    description = shipped(name)
+    robot, oracle = build_robot(description, base=base), Oracle(description, base)
+    assert list(robot.joints) == oracle.joint_names == list(robot.model.names)[1:]
+    assert (robot.nq, robot.nv) == (oracle.nq, oracle.nv) == (robot.model.nq, robot.model.nv)
+    close_to(robot.home, home_posture(description, base), ROUNDING)
+    close_to(pin.normalize(robot.model, robot.home), robot.home, ROUNDING)
+    assert robot.motors == tuple(description.motors)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_model_of_the_spanning_tree_is_consistent(kind: str) -> None:
+    """Fixed joints in between, any kind of joint, any axis: Pinocchio places links where the oracle does."""
+    description = random_mechanism(3, kind=kind)
+    robot, oracle = build_robot(description), Oracle(description)
+    data = robot.model.createData()
+    assert robot.model.check(data)
+    assert robot.model.nq == robot.nq
+    pin.framesForwardKinematics(robot.model, data, robot.home)
+    links = oracle.posture(robot.home).links
+    for name in robot.bodies.place:
+        M = data.oMf[robot.model.getFrameId(name, pin.BODY)]
+        assert np.abs(M.translation - links[name].x).max() < ROUNDING
+        assert np.abs(M.rotation - links[name].E).max() < ROUNDING
+    total = sum(link.mass for link in description.links)
+    on_root = robot.bodies.bodies[0].mass
+    assert pin.computeTotalMass(robot.model) == pytest.approx(total - on_root, rel=ROUNDING)
+
+
+@pytest.mark.parametrize("base", BASES)
+def test_bases_differ_by_the_joint_under_the_root_link(base: Base) -> None:
+    description = random_mechanism(0, kind="four_bar")
+    robot = build_robot(description, base=base)
+    free = base != "fixed"
+    assert (robot.joints[0] == "root_joint") == free
+    assert robot.nv == build_robot(description).nv + 6 * free
+    assert robot.mobility == 1 + 6 * (base == "floating")
+    assert len(robot.modules) == 1 + (base == "floating")
+    if free:
+        assert robot.home[:7].tolist() == [0, 0, 0, 0, 0, 0, 1]
+        assert robot.model.joints[1].shortname() == "JointModelFreeFlyer"
+    if base == "floating":
+        root = robot.modules[0]
+        assert (root.mobility, root.joints, root.motors) == (6, ("root_joint",), ())
+        assert robot.modules[1].parent == 0
+
+
+def test_gravity_is_the_callers() -> None:
+    description = random_mechanism(0, kind="four_bar")
+    robot = build_robot(description, gravity=(1.0, -2.0, 3.0))
+    assert robot.gravity.tolist() == [1, -2, 3]
+    close_to(robot.model.gravity.linear, robot.gravity, ROUNDING)
+    zero = np.zeros(robot.nv)
+    weight = hybridyn.idm(robot, robot.home, zero, zero)
+    close_to(weight, Oracle(description, gravity=(1.0, -2.0, 3.0)).idm(robot.home, zero, zero), ROUNDING * 10)
+    assert not hybridyn.idm(build_robot(description, gravity=(0.0, 0.0, 0.0)), robot.home, zero, zero).any()
+
+
+def test_unknown_base_is_refused() -> None:
+    with pytest.raises(ModelError, match=r"base must be 'fixed', 'moving' or 'floating', not 'flying'"):
+        build_robot(random_mechanism(0, kind="four_bar"), base="flying")  # type: ignore[arg-type]
+
+
+def long_chain(joints: int) -> HybridRobot:
+    """Give a comb: one trunk joint, the others side by side on it."""
+    Z, M = np.array([0.0, 0.0, 1.0]), np.eye(4)
+    links = tuple(Link(f"l{i}", 1.0, np.zeros(3), np.eye(3)) for i in range(joints + 1))
+    records = tuple(Joint(f"j{i}", "revolute", f"l{min(i, 1)}", f"l{i + 1}", M, Z) for i in range(joints))
+    return build_robot(Description("comb", links, records))
+
+
+def test_pinocchio_model_of_a_huge_robot_is_refused_and_names_the_way_out() -> None:
+    robot = long_chain(10_001)
+    assert robot.nv == 10_001
+    with pytest.raises(
+        ModelError, match=r"'comb' has 10001 joints.*refused above 10000.*hybridyn's own functions"
+    ):
+        _ = robot.model
+
+
+def test_a_robot_of_one_link_is_a_robot() -> None:
+    """No joints at all: nothing to drive, but a base that can be carried or float."""
+    block = Description("block", (Link("block", 2.0, np.array([0.1, 0, 0]), 0.1 * np.eye(3)),), ())
+    robot = build_robot(block)
+    nothing = np.zeros(0)
+    tau, reactions = hybridyn.idm(robot, nothing, nothing, nothing, reactions=True)
+    assert tau.shape == (0,)
+    close_to(reactions.base, np.array([0, 0, 19.62, 0, -1.962, 0]), ROUNDING)
+    floating = build_robot(block, base="floating")
+    falling = np.array([0.0, 0, -9.81, 0, 0, 0])
+    tau = hybridyn.idm(floating, floating.home, np.zeros(6), falling)
+    assert tau.shape == (0,)
