@@ -63,6 +63,7 @@ class AssemblyError(HybridynError):
         sample: Index of the sample in the batch (from 0), or None.
         residual: Closure residual reached, relative to the module's length, or None.
         iterations: Newton iterations spent, or None.
+        open_freedoms: Number of freedoms that what was given leaves open, or None.
     """
 
     def __init__(
@@ -74,10 +75,11 @@ class AssemblyError(HybridynError):
         sample: int | None = None,
         residual: float | None = None,
         iterations: int | None = None,
+        open_freedoms: int | None = None,
     ) -> None:
         super().__init__(message)
         self.module, self.leg, self.sample = module, leg, sample
-        self.residual, self.iterations = residual, iterations
+        self.residual, self.iterations, self.open_freedoms = residual, iterations, open_freedoms
 
 
 class SingularityError(HybridynError):

@@ -17,6 +17,10 @@ from .targets import COORDINATES, CoordinateTarget, PoseTarget, Target
 
 #: A quaternion in a pose may be this far from unit length.
 UNIT = 1e-6
+#: Turns beyond this are no position of a joint that has ends [rad]; beyond `BLUR` an angle has lost its digits.
+WOUND_UP, BLUR = 1e4, 1e8
+#: Lengths beyond this many of a module's own are out of reach of its loops.
+FAR = 1e3
 
 
 @dataclass
@@ -110,6 +114,8 @@ class Requests:
 
     def _give_joint(self, request: ModuleRequest, kind: str, m: Mechanism, joint: int, name: str) -> None:
         position, rate, acceleration = self.joints[name]
+        limit = {"revolute": WOUND_UP, "continuous": BLUR}.get(kind, FAR * m.length if m.closures.rows else np.inf)
+        _refuse_absurd(name, position, limit, "m" if kind == "prismatic" else "rad")
         at, to = m.tree.q_slices[joint], m.tree.v_slices[joint]
         if kind == "continuous":
             request.known[:, at.start], request.known[:, at.start + 1] = np.cos(position), np.sin(position)
@@ -170,6 +176,20 @@ class Requests:
         request.known_v[:, to] = np.concatenate([rotate_back(R, inner.pd), rotate_back(R, inner.w)], axis=1)
         request.known_a[:, to] = np.concatenate([rotate_back(R, spatial), rotate_back(R, inner.wd)], axis=1)
         request.given.append(joint)
+
+
+def _refuse_absurd(name: str, position: Array, limit: float, unit: str) -> None:
+    """Refuse positions, shape (T,), that only a slip of the pen gives.
+
+    Raises:
+        AssemblyError: Naming the joint and the sample.
+    """
+    bad = np.flatnonzero(np.abs(position) > limit)
+    if len(bad):
+        raise AssemblyError(
+            f"joint '{name}' is out of reach at sample {bad[0]}: {position[bad[0]]:.4g} {unit} (limit {limit:.4g} {unit}); "
+            "positions are in m and rad", sample=int(bad[0]),
+        )  # fmt: skip
 
 
 def gather_requests(

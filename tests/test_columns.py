@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from hybridyn.description.columns import Layout, read_layout
+from hybridyn.description.columns import Layout, acceleration_columns, read_layout
 from hybridyn.description.records import Description, Joint, JointKind, Link
 from hybridyn.errors import TrajectoryError
 
@@ -87,8 +87,48 @@ def test_names_with_separators_in_them(owner: str) -> None:
 def test_wrenches_and_efforts() -> None:
     columns = ["time", "lift/position", "elbow/position", *WRENCH]
     assert layout(columns).wrenches == {"tool": (3, 4, 5, 6, 7, 8)}
-    assert layout([*columns, "lift/effort"], efforts=True).efforts == {"lift": 9}
+    assert layout([*columns, "lift/effort", "elbow/effort"], efforts=True).efforts == {"lift": 9, "elbow": 10}
     assert refusal([*columns, "lift/effort"]).column == "lift/effort"
+
+
+@pytest.mark.parametrize(
+    ("efforts", "column", "words"),
+    [
+        (["lift"], "elbow/effort", "every motor needs its effort"),
+        (["lift", "elbow", "spin"], "spin/effort", "not driven"),
+        (["lift", "elbov"], "elbov/effort", "did you mean 'elbow'"),
+        (["lift", "tool"], "tool/effort", "'tool' is a link"),
+        (["lift", "weld"], "weld/effort", "fixed"),
+    ],
+)
+def test_efforts_that_do_not_fit_the_motors(efforts: list[str], column: str, words: str) -> None:
+    columns = ["time", "lift/position", "elbow/position", *(f"{name}/effort" for name in efforts)]
+    error = refusal(columns, efforts=True)
+    assert error.column == column
+    assert words in str(error)
+
+
+def test_with_efforts_no_accelerations_are_wanted_but_a_moving_base_s() -> None:
+    rates = [f"{name}/{rate}" for name in MOTORS for rate in ("position", "velocity", "effort")]
+    assert not any(signal.missing for signal in layout(rates, efforts=True).signals)
+    base = [column.replace("tool", "base") for column in (*POSE, *TWIST)]
+    read = layout([*rates, *base], base="floating", efforts=True)
+    assert not any(signal.missing for signal in read.signals)
+    read = layout(["time", *rates, *base], base="moving", efforts=True)
+    assert {signal.name: signal.missing for signal in read.signals if signal.missing} == {
+        "base": ("acceleration",)
+    }
+
+
+def test_columns_of_accelerations() -> None:
+    assert acceleration_columns(ROBOT, ["lift", "elbow", "spin"], "fixed") == [
+        f"{name}/acceleration" for name in ("lift", "elbow", "spin")
+    ]
+    floating = acceleration_columns(ROBOT, ["root_joint", "lift"], "floating")
+    assert floating == [f"base/acceleration/{n}" for n in ("x", "y", "z", "wx", "wy", "wz")] + [
+        "lift/acceleration"
+    ]
+    assert acceleration_columns(ROBOT, ["root_joint", "lift"], "moving") == ["lift/acceleration"]
 
 
 def test_without_time_every_rate_must_be_given() -> None:

@@ -2,7 +2,7 @@
 
     time                                     [s], strictly increasing
     <joint>/position|velocity|acceleration   a joint with one freedom [m or rad, per s, per s^2]
-    <joint>/effort                           [N or N m], where a command reads efforts
+    <joint>/effort                           [N or N m], of every motor, where efforts lead to accelerations
     <joint>/position/qx ...                  other joints, by the components in `signals.JOINT_COMPONENTS`
     <link>/pose/x|y|z|qx|qy|qz|qw            pose of a link relative to the root link, the whole of it,
     <link>/pose/x|y|z|roll|pitch|yaw         or any of these coordinates: fixed-axis angles, as in URDF's rpy
@@ -13,7 +13,18 @@
 
 The rates of a pose given by coordinates are the rates of the same coordinates. The pose of the root link of a
 robot on a moving or floating base is the base's own, in the world. A table that names every joint is a *full
-state*; any other one names motors, platforms or a mixture, from which the posture is assembled.
+state*; any other one names motors, platforms or a mixture, from which the posture is assembled. With efforts
+no accelerations are read but that of a moving base, whose motion is prescribed.
+
+Tables of results: `<motor>/effort` of the inverse model; of the direct one `<joint>/acceleration` of every joint
+(`<joint>/acceleration/wx` ... by components) and `<root>/acceleration/x` .. `wz` of a floating base. Reactions:
+
+    <root>/reaction/fx|fy|fz|mx|my|mz        of the ground on the root body, about its origin, in its axes
+    <module>/reaction/fx ... mz              of a module's base body on it, about the base's origin, in its axes;
+                                             a module is named by its first output link
+    <closure>/wrench/fx ... mz               of a closure on its successor (the predecessor gets the opposite), about
+                                             the successor's closure frame, in the axes of the predecessor's
+    <coupling>/multiplier                    of a coupling's relation as it is written
 """
 
 from __future__ import annotations
@@ -24,13 +35,22 @@ from dataclasses import dataclass, field
 
 from hybridyn.description.names import did_you_mean, listed
 from hybridyn.description.records import Description, Joint
-from hybridyn.description.signals import POSE, WRENCH, Signal, joint_signal, pose_signal, wrench_columns
+from hybridyn.description.signals import (
+    JOINT_COMPONENTS,
+    POSE,
+    RATES,
+    TWIST,
+    WRENCH,
+    Signal,
+    joint_signal,
+    pose_signal,
+    wrench_columns,
+)
 from hybridyn.errors import TrajectoryError
 
 _FORM = re.compile(
     r"(?P<owner>.+)/(?P<quantity>position|velocity|acceleration|effort|pose|wrench)(/(?P<component>\w+))?"
 )
-_RATES = ("velocity", "acceleration")
 _FORMS_ADVICE = (
     "columns are 'time', '<joint>/position|velocity|acceleration', '<link>/pose|velocity|acceleration/...' "
     "and '<link>/wrench/fx' .. 'mz'"
@@ -85,7 +105,8 @@ def read_layout(
         motors: Names of its driven joints.
         base: "fixed", "moving" or "floating".
         file: Path of the table, for messages.
-        efforts: Whether the caller reads `<joint>/effort`; they are refused otherwise.
+        efforts: Whether the caller reads `<motor>/effort`, of every motor, and no accelerations; they are
+            refused otherwise.
 
     Raises:
         TrajectoryError: A column is unknown, one that is needed is missing, or together they make no sense.
@@ -97,11 +118,16 @@ def read_layout(
     moving_joints = {name: given for name, given in of_joints.items() if given.keys() - {"effort"}}
     moving_links = {key: given for key, given in of_links.items() if given.keys() - {"wrench"}}
     wrenches = {link: given["wrench"] for link, given in of_links.items() if "wrench" in given}
+    wanted = RATES[:1] if efforts else RATES
+    of_base = RATES if base == "moving" else wanted
     layout = Layout(
         file=file,
         time=time,
-        joints={name: joint_signal(joints[name], given, file) for name, given in moving_joints.items()},
-        poses={key: pose_signal(key, given, file) for key, given in moving_links.items()},
+        joints={name: joint_signal(joints[name], cols, file, wanted) for name, cols in moving_joints.items()},
+        poses={
+            key: pose_signal(key, cols, file, of_base if key == description.root else wanted)
+            for key, cols in moving_links.items()
+        },
         wrenches={link: wrench_columns(link, given, file) for link, given in wrenches.items()},
         efforts={name: given["effort"][""] for name, given in of_joints.items() if "effort" in given},
         full_state=moving_joints.keys() >= set(movable),
@@ -109,10 +135,43 @@ def read_layout(
     if layout.efforts and not efforts:
         joint = next(iter(layout.efforts))
         raise TrajectoryError("efforts are not an input here", file=file, column=f"{joint}/effort")
+    if efforts:
+        _check_efforts(layout, motors)
     _check_base(layout, description.root, base)
     _check_inputs(layout, movable, motors, description.root)
     _check_time(layout)
     return layout
+
+
+def _check_efforts(layout: Layout, motors: Sequence[str]) -> None:
+    """Check that every motor has its effort and nothing else has one."""
+    for name in layout.efforts:
+        if name not in motors:
+            message = (
+                f"joint '{name}' is not driven{did_you_mean(name, motors)}; drop it, or name it as a motor"
+            )
+            raise TrajectoryError(message, file=layout.file, column=f"{name}/effort")
+    absent = [name for name in motors if name not in layout.efforts]
+    if absent:
+        message = f"is missing: every motor needs its effort ({listed(absent)} left); write 0 for a free one"
+        raise TrajectoryError(message, file=layout.file, column=f"{absent[0]}/effort")
+
+
+def acceleration_columns(description: Description, joints: Iterable[str], base: str) -> list[str]:
+    """Give the columns of accelerations, in the order of the spanning tree; a prescribed base has none.
+
+    Args:
+        description: The robot.
+        joints: Names of the movable joints in order; what is no joint's name is the base's.
+        base: "fixed", "moving" or "floating".
+    """
+    kinds = {joint.name: joint.kind for joint in description.joints}
+    out = [f"{description.root}/acceleration/{name}" for name in TWIST] if base == "floating" else []
+    for joint in joints:
+        if joint in kinds:
+            parts = JOINT_COMPONENTS.get(kinds[joint], (("",), ("",)))[1]
+            out += [f"{joint}/acceleration/{name}".rstrip("/") for name in parts]
+    return out
 
 
 def _check_base(layout: Layout, root: str, base: str) -> None:
@@ -177,7 +236,7 @@ def _sorted_columns(
             hint = did_you_mean(column, ["time"])
             raise TrajectoryError(f"is not known{hint}; {_FORMS_ADVICE}", file=file, column=column)
         owner, quantity, component = match["owner"], match["quantity"], match["component"] or ""
-        if not component or quantity == "position" or (quantity in _RATES and owner in in_parts):
+        if not component or quantity == "position" or (quantity in RATES and owner in in_parts):
             _check_joint(column, owner, quantity, joints, links, file)
             of_joints.setdefault(owner, {}).setdefault(quantity, {})[component] = index
         else:

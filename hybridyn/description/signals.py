@@ -11,6 +11,7 @@ POSE = ("x", "y", "z", "qx", "qy", "qz", "qw")
 TWIST = ("x", "y", "z", "wx", "wy", "wz")
 COORDINATES = ("x", "y", "z", "roll", "pitch", "yaw")
 ANGLES = ("roll", "pitch", "yaw")
+RATES = ("velocity", "acceleration")
 WRENCH = ("fx", "fy", "fz", "mx", "my", "mz")
 
 JOINT_COMPONENTS = {
@@ -32,6 +33,7 @@ class Signal:
         velocity: Columns of the rates, or None where the table does not give them.
         acceleration: Columns of their derivatives, or None.
         wraps: Indices of the components that are angles on the whole circle.
+        wanted: Which rates the reader of the table has a use for; what else is not given is zero.
     """
 
     name: str
@@ -40,21 +42,25 @@ class Signal:
     velocity: tuple[int, ...] | None
     acceleration: tuple[int, ...] | None
     wraps: tuple[int, ...] = ()
+    wanted: tuple[str, ...] = RATES
 
     @property
     def missing(self) -> tuple[str, ...]:
-        """Names of the rates that the table does not give."""
+        """Names of the rates that are wanted and that the table does not give."""
         given = {"velocity": self.velocity, "acceleration": self.acceleration}
-        return tuple(name for name, columns in given.items() if columns is None)
+        return tuple(name for name in self.wanted if given[name] is None)
 
 
-def joint_signal(joint: Joint, given: dict[str, dict[str, int]], file: str | None) -> Signal:
+def joint_signal(
+    joint: Joint, given: dict[str, dict[str, int]], file: str | None, wanted: tuple[str, ...] = RATES
+) -> Signal:
     """Give the signal of a joint.
 
     Args:
         joint: The joint.
         given: Columns by quantity and component.
         file: Path of the table, for messages.
+        wanted: Rates that are needed, of "velocity" and "acceleration".
 
     Raises:
         TrajectoryError: A component is missing or does not belong there, or rates that must be given are.
@@ -68,6 +74,7 @@ def joint_signal(joint: Joint, given: dict[str, dict[str, int]], file: str | Non
         velocity=_rates(given, "velocity", rates, joint.name, what, file),
         acceleration=_rates(given, "acceleration", rates, joint.name, what, file),
         wraps=(0,) if joint.kind == "continuous" else (),
+        wanted=wanted,
     )
     if joint.kind in JOINT_COMPONENTS and signal.missing:
         message = f"is missing: rates of a {joint.kind} joint are not fitted"
@@ -75,13 +82,16 @@ def joint_signal(joint: Joint, given: dict[str, dict[str, int]], file: str | Non
     return signal
 
 
-def pose_signal(key: str, given: dict[str, dict[str, int]], file: str | None) -> Signal:
+def pose_signal(
+    key: str, given: dict[str, dict[str, int]], file: str | None, wanted: tuple[str, ...] = RATES
+) -> Signal:
     """Give the signal of a pose: the whole of it by a quaternion, or some of its coordinates.
 
     Args:
         key: The link, as the header writes it.
         given: Columns by quantity and component.
         file: Path of the table, for messages.
+        wanted: Rates that are needed, of "velocity" and "acceleration".
 
     Raises:
         TrajectoryError: A component is missing or does not belong there.
@@ -99,6 +109,7 @@ def pose_signal(key: str, given: dict[str, dict[str, int]], file: str | None) ->
         velocity=_rates(given, "velocity", rates, key, what, file),
         acceleration=_rates(given, "acceleration", rates, key, what, file),
         wraps=tuple(index for index, name in enumerate(components) if name in ANGLES),
+        wanted=wanted,
     )
 
 

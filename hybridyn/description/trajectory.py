@@ -22,7 +22,7 @@ from hybridyn.description.records import Array, Joint
 from hybridyn.description.signals import POSE, Signal
 from hybridyn.description.tables import Block, Table
 from hybridyn.errors import TrajectoryError
-from hybridyn.spatial import cross, rotate_back, rotation_from_quaternion
+from hybridyn.spatial import cross, rotate, rotate_back, rotation_from_quaternion
 
 QUATERNION_TOLERANCE = 1e-6  # seven digits in a file are enough to pass; more is not a rotation
 LARGEST_TURN = 2.0 * np.pi / 3.0  # between two rows, for a fit: near half a turn its sense is a guess
@@ -170,6 +170,9 @@ def _levels(signal: Signal, window: Window, time: Array | None, file: str | None
     acceleration = window.values[:, list(signal.acceleration)] if signal.acceleration else None
     if velocity is not None and acceleration is not None:
         return position[core], velocity[core], acceleration[core]
+    if not signal.missing:
+        assert velocity is not None
+        return position[core], velocity[core], np.zeros_like(velocity[core])
     assert time is not None  # read_layout wants it where rates are missing
     try:
         with np.errstate(all="ignore"):  # numbers too large for a fit are found below
@@ -234,3 +237,19 @@ def _base_coordinates(pose: Array, twist: Array, acceleration: Array) -> Triple:
     v, omega = rotate_back(R, twist[:, :3]), rotate_back(R, twist[:, 3:])
     linear = rotate_back(R, acceleration[:, :3]) - cross(omega, v)
     return pose, np.hstack([v, omega]), np.hstack([linear, rotate_back(R, acceleration[:, 3:])])
+
+
+def base_acceleration(q: Array, v: Array, a: Array) -> Array:
+    """Give a free-flyer's acceleration as tables hold it: classical, of the origin and angular, in world axes.
+
+    Args:
+        q: Positions, the free-flyer's first, shape (T, nq).
+        v: Rates, shape (T, nv).
+        a: Accelerations in Pinocchio's coordinates, shape (T, nv).
+
+    Returns:
+        Shape (T, 6), [m/s^2, rad/s^2].
+    """
+    R = rotation_from_quaternion(q[:, 3:7])
+    classical = a[:, :3] + cross(v[:, 3:6], v[:, :3])
+    return np.hstack([rotate(R, classical), rotate(R, a[:, 3:6])])
