@@ -73,6 +73,7 @@ class LegModel:
             tree: The module's tree after the cuts.
             bodies: For each body of the tree after the base, its inertia, or None for an output.
         """
+        self._built_from = (tree, bodies)
         heavy = [body is not None and not body.massless for body in bodies]
         for i in reversed(range(len(tree.joints))):
             parent = tree.joints[i].parent
@@ -107,6 +108,10 @@ class LegModel:
             assert self.model.check(self._data), "joints must be added depth-first"
             self._pool = pin.ModelPool(self.model, 1)
         self._base_q = np.array([0.0, 0, 0, 0, 0, 0, 1])
+
+    def __reduce__(self) -> tuple[type[LegModel], tuple[Tree, list[Body | None]]]:
+        """Build it anew in another process: Pinocchio's pools do not travel."""
+        return LegModel, self._built_from
 
     def rnea(self, V: Array, V_dot: Array, q: Array, v: Array, a: Array) -> tuple[Array, Array]:
         """Give the legs' inverse dynamic model, Eqs. (54)-(62).
