@@ -112,7 +112,10 @@ def ddm(
     if base_acceleration is not None:
         if robot.base != "moving":
             raise TrajectoryError("base_acceleration is for base='moving'")
-        a[:, :6] = as_batch(base_acceleration, 6, "base_acceleration")[0]
+        given, one = as_batch(base_acceleration, 6, "base_acceleration")
+        if not one and len(given) != len(q):
+            raise TrajectoryError(f"base_acceleration has shape {given.shape}; wanted (6,) or ({len(q)}, 6)")
+        a[:, :6] = given
     loads = gather_loads(robot, wrenches, len(q))
     states = forward(robot, q, v, None)
     check_closed(robot, states, q, accelerations=False)

@@ -129,7 +129,7 @@ class LegModel:
         """
         T = len(V)
         H = np.zeros((T, self._nv))
-        if self.empty:
+        if self.empty or not T:
             return np.zeros((T, 6)), H
         Q = np.asfortranarray(np.concatenate([np.tile(self._base_q, (T, 1)), q[:, self._q_columns]], 1).T)
         U = np.asfortranarray(np.concatenate([V, v[:, self.columns]], axis=1).T)

@@ -176,12 +176,12 @@ class Reduction:
             rows, cols = np.array([b.rows for b in group]), np.array([b.cols for b in group])
             g, m, c, r = len(group), rows.shape[1], cols.shape[1], group[0].rank
             A = np.concatenate([K[:, rows[:, :, None], cols[:, None, :]], right[:, rows]], axis=-1)
-            R, order = pivoted_qr(A.reshape(T * g, m, -1), c, r)
+            R, order = pivoted_qr(A.reshape(T * g, m, c + P + 1), c, r)
             ratio = pivot_ratio(R, r).reshape(T, g).min(axis=1)
             easy &= ratio > LEG_PIVOT
             pivot = np.minimum(pivot, ratio)
             left.append(R[:, r:, c:].reshape(T, g * (m - r), P + 1))
-            reduced.append((cols, r, order.reshape(T, g, c), R[:, :r].reshape(T, g, r, -1)))
+            reduced.append((cols, r, order.reshape(T, g, c), R[:, :r].reshape(T, g, r, c + P + 1)))
         platform = np.concatenate(left, axis=1)
         rank = self.rank - sum(b.rank for b in self._blocks)
         free, x0, ratio = null_basis(platform[..., :-1], platform[..., -1], rank)
@@ -198,7 +198,7 @@ class Reduction:
             g, c = cols.shape
             Y = -back_substitute(
                 R[..., :r].reshape(T * g, r, r), R[..., r:].reshape(T * g, r, c - r + P + 1)
-            ).reshape(T, g, r, -1)
+            ).reshape(T, g, r, c - r + P + 1)
             own, on_platform, rest = Y[..., : c - r], Y[..., c - r : -1], Y[..., -1:]
             local = np.zeros((T, g, c, Psi.shape[2] + 1))
             local[:, :, :r, :-1] = np.matmul(on_platform, Psi_p)

@@ -65,7 +65,7 @@ class Bodies:
     def inertia_root(self, posture: Posture, motions: Numbers) -> Numbers:
         """Give C with `C^T C = motions^T G^T M G motions`: link velocities times square roots of masses."""
         count = motions.shape[1]
-        moved = (posture.G @ motions).reshape(-1, 6, count)
+        moved = (posture.G @ motions).reshape(len(posture.G) // 6, 6, count)
         blocks = [self.arithmetic.array(np.zeros((0, count)))]
         for name, mass, com, inertia in self.links:
             link = posture.links[name]
