@@ -1,0 +1,228 @@
+"""Where a direct model can break: batches, empty ones, light and massless legs, long chains, wrong input."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from comparing import ROUNDING, close_to
+from judging import BACKWARD, BASES, ORACLE, drawn, efforts, judged
+from mechanisms import random_mechanism
+from shipped import shipped, states_near_home
+
+from hybridyn import HybridRobot, ddm
+from hybridyn.ddm import articulate
+from hybridyn.description import Description
+from hybridyn.errors import AssemblyError, SingularityError, TrajectoryError
+from hybridyn.forward import forward
+from hybridyn.loads import gather_loads
+from hybridyn.oracle import Base
+from hybridyn.robot import build_robot
+
+LIMIT = 1e-8  # a light leg's inertia over its mass ratio, between ratios of 1e-9 and 1e-12
+
+# -------------------------------------------------------------------- batches
+
+
+@pytest.mark.parametrize("kind", ["serial_all", "stack", "sps_thin"])
+@pytest.mark.parametrize("base", BASES)
+def test_a_sample_does_not_depend_on_its_batch(kind: str, base: Base) -> None:
+    description, _, (q, v, _) = drawn(kind, base)
+    robot, tau = build_robot(description, base=base), efforts(description, 2)
+    whole, result = ddm(robot, q, v, tau, reactions=True)
+    for t in range(2):
+        single, own = ddm(robot, q[t], v[t], tau[t], reactions=True)
+        assert single.shape == (robot.nv,)
+        close_to(single, whole[t], ROUNDING)
+        largest = max(np.abs(wrench[t]).max() for wrench in result.modules.values())
+        for name, wrench in result.modules.items():
+            assert np.abs(own.modules[name] - wrench[t]).max() < BACKWARD * largest, name
+        assert np.array_equal(ddm(robot, q[t : t + 1], v[t : t + 1], tau[t : t + 1])[0], single)
+
+
+def test_no_samples_and_no_joints() -> None:
+    robot = build_robot(random_mechanism(0, kind="stack"))
+    a, result = ddm(
+        robot,
+        np.zeros((0, robot.nq)),
+        np.zeros((0, robot.nv)),
+        np.zeros((0, len(robot.motors))),
+        reactions=True,
+    )
+    assert a.shape == (0, robot.nv)
+    assert result.base.shape == (0, 6)
+    one = random_mechanism(0, kind="serial").links[0]
+    body = Description("one", (replace(one, mass=2.0, inertia=np.eye(3), com=np.zeros(3)),), ())
+    still = build_robot(body)
+    assert ddm(still, np.zeros((4, 0)), np.zeros((4, 0)), np.zeros((4, 0))).shape == (4, 0)
+    falling = ddm(
+        build_robot(body, base="floating"), np.array([0.0, 0, 0, 0, 0, 0, 1]), np.zeros(6), np.zeros(0)
+    )
+    close_to(falling, np.array([0, 0, -9.81, 0, 0, 0]), ROUNDING)
+
+
+# -------------------------------------------------------------------- light legs
+
+
+def with_legs(description: Description, ratio: float) -> Description:
+    """Scale mass and inertia of all but platforms."""
+    return replace(
+        description,
+        links=tuple(
+            link
+            if "platform" in link.name
+            else replace(link, mass=ratio * link.mass, inertia=ratio * link.inertia)
+            for link in description.links
+        ),
+    )
+
+
+@pytest.mark.parametrize("ratio", [1e-6, 1e-12, 0.0])
+@pytest.mark.parametrize("base", ["fixed", "floating"])
+def test_light_legs_cost_no_digits(ratio: float, base: Base) -> None:
+    description = with_legs(shipped("lx4", modules="2"), ratio)
+    if base == "floating" or ratio == 0:
+        heavy = shipped("lx4", modules="2").links[0]
+        description = replace(
+            description, links=tuple(heavy if x.name == heavy.name else x for x in description.links)
+        )
+    q, v, _ = states_near_home(description, base, 6, 2)
+    tau = efforts(description, 2)
+    close_to(
+        ddm(build_robot(description, base=base), q, v, tau), judged(description, base, q, v, tau), ORACLE
+    )
+
+
+def test_the_apparent_inertia_of_light_legs_is_proportional_to_their_mass() -> None:
+    """Platforms are held by nothing but legs and motors without effort: all that the base feels is the legs.
+
+    Any difference of terms of the platform's size would leave its rounding, 1e-16 of the platform's mass.
+    """
+    inertias = []
+    for ratio in (1e-9, 1e-12):
+        robot = build_robot(with_legs(shipped("lx4", modules="2"), ratio), base="floating")
+        q, v = robot.home[None], np.zeros((1, robot.nv))
+        loads = gather_loads(robot, None, 1)
+        factor = articulate(robot, forward(robot, q, v, None), loads, np.zeros((1, 12)), None)[0].inertia
+        order, R = np.argsort(factor.order[0]), factor.R[0]
+        I_star = (R.T @ R)[np.ix_(order, order)] / ratio
+        assert not factor.massless.any()
+        assert np.linalg.eigvalsh(I_star)[0] > 0
+        inertias.append(I_star)
+    close_to(inertias[1], inertias[0], LIMIT)
+
+
+def test_an_apparent_inertia_lies_between_nothing_and_the_whole_robot() -> None:
+    description = shipped("lx4", modules="2")
+    robot = build_robot(description, base="moving", gravity=(0.0, 0.0, 0.0))
+    q = np.tile(states_near_home(description, "moving", 8, 1)[0], (6, 1))
+    still, none = np.zeros((6, robot.nv)), np.zeros((6, 12))
+    I_star = ddm(robot, q, still, none, base_acceleration=np.eye(6), reactions=True)[1].base
+    whole = pin.crba(robot.model, robot.model.createData(), q[0])[:6, :6]
+    whole = np.triu(whole) + np.triu(whole, 1).T
+    close_to(I_star, I_star.T, ORACLE)
+    assert np.linalg.eigvalsh(I_star)[0] > 0
+    assert np.linalg.eigvalsh(whole - I_star)[0] > 0
+
+
+# -------------------------------------------------------------------- what is wrong with the input
+
+
+def five_bar() -> tuple[HybridRobot, np.ndarray, np.ndarray, np.ndarray]:
+    description, _, (q, v, _) = drawn("five_bar", "fixed")
+    return build_robot(description), q.copy(), v.copy(), efforts(description, 2)
+
+
+def test_arrays_of_the_wrong_shape() -> None:
+    robot, q, v, tau = five_bar()
+    with pytest.raises(TrajectoryError, match=r"tau has shape \(2, 3\); wanted \(2,\) or \(T, 2\)"):
+        ddm(robot, q, v, np.zeros((2, 3)))
+    with pytest.raises(TrajectoryError, match=r"q has shape \(2, 1\)"):
+        ddm(robot, q[:, :1], v, tau)
+    with pytest.raises(TrajectoryError, match=r"v has shape \(\)"):
+        ddm(robot, q, np.array(0.0), tau)
+    with pytest.raises(TrajectoryError, match="q, v, tau have 2, 2, 1 samples"):
+        ddm(robot, q, v, tau[:1])
+
+
+@pytest.mark.parametrize("which", ["q", "v", "tau"])
+@pytest.mark.parametrize("bad", [np.nan, np.inf])
+def test_numbers_that_are_not_finite(which: str, bad: float) -> None:
+    robot, *arrays = five_bar()
+    arrays[["q", "v", "tau"].index(which)][1, 0] = bad
+    with pytest.raises(TrajectoryError, match=f"{which} is not finite at sample 1") as caught:
+        ddm(robot, *arrays)
+    assert caught.value.row == 2
+
+
+def test_base_accelerations_belong_to_a_moving_base() -> None:
+    robot, q, v, tau = five_bar()
+    with pytest.raises(TrajectoryError, match="base_acceleration is for base='moving'"):
+        ddm(robot, q, v, tau, base_acceleration=np.zeros(6))
+    moving = build_robot(robot.description, base="moving")
+    pose = np.tile([0.0, 0, 0, 0, 0, 0, 1], (2, 1))
+    state = np.hstack([pose, q]), np.hstack([np.zeros((2, 6)), v]), tau
+    with pytest.raises(TrajectoryError, match=r"base_acceleration has shape \(5,\)"):
+        ddm(moving, *state, base_acceleration=np.zeros(5))
+    with pytest.raises(
+        TrajectoryError, match=r"base_acceleration has shape \(3, 6\); wanted \(6,\) or \(2, 6\)"
+    ):
+        ddm(moving, *state, base_acceleration=np.zeros((3, 6)))
+
+
+def test_wrenches_on_links_that_are_not_there() -> None:
+    robot, q, v, tau = five_bar()
+    link = robot.description.links[0].name
+    with pytest.raises(TrajectoryError, match=f"unknown link '{link}x'; did you mean"):
+        ddm(robot, q, v, tau, wrenches={f"{link}x": np.zeros(6)})
+
+
+def test_loops_that_are_open() -> None:
+    robot, q, v, tau = five_bar()
+    closure = robot.description.closures[0].name
+    apart = q.copy()
+    apart[1, 0] += 1e-3
+    with pytest.raises(
+        AssemblyError, match=f"closure '{closure}': the positions do not close .* at sample 1"
+    ):
+        ddm(robot, apart, v, tau)
+    opening = v.copy()
+    opening[1] += 1e-2 * np.arange(1, robot.nv + 1)
+    with pytest.raises(AssemblyError, match="the rates do not close the loops at sample 1"):
+        ddm(robot, q, opening, tau)
+
+
+def test_a_forced_motion_without_mass_is_named() -> None:
+    description, _, (q, v, _) = drawn("sps_thin", "fixed")
+    robot = build_robot(description)
+    rod = next(j for j in description.joints if j.kind == "prismatic" and j.name in description.motors)
+    along = np.concatenate([np.zeros(3), 5 * rod.axis])
+    with pytest.raises(SingularityError, match=r"has no inertia, and a force of .* N m acts on it") as caught:
+        ddm(robot, q, v, efforts(description, 2), wrenches={rod.child: np.stack([0 * along, along])})
+    lower = next(j for j in description.joints if j.child == rod.parent)
+    assert f"joint '{lower.name}'" in str(caught.value)
+    assert caught.value.sample == 1
+    assert caught.value.module == robot.modules[0].name
+
+
+# -------------------------------------------------------------------- memory
+
+
+def test_a_long_chain_fits_in_little_memory() -> None:
+    """256 modules, nv = 5376: the Data of one Pinocchio model would take tensors of nv^3, terabytes."""
+    script = Path(__file__).with_name("long_chain.py")
+    done = subprocess.run(
+        [sys.executable, str(script), "256"],
+        env=os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)},
+        check=True, capture_output=True, text=True,
+    )  # fmt: skip
+    nv, megabytes, worst = (float(x) for x in done.stdout.split())
+    assert nv == 5376
+    assert megabytes < 400, "the interpreter and its libraries take about a quarter of it"
+    assert worst < BACKWARD
