@@ -5,9 +5,9 @@
   is [v; omega], a wrench [f; m].
 - A *placement* (R, p) of frame B in frame A: columns of R are B's axes in A, p is B's origin in A.
 - `V_dot` is the *spatial* acceleration (Pinocchio's `data.a`): linear part = classical acceleration of the
-  origin minus omega x v. Tables of users hold classical accelerations; they are converted where they enter.
-- `X` moves a twist from a base frame to a body frame: X = [R^T, -R^T hat(p); 0, R^T], Eq. (26); a wrench moves
-  back to the base frame through X^T.
+  origin minus omega x v. Users' tables hold classical accelerations; they are converted where they enter.
+- `X` moves a twist from a base frame to a body frame: X = [R^T, -R^T hat(p); 0, R^T], Eq. (26); a wrench
+  moves back to the base frame through X^T.
 - Every function takes leading batch axes.
 """
 
@@ -16,17 +16,22 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+#: Numbers of any shape.
 Array = NDArray[np.float64]
+#: Numbers of rows, columns, bodies or samples, shape (some,).
+Index = NDArray[np.intp]
+#: A choice of rows, columns or samples, True where it is taken.
+Mask = NDArray[np.bool_]
 
 
 def samples_inside(shape: tuple[int, ...]) -> Array:
-    """Give zeros of a shape (T, ...) whose memory runs over the samples first: long inner loops, many times faster."""
+    """Give zeros of a shape (T, ...) whose memory runs over the samples first (long inner loops: fast)."""
     return np.zeros((*shape[1:], shape[0])).transpose(-1, *range(len(shape) - 1))
 
 
-def select(x: Array, numbers: Array) -> Array:
+def select(x: Array, numbers: Index) -> Array:
     """Give x[:, numbers] for x of shape (T, bodies, ...), keeping the samples innermost in memory."""
-    chosen = x.transpose(*range(1, x.ndim), 0)[numbers]
+    chosen: Array = x.transpose(*range(1, x.ndim), 0)[numbers]
     return chosen.transpose(-1, *range(chosen.ndim - 1))
 
 
@@ -60,7 +65,7 @@ def rotate_back(R: Array, x: Array) -> Array:
 
 
 def hat(x: Array) -> Array:
-    """Give the matrix of the vector product, hat(x) y = x cross y, shape (..., 3, 3)."""
+    """Give the matrix of the vector product by x, shape (..., 3, 3): times y it is x cross y."""
     out = np.zeros((*x.shape, 3))
     out[..., 0, 1], out[..., 0, 2], out[..., 1, 2] = -x[..., 2], x[..., 1], -x[..., 0]
     out[..., 1, 0], out[..., 2, 0], out[..., 2, 1] = x[..., 2], -x[..., 1], x[..., 0]
@@ -89,13 +94,13 @@ def motion_matrix(R: Array, p: Array) -> Array:
 
 
 def crm(V: Array, U: Array) -> Array:
-    """Give crm(V) U, the spatial product of two twists, shapes (..., 6)."""
+    """Give the spatial product of two twists, V cross U, shapes (..., 6)."""
     v, w = V[..., :3], V[..., 3:]
     return np.concatenate([cross(w, U[..., :3]) + cross(v, U[..., 3:]), cross(w, U[..., 3:])], axis=-1)
 
 
 def crf(V: Array, F: Array) -> Array:
-    """Give crf(V) F, the spatial product of a twist and a wrench, shapes (..., 6)."""
+    """Give the spatial product of a twist and a wrench, V cross* F, shapes (..., 6)."""
     v, w, f = V[..., :3], V[..., 3:], F[..., :3]
     return np.concatenate([cross(w, f), cross(w, F[..., 3:]) + cross(v, f)], axis=-1)
 
@@ -133,29 +138,29 @@ def rotation_from_quaternion(quat: Array) -> Array:
     s = 2.0 / np.sum(quat * quat, axis=-1)
     x, y, z, w = quat[..., 0], quat[..., 1], quat[..., 2], quat[..., 3]
     R = samples_inside((*quat.shape[:-1], 3, 3)) if quat.ndim > 1 else np.empty((3, 3))
-    R[..., 0, 0], R[..., 0, 1], R[..., 0, 2] = 1 - s * (y * y + z * z), s * (x * y - z * w), s * (x * z + y * w)
-    R[..., 1, 0], R[..., 1, 1], R[..., 1, 2] = s * (x * y + z * w), 1 - s * (x * x + z * z), s * (y * z - x * w)
-    R[..., 2, 0], R[..., 2, 1], R[..., 2, 2] = s * (x * z - y * w), s * (y * z + x * w), 1 - s * (x * x + y * y)
+    xx, yy, zz, xy, xz, yz = x * x, y * y, z * z, x * y, x * z, y * z
+    wx, wy, wz = x * w, y * w, z * w
+    R[..., 0, 0], R[..., 0, 1], R[..., 0, 2] = 1 - s * (yy + zz), s * (xy - wz), s * (xz + wy)
+    R[..., 1, 0], R[..., 1, 1], R[..., 1, 2] = s * (xy + wz), 1 - s * (xx + zz), s * (yz - wx)
+    R[..., 2, 0], R[..., 2, 1], R[..., 2, 2] = s * (xz - wy), s * (yz + wx), 1 - s * (xx + yy)
     return R
 
 
 def quaternion_from_rotation(R: Array) -> Array:
     """Give unit quaternions x, y, z, w with w >= 0 from rotations (..., 3, 3), stable for every angle."""
     m00, m11, m22 = R[..., 0, 0], R[..., 1, 1], R[..., 2, 2]
+    xy, xz, yz = R[..., 0, 1] + R[..., 1, 0], R[..., 0, 2] + R[..., 2, 0], R[..., 1, 2] + R[..., 2, 1]
+    wx, wy, wz = R[..., 2, 1] - R[..., 1, 2], R[..., 0, 2] - R[..., 2, 0], R[..., 1, 0] - R[..., 0, 1]
     # The row of the 4x4 matrix 4 q q^T with the largest diagonal entry is the quaternion, safely scaled.
     rows = np.stack(
         [
-            np.stack([1 + m00 - m11 - m22, R[..., 0, 1] + R[..., 1, 0], R[..., 0, 2] + R[..., 2, 0],
-                      R[..., 2, 1] - R[..., 1, 2]], axis=-1),
-            np.stack([R[..., 0, 1] + R[..., 1, 0], 1 - m00 + m11 - m22, R[..., 1, 2] + R[..., 2, 1],
-                      R[..., 0, 2] - R[..., 2, 0]], axis=-1),
-            np.stack([R[..., 0, 2] + R[..., 2, 0], R[..., 1, 2] + R[..., 2, 1], 1 - m00 - m11 + m22,
-                      R[..., 1, 0] - R[..., 0, 1]], axis=-1),
-            np.stack([R[..., 2, 1] - R[..., 1, 2], R[..., 0, 2] - R[..., 2, 0], R[..., 1, 0] - R[..., 0, 1],
-                      1 + m00 + m11 + m22], axis=-1),
+            np.stack([1 + m00 - m11 - m22, xy, xz, wx], axis=-1),
+            np.stack([xy, 1 - m00 + m11 - m22, yz, wy], axis=-1),
+            np.stack([xz, yz, 1 - m00 - m11 + m22, wz], axis=-1),
+            np.stack([wx, wy, wz, 1 + m00 + m11 + m22], axis=-1),
         ],
         axis=-2,
-    )  # fmt: skip
+    )
     best = np.argmax(np.diagonal(rows, axis1=-2, axis2=-1), axis=-1)
     quat = np.take_along_axis(rows, best[..., None, None], axis=-2)[..., 0, :]
     quat = quat / np.linalg.norm(quat, axis=-1, keepdims=True)
