@@ -20,9 +20,9 @@ from typing import Literal
 import numpy as np
 from pydantic import ValidationError
 
-from hybridyn.description.closure_forms import FORMS
+from hybridyn.description.frame_names import CLOSURE_TYPES, weld_or_point
 from hybridyn.description.names import closest, did_you_mean, listed
-from hybridyn.description.records import Closure, Joint, Link
+from hybridyn.description.records import Joint, Link
 from hybridyn.description.robot_file import MotorStatement, RobotFile
 from hybridyn.description.schema import Schema, first_problem
 from hybridyn.description.yaml_file import Place, YamlFile, read_yaml
@@ -31,9 +31,6 @@ from hybridyn.errors import ModelError
 OLD_KEYS = ("name_closedloop", "closed_loop_number", "name_spherical")
 """Keys of early side-cars, which named frames by a pattern."""
 
-CLOSURE_TYPES = {"3d": FORMS["point"], "6d": FORMS["fixed"]}
-NAMED_FRAME = re.compile(r"closedloop(\d+)")
-HINGES = ("revolute", "continuous")
 UNIVERSAL = re.compile(r"UJOINT_([XYZ])([XYZ])")
 AXES = {"X": np.array([1.0, 0.0, 0.0]), "Y": np.array([0.0, 1.0, 0.0]), "Z": np.array([0.0, 0.0, 1.0])}
 
@@ -46,14 +43,6 @@ class SideCar(Schema):
     name_mot: list[str] | str | None = None
     joint_name: list[str] | None = None
     joint_type: list[str] | None = None
-
-
-def find_side_car(file: str) -> Path | None:
-    """Give the side-car of a robot file: `X.yaml` beside `X.urdf`, else `robot.yaml` in the same folder."""
-    path = Path(file)
-    name = re.sub(r"(\.urdf)?(\.xacro)?$", "", path.name)
-    candidates = [path.with_name(stem + ending) for stem in (name, "robot") for ending in (".yaml", ".yml")]
-    return next((candidate for candidate in candidates if candidate.is_file()), None)
 
 
 def read_side_car(robot: RobotFile, text: bytes, file: str) -> None:
@@ -101,43 +90,6 @@ def apply_side_car(robot: RobotFile, document: YamlFile) -> None:
         robot.motors.append(MotorStatement("side-car", where, names, document.file, line))
 
 
-def apply_frame_names(robot: RobotFile) -> None:
-    """Close loops by the names of frames, as those models do where no side-car exists.
-
-    Frames that hold `closedloop<N>`, two for every N, are welded (6d); joints that hold `spherical` become
-    balls, those that hold `motor` are driven.
-
-    Raises:
-        ModelError: An N has other than two frames.
-    """
-    frames = {link.name: link.name for link in robot.links}
-    frames |= {joint.name: joint.child for joint in robot.joints}
-    pairs: dict[str, dict[str, None]] = {}
-    for name, link in frames.items():
-        if (match := NAMED_FRAME.search(name)) and "frame" not in name:
-            pairs.setdefault(match[1], {})[link] = None
-    if not pairs or robot.closures:
-        return
-    for number, links in pairs.items():
-        if len(links) != 2:
-            raise ModelError(
-                f"{len(links)} frames are named closedloop{number} instead of two: {listed(links)}; "
-                "list the pairs in a side-car robot.yaml (closed_loop)",
-                file=robot.file,
-            )
-        link_a, link_b = links
-        robot.closures.append(weld_or_point("-".join(links), "6d", link_a, link_b, None))
-    balls = {joint.name for joint in robot.joints if "spherical" in joint.name and joint.kind in HINGES}
-    robot.joints = [replace(j, kind="spherical") if j.name in balls else j for j in robot.joints]
-    motors = tuple(j.name for j in robot.joints if "motor" in j.name and j.kind in (*HINGES, "prismatic"))
-    if motors:
-        robot.motors.append(MotorStatement("names", "joints that are named 'motor'", motors, robot.file))
-    robot.notes.append(
-        "no side-car: frames named closedloop are welded pairwise, "
-        f"{len(balls)} joints named spherical are balls"
-    )
-
-
 def _close(robot: RobotFile, side_car: SideCar, document: YamlFile) -> None:
     pairs = side_car.closed_loop or []
     types = side_car.type
@@ -160,12 +112,6 @@ def _close(robot: RobotFile, side_car: SideCar, document: YamlFile) -> None:
         robot.closures.append(
             weld_or_point("-".join(pair), kind, links[0], links[1], document.lines[place][0])
         )
-
-
-def weld_or_point(name: str, kind: str, link_a: str, link_b: str, line: int | None) -> Closure:
-    """Give the closure that makes the origins (3d) or the whole frames (6d) of two links coincide."""
-    form = CLOSURE_TYPES[kind]
-    return Closure(name, kind, link_a, np.eye(4), link_b, np.eye(4), form.translations, form.rotation, line)
 
 
 def _link_of(robot: RobotFile, name: str, document: YamlFile, place: Place) -> str:

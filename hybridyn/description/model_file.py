@@ -15,7 +15,6 @@ import math
 import re
 import tomllib
 from dataclasses import replace
-from pathlib import Path
 from typing import Annotated
 
 from pydantic import Field, FiniteFloat, ValidationError
@@ -60,14 +59,6 @@ class ModelFile(Schema):
     motors: list[str] | None = None
     home: dict[str, FiniteFloat | list[FiniteFloat]] = Field(default_factory=dict)
     joints: dict[str, JointNumbers] = Field(default_factory=dict)
-
-
-def find_model_file(file: str) -> Path | None:
-    """Give the path of the model file that belongs to a robot file, or None."""
-    path = Path(file)
-    name = re.sub(r"(\.urdf)?(\.xacro)?$", "", path.name)
-    candidates = [path.with_name(f"{name}.model.toml"), path.parent / ".." / "models" / name / "model.toml"]
-    return next((candidate for candidate in candidates if candidate.is_file()), None)
 
 
 def read_model_file(text: bytes, file: str) -> ModelFile:

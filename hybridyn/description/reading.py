@@ -9,8 +9,8 @@ import os
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
-from hybridyn.description.gepetto import apply_frame_names, find_side_car, read_side_car
-from hybridyn.description.model_file import apply_model_file, find_model_file, read_model_file
+from hybridyn.description.companions import find_model_file, find_side_car
+from hybridyn.description.frame_names import apply_frame_names
 from hybridyn.description.motors import choose_motors
 from hybridyn.description.names import listed
 from hybridyn.description.records import Description
@@ -97,6 +97,8 @@ def _read_side_cars(robot: RobotFile, file: str) -> None:
     folder = Path(file).parent
     side_car = find_side_car(file)
     if side_car is not None:
+        from hybridyn.description.gepetto import read_side_car  # pydantic and yaml cost a tenth of a second
+
         read_side_car(robot, read_bytes(str(side_car)), str(side_car))
     else:
         apply_frame_names(robot)
@@ -108,6 +110,8 @@ def _read_model_file(robot: RobotFile, file: str) -> dict[str, tuple[float, ...]
     path = find_model_file(file)
     if path is None:
         return {}
+    from hybridyn.description.model_file import apply_model_file, read_model_file
+
     text = read_bytes(str(path))
     model = read_model_file(text, str(path))
     return apply_model_file(robot, model, text.decode("utf-8"), str(path))

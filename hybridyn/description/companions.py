@@ -1,0 +1,22 @@
+"""Which files beside a robot file belong to it; who reads them is imported only where there is one."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+
+def find_side_car(file: str) -> Path | None:
+    """Give the side-car of a robot file: `X.yaml` beside `X.urdf`, else `robot.yaml` in the same folder."""
+    path = Path(file)
+    name = re.sub(r"(\.urdf)?(\.xacro)?$", "", path.name)
+    candidates = [path.with_name(stem + ending) for stem in (name, "robot") for ending in (".yaml", ".yml")]
+    return next((candidate for candidate in candidates if candidate.is_file()), None)
+
+
+def find_model_file(file: str) -> Path | None:
+    """Give the path of the model file that belongs to a robot file, or None."""
+    path = Path(file)
+    name = re.sub(r"(\.urdf)?(\.xacro)?$", "", path.name)
+    candidates = [path.with_name(f"{name}.model.toml"), path.parent / ".." / "models" / name / "model.toml"]
+    return next((candidate for candidate in candidates if candidate.is_file()), None)
