@@ -18,6 +18,7 @@ def load(
     package_dirs: Sequence[str | PathLike[str]] = (),
     rank_tolerance: float | None = None,
     closure_tolerance: float = 1e-4,
+    held: Sequence[str] = (),
 ) -> HybridRobot:
     """Load a robot from URDF or xacro, with the loop closures its author expressed in any form we read.
 
@@ -33,6 +34,7 @@ def load(
             postures where left out.
         closure_tolerance: Largest closure residual that is accepted as rounding in the file, relative to the
             module's length.
+        held: Passive joints that are never cut away in a wrist, so that effects can act on them.
 
     Raises:
         ModelError: The files are wrong, say something we refuse, or leave the rank of a module in doubt.
@@ -47,4 +49,5 @@ def load(
         gravity=gravity,
         rank_tolerance=rank_tolerance,
         closure_tolerance=closure_tolerance,
+        held=held,
     )

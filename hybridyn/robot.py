@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from .bodies import Bodies
+from .description.names import did_you_mean
 from .description.records import Description
 from .errors import ModelError
 from .kinematics import NQ, NV, Tree, TreeJoint
@@ -23,7 +24,11 @@ from .spatial import Array, spatial_inertia
 from .topology import ModuleGraph, find_modules, leave_whole
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     import pinocchio as pin
+
+    from .effects.inputs import Payload
 
 Base = Literal["fixed", "moving", "floating"]
 
@@ -49,6 +54,9 @@ class HybridRobot:
         bodies: Bodies; the child of URDF joint i (without the root joint) is body i + 1.
         closure_tolerance: Largest closure residual at home and in `assemble`, relative to the module's length.
         home: Home position, shape (nq,).
+        rank_tolerance: What `build_robot` was given.
+        held: Joints that are never cut away in a wrist.
+        payloads: Payloads that were added to the links (`hybridyn.with_effects`).
     """
 
     description: Description
@@ -63,6 +71,9 @@ class HybridRobot:
     bodies: Bodies
     closure_tolerance: float
     home: Array
+    rank_tolerance: float | None = None
+    held: frozenset[str] = frozenset()
+    payloads: tuple[Payload, ...] = ()
 
     @property
     def name(self) -> str:
@@ -88,6 +99,17 @@ class HybridRobot:
     def notes(self) -> tuple[str, ...]:
         """What the reader remarked."""
         return self.description.notes
+
+    @cached_property
+    def joint_index(self) -> dict[str, int]:
+        """For each joint its number in `joints`."""
+        return {name: i for i, name in enumerate(self.joints)}
+
+    @cached_property
+    def cut_joints(self) -> frozenset[str]:
+        """Massless passive joints that were cut away in wrists."""
+        wrists = ((module, wrist) for module in self.modules for wrist in module.mechanism.spec.wrists)
+        return frozenset(module.joints[i] for module, wrist in wrists for i in wrist.joints)
 
     @cached_property
     def body_of_joint(self) -> dict[str, int]:
@@ -128,6 +150,8 @@ def build_robot(
     gravity: tuple[float, float, float] | Array = (0.0, 0.0, -9.81),
     rank_tolerance: float | None = None,
     closure_tolerance: float = 1e-4,
+    held: Iterable[str] = (),
+    payloads: tuple[Payload, ...] = (),
 ) -> HybridRobot:
     """Build a robot from its description.
 
@@ -137,6 +161,8 @@ def build_robot(
         gravity: Acceleration of gravity in the world, shape (3,), [m/s^2].
         rank_tolerance: Relative singular value under which closure rows count as dependent; found where left out.
         closure_tolerance: Largest residual that counts as closed, relative to a module's length.
+        held: Joints that are never cut away in a wrist, so that they can have joint effects.
+        payloads: Payloads that the description has on its links already.
 
     Raises:
         ModelError: The description makes no robot, or the rank of a module's closures is in doubt.
@@ -144,7 +170,8 @@ def build_robot(
     """
     if base not in ("fixed", "moving", "floating"):
         raise ModelError(f"base must be 'fixed', 'moving' or 'floating', not {base!r}")
-    bodies, graphs = find_modules(description)
+    kept = _held(description, held)
+    bodies, graphs = find_modules(description, kept)
     joints = [j.joint.name for j in bodies.joints]
     kinds = [str(j.joint.kind) for j in bodies.joints]
     if base != "fixed":
@@ -161,8 +188,22 @@ def build_robot(
         build.add(graph)
     return HybridRobot(
         description, base, np.asarray(gravity, dtype=float), tuple(build.modules), tuple(joints), tuple(kinds),
-        q_slices, v_slices, tuple(description.motors), bodies, closure_tolerance, home,
+        q_slices, v_slices, tuple(description.motors), bodies, closure_tolerance, home, rank_tolerance, kept, payloads,
     )  # fmt: skip
+
+
+def _held(description: Description, held: Iterable[str]) -> frozenset[str]:
+    """Give the joints that must not be cut: those named, and those with an effect of the robot's own.
+
+    Raises:
+        ModelError: A name is no movable joint.
+    """
+    movable = [joint.name for joint in description.joints if joint.kind != "fixed"]
+    for name in held:
+        if name not in movable:
+            raise ModelError(f"held: no such movable joint '{name}'{did_you_mean(name, movable)}", element=name)
+    tables = [numbers for _, values in description.effects for numbers in values.values() if isinstance(numbers, dict)]
+    return frozenset(held) | {name for numbers in tables for name in numbers if name in movable}
 
 
 def _home(description: Description, bodies: Bodies, kinds: list[str], base: str) -> Array:

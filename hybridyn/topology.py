@@ -48,8 +48,10 @@ class ModuleGraph:
     legs: list[list[int]] = field(default_factory=list)
 
 
-def find_modules(description: Description) -> tuple[Bodies, list[ModuleGraph]]:
-    """Cut a robot into modules, bases before what they carry."""
+def find_modules(
+    description: Description, held: frozenset[str] = frozenset()
+) -> tuple[Bodies, list[ModuleGraph]]:
+    """Cut a robot into modules, bases before what they carry; joints in `held` are never cut."""
     bodies = merge_fixed_joints(description)
     closures = [body_closure(bodies, c, description) for c in description.closures]
     number = {j.joint.name: i for i, j in enumerate(bodies.joints)}
@@ -68,9 +70,9 @@ def find_modules(description: Description) -> tuple[Bodies, list[ModuleGraph]]:
     for module in modules.values():
         if module.base:
             modules[owner[module.base - 1]].carried.append(module.base)
-    driven = {number[name] for name in description.motors}
+    kept = {number[name] for name in (*description.motors, *held)}
     for module in modules.values():
-        _cut(bodies, module, driven)
+        _cut(bodies, module, kept)
     return bodies, list(modules.values())
 
 

@@ -7,7 +7,7 @@ homogeneous matrix, "frame B in A": coordinates of B's axes and origin in A.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -149,6 +149,7 @@ class Description:
             Pinocchio coordinates; joints not named are at zero.
         notes: Remarks of the reader that a user should see (never an ignored closure).
         source: Path of the robot file, or None.
+        effects: Physical effects of the robot's own, pairs (name, the effect's numbers by parameter).
     """
 
     name: str
@@ -161,6 +162,7 @@ class Description:
     home: dict[str, tuple[float, ...]] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     source: str | None = None
+    effects: tuple[tuple[str, dict[str, Any]], ...] = ()
 
     @property
     def root(self) -> str:
