@@ -1,0 +1,37 @@
+"""Physical effects: only what is named is computed.
+
+One small unit per effect, each stating its law, units and source. They act in four places: terms of the recursions
+(`recursion`), efforts and inertia on joints (`joints`), wrenches on links (`links`), and changes of the robot or of
+what goes into a recursion (`inputs`). `choose` finds them in a robot.
+"""
+
+from .choice import DEFAULT, UNITS, Effects, choose
+from .inputs import BaseMotion, Limits, Payload
+from .joints import CoulombFriction, Damper, RotorInertia, Spring, Stop, StribeckFriction, ViscousFriction
+from .links import GroundContact, Wrench
+from .rebuild import with_effects
+from .recursion import Gravity, Inertia, LegInertia, VelocityTerms
+
+__all__ = [
+    "DEFAULT",
+    "UNITS",
+    "BaseMotion",
+    "CoulombFriction",
+    "Damper",
+    "Effects",
+    "Gravity",
+    "GroundContact",
+    "Inertia",
+    "LegInertia",
+    "Limits",
+    "Payload",
+    "RotorInertia",
+    "Spring",
+    "Stop",
+    "StribeckFriction",
+    "VelocityTerms",
+    "ViscousFriction",
+    "Wrench",
+    "choose",
+    "with_effects",
+]

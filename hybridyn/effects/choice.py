@@ -1,0 +1,257 @@
+"""Which effects one call computes: names and objects, found in the robot once."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..description.names import did_you_mean, listed
+from ..errors import ModelError, TrajectoryError
+from ..spatial import Array
+from .inputs import BaseMotion, Limits, Payload
+from .joints import (
+    CoulombFriction,
+    Damper,
+    OnJoints,
+    RotorInertia,
+    Spring,
+    Stop,
+    StribeckFriction,
+    ViscousFriction,
+    placed,
+)
+from .links import GroundContact, Wrench
+from .recursion import Gravity, Inertia, LegInertia, VelocityTerms
+
+if TYPE_CHECKING:
+    from ..forward import ModuleState
+    from ..rigid_motion import RigidMotion
+    from ..robot import HybridRobot
+
+JOINTS = (RotorInertia, ViscousFriction, CoulombFriction, StribeckFriction, Spring, Damper, Stop)
+LINKS = (Wrench, GroundContact)
+UNITS: dict[str, type[Any]] = {
+    unit.name: unit
+    for unit in (Gravity, Inertia, LegInertia, VelocityTerms, *JOINTS, *LINKS, Payload, BaseMotion, Limits)
+}
+"""Every effect by name."""
+
+DEFAULT = ("gravity", "inertia", "leg_inertia", "velocity")
+"""What `effects=None` means, and the word "default"."""
+
+FROM_FILES = ("rotor_inertia", "viscous_friction", "coulomb_friction")
+"""Effects whose numbers stand with the joints in URDF or model.toml."""
+
+WORDS = ("default", "model", "none")
+
+
+@dataclass(frozen=True)
+class Effects:
+    """The effects of one call, found in one robot; what is None or empty is not computed.
+
+    Attributes:
+        gravity: Weights, or None.
+        inertia: Inertial forces, or None for statics.
+        leg_inertia: The legs' mass, or None.
+        velocity: Velocity terms, or None.
+        joints: Laws of joint efforts.
+        rotors: Rotors' inertia.
+        links: Laws of wrenches on links.
+        limits: Effort limits, or None.
+        base: The base's prescribed motion, or None.
+        names: Names of the effects that are on, payloads too.
+    """
+
+    gravity: Gravity | None = None
+    inertia: Inertia | None = None
+    leg_inertia: LegInertia | None = None
+    velocity: VelocityTerms | None = None
+    joints: tuple[OnJoints, ...] = ()
+    rotors: tuple[OnJoints, ...] = ()
+    links: tuple[Wrench | GroundContact, ...] = ()
+    limits: Limits | None = None
+    base: BaseMotion | None = None
+    names: tuple[str, ...] = ()
+
+    @property
+    def absent(self) -> tuple[str, ...]:
+        """Names of the effects that are off."""
+        return tuple(name for name in UNITS if name not in self.names)
+
+    def leg_forces(self, s: ModuleState) -> tuple[Array, Array]:
+        """Give F_b, shape (T, 6), and H, shape (T, n), of a module's legs."""
+        if self.leg_inertia is None:
+            return np.zeros_like(s.V), np.zeros_like(s.v)
+        V, v = self.velocity.twists(s) if self.velocity else (np.zeros_like(s.V), np.zeros_like(s.v))
+        return self.leg_inertia.forces(s, V, v)
+
+    def leg_bias(self, s: ModuleState) -> tuple[Array, Array]:
+        """Give p, shape (T, 6), and h, shape (T, n), of a module's legs."""
+        if self.leg_inertia is None or self.velocity is None:
+            return np.zeros_like(s.V), np.zeros_like(s.v)
+        return self.leg_inertia.bias(s)
+
+    def leg_matrix(self, s: ModuleState) -> Array:
+        """Give M_leg, shape (T, 6 + n, 6 + n)."""
+        if self.leg_inertia is None:
+            n = 6 + s.mechanism.tree.nv
+            return np.zeros((len(s.V), n, n))
+        return self.leg_inertia.matrix(s)
+
+    def body_bias(self, V: Array, inertia: Array) -> Array:
+        """Give crf(V) (I V) of a platform, shape (T, 6)."""
+        return self.velocity.of_body(V, inertia) if self.velocity else np.zeros_like(V)
+
+    def joint_efforts(self, robot: HybridRobot, q: Array, v: Array) -> Array | None:
+        """Give the efforts of joint laws on the spanning tree, shape (T, nv), or None where there is no law."""
+        if not self.joints:
+            return None
+        out = np.zeros((len(q), robot.nv))
+        for law in self.joints:
+            np.add.at(out, (slice(None), law.columns), law.effort(q, v))
+        return out
+
+    def rotor_diagonal(self, robot: HybridRobot) -> Array | None:
+        """Give what rotors add to the diagonal of the spanning tree's inertia, shape (nv,), or None."""
+        if not self.rotors:
+            return None
+        out = np.zeros(robot.nv)
+        for law in self.rotors:
+            np.add.at(out, law.columns, law.effect.diagonal(law.p))  # type: ignore[attr-defined]
+        return out
+
+    def link_motions(self, robot: HybridRobot, q: Array, v: Array) -> dict[str, RigidMotion]:
+        """Give the motion in the world of the links that some law looks at."""
+        from ..link_motion import link_motions
+
+        wanted = [link for law in self.links if law.needs_motion for link in law.links]
+        return link_motions(robot, q, v, wanted) if wanted else {}
+
+    def wrenches(
+        self, robot: HybridRobot, q: Array, v: Array, time: Array | None, given: Mapping[str, Array] | None
+    ) -> Mapping[str, Array] | None:
+        """Give the wrenches on links, those given by the caller and those of the laws, by link.
+
+        Raises:
+            TrajectoryError: A law follows a table and there is no time, or its table is too short.
+        """
+        if not self.links:
+            return given
+        motions = self.link_motions(robot, q, v)
+        out = {link: np.asarray(wrench, dtype=float) for link, wrench in (given or {}).items()}
+        for law in self.links:
+            if law.needs_time and time is None:
+                raise TrajectoryError(f"the effect '{law.name}' follows a table: pass time=")
+            for link, wrench in law.wrenches(time, motions, len(q)).items():
+                out[link] = out[link] + wrench if link in out else wrench
+        return out
+
+
+STANDARD = Effects(Gravity(), Inertia(), LegInertia(), VelocityTerms(), names=DEFAULT)
+"""What `effects=None` means."""
+
+Choice = str | Iterable[Any] | Effects | None
+
+
+def choose(robot: HybridRobot, effects: Choice) -> Effects:
+    """Find the effects of a call in a robot.
+
+    Args:
+        robot: The robot.
+        effects: None or "default" for gravity, inertia, the legs' inertia and velocity terms; "model" for those and
+            all that the robot's files state; "none"; or names (these words among them) and effect objects. What is
+            not named is not computed: `["default", Spring({"elbow": 40.0})]` adds a spring.
+
+    Raises:
+        ModelError: An unknown name, an effect without numbers, or effects that contradict each other.
+    """
+    if effects is None:
+        return STANDARD
+    if isinstance(effects, Effects):
+        return effects
+    units = listed_units(robot, effects)
+    names = tuple(name for name in UNITS if any(unit.name == name for unit in units))
+    for part in ("velocity", "rotor_inertia"):
+        if part in names and "inertia" not in names:
+            raise ModelError(f"the effect '{part}' needs 'inertia': without inertia there is only statics")
+    for payload in (unit for unit in units if isinstance(unit, Payload)):
+        if payload not in robot.payloads:
+            raise ModelError(
+                f"the robot does not carry the payload on '{payload.link}' yet: take it from "
+                "hybridyn.with_effects(robot, effects)", element=payload.link,
+            )  # fmt: skip
+    for unit in units:
+        for link in unit.links if isinstance(unit, LINKS) else ():
+            if link not in robot.bodies.place:
+                raise ModelError(f"{unit.name}: no such link '{link}'{did_you_mean(link, robot.bodies.place)}", element=link)
+    laws = [law for unit in units if isinstance(unit, JOINTS) and (law := placed(unit, robot))]
+
+    def one(kind: type[Any]) -> Any:
+        found = [unit for unit in units if isinstance(unit, kind)]
+        if len(found) > 1:
+            raise ModelError(f"the effect '{kind.name}' is named {len(found)} times")
+        return found[0] if found else None
+
+    return Effects(
+        one(Gravity), one(Inertia), one(LegInertia), one(VelocityTerms),
+        tuple(law for law in laws if not isinstance(law.effect, RotorInertia)),
+        tuple(law for law in laws if isinstance(law.effect, RotorInertia)),
+        tuple(unit for unit in units if isinstance(unit, LINKS)), one(Limits), one(BaseMotion), names,
+    )  # fmt: skip
+
+
+def listed_units(robot: HybridRobot, effects: Choice) -> list[Any]:
+    """Give the effect objects that names and objects stand for, each name once.
+
+    Raises:
+        ModelError: An unknown name, or a name whose numbers the robot's files do not state.
+    """
+    words = [effects] if isinstance(effects, str) else list(effects or DEFAULT)  # type: ignore[arg-type]
+    units: list[Any] = []
+    names: list[str] = []
+    for word in words:
+        if type(word) in UNITS.values():
+            units.append(word)
+        elif isinstance(word, str):
+            names += _meaning(robot, word)
+        else:
+            raise ModelError(f"{word!r} is no effect: give names or objects of hybridyn.effects")
+    for name in dict.fromkeys(names):
+        units += _stated(robot, name)
+    return units
+
+
+def _meaning(robot: HybridRobot, word: str) -> tuple[str, ...]:
+    """Give the names that a word stands for."""
+    if word == "none":
+        return ()
+    if word == "default":
+        return DEFAULT
+    if word == "model":
+        return (*DEFAULT, *FROM_FILES, *(name for name, _ in robot.description.effects))
+    if word not in UNITS:
+        raise ModelError(
+            f"there is no effect '{word}'{did_you_mean(word, (*UNITS, *WORDS))}; known: "
+            f"{', '.join((*WORDS, *UNITS))}", element=word,
+        )  # fmt: skip
+    return (word,)
+
+
+def _stated(robot: HybridRobot, name: str) -> list[Any]:
+    """Give the objects of a named effect, with the numbers of the robot's files.
+
+    Raises:
+        ModelError: The files state none.
+    """
+    tables = [values for stated, values in robot.description.effects if stated == name]
+    if tables:
+        return [UNITS[name](**values) for values in tables]
+    if name in DEFAULT or name in FROM_FILES or name == "limits":
+        return [UNITS[name]()]
+    raise ModelError(
+        f"the robot's files state no numbers for the effect '{name}': give an object, hybridyn.effects."
+        f"{UNITS[name].__name__}(...), or a table [effects.{name}] in {listed(['model.toml'])}", element=name,
+    )  # fmt: skip

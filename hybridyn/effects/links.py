@@ -1,0 +1,221 @@
+"""Effects on links: wrenches as functions of time, positions and rates."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, ClassVar, Protocol
+
+import numpy as np
+
+from ..errors import ModelError, TrajectoryError
+from ..rigid_motion import RigidMotion
+from ..spatial import Array, cross, rotate, rotate_back
+from .joints import WIDTH
+
+
+class LinkEffect(Protocol):
+    """A law of wrenches on links.
+
+    Attributes:
+        name: Name of the effect.
+        links: Names of its links.
+        needs_time: Whether it depends on time.
+        needs_motion: Whether it depends on where the links are and how they move.
+    """
+
+    name: ClassVar[str]
+
+    @property
+    def links(self) -> tuple[str, ...]: ...  # noqa: D102
+    @property
+    def needs_time(self) -> bool: ...  # noqa: D102
+    @property
+    def needs_motion(self) -> bool: ...  # noqa: D102
+
+    def wrenches(self, time: Array | None, motions: Mapping[str, RigidMotion], samples: int) -> dict[str, Array]:
+        """Give wrenches ON links in their frames at their origins, shape (samples, 6), [N, N m]."""
+        ...
+
+    def energy(self, motions: Mapping[str, RigidMotion]) -> Array:
+        """Give the energy stored, shape (T,), [J]."""
+        ...
+
+    def power(self, motions: Mapping[str, RigidMotion]) -> Array:
+        """Give the power lost, shape (T,), [W]."""
+        ...
+
+
+def at_times(name: str, table_time: Array, time: Array) -> None:
+    """Refuse times outside a table.
+
+    Raises:
+        TrajectoryError: A time lies before the first row or after the last.
+    """
+    out = np.flatnonzero((time < table_time[0]) | (time > table_time[-1]))
+    if len(out):
+        raise TrajectoryError(
+            f"{name}: its table runs from {table_time[0]:g} s to {table_time[-1]:g} s; t = {time[out[0]]:g} s is outside"
+        )
+
+
+def table(name: str, time: Any, values: Any, width: int) -> tuple[Array, Array]:
+    """Check a table over time.
+
+    Returns:
+        Times, shape (rows,), and values, shape (rows, width).
+
+    Raises:
+        ModelError: Wrong shape, not finite, or times that do not grow.
+    """
+    t, x = np.asarray(time, dtype=float), np.asarray(values, dtype=float)
+    if t.ndim != 1 or len(t) < 2 or x.shape != (len(t), width):
+        raise ModelError(f"{name}: a table needs two rows or more: times (rows,) and values (rows, {width}), not "
+                         f"{t.shape} and {x.shape}")  # fmt: skip
+    if not (np.isfinite(t).all() and np.isfinite(x).all() and (np.diff(t) > 0).all()):
+        raise ModelError(f"{name}: a table's numbers must be finite and its times grow")
+    return t, x
+
+
+@dataclass(frozen=True, eq=False)
+class Wrench:
+    """A wrench on a link, constant or linear between the rows of a table.
+
+    `wrench` [N, N m]: force and moment at the link's origin, shape (6,) or, with `time` [s], (rows, 6); `frame`: axes
+    of the "link" or of the "world". Its work is counted as supplied, not as stored.
+    """
+
+    link: str
+    wrench: Sequence[float] | Array
+    time: Sequence[float] | Array | None = None
+    frame: str = "link"
+    name: ClassVar[str] = "wrench"
+
+    def __post_init__(self) -> None:
+        if self.frame not in ("link", "world"):
+            raise ModelError(f"{self.name}: frame must be 'link' or 'world', not {self.frame!r}", element=self.link)
+        if self.time is not None:
+            table(f"{self.name} on '{self.link}'", self.time, self.wrench, 6)
+        elif np.shape(self.wrench) != (6,) or not np.isfinite(self.wrench).all():
+            raise ModelError(f"{self.name} on '{self.link}': six finite numbers wanted", element=self.link)
+
+    @property
+    def links(self) -> tuple[str, ...]:
+        """The link."""
+        return (self.link,)
+
+    @property
+    def needs_time(self) -> bool:
+        """True for a table."""
+        return self.time is not None
+
+    @property
+    def needs_motion(self) -> bool:
+        """True in world axes."""
+        return self.frame == "world"
+
+    def wrenches(self, time: Array | None, motions: Mapping[str, RigidMotion], samples: int) -> dict[str, Array]:
+        """Give the wrench at each sample."""
+        if self.time is None:
+            W = np.tile(np.asarray(self.wrench, dtype=float), (samples, 1))
+        else:
+            assert time is not None
+            rows_time, rows = np.asarray(self.time, dtype=float), np.asarray(self.wrench, dtype=float)
+            at_times(f"{self.name} on '{self.link}'", rows_time, time)
+            W = np.stack([np.interp(time, rows_time, column) for column in rows.T], axis=1)
+        if self.frame == "world":
+            R = motions[self.link].R
+            W = np.concatenate([rotate_back(R, W[:, :3]), rotate_back(R, W[:, 3:])], axis=1)
+        return {self.link: W}
+
+    def energy(self, motions: Mapping[str, RigidMotion]) -> Array:
+        """Give nothing."""
+        return np.zeros(())
+
+    def power(self, motions: Mapping[str, RigidMotion]) -> Array:
+        """Give nothing: it loses none."""
+        return np.zeros(())
+
+
+@dataclass(frozen=True)
+class GroundContact:
+    """Points of links on compliant, unilateral ground, the plane z = height of the world.
+
+    A point that is d below it is pushed up by N = k d max(0, 1 + c d_dot), never pulled, and sideways by
+    -mu N tanh(|s| / width) s / |s| against its sliding velocity s. `points`: points in the link's frame by link [m];
+    `stiffness`: k [N/m]; `damping`: c [s/m]; `friction`: mu; `width` [m/s]; `height` [m]. Penetration is part of the
+    model: a weight W on one point rests W / k deep, and on slopes points creep (the friction is smoothed).
+    Source: Hunt & Crossley (1975), J. Appl. Mech. 42, with exponent one.
+    """
+
+    points: Mapping[str, Sequence[Sequence[float]]]
+    stiffness: float
+    damping: float = 0.0
+    friction: float = 0.0
+    width: float = WIDTH
+    height: float = 0.0
+    name: ClassVar[str] = "ground_contact"
+    needs_time: ClassVar[bool] = False
+    needs_motion: ClassVar[bool] = True
+
+    def __post_init__(self) -> None:
+        for what in ("stiffness", "damping", "friction"):
+            value = getattr(self, what)
+            if not (np.isfinite(value) and value >= 0):
+                raise ModelError(f"{self.name}: {what} must be finite and not negative, not {value:g}")
+        if not (np.isfinite(self.width) and self.width > 0 and np.isfinite(self.height)):
+            raise ModelError(f"{self.name}: width must be positive and height finite")
+        for link in self.points:
+            if not np.isfinite(self._points[link]).all() or self._points[link].ndim != 2:
+                raise ModelError(f"{self.name}: points of '{link}' must be triples of finite numbers", element=link)
+
+    @cached_property
+    def _points(self) -> dict[str, Array]:
+        return {link: np.asarray(points, dtype=float).reshape(len(points), -1) for link, points in self.points.items()}
+
+    @property
+    def links(self) -> tuple[str, ...]:
+        """The links with points."""
+        return tuple(self.points)
+
+    def _touch(self, m: RigidMotion, point: Array) -> tuple[Array, Array, Array, Array]:
+        """Give arm and velocity of a point, its penetration, and the force on it, world axes."""
+        arm = rotate(m.R, np.tile(point, (len(m.p), 1)))
+        velocity = m.pd + cross(m.w, arm)
+        depth = np.maximum(self.height - m.p[:, 2] - arm[:, 2], 0.0)
+        normal = self.stiffness * depth * np.maximum(1.0 - self.damping * velocity[:, 2], 0.0)
+        slide = velocity[:, :2]
+        speed = np.linalg.norm(slide, axis=1)
+        moving = np.where(speed > 0, speed, 1.0)
+        grip = self.friction * normal * np.where(speed > 0, np.tanh(speed / self.width) / moving, 0.0)
+        force = np.concatenate([-grip[:, None] * slide, normal[:, None]], axis=1)
+        return arm, velocity, depth, force
+
+    def wrenches(self, time: Array | None, motions: Mapping[str, RigidMotion], samples: int) -> dict[str, Array]:
+        """Give the ground's wrench on each link."""
+        out = {}
+        for link, points in self._points.items():
+            m, W = motions[link], np.zeros((samples, 6))
+            for point in points:
+                arm, _, _, force = self._touch(m, point)
+                W[:, :3] += rotate_back(m.R, force)
+                W[:, 3:] += rotate_back(m.R, cross(arm, force))
+            out[link] = W
+        return out
+
+    def energy(self, motions: Mapping[str, RigidMotion]) -> Array:
+        """Give the sum of k d^2 / 2."""
+        touches = [self._touch(motions[link], point) for link, points in self._points.items() for point in points]
+        return np.sum([0.5 * self.stiffness * depth**2 for _, _, depth, _ in touches], axis=0)
+
+    def power(self, motions: Mapping[str, RigidMotion]) -> Array:
+        """Give what the forces take beyond the change of energy stored."""
+        lost = np.zeros(())
+        for link, points in self._points.items():
+            for point in points:
+                _, velocity, depth, force = self._touch(motions[link], point)
+                lost = lost + self.stiffness * depth * velocity[:, 2] - np.sum(force * velocity, axis=1)
+        return lost
+
+

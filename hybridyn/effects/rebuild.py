@@ -1,0 +1,48 @@
+"""`with_effects`: the robot that some effects need."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from .choice import JOINTS, Choice, Effects, listed_units
+from .inputs import BaseMotion, Payload
+
+if TYPE_CHECKING:
+    from ..robot import HybridRobot
+
+
+def with_effects(robot: HybridRobot, effects: Choice) -> HybridRobot:
+    """Give the robot rebuilt as effects need it, or the same one where they need nothing.
+
+    Payloads go onto their links (under whatever effects are named later), joints with an effect are held: not cut
+    away in a wrist; a prescribed base puts a free-flyer first in q, v, a.
+
+    Args:
+        robot: The robot.
+        effects: As `choose` takes them.
+
+    Raises:
+        ModelError: An unknown effect or link, or a floating base that is to be prescribed.
+    """
+    from ..errors import ModelError
+    from ..robot import build_robot
+
+    if effects is None or isinstance(effects, Effects):
+        return robot
+    units = listed_units(robot, effects)
+    joints = {name for unit in units if isinstance(unit, JOINTS) for name in unit.numbers(robot)}
+    payloads = [unit for unit in units if isinstance(unit, Payload) and unit not in robot.payloads]
+    held, base = robot.held | (joints & robot.cut_joints), robot.base
+    if any(isinstance(unit, BaseMotion) for unit in units):
+        if base == "floating":
+            raise ModelError("base_motion: the robot's base floats; its motion cannot be prescribed")
+        base = "moving"
+    if held == robot.held and base == robot.base and not payloads:
+        return robot
+    description = robot.description
+    for payload in payloads:
+        description = payload.onto(description)
+    return build_robot(
+        description, base=base, gravity=robot.gravity, rank_tolerance=robot.rank_tolerance,
+        closure_tolerance=robot.closure_tolerance, held=held, payloads=(*robot.payloads, *payloads),
+    )  # fmt: skip
