@@ -107,8 +107,11 @@ def _least_norm(
             f"module '{module.name}': its motors lose a direction at sample {sample} (parallel singularity; condition "
             f"number {condition:.1e}, limit {1 / SINGULAR:.0e}; motor '{worst}' is most concerned). "
             'Move the trajectory away from it, or pass on_singular="least-norm"',
-            module=module.name, what="motors", condition=condition, sample=sample,
-        )  # fmt: skip
+            module=module.name,
+            what="motors",
+            condition=condition,
+            sample=sample,
+        )
     y = np.where(keep, np.einsum("tji,tj->ti", U, Q) / np.where(keep, s, 1.0), 0.0)
     out: Array = np.einsum("tji,tj->ti", Vt, y) * share
     return out
@@ -131,7 +134,7 @@ def _share(robot: HybridRobot, module: Module, sharing: Sharing) -> Array:
             f"module '{module.name}': {len(module.motors)} motors, some in N and some in N m, share {module.mobility} "
             "freedoms. Give weights, or an effort limit for each motor, so that their efforts compare",
             module=module.name,
-        )  # fmt: skip
+        )
     return np.ones(len(limits))
 
 
@@ -150,5 +153,8 @@ def _check_driven(module: Module, Psi: Array, missing: Array, size: Array, shari
         f"module '{module.name}': {len(module.motors)} motors for {module.mobility} freedoms; no motor can produce the "
         f"{lack[t]:.3g} N m that the motion of {joint} needs at sample {t} (largest term {size[t]:.3g} N m). "
         + (sharing.passive_hint or "Add a motor there"),
-        module=module.name, direction=joint, size=float(lack[t]), sample=t,
-    )  # fmt: skip
+        module=module.name,
+        direction=joint,
+        size=float(lack[t]),
+        sample=t,
+    )

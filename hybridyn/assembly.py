@@ -128,7 +128,9 @@ def _task(robot: HybridRobot, module: Module, request: ModuleRequest) -> Task:
         m.closures, m.reduction.row_scale, m.reduction.col_scale, free, request.targets, rank, blocks
     )
     names = [module.row_name(i) for i in range(m.closures.rows)]
-    names += [f"target on '{n}'" for t, n in zip(request.targets, request.names, strict=True) for _ in t.units]
+    names += [
+        f"target on '{n}'" for t, n in zip(request.targets, request.names, strict=True) for _ in t.units
+    ]
     tolerance = max(robot.closure_tolerance, 1e-12)
     return Task(problem, request.known, request.given, tolerance, module.name, names)
 

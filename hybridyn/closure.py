@@ -208,9 +208,7 @@ class Closures:
         rows: Number of rows in all.
     """
 
-    def __init__(
-        self, tree: Tree, closures: list[TreeClosure], couplings: list[TreeCoupling]
-    ) -> None:
+    def __init__(self, tree: Tree, closures: list[TreeClosure], couplings: list[TreeCoupling]) -> None:
         self.tree, self.closures, self.couplings = tree, tuple(closures), tuple(couplings)
         ends = np.cumsum([0] + [c.rows for c in closures] + [1] * len(couplings))
         self.row_slices = [slice(int(a), int(b)) for a, b in zip(ends, ends[1:], strict=False)]

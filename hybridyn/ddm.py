@@ -310,9 +310,7 @@ def _least_norm(item: ArticulatedModule, u_dot: Array) -> None:
         u_dot[t] -= null @ least_squares((Psi @ null)[None], x[None])[0]
 
 
-def _refuse_forced(
-    module: Module, basis: Basis, inertia: InertiaFactor, left: Array, size: Array
-) -> None:
+def _refuse_forced(module: Module, basis: Basis, inertia: InertiaFactor, left: Array, size: Array) -> None:
     """Refuse a force on a motion without inertia.
 
     Raises:
@@ -328,5 +326,8 @@ def _refuse_forced(
     raise SingularityError(
         f"module '{module.name}': the motion of {name} has no inertia, and a force of {force[t]:.3g} N m acts on it at "
         f"sample {t}: its acceleration is not defined. Give the bodies it moves a mass, or drive it by position",
-        module=module.name, what="inertia", condition=np.inf, sample=t,
-    )  # fmt: skip
+        module=module.name,
+        what="inertia",
+        condition=np.inf,
+        sample=t,
+    )

@@ -62,8 +62,9 @@ def _refuse_open(module: Module, problem: LoopProblem, motion: Array) -> None:
         f"module '{module.name}': what is given leaves {motion.shape[1]} of its {module.mobility} freedoms open; {worst} "
         f"could still move. Give {module.mobility} positions of its motors or coordinates of its platform"
         + (f" (motors: {', '.join(module.motors)})" if module.motors else ""),
-        module=module.name, open_freedoms=motion.shape[1],
-    )  # fmt: skip
+        module=module.name,
+        open_freedoms=motion.shape[1],
+    )
 
 
 def full_rank_blocks(generic: Array, free: Array) -> list[Block]:

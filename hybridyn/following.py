@@ -149,9 +149,7 @@ def _on_branch_of(task: Task, guess: Array, found: Array) -> Array:
         return found
     motion = problem.tree.sweep(start.q)
     targets = [t.from_here(motion) for t in problem.targets]
-    way = replace(
-        task, problem=replace(problem, targets=targets), known=np.vstack([start.q, task.known[:1]])
-    )
+    way = replace(task, problem=replace(problem, targets=targets), known=np.vstack([start.q, task.known[:1]]))
     path = np.vstack([start.q, found])
     if _steps_as_predicted(way, path, np.zeros(1, dtype=int))[0]:
         return found
@@ -171,8 +169,12 @@ def unreachable(task: Task, result: Closed, sample: int, iterations: int) -> Ass
         f"{result.residual[at]:.2g} of the module's length (limit {task.tolerance:.0e}) after {iterations} iterations. "
         "The target is out of reach, or contradicts another one; move it, give a better guess, or, where the file is "
         "rounded that much, raise closure_tolerance",
-        module=task.module, leg=worst, sample=sample, residual=float(result.residual[at]), iterations=iterations,
-    )  # fmt: skip
+        module=task.module,
+        leg=worst,
+        sample=sample,
+        residual=float(result.residual[at]),
+        iterations=iterations,
+    )
 
 
 def _coarse_to_fine(task: Task, start: Array, samples: Array) -> tuple[Array, Array]:
@@ -273,5 +275,8 @@ def _lost(task: Task, q: Array, sample: int) -> AssemblyError:
     return AssemblyError(
         f"module '{task.module}': no continuous motion leads from sample {sample} to sample {sample + 1}: the posture "
         f"would jump to another assembly branch. Move the trajectory away from the singularity between them",
-        module=task.module, sample=sample + 1, residual=float(result.residual[0]), iterations=result.iterations,
-    )  # fmt: skip
+        module=task.module,
+        sample=sample + 1,
+        residual=float(result.residual[0]),
+        iterations=result.iterations,
+    )

@@ -197,6 +197,40 @@ def check_closed(robot: HybridRobot, states: list[ModuleState], q: Array, accele
             second = np.einsum("tij,tj->ti", state.K, state.a) + drift
             size = np.abs(state.a / unit).max(axis=1, initial=0.0) + speed**2
             _refuse(state.module, np.abs(second * scale), slack * size, "accelerations", "accelerating apart")
+        _check_wrists(state, slack, accelerations)
+
+
+def _check_wrists(state: ModuleState, slack: float, accelerations: bool) -> None:
+    """Refuse rates and accelerations of wrists that were cut whose ends leave their targets; gimbal lock excuses."""
+    m, s = state.mechanism, state.spanning
+    welded = [i for i, wrist in enumerate(m.spec.wrists) if not wrist.carries]
+    if not welded:
+        return
+    end = np.array([m.spec.wrists[i].end for i in welded])
+    target = np.array([m.spec.wrists[i].target for i in welded])
+    p, pd, w, pdd, wd = (select(x, end) - select(x, target) for x in (s.p, s.pd, s.w, s.pdd, s.wd))
+    w0 = select(s.w, target)
+    sweep = cross(w0, p)
+    numbers = np.concatenate([m.wrist_columns(i) for i in welded])
+    unit = m.spanning_col_scale[numbers]
+    speed = np.maximum(
+        np.abs(state.v / m.reduction.col_scale).max(axis=1, initial=0.0),
+        np.abs(state.spanning_v[:, numbers] / unit).max(axis=1),
+    )
+    misses = [("rates", "opening", pd - sweep, w, speed)]
+    if accelerations:
+        apart = pdd - cross(select(s.wd, target), p) - cross(w0, sweep)
+        size = np.maximum(
+            np.abs(state.a / m.reduction.col_scale).max(axis=1, initial=0.0),
+            np.abs(state.spanning_a[:, numbers] / unit).max(axis=1),
+        )
+        misses.append(("accelerations", "accelerating apart", apart, wd, size + speed**2))
+    for what, how, linear, angular, size in misses:
+        miss = np.abs(np.concatenate([linear / m.length, angular], axis=-1))
+        for t, i in np.argwhere((miss > slack * size[:, None, None]).any(axis=-1)):
+            if is_locked(m.wrist_rates(s.take(np.array([t])), welded[i]))[0]:
+                miss[t, i] = 0.0
+        _refuse(state.module, miss.reshape(len(miss), -1), slack * size, what, how)
 
 
 def _refuse(module: Module, value: Array, limit: Array, what: str, how: str) -> None:
@@ -213,5 +247,7 @@ def _refuse(module: Module, value: Array, limit: Array, what: str, how: str) -> 
         f"module '{module.name}'{name}: the {what} do not close the loops at sample {sample}: {how} by "
         f"{value[sample, row]:.2g} (limit {limit[sample]:.2g}, relative to the module's length "
         f"{module.mechanism.length:g} m). Take q, v, a from hybridyn.assemble",
-        module=module.name, sample=int(sample), residual=float(value[sample, row]),
-    )  # fmt: skip
+        module=module.name,
+        sample=int(sample),
+        residual=float(value[sample, row]),
+    )

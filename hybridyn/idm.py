@@ -90,7 +90,9 @@ def idm(
     states = forward(robot, q, v, a)
     check_closed(robot, states, q, accelerations=True)
     hint = (
-        'Give the accelerations that need no effort there, or pass passive="solved"' if passive == "given" else ""
+        'Give the accelerations that need no effort there, or pass passive="solved"'
+        if passive == "given"
+        else ""
     )
     sharing = Sharing(_weights(robot, weights), on_singular, hint)
     result = Reactions.empty(len(q)) if reactions else None
@@ -109,15 +111,22 @@ def reactions_of(robot: HybridRobot, q: Array, v: Array, a: Array, tau: Array, l
 
 
 def _backward(
-    robot: HybridRobot, states: list[ModuleState], loads: Loads, sharing: Sharing | None, tau: Array,
-    result: Reactions | None, given: tuple[Array, Array, Array],
-) -> None:  # fmt: skip
+    robot: HybridRobot,
+    states: list[ModuleState],
+    loads: Loads,
+    sharing: Sharing | None,
+    tau: Array,
+    result: Reactions | None,
+    given: tuple[Array, Array, Array],
+) -> None:
     """Run the backward recursion: from what each output must receive to efforts and the base's wrench.
 
     Fills in `tau` (unless `sharing` is None: efforts are known) and `result` (unless None).
     """
     T = len(given[0])
-    received = [np.zeros((T, len(s.module.outputs), 6)) for s in states]  # sum over children of F_k, outputs' frames
+    received = [
+        np.zeros((T, len(s.module.outputs), 6)) for s in states
+    ]  # sum over children of F_k, outputs' frames
     summed = [np.zeros((T, len(s.module.outputs))) for s in states]  # the same without cancellation, as work
     root = np.zeros((T, 6))
     for k in reversed(range(len(states))):

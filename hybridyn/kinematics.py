@@ -98,7 +98,10 @@ class Motion:
 
     def take(self, samples: Array) -> Motion:
         """Give the motion at some samples (numbers or a mask)."""
-        kept = (np.ascontiguousarray(x.transpose(*range(1, x.ndim), 0)[..., samples]) for x in (self.R, self.p, self.w, self.pd, self.wd, self.pdd))
+        kept = (
+            np.ascontiguousarray(x.transpose(*range(1, x.ndim), 0)[..., samples])
+            for x in (self.R, self.p, self.w, self.pd, self.wd, self.pdd)
+        )
         return Motion(*(x.transpose(-1, *range(x.ndim - 1)) for x in kept))
 
     def twist(self, body: int) -> Array:
@@ -193,7 +196,9 @@ class Tree:
             elif joint.kind == "spherical":
                 out[:, at] = _compose(x, d)
             else:
-                out[:, at.start : at.start + 3] = x[:, :3] + rotate(rotation_from_quaternion(x[:, 3:]), d[:, :3])
+                out[:, at.start : at.start + 3] = x[:, :3] + rotate(
+                    rotation_from_quaternion(x[:, 3:]), d[:, :3]
+                )
                 out[:, at.start + 3 : at.stop] = _compose(x[:, 3:], d[:, 3:])
         return out
 
@@ -338,5 +343,7 @@ def _compose(quat: Array, turn: Array) -> Array:
     u = 0.5 * turn * np.sinc(half / np.pi)
     c = np.cos(half)
     x, w = quat[:, :3], quat[:, 3:]
-    out = np.concatenate([w * u + c * x + cross(x, u), w * c - np.sum(x * u, axis=-1, keepdims=True)], axis=-1)
+    out = np.concatenate(
+        [w * u + c * x + cross(x, u), w * c - np.sum(x * u, axis=-1, keepdims=True)], axis=-1
+    )
     return out / np.linalg.norm(out, axis=-1, keepdims=True)

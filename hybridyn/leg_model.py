@@ -93,7 +93,9 @@ class LegModel:
             if not heavy[i]:
                 continue
             joint = tree.joints[i]
-            number = self.model.addJoint(parent, pinocchio_joint(joint), pin.SE3(joint.R, joint.p), joint.name)
+            number = self.model.addJoint(
+                parent, pinocchio_joint(joint), pin.SE3(joint.R, joint.p), joint.name
+            )
             body = bodies[i]
             if body is not None:
                 self.model.appendBodyToJoint(number, pinocchio_inertia(body), pin.SE3.Identity())
@@ -134,7 +136,9 @@ class LegModel:
         Q = np.asfortranarray(np.concatenate([np.tile(self._base_q, (T, 1)), q[:, self._q_columns]], 1).T)
         U = np.asfortranarray(np.concatenate([V, v[:, self.columns]], axis=1).T)
         A = np.asfortranarray(np.concatenate([V_dot, a[:, self.columns]], axis=1).T)
-        out = pin.rneaInParallel(1, self._pool, Q, U, A).reshape(-1, T, order="F").T  # one sample comes back flat
+        out = (
+            pin.rneaInParallel(1, self._pool, Q, U, A).reshape(-1, T, order="F").T
+        )  # one sample comes back flat
         H[:, self.columns] = out[:, 6:]
         return out[:, :6].copy(), H
 

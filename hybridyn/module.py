@@ -142,7 +142,8 @@ class Mechanism:
             at = self.closures.row_slices[len(self.closures.closures) + i]
             rows[leg_of[coupling.terms[0][0] + 1]] += range(at.start, at.stop)
         cols = [
-            [c for b in leg for c in range(*self.tree.v_slices[b - 1].indices(self.tree.nv))] for leg in self.spec.legs
+            [c for b in leg for c in range(*self.tree.v_slices[b - 1].indices(self.tree.nv))]
+            for leg in self.spec.legs
         ]
         return [
             Block(np.array(r, dtype=int), np.array(c, dtype=int)) for r, c in zip(rows, cols, strict=True)
@@ -201,7 +202,9 @@ class Mechanism:
     def cut_motion(self, motion: Motion) -> Motion:
         """Give the same motion for the bodies of `tree` (they are bodies of the spanning tree)."""
         take = self.bodies
-        return Motion(*(select(x, take) for x in (motion.R, motion.p, motion.w, motion.pd, motion.wd, motion.pdd)))
+        return Motion(
+            *(select(x, take) for x in (motion.R, motion.p, motion.w, motion.pd, motion.wd, motion.pdd))
+        )
 
     def basis(self, K: Array, gamma: Array | None = None) -> Basis:
         """Give Psi and drift on `tree` from its closure rows (drift 0 where gamma is left out)."""
@@ -298,8 +301,10 @@ def _flag_gimbal_lock(S: Array) -> None:
     if len(locked):
         _log.warning(
             "gimbal lock of a wrist at %d samples, the first %d: rates of its joints are the least-norm ones, "
-            "nothing else is affected", len(locked), locked[0],
-        )  # fmt: skip
+            "nothing else is affected",
+            len(locked),
+            locked[0],
+        )
 
 
 def to_body_axes(R: Array, J: Array) -> Array:
@@ -364,7 +369,11 @@ class Module:
         """Name the rows of the closures after the cuts: the author's closures, carrying wrists, couplings."""
         closures, authors = self.mechanism.closures, len(self.mechanism.spec.closures)
         carried = [f"wrist of '{name}'" for name in self.outputs] * (len(closures.closures) - authors)
-        names = [*self.closures[:authors], *carried[: len(closures.closures) - authors], *self.closures[authors:]]
+        names = [
+            *self.closures[:authors],
+            *carried[: len(closures.closures) - authors],
+            *self.closures[authors:],
+        ]
         return list(zip(names, closures.row_slices, strict=True))
 
     def row_name(self, row: int) -> str:
@@ -385,8 +394,9 @@ def check_mechanism(mechanism: Mechanism, name: str, source: str | None, closure
             f"{mechanism.best_residual:.2g} of the module's size (limit {closure_tolerance:.0e}). "
             "Check the closures' frames and axes, give a home posture near an assembled one, or, where the file is rounded "
             "that much, raise closure_tolerance",
-            module=name, residual=mechanism.best_residual,
-        )  # fmt: skip
+            module=name,
+            residual=mechanism.best_residual,
+        )
     report = mechanism.reduction.report
     doubt = report.doubted if report.clear else (report.kept, report.dropped)
     if doubt and not mechanism.rank_is_given:
@@ -394,5 +404,6 @@ def check_mechanism(mechanism: Mechanism, name: str, source: str | None, closure
             f"module '{name}': the rank of its closures is in doubt: relative singular values {doubt[0]:.1e} and "
             f"{doubt[1]:.1e} stand on both sides of it. Say which count with rank_tolerance: "
             f"{np.sqrt(doubt[0] * doubt[1]):.0e} where the lesser is rounding in the file, {doubt[1] / 10:.0e} where it is not",
-            file=source, element=name,
-        )  # fmt: skip
+            file=source,
+            element=name,
+        )

@@ -110,15 +110,24 @@ def module_spec(bodies: Bodies, graph: ModuleGraph, home: Array) -> ModuleSpec:
     inertia = {b: replace(bodies.bodies[b], name="", joint=0, heaviest=0.0) for b in local if b != graph.base}
     back = {n: body for body, n in to_tree.items()}
     return ModuleSpec(
-        spanning=tuple(spanning), tree=tuple(tree), tree_joint=tuple(tree_joint), tree_body=tuple(tree_body),
+        spanning=tuple(spanning),
+        tree=tuple(tree),
+        tree_joint=tuple(tree_joint),
+        tree_body=tuple(tree_body),
         platforms=tuple(platforms),
         closures=tuple(closure(c, local) for c in graph.closures),
         couplings=tuple(coupling(c, joint_local) for c in graph.couplings),
         cut_closures=tuple(closure(c, to_tree) for c in graph.cut_closures),
         cut_couplings=tuple(coupling(c, joint_to_tree) for c in graph.couplings),
         wrists=tuple(
-            WristSpec(tuple(joint_local[j] for j in w.joints), local[w.end], local[w.target], w.R, w.p,
-                      w.closure is None)
+            WristSpec(
+                tuple(joint_local[j] for j in w.joints),
+                local[w.end],
+                local[w.target],
+                w.R,
+                w.p,
+                w.closure is None,
+            )
             for w in sorted(graph.wrists, key=lambda w: w.joints)
         ),
         legs=tuple(tuple(to_tree[b] for b in leg) for leg in graph.legs),
@@ -126,7 +135,7 @@ def module_spec(bodies: Bodies, graph: ModuleGraph, home: Array) -> ModuleSpec:
         outputs_inertia=tuple(inertia[b] for b in outputs),
         leg_bodies=tuple(None if back[i] in outputs else inertia[back[i]] for i in range(1, len(tree) + 1)),
         home=home,
-    )  # fmt: skip
+    )
 
 
 def _tree_joint(bodies: Bodies, joint: int, local: dict[int, int]) -> TreeJoint:

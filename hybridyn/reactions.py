@@ -72,7 +72,9 @@ def module_reactions(result: Reactions, state: ModuleState, F: Array, force: Arr
     U, s, Vt = np.linalg.svd(K, full_matrices=False)
     keep = (np.arange(s.shape[1]) < reduction.rank) & (s > 0)
     y = np.einsum("tij,tj->ti", Vt, needed * reduction.col_scale)
-    multipliers = np.einsum("tij,tj->ti", U, np.where(keep, y / np.where(keep, s, 1.0), 0.0)) * reduction.row_scale
+    multipliers = (
+        np.einsum("tij,tj->ti", U, np.where(keep, y / np.where(keep, s, 1.0), 0.0)) * reduction.row_scale
+    )
     unique = reduction.rank == m.closures.rows
     authors = len(m.spec.closures)
     for i, (name, at) in enumerate(module.named_rows()):

@@ -190,7 +190,9 @@ class Reduction:
         self._back(reduced, Psi, drift, P - rank)
         return Psi, drift, np.minimum(pivot, ratio), easy & (ratio > LEG_PIVOT)
 
-    def _back(self, reduced: list[tuple[Array, int, Array, Array]], Psi: Array, drift: Array, first: int) -> None:
+    def _back(
+        self, reduced: list[tuple[Array, int, Array, Array]], Psi: Array, drift: Array, first: int
+    ) -> None:
         """Fill in the legs' joints from the platforms' motion and the legs' own free joints."""
         T, P = len(Psi), len(self._shared)
         Psi_p, drift_p = Psi[:, None, self._shared, :], drift[:, None, self._shared, None]

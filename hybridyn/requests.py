@@ -95,15 +95,18 @@ class Requests:
         module = robot.modules[number]
         m = module.mechanism
         T = self.samples
-        request = ModuleRequest([], np.tile(m.home, (T, 1)), np.zeros((T, m.tree.nv)), np.zeros((T, m.tree.nv)))
+        request = ModuleRequest(
+            [], np.tile(m.home, (T, 1)), np.zeros((T, m.tree.nv)), np.zeros((T, m.tree.nv))
+        )
         tree_joint = {source: i for i, source in enumerate(m.spec.tree_joint) if source is not None}
         for i, joint in enumerate(module.joints):
             if joint in self.joints:
                 if i not in tree_joint:
                     raise AssemblyError(
                         f"joint '{joint}' belongs to a wrist that follows the platform of module '{module.name}'; "
-                        "give the platform's pose instead", module=module.name,
-                    )  # fmt: skip
+                        "give the platform's pose instead",
+                        module=module.name,
+                    )
                 self._give_joint(request, m.tree.joints[tree_joint[i]].kind, m, tree_joint[i], joint)
         for pose in self.poses:
             body, R, p = robot.bodies.place[pose.link]
@@ -114,7 +117,9 @@ class Requests:
 
     def _give_joint(self, request: ModuleRequest, kind: str, m: Mechanism, joint: int, name: str) -> None:
         position, rate, acceleration = self.joints[name]
-        limit = {"revolute": WOUND_UP, "continuous": BLUR}.get(kind, FAR * m.length if m.closures.rows else np.inf)
+        limit = {"revolute": WOUND_UP, "continuous": BLUR}.get(
+            kind, FAR * m.length if m.closures.rows else np.inf
+        )
         _refuse_absurd(name, position, limit, "m" if kind == "prismatic" else "rad")
         at, to = m.tree.q_slices[joint], m.tree.v_slices[joint]
         if kind == "continuous":
@@ -125,9 +130,17 @@ class Requests:
         request.given.append(joint)
 
     def _give_pose(
-        self, robot: HybridRobot, request: ModuleRequest, number: int, base_body: int,
-        bodies: Mapping[int, RigidMotion], pose: PoseRequest, local: int, R: Array, p: Array,
-    ) -> None:  # fmt: skip
+        self,
+        robot: HybridRobot,
+        request: ModuleRequest,
+        number: int,
+        base_body: int,
+        bodies: Mapping[int, RigidMotion],
+        pose: PoseRequest,
+        local: int,
+        R: Array,
+        p: Array,
+    ) -> None:
         m = robot.modules[number].mechanism
         other_body, other_R, other_p = robot.bodies.place[pose.other]
         tree_body = m.tree_body(local)
@@ -136,27 +149,37 @@ class Requests:
             if other_body != base_body:
                 raise AssemblyError(
                     f"partial pose of '{pose.link}' relative to '{pose.other}': give it relative to the base of its "
-                    f"module, '{pose.link}@{robot.modules[number].base}/pose/...'", module=robot.modules[number].name,
-                )  # fmt: skip
+                    f"module, '{pose.link}@{robot.modules[number].base}/pose/...'",
+                    module=robot.modules[number].name,
+                )
             names = tuple(pose.coordinates)
-            value, rate, acceleration = (np.stack([pose.coordinates[n][i] for n in names], 1) for i in range(3))
+            value, rate, acceleration = (
+                np.stack([pose.coordinates[n][i] for n in names], 1) for i in range(3)
+            )
             rows = [COORDINATES.index(n) for n in names]
             request.targets.append(
-                CoordinateTarget(tree_body, names, other_R, other_p, (R, p), value, rate, acceleration, units[rows])
+                CoordinateTarget(
+                    tree_body, names, other_R, other_p, (R, p), value, rate, acceleration, units[rows]
+                )
             )
             request.names.append(pose.link)
             return
         if other_body not in bodies:
             raise AssemblyError(
                 f"pose of '{pose.link}' relative to '{pose.other}', which stands further out; give it relative to "
-                f"'{robot.modules[number].base}' or a link nearer to the root", module=robot.modules[number].name,
-            )  # fmt: skip
+                f"'{robot.modules[number].base}' or a link nearer to the root",
+                module=robot.modules[number].name,
+            )
         T = self.samples
         other = bodies[other_body].then(RigidMotion.at_rest(T, other_R, other_p))
         link = other.then(pose.motion).seen_from(bodies[base_body])
         body = link.then(RigidMotion.at_rest(T, R.T, -R.T @ p))
         joint = tree_body - 1
-        if joint in m.spec.platforms or m.tree.joints[joint].kind == "floating" and m.tree.joints[joint].parent == 0:
+        if (
+            joint in m.spec.platforms
+            or m.tree.joints[joint].kind == "floating"
+            and m.tree.joints[joint].parent == 0
+        ):
             self._give_platform(request, m, joint, body)
             return
         velocity = np.concatenate([body.pd, body.w], axis=1)
@@ -188,8 +211,9 @@ def _refuse_absurd(name: str, position: Array, limit: float, unit: str) -> None:
     if len(bad):
         raise AssemblyError(
             f"joint '{name}' is out of reach at sample {bad[0]}: {position[bad[0]]:.4g} {unit} (limit {limit:.4g} {unit}); "
-            "positions are in m and rad", sample=int(bad[0]),
-        )  # fmt: skip
+            "positions are in m and rad",
+            sample=int(bad[0]),
+        )
 
 
 def gather_requests(
@@ -204,7 +228,9 @@ def gather_requests(
     for name in motors:
         _known(name, kind, "joint")
         if kind[name] not in ("revolute", "continuous", "prismatic"):
-            raise TrajectoryError(f"joint '{name}' is {kind[name]}: it has no single position; give a pose", column=name)
+            raise TrajectoryError(
+                f"joint '{name}' is {kind[name]}: it has no single position; give a pose", column=name
+            )
     joints = {name: _three(value, name) for name, value in motors.items()}
     raw = {key: _triple(value) for key, value in platforms.items()}
     sizes = {np.shape(x)[-1] for j in joints.values() for x in j if np.ndim(x)}
@@ -278,19 +304,23 @@ def _pose(robot: HybridRobot, key: str, parts: Sequence[object], T: int) -> Pose
         if on_root:
             raise TrajectoryError("the base needs its whole pose: x, y, z, qx, qy, qz, qw", column=key)
         return PoseRequest(link, other, None, _coordinates(key, parts, T))
-    pose, twist, acceleration = (
-        _array(key, x, width, T) for x, width in zip(parts, (7, 6, 6), strict=True)
-    )
+    pose, twist, acceleration = (_array(key, x, width, T) for x, width in zip(parts, (7, 6, 6), strict=True))
     norm = np.linalg.norm(pose[:, 3:], axis=1)
     bad = np.flatnonzero(np.abs(norm - 1) > UNIT)
     if len(bad):
         raise TrajectoryError(
-            f"quaternion of length {norm[bad[0]]:.9g} (must be 1 to {UNIT:g})", row=int(bad[0]) + 1, column=key
+            f"quaternion of length {norm[bad[0]]:.9g} (must be 1 to {UNIT:g})",
+            row=int(bad[0]) + 1,
+            column=key,
         )
     motion = RigidMotion(
-        rotation_from_quaternion(pose[:, 3:]), pose[:, :3], twist[:, 3:], twist[:, :3],
-        acceleration[:, 3:], acceleration[:, :3],
-    )  # fmt: skip
+        rotation_from_quaternion(pose[:, 3:]),
+        pose[:, :3],
+        twist[:, 3:],
+        twist[:, :3],
+        acceleration[:, 3:],
+        acceleration[:, :3],
+    )
     return PoseRequest(link, other, motion, {})
 
 
@@ -299,7 +329,9 @@ def _array(key: str, value: object, width: int, T: int) -> Array:
         return np.zeros((T, width))
     out = np.asarray(value, dtype=float)
     if out.shape not in ((width,), (T, width)) or not np.isfinite(out).all():
-        raise TrajectoryError(f"needs finite numbers of shape ({width},) or ({T}, {width}), not {out.shape}", column=key)
+        raise TrajectoryError(
+            f"needs finite numbers of shape ({width},) or ({T}, {width}), not {out.shape}", column=key
+        )
     return np.broadcast_to(out, (T, width))
 
 
@@ -314,7 +346,9 @@ def _coordinates(key: str, parts: Sequence[object], T: int) -> dict[str, Array]:
         for part in parts:
             given = part.get(name) if isinstance(part, Mapping) else None
             if part is not None and given is None:
-                raise TrajectoryError(f"the rates of '{key}' must name the same coordinates as its pose", column=key)
+                raise TrajectoryError(
+                    f"the rates of '{key}' must name the same coordinates as its pose", column=key
+                )
             triple.append(np.broadcast_to(np.asarray(0.0 if given is None else given, dtype=float), (T,)))
         out[name] = np.stack(triple)
         if not np.isfinite(out[name]).all():

@@ -180,16 +180,28 @@ def build_robot(
     q_slices = tuple(slice(int(a), int(b)) for a, b in zip(q_ends, q_ends[1:], strict=False))
     v_slices = tuple(slice(int(a), int(b)) for a, b in zip(v_ends, v_ends[1:], strict=False))
     home = _home(description, bodies, kinds, base)
-    build = _Builder(bodies, description, joints, q_slices, v_slices, home, rank_tolerance,
-                     closure_tolerance)  # fmt: skip
+    build = _Builder(bodies, description, joints, q_slices, v_slices, home, rank_tolerance, closure_tolerance)
     if base == "floating":
         build.add_base()
     for graph in graphs:
         build.add(graph)
     return HybridRobot(
-        description, base, np.asarray(gravity, dtype=float), tuple(build.modules), tuple(joints), tuple(kinds),
-        q_slices, v_slices, tuple(description.motors), bodies, closure_tolerance, home, rank_tolerance, kept, payloads,
-    )  # fmt: skip
+        description,
+        base,
+        np.asarray(gravity, dtype=float),
+        tuple(build.modules),
+        tuple(joints),
+        tuple(kinds),
+        q_slices,
+        v_slices,
+        tuple(description.motors),
+        bodies,
+        closure_tolerance,
+        home,
+        rank_tolerance,
+        kept,
+        payloads,
+    )
 
 
 def _held(description: Description, held: Iterable[str]) -> frozenset[str]:
@@ -201,8 +213,15 @@ def _held(description: Description, held: Iterable[str]) -> frozenset[str]:
     movable = [joint.name for joint in description.joints if joint.kind != "fixed"]
     for name in held:
         if name not in movable:
-            raise ModelError(f"held: no such movable joint '{name}'{did_you_mean(name, movable)}", element=name)
-    tables = [numbers for _, values in description.effects for numbers in values.values() if isinstance(numbers, dict)]
+            raise ModelError(
+                f"held: no such movable joint '{name}'{did_you_mean(name, movable)}", element=name
+            )
+    tables = [
+        numbers
+        for _, values in description.effects
+        for numbers in values.values()
+        if isinstance(numbers, dict)
+    ]
     return frozenset(held) | {name for numbers in tables for name in numbers if name in movable}
 
 
@@ -226,9 +245,16 @@ class _Builder:
     """Modules one after the other, equal ones sharing their mechanism."""
 
     def __init__(
-        self, bodies: Bodies, description: Description, joints: list[str], q_slices: tuple[slice, ...],
-        v_slices: tuple[slice, ...], home: Array, rank_tolerance: float | None, closure_tolerance: float,
-    ) -> None:  # fmt: skip
+        self,
+        bodies: Bodies,
+        description: Description,
+        joints: list[str],
+        q_slices: tuple[slice, ...],
+        v_slices: tuple[slice, ...],
+        home: Array,
+        rank_tolerance: float | None,
+        closure_tolerance: float,
+    ) -> None:
         self.bodies, self.description = bodies, description
         self.number = {name: i for i, name in enumerate(joints)}
         self.q_slices, self.v_slices, self.home = q_slices, v_slices, home
@@ -243,7 +269,21 @@ class _Builder:
         root = replace(self.bodies.bodies[0], name="", joint=0, heaviest=0.0)
         joint = TreeJoint("", "floating", 0, np.eye(3), np.zeros(3), np.array([0.0, 0.0, 1.0]))
         spec = ModuleSpec(
-            (joint,), (joint,), (0,), (0, 1), (), (), (), (), (), (), ((1,),), (1,), (root,), (None,), self.home[:7]
+            (joint,),
+            (joint,),
+            (0,),
+            (0, 1),
+            (),
+            (),
+            (),
+            (),
+            (),
+            (),
+            ((1,),),
+            (1,),
+            (root,),
+            (None,),
+            self.home[:7],
         )
         name = self.bodies.bodies[0].name
         self._append(spec, name, "world", (name,), [ROOT_JOINT], [("", [ROOT_JOINT])], [], -1, 0)
@@ -268,8 +308,17 @@ class _Builder:
             legs.append((_leg_name([self.bodies.bodies[b].name for b in leg]), own))
         closures = [c.name for c in graph.closures] + [c.name for c in graph.couplings]
         parent, output = self.output_of[graph.base]
-        self._append(spec, name, self.bodies.bodies[graph.base].name, tuple(link), names, legs, closures,
-                     parent, output)  # fmt: skip
+        self._append(
+            spec,
+            name,
+            self.bodies.bodies[graph.base].name,
+            tuple(link),
+            names,
+            legs,
+            closures,
+            parent,
+            output,
+        )
         for i, o in enumerate(outputs):
             self.output_of[o] = (len(self.modules) - 1, i)
 
@@ -281,9 +330,17 @@ class _Builder:
         return self.shared[key]
 
     def _append(
-        self, spec: ModuleSpec, name: str, base: str, outputs: tuple[str, ...], joints: list[str],
-        legs: list[tuple[str, list[str]]], closures: list[str], parent: int, output: int,
-    ) -> None:  # fmt: skip
+        self,
+        spec: ModuleSpec,
+        name: str,
+        base: str,
+        outputs: tuple[str, ...],
+        joints: list[str],
+        legs: list[tuple[str, list[str]]],
+        closures: list[str],
+        parent: int,
+        output: int,
+    ) -> None:
         mechanism = self._mechanism(spec)
         check_mechanism(mechanism, name, self.description.source, self.tolerances[1])
         every_q, every_v = np.arange(self.q_slices[-1].stop), np.arange(self.v_slices[-1].stop)
@@ -292,19 +349,29 @@ class _Builder:
         motors = [j for j in joints if j in self.motor_number]
         self.modules.append(
             Module(
-                name, base, outputs, tuple((n, tuple(j)) for n, j in legs), tuple(joints), tuple(closures),
-                tuple(motors), mechanism, parent, output,
+                name,
+                base,
+                outputs,
+                tuple((n, tuple(j)) for n, j in legs),
+                tuple(joints),
+                tuple(closures),
+                tuple(motors),
+                mechanism,
+                parent,
+                output,
                 np.concatenate([every_q[self.q_slices[i]] for i in numbers]),
                 np.concatenate([every_v[self.v_slices[i]] for i in numbers]),
                 np.array([self.motor_number[m] for m in motors], dtype=int),
                 np.array([mechanism.tree.v_slices[tree_joint[m]].start for m in motors], dtype=int),
             )
-        )  # fmt: skip
+        )
 
 
 def _leg_name(links: list[str]) -> str:
     """Name a leg by what its links' names have in common, else by its first link."""
     first = links[0]
-    common = next((first[:n] for n in range(len(first), 0, -1) if all(x.startswith(first[:n]) for x in links)), "")
+    common = next(
+        (first[:n] for n in range(len(first), 0, -1) if all(x.startswith(first[:n]) for x in links)), ""
+    )
     common = common.rstrip("_-. ")
     return common if len(common) >= 3 and len(links) > 1 else first

@@ -178,14 +178,20 @@ class CoordinateTarget:
 def roll_pitch_yaw(R: Array) -> Array:
     """Give roll, pitch and yaw of rotations (..., 3, 3), URDF's order."""
     pitch = np.arctan2(-R[..., 2, 0], np.hypot(R[..., 0, 0], R[..., 1, 0]))
-    return np.stack([np.arctan2(R[..., 2, 1], R[..., 2, 2]), pitch, np.arctan2(R[..., 1, 0], R[..., 0, 0])], -1)
+    return np.stack(
+        [np.arctan2(R[..., 2, 1], R[..., 2, 2]), pitch, np.arctan2(R[..., 1, 0], R[..., 0, 0])], -1
+    )
 
 
 def _euler_map(R: Array) -> Array:
     """Give the angular velocity of unit rates of roll, pitch, yaw as columns, shape (T, 3, 3)."""
     _, pitch, yaw = np.moveaxis(roll_pitch_yaw(R), -1, 0)
     E = np.zeros_like(R)
-    E[:, 0, 0], E[:, 1, 0], E[:, 2, 0] = np.cos(yaw) * np.cos(pitch), np.sin(yaw) * np.cos(pitch), -np.sin(pitch)
+    E[:, 0, 0], E[:, 1, 0], E[:, 2, 0] = (
+        np.cos(yaw) * np.cos(pitch),
+        np.sin(yaw) * np.cos(pitch),
+        -np.sin(pitch),
+    )
     E[:, 0, 1], E[:, 1, 1] = -np.sin(yaw), np.cos(yaw)
     E[:, 2, 2] = 1.0
     return E

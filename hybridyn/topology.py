@@ -95,8 +95,10 @@ def body_closure(bodies: Bodies, closure: Closure, description: Description) -> 
         raise ModelError(
             f"closure '{closure.name}' joins '{closure.link_a}' and '{closure.link_b}', which are one rigid body "
             "(fixed joints hold them together); remove the closure, or make one of the joints movable",
-            file=description.source, line=closure.line, element=closure.name,
-        )  # fmt: skip
+            file=description.source,
+            line=closure.line,
+            element=closure.name,
+        )
     A, B = closure.frame_a, closure.frame_b
     return TreeClosure(
         closure.name, closure.kind,
