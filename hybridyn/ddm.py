@@ -12,18 +12,20 @@ from dataclasses import dataclass
 from typing import Literal, overload
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from .effects.choice import Choice, Effects, choose, times
 from .elimination import least_squares, null_basis
-from .errors import SingularityError, TrajectoryError
+from .errors import ModelError, SingularityError, TrajectoryError
 from .forward import ModuleState, as_batch, base_motion, check_closed, forward
 from .idm import reactions_of
 from .inertia_solve import EPS, InertiaFactor, factor_inertia
-from .loads import Loads, ModuleLoad, gather_loads
+from .loads import Loads, ModuleLoad, all_loads
 from .module import Module
 from .reactions import Reactions
 from .reduction import Basis
 from .robot import HybridRobot
-from .spatial import Array, crf, crm, motion_matrix
+from .spatial import Array, crm, motion_matrix
 
 #: Part of the largest term that a massless motion may be forced by before it is an error.
 FORCED = 1e-9
@@ -57,12 +59,12 @@ class ArticulatedModule:
 @overload
 def ddm(
     robot: HybridRobot, q: Array, v: Array, tau: Array, *, base_acceleration: Array | None = ...,
-    wrenches: Mapping[str, Array] | None = ..., effects: None = ..., reactions: Literal[False] = ...,
+    wrenches: Mapping[str, Array] | None = ..., effects: Choice = ..., time: ArrayLike | None = ..., reactions: Literal[False] = ...,
 ) -> Array: ...  # fmt: skip
 @overload
 def ddm(
     robot: HybridRobot, q: Array, v: Array, tau: Array, *, base_acceleration: Array | None = ...,
-    wrenches: Mapping[str, Array] | None = ..., effects: None = ..., reactions: Literal[True],
+    wrenches: Mapping[str, Array] | None = ..., effects: Choice = ..., time: ArrayLike | None = ..., reactions: Literal[True],
 ) -> tuple[Array, Reactions]: ...  # fmt: skip
 def ddm(
     robot: HybridRobot,
@@ -72,7 +74,8 @@ def ddm(
     *,
     base_acceleration: Array | None = None,
     wrenches: Mapping[str, Array] | None = None,
-    effects: None = None,
+    effects: Choice = None,
+    time: ArrayLike | None = None,
     reactions: bool = False,
 ) -> Array | tuple[Array, Reactions]:
     """Give the accelerations of a robot under motor efforts.
@@ -87,7 +90,9 @@ def ddm(
         base_acceleration: Spatial acceleration of a "moving" base in its own frame (Pinocchio's, the first six of a),
             shape (6,) or (T, 6); zero where left out.
         wrenches: For each link a wrench ON it, shape (6,) or (T, 6), [N, N m], in the link's frame at its origin.
-        effects: None for gravity, leg inertia and velocity terms.
+        effects: What is computed: None for gravity, inertia, the legs' inertia and velocity terms; "model" for those
+            and all that the robot's files state; or names and objects (`hybridyn.effects`), and nothing else.
+        time: Time of each sample, shape () or (T,), [s], for effects that follow a table.
         reactions: Also give the wrenches between modules and in the closures.
 
     Returns:
@@ -97,7 +102,8 @@ def ddm(
     Raises:
         AssemblyError: The state does not close the loops.
         SingularityError: A force acts on a motion without inertia.
-        TrajectoryError: Arrays of the wrong shape, or not finite; an unknown link.
+        ModelError: Effects that are unknown, without numbers or contradict each other; no inertia.
+        TrajectoryError: Arrays of the wrong shape, or not finite; an unknown link; a table too short.
 
     Source:
         Ibrahim & Khalil (2010), Eqs. (38)-(53). The paper drops a_dot v_r from xi; `Basis.drift` keeps it.
@@ -106,8 +112,8 @@ def ddm(
     v, tau = as_batch(v, robot.nv, "v")[0], as_batch(tau, len(robot.motors), "tau")[0]
     if not len(q) == len(v) == len(tau):
         raise TrajectoryError(f"q, v, tau have {len(q)}, {len(v)}, {len(tau)} samples")
-    if effects is not None:
-        raise TrajectoryError("effects other than the default are not available yet")
+    on, time = choose(robot, effects), times(time, len(q))
+    _needs_inertia(on)
     a = np.zeros_like(v)
     if base_acceleration is not None:
         if robot.base != "moving":
@@ -116,15 +122,30 @@ def ddm(
         if not one and len(given) != len(q):
             raise TrajectoryError(f"base_acceleration has shape {given.shape}; wanted (6,) or ({len(q)}, 6)")
         a[:, :6] = given
-    loads = gather_loads(robot, wrenches, len(q))
-    states = forward(robot, q, v, None)
+    if on.base is not None:
+        q, v, a = on.base.into(robot, time, q, v, a)
+    if on.limits is not None:
+        tau = on.limits.clip(robot, tau)
+    loads = all_loads(robot, on, q, v, time, wrenches)
+    states = forward(robot, q, v, None, on.gravity)
     check_closed(robot, states, q, accelerations=False)
     modules = articulate(robot, states, loads, tau, None)
-    accelerate(robot, modules, base_motion(robot, q, v, a)[1], q, v, a)
+    accelerate(robot, modules, base_motion(robot, q, v, a, on.gravity)[1], q, v, a)
     if not reactions:
         return a[0] if single else a
     result = reactions_of(robot, q, v, a, tau, loads)
     return (a[0], result.sample(0)) if single else (a, result)
+
+
+def _needs_inertia(on: Effects) -> None:
+    """Refuse a direct model without inertia.
+
+    Raises:
+        ModelError: There is none.
+    """
+    if on.inertia is None:
+        raise ModelError("the direct model needs the effect 'inertia': without it efforts make no accelerations; the "
+                         "inverse model does statics", element="inertia")  # fmt: skip
 
 
 def solve_passive(robot: HybridRobot, q: Array, v: Array, a: Array, loads: Loads) -> Array:
@@ -140,13 +161,14 @@ def solve_passive(robot: HybridRobot, q: Array, v: Array, a: Array, loads: Loads
         a: Accelerations, shape (T, nv).
         loads: External wrenches.
     """
-    states = forward(robot, q, v, None)
+    _needs_inertia(loads.on)
+    states = forward(robot, q, v, None, loads.on.gravity)
     check_closed(robot, states, q, accelerations=False)
     modules = articulate(robot, states, loads, np.zeros((len(q), len(robot.motors))), a)
     out = np.zeros_like(a)
     if robot.base == "moving":
         out[:, :6] = a[:, :6]
-    accelerate(robot, modules, base_motion(robot, q, v, a)[1], q, v, out)
+    accelerate(robot, modules, base_motion(robot, q, v, a, loads.on.gravity)[1], q, v, out)
     return out
 
 
@@ -164,16 +186,18 @@ def articulate(
     """
     T = len(tau)
     I_star = [np.tile(s.mechanism.inertias, (T, 1, 1, 1)) for s in states]
-    beta_star = [_own_bias(s, loads.modules[k]) for k, s in enumerate(states)]
+    beta_star = [_own_bias(s, loads.modules[k], loads.on) for k, s in enumerate(states)]
     out: list[ArticulatedModule] = []
     for k in reversed(range(len(states))):
         s = states[k]
         m, n = s.mechanism, s.mechanism.tree.nv
         basis, bias = _motions(s, None if prescribed is None else prescribed[:, s.module.v_index])
         Psi, drift = basis.Psi, basis.drift
-        M_leg = m.legs.crba(s.q)  # Eqs. (63)-(75)
-        p, h = m.legs.rnea(s.V, np.zeros_like(s.V), s.q, s.v, np.zeros_like(s.v))  # Eqs. (71)-(73)
-        f_base, f_legs = loads.modules[k].on_legs(s)
+        M_leg = loads.on.leg_matrix(s)  # Eqs. (63)-(75)
+        if (rotor := loads.rotor_diagonal(s)) is not None:
+            M_leg[:, 6:, 6:] += np.diag(rotor)
+        p, h = loads.on.leg_bias(s)  # Eqs. (71)-(73)
+        f_base, f_legs = loads.on_legs(k, s)
         A, D = M_leg[:, 6:, 6:], M_leg[:, 6:, :6]
         A_t = _congruence(Psi, A)  # Eq. (43), the legs' share
         noise = _congruence(np.abs(Psi), np.abs(A))
@@ -243,12 +267,12 @@ def accelerate(
         a[:, module.v_index] = spanning
 
 
-def _own_bias(state: ModuleState, load: ModuleLoad) -> Array:
+def _own_bias(state: ModuleState, load: ModuleLoad, on: Effects) -> Array:
     """Give crf(V)(I V) + F_e of every output, shape (T, outputs, 6), Eq. (38)."""
     out = np.zeros_like(state.outputs)
     for o, inertia in enumerate(state.mechanism.inertias):
         V = state.outputs[:, o]
-        out[:, o] = crf(V, V @ inertia) - load.on_output(state, o)
+        out[:, o] = on.body_bias(V, inertia) - load.on_output(state, o)
     return out
 
 

@@ -11,11 +11,14 @@ from functools import cached_property
 
 import numpy as np
 
+from .effects.recursion import Gravity
 from .errors import AssemblyError, TrajectoryError
 from .kinematics import Motion
-from .module import Mechanism, Module
+from .module import Mechanism, Module, is_locked
 from .robot import HybridRobot
-from .spatial import Array, crm, motion_to_body, rotate_back, rotation_from_quaternion
+from .spatial import Array, crm, cross, motion_to_body, rotate_back, rotation_from_quaternion, select
+
+GRAVITY = Gravity()
 
 #: Positions and rates handed to the dynamics must close the loops to this part of the module's length.
 CLOSED = 1e-6
@@ -83,7 +86,9 @@ def as_batch(array: object, width: int, name: str) -> tuple[Array, bool]:
     return out, single
 
 
-def base_motion(robot: HybridRobot, q: Array, v: Array, a: Array) -> tuple[Array, Array]:
+def base_motion(
+    robot: HybridRobot, q: Array, v: Array, a: Array, gravity: Gravity | None = GRAVITY
+) -> tuple[Array, Array]:
     """Give V_0 and V_dot_0 - g of the body that the first modules stand on, shapes (T, 6).
 
     For "fixed" and "floating" that is the world; for "moving" the root body, whose motion is prescribed.
@@ -92,13 +97,14 @@ def base_motion(robot: HybridRobot, q: Array, v: Array, a: Array) -> tuple[Array
     V, V_dot = np.zeros((2, T, 6))
     if robot.base == "moving":
         V, V_dot = v[:, :6].copy(), a[:, :6].copy()
-        V_dot[:, :3] -= rotate_back(rotation_from_quaternion(q[:, 3:7]), np.tile(robot.gravity, (T, 1)))
-    else:
-        V_dot[:, :3] = -robot.gravity
+    if gravity is not None:
+        V_dot[:, :3] -= gravity.carried(robot, q)
     return V, V_dot
 
 
-def forward(robot: HybridRobot, q: Array, v: Array, a: Array | None) -> list[ModuleState]:
+def forward(
+    robot: HybridRobot, q: Array, v: Array, a: Array | None, gravity: Gravity | None = GRAVITY
+) -> list[ModuleState]:
     """Run the forward recursion.
 
     Args:
@@ -106,12 +112,13 @@ def forward(robot: HybridRobot, q: Array, v: Array, a: Array | None) -> list[Mod
         q: Positions, shape (T, nq).
         v: Rates, shape (T, nv).
         a: Accelerations, shape (T, nv); without them accelerations are those of a_o u_dot = 0 (not used).
+        gravity: Weights, or None for none.
 
     Returns:
         One state per module, in the order of `robot.modules`.
     """
     given = np.zeros_like(v) if a is None else a
-    root = base_motion(robot, q, v, given)
+    root = base_motion(robot, q, v, given, gravity)
     states: list[ModuleState] = []
     for module in robot.modules:
         m = module.mechanism
@@ -201,7 +208,7 @@ def check_closed(robot: HybridRobot, states: list[ModuleState], q: Array, accele
 
 
 def _check_wrists(state: ModuleState, slack: float, accelerations: bool) -> None:
-    """Refuse rates and accelerations of wrists that were cut whose ends leave their targets; gimbal lock excuses."""
+    """Refuse rates and accelerations of wrists that were cut whose ends miss their targets; gimbal lock excuses."""
     m, s = state.mechanism, state.spanning
     welded = [i for i, wrist in enumerate(m.spec.wrists) if not wrist.carries]
     if not welded:
@@ -211,26 +218,19 @@ def _check_wrists(state: ModuleState, slack: float, accelerations: bool) -> None
     p, pd, w, pdd, wd = (select(x, end) - select(x, target) for x in (s.p, s.pd, s.w, s.pdd, s.wd))
     w0 = select(s.w, target)
     sweep = cross(w0, p)
-    numbers = np.concatenate([m.wrist_columns(i) for i in welded])
-    unit = m.spanning_col_scale[numbers]
-    speed = np.maximum(
-        np.abs(state.v / m.reduction.col_scale).max(axis=1, initial=0.0),
-        np.abs(state.spanning_v[:, numbers] / unit).max(axis=1),
-    )
+    unit = m.reduction.col_scale
+    speed = np.maximum(np.abs(state.v / unit).max(axis=1, initial=0.0), np.abs(s.w).max(axis=(1, 2)))
     misses = [("rates", "opening", pd - sweep, w, speed)]
     if accelerations:
         apart = pdd - cross(select(s.wd, target), p) - cross(w0, sweep)
-        size = np.maximum(
-            np.abs(state.a / m.reduction.col_scale).max(axis=1, initial=0.0),
-            np.abs(state.spanning_a[:, numbers] / unit).max(axis=1),
-        )
+        size = np.maximum(np.abs(state.a / unit).max(axis=1, initial=0.0), np.abs(s.wd).max(axis=(1, 2)))
         misses.append(("accelerations", "accelerating apart", apart, wd, size + speed**2))
     for what, how, linear, angular, size in misses:
         miss = np.abs(np.concatenate([linear / m.length, angular], axis=-1))
         for t, i in np.argwhere((miss > slack * size[:, None, None]).any(axis=-1)):
             if is_locked(m.wrist_rates(s.take(np.array([t])), welded[i]))[0]:
                 miss[t, i] = 0.0
-        _refuse(state.module, miss.reshape(len(miss), -1), slack * size, what, how)
+        _refuse(state.module, miss.reshape(len(miss), 6 * len(welded)), slack * size, what, how)
 
 
 def _refuse(module: Module, value: Array, limit: Array, what: str, how: str) -> None:

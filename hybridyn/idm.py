@@ -6,26 +6,28 @@ from collections.abc import Mapping
 from typing import Literal, overload
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from .actuation import Sharing, motor_efforts
+from .effects.choice import Choice, choose, times
 from .errors import ActuationError, TrajectoryError
 from .forward import ModuleState, as_batch, base_motion, check_closed, forward
-from .loads import Loads, gather_loads
+from .loads import Loads, all_loads
 from .reactions import Reactions, module_reactions
 from .robot import HybridRobot
-from .spatial import Array, crf, wrench_to_base
+from .spatial import Array, wrench_to_base
 
 
 @overload
 def idm(
     robot: HybridRobot, q: Array, v: Array, a: Array, *, wrenches: Mapping[str, Array] | None = ...,
-    effects: None = ..., passive: str = ..., weights: Mapping[str, float] | Array | None = ...,
+    effects: Choice = ..., time: ArrayLike | None = ..., passive: str = ..., weights: Mapping[str, float] | Array | None = ...,
     on_singular: str = ..., reactions: Literal[False] = ...,
 ) -> Array: ...  # fmt: skip
 @overload
 def idm(
     robot: HybridRobot, q: Array, v: Array, a: Array, *, wrenches: Mapping[str, Array] | None = ...,
-    effects: None = ..., passive: str = ..., weights: Mapping[str, float] | Array | None = ...,
+    effects: Choice = ..., time: ArrayLike | None = ..., passive: str = ..., weights: Mapping[str, float] | Array | None = ...,
     on_singular: str = ..., reactions: Literal[True],
 ) -> tuple[Array, Reactions]: ...  # fmt: skip
 def idm(
@@ -35,7 +37,8 @@ def idm(
     a: Array,
     *,
     wrenches: Mapping[str, Array] | None = None,
-    effects: None = None,
+    effects: Choice = None,
+    time: ArrayLike | None = None,
     passive: str = "given",
     weights: Mapping[str, float] | Array | None = None,
     on_singular: str = "raise",
@@ -51,7 +54,9 @@ def idm(
         v: Rates, shape (nv,) or (T, nv), [m/s, rad/s].
         a: Accelerations, shape (nv,) or (T, nv), [m/s^2, rad/s^2].
         wrenches: For each link a wrench ON it, shape (6,) or (T, 6), [N, N m], in the link's frame at its origin.
-        effects: None for gravity, leg inertia and velocity terms.
+        effects: What is computed: None for gravity, inertia, the legs' inertia and velocity terms; "model" for those
+            and all that the robot's files state; or names and objects (`hybridyn.effects`), and nothing else.
+        time: Time of each sample, shape () or (T,), [s], for effects that follow a table.
         passive: "given": `a` is taken as it comes, and a passive motion that would need an effort is an error.
             "solved": only the motors' accelerations (and a prescribed base's) count, the rest follows from zero effort.
         weights: For each motor w in the sum of w x effort^2 that redundant motors make least, by name or in the
@@ -67,7 +72,8 @@ def idm(
         AssemblyError: The state does not close the loops.
         SingularityError: The motors lose a direction and `on_singular` is "raise".
         ActuationError: A passive motion would need an effort.
-        TrajectoryError: Arrays of the wrong shape, or not finite; an unknown link.
+        ModelError: Effects that are unknown, without numbers, or contradict each other.
+        TrajectoryError: Arrays of the wrong shape, or not finite; an unknown link; a table too short.
 
     Source:
         Ibrahim & Khalil (2010), Eqs. (30)-(33); trees of modules, any mobility and number of motors are ours.
@@ -80,14 +86,16 @@ def idm(
         raise TrajectoryError(f"on_singular must be 'raise' or 'least-norm', not {on_singular!r}")
     if passive not in ("given", "solved"):
         raise TrajectoryError(f"passive must be 'given' or 'solved', not {passive!r}")
-    if effects is not None:
-        raise TrajectoryError("effects other than the default are not available yet")
-    loads = gather_loads(robot, wrenches, len(q))
+    on, time = choose(robot, effects), times(time, len(q))
+    if on.base is not None:
+        q, v, a = on.base.into(robot, time, q, v, a)
+    loads = all_loads(robot, on, q, v, time, wrenches)
     if passive == "solved":
         from .ddm import solve_passive
 
         a = solve_passive(robot, q, v, a, loads)
-    states = forward(robot, q, v, a)
+    v, a = on.inertia.motion(v, a) if on.inertia else (np.zeros_like(v), np.zeros_like(a))
+    states = forward(robot, q, v, a, on.gravity)
     check_closed(robot, states, q, accelerations=True)
     hint = (
         'Give the accelerations that need no effort there, or pass passive="solved"'
@@ -98,6 +106,8 @@ def idm(
     result = Reactions.empty(len(q)) if reactions else None
     tau = np.zeros((len(q), len(robot.motors)))
     _backward(robot, states, loads, sharing, tau, result, (q, v, a))
+    if on.limits is not None:
+        on.limits.check(robot, tau)
     if result is None:
         return tau[0] if single else tau
     return (tau[0], result.sample(0)) if single else (tau, result)
@@ -106,7 +116,7 @@ def idm(
 def reactions_of(robot: HybridRobot, q: Array, v: Array, a: Array, tau: Array, loads: Loads) -> Reactions:
     """Give the wrenches between modules and in the closures of a motion under known efforts, shapes (T, ...)."""
     result = Reactions.empty(len(q))
-    _backward(robot, forward(robot, q, v, a), loads, None, tau, result, (q, v, a))
+    _backward(robot, forward(robot, q, v, a, loads.on.gravity), loads, None, tau, result, (q, v, a))
     return result
 
 
@@ -132,15 +142,17 @@ def _backward(
     for k in reversed(range(len(states))):
         s, load = states[k], loads.modules[k]
         m = s.mechanism
-        F_b, H = m.legs.rnea(s.V, s.V_dot, s.q, s.v, s.a)  # Eqs. (54)-(62)
-        f_base, f_legs = load.on_legs(s)
+        F_b, H = loads.on.leg_forces(s)  # Eqs. (54)-(62)
+        f_base, f_legs = loads.on_legs(k, s)
         F, H = F_b - f_base, H - f_legs
+        if (rotor := loads.rotor_diagonal(s)) is not None:
+            H += rotor * s.a
         Psi = m.basis(s.K).Psi
         Q = np.einsum("tij,ti->tj", Psi, H)
         size = _terms(m.reduction.col_scale, H)
         for o, body in enumerate(m.spec.outputs):
             inertia, V = m.inertias[o], s.outputs[:, o]
-            F_p = s.outputs_dot[:, o] @ inertia + crf(V, V @ inertia)  # Eq. (30)
+            F_p = s.outputs_dot[:, o] @ inertia + loads.on.body_bias(V, inertia)  # Eq. (30)
             W = F_p - load.on_output(s, o) + received[k][:, o]  # Eqs. (31), (32)
             J = m.jacobian(s.motion, body)
             H = H + np.einsum("tij,ti->tj", J, W)
@@ -176,9 +188,9 @@ def _root_body(robot: HybridRobot, loads: Loads, given: tuple[Array, Array, Arra
     """Give what the root body itself must receive (a free base has it in its module)."""
     if robot.base == "floating":
         return np.zeros_like(loads.root)
-    V, V_dot = base_motion(robot, *given)
+    V, V_dot = base_motion(robot, *given, loads.on.gravity)
     I0 = robot.root_inertia
-    return V_dot @ I0 + crf(V, V @ I0) - loads.root
+    return V_dot @ I0 + loads.on.body_bias(V, I0) - loads.root
 
 
 def _weights(robot: HybridRobot, weights: Mapping[str, float] | Array | None) -> Array | None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Sequence
+from collections.abc import Container, Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -70,11 +70,26 @@ def kinematics(
     return out
 
 
-def body_motions(robot: HybridRobot, q: Array, v: Array, a: Array) -> dict[int, RigidMotion]:
-    """Give the motion of every body in the world, shapes (T, ...)."""
+def link_motions(robot: HybridRobot, q: Array, v: Array, links: Iterable[str]) -> dict[str, RigidMotion]:
+    """Give the motion in the world of some links, from the modules below them alone; accelerations are not used."""
+    wanted: set[int] = set()
+    for link in links:
+        k = robot.body_owner[robot.bodies.place[link][0]][0]
+        while k >= 0 and k not in wanted:
+            wanted.add(k)
+            k = robot.modules[k].parent
+    bodies = body_motions(robot, q, v, np.zeros_like(v), wanted)
+    places = {link: robot.bodies.place[link] for link in links}
+    return {link: bodies[b].then(RigidMotion.at_rest(len(q), R, p)) for link, (b, R, p) in places.items()}
+
+
+def body_motions(
+    robot: HybridRobot, q: Array, v: Array, a: Array, modules: Container[int] | None = None
+) -> dict[int, RigidMotion]:
+    """Give the motion of every body in the world, shapes (T, ...), or of those of some modules (with all below them)."""
     bodies = {0: _root(robot, q, v, a)}
-    for module in robot.modules:
-        if robot.base == "floating" and module is robot.modules[0]:
+    for k, module in enumerate(robot.modules):
+        if (robot.base == "floating" and k == 0) or (modules is not None and k not in modules):
             continue
         base = bodies[robot.bodies.place[module.base][0]]
         motion = module.mechanism.spanning.sweep(

@@ -1,4 +1,5 @@
-"""External wrenches on links, brought to where the recursions take them."""
+"""What acts on the robot beside motors and weight, brought to where the recursions take it: wrenches on links, efforts
+and rotors on joints."""
 
 from __future__ import annotations
 
@@ -9,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from .effects.choice import STANDARD, Effects
 from .errors import TrajectoryError
 from .modulespec import ModuleSpec
 from .robot import HybridRobot
@@ -60,15 +62,61 @@ class ModuleLoad:
 
 @dataclass
 class Loads:
-    """All external wrenches.
+    """All that acts on the robot beside motors and weight.
 
     Attributes:
-        modules: One entry per module.
+        modules: One entry per module: external wrenches.
         root: Wrench on the root body, shape (T, 6), its frame.
+        on: The effects that are computed.
+        joints: Efforts of joint laws on the spanning tree, shape (T, nv), or None.
+        rotors: What rotors add to the diagonal of the inertia, shape (nv,), or None.
     """
 
     modules: list[ModuleLoad]
     root: Array
+    on: Effects = STANDARD
+    joints: Array | None = None
+    rotors: Array | None = None
+
+    def on_legs(self, k: int, state: ModuleState) -> tuple[Array, Array]:
+        """Give what loads on module k do to its base, (T, 6), and along x, (T, n)."""
+        base, along = self.modules[k].on_legs(state)
+        if self.joints is not None:
+            passive = np.zeros_like(along)
+            state.mechanism.give_legs(self.joints[:, state.module.v_index], passive)
+            along = along + passive
+        return base, along
+
+    def rotor_diagonal(self, state: ModuleState) -> Array | None:
+        """Give what rotors add to the diagonal of a module's inertia along x, shape (n,), or None."""
+        if self.rotors is None:
+            return None
+        out = np.zeros((1, state.mechanism.tree.nv))
+        state.mechanism.give_legs(self.rotors[None, state.module.v_index], out)
+        return out[0]
+
+
+def all_loads(
+    robot: HybridRobot, on: Effects, q: Array, v: Array, time: Array | None, wrenches: Mapping[str, Array] | None
+) -> Loads:
+    """Gather wrenches given by the caller, and what the effects add.
+
+    Args:
+        robot: The robot.
+        on: The effects that are computed.
+        q: Positions, shape (T, nq).
+        v: Rates, shape (T, nv).
+        time: Times, shape (T,), or None.
+        wrenches: As `gather_loads` takes them.
+
+    Raises:
+        TrajectoryError: As `gather_loads`; or an effect needs time.
+    """
+    loads = gather_loads(robot, wrenches, len(q))
+    loads.on, loads.joints, loads.rotors = on, on.joint_efforts(robot, q, v), on.rotor_diagonal(robot)
+    for given in on.wrenches(robot, q, v, time) if on.links else ():
+        _enter(robot, loads, given, len(q))
+    return loads
 
 
 def gather_loads(robot: HybridRobot, wrenches: Mapping[str, Array] | None, samples: int) -> Loads:
@@ -83,7 +131,13 @@ def gather_loads(robot: HybridRobot, wrenches: Mapping[str, Array] | None, sampl
         TrajectoryError: An unknown link, a wrong shape, or a number that is not finite.
     """
     loads = Loads([ModuleLoad() for _ in robot.modules], np.zeros((samples, 6)))
-    for link, given in (wrenches or {}).items():
+    _enter(robot, loads, wrenches or {}, samples)
+    return loads
+
+
+def _enter(robot: HybridRobot, loads: Loads, wrenches: Mapping[str, Array], samples: int) -> None:
+    """Add wrenches on links to the loads."""
+    for link, given in wrenches.items():
         wrench = _wrench(robot, link, given, samples)
         body, R, p = robot.bodies.place[link]
         wrench = wrench_to_base(R, p, wrench)
@@ -92,7 +146,6 @@ def gather_loads(robot: HybridRobot, wrenches: Mapping[str, Array] | None, sampl
             continue
         module, number = robot.body_owner[body]
         _place(robot.modules[module].mechanism.spec, loads.modules[module], number, wrench)
-    return loads
 
 
 def _wrench(robot: HybridRobot, link: str, given: Array, samples: int) -> Array:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -131,23 +131,32 @@ class Effects:
         return link_motions(robot, q, v, wanted) if wanted else {}
 
     def wrenches(
-        self, robot: HybridRobot, q: Array, v: Array, time: Array | None, given: Mapping[str, Array] | None
-    ) -> Mapping[str, Array] | None:
-        """Give the wrenches on links, those given by the caller and those of the laws, by link.
+        self, robot: HybridRobot, q: Array, v: Array, time: Array | None
+    ) -> Iterator[dict[str, Array]]:
+        """Give the wrenches of each law by link, shape (T, 6), [N, N m], in the links' frames at their origins.
 
         Raises:
             TrajectoryError: A law follows a table and there is no time, or its table is too short.
         """
-        if not self.links:
-            return given
         motions = self.link_motions(robot, q, v)
-        out = {link: np.asarray(wrench, dtype=float) for link, wrench in (given or {}).items()}
         for law in self.links:
             if law.needs_time and time is None:
                 raise TrajectoryError(f"the effect '{law.name}' follows a table: pass time=")
-            for link, wrench in law.wrenches(time, motions, len(q)).items():
-                out[link] = out[link] + wrench if link in out else wrench
-        return out
+            yield law.wrenches(time, motions, len(q))
+
+
+def times(time: object, samples: int) -> Array | None:
+    """Give the time of each sample, shape (samples,), from one time, one per sample, or None.
+
+    Raises:
+        TrajectoryError: Another shape, or not finite.
+    """
+    if time is None:
+        return None
+    out = np.asarray(time, dtype=float)
+    if out.shape not in ((), (samples,)) or not np.isfinite(out).all():
+        raise TrajectoryError(f"time has shape {out.shape}; wanted one finite number or ({samples},)")
+    return np.broadcast_to(out, (samples,))
 
 
 STANDARD = Effects(Gravity(), Inertia(), LegInertia(), VelocityTerms(), names=DEFAULT)
