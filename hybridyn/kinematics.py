@@ -1,79 +1,29 @@
 """Positions, velocities and accelerations of a tree of bodies, for a whole batch at once.
 
-One sweep outwards per level of the tree; everything in the axes of the tree's base, which is at rest. Velocities
-and accelerations here are classical: those of each body frame's origin, and the angular ones.
+One sweep outwards per level of the tree; everything in the axes of the tree's base, which is at rest.
+Velocities and accelerations here are classical: those of each body frame's origin, and the angular ones.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
-from .description.records import JointKind
+from .joints import NQ, NV, TreeJoint
 from .spatial import (
     Array,
+    Index,
+    Mask,
     compose,
     cross,
     rotate,
     rotate_back,
     rotation_from_axis_angle,
-    rotation_from_quaternion,
-    rotation_vector,
     samples_inside,
     select,
+    slices,
 )
-
-NQ = {"revolute": 1, "continuous": 2, "prismatic": 1, "spherical": 4, "planar": 4, "floating": 7}
-NV = {"revolute": 1, "continuous": 1, "prismatic": 1, "spherical": 3, "planar": 3, "floating": 6}
-
-
-@dataclass(frozen=True)
-class TreeJoint:
-    """A joint of a tree; its child is the body of the same number plus one (body 0 is the base).
-
-    Attributes:
-        name: Name of the joint.
-        kind: Kind of joint (never "fixed").
-        parent: Number of the parent body.
-        R: Child axes in the parent at joint position zero, shape (3, 3).
-        p: Child origin in the parent at joint position zero, shape (3,), [m].
-        axis: Unit axis in the child frame, shape (3,).
-    """
-
-    name: str
-    kind: JointKind
-    parent: int
-    R: Array
-    p: Array
-    axis: Array
-
-    @cached_property
-    def S(self) -> Array:
-        """Motion subspace in the child frame, shape (6, nv); constant for every kind of joint we know."""
-        if self.kind == "prismatic":
-            return np.concatenate([self.axis, np.zeros(3)])[:, None]
-        if self.kind in ("revolute", "continuous"):
-            return np.concatenate([np.zeros(3), self.axis])[:, None]
-        columns = {"spherical": (3, 4, 5), "planar": (0, 1, 5), "floating": range(6)}[self.kind]
-        return np.eye(6)[:, list(columns)]
-
-    def transform(self, q: Array) -> tuple[Array, Array]:
-        """Give the motion of the child relative to its zero position: rotations (T, 3, 3), shifts (T, 3)."""
-        zero = np.zeros((len(q), 3))
-        if self.kind == "prismatic":
-            return np.broadcast_to(np.eye(3), (len(q), 3, 3)), q * self.axis
-        if self.kind == "revolute":
-            return rotation_from_axis_angle(self.axis, np.cos(q[:, 0]), np.sin(q[:, 0])), zero
-        if self.kind == "continuous":
-            return rotation_from_axis_angle(self.axis, q[:, 0], q[:, 1]), zero
-        if self.kind == "spherical":
-            return rotation_from_quaternion(q), zero
-        if self.kind == "planar":
-            zero[:, :2] = q[:, :2]
-            return rotation_from_axis_angle(np.array([0.0, 0.0, 1.0]), q[:, 2], q[:, 3]), zero
-        return rotation_from_quaternion(q[:, 3:]), q[:, :3]
 
 
 @dataclass(frozen=True)
@@ -96,7 +46,7 @@ class Motion:
     wd: Array
     pdd: Array
 
-    def take(self, samples: Array) -> Motion:
+    def take(self, samples: Index | Mask) -> Motion:
         """Give the motion at some samples (numbers or a mask)."""
         kept = (
             np.ascontiguousarray(x.transpose(*range(1, x.ndim), 0)[..., samples])
@@ -125,15 +75,17 @@ class Tree:
         nv: Number of velocities.
         q_slices: Slice of q of each joint.
         v_slices: Slice of v of each joint.
+        dof_body: Body that each freedom moves first, shape (nv,).
+        support: Freedoms that move each body, shape (bodies, nv).
+        S_linear: What a unit rate of each freedom does to its body's origin, shape (nv, 3), body frame.
+        S_angular: The angular velocity that it gives, shape (nv, 3), body frame.
     """
 
     def __init__(self, joints: list[TreeJoint]) -> None:
         self.joints = tuple(joints)
-        q_ends = np.cumsum([0] + [NQ[j.kind] for j in joints])
-        v_ends = np.cumsum([0] + [NV[j.kind] for j in joints])
-        self.nq, self.nv = int(q_ends[-1]), int(v_ends[-1])
-        self.q_slices = [slice(int(a), int(b)) for a, b in zip(q_ends, q_ends[1:], strict=False)]
-        self.v_slices = [slice(int(a), int(b)) for a, b in zip(v_ends, v_ends[1:], strict=False)]
+        self.nq, self.nv = sum(NQ[j.kind] for j in joints), sum(NV[j.kind] for j in joints)
+        self.q_slices = slices(NQ[j.kind] for j in joints)
+        self.v_slices = slices(NV[j.kind] for j in joints)
         self.dof_body = np.repeat(np.arange(1, len(joints) + 1), [NV[j.kind] for j in joints]).astype(int)
         self._placement_R = np.array([j.R for j in joints]).reshape(-1, 3, 3)
         self._placement_p = np.array([j.p for j in joints]).reshape(-1, 3)
@@ -152,7 +104,7 @@ class Tree:
             self._levels.append((children, parents[children - 1]))
         self._kinds = self._group_by_kind()
 
-    def _group_by_kind(self) -> list[tuple[str, Array, Array, Array]]:
+    def _group_by_kind(self) -> list[tuple[str, Index, Index, Array]]:
         """Group the one-freedom joints by kind: (kind, joint numbers, q indices, axes)."""
         groups = []
         for kind in ("revolute", "continuous", "prismatic"):
@@ -164,42 +116,20 @@ class Tree:
 
     def neutral(self) -> Array:
         """Give the zero position, shape (nq,)."""
-        q = np.zeros(self.nq)
-        for joint, at in zip(self.joints, self.q_slices, strict=True):
-            if joint.kind == "continuous":
-                q[at.start] = 1.0
-            elif joint.kind == "planar":
-                q[at.start + 2] = 1.0
-            elif joint.kind in ("spherical", "floating"):
-                q[at.stop - 1] = 1.0
-        return q
+        return np.concatenate([np.zeros(0), *(joint.neutral for joint in self.joints)])
 
     def integrate(self, q: Array, dq: Array) -> Array:
-        """Move from q along the constant joint twists dq for unit time, shapes (T, nq), (T, nv).
-
-        The result stays on the joints' manifolds; for `floating` and `planar` joints the rotation and the
-        translation are moved separately, which is a retraction, not Pinocchio's exponential.
-        """
-        out = q.copy()
+        """Move from q along the constant joint twists dq for unit time, shapes (T, nq), (T, nv)."""
+        out = np.empty_like(q)
         for joint, at, to in zip(self.joints, self.q_slices, self.v_slices, strict=True):
-            x = q[:, at]
-            d = dq[:, to]
-            if joint.kind in ("revolute", "prismatic"):
-                out[:, at] = x + d
-            elif joint.kind == "continuous":
-                out[:, at] = _turn(x, d[:, 0])
-            elif joint.kind == "planar":
-                cos, sin = x[:, 2], x[:, 3]
-                out[:, at.start] = x[:, 0] + cos * d[:, 0] - sin * d[:, 1]
-                out[:, at.start + 1] = x[:, 1] + sin * d[:, 0] + cos * d[:, 1]
-                out[:, at.start + 2 : at.stop] = _turn(x[:, 2:], d[:, 2])
-            elif joint.kind == "spherical":
-                out[:, at] = _compose(x, d)
-            else:
-                out[:, at.start : at.start + 3] = x[:, :3] + rotate(
-                    rotation_from_quaternion(x[:, 3:]), d[:, :3]
-                )
-                out[:, at.start + 3 : at.stop] = _compose(x[:, 3:], d[:, 3:])
+            out[:, at] = joint.integrate(q[:, at], dq[:, to])
+        return out
+
+    def difference(self, q0: Array, q1: Array) -> Array:
+        """Give the joint twists dq with `integrate(q0, dq) = q1`, shape (T, nv)."""
+        out = np.empty((len(q0), self.nv))
+        for joint, at, to in zip(self.joints, self.q_slices, self.v_slices, strict=True):
+            out[:, to] = joint.difference(q0[:, at], q1[:, at])
         return out
 
     def _local(self, q: Array) -> tuple[Array, Array]:
@@ -244,6 +174,7 @@ class Tree:
         return Motion(R, p, w, pd, wd, pdd)
 
     def _sweep_rates(self, R: Array, p: Array, v: Array, a: Array | None, out: tuple[Array, ...]) -> None:
+        """Fill in w, pd, wd, pdd of `Motion`, bodies (R, p) known, parents before their children."""
         w, pd, wd, pdd = out
         rel_p, rel_w = self._joint_rates(R, v)
         acc_p, acc_w = (np.zeros(()), np.zeros(())) if a is None else self._joint_rates(R, a)
@@ -278,14 +209,14 @@ class Tree:
         """Give what a unit rate of each freedom does to its own body, in base axes.
 
         Returns:
-            Velocity of the body's origin and angular velocity, each of shape (T, nv, 3). A point x of any body
+            Velocity of the body's origin and angular velocity, each of shape (T, nv, 3). A point x of a body
             further out moves with `linear + angular x (x - origin of dof_body)`.
         """
         R = select(motion.R, self.dof_body)
         return rotate(R, self.S_linear), rotate(R, self.S_angular)
 
     def jacobian(self, motion: Motion, body: int, point: Array | None = None) -> Array:
-        """Give the velocity of a point of a body and the body's angular velocity over the rates, base axes.
+        """Give the velocity of a point of a body and its angular velocity over the joint rates, base axes.
 
         Args:
             motion: Motion of the tree.
@@ -300,50 +231,3 @@ class Tree:
         at_point = linear + cross(angular, point[:, None] - select(motion.p, self.dof_body))
         J = np.concatenate([at_point, angular], axis=-1) * self.support[body][:, None]
         return np.swapaxes(J, 1, 2)
-
-    def difference(self, q0: Array, q1: Array) -> Array:
-        """Give the joint twists dq with `integrate(q0, dq) = q1`, shape (T, nv)."""
-        out = np.empty((len(q0), self.nv))
-        for joint, at, to in zip(self.joints, self.q_slices, self.v_slices, strict=True):
-            x, y = q0[:, at], q1[:, at]
-            if joint.kind in ("revolute", "prismatic"):
-                out[:, to] = y - x
-            elif joint.kind == "continuous":
-                out[:, to.start] = _turned(x, y)
-            elif joint.kind == "planar":
-                d, cos, sin = y[:, :2] - x[:, :2], x[:, 2], x[:, 3]
-                out[:, to.start] = cos * d[:, 0] + sin * d[:, 1]
-                out[:, to.start + 1] = cos * d[:, 1] - sin * d[:, 0]
-                out[:, to.start + 2] = _turned(x[:, 2:], y[:, 2:])
-            else:
-                R = rotation_from_quaternion(x[:, -4:])
-                turn = np.matmul(np.swapaxes(R, 1, 2), rotation_from_quaternion(y[:, -4:]))
-                out[:, to.stop - 3 : to.stop] = rotation_vector(turn)
-                if joint.kind == "floating":
-                    out[:, to.start : to.start + 3] = rotate_back(R, y[:, :3] - x[:, :3])
-        return out
-
-
-def _turned(x: Array, y: Array) -> Array:
-    """Give the angles from unit vectors x to y, shape (T,)."""
-    out: Array = np.arctan2(x[:, 0] * y[:, 1] - x[:, 1] * y[:, 0], x[:, 0] * y[:, 0] + x[:, 1] * y[:, 1])
-    return out
-
-
-def _turn(cos_sin: Array, angle: Array) -> Array:
-    """Turn unit vectors (T, 2) by angles (T,)."""
-    cos, sin = np.cos(angle), np.sin(angle)
-    out = np.stack([cos_sin[:, 0] * cos - cos_sin[:, 1] * sin, cos_sin[:, 0] * sin + cos_sin[:, 1] * cos], -1)
-    return out / np.linalg.norm(out, axis=-1, keepdims=True)
-
-
-def _compose(quat: Array, turn: Array) -> Array:
-    """Follow quaternions (T, 4) by body rotation vectors (T, 3)."""
-    half = 0.5 * np.linalg.norm(turn, axis=-1, keepdims=True)
-    u = 0.5 * turn * np.sinc(half / np.pi)
-    c = np.cos(half)
-    x, w = quat[:, :3], quat[:, 3:]
-    out = np.concatenate(
-        [w * u + c * x + cross(x, u), w * c - np.sum(x * u, axis=-1, keepdims=True)], axis=-1
-    )
-    return out / np.linalg.norm(out, axis=-1, keepdims=True)

@@ -10,7 +10,8 @@ import numpy as np
 import pinocchio as pin
 
 from .bodies import Body
-from .kinematics import NQ, NV, Tree, TreeJoint
+from .joints import NQ, NV, TreeJoint
+from .kinematics import Tree
 from .spatial import Array
 
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from .bodies import Bodies, Body
 from .closure import TreeClosure, TreeCoupling
-from .kinematics import TreeJoint
+from .joints import TreeJoint
 from .spatial import Array
 from .topology import ModuleGraph
 

@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 
 from .errors import ModelError
-from .kinematics import TreeJoint
+from .joints import TreeJoint
 from .leg_model import pinocchio_inertia, pinocchio_joint
 
 if TYPE_CHECKING:

@@ -10,7 +10,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from .kinematics import Tree, TreeJoint
+from .joints import TreeJoint
+from .kinematics import Tree
 from .spatial import Array, hat, rotation_from_vector
 
 #: Below this angle [rad] the series of the right Jacobian's inverse is exact to rounding.

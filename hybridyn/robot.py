@@ -16,7 +16,8 @@ from .bodies import Bodies
 from .description.names import did_you_mean
 from .description.records import Description
 from .errors import ModelError
-from .kinematics import NQ, NV, Tree, TreeJoint
+from .joints import NQ, NV, TreeJoint
+from .kinematics import Tree
 from .module import Mechanism, Module, check_mechanism
 from .modulespec import ModuleSpec, module_spec
 from .reduction import ROUNDED

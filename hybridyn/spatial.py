@@ -13,6 +13,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from itertools import accumulate, pairwise
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -22,6 +25,11 @@ Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 #: A choice of rows, columns or samples, True where it is taken.
 Mask = NDArray[np.bool_]
+
+
+def slices(lengths: Iterable[int]) -> list[slice]:
+    """Give slices of the given lengths, one behind the other."""
+    return [slice(a, b) for a, b in pairwise(accumulate(lengths, initial=0))]
 
 
 def samples_inside(shape: tuple[int, ...]) -> Array:
