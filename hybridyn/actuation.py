@@ -70,16 +70,16 @@ def motor_efforts(
     if motors == 0:
         tau = np.zeros((T, 0))
     elif motors == N:
-        tau = _square(module, B, Q, sharing)
+        tau = _square(module, Psi, B, Q, sharing)
     else:
         share = np.ones(motors) if motors < N else _share(robot, module, sharing) * unit
-        tau = _least_norm(module, B, Q, share, sharing)
+        tau = _least_norm(module, Psi, B, Q, share, sharing)
     missing = Q - np.einsum("tij,tj->ti", B, tau)
     _check_driven(module, Psi, missing, size, sharing)
     return tau / unit
 
 
-def _square(module: Module, B: Array, Q: Array, sharing: Sharing) -> Array:
+def _square(module: Module, Psi: Array, B: Array, Q: Array, sharing: Sharing) -> Array:
     """Solve B tau = Q with column pivoting; singular samples by least norm, or an error."""
     n = B.shape[1]
     R, order = pivoted_qr(np.concatenate([B, Q[..., None]], axis=-1), n, n)
@@ -87,14 +87,21 @@ def _square(module: Module, B: Array, Q: Array, sharing: Sharing) -> Array:
     np.put_along_axis(tau, order, back_substitute(R[:, :n, :n], R[:, :n, n:])[..., 0], axis=1)
     suspect = np.flatnonzero(pivot_ratio(R, n) < SINGULAR * n)
     if len(suspect):
-        tau[suspect] = _least_norm(module, B[suspect], Q[suspect], np.ones(n), sharing, suspect)
+        share = np.ones(n)
+        tau[suspect] = _least_norm(module, Psi[suspect], B[suspect], Q[suspect], share, sharing, suspect)
     return tau
 
 
 def _least_norm(
-    module: Module, B: Array, Q: Array, share: Array, sharing: Sharing, samples: Array | None = None
+    module: Module, Psi: Array, B: Array, Q: Array, share: Array, sharing: Sharing, samples: Array | None = None
 ) -> Array:
-    """Give the least of |tau / share| with B tau = Q, by singular values."""
+    """Give the least of |tau / share| with B tau = Q, by singular values.
+
+    Along orthonormal motions, so that what no motor can produce does not depend on the coordinates u.
+    """
+    R = np.linalg.qr(Psi / module.mechanism.reduction.col_scale[:, None], mode="r")
+    along = np.linalg.solve(np.swapaxes(R, 1, 2), np.concatenate([B, Q[..., None]], axis=-1))
+    B, Q = along[..., :-1], along[..., -1]
     U, s, Vt = np.linalg.svd(B * share, full_matrices=False)
     keep = s > SINGULAR * s[:, :1]
     lost = np.flatnonzero(~keep.all(axis=1))

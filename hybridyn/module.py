@@ -17,12 +17,14 @@ import logging
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .closing import generic_postures
 from .closure import Closures
 from .elimination import least_squares
 from .errors import AssemblyError, ModelError
-from .kinematics import Motion, Tree, TreeJoint
+from .joints import TreeJoint
+from .kinematics import Motion, Tree
 from .leg_model import LegModel
 from .modulespec import ModuleSpec
 from .reduction import RANK_TOLERANCE, Basis, Block, Reduction
@@ -283,7 +285,7 @@ class Mechanism:
                 angular = wd - motion.wd[:, wrist.end]
             miss = np.concatenate([linear / self.length, angular], axis=-1)
             S = self.wrist_rates(motion, number)
-            unknown[:, cols] = least_squares(S, miss)
+            unknown[:, cols] = least_squares(S, miss, relative=GIMBAL_LOCK)
             _flag_gimbal_lock(S)
             if wrist.carries:  # what hangs from a platform moves with it: sweep again before the next wrist
                 motion = None
@@ -294,10 +296,16 @@ class Mechanism:
         return np.concatenate([every[self.spanning.v_slices[i]] for i in self.spec.wrists[wrist].joints])
 
 
+def is_locked(S: Array) -> NDArray[np.bool_]:
+    """Say where a wrist's joints lose a direction, from `wrist_rates` (T, 6, joints), shape (T,) of bool."""
+    s = np.linalg.svd(S, compute_uv=False)
+    out: NDArray[np.bool_] = s[:, -1] <= GIMBAL_LOCK * s[:, 0]
+    return out
+
+
 def _flag_gimbal_lock(S: Array) -> None:
     """Log samples at which a wrist's joints lose a direction; their rates are the least-norm ones."""
-    s = np.linalg.svd(S, compute_uv=False)
-    locked = np.flatnonzero(s[:, -1] < GIMBAL_LOCK * s[:, 0])
+    locked = np.flatnonzero(is_locked(S))
     if len(locked):
         _log.warning(
             "gimbal lock of a wrist at %d samples, the first %d: rates of its joints are the least-norm ones, "
