@@ -1,7 +1,7 @@
 """From the generalised force that a module needs to the efforts of its motors: B tau = Q, Eq. (33).
 
-Q and the columns of B are work per scaled coordinate [N m], so that forces and torques compare; efforts of redundant
-motors are shared by weights, never by raw numbers of different units.
+Q and the columns of B are work per scaled coordinate [N m], so that forces and torques compare; efforts of
+redundant motors are shared by weights, never by raw numbers of different units.
 """
 
 from __future__ import annotations
@@ -93,7 +93,13 @@ def _square(module: Module, Psi: Array, B: Array, Q: Array, sharing: Sharing) ->
 
 
 def _least_norm(
-    module: Module, Psi: Array, B: Array, Q: Array, share: Array, sharing: Sharing, samples: Array | None = None
+    module: Module,
+    Psi: Array,
+    B: Array,
+    Q: Array,
+    share: Array,
+    sharing: Sharing,
+    samples: Array | None = None,
 ) -> Array:
     """Give the least of |tau / share| with B tau = Q, by singular values.
 
@@ -111,9 +117,9 @@ def _least_norm(
         sample = t if samples is None else int(samples[t])
         worst = module.motors[int(np.argmax(np.abs(Vt[t, -1])))]
         raise SingularityError(
-            f"module '{module.name}': its motors lose a direction at sample {sample} (parallel singularity; condition "
-            f"number {condition:.1e}, limit {1 / SINGULAR:.0e}; motor '{worst}' is most concerned). "
-            'Move the trajectory away from it, or pass on_singular="least-norm"',
+            f"module '{module.name}': its motors lose a direction at sample {sample} (parallel singularity; "
+            f"condition number {condition:.1e}, limit {1 / SINGULAR:.0e}; motor '{worst}' is most "
+            'concerned). Move the trajectory away from it, or pass on_singular="least-norm"',
             module=module.name,
             what="motors",
             condition=condition,
@@ -138,8 +144,9 @@ def _share(robot: HybridRobot, module: Module, sharing: Sharing) -> Array:
         return limits
     if len({record[m].kind == "prismatic" for m in module.motors}) > 1:
         raise ActuationError(
-            f"module '{module.name}': {len(module.motors)} motors, some in N and some in N m, share {module.mobility} "
-            "freedoms. Give weights, or an effort limit for each motor, so that their efforts compare",
+            f"module '{module.name}': {len(module.motors)} motors, some in N and some in N m, share "
+            f"{module.mobility} freedoms. Give weights, or an effort limit for each motor, so that their "
+            "efforts compare",
             module=module.name,
         )
     return np.ones(len(limits))
@@ -157,9 +164,9 @@ def _check_driven(module: Module, Psi: Array, missing: Array, size: Array, shari
     motion = Psi[t] @ missing[t] / module.mechanism.reduction.col_scale
     joint = module.freedom_names()[int(np.argmax(np.abs(motion)))]
     raise ActuationError(
-        f"module '{module.name}': {len(module.motors)} motors for {module.mobility} freedoms; no motor can produce the "
-        f"{lack[t]:.3g} N m that the motion of {joint} needs at sample {t} (largest term {size[t]:.3g} N m). "
-        + (sharing.passive_hint or "Add a motor there"),
+        f"module '{module.name}': {len(module.motors)} motors for {module.mobility} freedoms; no motor can "
+        f"produce the {lack[t]:.3g} N m that the motion of {joint} needs at sample {t} (largest term "
+        f"{size[t]:.3g} N m). " + (sharing.passive_hint or "Add a motor there"),
         module=module.name,
         direction=joint,
         size=float(lack[t]),

@@ -1,7 +1,7 @@
 """Closing the loops: from motor positions or platform poses to the whole posture, its rates and accelerations.
 
-Module after module from the base: what is given about a module (motors, poses) and its closures make a Newton problem
-on its tree after the cuts; the wrists that were cut follow from the bodies they join.
+Module after module from the base: what is given about a module (motors, poses) and its closures make a Newton
+problem on its tree after the cuts; the wrists that were cut follow from the bodies they join.
 """
 
 from __future__ import annotations
@@ -37,20 +37,21 @@ def assemble(
 
     Args:
         robot: The robot.
-        motors: For each joint by name (position, rate, acceleration), each a number or shape (T,), [m or rad and
-            per second]; rates and accelerations may be left out (zero).
+        motors: For each joint by name (position, rate, acceleration), each a number or shape (T,), [m or rad
+            and per second]; rates and accelerations may be left out (zero).
         platforms: For each "link" (relative to the root link) or "link@other" (relative to another link)
             (pose, twist, acceleration). The pose is shape (7,) or (T, 7), x, y, z, qx, qy, qz, qw; the twist
-            (T, 6) the velocity of the link's origin and its angular velocity relative to the other link, in that
-            link's axes; the acceleration their time derivatives (classical). Or each is a mapping from some of
-            x, y, z, roll, pitch, yaw to numbers or shapes (T,): a partial pose, the paper's v_r. For a moving or
-            floating base the root link's name gives the base's own pose in the world (at rest where left out).
-        guess: Posture to start from, shape (nq,); the home posture where left out. A trajectory is followed from
-            its first sample on without leaving the assembly branch.
+            (T, 6) the velocity of the link's origin and its angular velocity relative to the other link, in
+            that link's axes; the acceleration their time derivatives (classical). Or each is a mapping from
+            some of x, y, z, roll, pitch, yaw to numbers or shapes (T,): a partial pose, the paper's v_r. For
+            a moving or floating base the root link's name gives the base's own pose in the world (at rest
+            where left out).
+        guess: Posture to start from, shape (nq,); the home posture where left out. A trajectory is followed
+            from its first sample on without leaving the assembly branch.
 
     Returns:
-        q, v, a on the spanning tree: shapes (nq,), (nv,), (nv,), or (T, ...) where anything given has T samples.
-        Motions that move no motor and no output take least-norm rates.
+        q, v, a on the spanning tree: shapes (nq,), (nv,), (nv,), or (T, ...) where anything given has T
+        samples. Motions that move no motor and no output take least-norm rates.
 
     Raises:
         AssemblyError: A target out of reach, a step that would leave the branch, or too little given.

@@ -1,7 +1,8 @@
 """Rigid bodies of a robot: links that fixed joints hold together count as one.
 
-A body's frame is the frame of its topmost link, which is the child frame of the joint that moves it: Pinocchio's
-joint frame. Joints are numbered depth-first, siblings by name, as `pin.buildModelFromXML` numbers them.
+A body's frame is the frame of its topmost link, which is the child frame of the joint that moves it:
+Pinocchio's joint frame. Joints are numbered depth-first, siblings by name, as `pin.buildModelFromXML` numbers
+them.
 """
 
 from __future__ import annotations

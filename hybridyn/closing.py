@@ -1,8 +1,9 @@
 """Newton on the closures and targets of one module, for many starts at once.
 
-Every step is the least-norm Gauss-Newton step on as many singular values as the rows generically have, limited in
-length (a trust region in scaled coordinates) and damped while it does not help. Where the freedoms that may move
-fall into blocks of full rank (the legs under a given platform), each block is solved by itself by pivoted QR.
+Every step is the least-norm Gauss-Newton step on as many singular values as the rows generically have,
+limited in length (a trust region in scaled coordinates) and damped while it does not help. Where the freedoms
+that may move fall into blocks of full rank (the legs under a given platform), each block is solved by itself
+by pivoted QR.
 """
 
 from __future__ import annotations

@@ -8,8 +8,8 @@ written with r = p_B - p_A, the relative angular velocity w = w_B - w_A and the 
     "parallel"       A_i . B_z = 0           rows  (B_z x A_i) . w              i = x, y
     "perpendicular"  A_z . B_z = 0           row   (B_z x A_z) . w
 
-All rows of a tree together are K, with K q_dot = 0 and K q_ddot + gamma = 0 on every motion that keeps the loops
-closed. A coupling is one more row, constant, without drift.
+All rows of a tree together are K, with K q_dot = 0 and K q_ddot + gamma = 0 on every motion that keeps the
+loops closed. A coupling is one more row, constant, without drift.
 """
 
 from __future__ import annotations

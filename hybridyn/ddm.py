@@ -1,8 +1,8 @@
 """Direct dynamic model: accelerations from motor efforts, Eqs. (38)-(53) in their general form.
 
-Three recursions: forward for placements and twists (`forward`), backward for articulated inertias (`articulate`),
-forward for accelerations (`accelerate`). The congruence form of Eqs. (45), (47) keeps every articulated inertia
-positive semidefinite; the paper's S2, S3, K, alpha are never formed.
+Three recursions: forward for placements and twists (`forward`), backward for articulated inertias
+(`articulate`), forward for accelerations (`accelerate`). The congruence form of Eqs. (45), (47) keeps every
+articulated inertia positive semidefinite; the paper's S2, S3, K, alpha are never formed.
 """
 
 from __future__ import annotations
@@ -87,17 +87,19 @@ def ddm(
         q: Positions of the spanning tree, shape (nq,) or (T, nq).
         v: Rates, shape (nv,) or (T, nv), [m/s, rad/s].
         tau: Efforts in the order of `robot.motors`, shape (motors,) or (T, motors), [N or N m].
-        base_acceleration: Spatial acceleration of a "moving" base in its own frame (Pinocchio's, the first six of a),
-            shape (6,) or (T, 6); zero where left out.
-        wrenches: For each link a wrench ON it, shape (6,) or (T, 6), [N, N m], in the link's frame at its origin.
-        effects: What is computed: None for gravity, inertia, the legs' inertia and velocity terms; "model" for those
-            and all that the robot's files state; or names and objects (`hybridyn.effects`), and nothing else.
+        base_acceleration: Spatial acceleration of a "moving" base in its own frame (Pinocchio's, the first
+            six of a), shape (6,) or (T, 6); zero where left out.
+        wrenches: For each link a wrench ON it, shape (6,) or (T, 6), [N, N m], in the link's frame at its
+            origin.
+        effects: What is computed: None for gravity, inertia, the legs' inertia and velocity terms; "model"
+            for those and all that the robot's files state; or names and objects (`hybridyn.effects`), and
+            nothing else.
         time: Time of each sample, shape () or (T,), [s], for effects that follow a table.
         reactions: Also give the wrenches between modules and in the closures.
 
     Returns:
-        Accelerations of the spanning tree, shape (nv,) or (T, nv), [m/s^2, rad/s^2]; with `reactions=True` also a
-        `Reactions`. Motions without inertia that nothing forces take least-norm accelerations.
+        Accelerations of the spanning tree, shape (nv,) or (T, nv), [m/s^2, rad/s^2]; with `reactions=True`
+        also a `Reactions`. Motions without inertia that nothing forces take least-norm accelerations.
 
     Raises:
         AssemblyError: The state does not close the loops.
@@ -151,8 +153,8 @@ def _needs_inertia(on: Effects) -> None:
 def solve_passive(robot: HybridRobot, q: Array, v: Array, a: Array, loads: Loads) -> Array:
     """Give the accelerations whose motors' (and prescribed base's) entries are those of `a`, the rest unforced.
 
-    The same two sweeps with Psi Z, the prescribed part in the drift, and no motor effort: Z spans what the motors
-    leave free.
+    The same two sweeps with Psi Z, the prescribed part in the drift, and no motor effort: Z spans what the
+    motors leave free.
 
     Args:
         robot: The robot.
@@ -348,8 +350,9 @@ def _refuse_forced(module: Module, basis: Basis, inertia: InertiaFactor, left: A
     motion = basis.Psi[t, :, int(np.argmax(np.abs(left[t, :, 6])))] / module.mechanism.reduction.col_scale
     name = module.freedom_names()[int(np.argmax(np.abs(motion)))]
     raise SingularityError(
-        f"module '{module.name}': the motion of {name} has no inertia, and a force of {force[t]:.3g} N m acts on it at "
-        f"sample {t}: its acceleration is not defined. Give the bodies it moves a mass, or drive it by position",
+        f"module '{module.name}': the motion of {name} has no inertia, and a force of {force[t]:.3g} N m "
+        f"acts on it at sample {t}: its acceleration is not defined. Give the bodies it moves a mass, or "
+        "drive it by position",
         module=module.name,
         what="inertia",
         condition=np.inf,

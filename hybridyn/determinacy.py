@@ -59,9 +59,9 @@ def _refuse_open(module: Module, problem: LoopProblem, motion: Array) -> None:
         return
     worst = names[int(np.argmax(sizes))]
     raise AssemblyError(
-        f"module '{module.name}': what is given leaves {motion.shape[1]} of its {module.mobility} freedoms open; {worst} "
-        f"could still move. Give {module.mobility} positions of its motors or coordinates of its platform"
-        + (f" (motors: {', '.join(module.motors)})" if module.motors else ""),
+        f"module '{module.name}': what is given leaves {motion.shape[1]} of its {module.mobility} freedoms "
+        f"open; {worst} could still move. Give {module.mobility} positions of its motors or coordinates of "
+        "its platform" + (f" (motors: {', '.join(module.motors)})" if module.motors else ""),
         module=module.name,
         open_freedoms=motion.shape[1],
     )

@@ -1,7 +1,8 @@
 """Rank-revealing elimination of many small matrices at once.
 
 `pivoted_qr` is Householder's QR with column pivoting (Businger and Golub), the number of pivots fixed by the
-caller: rank belongs to the module and not to the posture. `null_basis` solves K x = -gamma for every solution.
+caller: rank belongs to the module and not to the posture. `null_basis` solves K x = -gamma for every
+solution.
 Nothing forms K^T K and nothing inverts.
 """
 
@@ -21,8 +22,8 @@ def pivoted_qr(A: Array, columns: int, rank: int) -> tuple[Array, Array]:
         rank: Number of steps, at most min(m, columns).
 
     Returns:
-        The transformed matrices (B, m, n), whose leading (rank, rank) block is upper triangular, and the order
-        of the pivoted columns, shape (B, columns).
+        The transformed matrices (B, m, n), whose leading (rank, rank) block is upper triangular, and the
+        order of the pivoted columns, shape (B, columns).
     """
     A = A.copy()
     B, m, _ = A.shape
@@ -82,7 +83,8 @@ def null_basis(K: Array, gamma: Array, rank: int) -> tuple[Array, Array, Array]:
         rank: Number of pivots.
 
     Returns:
-        Psi of shape (B, n, n - rank), x0 of shape (B, n), and the smallest pivot relative to the largest, (B,).
+        Psi of shape (B, n, n - rank), x0 of shape (B, n), and the smallest pivot relative to the largest,
+        (B,).
     """
     B, _, n = K.shape
     R, order = pivoted_qr(np.concatenate([K, gamma[..., None]], axis=-1), n, rank)
@@ -98,7 +100,8 @@ def null_basis(K: Array, gamma: Array, rank: int) -> tuple[Array, Array, Array]:
 def least_squares(A: Array, b: Array, *, relative: float = 1e-12, rank: int | None = None) -> Array:
     """Give the least-norm least-squares solution of A x = b by singular values, shapes (B, m, n), (B, m).
 
-    The leading `rank` singular values count, or, where it is left out, those above `relative` times the largest.
+    The leading `rank` singular values count, or, where it is left out, those above `relative` times the
+    largest.
     """
     if A.shape[1] == 0 or A.shape[2] == 0:
         return np.zeros((len(A), A.shape[2]))

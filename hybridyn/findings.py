@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from .module import Mechanism, Module
+from .free_motions import free_motions, own_inertia
+from .module import Module
 from .robot import HybridRobot
 from .spatial import Array
 
 #: Smallest pivot, or smallest share of the motors in a motion, below which a posture is called singular.
 SINGULAR = 1e-5
-#: Part of a module's largest inertia below which a motion has none (rounding of the sum is far below).
-MASSLESS = 1e-12
 
 
 def home_residuals(robot: HybridRobot) -> list[float]:
@@ -101,27 +100,10 @@ def _of_structure(module: Module) -> list[str]:
     ]
     if still:
         out.append(f"motor '{still[0]}' cannot move: the closures hold it")
-    if m.mobility:
-        values, vectors = np.linalg.eigh(_inertia(m, posture))
-        if values[-1] <= 0.0:
-            out.append("none of its bodies has mass")
-        elif values[0] <= MASSLESS * values[-1]:
-            joints = np.abs(Psi @ vectors[:, 0])
-            named = [i for i, source in enumerate(m.spec.tree_joint) if source is not None]
-            worst = max(named, key=lambda i: joints[m.tree.v_slices[i]].max(initial=0.0), default=None)
-            where = "" if worst is None else f" of joint '{module.joints[m.spec.tree_joint[worst] or 0]}'"
-            out.append(f"a motion{where} has no inertia; its direct model needs one there")
-    return out
-
-
-def _inertia(m: Mechanism, posture: Array) -> Array:
-    """Give the inertia of a module alone along its scaled motions, shape (N, N)."""
-    motion = m.tree.sweep(posture)
-    Psi = m.basis(m.closures.matrix(motion)).Psi
-    legs = m.legs.crba(posture)[:, 6:, 6:]
-    total = np.swapaxes(Psi, 1, 2) @ legs @ Psi
-    for body, inertia in zip(m.spec.outputs, m.inertias, strict=True):
-        a_map = np.matmul(m.jacobian(motion, body), Psi)
-        total = total + np.swapaxes(a_map, 1, 2) @ inertia @ a_map
-    out: Array = total[0]
-    return out
+    if m.mobility and own_inertia(m, m.basis(m.closures.matrix(motion)).Psi[0]).max() <= 0.0:
+        return [*out, "none of its bodies has mass"]
+    light = free_motions(module).massless
+    return [
+        *out,
+        *(f"the motion of {name} has no inertia; its direct model needs one there" for name in light),
+    ]

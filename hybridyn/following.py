@@ -1,7 +1,8 @@
 """From one posture to a whole trajectory of them, without leaving the assembly branch unnoticed.
 
-All samples are solved together, coarse to fine. Then every step between neighbours must be the one that the rows'
-derivative predicts: on another branch it is not. Where a step is too long to tell, it is walked in smaller ones.
+All samples are solved together, coarse to fine. Then every step between neighbours must be the one that the
+rows' derivative predicts: on another branch it is not. Where a step is too long to tell, it is walked in
+smaller ones.
 """
 
 from __future__ import annotations
@@ -115,8 +116,8 @@ def follow(task: Task, guess: Array, *, keep_branch: bool = True) -> Array:
 def first_posture(task: Task, guess: Array) -> Array:
     """Give the closed posture that a guess leads to.
 
-    That is the one at the end of a walk from the guess on its own assembly branch; where there is none, the one that
-    Newton finds from the guess, or from seeded restarts about it.
+    That is the one at the end of a walk from the guess on its own assembly branch; where there is none, the
+    one that Newton finds from the guess, or from seeded restarts about it.
 
     Raises:
         AssemblyError: Nothing closes; with the best residual.
@@ -166,9 +167,9 @@ def unreachable(task: Task, result: Closed, sample: int, iterations: int) -> Ass
     worst = task.row_names[int(np.argmax(np.abs(rows)))]
     return AssemblyError(
         f"module '{task.module}', {worst}: the loops do not close at sample {sample}: best residual "
-        f"{result.residual[at]:.2g} of the module's length (limit {task.tolerance:.0e}) after {iterations} iterations. "
-        "The target is out of reach, or contradicts another one; move it, give a better guess, or, where the file is "
-        "rounded that much, raise closure_tolerance",
+        f"{result.residual[at]:.2g} of the module's length (limit {task.tolerance:.0e}) after {iterations} "
+        "iterations. The target is out of reach, or contradicts another one; move it, give a better guess, "
+        "or, where the file is rounded that much, raise closure_tolerance",
         module=task.module,
         leg=worst,
         sample=sample,
@@ -273,8 +274,9 @@ def _lost(task: Task, q: Array, sample: int) -> AssemblyError:
     if not task.closed(result)[0]:
         return unreachable(task, result, sample + 1, result.iterations)
     return AssemblyError(
-        f"module '{task.module}': no continuous motion leads from sample {sample} to sample {sample + 1}: the posture "
-        f"would jump to another assembly branch. Move the trajectory away from the singularity between them",
+        f"module '{task.module}': no continuous motion leads from sample {sample} to sample {sample + 1}: "
+        "the posture would jump to another assembly branch. Move the trajectory away from the singularity "
+        "between them",
         module=task.module,
         sample=sample + 1,
         residual=float(result.residual[0]),

@@ -53,20 +53,23 @@ def idm(
         q: Positions of the spanning tree, shape (nq,) or (T, nq).
         v: Rates, shape (nv,) or (T, nv), [m/s, rad/s].
         a: Accelerations, shape (nv,) or (T, nv), [m/s^2, rad/s^2].
-        wrenches: For each link a wrench ON it, shape (6,) or (T, 6), [N, N m], in the link's frame at its origin.
-        effects: What is computed: None for gravity, inertia, the legs' inertia and velocity terms; "model" for those
-            and all that the robot's files state; or names and objects (`hybridyn.effects`), and nothing else.
+        wrenches: For each link a wrench ON it, shape (6,) or (T, 6), [N, N m], in the link's frame at its
+            origin.
+        effects: What is computed: None for gravity, inertia, the legs' inertia and velocity terms; "model"
+            for those and all that the robot's files state; or names and objects (`hybridyn.effects`), and
+            nothing else.
         time: Time of each sample, shape () or (T,), [s], for effects that follow a table.
-        passive: "given": `a` is taken as it comes, and a passive motion that would need an effort is an error.
-            "solved": only the motors' accelerations (and a prescribed base's) count, the rest follows from zero effort.
-        weights: For each motor w in the sum of w x effort^2 that redundant motors make least, by name or in the
-            order of `robot.motors`; by effort limits where left out.
+        passive: "given": `a` is taken as it comes, and a passive motion that would need an effort is an
+            error. "solved": only the motors' accelerations (and a prescribed base's) count, the rest follows
+            from zero effort.
+        weights: For each motor w in the sum of w x effort^2 that redundant motors make least, by name or in
+            the order of `robot.motors`; by effort limits where left out.
         on_singular: "raise", or "least-norm" to go on with the least efforts where motors lose a direction.
         reactions: Also give the wrenches between modules and in the closures.
 
     Returns:
-        Efforts in the order of `robot.motors`, shape (motors,) or (T, motors), [N or N m]; with `reactions=True`
-        also a `Reactions`.
+        Efforts in the order of `robot.motors`, shape (motors,) or (T, motors), [N or N m]; with
+        `reactions=True` also a `Reactions`.
 
     Raises:
         AssemblyError: The state does not close the loops.

@@ -1,7 +1,8 @@
 """Solving with the articulated inertia of a module: A_t x = b, A_t symmetric and positive semidefinite.
 
-Cholesky's factorization with diagonal pivoting keeps graded matrices accurate (light legs under a heavy platform). A
-motion without inertia shows as a pivot that is no larger than the rounding of the terms it was summed from.
+Cholesky's factorization with diagonal pivoting keeps graded matrices accurate (light legs under a heavy
+platform). A motion without inertia shows as a pivot that is no larger than the rounding of the terms it was
+summed from.
 """
 
 from __future__ import annotations

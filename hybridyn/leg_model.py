@@ -1,7 +1,8 @@
 """The legs of one module as a Pinocchio model: H, F_b by RNEA; A, D, S1 by CRBA.
 
-The leg trees hang from a free-flyer that stands for the base body (appendices A to C of the paper); gravity is zero
-there, since it comes in through the base's acceleration. Outputs carry no inertia here: it is theirs in the module.
+The leg trees hang from a free-flyer that stands for the base body (appendices A to C of the paper); gravity
+is zero there, since it comes in through the base's acceleration. Outputs carry no inertia here: it is theirs
+in the module.
 """
 
 from __future__ import annotations
@@ -45,7 +46,8 @@ def _continuous(axis: Array) -> pin.JointModel:
     return pin.buildModelFromXML(
         '<robot name="one"><link name="a"/><link name="b"><inertial><mass value="1"/>'
         '<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>'
-        f'<joint name="j" type="continuous"><parent link="a"/><child link="b"/><axis xyz="{x!r} {y!r} {z!r}"/>'
+        f'<joint name="j" type="continuous"><parent link="a"/><child link="b"/><axis xyz="{x!r} {y!r} '
+        f'{z!r}"/>'
         "</joint></robot>"
     ).joints[1]
 

@@ -24,8 +24,8 @@ def load(
 
     Args:
         path: The robot's file; a side-car (`robot.yaml`, `model.toml`) is found beside it.
-        base: "fixed", "moving" (prescribed motion) or "floating" (free): the last two put a free-flyer first in
-            q, v, a, with Pinocchio's local velocities.
+        base: "fixed", "moving" (prescribed motion) or "floating" (free): the last two put a free-flyer first
+            in q, v, a, with Pinocchio's local velocities.
         motors: Names of the driven joints, instead of what the files say.
         gravity: Acceleration of gravity in the world, shape (3,), [m/s^2].
         xacro_args: Arguments of a xacro file by name.

@@ -27,7 +27,8 @@ class ModuleLoad:
     Attributes:
         outputs: Output number and wrench (T, 6).
         legs: Body of the tree after the cuts and wrench (T, 6).
-        wrist_links: Body of the spanning tree and wrench (T, 6), for massless links inside wrists that were cut.
+        wrist_links: Body of the spanning tree and wrench (T, 6), for massless links inside wrists that were
+            cut.
         base: Wrenches that a wrist hands straight to the base body, (T, 6).
     """
 
@@ -97,7 +98,12 @@ class Loads:
 
 
 def all_loads(
-    robot: HybridRobot, on: Effects, q: Array, v: Array, time: Array | None, wrenches: Mapping[str, Array] | None
+    robot: HybridRobot,
+    on: Effects,
+    q: Array,
+    v: Array,
+    time: Array | None,
+    wrenches: Mapping[str, Array] | None,
 ) -> Loads:
     """Gather wrenches given by the caller, and what the effects add.
 

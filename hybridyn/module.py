@@ -1,7 +1,7 @@
 """One module in its general form: legs, platforms, closures, and the motions Psi, a that keep its loops closed.
 
-`Mechanism` is what equal modules share: trees, closures, ranks, Pinocchio's leg model. `Module` is one of them in a
-robot: its names, its place in q, v, tau, and what it stands on.
+`Mechanism` is what equal modules share: trees, closures, ranks, Pinocchio's leg model. `Module` is one of
+them in a robot: its names, its place in q, v, tau, and what it stands on.
 
 The unknowns x of a module are [legs' joints; platforms' twists]. In x the module's row of the paper reads
 
@@ -244,7 +244,8 @@ class Mechanism:
             wrist: Number of the wrist.
 
         Returns:
-            Shape (T, 6, joints of the wrist), at the end body's origin, base axes; linear rows over the length.
+            Shape (T, 6, joints of the wrist), at the end body's origin, base axes; linear rows over the
+            length.
         """
         end, cols = self.spec.wrists[wrist].end, self.wrist_columns(wrist)
         linear, angular = (c[:, cols] for c in self.spanning.columns(motion))
@@ -308,8 +309,8 @@ def _flag_gimbal_lock(S: Array) -> None:
     locked = np.flatnonzero(is_locked(S))
     if len(locked):
         _log.warning(
-            "gimbal lock of a wrist at %d samples, the first %d: rates of its joints are the least-norm ones, "
-            "nothing else is affected",
+            "gimbal lock of a wrist at %d samples, the first %d: rates of its joints are the least-norm "
+            "ones, nothing else is affected",
             len(locked),
             locked[0],
         )
@@ -400,8 +401,8 @@ def check_mechanism(mechanism: Mechanism, name: str, source: str | None, closure
         raise AssemblyError(
             f"module '{name}': no posture closes its loops; the best residual found is "
             f"{mechanism.best_residual:.2g} of the module's size (limit {closure_tolerance:.0e}). "
-            "Check the closures' frames and axes, give a home posture near an assembled one, or, where the file is rounded "
-            "that much, raise closure_tolerance",
+            "Check the closures' frames and axes, give a home posture near an assembled one, or, where the "
+            "file is rounded that much, raise closure_tolerance",
             module=name,
             residual=mechanism.best_residual,
         )
@@ -409,9 +410,10 @@ def check_mechanism(mechanism: Mechanism, name: str, source: str | None, closure
     doubt = report.doubted if report.clear else (report.kept, report.dropped)
     if doubt and not mechanism.rank_is_given:
         raise ModelError(
-            f"module '{name}': the rank of its closures is in doubt: relative singular values {doubt[0]:.1e} and "
-            f"{doubt[1]:.1e} stand on both sides of it. Say which count with rank_tolerance: "
-            f"{np.sqrt(doubt[0] * doubt[1]):.0e} where the lesser is rounding in the file, {doubt[1] / 10:.0e} where it is not",
+            f"module '{name}': the rank of its closures is in doubt: relative singular values {doubt[0]:.1e} "
+            f"and {doubt[1]:.1e} stand on both sides of it. Say which count with rank_tolerance: "
+            f"{np.sqrt(doubt[0] * doubt[1]):.0e} where the lesser is rounding in the file, "
+            f"{doubt[1] / 10:.0e} where it is not",
             file=source,
             element=name,
         )

@@ -1,7 +1,7 @@
 """A module in its own numbering, without names: what makes two modules equal.
 
-Body 0 is the base; body i + 1 is the child of joint i, in the spanning tree and, separately, in the tree after the
-cuts, where platforms hang from the base by `floating` joints.
+Body 0 is the base; body i + 1 is the child of joint i, in the spanning tree and, separately, in the tree
+after the cuts, where platforms hang from the base by `floating` joints.
 """
 
 from __future__ import annotations
@@ -55,7 +55,8 @@ class ModuleSpec:
         cut_couplings: The couplings, joints of `tree`.
         wrists: The wrists that were cut.
         legs: Bodies of `tree` in each leg.
-        outputs: Bodies of `tree` whose inertia the module carries itself: platforms and bases of other modules.
+        outputs: Bodies of `tree` whose inertia the module carries itself: platforms and bases of other
+            modules.
         outputs_inertia: Their inertias.
         leg_bodies: For each body of `tree` after the base, its inertia, or None for an output.
         home: Home position of the spanning tree, shape (nq,).

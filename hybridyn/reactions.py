@@ -20,13 +20,14 @@ class Reactions:
     """Internal wrenches, [force; moment] in [N, N m]; leading axis T dropped for a single sample.
 
     Attributes:
-        base: Wrench that the ground exerts ON the root body, shape (T, 6), root frame, at its origin. Zero for a
-            floating base, up to rounding, when the motion obeys the dynamics.
-        modules: For each module by name, the wrench that its base body exerts ON it (the paper's F_k with the legs'
-            share), shape (T, 6), in the base body's frame, at its origin.
-        closures: For each closure by name, the wrench that it exerts ON its successor link (the predecessor gets
-            the opposite), shape (T, 6), in the axes of the predecessor's closure frame, at the origin of the
-            successor's closure frame; for a coupling, shape (T, 1), the multiplier of its relation as written.
+        base: Wrench that the ground exerts ON the root body, shape (T, 6), root frame, at its origin. Zero
+            for a floating base, up to rounding, when the motion obeys the dynamics.
+        modules: For each module by name, the wrench that its base body exerts ON it (the paper's F_k with the
+            legs' share), shape (T, 6), in the base body's frame, at its origin.
+        closures: For each closure by name, the wrench that it exerts ON its successor link (the predecessor
+            gets the opposite), shape (T, 6), in the axes of the predecessor's closure frame, at the origin of
+            the successor's closure frame; for a coupling, shape (T, 1), the multiplier of its relation as
+            written.
         unique: For each closure, False where its module has more rows than rank: then only the sum over the
             module's closures is determined, and the least-norm wrench is given.
     """

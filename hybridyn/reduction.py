@@ -1,9 +1,10 @@
 """From closure rows to independent velocities: x_dot = Psi u, leg by leg first, then what is left on the platforms.
 
-The unknowns x of a module are the joints of its legs and the relative twists of its platforms. Rows and columns are
-scaled by the module's length so that metres and radians compare; ranks are fixed once, at generic postures. A leg
-whose own pivots get small at some sample (a leg or serial singularity) is not pivoted on alone there: such samples
-take one elimination of the whole module with complete freedom of pivots, which stays backward stable.
+The unknowns x of a module are the joints of its legs and the relative twists of its platforms. Rows and
+columns are scaled by the module's length so that metres and radians compare; ranks are fixed once, at generic
+postures. A leg whose own pivots get small at some sample (a leg or serial singularity) is not pivoted on
+alone there: such samples take one elimination of the whole module with complete freedom of pivots, which
+stays backward stable.
 """
 
 from __future__ import annotations
@@ -15,11 +16,13 @@ import numpy as np
 from .elimination import back_substitute, null_basis, pivot_ratio, pivoted_qr
 from .spatial import Array
 
-#: Singular values of scaled rows below this (relative to the largest) are rounding of the file, not structure.
+#: Singular values of scaled rows below this (relative to the largest) are rounding of the file, not
+#: structure.
 RANK_TOLERANCE = 1e-4
 #: The singular values on both sides of the rank must differ by this factor, or the user has to decide.
 RANK_GAP = 100.0
-#: Singular values that count, but lie below this and under such a gap, may be a coarse file's rounding after all.
+#: Singular values that count, but lie below this and under such a gap, may be a coarse file's rounding after
+#: all.
 SUSPECT = 1e-2
 #: Dependent rows above this (relative) are dependent only up to the rounding of a file.
 ROUNDED = 1e-12
@@ -32,9 +35,11 @@ class Basis:
     """All motions that keep the loops of a module closed: x_dot = Psi u, x_ddot = Psi u_dot + x_ddot_0.
 
     Attributes:
-        Psi: Shape (T, n, N); legs' joints and platforms' twists over the independent velocities, Eqs. (2), (15).
+        Psi: Shape (T, n, N); legs' joints and platforms' twists over the independent velocities, Eqs. (2),
+            (15).
         drift: x_ddot_0, shape (T, n): what remains at u_dot = 0, Eqs. (6), (36).
-        pivot: Smallest pivot relative to the largest, shape (T,): near zero the closures are about to lose rank.
+        pivot: Smallest pivot relative to the largest, shape (T,): near zero the closures are about to lose
+            rank.
     """
 
     Psi: Array

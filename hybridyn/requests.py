@@ -17,7 +17,8 @@ from .targets import COORDINATES, CoordinateTarget, PoseTarget, Target
 
 #: A quaternion in a pose may be this far from unit length.
 UNIT = 1e-6
-#: Turns beyond this are no position of a joint that has ends [rad]; beyond `BLUR` an angle has lost its digits.
+#: Turns beyond this are no position of a joint that has ends [rad]; beyond `BLUR` an angle has lost its
+#: digits.
 WOUND_UP, BLUR = 1e4, 1e8
 #: Lengths beyond this many of a module's own are out of reach of its loops.
 FAR = 1e3
@@ -103,8 +104,8 @@ class Requests:
             if joint in self.joints:
                 if i not in tree_joint:
                     raise AssemblyError(
-                        f"joint '{joint}' belongs to a wrist that follows the platform of module '{module.name}'; "
-                        "give the platform's pose instead",
+                        f"joint '{joint}' belongs to a wrist that follows the platform of module "
+                        f"'{module.name}'; give the platform's pose instead",
                         module=module.name,
                     )
                 self._give_joint(request, m.tree.joints[tree_joint[i]].kind, m, tree_joint[i], joint)
@@ -148,8 +149,8 @@ class Requests:
         if pose.motion is None:
             if other_body != base_body:
                 raise AssemblyError(
-                    f"partial pose of '{pose.link}' relative to '{pose.other}': give it relative to the base of its "
-                    f"module, '{pose.link}@{robot.modules[number].base}/pose/...'",
+                    f"partial pose of '{pose.link}' relative to '{pose.other}': give it relative to the base "
+                    f"of its module, '{pose.link}@{robot.modules[number].base}/pose/...'",
                     module=robot.modules[number].name,
                 )
             names = tuple(pose.coordinates)
@@ -166,8 +167,8 @@ class Requests:
             return
         if other_body not in bodies:
             raise AssemblyError(
-                f"pose of '{pose.link}' relative to '{pose.other}', which stands further out; give it relative to "
-                f"'{robot.modules[number].base}' or a link nearer to the root",
+                f"pose of '{pose.link}' relative to '{pose.other}', which stands further out; give it "
+                f"relative to '{robot.modules[number].base}' or a link nearer to the root",
                 module=robot.modules[number].name,
             )
         T = self.samples
@@ -210,8 +211,8 @@ def _refuse_absurd(name: str, position: Array, limit: float, unit: str) -> None:
     bad = np.flatnonzero(np.abs(position) > limit)
     if len(bad):
         raise AssemblyError(
-            f"joint '{name}' is out of reach at sample {bad[0]}: {position[bad[0]]:.4g} {unit} (limit {limit:.4g} {unit}); "
-            "positions are in m and rad",
+            f"joint '{name}' is out of reach at sample {bad[0]}: {position[bad[0]]:.4g} {unit} (limit "
+            f"{limit:.4g} {unit}); positions are in m and rad",
             sample=int(bad[0]),
         )
 
@@ -222,7 +223,8 @@ def gather_requests(
     """Check and sort what a caller wants.
 
     Raises:
-        TrajectoryError: Unknown names, wrong shapes, numbers that are not finite, quaternions not of unit length.
+        TrajectoryError: Unknown names, wrong shapes, numbers that are not finite, quaternions not of unit
+            length.
     """
     kind = dict(zip(robot.joints, robot.kinds, strict=True))
     for name in motors:

@@ -1,7 +1,7 @@
 """HybridRobot: a tree of modules on a fixed, moving or floating base.
 
-Positions q, rates v and accelerations a live on the spanning tree, every movable URDF joint, in the order and the
-coordinates of `pin.buildModelFromXML`; a moving or floating base puts a free-flyer first.
+Positions q, rates v and accelerations a live on the spanning tree, every movable URDF joint, in the order and
+the coordinates of `pin.buildModelFromXML`; a moving or floating base puts a free-flyer first.
 """
 
 from __future__ import annotations
@@ -53,7 +53,8 @@ class HybridRobot:
         motors: Names of the motors, the order of tau.
         links: For each link its body's number and its placement (R, p) in the body.
         bodies: Bodies; the child of URDF joint i (without the root joint) is body i + 1.
-        closure_tolerance: Largest closure residual at home and in `assemble`, relative to the module's length.
+        closure_tolerance: Largest closure residual at home and in `assemble`, relative to the module's
+            length.
         home: Home position, shape (nq,).
         rank_tolerance: What `build_robot` was given.
         held: Joints that are never cut away in a wrist.
@@ -160,7 +161,8 @@ def build_robot(
         description: What the files say.
         base: "fixed", "moving" (prescribed motion) or "floating" (free).
         gravity: Acceleration of gravity in the world, shape (3,), [m/s^2].
-        rank_tolerance: Relative singular value under which closure rows count as dependent; found where left out.
+        rank_tolerance: Relative singular value under which closure rows count as dependent; found where left
+            out.
         closure_tolerance: Largest residual that counts as closed, relative to a module's length.
         held: Joints that are never cut away in a wrist, so that they can have joint effects.
         payloads: Payloads that the description has on its links already.

@@ -1,11 +1,11 @@
 """From the kinematic graph to modules: loops that share a joint are one module, what is left is serial.
 
-On a spanning tree the biconnected components are found by merging, for every closure, the joints on the tree path
-between its two links (a matroid's components are those of its fundamental circuits). A coupling merges its joints
-and all on the paths between them. Each class of joints is a module; modules form a tree.
+On a spanning tree the biconnected components are found by merging, for every closure, the joints on the tree
+path between its two links (a matroid's components are those of its fundamental circuits). A coupling merges
+its joints and all on the paths between them. Each class of joints is a module; modules form a tree.
 
-Inside a module, a *platform* is a body whose removal, with the base, leaves three legs or more. It is cut free of
-the leg that carries it, and terminal massless wrists become point or universal closures (`wrists`).
+Inside a module, a *platform* is a body whose removal, with the base, leaves three legs or more. It is cut
+free of the leg that carries it, and terminal massless wrists become point or universal closures (`wrists`).
 """
 
 from __future__ import annotations
@@ -79,8 +79,8 @@ def find_modules(
 def leave_whole(bodies: Bodies, module: ModuleGraph) -> None:
     """Undo a module's cuts: its closures and joints stay as the author wrote them.
 
-    Cut joints become rows. Where rows are redundant, and the file is rounded, rows hold only in the least-squares
-    sense while joints hold exactly: such modules are not cut.
+    Cut joints become rows. Where rows are redundant, and the file is rounded, rows hold only in the
+    least-squares sense while joints hold exactly: such modules are not cut.
     """
     module.platforms, module.wrists = [], []
     module.cut_closures = list(module.closures)
@@ -93,8 +93,8 @@ def body_closure(bodies: Bodies, closure: Closure, description: Description) -> 
     b, Rb, pb = bodies.place[closure.link_b]
     if a == b:
         raise ModelError(
-            f"closure '{closure.name}' joins '{closure.link_a}' and '{closure.link_b}', which are one rigid body "
-            "(fixed joints hold them together); remove the closure, or make one of the joints movable",
+            f"closure '{closure.name}' joins '{closure.link_a}' and '{closure.link_b}', which are one rigid "
+            "body (fixed joints hold them together); remove the closure, or make one of the joints movable",
             file=description.source,
             line=closure.line,
             element=closure.name,

@@ -1,8 +1,8 @@
 """Wrists: chains of massless passive joints that stand for one closure.
 
 A single joint, two revolutes that cross at a right angle (universal) and three revolutes that meet in a point
-(spherical) hold two bodies together exactly as one closure does. Cutting them leaves a leg with the joints that
-carry mass; the positions of the cut joints follow from the bodies they join.
+(spherical) hold two bodies together exactly as one closure does. Cutting them leaves a leg with the joints
+that carry mass; the positions of the cut joints follow from the bodies they join.
 """
 
 from __future__ import annotations
@@ -16,7 +16,8 @@ from .closure import TreeClosure
 from .description.records import RotationKind
 from .spatial import Array
 
-#: Axes must cross (to this part of the robot's reach) and stand at right angles, or a cut would change the mechanism.
+#: Axes must cross (to this part of the robot's reach) and stand at right angles, or a cut would change the
+#: mechanism.
 EXACT = 1e-13
 
 _REVOLUTE = ("revolute", "continuous")
@@ -31,8 +32,8 @@ class Wrist:
         kind: "spherical", "universal", or the kind of a single joint.
         parent: Body that the chain hangs from.
         end: Body at the end of the chain.
-        target: Body that `end` is held to: itself where the chain carries a platform, another one where a weld
-            closes the loop.
+        target: Body that `end` is held to: itself where the chain carries a platform, another one where a
+            weld closes the loop.
         R: Axes of `end` in `target`, shape (3, 3).
         p: Origin of `end` in `target`, shape (3,), [m].
         closure: Name of the closure that held `end`, or None for a carried platform.
