@@ -1,4 +1,4 @@
-"""Closing the loops: from motor positions or platform poses to the whole posture, its rates and accelerations.
+"""Closing the loops: from motor positions or platform poses to the whole posture and its derivatives.
 
 Module after module from the base: what is given about a module (motors, poses) and its closures make a Newton
 problem on its tree after the cuts; the wrists that were cut follow from the bodies they join.
@@ -160,7 +160,7 @@ def _rates_and_accelerations(
 
 
 def _solve(problem: LoopProblem, m: Mechanism, K: Array, known: Array, wanted: Array) -> Array:
-    """Solve the rows for the free freedoms, the others given; what is given yields to the closures at last."""
+    """Solve the rows for the free freedoms, the others given; at last what is given yields to closures."""
     x = known / problem.col_scale
     x = x + problem.solve(K, wanted - np.einsum("tij,tj->ti", K, x))
     rows = m.closures.rows
@@ -173,7 +173,7 @@ def _solve(problem: LoopProblem, m: Mechanism, K: Array, known: Array, wanted: A
 
 
 def _spanning_positions(module: Module, x: Array, target: Motion, guess: Array) -> Array:
-    """Give positions of the spanning tree: the legs', and the wrists' that put their ends on their targets."""
+    """Give positions of the spanning tree: the legs', and the wrists' that put ends on their targets."""
     m = module.mechanism
     q = np.tile(guess, (len(x), 1))
     m.take_leg_positions(x, q)

@@ -1,8 +1,7 @@
 """Rigid bodies of a robot: links that fixed joints hold together count as one.
 
 A body's frame is the frame of its topmost link, which is the child frame of the joint that moves it:
-Pinocchio's joint frame. Joints are numbered depth-first, siblings by name, as `pin.buildModelFromXML` numbers
-them.
+Pinocchio's joint frame. Joints are numbered as `pin.buildModelFromXML` does, depth-first, siblings by name.
 """
 
 from __future__ import annotations

@@ -150,7 +150,7 @@ class _Group:
         return np.concatenate([shift, turn], axis=-2)
 
     def rates(self, motion: Motion) -> tuple[Array, Array]:
-        """Give the first and second time derivatives of the residuals along the motion, shapes (T, g, rows)."""
+        """Give the first two time derivatives of the residuals along the motion, shapes (T, g, rows)."""
         A, pa, B, pb = self.frames(motion)
         wa, wb, wda, wdb = (select(x, i) for x in (motion.w, motion.wd) for i in (self.a, self.b))
         ra, rb = pa - select(motion.p, self.a), pb - select(motion.p, self.b)
@@ -199,7 +199,7 @@ def involved(tree: Tree, closure: TreeClosure) -> Array:
 
 
 class Closures:
-    """All closures and couplings of one tree, in the order given: first the closures' rows, then the couplings'.
+    """All closures and couplings of one tree, in the order given: rows of closures, then of couplings.
 
     Attributes:
         closures: The closures.

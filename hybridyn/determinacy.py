@@ -68,7 +68,7 @@ def _refuse_open(module: Module, problem: LoopProblem, motion: Array) -> None:
 
 
 def full_rank_blocks(generic: Array, free: Array) -> list[Block]:
-    """Give the connected blocks of rows and free columns, or none where one of them has not full column rank."""
+    """Give the connected blocks of rows and free columns; none where one has not full column rank."""
     cols = np.flatnonzero(free)
     touched = (np.abs(generic[:, :, cols]) > 1e-12).any(axis=0)
     label = np.arange(len(cols))

@@ -1,8 +1,7 @@
 """Rank-revealing elimination of many small matrices at once.
 
 `pivoted_qr` is Householder's QR with column pivoting (Businger and Golub), the number of pivots fixed by the
-caller: rank belongs to the module and not to the posture. `null_basis` solves K x = -gamma for every
-solution.
+caller: rank belongs to the module and not to the posture. `null_basis` gives every solution of K x = -gamma.
 Nothing forms K^T K and nothing inverts.
 """
 
@@ -60,7 +59,7 @@ def pivot_ratio(R: Array, rank: int) -> Array:
 
 
 def back_substitute(R: Array, rhs: Array) -> Array:
-    """Solve R x = rhs for upper triangular R (B, r, r) and rhs (B, r, c); x_i = 0 where a pivot is exactly zero."""
+    """Solve R x = rhs, R (B, r, r) upper triangular, rhs (B, r, c); x_i = 0 where a pivot is exactly zero."""
     x = rhs.copy()
     for i in range(R.shape[1] - 1, -1, -1):
         pivot = R[:, i, i]
@@ -83,8 +82,7 @@ def null_basis(K: Array, gamma: Array, rank: int) -> tuple[Array, Array, Array]:
         rank: Number of pivots.
 
     Returns:
-        Psi of shape (B, n, n - rank), x0 of shape (B, n), and the smallest pivot relative to the largest,
-        (B,).
+        Psi, shape (B, n, n - rank), x0, shape (B, n), and the smallest pivot relative to the largest, (B,).
     """
     B, _, n = K.shape
     R, order = pivoted_qr(np.concatenate([K, gamma[..., None]], axis=-1), n, rank)
@@ -100,8 +98,7 @@ def null_basis(K: Array, gamma: Array, rank: int) -> tuple[Array, Array, Array]:
 def least_squares(A: Array, b: Array, *, relative: float = 1e-12, rank: int | None = None) -> Array:
     """Give the least-norm least-squares solution of A x = b by singular values, shapes (B, m, n), (B, m).
 
-    The leading `rank` singular values count, or, where it is left out, those above `relative` times the
-    largest.
+    The leading `rank` singular values count, or, where left out, those above `relative` times the largest.
     """
     if A.shape[1] == 0 or A.shape[2] == 0:
         return np.zeros((len(A), A.shape[2]))

@@ -179,7 +179,7 @@ def unreachable(task: Task, result: Closed, sample: int, iterations: int) -> Ass
 
 
 def _coarse_to_fine(task: Task, start: Array, samples: Array) -> tuple[Array, Array]:
-    """Solve all samples, the first of them known: some, then all, from starts interpolated between those at hand."""
+    """Solve all samples, the first of them known: some, then all, from starts between those at hand."""
     tree = task.problem.tree
     n = len(samples)
     q = np.tile(start, (n, 1))
@@ -198,7 +198,7 @@ def _coarse_to_fine(task: Task, start: Array, samples: Array) -> tuple[Array, Ar
 
 
 def _interpolated(task: Task, q: Array, have: Array, todo: Array, before: Array) -> tuple[Array, Array]:
-    """Give where to start at samples between those at hand: cubic between four neighbours, else what is nearest.
+    """Give starts at samples between those at hand: cubic between four neighbours, else what is nearest.
 
     Returns:
         Positions of the sample before, and the step from there, shapes (n, nq), (n, nv).

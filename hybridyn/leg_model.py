@@ -53,7 +53,7 @@ def _continuous(axis: Array) -> pin.JointModel:
 
 
 def pinocchio_inertia(body: Body) -> pin.Inertia:
-    """Give Pinocchio's inertia of a body (written entry by entry: the constructor refuses unphysical ones)."""
+    """Give Pinocchio's inertia of a body, entry by entry: the constructor would refuse unphysical ones."""
     out = pin.Inertia.Zero()
     out.mass = body.mass
     out.lever = body.com

@@ -1,4 +1,4 @@
-"""One module in its general form: legs, platforms, closures, and the motions Psi, a that keep its loops closed.
+"""One module in its general form: legs, platforms, closures, and the motions that keep its loops closed.
 
 `Mechanism` is what equal modules share: trees, closures, ranks, Pinocchio's leg model. `Module` is one of
 them in a robot: its names, its place in q, v, tau, and what it stands on.
@@ -152,7 +152,7 @@ class Mechanism:
         ]
 
     def cut(self, q: Array, v: Array | None, a: Array | None, motion: Motion) -> tuple[Array, Array, Array]:
-        """Give positions, rates and accelerations of `tree` from those of the spanning tree and its motion."""
+        """Give positions, rates, accelerations of `tree` from those of the spanning tree and its motion."""
         T = len(q)
         out_q = np.zeros((T, self.tree.nq))
         out_v, out_a = np.zeros((2, T, self.tree.nv))
@@ -185,7 +185,7 @@ class Mechanism:
         out[:, self._q_from] = x[:, self._q_to]
 
     def tree_body(self, body: int) -> int:
-        """Give the number in `tree` of a body of the spanning tree (a welded wrist's end counts as its target)."""
+        """Give the number in `tree` of a body of the spanning tree (a welded wrist's end is its target)."""
         for wrist in self.spec.wrists:
             if wrist.end == body:
                 body = wrist.target
@@ -213,11 +213,11 @@ class Mechanism:
         return self.reduction.basis(K, np.zeros(K.shape[:2]) if gamma is None else gamma)
 
     def jacobian(self, motion: Motion, body: int) -> Array:
-        """Give a body's twist in its own frame over x_dot, shape (T, 6, n); over u it is J Psi, the paper's a."""
+        """Give a body's twist in its own frame over x_dot, shape (T, 6, n); J Psi is the paper's a."""
         return to_body_axes(motion.R[:, body], self.tree.jacobian(motion, body))
 
     def wrist_link_jacobian(self, spanning: Motion, motion: Motion, body: int) -> Array:
-        """Give the twist in its own frame of a massless link inside a wrist that was cut, over x_dot, (T, 6, n).
+        """Give the twist in its own frame of a link inside a wrist that was cut, over x_dot, (T, 6, n).
 
         Args:
             spanning: Motion of the spanning tree.
@@ -244,8 +244,7 @@ class Mechanism:
             wrist: Number of the wrist.
 
         Returns:
-            Shape (T, 6, joints of the wrist), at the end body's origin, base axes; linear rows over the
-            length.
+            Shape (T, 6, joints of the wrist), at the end body's origin, base axes, linear over the length.
         """
         end, cols = self.spec.wrists[wrist].end, self.wrist_columns(wrist)
         linear, angular = (c[:, cols] for c in self.spanning.columns(motion))

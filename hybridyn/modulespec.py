@@ -55,8 +55,7 @@ class ModuleSpec:
         cut_couplings: The couplings, joints of `tree`.
         wrists: The wrists that were cut.
         legs: Bodies of `tree` in each leg.
-        outputs: Bodies of `tree` whose inertia the module carries itself: platforms and bases of other
-            modules.
+        outputs: Bodies of `tree` whose inertia the module carries: platforms and bases of other modules.
         outputs_inertia: Their inertias.
         leg_bodies: For each body of `tree` after the base, its inertia, or None for an output.
         home: Home position of the spanning tree, shape (nq,).
@@ -170,6 +169,6 @@ def _cut_tree(
 
 
 def _outputs(graph: ModuleGraph) -> list[int]:
-    """Give the bodies whose inertia the module layer carries: platforms, bases of other modules, serial bodies."""
+    """Give the bodies whose inertia the module carries: platforms, bases of modules, serial bodies."""
     serial = [] if graph.closures or graph.couplings else [j + 1 for j in graph.joints]
     return sorted({*graph.platforms, *graph.carried, *serial})

@@ -1,4 +1,4 @@
-"""From closure rows to independent velocities: x_dot = Psi u, leg by leg first, then what is left on the platforms.
+"""From closure rows to independent velocities: x_dot = Psi u, leg by leg first, then what the platforms leave.
 
 The unknowns x of a module are the joints of its legs and the relative twists of its platforms. Rows and
 columns are scaled by the module's length so that metres and radians compare; ranks are fixed once, at generic
@@ -16,13 +16,11 @@ import numpy as np
 from .elimination import back_substitute, null_basis, pivot_ratio, pivoted_qr
 from .spatial import Array
 
-#: Singular values of scaled rows below this (relative to the largest) are rounding of the file, not
-#: structure.
+#: Singular values of scaled rows below this (over the largest) are rounding of the file, not structure.
 RANK_TOLERANCE = 1e-4
 #: The singular values on both sides of the rank must differ by this factor, or the user has to decide.
 RANK_GAP = 100.0
-#: Singular values that count, but lie below this and under such a gap, may be a coarse file's rounding after
-#: all.
+#: Singular values that count, but lie below this and under such a gap, may yet be a coarse file's rounding.
 SUSPECT = 1e-2
 #: Dependent rows above this (relative) are dependent only up to the rounding of a file.
 ROUNDED = 1e-12
@@ -35,11 +33,9 @@ class Basis:
     """All motions that keep the loops of a module closed: x_dot = Psi u, x_ddot = Psi u_dot + x_ddot_0.
 
     Attributes:
-        Psi: Shape (T, n, N); legs' joints and platforms' twists over the independent velocities, Eqs. (2),
-            (15).
+        Psi: Legs' joints and platforms' twists over u, shape (T, n, N), Eqs. (2), (15).
         drift: x_ddot_0, shape (T, n): what remains at u_dot = 0, Eqs. (6), (36).
-        pivot: Smallest pivot relative to the largest, shape (T,): near zero the closures are about to lose
-            rank.
+        pivot: Smallest pivot over the largest, shape (T,): near zero the closures are about to lose rank.
     """
 
     Psi: Array
@@ -87,7 +83,7 @@ class RankReport:
 
 
 def decide_rank(K: Array, tolerance: float) -> RankReport:
-    """Decide the generic rank of scaled rows K, shape (samples, rows, columns), from their singular values."""
+    """Decide the generic rank of scaled rows, shape (samples, rows, columns), by singular values."""
     rows = K.shape[1]
     if 0 in K.shape:
         return RankReport(0, rows, 1.0, 0.0)
@@ -134,7 +130,7 @@ class Reduction:
         return K * self.row_scale[:, None] * self.col_scale
 
     def fix_ranks(self, K: Array, tolerance: float) -> None:
-        """Fix the ranks of the module and of each leg from rows at generic postures, shape (samples, rows, n)."""
+        """Fix the ranks of the module and its legs from rows at generic postures, shape (samples, rows, n)."""
         K = self.scaled(K)
         self.report = decide_rank(K, tolerance)
         self.rank = self.report.rank

@@ -53,8 +53,7 @@ class HybridRobot:
         motors: Names of the motors, the order of tau.
         links: For each link its body's number and its placement (R, p) in the body.
         bodies: Bodies; the child of URDF joint i (without the root joint) is body i + 1.
-        closure_tolerance: Largest closure residual at home and in `assemble`, relative to the module's
-            length.
+        closure_tolerance: Largest closure residual at home and in `assemble` over the module's length.
         home: Home position, shape (nq,).
         rank_tolerance: What `build_robot` was given.
         held: Joints that are never cut away in a wrist.
@@ -120,7 +119,7 @@ class HybridRobot:
 
     @cached_property
     def body_owner(self) -> dict[int, tuple[int, int]]:
-        """For each body, the module that moves it and its number in the module's spanning tree; root: (-1, 0)."""
+        """Module that moves each body and the body's number in its spanning tree; root: (-1, 0)."""
         out = {0: (-1, 0)}
         for k, module in enumerate(self.modules):
             for i, joint in enumerate(module.joints):
@@ -161,8 +160,7 @@ def build_robot(
         description: What the files say.
         base: "fixed", "moving" (prescribed motion) or "floating" (free).
         gravity: Acceleration of gravity in the world, shape (3,), [m/s^2].
-        rank_tolerance: Relative singular value under which closure rows count as dependent; found where left
-            out.
+        rank_tolerance: Relative singular value under which closure rows are dependent; found where left out.
         closure_tolerance: Largest residual that counts as closed, relative to a module's length.
         held: Joints that are never cut away in a wrist, so that they can have joint effects.
         payloads: Payloads that the description has on its links already.

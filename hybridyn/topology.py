@@ -221,7 +221,7 @@ def _components(bodies: Bodies, module: ModuleGraph, without: set[int]) -> list[
 
 
 def _legs_touching(bodies: Bodies, module: ModuleGraph, body: int) -> int:
-    """Count the legs that hold a body: components left without it and the base, and direct joints to the base."""
+    """Count the legs that hold a body: components without it and the base, and direct joints to the base."""
     edges = _edges(bodies, module)
     near = {b if a == body else a for a, b in edges if body in (a, b)}
     components = _components(bodies, module, {module.base, body, *module.platforms})

@@ -8,6 +8,7 @@ that carry mass; the positions of the cut joints follow from the bodies they joi
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 import numpy as np
 
@@ -16,8 +17,7 @@ from .closure import TreeClosure
 from .description.records import RotationKind
 from .spatial import Array
 
-#: Axes must cross (to this part of the robot's reach) and stand at right angles, or a cut would change the
-#: mechanism.
+#: Axes must cross (to this part of the robot's reach) at right angles, or a cut would change the mechanism.
 EXACT = 1e-13
 
 _REVOLUTE = ("revolute", "continuous")
@@ -95,7 +95,7 @@ def _kind(bodies: Bodies, chain: list[int]) -> str | None:
         return str(kinds[0])
     if any(kind not in _REVOLUTE for kind in kinds):
         return None
-    centres = [_crossing(bodies, i, j) for i, j in zip(chain, chain[1:], strict=False)]
+    centres = [_crossing(bodies, i, j) for i, j in pairwise(chain)]
     if any(c is None for c in centres):
         return None
     if len(chain) == 2:
