@@ -3,35 +3,25 @@
 from __future__ import annotations
 
 import functools
-import os
-import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import click
 
-from hybridyn.cli.postures import postures, rows_named
-from hybridyn.cli.progress import Progress
-from hybridyn.cli.robot_options import RobotCommand, existing_file, result_file, takes_robot
-from hybridyn.cli.summary import EffortSummary
+from hybridyn.cli.reactions import reaction_rows
+from hybridyn.cli.robot_options import RobotCommand, takes_robot
+from hybridyn.cli.summary import Summary
+from hybridyn.cli.tables import Plan, Tables, run, takes_table
 
 if TYPE_CHECKING:
     from hybridyn.cli.postures import Postures
-    from hybridyn.description.columns import Layout
     from hybridyn.description.records import Array
     from hybridyn.robot import HybridRobot
 
 
 @click.command("idm", cls=RobotCommand, short_help="Motor efforts for a motion (inverse dynamic model).")
 @takes_robot
-@click.argument("trajectory", callback=existing_file)
-@click.option(
-    "-o",
-    "--output",
-    metavar="FILE",
-    callback=result_file,
-    help="Result file, .csv or .parquet  [default: CSV on standard output]",
-)
+@takes_table("TRAJECTORY")
 @click.option(
     "--passive",
     type=click.Choice(["given", "solved"]),
@@ -52,15 +42,8 @@ if TYPE_CHECKING:
     help="How redundant motors share: motor=value for every motor (commas or repeated), or a CSV file with "
     "the motors' names and one row.",
 )
-@click.option("-q", "--quiet", is_flag=True, help="No summary.")
 def command(
-    load: Callable[[], HybridRobot],
-    trajectory: str,
-    output: str | None,
-    passive: str,
-    on_singular: str,
-    weights: tuple[str, ...],
-    quiet: bool,
+    load: Callable[[], HybridRobot], tables: Tables, passive: str, on_singular: str, weights: tuple[str, ...]
 ) -> None:
     """Give the motor efforts that move ROBOT (URDF or xacro) as TRAJECTORY (CSV or Parquet) says.
 
@@ -72,59 +55,60 @@ def command(
 
     One row per sample comes out, with 'time' and a column '<motor>/effort' per motor.
     """
-    import numpy as np
 
-    import hybridyn
-    from hybridyn.description.columns import read_layout
-    from hybridyn.description.results import open_results
-    from hybridyn.description.tables import open_table
-    from hybridyn.description.trajectory import read_motions
-
-    started = time.perf_counter()
-    if output and os.path.exists(output) and os.path.realpath(output) == os.path.realpath(trajectory):
-        raise click.UsageError(f"'{output}' is read, and would be replaced")
-    with open_table(trajectory) as table:
-        robot = load()
-        layout = read_layout(
-            table.columns, robot.description, motors=robot.motors, base=robot.base, file=table.file
-        )
+    def plan(robot: HybridRobot) -> Plan:
+        shares = read_weights(weights, robot.motors)
         model = functools.partial(
-            hybridyn.idm,
+            efforts,
             passive=passive,
             on_singular=on_singular,
-            weights=read_weights(weights, robot.motors),
+            weights=shares,
+            reactions=tables.reactions is not None,
         )
-        summary = EffortSummary(robot)
-        time_column = ["time"] if layout.time is not None else []
-        columns = [*time_column, *(f"{name}/effort" for name in robot.motors)]
-        loaded = time.perf_counter()
-        # Numbers too large for the model show in its efforts, which are checked.
-        with open_results(output, columns) as write, Progress() as progress, np.errstate(all="ignore"):
-            for block in postures(robot, read_motions(table, layout), layout):
-                tau = _efforts(model, robot, block, layout)
-                residual = hybridyn.closure_residual(robot, block.q)
-                summary.add(tau, residual, block.motion.time, block.motion.first_row)
-                write(tau if block.motion.time is None else np.column_stack([block.motion.time, tau]))
-                progress.show(summary.samples, table.fraction())
-    finished = time.perf_counter()
-    if not quiet:
-        summary.show(layout, finished - loaded, finished - started)
+        kinds = {joint.name: joint.kind for joint in robot.description.joints}
+        units = ["N" if kinds[name] == "prismatic" else "N m" for name in robot.motors]
+        summary = Summary(robot, "effort", list(robot.motors), units, list(range(len(robot.motors))))
+        return Plan(model, [f"{name}/effort" for name in robot.motors], summary)
+
+    run(tables, load, plan)
 
 
-def _efforts(model: Callable[..., Array], robot: HybridRobot, block: Postures, layout: Layout) -> Array:
-    """Give the efforts of a block, shape (T, motors); an error names file and row."""
-    import numpy as np
+def efforts(
+    robot: HybridRobot,
+    block: Postures,
+    *,
+    passive: str,
+    on_singular: str,
+    weights: Mapping[str, float] | None,
+    reactions: bool,
+) -> tuple[Array, Array | None]:
+    """Give the efforts of a block, shape (T, motors), and the reactions' rows where they are wanted.
 
-    from hybridyn.errors import TrajectoryError
+    Args:
+        robot: The robot.
+        block: The motion.
+        passive: As `hybridyn.idm` takes it, as all that follow.
+        on_singular: What to do at singular postures.
+        weights: How redundant motors share.
+        reactions: Whether reactions are wanted.
+    """
+    import hybridyn
 
-    motion = block.motion
-    with rows_named(layout, motion):
-        tau = model(robot, block.q, block.v, block.a, wrenches=motion.wrenches or None)
-    wrong = np.flatnonzero(~np.isfinite(tau).all(axis=1))
-    if len(wrong):
-        message = "the efforts are not finite: the numbers of this row are too large"
-        raise TrajectoryError(message, file=layout.file, row=motion.first_row + int(wrong[0]))
-    return tau
+    model = functools.partial(
+        hybridyn.idm,
+        robot,
+        block.q,
+        block.v,
+        block.a,
+        wrenches=block.motion.wrenches or None,
+        passive=passive,
+        on_singular=on_singular,
+        weights=weights,
+    )
+    if not reactions:
+        return model(), None
+    tau, inner = model(reactions=True)
+    return tau, reaction_rows(robot, inner)
 
 
 def read_weights(words: tuple[str, ...], motors: Sequence[str]) -> dict[str, float] | None:

@@ -1,11 +1,11 @@
-"""From a table's motion to postures of the whole robot, block by block, with rows in the error messages."""
+"""From a table's motion to postures of the whole robot, with rows in the error messages."""
 
 from __future__ import annotations
 
 import contextlib
 import re
-from collections.abc import Iterable, Iterator, Mapping
-from typing import TYPE_CHECKING, Any, NamedTuple
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, NamedTuple
 
 from hybridyn.errors import AssemblyError, HybridynError
 
@@ -15,9 +15,14 @@ if TYPE_CHECKING:
     from hybridyn.description.trajectory import Motion
     from hybridyn.robot import HybridRobot
 
+HISTORY = (
+    "The motion of joints without a motor depends on what came before: give the position and velocity of "
+    "every joint, or let 'hybridyn simulate' compute them"
+)
+
 
 class Postures(NamedTuple):
-    """A block of samples on the spanning tree.
+    """Samples on the spanning tree.
 
     Attributes:
         motion: The rows they come from.
@@ -31,40 +36,38 @@ class Postures(NamedTuple):
     v: Array
     a: Array
 
+    def after(self, lead: int) -> Postures:
+        """Give the samples after the first `lead` ones."""
+        rest = self.motion.part(lead, self.motion.size)
+        return Postures(rest, self.q[lead:], self.v[lead:], self.a[lead:])
 
-def postures(robot: HybridRobot, motions: Iterable[Motion], layout: Layout) -> Iterator[Postures]:
+
+def postures(robot: HybridRobot, motion: Motion, layout: Layout, guess: Array | None) -> Postures:
     """Give the robot's postures: read from the table where it names every joint, assembled where not.
 
     Args:
         robot: The robot.
-        motions: Blocks of motion.
+        motion: Some rows of the table.
         layout: The meaning of the table's columns.
-
-    Yields:
-        One block of postures per block of motion. Each block of a trajectory starts from the last posture of
-        the one before; rows without time are assembled each from the home posture.
+        guess: Posture near the first row, shape (nq,); None is the home posture. Rows without time are
+            assembled each from the home posture.
 
     Raises:
         HybridynError: As `hybridyn.assemble` does; the message names file, row and time.
     """
+    if not layout.full_state:
+        with rows_named(layout, motion):
+            return Postures(motion, *_assembled(robot, motion, guess))
     from hybridyn.description.trajectory import full_state
 
     root = robot.description.root if robot.base != "fixed" else None
     joints = {joint.name: joint for joint in robot.description.joints}
     order = [joints[name] for name in robot.joints if name in joints]
-    guess = None
-    for motion in motions:
-        if layout.full_state:
-            yield Postures(motion, *full_state(motion, order, root))
-            continue
-        with rows_named(layout, motion):
-            q, v, a = _assembled(robot, motion, guess)
-        guess = None if motion.time is None else q[-1]
-        yield Postures(motion, q, v, a)
+    return Postures(motion, *full_state(motion, order, root))
 
 
 def _assembled(robot: HybridRobot, motion: Motion, guess: Array | None) -> tuple[Array, Array, Array]:
-    """Assemble a block: as one motion, or row by row where rows have nothing to do with each other."""
+    """Assemble rows: as one motion, or one by one where they have nothing to do with each other."""
     import numpy as np
 
     import hybridyn
@@ -73,26 +76,14 @@ def _assembled(robot: HybridRobot, motion: Motion, guess: Array | None) -> tuple
         return hybridyn.assemble(robot, motors=motion.joints, platforms=motion.platforms, guess=guess)
     rows = []
     for index in range(motion.size):
-        joints, platforms = _row(motion.joints, index), _row(motion.platforms, index)
+        row = motion.part(index, index + 1)
         try:
-            rows.append(hybridyn.assemble(robot, motors=joints, platforms=platforms))
+            rows.append(hybridyn.assemble(robot, motors=row.joints, platforms=row.platforms))
         except AssemblyError as error:
             error.sample = index
             raise
     q, v, a = (np.concatenate(level) for level in zip(*rows, strict=True))
     return q, v, a
-
-
-def _row(signals: Mapping[str, tuple[Any, ...]], index: int) -> dict[str, tuple[Any, ...]]:
-    """Give one row of joints or platforms, whose levels are arrays or dicts of arrays, still as a batch."""
-    row = slice(index, index + 1)
-    return {
-        name: tuple(
-            {c: part[row] for c, part in level.items()} if isinstance(level, dict) else level[row]
-            for level in levels
-        )
-        for name, levels in signals.items()
-    }
 
 
 @contextlib.contextmanager
@@ -101,15 +92,19 @@ def rows_named(layout: Layout, motion: Motion) -> Iterator[None]:
 
     Args:
         layout: The meaning of the table's columns.
-        motion: The block of rows that is being worked on.
+        motion: The rows that are being worked on.
     """
     try:
         yield
     except HybridynError as error:
         sample = getattr(error, "sample", None)
+        message = str(error)
+        if isinstance(error, AssemblyError) and error.open_freedoms:
+            message = f"{message}. {HISTORY}"
+            error.args = (f"{layout.file}: {message}",)
         if sample is not None:
             time = "" if motion.time is None else f" (t = {motion.time[sample]:.6g} s)"
-            message = re.sub(rf" at sample {sample}\b", "", str(error))
+            message = re.sub(rf" at sample {sample}\b", "", message)
             message = re.sub(r"\bsample (\d+)", lambda m: f"row {motion.first_row + int(m[1])}", message)
             if layout.full_state and isinstance(error, AssemblyError):
                 message += ", or leave the passive joints out of the table: the posture is then assembled"

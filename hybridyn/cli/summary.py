@@ -8,76 +8,100 @@ from typing import TYPE_CHECKING
 import click
 
 if TYPE_CHECKING:
+    from hybridyn.cli.blocks import Done
     from hybridyn.description.columns import Layout
-    from hybridyn.description.records import Array
     from hybridyn.robot import HybridRobot
 
 
-def effort_units(robot: HybridRobot) -> list[str]:
-    """Give the unit of each motor's effort: N for a prismatic joint, N m for any other."""
-    kinds = {joint.name: joint.kind for joint in robot.description.joints}
-    return ["N" if kinds[name] == "prismatic" else "N m" for name in robot.motors]
+class Summary:
+    """Peaks and RMS of some columns and the worst closure residual, gathered block by block."""
 
-
-class EffortSummary:
-    """Peak and RMS efforts and the worst closure residual, gathered block by block."""
-
-    def __init__(self, robot: HybridRobot) -> None:
+    def __init__(
+        self,
+        robot: HybridRobot,
+        quantity: str,
+        names: Sequence[str],
+        units: Sequence[str],
+        at: Sequence[int],
+        others: Sequence[str] = (),
+        remarks: Sequence[str] = (),
+    ) -> None:
         """Start with nothing gathered.
 
         Args:
             robot: The robot.
+            quantity: What the columns hold, "effort" or "acceleration".
+            names: The motors, one line of the summary each.
+            units: Their units.
+            at: Their columns.
+            others: Every column by name, where the largest of the rest is told as well.
+            remarks: Lines that the summary ends with.
         """
-        self.robot = robot
+        self.robot, self.quantity, self.remarks = robot, quantity, remarks
+        self.names, self.units, self.at = [*names], [*units], [*at]
         self.samples = 0
         self.residual = 0.0
-        self.peaks = [0.0] * len(robot.motors)
-        self.places = [""] * len(robot.motors)
-        self.squares = [0.0] * len(robot.motors)
+        self._count = len(names)
+        rest = [column for column in range(len(others)) if column not in set(at)]
+        self.at += rest
+        self.names += [others[column] for column in rest]
+        self.peaks = [0.0] * len(self.at)
+        self.places = [""] * len(self.at)
+        self.squares = [0.0] * len(self.at)
 
-    def add(self, tau: Array, residual: Array, time: Array | None, first_row: int) -> None:
+    def add(self, done: Done) -> None:
         """Take in a block.
 
         Args:
-            tau: Efforts, shape (T, motors), [N or N m].
-            residual: Relative closure residuals, shape (T,).
-            time: Times, shape (T,), [s], or None.
-            first_row: Number of the block's first row in the table.
+            done: What it came to.
         """
-        self.samples += len(tau)
-        self.residual = max(self.residual, float(residual.max(initial=0.0)))
-        for motor, efforts in enumerate(tau.T):
-            index = int(abs(efforts).argmax())
-            if not self.places[motor] or abs(efforts[index]) > abs(self.peaks[motor]):
-                self.peaks[motor] = float(efforts[index])
-                self.places[motor] = f"row {first_row + index}" if time is None else f"{time[index]:.6g} s"
-            self.squares[motor] += float(efforts @ efforts)
+        self.samples += len(done.rows)
+        self.residual = max(self.residual, float(done.residual.max(initial=0.0)))
+        for i, column in enumerate(self.at):
+            values = done.rows[:, column]
+            index = int(abs(values).argmax())
+            if not self.places[i] or abs(values[index]) > abs(self.peaks[i]):
+                self.peaks[i] = float(values[index])
+                row = f"row {done.first_row + index}"
+                self.places[i] = row if done.time is None else f"{done.time[index]:.6g} s"
+            self.squares[i] += float(values @ values)
 
-    def show(self, layout: Layout, seconds: float, wall: float) -> None:
+    def show(self, layout: Layout, seconds: float, wall: float, jobs: int) -> None:
         """Print the summary on standard error.
 
         Args:
             layout: The meaning of the table's columns.
             seconds: Time spent on the samples [s].
             wall: Time since the command started [s].
+            jobs: Number of processes.
         """
         click.echo(f"{self.robot.name}: {counted(len(self.robot.motors), 'motor')}", err=True)
-        rows = [["motor", "peak effort", "RMS effort", "unit", "peak at"]]
-        units = effort_units(self.robot)
-        for motor, name in enumerate(self.robot.motors):
-            rms = (self.squares[motor] / self.samples) ** 0.5
-            peak, place = self.peaks[motor], self.places[motor]
-            rows.append([name, f"{peak:.6g}", f"{rms:.6g}", units[motor], place])
-        for line in aligned_rows(rows, right=(1, 2)):
+        for line in self._lines():
             click.echo(f"  {line}", err=True)
-        for line in fitted_rates(layout):
+        for line in (*fitted_rates(layout), *self.remarks):
             click.echo(line, err=True)
         if self.robot.description.closures or self.robot.description.couplings:
             click.echo(f"worst closure residual: {self.residual:.2g} of the module's size", err=True)
         rate = self.samples / seconds if seconds > 0 else float("inf")
+        shared = f" in {jobs} processes" if jobs > 1 else ""
         click.echo(
-            f"{counted(self.samples, 'sample')}, {rate:,.0f} samples/s, wall time {wall:.2f} s", err=True
+            f"{counted(self.samples, 'sample')}, {rate:,.0f} samples/s{shared}, wall time {wall:.2f} s",
+            err=True,
         )
+
+    def _lines(self) -> list[str]:
+        rows = [["motor", f"peak {self.quantity}", f"RMS {self.quantity}", "unit", "peak at"]]
+        for i in range(self._count):
+            rms = (self.squares[i] / self.samples) ** 0.5
+            rows.append([self.names[i], f"{self.peaks[i]:.6g}", f"{rms:.6g}", self.units[i], self.places[i]])
+        lines = aligned_rows(rows, right=(1, 2)) if self._count else []
+        rest = range(self._count, len(self.at))
+        if rest:
+            worst = max(rest, key=lambda i: abs(self.peaks[i]))
+            lines.append(
+                f"largest other: {self.names[worst]} {self.peaks[worst]:.6g} at {self.places[worst]}"
+            )
+        return lines
 
 
 def fitted_rates(layout: Layout) -> list[str]:

@@ -16,14 +16,16 @@ robot on a moving or floating base is the base's own, in the world. A table that
 state*; any other one names motors, platforms or a mixture, from which the posture is assembled. With efforts
 no accelerations are read but that of a moving base, whose motion is prescribed.
 
-Tables of results: `<motor>/effort` of the inverse model; of the direct one `<joint>/acceleration` of every joint
-(`<joint>/acceleration/wx` ... by components) and `<root>/acceleration/x` .. `wz` of a floating base. Reactions:
+Tables of results: `<motor>/effort` of the inverse model; of the direct one `<joint>/acceleration` of every
+joint (`<joint>/acceleration/wx` ... by components) and `<root>/acceleration/x` .. `wz` of a floating base.
+Reactions, forces [N] and moments [N m]:
 
     <root>/reaction/fx|fy|fz|mx|my|mz        of the ground on the root body, about its origin, in its axes
-    <module>/reaction/fx ... mz              of a module's base body on it, about the base's origin, in its axes;
-                                             a module is named by its first output link
-    <closure>/wrench/fx ... mz               of a closure on its successor (the predecessor gets the opposite), about
-                                             the successor's closure frame, in the axes of the predecessor's
+    <module>/reaction/fx ... mz              of a module's base body on the module, about the origin of that
+                                             body, in its axes; modules bear the name of their first output
+    <closure>/wrench/fx ... mz               of a closure on its successor (opposite on its predecessor),
+                                             about the origin of the successor's closure frame, in the axes of
+                                             the predecessor's
     <coupling>/multiplier                    of a coupling's relation as it is written
 """
 
@@ -182,6 +184,8 @@ def _check_base(layout: Layout, root: str, base: str) -> None:
     if base != "fixed" and (signal is None or signal.components != POSE):
         column = f"{root}/pose/{'x' if signal is None else 'qx'}"
         message = f"is missing: with a {base} base the table gives the whole pose of '{root}' in the world"
+        if base == "floating":
+            message += "; how a free base moves depends on what came before, 'hybridyn simulate' computes it"
         raise TrajectoryError(message, file=layout.file, column=column)
 
 

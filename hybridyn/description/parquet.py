@@ -72,7 +72,7 @@ def open_parquet(file: str, block_rows: int) -> Table:
         raise TrajectoryError("the table has no rows", file=file)
     done = [0]
     blocks = _parquet_blocks(polars, frame, file, total, block_rows, done)
-    return Table(file, tuple(schema), blocks, lambda: done[0] / total, lambda: None)
+    return Table(file, tuple(schema), blocks, lambda: done[0] / total, lambda: None, total)
 
 
 def _parquet_blocks(

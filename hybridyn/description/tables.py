@@ -52,6 +52,7 @@ class Table:
         columns: Names of the columns, in file order.
         blocks: Iterator over the rows, to be consumed once.
         fraction: Call it to know how much of the file has been read, in [0, 1]; None where that is unknown.
+        rows: About how many rows there are, by the size of the file; None where that is unknown.
     """
 
     def __init__(
@@ -61,8 +62,10 @@ class Table:
         blocks: Iterator[Block],
         fraction: Callable[[], float | None],
         close: Callable[[], object],
+        rows: int | None = None,
     ) -> None:
         self.file, self.columns, self.blocks, self.fraction = file, columns, blocks, fraction
+        self.rows = rows
         self._close = close
 
     def __enter__(self) -> Self:
@@ -116,7 +119,13 @@ def _open_csv(file: str, block_rows: int) -> Table:
     try:
         lines = _lines(text, file)
         separator, columns = _header(next(lines, ""), file)
-        return Table(file, columns, _csv_blocks(lines, file, columns, separator, block_rows), fraction, close)
+        rows = None
+        if size:  # a pipe is not waited for
+            first = next(lines, None)
+            rows = size // (len(first) + 1) if first else 0
+            lines = itertools.chain([first] if first else [], lines)
+        blocks = _csv_blocks(lines, file, columns, separator, block_rows)
+        return Table(file, columns, blocks, fraction, close, rows)
     except BaseException:
         close()
         raise

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -53,6 +54,30 @@ class Motion:
     platforms: dict[str, tuple[Parts, Parts, Parts]] = field(default_factory=dict)
     wrenches: dict[str, Array] = field(default_factory=dict)
     efforts: dict[str, Array] = field(default_factory=dict)
+
+    def part(self, start: int, stop: int) -> Motion:
+        """Give the rows from `start` to before `stop`, counted from 0."""
+        rows = slice(start, stop)
+        size = len(range(self.size)[rows])
+        return Motion(self.first_row + start, size, *_each(lambda x: x[rows], self._content()))
+
+    def after(self, before: Motion) -> Motion:
+        """Give these rows with those that come before them in front."""
+        content = _each(lambda x, y: np.concatenate([x, y]), before._content(), self._content())
+        return Motion(before.first_row, before.size + self.size, *content)
+
+    def _content(self) -> tuple[Any, ...]:
+        return self.time, self.joints, self.platforms, self.wrenches, self.efforts
+
+
+def _each(function: Callable[..., Any], *trees: Any) -> Any:
+    """Apply a function to the arrays of equal trees of dicts and tuples; None stays None."""
+    first = trees[0]
+    if isinstance(first, dict):
+        return {key: _each(function, *(tree[key] for tree in trees)) for key in first}
+    if isinstance(first, tuple):
+        return tuple(_each(function, *branches) for branches in zip(*trees, strict=True))
+    return None if first is None else function(*trees)
 
 
 def read_motions(table: Table, layout: Layout) -> Iterator[Motion]:
@@ -240,7 +265,7 @@ def _base_coordinates(pose: Array, twist: Array, acceleration: Array) -> Triple:
 
 
 def base_acceleration(q: Array, v: Array, a: Array) -> Array:
-    """Give a free-flyer's acceleration as tables hold it: classical, of the origin and angular, in world axes.
+    """Give a free-flyer's acceleration as tables hold it: classical and angular, in world axes.
 
     Args:
         q: Positions, the free-flyer's first, shape (T, nq).

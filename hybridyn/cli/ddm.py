@@ -1,0 +1,90 @@
+"""`hybridyn ddm`: accelerations under motor efforts."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+import click
+
+from hybridyn.cli.reactions import reaction_rows
+from hybridyn.cli.robot_options import RobotCommand, takes_robot
+from hybridyn.cli.summary import Summary
+from hybridyn.cli.tables import Plan, Tables, run, takes_table
+
+if TYPE_CHECKING:
+    from hybridyn.cli.postures import Postures
+    from hybridyn.description.records import Array
+    from hybridyn.robot import HybridRobot
+
+
+@click.command(
+    "ddm", cls=RobotCommand, short_help="Accelerations under motor efforts (direct dynamic model)."
+)
+@takes_robot
+@takes_table("STATES")
+def command(load: Callable[[], HybridRobot], tables: Tables) -> None:
+    """Give the accelerations of ROBOT (URDF or xacro) under the efforts and in the states of STATES.
+
+    The table has named columns, in SI units: '<motor>/effort' for every motor; 'time'; positions and
+    velocities of every joint, '<joint>/position|velocity', or of the motors or platforms, from which the
+    state is assembled (see 'hybridyn idm --help'); '<link>/wrench/fx|fy|fz|mx|my|mz'. With '--base moving'
+    the base's acceleration is given, '<root link>/acceleration/x|y|z|wx|wy|wz'; other accelerations are not
+    read. Missing velocities are fitted by a spline over time.
+
+    One row per sample comes out, with 'time' and '<joint>/acceleration' for every joint, of a free base
+    '<root link>/acceleration/x' .. 'wz' as well.
+    """
+
+    def plan(robot: HybridRobot) -> Plan:
+        from hybridyn.description.columns import acceleration_columns
+        from hybridyn.free_motions import free_motions_of
+
+        columns = acceleration_columns(robot.description, robot.joints, robot.base)
+        kinds = {joint.name: joint.kind for joint in robot.description.joints}
+        units = ["m/s^2" if kinds[name] == "prismatic" else "rad/s^2" for name in robot.motors]
+        at = [columns.index(f"{name}/acceleration") for name in robot.motors]
+        summary = Summary(
+            robot, "acceleration", list(robot.motors), units, at, columns, free_motions_of(robot)
+        )
+        return Plan(
+            functools.partial(accelerations, reactions=tables.reactions is not None), columns, summary
+        )
+
+    run(tables, load, plan, efforts=True)
+
+
+def accelerations(robot: HybridRobot, block: Postures, *, reactions: bool) -> tuple[Array, Array | None]:
+    """Give the accelerations of a block as rows of the result, and the reactions' rows where they are wanted.
+
+    Args:
+        robot: The robot.
+        block: The states; of its accelerations only those of a moving base count.
+        reactions: Whether reactions are wanted.
+    """
+    import numpy as np
+
+    import hybridyn
+    from hybridyn.description.trajectory import base_acceleration
+
+    given = block.motion.efforts
+    tau = (
+        np.column_stack([given[name] for name in robot.motors])
+        if robot.motors
+        else np.zeros((len(block.q), 0))
+    )
+    model = functools.partial(
+        hybridyn.ddm,
+        robot,
+        block.q,
+        block.v,
+        tau,
+        base_acceleration=block.a[:, :6] if robot.base == "moving" else None,
+        wrenches=block.motion.wrenches or None,
+    )
+    a, inner = model(reactions=True) if reactions else (model(), None)
+    rows = a if robot.base == "fixed" else a[:, 6:]
+    if robot.base == "floating":
+        rows = np.hstack([base_acceleration(block.q, block.v, a), rows])
+    return rows, None if inner is None else reaction_rows(robot, inner)
