@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from .assembly import assemble
     from .ddm import ddm
+    from .effects import with_effects
+    from .energy import Energy, Power, centre_of_mass, energy, momentum, power
     from .errors import (
         ActuationError,
         AssemblyError,
@@ -39,7 +41,14 @@ _HOME = {
     "TrajectoryError": "errors",
     "assemble": "assembly",
     "closure_residual": "forward",
+    "centre_of_mass": "energy",
     "ddm": "ddm",
+    "energy": "energy",
+    "momentum": "energy",
+    "power": "energy",
+    "with_effects": "effects",
+    "Energy": "energy",
+    "Power": "energy",
     "kinematics": "link_motion",
     "LinkMotion": "link_motion",
     "idm": "idm",
@@ -51,20 +60,27 @@ _HOME = {
 __all__ = [
     "ActuationError",
     "AssemblyError",
+    "Energy",
     "HybridRobot",
     "HybridynError",
     "LinkMotion",
     "ModelError",
+    "Power",
     "Reactions",
     "SingularityError",
     "TrajectoryError",
     "__version__",
     "assemble",
+    "centre_of_mass",
     "closure_residual",
     "ddm",
+    "energy",
     "idm",
     "kinematics",
     "load",
+    "momentum",
+    "power",
+    "with_effects",
 ]
 
 

@@ -1,0 +1,85 @@
+"""Robots with every effect on them, for tests that state identities."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from hybridyn import HybridRobot
+from hybridyn import effects as fx
+
+Units = list[Any]
+
+
+def per_motor(robot: HybridRobot, low: float, high: float, seed: int) -> dict[str, float]:
+    """Draw a number for each motor."""
+    rng = np.random.default_rng(seed)
+    return {
+        motor: float(x)
+        for motor, x in zip(robot.motors, rng.uniform(low, high, len(robot.motors)), strict=True)
+    }
+
+
+def stop(robot: HybridRobot) -> Units:
+    """Stops in the middle of the motors' ranges, so that about half of them are touched."""
+    stiffness = per_motor(robot, 200, 400, 4)
+    return [fx.Stop(stiffness, 0.3, dict.fromkeys(stiffness, -9.0), dict.fromkeys(stiffness, 0.02))]
+
+
+def wrench(robot: HybridRobot) -> Units:
+    """A constant wrench on the last link and a table on another, in world axes."""
+    links = [link.name for link in robot.description.links]
+    time, rows = np.array([0.0, 1.0, 2.0]), np.random.default_rng(8).normal(size=(3, 6))
+    return [
+        fx.Wrench(links[-1], [1, 2, 3, 0.1, 0.2, 0.3]),
+        fx.Wrench(links[len(links) // 2], 9 * rows, time, "world"),
+    ]
+
+
+def ground(robot: HybridRobot) -> Units:
+    """Two points of the last link, so deep in the ground that they touch it."""
+    link = robot.bodies.bodies[-1].name
+    points = {link: [[0.0, 0.0, 0.0], [0.1, 0.05, -0.1]]}
+    return [fx.GroundContact(points, 300.0, 0.2, 0.6, width=0.05, height=3.0)]
+
+
+CASES: dict[str, Callable[[HybridRobot], Units]] = {
+    "gravity": lambda robot: ["gravity"],
+    "leg_inertia": lambda robot: ["leg_inertia"],
+    "rotor_inertia": lambda robot: [fx.RotorInertia(per_motor(robot, 0.1, 2.0, 0))],
+    "viscous_friction": lambda robot: [fx.ViscousFriction(per_motor(robot, 1, 5, 1))],
+    "coulomb_friction": lambda robot: [fx.CoulombFriction(per_motor(robot, 1, 5, 2), 0.3)],
+    "stribeck_friction": lambda robot: [
+        fx.StribeckFriction(
+            per_motor(robot, 1, 2, 3), per_motor(robot, 3, 4, 3), per_motor(robot, 0.4, 0.5, 3), 0.2
+        )
+    ],
+    "spring": lambda robot: [fx.Spring(per_motor(robot, 20, 90, 5), per_motor(robot, -0.2, 0.2, 6))],
+    "damper": lambda robot: [fx.Damper(per_motor(robot, 1, 5, 7))],
+    "stop": stop,
+    "wrench": wrench,
+    "ground_contact": ground,
+}
+"""Effects that one robot can have without being rebuilt, by name."""
+
+
+def every(robot: HybridRobot) -> Units:
+    """Give all of them."""
+    return [unit for case in CASES.values() for unit in case(robot)]
+
+
+def rate_of(
+    robot: HybridRobot, value: Callable[[np.ndarray, np.ndarray], np.ndarray], q: np.ndarray, v: np.ndarray,
+    a: np.ndarray, step: float = 1e-3,
+) -> np.ndarray:  # fmt: skip
+    """Give the time derivative of value(q, v) along motions by a central difference of sixth order, shape (T,)."""
+
+    def at(h: float) -> np.ndarray:
+        moved = [pin.integrate(robot.model, x, h * x_dot) for x, x_dot in zip(q, v, strict=True)]
+        return value(np.array(moved), v + h * a)
+
+    weights = {1: 45.0, 2: -9.0, 3: 1.0}
+    return sum(w * (at(n * step) - at(-n * step)) for n, w in weights.items()) / (60 * step)
