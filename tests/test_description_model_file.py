@@ -84,7 +84,7 @@ def test_unit_parts_are_brought_to_length_one(tmp_path: Path) -> None:
         ('["drive"]', '"drive"', 1, "valid list"),
         ("drive = 0.5", "drive = ", 4, "not readable as TOML"),
         ("drive = 0.5", "drive = 1\ndrive = 2", 5, "not readable as TOML"),
-        ("[joints]", "[effects]\na = 1\n[joints]", 11, "unknown key 'effects'"),
+        ("[joints]", "[effects]\na = 1\n[joints]", 12, "unknown key 'a'"),
     ],
 )
 def test_mistakes_name_file_and_line(tmp_path: Path, old: str, new: str, line: int, message: str) -> None:
@@ -116,3 +116,36 @@ def test_lines_of_keys() -> None:
     assert line_of(MODEL, ("joints", "elbow", "friction")) == 12
     assert line_of('["a b"]\n"c d".e = 1', ("a b", "c d", "e")) == 2
     assert line_of(MODEL, ("nothing",)) is None
+
+
+EFFECTS = """
+[effects.spring]
+stiffness = { elbow = 40.0 }
+[effects.coulomb_friction]
+width = 0.02
+"""
+
+
+def test_effects_of_the_robot(tmp_path: Path) -> None:
+    description = load(tmp_path, EFFECTS)
+    assert description.effects == (
+        ("coulomb_friction", {"width": 0.02}),
+        ("spring", {"stiffness": {"elbow": 40.0}}),
+    )
+
+
+@pytest.mark.parametrize(
+    ("text", "line", "message"),
+    [
+        ("[effects.sprig]\nstiffness = { elbow = 1 }", 1, r"unknown key 'sprig' \(did you mean 'spring'\?\)"),
+        ("[effects.spring]\nstifness = { elbow = 1 }", 2, r"unknown key 'stifness' \(did you mean 'stiffness'\?\)"),
+        ("[effects.spring]\nstiffness = { elbo = 1.0 }", 2, r"no such movable joint 'elbo' \(did you mean 'elbow'\?\)"),
+        ("[effects.damper]\ncoefficient = { elbow = -1.0 }", 2, "greater than or equal to 0"),
+        ("[effects.ground_contact]\nstiffness = 1.0\npoints = { rockr = [[0.0, 0.0, 0.0]] }", 3, "no such link"),
+        ("[effects.payload]\nmass = 1.0", 1, "unknown key 'payload'"),
+    ],
+)  # fmt: skip
+def test_wrong_effects_name_their_line(tmp_path: Path, text: str, line: int, message: str) -> None:
+    with pytest.raises(ModelError, match=message) as caught:
+        load(tmp_path, text)
+    assert caught.value.line == line

@@ -7,6 +7,8 @@ For `X.urdf` or `X.urdf.xacro` it is `X.model.toml` beside it, else `../models/X
     slide1 = 0.1                    # one number, or the joint's Pinocchio coordinates as a list
     [joints.slide1]
     rotor_inertia = 3e-5            # and gear_ratio, damping, friction
+    [effects.spring]                # see `effect_tables`
+    stiffness = { slide1 = 40.0 }
 """
 
 from __future__ import annotations
@@ -19,6 +21,7 @@ from typing import Annotated
 
 from pydantic import Field, FiniteFloat, ValidationError
 
+from hybridyn.description.effect_tables import EffectTables, known_keys
 from hybridyn.description.names import did_you_mean
 from hybridyn.description.records import Joint
 from hybridyn.description.robot_file import MotorStatement, RobotFile
@@ -54,11 +57,12 @@ class JointNumbers(Schema):
 
 
 class ModelFile(Schema):
-    """The tables of model.toml; a new table (effects) is a new field."""
+    """The tables of model.toml; a new table is a new field."""
 
     motors: list[str] | None = None
     home: dict[str, FiniteFloat | list[FiniteFloat]] = Field(default_factory=dict)
     joints: dict[str, JointNumbers] = Field(default_factory=dict)
+    effects: EffectTables = Field(default_factory=EffectTables)
 
 
 def read_model_file(text: bytes, file: str) -> ModelFile:
@@ -85,6 +89,8 @@ def read_model_file(text: bytes, file: str) -> ModelFile:
         known = [*ModelFile.model_fields]
         if error.errors()[0]["loc"][:1] == ("joints",):
             known = [*JointNumbers.model_fields]
+        if error.errors()[0]["loc"][:1] == ("effects",):
+            known = known_keys(error.errors()[0]["loc"])
         place, message = first_problem(error, known)
         keys = tuple(str(part) for part in place)
         key = ".".join(keys)
@@ -120,11 +126,32 @@ def apply_model_file(
     for name, numbers in model.joints.items():
         if numbers.gear_ratio == 0:
             raise wrong("joints", name, "a gear ratio of 0 moves nothing")
+    _apply_effects(robot, model, text, file)
     robot.joints = [_with_numbers(joint, model.joints.get(joint.name)) for joint in robot.joints]
     if model.motors is not None:
         line = line_of(text, ("motors",))
         robot.motors.append(MotorStatement("model file", "model.toml", tuple(model.motors), file, line))
     return home
+
+
+def _apply_effects(robot: RobotFile, model: ModelFile, text: str, file: str) -> None:
+    """Put the robot's own effects into it.
+
+    Raises:
+        ModelError: One of them names an unknown joint or link.
+    """
+    movable = [joint.name for joint in robot.joints if joint.kind != "fixed"]
+    links = [link.name for link in robot.links]
+    ground = model.effects.ground_contact
+    wanted = [(*place, movable, "movable joint") for place in model.effects.joints()]
+    wanted += [("ground_contact", "points", link, links, "link") for link in (ground.points if ground else ())]
+    for effect, key, name, known, what in wanted:
+        if name not in known:
+            raise ModelError(
+                f"[effects.{effect}] '{key}': no such {what} '{name}'{did_you_mean(name, known)}",
+                file=file, line=line_of(text, ("effects", effect, key, name)), element=name,
+            )  # fmt: skip
+    robot.effects = model.effects.stated()
 
 
 def home_position(joint: Joint, values: list[float]) -> tuple[float, ...]:

@@ -72,6 +72,7 @@ def read(
         home=home,
         notes=tuple(robot.notes),
         source=file,
+        effects=robot.effects,
     )
 
 

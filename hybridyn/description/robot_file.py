@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Any, Literal
 
 from hybridyn.description.records import Closure, Coupling, Joint, JointKind, Link
 
@@ -54,6 +54,7 @@ class RobotFile:
         couplings: Couplings.
         motors: Every list of motors that the file states.
         notes: Remarks for the user.
+        effects: Physical effects that a model file states, as in `Description`.
     """
 
     name: str
@@ -64,3 +65,4 @@ class RobotFile:
     couplings: list[Coupling] = field(default_factory=list)
     motors: list[MotorStatement] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
+    effects: tuple[tuple[str, dict[str, Any]], ...] = ()
