@@ -115,17 +115,17 @@ def merge_fixed_joints(description: Description) -> Bodies:
     identity = (np.eye(3), np.zeros(3))
     stack: list[tuple[str, Joint | None]] = [(description.root, None)]
     while stack:
-        name, joint = stack.pop()
+        name, above = stack.pop()
         link = links[name]
-        if joint is None:
+        if above is None:
             body, (R, p) = 0, identity
             out.bodies.append(Body(name, -1))
         else:
-            body, R, p = out.place[joint.parent]
-            R, p = R @ joint.placement[:3, :3], p + R @ joint.placement[:3, 3]
-            if joint.kind != "fixed":
+            body, R, p = out.place[above.parent]
+            R, p = R @ above.placement[:3, :3], p + R @ above.placement[:3, 3]
+            if above.kind != "fixed":
                 parent, body = body, len(out.bodies)
-                out.joints.append(BodyJoint(joint, parent, body, R, p))
+                out.joints.append(BodyJoint(above, parent, body, R, p))
                 out.bodies.append(Body(name, body - 1))
                 R, p = identity
         out.place[name] = (body, R, p)

@@ -18,7 +18,7 @@ from .closure import Closures
 from .elimination import back_substitute, pivot_ratio, pivoted_qr
 from .kinematics import Motion, Tree
 from .reduction import RANK_TOLERANCE, Block
-from .spatial import Array
+from .spatial import Array, Index, Mask
 from .targets import Target
 
 #: Longest step of one iteration in scaled coordinates [rad, module lengths].
@@ -52,7 +52,7 @@ class LoopProblem:
         closures: Closures and their tree.
         row_scale: Factor of each closure row, shape (rows,).
         col_scale: Unit of each freedom, shape (nv,).
-        free: Freedoms that may move, shape (nv,) of bool.
+        free: Freedoms that may move, shape (nv,).
         targets: Poses that bodies shall take, one more set of rows each.
         rank: Number of singular values that count; those above `RANK_TOLERANCE` where None.
         blocks: Blocks of full column rank that hold every free freedom; empty for one dense step.
@@ -61,7 +61,7 @@ class LoopProblem:
     closures: Closures
     row_scale: Array
     col_scale: Array
-    free: Array
+    free: Mask
     targets: Sequence[Target] = ()
     rank: int | None = None
     blocks: Sequence[Block] = ()
@@ -76,7 +76,7 @@ class LoopProblem:
         """The unit of length of the scaled coordinates [m]."""
         return float(self.col_scale.max(initial=1.0)) if len(self.col_scale) else 1.0
 
-    def residual(self, q: Array, samples: Array, motion: Motion | None = None) -> Array:
+    def residual(self, q: Array, samples: Index, motion: Motion | None = None) -> Array:
         """Give the scaled residuals at samples (numbers into the targets), shape (T, rows)."""
         motion = motion or self.tree.sweep(q)
         rows = [t.residual(motion, samples) / t.units for t in self.targets]
@@ -110,7 +110,7 @@ class LoopProblem:
             )
         return out
 
-    def _solve_blocks(self, K: Array, rhs: Array, out: Array) -> Array:
+    def _solve_blocks(self, K: Array, rhs: Array, out: Array) -> Index:
         """Solve block by block into `out`; give the samples where some block is close to singular."""
         T = len(K)
         easy = np.ones(T, dtype=bool)
@@ -136,10 +136,11 @@ def _truncated(K: Array, rhs: Array, damping: Array, rank: int | None) -> Array:
     top = s[:, :1]
     keep = s > RANK_TOLERANCE * top if rank is None else (np.arange(s.shape[1]) < rank) & (s > 0)
     gain = np.where(keep, s / np.where(keep, s * s + damping[:, None] * top**2, 1.0), 0.0)
-    return np.einsum("bji,bj->bi", Vt, gain * np.einsum("bji,bj->bi", U, rhs))
+    x: Array = np.einsum("bji,bj->bi", Vt, gain * np.einsum("bji,bj->bi", U, rhs))
+    return x
 
 
-def close(problem: LoopProblem, q: Array, samples: Array | None = None, *, iterations: int = 60) -> Closed:
+def close(problem: LoopProblem, q: Array, samples: Index | None = None, *, iterations: int = 60) -> Closed:
     """Make a problem's rows zero, starting from the positions given.
 
     Args:

@@ -23,7 +23,18 @@ import numpy as np
 
 from .description.records import RotationKind
 from .kinematics import Motion, Tree
-from .spatial import Array, compose, cross, rotate, rotate_back, rotation_vector, samples_inside, select
+from .spatial import (
+    Array,
+    Mask,
+    compose,
+    cross,
+    rotate,
+    rotate_back,
+    rotation_vector,
+    samples_inside,
+    select,
+    slices,
+)
 
 ROTATION_ROWS = {"free": 0, "perpendicular": 1, "parallel": 2, "fixed": 3}
 
@@ -92,7 +103,7 @@ class _Group:
         on_b = tree.support[self.b[:, None], self.cols].astype(float)
         self.sign = on_b - tree.support[self.a[:, None], self.cols]
 
-    def moved_by(self, free: Array) -> _Group:
+    def moved_by(self, free: Mask) -> _Group:
         """Give the same group over some freedoms only, where every closure involves as many of them."""
         count = free[self.cols].sum(axis=1)
         out = copy(self)
@@ -170,6 +181,7 @@ class _Group:
         return np.concatenate([shift, turn], axis=-1), np.concatenate([shift_dot, turn_dot], axis=-1)
 
     def _normals_dot(self, A: Array, B: Array, wa: Array, wb: Array) -> Array:
+        """Give the time derivatives of `normals` where A and B turn at wa and wb."""
         if self.rotation == "free":
             return np.zeros((*A.shape[:2], 0, 3))
         if self.rotation == "fixed":
@@ -192,9 +204,9 @@ def common_measure(numbers: list[float]) -> float:
     return sizes[0] * gcd(*(int(r * denominator) for r in ratios)) / denominator
 
 
-def involved(tree: Tree, closure: TreeClosure) -> Array:
-    """Say which freedoms of the tree move frame B relative to frame A, shape (nv,) of bool."""
-    out: Array = tree.support[closure.body_a] ^ tree.support[closure.body_b]
+def involved(tree: Tree, closure: TreeClosure) -> Mask:
+    """Say which freedoms of the tree move frame B relative to frame A, shape (nv,)."""
+    out: Mask = tree.support[closure.body_a] ^ tree.support[closure.body_b]
     return out
 
 
@@ -206,13 +218,13 @@ class Closures:
         couplings: The couplings.
         row_slices: Rows of each closure, then of each coupling.
         rows: Number of rows in all.
+        is_angle: Rows whose residual is an angle, shape (rows,).
     """
 
     def __init__(self, tree: Tree, closures: list[TreeClosure], couplings: list[TreeCoupling]) -> None:
         self.tree, self.closures, self.couplings = tree, tuple(closures), tuple(couplings)
-        ends = np.cumsum([0] + [c.rows for c in closures] + [1] * len(couplings))
-        self.row_slices = [slice(int(a), int(b)) for a, b in zip(ends, ends[1:], strict=False)]
-        self.rows = int(ends[-1])
+        sizes = [c.rows for c in closures] + [1] * len(couplings)
+        self.row_slices, self.rows = slices(sizes), sum(sizes)
         shapes: dict[tuple[object, ...], list[int]] = {}
         for i, c in enumerate(closures):
             key = (c.translations, c.rotation, int(involved(tree, c).sum()))
@@ -239,6 +251,7 @@ class Closures:
         return out
 
     def _coupling_residual(self, coupling: TreeCoupling, q: Array) -> Array:
+        """Give by how much a coupling is off, shape (T,), in the unit of its coefficients times positions."""
         total = np.full(len(q), -coupling.offset)
         endless = []
         for joint, coefficient in coupling.terms:
@@ -272,8 +285,8 @@ class Closures:
         K[:, first:] = self._coupling_rows * row_scale[first:, None] * col_scale
         return K
 
-    def moved_by(self, free: Array) -> Closures:
-        """Give the same closures whose matrix is filled in for some freedoms only, shape (nv,) of bool."""
+    def moved_by(self, free: Mask) -> Closures:
+        """Give the same closures whose matrix is filled in for some freedoms only, shape (nv,)."""
         out = copy(self)
         out._groups = [group.moved_by(free) for group in self._groups]
         out._coupling_rows = self._coupling_rows * free

@@ -8,7 +8,7 @@ from .closing import LoopProblem
 from .errors import AssemblyError
 from .module import Module
 from .reduction import RANK_TOLERANCE, Block, decide_rank
-from .spatial import Array
+from .spatial import Array, Mask
 
 #: A motion that moves outputs, motors and centres of mass by less than this is idle (a rod's spin).
 IDLE = 1e-6
@@ -49,9 +49,9 @@ def _refuse_open(module: Module, problem: LoopProblem, motion: Array) -> None:
         names.append(f"link '{name}'")
         sizes.append(max(np.abs(J[:3]).max() / m.length, np.abs(J[3:]).max()))
     if not m.spec.outputs:
-        for i, body in enumerate(m.spec.leg_bodies):
-            if body is not None and body.mass:
-                centre = posture.p[:, i + 1] + posture.R[:, i + 1] @ body.com
+        for i, link in enumerate(m.spec.leg_bodies):
+            if link is not None and link.mass:
+                centre = posture.p[:, i + 1] + posture.R[:, i + 1] @ link.com
                 J = m.tree.jacobian(posture, i + 1, centre)[0] @ moved
                 names.append(f"joint '{module.joints[m.spec.tree_joint[i] or 0]}'")
                 sizes.append(np.abs(J[:3]).max() / m.length)
@@ -67,10 +67,10 @@ def _refuse_open(module: Module, problem: LoopProblem, motion: Array) -> None:
     )
 
 
-def full_rank_blocks(generic: Array, free: Array) -> list[Block]:
+def full_rank_blocks(generic: Array, free: Mask) -> list[Block]:
     """Give the connected blocks of rows and free columns; none where one has not full column rank."""
     cols = np.flatnonzero(free)
-    touched = (np.abs(generic[:, :, cols]) > 1e-12).any(axis=0)
+    touched: Mask = np.abs(generic[:, :, cols]).max(axis=0, initial=0.0) > 1e-12
     label = np.arange(len(cols))
     for row in touched:
         members = np.unique(label[row])

@@ -9,10 +9,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from .spatial import Array
+from .spatial import Array, Index
 
 
-def pivoted_qr(A: Array, columns: int, rank: int) -> tuple[Array, Array]:
+def pivoted_qr(A: Array, columns: int, rank: int) -> tuple[Array, Index]:
     """Reduce the first `columns` columns by `rank` Householder steps with column pivoting.
 
     Args:
@@ -105,4 +105,5 @@ def least_squares(A: Array, b: Array, *, relative: float = 1e-12, rank: int | No
     U, s, Vt = np.linalg.svd(A, full_matrices=False)
     keep = s > relative * s[:, :1] if rank is None else (np.arange(s.shape[1]) < rank) & (s > 0)
     y = np.where(keep, np.einsum("bji,bj->bi", U, b) / np.where(keep, s, 1.0), 0.0)
-    return np.einsum("bji,bj->bi", Vt, y)
+    x: Array = np.einsum("bji,bj->bi", Vt, y)
+    return x

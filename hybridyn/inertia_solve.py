@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .elimination import back_substitute
-from .spatial import Array
+from .spatial import Array, Index
 
 EPS = float(np.finfo(float).eps)
 
@@ -28,8 +28,8 @@ class InertiaFactor:
     """
 
     R: Array
-    order: Array
-    massless: Array
+    order: Index
+    massless: Index
 
     def solve(self, b: Array) -> tuple[Array, Array]:
         """Solve A x = b, shape (T, N, c), the massless coordinates left at zero.
@@ -37,9 +37,8 @@ class InertiaFactor:
         Returns:
             x, and what is left of b on the massless motions, both of shape (T, N, c).
         """
-        T, N, _ = b.shape
         y = np.take_along_axis(b, self.order[:, :, None], axis=1)
-        for i in range(N):
+        for i in range(b.shape[1]):
             pivot = self.R[:, i, i]
             kept = pivot > 0
             row = np.where(kept[:, None], y[:, i] / np.where(kept, pivot, 1.0)[:, None], 0.0)

@@ -17,7 +17,6 @@ import logging
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from .closing import generic_postures
 from .closure import Closures
@@ -28,7 +27,7 @@ from .kinematics import Motion, Tree
 from .leg_model import LegModel
 from .modulespec import ModuleSpec
 from .reduction import RANK_TOLERANCE, Basis, Block, Reduction
-from .spatial import Array, cross, quaternion_from_rotation, select, spatial_inertia
+from .spatial import Array, Index, Mask, cross, quaternion_from_rotation, select, spatial_inertia
 
 #: A wrist whose reciprocal condition falls below this is in gimbal lock.
 GIMBAL_LOCK = 1e-9
@@ -101,7 +100,10 @@ class Mechanism:
 
     def _map_coordinates(self) -> None:
         """Index arrays between the spanning tree and the tree after the cuts."""
-        self._q_from, self._q_to, self._v_from, self._v_to = ([] for _ in range(4))
+        self._q_from: list[int] = []
+        self._q_to: list[int] = []
+        self._v_from: list[int] = []
+        self._v_to: list[int] = []
         for i, source in enumerate(self.spec.tree_joint):
             if source is None:
                 continue
@@ -196,7 +198,7 @@ class Mechanism:
         joints = self.spec.wrists[wrist].joints
         return tuple(replace(self.spanning.joints[j], parent=i) for i, j in enumerate(joints))
 
-    def wrist_positions(self, wrist: int) -> Array:
+    def wrist_positions(self, wrist: int) -> Index:
         """Give the position coordinates of a wrist in the spanning tree."""
         every = np.arange(self.spanning.nq)
         return np.concatenate([every[self.spanning.q_slices[i]] for i in self.spec.wrists[wrist].joints])
@@ -290,16 +292,16 @@ class Mechanism:
             if wrist.carries:  # what hangs from a platform moves with it: sweep again before the next wrist
                 motion = None
 
-    def wrist_columns(self, wrist: int) -> Array:
+    def wrist_columns(self, wrist: int) -> Index:
         """Give the freedoms of a wrist in the spanning tree."""
         every = np.arange(self.spanning.nv)
         return np.concatenate([every[self.spanning.v_slices[i]] for i in self.spec.wrists[wrist].joints])
 
 
-def is_locked(S: Array) -> NDArray[np.bool_]:
-    """Say where a wrist's joints lose a direction, from `wrist_rates` (T, 6, joints), shape (T,) of bool."""
+def is_locked(S: Array) -> Mask:
+    """Say where a wrist's joints lose a direction, from `wrist_rates` (T, 6, joints), shape (T,)."""
     s = np.linalg.svd(S, compute_uv=False)
-    out: NDArray[np.bool_] = s[:, -1] <= GIMBAL_LOCK * s[:, 0]
+    out: Mask = s[:, -1] <= GIMBAL_LOCK * s[:, 0]
     return out
 
 
@@ -352,10 +354,10 @@ class Module:
     mechanism: Mechanism
     parent: int
     parent_output: int
-    q_index: Array
-    v_index: Array
-    motor_index: Array
-    motor_columns: Array
+    q_index: Index
+    v_index: Index
+    motor_index: Index
+    motor_columns: Index
 
     @property
     def mobility(self) -> int:

@@ -1,4 +1,4 @@
-"""From closure rows to independent velocities: x_dot = Psi u, leg by leg first, then what the platforms leave.
+"""From closure rows to independent velocities: x_dot = Psi u, leg by leg first, then the platforms.
 
 The unknowns x of a module are the joints of its legs and the relative twists of its platforms. Rows and
 columns are scaled by the module's length so that metres and radians compare; ranks are fixed once, at generic
@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .elimination import back_substitute, null_basis, pivot_ratio, pivoted_qr
-from .spatial import Array
+from .spatial import Array, Index, Mask
 
 #: Singular values of scaled rows below this (over the largest) are rounding of the file, not structure.
 RANK_TOLERANCE = 1e-4
@@ -53,8 +53,8 @@ class Block:
         rank: Number of pivots inside the leg.
     """
 
-    rows: Array
-    cols: Array
+    rows: Index
+    cols: Index
     rank: int = 0
 
 
@@ -110,7 +110,7 @@ class Reduction:
         report: How the rank was decided.
     """
 
-    def __init__(self, row_scale: Array, col_scale: Array, blocks: list[Block], shared: Array) -> None:
+    def __init__(self, row_scale: Array, col_scale: Array, blocks: list[Block], shared: Index) -> None:
         self.row_scale, self.col_scale = row_scale, col_scale
         self.n = len(col_scale)
         self._blocks, self._shared = blocks, shared
@@ -130,13 +130,14 @@ class Reduction:
         return K * self.row_scale[:, None] * self.col_scale
 
     def fix_ranks(self, K: Array, tolerance: float) -> None:
-        """Fix the ranks of the module and its legs from rows at generic postures, shape (samples, rows, n)."""
+        """Fix the ranks of module and legs from rows at generic postures, shape (samples, rows, n)."""
         K = self.scaled(K)
         self.report = decide_rank(K, tolerance)
         self.rank = self.report.rank
         alone = len(self._blocks) == 1 and len(self._shared) == 0
         if alone or self.report.dropped > ROUNDED:
-            self._blocks = []  # one dense elimination: the same for one leg; sees all of a rounded file's rows at once
+            # One dense elimination: the same for one leg, and it sees all of a rounded file's rows at once.
+            self._blocks = []
         for block in self._blocks:
             report = decide_rank(K[:, block.rows[:, None], block.cols], tolerance)
             block.rank = report.rank
@@ -167,7 +168,7 @@ class Reduction:
             Psi[hard], drift[hard], pivot[hard] = null_basis(K[hard], gamma[hard], self.rank)
         return Basis(Psi * self.col_scale[:, None], drift * self.col_scale, pivot)
 
-    def _by_legs(self, K: Array, gamma: Array) -> tuple[Array, Array, Array, Array]:
+    def _by_legs(self, K: Array, gamma: Array) -> tuple[Array, Array, Array, Mask]:
         """Eliminate leg by leg, then the rows left on the platforms; say which samples that served."""
         T, P = len(K), len(self._shared)
         right = np.concatenate([K[:, :, self._shared], gamma[..., None]], axis=-1)
@@ -192,7 +193,7 @@ class Reduction:
         return Psi, drift, np.minimum(pivot, ratio), easy & (ratio > LEG_PIVOT)
 
     def _back(
-        self, reduced: list[tuple[Array, int, Array, Array]], Psi: Array, drift: Array, first: int
+        self, reduced: list[tuple[Index, int, Index, Array]], Psi: Array, drift: Array, first: int
     ) -> None:
         """Fill in the legs' joints from the platforms' motion and the legs' own free joints."""
         T, P = len(Psi), len(self._shared)

@@ -12,7 +12,7 @@ from typing import Protocol
 import numpy as np
 
 from .kinematics import Motion, Tree
-from .spatial import Array, cross, hat, rotation_from_vector, rotation_vector
+from .spatial import Array, Index, cross, hat, rotation_from_vector, rotation_vector
 
 COORDINATES = ("x", "y", "z", "roll", "pitch", "yaw")
 
@@ -30,7 +30,7 @@ class Target(Protocol):
         """Unit of each row."""
         ...
 
-    def residual(self, motion: Motion, samples: Array) -> Array:
+    def residual(self, motion: Motion, samples: Index) -> Array:
         """Give what is missing, shape (T, rows)."""
         ...
 
@@ -38,8 +38,8 @@ class Target(Protocol):
         """Give the rows over the rates of the tree, shape (T, rows, nv)."""
         ...
 
-    def rates(self, motion: Motion, samples: Array) -> tuple[Array, Array]:
-        """Give the rates wanted, and the accelerations wanted less what the rates already cause, (T, rows)."""
+    def rates(self, motion: Motion, samples: Index) -> tuple[Array, Array]:
+        """Give the rates wanted, and the accelerations wanted less what the rates cause, shapes (T, rows)."""
         ...
 
     def between(self, sample: int, fractions: Array) -> Target:
@@ -71,7 +71,7 @@ class PoseTarget:
     acceleration: Array
     units: Array
 
-    def residual(self, motion: Motion, samples: Array) -> Array:
+    def residual(self, motion: Motion, samples: Index) -> Array:
         """Give the pose that is there less the pose wanted, shape (T, 6)."""
         wanted = self.R[samples]
         turn = rotation_vector(np.matmul(motion.R[:, self.body], np.swapaxes(wanted, 1, 2)))
@@ -81,7 +81,7 @@ class PoseTarget:
         """Give the rows over the rates, shape (T, 6, nv)."""
         return tree.jacobian(motion, self.body)
 
-    def rates(self, motion: Motion, samples: Array) -> tuple[Array, Array]:
+    def rates(self, motion: Motion, samples: Index) -> tuple[Array, Array]:
         """Give the velocities wanted, and the accelerations wanted less what the rates already cause."""
         bias = np.concatenate([motion.pdd[:, self.body], motion.wd[:, self.body]], axis=1)
         return self.velocity[samples], self.acceleration[samples] - bias
@@ -125,20 +125,21 @@ class CoordinateTarget:
     units: Array
 
     def _rows(self) -> list[int]:
+        """Give the numbers of the coordinates among `COORDINATES`."""
         return [COORDINATES.index(name) for name in self.names]
 
     def _frame(self, motion: Motion) -> tuple[Array, Array, Array]:
-        """Give the link's axes and origin in the reference, and the origin's offset in the body, base axes."""
+        """Give the link's axes and origin in the reference, and its offset in the body, base axes."""
         R = motion.R[:, self.body]
         offset = np.matmul(R, self.shift[1])
         p = motion.p[:, self.body] + offset
         return np.matmul(self.R.T, np.matmul(R, self.shift[0])), (p - self.p) @ self.R, offset
 
-    def residual(self, motion: Motion, samples: Array) -> Array:
-        """Give the coordinates that are there less those wanted, shape (T, rows); angles within half a turn."""
+    def residual(self, motion: Motion, samples: Index) -> Array:
+        """Give the coordinates there less those wanted, shape (T, rows); angles within half a turn."""
         R, p, _ = self._frame(motion)
         there = np.concatenate([p, roll_pitch_yaw(R)], axis=1)[:, self._rows()]
-        out = there - self.value[samples]
+        out: Array = there - self.value[samples]
         angle = np.array(self._rows()) >= 3
         out[:, angle] -= 2 * np.pi * np.round(out[:, angle] / (2 * np.pi))
         return out
@@ -149,9 +150,10 @@ class CoordinateTarget:
         J = tree.jacobian(motion, self.body)
         linear = J[:, :3] - np.matmul(hat(offset), J[:, 3:])
         turned = np.concatenate([np.matmul(self.R.T, linear), np.matmul(self.R.T, J[:, 3:])], axis=1)
-        return np.matmul(_coordinate_map(R), turned)[:, self._rows()]
+        rows: Array = np.matmul(_coordinate_map(R), turned)[:, self._rows()]
+        return rows
 
-    def rates(self, motion: Motion, samples: Array) -> tuple[Array, Array]:
+    def rates(self, motion: Motion, samples: Index) -> tuple[Array, Array]:
         """Give the rates wanted, and the accelerations wanted less what the rates already cause."""
         R, _, offset = self._frame(motion)
         w, wd = motion.w[:, self.body], motion.wd[:, self.body]
@@ -178,20 +180,16 @@ class CoordinateTarget:
 def roll_pitch_yaw(R: Array) -> Array:
     """Give roll, pitch and yaw of rotations (..., 3, 3), URDF's order."""
     pitch = np.arctan2(-R[..., 2, 0], np.hypot(R[..., 0, 0], R[..., 1, 0]))
-    return np.stack(
-        [np.arctan2(R[..., 2, 1], R[..., 2, 2]), pitch, np.arctan2(R[..., 1, 0], R[..., 0, 0])], -1
-    )
+    roll, yaw = np.arctan2(R[..., 2, 1], R[..., 2, 2]), np.arctan2(R[..., 1, 0], R[..., 0, 0])
+    return np.stack([roll, pitch, yaw], -1)
 
 
 def _euler_map(R: Array) -> Array:
     """Give the angular velocity of unit rates of roll, pitch, yaw as columns, shape (T, 3, 3)."""
     _, pitch, yaw = np.moveaxis(roll_pitch_yaw(R), -1, 0)
     E = np.zeros_like(R)
-    E[:, 0, 0], E[:, 1, 0], E[:, 2, 0] = (
-        np.cos(yaw) * np.cos(pitch),
-        np.sin(yaw) * np.cos(pitch),
-        -np.sin(pitch),
-    )
+    E[:, 0, 0], E[:, 1, 0] = np.cos(yaw) * np.cos(pitch), np.sin(yaw) * np.cos(pitch)
+    E[:, 2, 0] = -np.sin(pitch)
     E[:, 0, 1], E[:, 1, 1] = -np.sin(yaw), np.cos(yaw)
     E[:, 2, 2] = 1.0
     return E

@@ -119,7 +119,7 @@ def _crossing(bodies: Bodies, first: int, second: int) -> Array | None:
         return None  # nearly parallel axes make no wrist
     if abs(normal @ p) > EXACT * bodies.reach * np.linalg.norm(normal):
         return None
-    along: float = np.cross(p, b) @ normal / (normal @ normal)
+    along = float(np.cross(p, b) @ normal / (normal @ normal))
     return along * a
 
 
