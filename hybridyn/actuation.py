@@ -14,7 +14,7 @@ from .elimination import back_substitute, pivot_ratio, pivoted_qr
 from .errors import ActuationError, SingularityError
 from .module import Module
 from .robot import HybridRobot
-from .spatial import Array
+from .spatial import Array, Index
 
 #: A motor map whose reciprocal condition falls below this is at a parallel (type 2) singularity.
 SINGULAR = 1e-10
@@ -99,7 +99,7 @@ def _least_norm(
     Q: Array,
     share: Array,
     sharing: Sharing,
-    samples: Array | None = None,
+    samples: Index | None = None,
 ) -> Array:
     """Give the least of |tau / share| with B tau = Q, by singular values.
 

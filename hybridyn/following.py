@@ -14,7 +14,7 @@ import numpy as np
 
 from .closing import Closed, LoopProblem, close
 from .errors import AssemblyError
-from .spatial import Array
+from .spatial import Array, Index, Mask
 
 #: A step between samples may differ from the predicted one by this part of it, plus `SMALL`.
 SAME_BRANCH = 0.25
@@ -47,7 +47,7 @@ class Task:
     module: str
     row_names: Sequence[str]
 
-    def with_known(self, q: Array, samples: Array) -> Array:
+    def with_known(self, q: Array, samples: Index) -> Array:
         """Give positions with the given joints at their values."""
         q = q.copy()
         for joint in self.given:
@@ -55,14 +55,14 @@ class Task:
             q[:, at] = self.known[samples, at]
         return q
 
-    def solve(self, q: Array, samples: Array) -> Closed:
+    def solve(self, q: Array, samples: Index) -> Closed:
         """Close from the positions given, the given joints at their values."""
         return close(self.problem, self.with_known(q, samples), samples)
 
-    def closed(self, result: Closed) -> Array:
-        """Say which samples converged and closed, shape (T,) of bool."""
+    def closed(self, result: Closed) -> Mask:
+        """Say which samples converged and closed, shape (T,)."""
         settled = (result.step <= 1e-9) | (result.residual <= 1e-12)
-        out: Array = settled & (result.residual <= self.tolerance)
+        out: Mask = settled & (result.residual <= self.tolerance)
         return out
 
     def between(self, sample: int, parts: int) -> Task:
@@ -135,7 +135,8 @@ def first_posture(task: Task, guess: Array) -> Array:
         good = np.flatnonzero(task.closed(result))
         if len(good):
             away = tree.difference(np.tile(guess, (len(good), 1)), result.q[good]) / task.problem.col_scale
-            return result.q[good[np.argmin(np.linalg.norm(away, axis=1))]]
+            nearest: Array = result.q[good[np.argmin(np.linalg.norm(away, axis=1))]]
+            return nearest
         if result.residual.min() < best.residual.min():
             best = result
     raise unreachable(task, best, 0, iterations)
@@ -178,7 +179,7 @@ def unreachable(task: Task, result: Closed, sample: int, iterations: int) -> Ass
     )
 
 
-def _coarse_to_fine(task: Task, start: Array, samples: Array) -> tuple[Array, Array]:
+def _coarse_to_fine(task: Task, start: Array, samples: Index) -> tuple[Array, Mask]:
     """Solve all samples, the first of them known: some, then all, from starts between those at hand."""
     tree = task.problem.tree
     n = len(samples)
@@ -197,7 +198,7 @@ def _coarse_to_fine(task: Task, start: Array, samples: Array) -> tuple[Array, Ar
     return q, good
 
 
-def _interpolated(task: Task, q: Array, have: Array, todo: Array, before: Array) -> tuple[Array, Array]:
+def _interpolated(task: Task, q: Array, have: Index, todo: Index, before: Index) -> tuple[Array, Array]:
     """Give starts at samples between those at hand: cubic between four neighbours, else what is nearest.
 
     Returns:
@@ -219,7 +220,7 @@ def _interpolated(task: Task, q: Array, have: Array, todo: Array, before: Array)
     return q[before], step
 
 
-def _steps_as_predicted(task: Task, q: Array, samples: Array) -> Array:
+def _steps_as_predicted(task: Task, q: Array, samples: Index) -> Mask:
     """Say for each sample whether the step to the next is the one that the rows' derivative predicts."""
     problem = task.problem
     start = task.with_known(q[samples], samples + 1)
@@ -228,7 +229,7 @@ def _steps_as_predicted(task: Task, q: Array, samples: Array) -> Array:
     predicted = problem.tree.integrate(start, dx * problem.col_scale)
     off = problem.tree.difference(predicted, q[samples + 1]) / problem.col_scale
     size = np.abs(dx).max(axis=1, initial=0.0)
-    out: Array = np.abs(off).max(axis=1, initial=0.0) <= SAME_BRANCH * size + SMALL
+    out: Mask = np.abs(off).max(axis=1, initial=0.0) <= SAME_BRANCH * size + SMALL
     return out
 
 
@@ -251,7 +252,8 @@ def _walk(task: Task, q: Array, sample: int) -> Array:
             path[i] = result.q[0]
         else:
             if _steps_as_predicted(way, path, np.arange(parts)).all():
-                return path[-1]
+                reached: Array = path[-1]
+                return reached
         parts *= 4
     raise _lost(task, q, sample)
 
@@ -265,7 +267,8 @@ def _at_once(task: Task, q: Array, sample: int) -> Array:
     result = task.solve(q[None], np.array([sample + 1]))
     if not task.closed(result)[0]:
         raise unreachable(task, result, sample + 1, result.iterations)
-    return result.q[0]
+    posture: Array = result.q[0]
+    return posture
 
 
 def _lost(task: Task, q: Array, sample: int) -> AssemblyError:

@@ -10,13 +10,14 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from .effects.recursion import Gravity
 from .errors import AssemblyError, TrajectoryError
 from .kinematics import Motion
 from .module import Mechanism, Module, is_locked
 from .robot import HybridRobot
-from .spatial import Array, crm, cross, motion_to_body, rotate_back, rotation_from_quaternion, select
+from .spatial import Array, crm, cross, motion_to_body, select
 
 GRAVITY = Gravity()
 
@@ -68,7 +69,7 @@ class ModuleState:
         return self.motion.R[:, body], self.motion.p[:, body]
 
 
-def as_batch(array: object, width: int, name: str) -> tuple[Array, bool]:
+def as_batch(array: ArrayLike, width: int, name: str) -> tuple[Array, bool]:
     """Give samples as (T, width) and say whether one single sample came in.
 
     Raises:
@@ -208,7 +209,10 @@ def check_closed(robot: HybridRobot, states: list[ModuleState], q: Array, accele
 
 
 def _check_wrists(state: ModuleState, slack: float, accelerations: bool) -> None:
-    """Refuse rates and accelerations of wrists that were cut whose ends miss their targets; gimbal lock excuses."""
+    """Refuse rates and accelerations of cut wrists whose ends miss their targets.
+
+    In gimbal lock the joints cannot follow, and the wrist is excused.
+    """
     m, s = state.mechanism, state.spanning
     welded = [i for i, wrist in enumerate(m.spec.wrists) if not wrist.carries]
     if not welded:
@@ -234,6 +238,11 @@ def _check_wrists(state: ModuleState, slack: float, accelerations: bool) -> None
 
 
 def _refuse(module: Module, value: Array, limit: Array, what: str, how: str) -> None:
+    """Refuse values, shape (T, rows), above their sample's limit, shape (T,); the worst is named.
+
+    Raises:
+        AssemblyError: One is.
+    """
     excess = np.where(value > limit[:, None], value, 0.0)
     if not excess.any():
         return

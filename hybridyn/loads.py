@@ -1,5 +1,7 @@
-"""What acts on the robot beside motors and weight, brought to where the recursions take it: wrenches on links, efforts
-and rotors on joints."""
+"""What acts on the robot beside motors and weight, brought to where the recursions take it.
+
+These are wrenches on links, efforts of joint laws, and rotors.
+"""
 
 from __future__ import annotations
 
@@ -27,8 +29,7 @@ class ModuleLoad:
     Attributes:
         outputs: Output number and wrench (T, 6).
         legs: Body of the tree after the cuts and wrench (T, 6).
-        wrist_links: Body of the spanning tree and wrench (T, 6), for massless links inside wrists that were
-            cut.
+        wrist_links: Body of the spanning tree and wrench (T, 6), for massless links inside cut wrists.
         base: Wrenches that a wrist hands straight to the base body, (T, 6).
     """
 
@@ -94,7 +95,8 @@ class Loads:
             return None
         out = np.zeros((1, state.mechanism.tree.nv))
         state.mechanism.give_legs(self.rotors[None, state.module.v_index], out)
-        return out[0]
+        diagonal: Array = out[0]
+        return diagonal
 
 
 def all_loads(
@@ -155,6 +157,11 @@ def _enter(robot: HybridRobot, loads: Loads, wrenches: Mapping[str, Array], samp
 
 
 def _wrench(robot: HybridRobot, link: str, given: Array, samples: int) -> Array:
+    """Check a wrench on a link and give it for every sample, shape (samples, 6).
+
+    Raises:
+        TrajectoryError: An unknown link, a wrong shape, or a number that is not finite.
+    """
     if link not in robot.bodies.place:
         near = difflib.get_close_matches(link, robot.bodies.place, 1)
         hint = f"; did you mean '{near[0]}'?" if near else ""

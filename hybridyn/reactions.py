@@ -89,7 +89,7 @@ def module_reactions(result: Reactions, state: ModuleState, F: Array, force: Arr
 
 def _closure_wrench(state: ModuleState, cut: TreeClosure, author: TreeClosure, lam: Array) -> Array:
     """Turn multipliers of a closure's rows into the wrench on the author's successor, shape (T, 6)."""
-    A, pa, B, pb = _frames(state.motion, cut)
+    A, _, B, pb = _frames(state.motion, cut)
     force = np.einsum("tij,tj->ti", A[:, :, cut.translations], lam[:, : len(cut.translations)])
     rest = lam[:, len(cut.translations) :]
     if cut.rotation == "fixed":
@@ -109,5 +109,6 @@ def _closure_wrench(state: ModuleState, cut: TreeClosure, author: TreeClosure, l
 
 
 def _frames(motion: Motion, c: TreeClosure) -> tuple[Array, Array, Array, Array]:
+    """Give axes and origins of a closure's frames A and B in the base, shapes (T, 3, 3), (T, 3), twice."""
     Ra, Rb = motion.R[:, c.body_a], motion.R[:, c.body_b]
     return Ra @ c.R_a, motion.p[:, c.body_a] + Ra @ c.p_a, Rb @ c.R_b, motion.p[:, c.body_b] + Rb @ c.p_b
