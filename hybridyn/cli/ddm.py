@@ -9,13 +9,14 @@ from typing import TYPE_CHECKING
 import click
 
 from hybridyn.cli.reactions import reaction_rows
-from hybridyn.cli.robot_options import RobotCommand, takes_robot
-from hybridyn.cli.summary import Summary
+from hybridyn.cli.robot_options import RobotCommand, takes_effects, takes_robot
+from hybridyn.cli.summary import Summary, effects_line
 from hybridyn.cli.tables import Plan, Tables, run, takes_table
 
 if TYPE_CHECKING:
     from hybridyn.cli.postures import Postures
     from hybridyn.description.records import Array
+    from hybridyn.effects import Effects
     from hybridyn.robot import HybridRobot
 
 
@@ -24,7 +25,8 @@ if TYPE_CHECKING:
 )
 @takes_robot
 @takes_table("STATES")
-def command(load: Callable[[], HybridRobot], tables: Tables) -> None:
+@takes_effects
+def command(load: Callable[[], HybridRobot], tables: Tables, effects: tuple[str, ...]) -> None:
     """Give the accelerations of ROBOT (URDF or xacro) under the efforts and in the states of STATES.
 
     The table has named columns, in SI units: '<motor>/effort' for every motor; 'time'; positions and
@@ -39,28 +41,41 @@ def command(load: Callable[[], HybridRobot], tables: Tables) -> None:
 
     def plan(robot: HybridRobot) -> Plan:
         from hybridyn.description.columns import acceleration_columns
+        from hybridyn.effects import choose
         from hybridyn.free_motions import free_motions_of
 
+        chosen = choose(robot, effects)
         columns = acceleration_columns(robot.description, robot.joints, robot.base)
         kinds = {joint.name: joint.kind for joint in robot.description.joints}
         units = ["m/s^2" if kinds[name] == "prismatic" else "rad/s^2" for name in robot.motors]
         at = [columns.index(f"{name}/acceleration") for name in robot.motors]
         summary = Summary(
-            robot, "acceleration", list(robot.motors), units, at, columns, free_motions_of(robot)
+            robot,
+            "acceleration",
+            list(robot.motors),
+            units,
+            at,
+            columns,
+            [*effects_line(chosen), *free_motions_of(robot)],
         )
         return Plan(
-            functools.partial(accelerations, reactions=tables.reactions is not None), columns, summary
+            functools.partial(accelerations, effects=chosen, reactions=tables.reactions is not None),
+            columns,
+            summary,
         )
 
     run(tables, load, plan, efforts=True)
 
 
-def accelerations(robot: HybridRobot, block: Postures, *, reactions: bool) -> tuple[Array, Array | None]:
+def accelerations(
+    robot: HybridRobot, block: Postures, *, effects: Effects, reactions: bool
+) -> tuple[Array, Array | None]:
     """Give the accelerations of a block as rows of the result, and the reactions' rows where they are wanted.
 
     Args:
         robot: The robot.
         block: The states; of its accelerations only those of a moving base count.
+        effects: What is computed.
         reactions: Whether reactions are wanted.
     """
     import numpy as np
@@ -82,6 +97,8 @@ def accelerations(robot: HybridRobot, block: Postures, *, reactions: bool) -> tu
         tau,
         base_acceleration=block.a[:, :6] if robot.base == "moving" else None,
         wrenches=block.motion.wrenches or None,
+        effects=effects,
+        time=block.motion.time,
     )
     a, inner = model(reactions=True) if reactions else (model(), None)
     rows = a if robot.base == "fixed" else a[:, 6:]

@@ -9,13 +9,14 @@ from typing import TYPE_CHECKING
 import click
 
 from hybridyn.cli.reactions import reaction_rows
-from hybridyn.cli.robot_options import RobotCommand, takes_robot
-from hybridyn.cli.summary import Summary
+from hybridyn.cli.robot_options import RobotCommand, takes_effects, takes_robot
+from hybridyn.cli.summary import Summary, effects_line
 from hybridyn.cli.tables import Plan, Tables, run, takes_table
 
 if TYPE_CHECKING:
     from hybridyn.cli.postures import Postures
     from hybridyn.description.records import Array
+    from hybridyn.effects import Effects
     from hybridyn.robot import HybridRobot
 
 
@@ -42,8 +43,14 @@ if TYPE_CHECKING:
     help="How redundant motors share: motor=value for every motor (commas or repeated), or a CSV file with "
     "the motors' names and one row.",
 )
+@takes_effects
 def command(
-    load: Callable[[], HybridRobot], tables: Tables, passive: str, on_singular: str, weights: tuple[str, ...]
+    load: Callable[[], HybridRobot],
+    tables: Tables,
+    passive: str,
+    on_singular: str,
+    weights: tuple[str, ...],
+    effects: tuple[str, ...],
 ) -> None:
     """Give the motor efforts that move ROBOT (URDF or xacro) as TRAJECTORY (CSV or Parquet) says.
 
@@ -57,17 +64,27 @@ def command(
     """
 
     def plan(robot: HybridRobot) -> Plan:
-        shares = read_weights(weights, robot.motors)
+        from hybridyn.effects import choose
+
+        shares, chosen = read_weights(weights, robot.motors), choose(robot, effects)
         model = functools.partial(
             efforts,
             passive=passive,
             on_singular=on_singular,
             weights=shares,
+            effects=chosen,
             reactions=tables.reactions is not None,
         )
         kinds = {joint.name: joint.kind for joint in robot.description.joints}
         units = ["N" if kinds[name] == "prismatic" else "N m" for name in robot.motors]
-        summary = Summary(robot, "effort", list(robot.motors), units, list(range(len(robot.motors))))
+        summary = Summary(
+            robot,
+            "effort",
+            list(robot.motors),
+            units,
+            list(range(len(robot.motors))),
+            remarks=effects_line(chosen),
+        )
         return Plan(model, [f"{name}/effort" for name in robot.motors], summary)
 
     run(tables, load, plan)
@@ -80,6 +97,7 @@ def efforts(
     passive: str,
     on_singular: str,
     weights: Mapping[str, float] | None,
+    effects: Effects,
     reactions: bool,
 ) -> tuple[Array, Array | None]:
     """Give the efforts of a block, shape (T, motors), and the reactions' rows where they are wanted.
@@ -90,6 +108,7 @@ def efforts(
         passive: As `hybridyn.idm` takes it, as all that follow.
         on_singular: What to do at singular postures.
         weights: How redundant motors share.
+        effects: What is computed.
         reactions: Whether reactions are wanted.
     """
     import hybridyn
@@ -104,6 +123,8 @@ def efforts(
         passive=passive,
         on_singular=on_singular,
         weights=weights,
+        effects=effects,
+        time=block.motion.time,
     )
     if not reactions:
         return model(), None

@@ -90,6 +90,33 @@ def _xacro_arguments(ctx: click.Context, param: click.Parameter, values: tuple[s
     return {match[1]: match[2] for match in matches.values() if match}
 
 
+def _effect_names(ctx: click.Context, param: click.Parameter, value: str) -> tuple[str, ...]:
+    """Split the names of effects at commas, and refuse unknown ones before any work is done."""
+    from hybridyn.description.names import did_you_mean
+    from hybridyn.effects.choice import UNITS, WORDS
+
+    names = tuple(_names(ctx, param, value) or ())
+    for name in names:
+        if name not in (*UNITS, *WORDS):
+            hint = did_you_mean(name, (*WORDS, *UNITS))
+            raise click.BadParameter(
+                f"there is no effect '{name}'{hint}; see 'hybridyn effects --help'", ctx, param
+            )
+    return names
+
+
+takes_effects = click.option(
+    "--effects",
+    metavar="A,B,...",
+    callback=_effect_names,
+    default="default",
+    show_default=True,
+    help="What is computed, and nothing else: 'default' (gravity, inertia, leg_inertia, velocity), 'model' (those "
+    "and all that the robot's files state), 'none', or names of effects, these words among them.",
+)
+"""Gives a command `effects`, the names of effects."""
+
+
 _OPTIONS = (
     click.argument("robot", callback=existing_file),
     click.option(

@@ -10,6 +10,7 @@ import click
 if TYPE_CHECKING:
     from hybridyn.cli.blocks import Done
     from hybridyn.description.columns import Layout
+    from hybridyn.effects import Effects
     from hybridyn.robot import HybridRobot
 
 
@@ -102,6 +103,15 @@ class Summary:
                 f"largest other: {self.names[worst]} {self.peaks[worst]:.6g} at {self.places[worst]}"
             )
         return lines
+
+
+def effects_line(effects: Effects) -> list[str]:
+    """Say which effects were computed and which were not, in one line.
+
+    Args:
+        effects: The effects of the command.
+    """
+    return [f"effects on: {', '.join(effects.names) or 'none'}; off: {', '.join(effects.absent) or 'none'}"]
 
 
 def fitted_rates(layout: Layout) -> list[str]:
