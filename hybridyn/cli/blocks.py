@@ -7,6 +7,7 @@ before ended in. Where it is not, the block is done again from there.
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
@@ -25,7 +26,8 @@ if TYPE_CHECKING:
 SAME_POSTURE = 1e-9  # relative; two closed postures on one branch agree to rounding, two branches to nothing
 LONG_TABLE = 300_000  # numbers: some three seconds of work for one process
 NUMBERS_AT_ONCE = 200_000  # positions of a block: what a model needs for them fits into any memory
-MOST_ROWS, MOST_ROWS_SHARED = 2_000, 1_000  # in a block; shared among processes, the last must not wait long
+MOST_ROWS = 2_000  # in a block
+ROUNDING_UP = 1.05  # the number of rows is estimated: better a last block that is short than one more
 BLIND = 2  # blocks in a row that were done again: more guesses are not worth making
 
 Model = Callable[["HybridRobot", Postures], tuple["Array", "Array | None"]]
@@ -130,16 +132,18 @@ def blocks(motions: Iterable[Motion], rows: int, connected: bool) -> Iterator[Bl
 
 
 def rows_at_once(robot: HybridRobot, jobs: int, expected: int | None) -> int:
-    """Give how many rows make a block: fewer for a large robot, or several processes.
+    """Give how many rows make a block: fewer for a large robot; with several processes equal shares.
 
     Args:
         robot: The robot.
         jobs: Number of processes.
         expected: About how many rows there are, or None.
     """
-    most = min(MOST_ROWS_SHARED if jobs > 1 else MOST_ROWS, NUMBERS_AT_ONCE // max(robot.nq, 1))
-    share = most if expected is None or jobs <= 1 else expected // jobs + 1
-    return max(1, min(most, share))
+    most = max(1, min(MOST_ROWS, NUMBERS_AT_ONCE // max(robot.nq, 1)))
+    if not expected or jobs <= 1:
+        return most
+    rounds = math.ceil(expected / (jobs * most))
+    return min(most, math.ceil(expected * ROUNDING_UP / (jobs * rounds)))
 
 
 def in_order(work: Work, given: Iterable[Block], workers: Workers) -> Iterator[Done]:

@@ -20,7 +20,13 @@ from typing import Any, Self
 from hybridyn.errors import HybridynError
 
 START = "import sys; sys.path.insert(0, sys.argv[1]); from hybridyn.cli.workers import serve; serve()"
-ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+ENVIRONMENT = {
+    "OMP_NUM_THREADS": "1",  # the processes are the threads
+    "OPENBLAS_NUM_THREADS": "1",
+    "MKL_NUM_THREADS": "1",
+    "MALLOC_MMAP_THRESHOLD_": str(2**30),  # large arrays come and go: memory once had is kept,
+    "MALLOC_TRIM_THRESHOLD_": str(2**31),  # or a quarter of the time goes into page faults (glibc)
+}
 
 
 @dataclass(frozen=True)
@@ -44,7 +50,7 @@ class Workers:
             count: How many, 0 for none.
         """
         package = str(Path(__file__).parents[2])
-        environment = dict.fromkeys(ONE_THREAD, "1") | os.environ
+        environment = ENVIRONMENT | os.environ
         self._processes: list[subprocess.Popen[bytes]] = []
         self._given = self._taken = 0
         try:
