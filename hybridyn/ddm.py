@@ -21,6 +21,7 @@ from .forward import ModuleState, as_batch, base_motion, check_closed, forward
 from .idm import reactions_of
 from .inertia_solve import EPS, InertiaFactor, factor_inertia
 from .loads import Loads, ModuleLoad, all_loads
+from .lost_rank import refuse_lost_rank
 from .module import Module
 from .reactions import Reactions
 from .reduction import Basis
@@ -194,6 +195,7 @@ def articulate(
         s = states[k]
         m, n = s.mechanism, s.mechanism.tree.nv
         basis, bias = _motions(s, None if prescribed is None else prescribed[:, s.module.v_index])
+        refuse_lost_rank(s.module, basis)
         Psi, drift = basis.Psi, basis.drift
         M_leg = loads.on.leg_matrix(s)  # Eqs. (63)-(75)
         if (rotor := loads.rotor_diagonal(s)) is not None:

@@ -13,6 +13,7 @@ from .effects.choice import Choice, choose, times
 from .errors import ActuationError, TrajectoryError
 from .forward import ModuleState, as_batch, base_motion, check_closed, forward
 from .loads import Loads, all_loads
+from .lost_rank import along_motion, refuse_lost_rank
 from .reactions import Reactions, module_reactions
 from .robot import HybridRobot
 from .spatial import Array, wrench_to_base
@@ -150,7 +151,10 @@ def _backward(
         F, H = F_b - f_base, H - f_legs
         if (rotor := loads.rotor_diagonal(s)) is not None:
             H += rotor * s.a
-        Psi = m.basis(s.K).Psi
+        basis = m.basis(s.K)
+        if sharing is not None and sharing.on_singular == "raise":
+            refuse_lost_rank(s.module, basis)
+        Psi = along_motion(s.module, basis, s.v).Psi
         Q = np.einsum("tij,ti->tj", Psi, H)
         size = _terms(m.reduction.col_scale, H)
         for o, body in enumerate(m.spec.outputs):
