@@ -1,7 +1,7 @@
 """The author's closures of one module at one posture, through Pinocchio: the fast path of time integration.
 
-`Closures` serves batches; one single sample through it costs ten times what Pinocchio takes. Rows, residuals and
-scales are the same (`closure.py` defines them, a test holds both equal).
+`Closures` serves batches; one single sample through it costs ten times what Pinocchio takes. Rows, residuals
+and scales are the same (`closure.py` defines them, a test holds both equal).
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ import pinocchio as pin
 
 from .closure import TreeClosure
 from .leg_model import pinocchio_joint
-from .module import Mechanism
+from .mechanism import Mechanism
 from .spatial import Array, rotation_vector
 
 
@@ -62,7 +62,7 @@ class LoopRows:
 
 
 def _closure(c: TreeClosure, A: Array, pa: Array, B: Array, pb: Array, J: Array) -> tuple[Array, Array]:
-    """Give residual and rows of one closure from its frames and the relative Jacobian about the world's origin."""
+    """Give residual and rows of one closure from its frames and the relative Jacobian about the origin."""
     picked = A[:, c.translations]
     x, y, z = pb
     lever = np.array([[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]])  # minus the vector product with pb

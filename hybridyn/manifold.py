@@ -6,26 +6,30 @@ K = U_1 s V_1^T on their rank, and Z the null space:
     xi = unit (Z y + V_1 w),    U_1^T residual(move(q_0, xi)) = 0      positions, solved for w by Newton
     v  = unit (Z u - V_1 G^-1 U_1^T K Z u),    G = U_1^T K V_1         rates: K v = 0 and Z^T v / unit = u
 
-so y and u are the module's independent coordinates and velocities, and the paper's Psi is the matrix before u. A module
-without loops has Z = 1. The base of a "moving" robot is prescribed and no part of a chart.
+so y and u are the module's independent coordinates and velocities, and the paper's Psi is the matrix before
+u. A module without loops has Z = 1. The base of a "moving" robot is prescribed and no part of a chart.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
+from .elimination import least_squares
 from .errors import AssemblyError
 from .loop_rows import LoopRows
-from .module import Mechanism, Module
+from .mechanism import Mechanism
+from .module import Module
 from .retraction import Retraction
 from .robot import HybridRobot
 from .spatial import Array
 
 #: Newton stops once its step (rad, module lengths) is no more than this; the next one would be rounding.
 LAST_STEP = 1e-12
-#: Closures count as closed under this residual (relative to the module's length), on top of the file's rounding.
+#: Closures count as closed under this residual (relative to the module's length), on top of the file's
+#: rounding.
 CLOSED = 1e-11
 #: Most Newton steps; a chart that needs more is left by a shorter time step.
 MOST_STEPS = 20
@@ -113,7 +117,22 @@ class Manifold:
 
     def residual(self, q: Array) -> float:
         """Give the worst scaled closure residual of a posture, shape (nq,)."""
-        return max((float(np.abs(m.rows.at(q[m.module.q_index])[0]).max()) for m in self.looped), default=0.0)
+        return self.worst(q)[0]
+
+    def worst(self, q: Array) -> tuple[float, str]:
+        """Give the worst scaled closure residual of a posture, and the name of its module."""
+        each = [(float(np.abs(m.rows.at(q[m.module.q_index])[0]).max()), m.module.name) for m in self.looped]
+        return max(each, default=(0.0, ""))
+
+    def pull_back(self, q: Array, v: Array, rate: float) -> Array:
+        """Give Baumgarte's accelerations, shape (nv,): K a = -2 rate K v - rate^2 residual."""
+        out = np.zeros_like(v)
+        for m in self.looped:
+            index, unit = m.module.v_index, m.rows.unit
+            residual, K = m.rows.at(q[m.module.q_index])
+            wanted = -2 * rate * K @ (v[index] / unit) - rate**2 * residual
+            out[index] = unit * least_squares(K[None], wanted[None], rank=m.rows.rank)[0]
+        return out
 
     def opening(self, q: Array, v: Array) -> tuple[float, str]:
         """Give how fast the loops open, relative to the rates, and the name of the worst module."""
@@ -163,7 +182,7 @@ class _Part:
         """Give displacement and positions at independent coordinates y."""
         looped, w, before = self.looped, self.w.copy(), np.inf
         along = self.Z @ y
-        for spent in range(1, MOST_STEPS + 1):
+        for spent in range(1, MOST_STEPS + 1):  # noqa: B007 - the message says it
             xi = self.unit * (along + self.V @ w)
             q = looped.retraction.move(self.q, xi)
             residual, K = looped.rows.at(q)
@@ -173,15 +192,17 @@ class _Part:
             if length <= LAST_STEP or (length >= before and np.abs(residual).max() <= looped.closed):
                 if np.abs(residual).max() > looped.closed:
                     break
-                self.w, self.G, self.K = w, G, K
-                return xi, q
+                self.w, self.G, self.K = w - step, G, K
+                xi = self.unit * (along + self.V @ self.w)
+                return xi, looped.retraction.move(self.q, xi)
             if not np.isfinite(length) or np.abs(w - step).max() > FARTHEST:
                 break
             w, before = w - step, length
         raise AssemblyError(
             f"module '{looped.module.name}': its loops do not close {np.abs(along).max(initial=0.0):.2g} "
             f"(rad or module lengths) away along its free motions; {spent} Newton steps left a residual of "
-            f"{np.abs(residual).max():.2g} (limit {looped.closed:.0e}). The posture is out of reach, or the step too long",
+            f"{np.abs(residual).max():.2g} (limit {looped.closed:.0e}). The posture is out of reach, or the "
+            "step too long",
             module=looped.module.name,
             residual=float(np.abs(residual).max()),
             iterations=spent,
@@ -200,7 +221,8 @@ class Chart:
     Attributes:
         q: The origin, shape (nq,).
         size: Number of independent coordinates.
-        pivot: Least relative singular value of the closures that counts: near zero, they are about to lose rank.
+        pivot: Least relative singular value of the closures that counts: near zero, they are about to lose
+            rank.
     """
 
     def __init__(self, manifold: Manifold, q: Array, bound: bool) -> None:
@@ -212,7 +234,7 @@ class Chart:
         self._parts = [_Part(m, q[m.module.q_index]) for m in self._looped]
         self._held = held
         ends = np.cumsum([len(self._free)] + [p.Z.shape[1] for p in self._parts])
-        self._at = [slice(int(a), int(b)) for a, b in zip(ends, ends[1:], strict=False)]
+        self._at = [slice(int(a), int(b)) for a, b in pairwise(ends)]
         self.size = int(ends[-1])
         self.pivot = min((p.pivot for p in self._parts), default=1.0)
 

@@ -1,7 +1,7 @@
-"""Local coordinates about a posture: where a joint displacement xi leads, and how its rate follows from joint rates.
+"""Local coordinates about a posture: where a joint displacement xi leads, and its rate.
 
-`move` is `kinematics.Tree.integrate` for one single sample. With q = move(q_0, xi) the rates v obey xi_dot = T(xi)^-1 v;
-T is the identity for joints of one freedom, and the right Jacobian of SO(3) for rotations.
+`move` is `kinematics.Tree.integrate` for one single sample. With q = move(q_0, xi) the rates v obey xi_dot =
+T(xi)^-1 v; T is the identity for joints of one freedom, and the right Jacobian of SO(3) for rotations.
 """
 
 from __future__ import annotations
@@ -69,6 +69,20 @@ class Retraction:
         """Give v = T(xi) xi_dot, shapes (nv,) and (nv,) or (nv, k)."""
         return self._map(xi, rate, inverse=False)
 
+    def centred(self, xi: Array) -> Array:
+        """Give the displacement in coordinates about the posture halfway, shape (nv,)."""
+        if self.flat:
+            return xi
+        out = xi.copy()
+        for kind, to in self._turning:
+            if kind == "planar":
+                c, s = np.cos(xi[to.stop - 1] / 2), np.sin(xi[to.stop - 1] / 2)
+                out[to.start : to.start + 2] = np.array([[c, s], [-s, c]]) @ xi[to.start : to.start + 2]
+            elif kind == "floating":
+                half = rotation_from_vector(xi[to.stop - 3 : to.stop] / 2)
+                out[to.start : to.start + 3] = half.T @ xi[to.start : to.start + 3]
+        return out
+
     def _map(self, xi: Array, x: Array, *, inverse: bool) -> Array:
         if self.flat:
             return x
@@ -99,14 +113,15 @@ def _right_jacobian(r: Array) -> Array:
     """Give the body's angular velocity over the rate of its rotation vector, shape (3, 3)."""
     angle, S = float(np.linalg.norm(r)), hat(r)
     if angle < SMALL_ANGLE:
-        return np.eye(3) - S / 2 + S @ S / 6
-    return np.eye(3) - (1 - np.cos(angle)) / angle**2 * S + (angle - np.sin(angle)) / angle**3 * S @ S
+        return np.asarray(np.eye(3) - S / 2 + S @ S / 6)
+    out: Array = np.eye(3) - (1 - np.cos(angle)) / angle**2 * S + (angle - np.sin(angle)) / angle**3 * S @ S
+    return out
 
 
 def _right_jacobian_inverse(r: Array) -> Array:
     """Give the rate of a rotation vector over the body's angular velocity, shape (3, 3)."""
     angle, S = float(np.linalg.norm(r)), hat(r)
     if angle < SMALL_ANGLE:
-        return np.eye(3) + S / 2 + S @ S / 12
+        return np.asarray(np.eye(3) + S / 2 + S @ S / 12)
     factor = (1 - angle / 2 / np.tan(angle / 2)) / angle**2
-    return np.eye(3) + S / 2 + factor * S @ S
+    return np.asarray(np.eye(3) + S / 2 + factor * S @ S)

@@ -1,0 +1,272 @@
+"""Methods that advance a state by one step on the constraint manifold.
+
+Inside a step the unknowns are the independent coordinates y and velocities u of one chart (`manifold.py`),
+laid at the step's start:
+
+    y_dot = L T(xi)^-1 v(y, u),    u_dot = L a(t, q, v),    L = the chart's `independent`
+
+Every stage is lifted to an assembled posture before the direct model sees it. Errors are measured on q and v.
+
+Source:
+    Butcher tableaus: the classical method; Dormand & Prince (1980); Alexander (1977) for the L-stable SDIRK
+        of
+    order 3. Charts by tangent space: Potra & Rheinboldt (1991).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .errors import HybridynError
+from .manifold import Chart, Manifold, Posture
+from .motion_law import MotionLaw
+from .spatial import Array
+
+#: Diagonal of Alexander's L-stable SDIRK of order 3: the root of x^3 - 3 x^2 + 3/2 x - 1/6 near 0.44.
+GAMMA = 0.435866521508458999416019451194
+#: Part of the solution's scale to which the stages of the implicit method are solved.
+STAGE_TOLERANCE = 1e-12
+#: Most iterations of a stage with one Jacobian; slower means the step is too long for it.
+STAGE_ITERATIONS = 25
+#: Step of the one-sided differences of the Jacobian, in scaled coordinates.
+DIFFERENCE = 1e-7
+
+
+class StepError(HybridynError):
+    """A step could not be solved; a shorter one may."""
+
+
+@dataclass(frozen=True)
+class State:
+    """A robot at one moment.
+
+    Attributes:
+        t: Time [s].
+        q: Positions, shape (nq,), assembled.
+        v: Rates, shape (nv,).
+        a: Accelerations, shape (nv,).
+    """
+
+    t: float
+    q: Array
+    v: Array
+    a: Array
+
+
+@dataclass(frozen=True)
+class Stepped:
+    """What one step gave.
+
+    Attributes:
+        state: The new state.
+        error_q: Estimate of the error of positions as a displacement, shape (nv,), or None.
+        error_v: Estimate of the error of rates, shape (nv,), or None.
+        iterations: Iterations of nonlinear solves.
+        pivot: The chart's least pivot.
+    """
+
+    state: State
+    error_q: Array | None
+    error_v: Array | None
+    iterations: int
+    pivot: float
+
+
+@dataclass(frozen=True)
+class System:
+    """What is integrated.
+
+    Attributes:
+        manifold: The assembled postures.
+        law: The accelerations.
+        bound: False to let the closures drift inside a step (projected afterwards, or never).
+        baumgarte: Rate of Baumgarte's stabilisation [1/s], or None.
+    """
+
+    manifold: Manifold
+    law: MotionLaw
+    bound: bool = True
+    baumgarte: float | None = None
+
+    def acceleration(self, t: float, q: Array, v: Array) -> Array:
+        """Give the accelerations at one state, shape (nv,)."""
+        out: Array = self.accelerations(np.array([t]), q[None], v[None])[0]
+        return out
+
+    def accelerations(self, t: Array, q: Array, v: Array) -> Array:
+        """Give the accelerations at many states, stabilised where that is asked for, shape (T, nv)."""
+        a = self.law.accelerations(t, q, v)
+        if self.baumgarte is not None:
+            a += np.array([self.manifold.pull_back(*s, self.baumgarte) for s in zip(q, v, strict=True)])
+        return a
+
+    def posture(self, chart: Chart, t: float, y: Array, u: Array) -> Posture:
+        """Give a chart's posture with a prescribed base in its place."""
+        p = chart.lift(y, u)
+        self.law.place_base(t, p.q, p.v)
+        return p
+
+    def rates(self, chart: Chart, t: Array, postures: list[Posture]) -> tuple[Array, Array, Array]:
+        """Give y_dot, u_dot and the accelerations of postures, shapes (T, N), (T, N), (T, nv)."""
+        a = self.accelerations(t, np.array([p.q for p in postures]), np.array([p.v for p in postures]))
+        pull = self.manifold.retraction.pull
+        y_dot = np.array([chart.independent(pull(p.xi, p.v)) for p in postures])
+        return y_dot, chart.independent(a.T).T, a
+
+
+@dataclass(frozen=True)
+class Explicit:
+    """An explicit Runge-Kutta method.
+
+    Attributes:
+        order: Its order.
+        A: Stage weights, shape (stages, stages).
+        b: Weights of the result.
+        e: Weights of the error estimate over the stages and one more at the result, or None.
+    """
+
+    order: int
+    A: Array
+    b: Array
+    e: Array | None
+
+    def step(self, system: System, state: State, h: float) -> Stepped:
+        """Advance by h.
+
+        Raises:
+            AssemblyError: A stage is out of reach.
+        """
+        chart = system.manifold.chart(state.q, bound=system.bound)
+        u0 = chart.independent(state.v)
+        ky, ku = [u0], [chart.independent(state.a)]
+        for row in self.A[1:]:
+            y, u = (h * _sum(row, k) for k in (ky, ku))
+            t = state.t + h * float(row.sum())
+            y_dot, u_dot, _ = system.rates(chart, np.array([t]), [system.posture(chart, t, y, u0 + u)])
+            ky.append(y_dot[0])
+            ku.append(u_dot[0])
+        t = state.t + h
+        end = system.posture(chart, t, h * _sum(self.b, ky), u0 + h * _sum(self.b, ku))
+        y_dot, u_dot, a = system.rates(chart, np.array([t]), [end])
+        error_q = error_v = None
+        if self.e is not None:
+            error_q = chart.rates(h * _sum(self.e, [*ky, y_dot[0]]))
+            error_v = chart.rates(h * _sum(self.e, [*ku, u_dot[0]]))
+        return Stepped(State(t, end.q, end.v, a[0]), error_q, error_v, 0, chart.pivot)
+
+
+class Implicit:
+    """Alexander's diagonally implicit Runge-Kutta method of order 3, L-stable and stiffly accurate.
+
+    One Jacobian per step, by differences: all its columns in one batch of the direct model.
+    """
+
+    order = 3
+    _late = (1 + GAMMA) / 2
+    A = np.array(
+        [
+            [GAMMA, 0.0, 0.0],
+            [(1 - GAMMA) / 2, GAMMA, 0.0],
+            [-(6 * GAMMA**2 - 16 * GAMMA + 1) / 4, (6 * GAMMA**2 - 20 * GAMMA + 5) / 4, GAMMA],
+        ]
+    )
+    #: Result less that of order 2 on the first two stages.
+    e = A[2] - np.array([1 - (1 - 2 * GAMMA) / (1 - GAMMA), (1 - 2 * GAMMA) / (1 - GAMMA), 0.0])
+
+    def step(self, system: System, state: State, h: float) -> Stepped:
+        """Advance by h.
+
+        Raises:
+            AssemblyError: A stage is out of reach.
+            StepError: A stage did not converge.
+        """
+        chart = system.manifold.chart(state.q, bound=system.bound)
+        N = chart.size
+        z0 = np.concatenate([np.zeros(N), chart.independent(state.v)])
+        first = np.concatenate([z0[N:], chart.independent(state.a)])
+        W = np.eye(2 * N) - h * GAMMA * self._jacobian(system, chart, state, z0, first)
+        k: list[Array] = []
+        spent = 0
+        a = state.a
+        end = Posture(state.q, np.zeros_like(state.v), state.v)
+        guess = first
+        for row in self.A:
+            t = state.t + h * float(row.sum())
+            known = z0 + h * _sum(row[: len(k)], k)
+            guess, end, a, more = self._stage(system, chart, t, known, guess, h, W)
+            k.append(guess)
+            spent += more
+        error = np.asarray(
+            np.linalg.solve(W, h * _sum(self.e, k)), dtype=float
+        )  # filtered, so that stiff parts do not count
+        return Stepped(State(state.t + h, end.q, end.v, a), chart.rates(error[:N]), chart.rates(error[N:]),
+                       spent, chart.pivot)  # fmt: skip
+
+    def _stage(
+        self, system: System, chart: Chart, t: float, known: Array, guess: Array, h: float, W: Array
+    ) -> tuple[Array, Posture, Array, int]:
+        """Solve k = f(known + h gamma k) by simplified Newton."""
+        N, k, before = chart.size, guess, np.inf
+        for spent in range(1, STAGE_ITERATIONS + 1):
+            z = known + h * GAMMA * k
+            p = system.posture(chart, t, z[:N], z[N:])
+            y_dot, u_dot, a = system.rates(chart, np.array([t]), [p])
+            f = np.concatenate([y_dot[0], u_dot[0]])
+            dk = np.linalg.solve(W, f - k)
+            change = float(np.abs(h * dk).max(initial=0.0))
+            small = STAGE_TOLERANCE * (1.0 + float(np.abs(z).max(initial=0.0)))
+            if change <= small or (change >= before and change <= 1e3 * small):
+                return f, p, a[0], spent
+            if not np.isfinite(change):
+                break
+            k, before = k + dk, change
+        raise StepError(
+            f"the implicit stage at t = {t:g} s did not converge in {STAGE_ITERATIONS} iterations "
+            f"(last change {change:.2g}); take a shorter step"
+        )
+
+    def _jacobian(self, system: System, chart: Chart, state: State, z0: Array, f0: Array) -> Array:
+        """Give d(y_dot, u_dot)/d(y, u) at the start of the step, shape (2 N, 2 N)."""
+        N = chart.size
+        size = DIFFERENCE * np.maximum(1.0, np.abs(z0))
+        postures = []
+        for i in range(2 * N):
+            z = z0.copy()
+            z[i] += size[i]
+            postures.append(system.posture(chart, state.t, z[:N], z[N:]))
+        if not postures:
+            return np.zeros((0, 0))
+        y_dot, u_dot, _ = system.rates(chart, np.full(2 * N, state.t), postures)
+        return (np.concatenate([y_dot, u_dot], axis=1) - f0).T / size
+
+
+def _sum(weights: Array, k: list[Array]) -> Array:
+    """Give the weighted sum of stages, zero weights left out."""
+    out = np.zeros_like(k[0]) if k else np.zeros(())
+    for w, x in zip(weights, k, strict=False):
+        if w:
+            out = out + w * x
+    return out
+
+
+def _rows(*rows: list[float]) -> Array:
+    """Give a square lower triangular array from ragged rows."""
+    out = np.zeros((len(rows), len(rows)))
+    for i, row in enumerate(rows):
+        out[i, : len(row)] = row
+    return out
+
+
+RK4 = Explicit(4, _rows([], [1 / 2], [0, 1 / 2], [0, 0, 1]), np.array([1 / 6, 1 / 3, 1 / 3, 1 / 6]), None)
+DOPRI5 = Explicit(
+    5,
+    _rows(
+        [], [1 / 5], [3 / 40, 9 / 40], [44 / 45, -56 / 15, 32 / 9],
+        [19372 / 6561, -25360 / 2187, 64448 / 6561, -212 / 729],
+        [9017 / 3168, -355 / 33, 46732 / 5247, 49 / 176, -5103 / 18656],
+    ),
+    np.array([35 / 384, 0, 500 / 1113, 125 / 192, -2187 / 6784, 11 / 84]),
+    np.array([71 / 57600, 0, -71 / 16695, 71 / 1920, -17253 / 339200, 22 / 525, -1 / 40]),
+)  # fmt: skip
