@@ -23,12 +23,14 @@ if TYPE_CHECKING:
         SingularityError,
         TrajectoryError,
     )
+    from .events import Event, near_singularity
     from .forward import closure_residual
     from .idm import idm
     from .link_motion import LinkMotion, kinematics
     from .loading import load
     from .reactions import Reactions
     from .robot import HybridRobot
+    from .simulate import simulate
 
 __version__ = "0.1.0"
 
@@ -54,6 +56,9 @@ _HOME = {
     "idm": "idm",
     "load": "loading",
     "Reactions": "reactions",
+    "near_singularity": "events",
+    "simulate": "simulate",
+    "Event": "events",
     "HybridRobot": "robot",
 }
 
@@ -61,6 +66,7 @@ __all__ = [
     "ActuationError",
     "AssemblyError",
     "Energy",
+    "Event",
     "HybridRobot",
     "HybridynError",
     "LinkMotion",
@@ -79,7 +85,9 @@ __all__ = [
     "kinematics",
     "load",
     "momentum",
+    "near_singularity",
     "power",
+    "simulate",
     "with_effects",
 ]
 
