@@ -49,22 +49,31 @@ def findings(robot: HybridRobot) -> list[str]:
 
 def _at_home(module: Module, robot: HybridRobot, open_by: float) -> list[str]:
     """Judge the home posture: open loops, closures or motors that lose a direction."""
-    m = module.mechanism
     if open_by > robot.closure_tolerance:
         return [
             f"its loops are open at the home posture by {open_by:.2g} of its size; "
             "state a home posture that closes them ([home] in model.toml)"
         ]
+    lost = singular_at_home(module, robot)
+    return [f"the home posture is singular: {lost}"] if lost else []
+
+
+def singular_at_home(module: Module, robot: HybridRobot) -> str:
+    """Say what loses rank at the home posture, or give an empty text where nothing does.
+
+    Args:
+        module: The module.
+        robot: Its robot.
+    """
+    m = module.mechanism
     motion = m.cut_motion(m.spanning.sweep(robot.home[None, module.q_index]))
     basis = m.basis(m.closures.matrix(motion))
     if m.closures.rows and basis.pivot[0] < SINGULAR:
-        return [f"the home posture is singular: its closures lose rank (smallest pivot {basis.pivot[0]:.1e})"]
+        return f"its closures lose rank (smallest pivot {basis.pivot[0]:.1e})"
     share = motor_share(module, basis.Psi)
     if share is not None and share[0] < SINGULAR:
-        return [
-            f"the home posture is singular: its motors lose a direction (their share in it: {share[0]:.1e})"
-        ]
-    return []
+        return f"its motors lose a direction (their share in it: {share[0]:.1e})"
+    return ""
 
 
 def motor_share(module: Module, Psi: Array) -> Array | None:

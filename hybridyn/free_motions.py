@@ -9,7 +9,8 @@ import numpy as np
 from .description.names import listed
 from .determinacy import IDLE
 from .elimination import pivoted_qr
-from .module import Mechanism, Module
+from .mechanism import Mechanism
+from .module import Module
 from .robot import ROOT_JOINT, HybridRobot
 from .spatial import Array
 

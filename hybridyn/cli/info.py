@@ -21,6 +21,12 @@ if TYPE_CHECKING:
 NARROWEST, WIDEST = 40, 110  # columns of text: a terminal may be tiny, a page must not be too wide to read
 LABEL = 10  # columns of "closures  "
 GLUE = "\u00a0"  # a space that no line is broken at
+ROUNDING = 1e-12  # relative singular values above this, and not counted, are digits the file lacks
+REMARKS = {
+    "passive": " has no motor",
+    "idle": " has no motor and moves no output and no centre of mass",
+    "massless": " has no inertia",
+}
 LETTERS = {
     "revolute": "R",
     "continuous": "R",
@@ -37,7 +43,8 @@ def command(load: Callable[[], HybridRobot]) -> None:
     """Show ROBOT (URDF or xacro) as the tree of its modules.
 
     For each module: its mobility and motors, platforms, legs with their joints (motors marked *), closures by
-    type, redundancy, and whether its loops close at the home posture. Then what looks wrong.
+    type, redundancy, motions without a motor or without inertia, and whether its loops close at the home
+    posture. Equal modules are told once. Then what looks wrong.
     """
     from hybridyn.findings import findings, home_residuals
 
@@ -73,6 +80,10 @@ class _Tree:
     """The tree of modules as lines of text."""
 
     def __init__(self, robot: HybridRobot, home: list[float], width: int) -> None:
+        from hybridyn.findings import singular_at_home
+        from hybridyn.free_motions import free_motions
+
+        self.singular_at_home, self.free_motions = singular_at_home, free_motions
         self.robot, self.home, self.width = robot, home, width
         self.kinds = {joint.name: joint.kind for joint in robot.description.joints}
         closures = [(c.name, c.kind) for c in robot.description.closures]
@@ -81,6 +92,7 @@ class _Tree:
         for number, module in enumerate(robot.modules):
             self.children.setdefault(module.parent, []).append(number)
         self.first: dict[int, str] = {}  # the first module of each kind, by its mechanism
+        self.number = {module.name: number for number, module in enumerate(robot.modules)}
         fancy = "utf" in (sys.stdout.encoding or "").lower()
         self.branch, self.last, self.bar = ("├─ ", "└─ ", "│  ") if fancy else ("|- ", "`- ", "|  ")
 
@@ -92,20 +104,49 @@ class _Tree:
         while stack:
             number, indent = stack.pop()
             module = self.robot.modules[number]
-            below = self.children.get(number, [])
+            chain = self._equal_chain(number)
+            below = self.children.get(chain[-1], [])
             is_last = number == self.children[module.parent][-1]
-            yield f"{indent}{self.last if is_last else self.branch}{self._title(module)}"
+            title = self._title(module) if len(chain) == 1 else self._folded(chain)
             inner = indent + ("   " if is_last else self.bar)
-            for label, text in self._facts(module, self.home[number]):
-                yield from self._wrapped(inner + (self.bar if below else "   "), label, text)
+            first, *rest = self._wrapped("", "", title)
+            yield f"{indent}{self.last if is_last else self.branch}{first}"
+            yield from (f"{inner}{line}" for line in rest)
+            if len(chain) == 1:
+                for label, text in self._facts(module, self.home[number]):
+                    yield from self._wrapped(inner + (self.bar if below else "   "), label, text)
             stack += [(child, inner) for child in reversed(below)]
+
+    def _equal_chain(self, number: int) -> list[int]:
+        """Give a module with those that follow one another on it, where all are like one that was shown."""
+        modules = self.robot.modules
+        chain = [number]
+        if not modules[number].closures or id(modules[number].mechanism) not in self.first:
+            return chain
+        while len(below := self.children.get(chain[-1], [])) == 1:
+            if modules[below[0]].mechanism is not modules[number].mechanism:
+                break
+            chain += below
+        return chain
+
+    def _folded(self, chain: list[int]) -> str:
+        first, last = self.robot.modules[chain[0]], self.robot.modules[chain[-1]]
+        like = self.first[id(first.mechanism)]
+        names = f"{self._name(first)} ... {self._name(last)}"
+        worst = max(self.home[number] for number in chain)
+        closed = "" if worst <= self.robot.closure_tolerance else ", some OPEN at home"
+        motors = sum(len(self.robot.modules[number].motors) for number in chain)
+        return (
+            f"{names}  modules {chain[0] + 1}-{chain[-1] + 1}, one on the other, like module "
+            f"{self.number[like] + 1} ({like}); {counted(motors, 'motor')} in all{closed}"
+        )
 
     def _wrapped(self, indent: str, label: str, text: str) -> list[str]:
         room = max(self.width - len(indent), NARROWEST)
         lines = textwrap.wrap(
             text,
             room + len(indent),
-            initial_indent=indent + label.ljust(LABEL),
+            initial_indent=indent + (label.ljust(LABEL) if indent else ""),
             subsequent_indent=indent + " " * LABEL,
             break_long_words=False,
             break_on_hyphens=False,
@@ -113,7 +154,7 @@ class _Tree:
         return [line.replace(GLUE, " ") for line in lines]
 
     def _title(self, module: Module) -> str:
-        name = module.outputs[0] if len(module.outputs) == 1 else module.name
+        name = self._name(module)
         if len(module.joints) == 1 and module.joints[0] in self.kinds:
             joint = module.joints[0]
             role = "" if module.motors else ", passive"
@@ -121,7 +162,11 @@ class _Tree:
         if not module.closures and module.joints == ("root_joint",):
             return f"{name}  free base, 6 freedoms"
         motors = counted(len(module.motors), "motor")
-        return f"{name}  module, {counted(module.mobility, 'freedom')}, {motors}"
+        number = self.number[module.name] + 1
+        return f"{name}  module {number}, {counted(module.mobility, 'freedom')}, {motors}"
+
+    def _name(self, module: Module) -> str:
+        return module.outputs[0] if len(module.outputs) == 1 else module.name
 
     def _facts(self, module: Module, open_by: float) -> Iterator[tuple[str, str]]:
         if len(module.joints) == 1 and not module.closures:
@@ -131,7 +176,8 @@ class _Tree:
         if len(module.outputs) > 1:
             yield "outputs", ", ".join(module.outputs)
         if like != module.name:
-            yield "like", f"{like}; motors {', '.join(module.motors) or 'none'}"
+            number = self.number[like] + 1
+            yield "like", f"module {number} ({like}); motors {', '.join(module.motors) or 'none'}"
             return
         for number, (name, joints) in enumerate(module.legs):
             chain = ", ".join(f"{self._letter(joint)}{GLUE}{self._joint(joint)}" for joint in joints)
@@ -142,6 +188,14 @@ class _Tree:
             yield "motors", f"{counted(spare, 'motor')} more than freedoms: efforts are shared"
         elif spare < 0:
             yield "motors", f"{-spare} fewer than freedoms: some motion is passive"
+        free = self.free_motions(module)
+        for label, names in (
+            ("passive", free.uncontrolled),
+            ("idle", free.idle),
+            ("massless", free.massless),
+        ):
+            if names:
+                yield label, f"the motion of {', '.join(names)}{REMARKS[label]}"
 
     def _closure_facts(self, module: Module, open_by: float) -> Iterator[tuple[str, str]]:
         if not module.closures:
@@ -154,8 +208,15 @@ class _Tree:
         report = mechanism.reduction.report
         spare = report.rows - report.rank
         yield "closures", f"{', '.join(parts)}: {counted(report.rows, 'row')}, {spare or 'none'} redundant"
+        if report.dropped > ROUNDING:
+            yield (
+                "rank",
+                f"{report.rank}; relative singular values count from {report.kept:.1e} up, and not up to "
+                f"{report.dropped:.1e}: the file is rounded",
+            )
         closed = open_by <= self.robot.closure_tolerance
-        yield "at home", f"{'closed' if closed else 'OPEN'} to {open_by:.1e} of the module's size"
+        how = f"{'closed' if closed else 'OPEN'} to {open_by:.1e} of the module's size"
+        yield "at home", f"{how}; SINGULAR" if closed and self.singular_at_home(module, self.robot) else how
 
     def _joint(self, name: str) -> str:
         return f"{name}*" if name in self.robot.motors else name
