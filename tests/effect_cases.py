@@ -26,7 +26,7 @@ def per_motor(robot: HybridRobot, low: float, high: float, seed: int) -> dict[st
 def stop(robot: HybridRobot) -> Units:
     """Stops in the middle of the motors' ranges, so that about half of them are touched."""
     stiffness = per_motor(robot, 200, 400, 4)
-    return [fx.Stop(stiffness, 0.3, dict.fromkeys(stiffness, -9.0), dict.fromkeys(stiffness, 0.02))]
+    return [fx.Stop(stiffness, 0.3, dict.fromkeys(stiffness, -9.0), dict.fromkeys(stiffness, 0.025))]
 
 
 def wrench(robot: HybridRobot) -> Units:
@@ -73,9 +73,9 @@ def every(robot: HybridRobot) -> Units:
 
 def rate_of(
     robot: HybridRobot, value: Callable[[np.ndarray, np.ndarray], np.ndarray], q: np.ndarray, v: np.ndarray,
-    a: np.ndarray, step: float = 1e-3,
+    a: np.ndarray, step: float = 2e-4,
 ) -> np.ndarray:  # fmt: skip
-    """Give the time derivative of value(q, v) along motions by a central difference of sixth order, shape (T,)."""
+    """Give the time derivative of value(q, v) along motions by central differences, shape (T,)."""
 
     def at(h: float) -> np.ndarray:
         moved = [pin.integrate(robot.model, x, h * x_dot) for x, x_dot in zip(q, v, strict=True)]

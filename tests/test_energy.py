@@ -1,0 +1,124 @@
+"""energy: against Pinocchio's model of the spanning tree, and what a moving base supplies."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from comparing import close_to
+from effect_cases import every, rate_of
+from mechanisms import random_mechanism, random_states
+from peers import Peer, describe, example_urdf
+from shipped import shipped, states_near_home
+
+import hybridyn
+from hybridyn.errors import TrajectoryError
+from hybridyn.oracle import Base
+from hybridyn.robot import HybridRobot, build_robot
+
+EXACT = 1e-12
+BALANCE = 1e-9  # of the largest power: rounding of the difference
+BASES: tuple[Base, ...] = ("fixed", "moving", "floating")
+
+
+def against_pinocchio(robot: HybridRobot, q: np.ndarray, v: np.ndarray) -> None:
+    """Compare energy, momentum and centre of mass of states with Pinocchio's."""
+    peer = Peer(robot.description, robot.base)
+    actual = hybridyn.energy(robot, q, v)
+    motion, centre = hybridyn.momentum(robot, q, v), hybridyn.centre_of_mass(robot, q)
+    for t in range(len(q)):
+        kinetic = pin.computeKineticEnergy(peer.model, peer.data, q[t], v[t])
+        potential = pin.computePotentialEnergy(peer.model, peer.data, q[t])
+        assert actual.kinetic[t] == pytest.approx(kinetic, rel=EXACT)
+        assert actual.potential[t] == pytest.approx(potential, rel=EXACT, abs=EXACT * potential_size(robot))
+        close_to(centre[t], pin.centerOfMass(peer.model, peer.data, q[t]), 1e-11)
+        close_to(motion[t], pin.computeCentroidalMomentum(peer.model, peer.data, q[t], v[t]).vector, 1e-11)
+
+
+def potential_size(robot: HybridRobot) -> float:
+    """Give the weight of a robot over one metre, [J]."""
+    return 9.81 * sum(link.mass for link in robot.description.links)
+
+
+@pytest.mark.parametrize("name", ["ur5_robot", "talos_reduced"])
+@pytest.mark.parametrize("base", ["fixed", "floating"])
+def test_serial_robots_against_pinocchio(name: str, base: Base) -> None:
+    robot = build_robot(describe(example_urdf(f"{name}.urdf")), base=base)
+    rng = np.random.default_rng(0)
+    q = np.array([pin.integrate(robot.model, robot.home, rng.normal(size=robot.nv)) for _ in range(3)])
+    against_pinocchio(robot, q, rng.normal(size=(3, robot.nv)))
+
+
+@pytest.mark.parametrize("base", BASES)
+@pytest.mark.parametrize("name", ["five_bar", "scara_delta", "gough_stewart"])
+def test_shipped_robots_against_pinocchio(name: str, base: Base) -> None:
+    description = shipped(name)
+    q, v, _ = states_near_home(description, base, 0, 2)
+    against_pinocchio(build_robot(description, base=base), q, v)
+
+
+@pytest.mark.parametrize("kind", ["on_leg", "branched", "gear_two", "loop_planar"])
+def test_random_mechanisms_against_pinocchio(kind: str) -> None:
+    description = random_mechanism(0, kind=kind)
+    q, v, _ = random_states(description, "floating", 0, 2)
+    against_pinocchio(build_robot(description, base="floating"), q, v)
+
+
+def test_one_sample_or_many() -> None:
+    description = shipped("five_bar")
+    robot = build_robot(description)
+    q, v, a = states_near_home(description, "fixed", 0, 3)
+    many, one = hybridyn.energy(robot, q, v), hybridyn.energy(robot, q[1], v[1])
+    assert (one.kinetic, one.potential, one.total) == (many.kinetic[1], many.potential[1], many.total[1])
+    np.testing.assert_array_equal(hybridyn.momentum(robot, q[1], v[1]), hybridyn.momentum(robot, q, v)[1])
+    np.testing.assert_array_equal(hybridyn.centre_of_mass(robot, q[1]), hybridyn.centre_of_mass(robot, q)[1])
+    tau = hybridyn.idm(robot, q, v, a)
+    assert hybridyn.power(robot, q[1], v[1], tau[1]).motors == hybridyn.power(robot, q, v, tau).motors[1]
+
+
+def test_what_does_not_count_is_left_out() -> None:
+    description = shipped("gough_stewart")
+    robot = build_robot(description)
+    q, v, _ = states_near_home(description, "fixed", 0, 2)
+    platform = robot.bodies.bodies[robot.bodies.place[robot.modules[0].outputs[0]][0]]
+    bare = tuple(
+        link if link.name == platform.name else replace(link, mass=0.0, inertia=np.zeros((3, 3)))
+        for link in description.links
+    )
+    alone = build_robot(replace(description, links=bare))
+    actual = hybridyn.energy(robot, q, v, effects=["gravity", "inertia", "velocity"])
+    close_to(actual.total, hybridyn.energy(alone, q, v).total, EXACT)
+    weightless = hybridyn.energy(robot, q, v, effects=["inertia", "leg_inertia"])
+    assert not weightless.potential.any()
+    np.testing.assert_array_equal(weightless.kinetic, hybridyn.energy(robot, q, v).kinetic)
+    assert not hybridyn.energy(robot, q, v, effects=["gravity", "leg_inertia"]).kinetic.any()
+
+
+def test_a_moving_base_supplies_what_is_missing() -> None:
+    description = shipped("scara_delta")
+    robot = build_robot(description, base="moving")
+    q, v, a = states_near_home(description, "moving", 0, 3)
+    effects, wrenches = ["default", *every(robot)], {description.root: np.array([3.0, 2, 1, 0.3, 0.2, 0.1])}
+    # Gravity and the legs stand in `every` too; a name counts once.
+    given = {"effects": effects, "time": 0.7, "wrenches": wrenches}
+    tau, reactions = hybridyn.idm(robot, q, v, a, reactions=True, **given)
+    supplied = hybridyn.power(robot, q, v, tau, **given)
+    base = np.sum(reactions.base * v[:, :6], axis=1)
+    gained = rate_of(robot, lambda q, v: hybridyn.energy(robot, q, v, effects=effects).total, q, v, a)
+    missing = supplied.motors + supplied.wrenches - supplied.lost + base - gained
+    assert np.abs(missing).max() < BALANCE * np.abs(gained).max()
+
+
+def test_mistakes() -> None:
+    description = shipped("five_bar")
+    robot = build_robot(description)
+    q, v, _ = states_near_home(description, "fixed", 0, 2)
+    with pytest.raises(TrajectoryError, match="samples"):
+        hybridyn.energy(robot, q, v[:1])
+    with pytest.raises(TrajectoryError, match="unknown link"):
+        hybridyn.power(robot, q, v, np.zeros((2, 2)), wrenches={"nowhere": np.zeros(6)})
+    empty = tuple(replace(link, mass=0.0, inertia=np.zeros((3, 3))) for link in description.links)
+    with pytest.raises(TrajectoryError, match="no moving mass"):
+        hybridyn.centre_of_mass(build_robot(replace(description, links=empty)), q)
