@@ -17,9 +17,11 @@ from .elimination import least_squares
 from .errors import AssemblyError
 from .following import Task, follow
 from .kinematics import Motion, Tree
-from .module import Mechanism, Module
+from .mechanism import Mechanism
+from .module import Module
+from .module_request import ModuleRequest, module_request
 from .reduction import Block
-from .requests import ModuleRequest, Requests, gather_requests
+from .requests import Requests, gather_requests
 from .rigid_motion import RigidMotion
 from .robot import HybridRobot
 from .spatial import Array, cross
@@ -69,7 +71,7 @@ def assemble(
         if robot.base == "floating" and k == 0:
             continue
         base_body = robot.bodies.place[module.base][0]
-        request = requests.for_module(robot, k, base_body, bodies)
+        request = module_request(requests, robot, k, base_body, bodies)
         _assemble_module(robot, module, request, q, v, a)
         motion = module.mechanism.spanning.sweep(
             q[:, module.q_index], v[:, module.v_index], a[:, module.v_index]

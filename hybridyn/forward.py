@@ -15,7 +15,8 @@ from numpy.typing import ArrayLike
 from .effects.recursion import Gravity
 from .errors import AssemblyError, TrajectoryError
 from .kinematics import Motion
-from .module import Mechanism, Module, is_locked
+from .mechanism import Mechanism, is_locked
+from .module import Module
 from .robot import HybridRobot
 from .spatial import Array, crm, cross, motion_to_body, select
 

@@ -1,48 +1,21 @@
-"""What a caller of `assemble` wants, sorted by module: given joints, and targets for bodies."""
+"""What a caller of `assemble` wants, checked: positions of joints, and poses of links, whole or partial."""
 
 from __future__ import annotations
 
 import difflib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
-from .errors import AssemblyError, TrajectoryError
-from .module import Mechanism
+from .errors import TrajectoryError
 from .rigid_motion import RigidMotion
 from .robot import HybridRobot
-from .spatial import Array, cross, quaternion_from_rotation, rotate_back, rotation_from_quaternion
-from .targets import COORDINATES, CoordinateTarget, PoseTarget, Target
+from .spatial import Array, rotation_from_quaternion
+from .targets import COORDINATES
 
 #: A quaternion in a pose may be this far from unit length.
 UNIT = 1e-6
-#: Turns beyond this are no position of a joint that has ends [rad]; beyond `BLUR` an angle has lost its
-#: digits.
-WOUND_UP, BLUR = 1e4, 1e8
-#: Lengths beyond this many of a module's own are out of reach of its loops.
-FAR = 1e3
-
-
-@dataclass
-class ModuleRequest:
-    """What is wanted of one module, on its tree after the cuts.
-
-    Attributes:
-        given: Joints whose positions are given.
-        known: Their positions in an array of shape (T, nq).
-        known_v: Their rates, shape (T, nv).
-        known_a: Their accelerations, shape (T, nv).
-        targets: Poses of other bodies.
-        names: Links of the targets.
-    """
-
-    given: list[int]
-    known: Array
-    known_v: Array
-    known_a: Array
-    targets: list[Target] = field(default_factory=list)
-    names: list[str] = field(default_factory=list)
 
 
 @dataclass(frozen=True)
@@ -82,140 +55,6 @@ class Requests:
     base: RigidMotion | None
     base_quaternion: Array | None
 
-    def for_module(
-        self, robot: HybridRobot, number: int, base_body: int, bodies: Mapping[int, RigidMotion]
-    ) -> ModuleRequest:
-        """Give what is wanted of one module.
-
-        Args:
-            robot: The robot.
-            number: Number of the module.
-            base_body: Body it stands on.
-            bodies: Motions of the bodies assembled so far, in the root body.
-        """
-        module = robot.modules[number]
-        m = module.mechanism
-        T = self.samples
-        request = ModuleRequest(
-            [], np.tile(m.home, (T, 1)), np.zeros((T, m.tree.nv)), np.zeros((T, m.tree.nv))
-        )
-        tree_joint = {source: i for i, source in enumerate(m.spec.tree_joint) if source is not None}
-        for i, joint in enumerate(module.joints):
-            if joint in self.joints:
-                if i not in tree_joint:
-                    raise AssemblyError(
-                        f"joint '{joint}' belongs to a wrist that follows the platform of module "
-                        f"'{module.name}'; give the platform's pose instead",
-                        module=module.name,
-                    )
-                self._give_joint(request, m.tree.joints[tree_joint[i]].kind, m, tree_joint[i], joint)
-        for pose in self.poses:
-            body, R, p = robot.bodies.place[pose.link]
-            owner, local = robot.body_owner[body]
-            if owner == number:
-                self._give_pose(robot, request, number, base_body, bodies, pose, local, R, p)
-        return request
-
-    def _give_joint(self, request: ModuleRequest, kind: str, m: Mechanism, joint: int, name: str) -> None:
-        position, rate, acceleration = self.joints[name]
-        limit = {"revolute": WOUND_UP, "continuous": BLUR}.get(
-            kind, FAR * m.length if m.closures.rows else np.inf
-        )
-        _refuse_absurd(name, position, limit, "m" if kind == "prismatic" else "rad")
-        at, to = m.tree.q_slices[joint], m.tree.v_slices[joint]
-        if kind == "continuous":
-            request.known[:, at.start], request.known[:, at.start + 1] = np.cos(position), np.sin(position)
-        else:
-            request.known[:, at.start] = position
-        request.known_v[:, to.start], request.known_a[:, to.start] = rate, acceleration
-        request.given.append(joint)
-
-    def _give_pose(
-        self,
-        robot: HybridRobot,
-        request: ModuleRequest,
-        number: int,
-        base_body: int,
-        bodies: Mapping[int, RigidMotion],
-        pose: PoseRequest,
-        local: int,
-        R: Array,
-        p: Array,
-    ) -> None:
-        m = robot.modules[number].mechanism
-        other_body, other_R, other_p = robot.bodies.place[pose.other]
-        tree_body = m.tree_body(local)
-        units = np.array([m.length] * 3 + [1.0] * 3)
-        if pose.motion is None:
-            if other_body != base_body:
-                raise AssemblyError(
-                    f"partial pose of '{pose.link}' relative to '{pose.other}': give it relative to the base "
-                    f"of its module, '{pose.link}@{robot.modules[number].base}/pose/...'",
-                    module=robot.modules[number].name,
-                )
-            names = tuple(pose.coordinates)
-            value, rate, acceleration = (
-                np.stack([pose.coordinates[n][i] for n in names], 1) for i in range(3)
-            )
-            rows = [COORDINATES.index(n) for n in names]
-            request.targets.append(
-                CoordinateTarget(
-                    tree_body, names, other_R, other_p, (R, p), value, rate, acceleration, units[rows]
-                )
-            )
-            request.names.append(pose.link)
-            return
-        if other_body not in bodies:
-            raise AssemblyError(
-                f"pose of '{pose.link}' relative to '{pose.other}', which stands further out; give it "
-                f"relative to '{robot.modules[number].base}' or a link nearer to the root",
-                module=robot.modules[number].name,
-            )
-        T = self.samples
-        other = bodies[other_body].then(RigidMotion.at_rest(T, other_R, other_p))
-        link = other.then(pose.motion).seen_from(bodies[base_body])
-        body = link.then(RigidMotion.at_rest(T, R.T, -R.T @ p))
-        joint = tree_body - 1
-        if (
-            joint in m.spec.platforms
-            or m.tree.joints[joint].kind == "floating"
-            and m.tree.joints[joint].parent == 0
-        ):
-            self._give_platform(request, m, joint, body)
-            return
-        velocity = np.concatenate([body.pd, body.w], axis=1)
-        acceleration = np.concatenate([body.pdd, body.wd], axis=1)
-        request.targets.append(PoseTarget(tree_body, body.R, body.p, velocity, acceleration, units))
-        request.names.append(pose.link)
-
-    def _give_platform(self, request: ModuleRequest, m: Mechanism, joint: int, body: RigidMotion) -> None:
-        """Enter a platform's pose as its `floating` joint's coordinates."""
-        at, to = m.tree.q_slices[joint], m.tree.v_slices[joint]
-        record = m.tree.joints[joint]
-        inner = body.seen_from(RigidMotion.at_rest(self.samples, record.R, record.p))
-        request.known[:, at.start : at.start + 3] = inner.p
-        request.known[:, at.start + 3 : at.stop] = quaternion_from_rotation(inner.R)
-        R = inner.R
-        spatial = inner.pdd - cross(inner.w, inner.pd)
-        request.known_v[:, to] = np.concatenate([rotate_back(R, inner.pd), rotate_back(R, inner.w)], axis=1)
-        request.known_a[:, to] = np.concatenate([rotate_back(R, spatial), rotate_back(R, inner.wd)], axis=1)
-        request.given.append(joint)
-
-
-def _refuse_absurd(name: str, position: Array, limit: float, unit: str) -> None:
-    """Refuse positions, shape (T,), that only a slip of the pen gives.
-
-    Raises:
-        AssemblyError: Naming the joint and the sample.
-    """
-    bad = np.flatnonzero(np.abs(position) > limit)
-    if len(bad):
-        raise AssemblyError(
-            f"joint '{name}' is out of reach at sample {bad[0]}: {position[bad[0]]:.4g} {unit} (limit "
-            f"{limit:.4g} {unit}); positions are in m and rad",
-            sample=int(bad[0]),
-        )
-
 
 def gather_requests(
     robot: HybridRobot, motors: Mapping[str, object], platforms: Mapping[str, object]
@@ -223,8 +62,7 @@ def gather_requests(
     """Check and sort what a caller wants.
 
     Raises:
-        TrajectoryError: Unknown names, wrong shapes, numbers that are not finite, quaternions not of unit
-            length.
+        TrajectoryError: Unknown names, wrong shapes, numbers not finite, quaternions not of unit length.
     """
     kind = dict(zip(robot.joints, robot.kinds, strict=True))
     for name in motors:
@@ -257,6 +95,11 @@ def gather_requests(
 
 
 def _known(name: str, known: Mapping[str, object], what: str) -> None:
+    """Refuse a name that is not known.
+
+    Raises:
+        TrajectoryError: With the nearest name that is.
+    """
     if name not in known:
         near = difflib.get_close_matches(name, list(known), 1)
         hint = f"; did you mean '{near[0]}'?" if near else ""
@@ -273,6 +116,11 @@ def _triple(value: object) -> tuple[object, object, object]:
 
 
 def _three(value: object, name: str) -> list[Array]:
+    """Give position, rate and acceleration of a joint, each of shape () or (T,), zero where left out.
+
+    Raises:
+        TrajectoryError: Another shape, or a number that is not finite.
+    """
     parts = [np.asarray(0.0 if x is None else x, dtype=float) for x in _triple(value)]
     for x in parts:
         if x.ndim > 1 or not np.isfinite(x).all():
@@ -327,6 +175,11 @@ def _pose(robot: HybridRobot, key: str, parts: Sequence[object], T: int) -> Pose
 
 
 def _array(key: str, value: object, width: int, T: int) -> Array:
+    """Give one part of a pose as (T, width), zero where left out.
+
+    Raises:
+        TrajectoryError: Another shape, or a number that is not finite.
+    """
     if value is None:
         return np.zeros((T, width))
     out = np.asarray(value, dtype=float)
