@@ -60,12 +60,14 @@ class ArticulatedModule:
 @overload
 def ddm(
     robot: HybridRobot, q: Array, v: Array, tau: Array, *, base_acceleration: Array | None = ...,
-    wrenches: Mapping[str, Array] | None = ..., effects: Choice = ..., time: ArrayLike | None = ..., reactions: Literal[False] = ...,
+    wrenches: Mapping[str, Array] | None = ..., effects: Choice = ..., time: ArrayLike | None = ...,
+    reactions: Literal[False] = ...,
 ) -> Array: ...  # fmt: skip
 @overload
 def ddm(
     robot: HybridRobot, q: Array, v: Array, tau: Array, *, base_acceleration: Array | None = ...,
-    wrenches: Mapping[str, Array] | None = ..., effects: Choice = ..., time: ArrayLike | None = ..., reactions: Literal[True],
+    wrenches: Mapping[str, Array] | None = ..., effects: Choice = ..., time: ArrayLike | None = ...,
+    reactions: Literal[True],
 ) -> tuple[Array, Reactions]: ...  # fmt: skip
 def ddm(
     robot: HybridRobot,
@@ -147,8 +149,10 @@ def _needs_inertia(on: Effects) -> None:
         ModelError: There is none.
     """
     if on.inertia is None:
-        raise ModelError("the direct model needs the effect 'inertia': without it efforts make no accelerations; the "
-                         "inverse model does statics", element="inertia")  # fmt: skip
+        raise ModelError(
+            "the direct model needs the effect 'inertia': without it efforts make no accelerations; the inverse "
+            "model does statics", element="inertia",
+        )  # fmt: skip
 
 
 def solve_passive(robot: HybridRobot, q: Array, v: Array, a: Array, loads: Loads) -> Array:

@@ -62,8 +62,8 @@ def energy(robot: HybridRobot, q: Array, v: Array, *, effects: Choice = None) ->
         robot: The robot.
         q: Positions, shape (nq,) or (T, nq).
         v: Rates, shape (nv,) or (T, nv).
-        effects: What counts, as in `idm`: weights with "gravity", legs with "leg_inertia", rotors, springs, stops,
-            ground.
+        effects: What counts, as in `idm`: weights with "gravity", legs with "leg_inertia", rotors, springs,
+            stops, ground.
 
     Raises:
         ModelError: Effects that are unknown, or without numbers.
@@ -83,7 +83,7 @@ def energy(robot: HybridRobot, q: Array, v: Array, *, effects: Choice = None) ->
         if on.gravity is not None:
             potential -= body.mass * ((m.p + centre) @ robot.gravity)
     for rotor in on.rotors:
-        kinetic += rotor.effect.kinetic(rotor.p, v[:, rotor.columns]).sum(axis=1)  # type: ignore[attr-defined]
+        kinetic += 0.5 * np.sum(rotor.p[0] * v[:, rotor.columns] ** 2, axis=1)
     for joint_law in on.joints:
         potential += joint_law.energy(q)
     motions = on.link_motions(robot, q, v)
@@ -140,7 +140,7 @@ def momentum(robot: HybridRobot, q: Array, v: Array) -> Array:
         v: Rates, shape (nv,) or (T, nv).
 
     Returns:
-        Shape (6,) or (T, 6), [kg m/s, kg m^2/s]. The root link of a fixed base does not count, as in Pinocchio.
+        Shape (6,) or (T, 6), [kg m/s, kg m^2/s]. A fixed base's root link does not count, as in Pinocchio.
 
     Raises:
         TrajectoryError: Arrays of the wrong shape, or not finite.
@@ -190,7 +190,7 @@ def _state(robot: HybridRobot, q: Array, v: Array) -> tuple[Array, Array, bool]:
 
 
 def _moving_bodies(robot: HybridRobot, q: Array, v: Array, on: Effects) -> Iterator[tuple[Body, RigidMotion]]:
-    """Give the bodies with mass that can move, with their motions in the world; legs only where they have inertia."""
+    """Give the bodies with mass that can move and their motions; legs only where they have inertia."""
     massless = set() if on.leg_inertia is not None else leg_bodies(robot)
     for number, motion in body_motions(robot, q, v, np.zeros_like(v)).items():
         body = robot.bodies.bodies[number]

@@ -22,13 +22,15 @@ from .spatial import Array, wrench_to_base
 @overload
 def idm(
     robot: HybridRobot, q: Array, v: Array, a: Array, *, wrenches: Mapping[str, Array] | None = ...,
-    effects: Choice = ..., time: ArrayLike | None = ..., passive: str = ..., weights: Mapping[str, float] | Array | None = ...,
+    effects: Choice = ..., time: ArrayLike | None = ..., passive: str = ...,
+    weights: Mapping[str, float] | Array | None = ...,
     on_singular: str = ..., reactions: Literal[False] = ...,
 ) -> Array: ...  # fmt: skip
 @overload
 def idm(
     robot: HybridRobot, q: Array, v: Array, a: Array, *, wrenches: Mapping[str, Array] | None = ...,
-    effects: Choice = ..., time: ArrayLike | None = ..., passive: str = ..., weights: Mapping[str, float] | Array | None = ...,
+    effects: Choice = ..., time: ArrayLike | None = ..., passive: str = ...,
+    weights: Mapping[str, float] | Array | None = ...,
     on_singular: str = ..., reactions: Literal[True],
 ) -> tuple[Array, Reactions]: ...  # fmt: skip
 def idm(

@@ -71,7 +71,7 @@ def kinematics(
 
 
 def link_motions(robot: HybridRobot, q: Array, v: Array, links: Iterable[str]) -> dict[str, RigidMotion]:
-    """Give the motion in the world of some links, from the modules below them alone; accelerations are not used."""
+    """Give the motion in the world of some links at zero accelerations, from the modules below them alone."""
     wanted: set[int] = set()
     for link in links:
         k = robot.body_owner[robot.bodies.place[link][0]][0]
@@ -86,7 +86,7 @@ def link_motions(robot: HybridRobot, q: Array, v: Array, links: Iterable[str]) -
 def body_motions(
     robot: HybridRobot, q: Array, v: Array, a: Array, modules: Container[int] | None = None
 ) -> dict[int, RigidMotion]:
-    """Give the motion of every body in the world, shapes (T, ...), or of those of some modules (with all below them)."""
+    """Give the motion of every body in the world, or of those of some modules (with all below them)."""
     bodies = {0: _root(robot, q, v, a)}
     for k, module in enumerate(robot.modules):
         if (robot.base == "floating" and k == 0) or (modules is not None and k not in modules):

@@ -102,7 +102,7 @@ def known_keys(place: tuple[str | int, ...]) -> list[str]:
     """Give the keys known at a place below `effects`, for "did you mean"."""
     if len(place) < 3:
         return [*EffectTables.model_fields]
-    tables = {
+    tables: dict[str, type[Schema]] = {
         "coulomb_friction": CoulombTable, "stribeck_friction": StribeckTable, "spring": SpringTable,
         "damper": DamperTable, "stop": StopTable, "ground_contact": GroundTable,
     }  # fmt: skip

@@ -1,13 +1,15 @@
 """Physical effects: only what is named is computed.
 
-One small unit per effect, each stating its law, units and source. They act in four places: terms of the recursions
-(`recursion`), efforts and inertia on joints (`joints`), wrenches on links (`links`), and changes of the robot or of
-what goes into a recursion (`inputs`). `choose` finds them in a robot.
+One small unit per effect, each stating its law, units and source. They act in four places: terms of the
+recursions (`recursion`), efforts and inertia on joints (`joints`, `friction`, `elastic`), wrenches on links
+(`links`), and changes of the robot or of what goes into a recursion (`inputs`). `choose` finds them in a
+robot.
 """
 
 from .choice import DEFAULT, UNITS, Effects, choose
+from .elastic import RotorInertia, Spring, Stop
+from .friction import CoulombFriction, Damper, StribeckFriction, ViscousFriction
 from .inputs import BaseMotion, Limits, Payload
-from .joints import CoulombFriction, Damper, RotorInertia, Spring, Stop, StribeckFriction, ViscousFriction
 from .links import GroundContact, Wrench
 from .rebuild import with_effects
 from .recursion import Gravity, Inertia, LegInertia, VelocityTerms

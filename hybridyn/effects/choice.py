@@ -11,18 +11,10 @@ import numpy as np
 from ..description.names import did_you_mean, listed
 from ..errors import ModelError, TrajectoryError
 from ..spatial import Array
+from .elastic import RotorInertia, Spring, Stop
+from .friction import CoulombFriction, Damper, StribeckFriction, ViscousFriction
 from .inputs import BaseMotion, Limits, Payload
-from .joints import (
-    CoulombFriction,
-    Damper,
-    OnJoints,
-    RotorInertia,
-    Spring,
-    Stop,
-    StribeckFriction,
-    ViscousFriction,
-    placed,
-)
+from .joints import OnJoints, placed
 from .links import GroundContact, Wrench
 from .recursion import Gravity, Inertia, LegInertia, VelocityTerms
 
@@ -106,12 +98,12 @@ class Effects:
         return self.velocity.of_body(V, inertia) if self.velocity else np.zeros_like(V)
 
     def joint_efforts(self, robot: HybridRobot, q: Array, v: Array) -> Array | None:
-        """Give the efforts of joint laws on the spanning tree, shape (T, nv), or None where there is no law."""
+        """Give the efforts of joint laws on the spanning tree, shape (T, nv), or None without laws."""
         if not self.joints:
             return None
         out = np.zeros((len(q), robot.nv))
         for law in self.joints:
-            np.add.at(out, (slice(None), law.columns), law.effort(q, v))
+            out[:, law.columns] += law.effort(q, v)  # no law has a joint twice
         return out
 
     def rotor_diagonal(self, robot: HybridRobot) -> Array | None:
@@ -120,7 +112,7 @@ class Effects:
             return None
         out = np.zeros(robot.nv)
         for law in self.rotors:
-            np.add.at(out, law.columns, law.effect.diagonal(law.p))  # type: ignore[attr-defined]
+            out[law.columns] += law.p[0]
         return out
 
     def link_motions(self, robot: HybridRobot, q: Array, v: Array) -> dict[str, RigidMotion]:
@@ -133,7 +125,7 @@ class Effects:
     def wrenches(
         self, robot: HybridRobot, q: Array, v: Array, time: Array | None
     ) -> Iterator[dict[str, Array]]:
-        """Give the wrenches of each law by link, shape (T, 6), [N, N m], in the links' frames at their origins.
+        """Give each law's wrenches by link, shape (T, 6), [N, N m], in the links' frames at their origins.
 
         Raises:
             TrajectoryError: A law follows a table and there is no time, or its table is too short.
@@ -170,9 +162,9 @@ def choose(robot: HybridRobot, effects: Choice) -> Effects:
 
     Args:
         robot: The robot.
-        effects: None or "default" for gravity, inertia, the legs' inertia and velocity terms; "model" for those and
-            all that the robot's files state; "none"; or names (these words among them) and effect objects. What is
-            not named is not computed: `["default", Spring({"elbow": 40.0})]` adds a spring.
+        effects: None or "default" for gravity, inertia, the legs' inertia and velocity terms; "model" for
+            those and all that the robot's files state; "none"; or names (these words among them) and effect
+            objects. What is not named is not computed: `["default", Spring({"elbow": 40.0})]` adds a spring.
 
     Raises:
         ModelError: An unknown name, an effect without numbers, or effects that contradict each other.
@@ -195,7 +187,10 @@ def choose(robot: HybridRobot, effects: Choice) -> Effects:
     for unit in units:
         for link in unit.links if isinstance(unit, LINKS) else ():
             if link not in robot.bodies.place:
-                raise ModelError(f"{unit.name}: no such link '{link}'{did_you_mean(link, robot.bodies.place)}", element=link)
+                raise ModelError(
+                    f"{unit.name}: no such link '{link}'{did_you_mean(link, robot.bodies.place)}",
+                    element=link,
+                )
     laws = [law for unit in units if isinstance(unit, JOINTS) and (law := placed(unit, robot))]
 
     def one(kind: type[Any]) -> Any:

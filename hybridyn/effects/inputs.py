@@ -1,4 +1,4 @@
-"""Effects that change the robot, or what goes into a recursion: payloads, effort limits, a prescribed base."""
+"""Effects that change the robot, or what goes into a recursion: payloads, limits, a prescribed base."""
 
 from __future__ import annotations
 
@@ -45,10 +45,14 @@ class Payload:
         object.__setattr__(self, "inertia", tuple(tuple(row) for row in inertia.tolist()))
         finite = np.isfinite([self.mass, *com, *inertia.ravel()]).all()
         if not finite or self.mass < 0 or not np.array_equal(inertia, inertia.T):
-            raise ModelError(f"payload on '{self.link}': mass must not be negative, inertia symmetric", element=self.link)
+            raise ModelError(
+                f"payload on '{self.link}': mass must not be negative, inertia symmetric", element=self.link
+            )
         moments = np.linalg.eigvalsh(inertia)
         if moments[0] < -1e-12 * abs(moments[-1]) or moments[0] + moments[1] < moments[2] * (1 - 1e-9):
-            raise ModelError(f"payload on '{self.link}': no body has principal moments {moments}", element=self.link)
+            raise ModelError(
+                f"payload on '{self.link}': no body has principal moments {moments}", element=self.link
+            )
 
     def onto(self, description: Description) -> Description:
         """Give a description whose link carries the payload.
@@ -58,7 +62,9 @@ class Payload:
         """
         links = {link.name: link for link in description.links}
         if self.link not in links:
-            raise ModelError(f"payload on unknown link '{self.link}'{did_you_mean(self.link, links)}", element=self.link)
+            raise ModelError(
+                f"payload on unknown link '{self.link}'{did_you_mean(self.link, links)}", element=self.link
+            )
         body = Body("", -1)
         origin = (np.eye(3), np.zeros(3))
         body.add(links[self.link], *origin)
@@ -70,7 +76,7 @@ class Payload:
 
 @dataclass(frozen=True)
 class Limits:
-    """Effort limits of the motors: the direct model clips efforts to them, the inverse model refuses a motion beyond.
+    """Effort limits of the motors: the direct model clips to them, the inverse model refuses a motion beyond.
 
     `effort`: limit by motor [N or N m]; None takes the robot's files (none where they say none).
     """
@@ -89,9 +95,13 @@ class Limits:
             return np.array([record[motor] for motor in robot.motors])
         for motor, limit in self.effort.items():
             if motor not in robot.motors:
-                raise ModelError(f"limits: there is no motor '{motor}'{did_you_mean(motor, robot.motors)}", element=motor)
+                raise ModelError(
+                    f"limits: there is no motor '{motor}'{did_you_mean(motor, robot.motors)}", element=motor
+                )
             if not limit > 0:
-                raise ModelError(f"limits: motor '{motor}' has a limit of {limit:g}; it must be positive", element=motor)
+                raise ModelError(
+                    f"limits: motor '{motor}' has a limit of {limit:g}; it must be positive", element=motor
+                )
         return np.array([self.effort.get(motor, np.inf) for motor in robot.motors])
 
     def clip(self, robot: HybridRobot, tau: Array) -> Array:
@@ -120,9 +130,9 @@ class Limits:
 class BaseMotion:
     """A base that moves as a table says (ship, vehicle): quintic spline through positions and quaternions.
 
-    `time` [s], shape (rows,); `pose`: x, y, z [m] and quaternion qx, qy, qz, qw of the root link in the world, shape
-    (rows, 7), six rows at least. It needs a robot with base "moving" (`hybridyn.with_effects` gives one); the base's
-    part of q, v, a is then taken from here and not from the caller.
+    `time` [s], shape (rows,); `pose`: x, y, z [m] and quaternion qx, qy, qz, qw of the root link in the
+    world, shape (rows, 7), six rows at least. It needs a robot with base "moving" (`hybridyn.with_effects`
+    gives one); the base's part of q, v, a is then taken from here and not from the caller.
     """
 
     time: Sequence[float] | Array
@@ -141,11 +151,13 @@ class BaseMotion:
         from scipy.interpolate import make_interp_spline
 
         time, pose = table(self.name, self.time, self.pose, 7)
-        spline = make_interp_spline(time, np.concatenate([pose[:, :3], aligned(pose[:, 3:])], axis=1), k=DEGREE)
+        spline = make_interp_spline(
+            time, np.concatenate([pose[:, :3], aligned(pose[:, 3:])], axis=1), k=DEGREE
+        )
         return spline, spline.derivative(1), spline.derivative(2)
 
     def at(self, time: Array) -> tuple[Array, Array, Array]:
-        """Give the base's q, v, a (Pinocchio's local velocities, spatial acceleration), shapes (T, 7), (T, 6), (T, 6).
+        """Give the base's q (T, 7), v and a (T, 6): Pinocchio's local velocities and spatial acceleration.
 
         Raises:
             TrajectoryError: A time outside the table.
@@ -170,10 +182,13 @@ class BaseMotion:
         """
         if robot.base != "moving":
             raise ModelError(
-                f"{self.name}: the robot's base is '{robot.base}': load it with base=\"moving\", or take it from "
-                "hybridyn.with_effects(robot, effects)"
+                f"{self.name}: the robot's base is '{robot.base}': load it with base=\"moving\", or take it "
+                "from hybridyn.with_effects(robot, effects)"
             )
         if time is None:
             raise TrajectoryError(f"the effect '{self.name}' follows a table: pass time=")
         parts = self.at(time)
-        return tuple(np.concatenate([new, old[:, n:]], axis=1) for new, old, n in zip(parts, (q, v, a), (7, 6, 6), strict=True))  # type: ignore[return-value]
+        return tuple(
+            np.concatenate([new, old[:, n:]], axis=1)
+            for new, old, n in zip(parts, (q, v, a), (7, 6, 6), strict=True)
+        )  # type: ignore[return-value]

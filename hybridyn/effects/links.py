@@ -34,7 +34,9 @@ class LinkEffect(Protocol):
     @property
     def needs_motion(self) -> bool: ...  # noqa: D102
 
-    def wrenches(self, time: Array | None, motions: Mapping[str, RigidMotion], samples: int) -> dict[str, Array]:
+    def wrenches(
+        self, time: Array | None, motions: Mapping[str, RigidMotion], samples: int
+    ) -> dict[str, Array]:
         """Give wrenches ON links in their frames at their origins, shape (samples, 6), [N, N m]."""
         ...
 
@@ -56,7 +58,8 @@ def at_times(name: str, table_time: Array, time: Array) -> None:
     out = np.flatnonzero((time < table_time[0]) | (time > table_time[-1]))
     if len(out):
         raise TrajectoryError(
-            f"{name}: its table runs from {table_time[0]:g} s to {table_time[-1]:g} s; t = {time[out[0]]:g} s is outside"
+            f"{name}: its table runs from {table_time[0]:g} s to {table_time[-1]:g} s; t = {time[out[0]]:g} s "
+            "is outside"
         )
 
 
@@ -71,8 +74,10 @@ def table(name: str, time: Any, values: Any, width: int) -> tuple[Array, Array]:
     """
     t, x = np.asarray(time, dtype=float), np.asarray(values, dtype=float)
     if t.ndim != 1 or len(t) < 2 or x.shape != (len(t), width):
-        raise ModelError(f"{name}: a table needs two rows or more: times (rows,) and values (rows, {width}), not "
-                         f"{t.shape} and {x.shape}")  # fmt: skip
+        raise ModelError(
+            f"{name}: a table needs two rows or more: times (rows,) and values (rows, {width}), not {t.shape} and "
+            f"{x.shape}"
+        )
     if not (np.isfinite(t).all() and np.isfinite(x).all() and (np.diff(t) > 0).all()):
         raise ModelError(f"{name}: a table's numbers must be finite and its times grow")
     return t, x
@@ -82,8 +87,8 @@ def table(name: str, time: Any, values: Any, width: int) -> tuple[Array, Array]:
 class Wrench:
     """A wrench on a link, constant or linear between the rows of a table.
 
-    `wrench` [N, N m]: force and moment at the link's origin, shape (6,) or, with `time` [s], (rows, 6); `frame`: axes
-    of the "link" or of the "world". Its work is counted as supplied, not as stored.
+    `wrench` [N, N m]: force and moment at the link's origin, shape (6,) or, with `time` [s], (rows, 6);
+    `frame`: axes of the "link" or of the "world". Its work is counted as supplied, not as stored.
     """
 
     link: str
@@ -94,7 +99,9 @@ class Wrench:
 
     def __post_init__(self) -> None:
         if self.frame not in ("link", "world"):
-            raise ModelError(f"{self.name}: frame must be 'link' or 'world', not {self.frame!r}", element=self.link)
+            raise ModelError(
+                f"{self.name}: frame must be 'link' or 'world', not {self.frame!r}", element=self.link
+            )
         if self.time is not None:
             table(f"{self.name} on '{self.link}'", self.time, self.wrench, 6)
         elif np.shape(self.wrench) != (6,) or not np.isfinite(self.wrench).all():
@@ -115,7 +122,9 @@ class Wrench:
         """True in world axes."""
         return self.frame == "world"
 
-    def wrenches(self, time: Array | None, motions: Mapping[str, RigidMotion], samples: int) -> dict[str, Array]:
+    def wrenches(
+        self, time: Array | None, motions: Mapping[str, RigidMotion], samples: int
+    ) -> dict[str, Array]:
         """Give the wrench at each sample."""
         if self.time is None:
             W = np.tile(np.asarray(self.wrench, dtype=float), (samples, 1))
@@ -143,10 +152,10 @@ class GroundContact:
     """Points of links on compliant, unilateral ground, the plane z = height of the world.
 
     A point that is d below it is pushed up by N = k d max(0, 1 + c d_dot), never pulled, and sideways by
-    -mu N tanh(|s| / width) s / |s| against its sliding velocity s. `points`: points in the link's frame by link [m];
-    `stiffness`: k [N/m]; `damping`: c [s/m]; `friction`: mu; `width` [m/s]; `height` [m]. Penetration is part of the
-    model: a weight W on one point rests W / k deep, and on slopes points creep (the friction is smoothed).
-    Source: Hunt & Crossley (1975), J. Appl. Mech. 42, with exponent one.
+    -mu N tanh(|s| / width) s / |s| against its sliding velocity s. `points`: points in the link's frame by
+    link [m]; `stiffness`: k [N/m]; `damping`: c [s/m]; `friction`: mu; `width` [m/s]; `height` [m].
+    Penetration is part of the model: a weight W on one point rests W / k deep, and pushed points creep (the
+    friction is smoothed). Source: Hunt & Crossley (1975), J. Appl. Mech. 42, with exponent one.
     """
 
     points: Mapping[str, Sequence[Sequence[float]]]
@@ -168,11 +177,16 @@ class GroundContact:
             raise ModelError(f"{self.name}: width must be positive and height finite")
         for link in self.points:
             if not np.isfinite(self._points[link]).all() or self._points[link].ndim != 2:
-                raise ModelError(f"{self.name}: points of '{link}' must be triples of finite numbers", element=link)
+                raise ModelError(
+                    f"{self.name}: points of '{link}' must be triples of finite numbers", element=link
+                )
 
     @cached_property
     def _points(self) -> dict[str, Array]:
-        return {link: np.asarray(points, dtype=float).reshape(len(points), -1) for link, points in self.points.items()}
+        return {
+            link: np.asarray(points, dtype=float).reshape(len(points), -1)
+            for link, points in self.points.items()
+        }
 
     @property
     def links(self) -> tuple[str, ...]:
@@ -192,7 +206,9 @@ class GroundContact:
         force = np.concatenate([-grip[:, None] * slide, normal[:, None]], axis=1)
         return arm, velocity, depth, force
 
-    def wrenches(self, time: Array | None, motions: Mapping[str, RigidMotion], samples: int) -> dict[str, Array]:
+    def wrenches(
+        self, time: Array | None, motions: Mapping[str, RigidMotion], samples: int
+    ) -> dict[str, Array]:
         """Give the ground's wrench on each link."""
         out = {}
         for link, points in self._points.items():
@@ -206,8 +222,11 @@ class GroundContact:
 
     def energy(self, motions: Mapping[str, RigidMotion]) -> Array:
         """Give the sum of k d^2 / 2."""
-        touches = [self._touch(motions[link], point) for link, points in self._points.items() for point in points]
-        return np.sum([0.5 * self.stiffness * depth**2 for _, _, depth, _ in touches], axis=0)
+        touches = [
+            self._touch(motions[link], point) for link, points in self._points.items() for point in points
+        ]
+        out: Array = np.sum([0.5 * self.stiffness * depth**2 for _, _, depth, _ in touches], axis=0)
+        return out
 
     def power(self, motions: Mapping[str, RigidMotion]) -> Array:
         """Give what the forces take beyond the change of energy stored."""
@@ -217,5 +236,3 @@ class GroundContact:
                 _, velocity, depth, force = self._touch(motions[link], point)
                 lost = lost + self.stiffness * depth * velocity[:, 2] - np.sum(force * velocity, axis=1)
         return lost
-
-

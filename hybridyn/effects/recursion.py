@@ -34,9 +34,10 @@ class Gravity:
 
 @dataclass(frozen=True)
 class Inertia:
-    """Inertial forces of every body; without them the inverse model is statics: rates and accelerations count as zero.
+    """Inertial forces of every body; without them the inverse model is statics.
 
-    Joint efforts and contacts still see the true rates. The direct model does not exist without inertia.
+    Off, rates and accelerations count as zero; joint efforts and contacts still see the true rates. The
+    direct model does not exist without inertia.
     """
 
     name: ClassVar[str] = "inertia"
@@ -50,8 +51,8 @@ class Inertia:
 class LegInertia:
     """Mass and weight of the legs: H, F_b by RNEA, [[S1, D^T], [D, A]] by CRBA.
 
-    Off, legs are massless (the platform-only model). Legs are all bodies but platforms, links of serial joints, and
-    links on which another module stands. Source: Ibrahim & Khalil (2010), appendices A to C.
+    Off, legs are massless (the platform-only model). Legs are all bodies but platforms, links of serial
+    joints, and links on which another module stands. Source: Ibrahim & Khalil (2010), appendices A to C.
     """
 
     name: ClassVar[str] = "leg_inertia"
@@ -73,9 +74,9 @@ class LegInertia:
 class VelocityTerms:
     """Centrifugal, Coriolis and gyroscopic forces of legs and platforms.
 
-    Off, twists and rates are zero in the inertial forces of legs and platforms only: H = D V_dot + A q_ddot and
-    F_p = I V_dot. The drift of the closures and crm(V_o) v_o stay, else loops would open. Energy is then not conserved.
-    Source: Eq. (30), second term, and h, p of Eqs. (71)-(73).
+    Off, twists and rates are zero in the inertial forces of legs and platforms only: H = D V_dot + A q_ddot
+    and F_p = I V_dot. The drift of the closures and crm(V_o) v_o stay, else loops would open. Energy is not
+    conserved then. Source: Eq. (30), second term, and h, p of Eqs. (71)-(73).
     """
 
     name: ClassVar[str] = "velocity"

@@ -1,0 +1,140 @@
+"""Effects on joints that store energy: rotors, springs and stops."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+
+from ..errors import ModelError
+from ..spatial import Array
+from .joints import Numbers, Numerals, given
+
+if TYPE_CHECKING:
+    from ..robot import HybridRobot
+
+
+@dataclass(frozen=True)
+class RotorInertia:
+    """Inertia of the motors' rotors seen at the joints, J n^2 on the diagonal of A; no gyroscopic part.
+
+    `inertia`: J n^2 by joint [kg or kg m^2]; None takes rotor inertia and gear ratio of the robot's files.
+    Source: Featherstone (2008), section 9.6.
+    """
+
+    inertia: Numbers | None = None
+    name: ClassVar[str] = "rotor_inertia"
+    any_freedoms: ClassVar[bool] = False
+
+    def numbers(self, robot: HybridRobot) -> dict[str, tuple[float, ...]]:
+        """Give J n^2 by joint."""
+        if self.inertia is not None:
+            return given(self.name, self.inertia)
+        joints = (j.joint for j in robot.bodies.joints)
+        return {j.name: (j.rotor_inertia * j.gear_ratio**2,) for j in joints if j.rotor_inertia}
+
+    def effort(self, p: Numerals, x: Array, v: Array) -> Array:
+        """Give no effort: a rotor acts through accelerations."""
+        return np.zeros_like(v)
+
+    def energy(self, p: Numerals, x: Array) -> Array:
+        """Give nothing: its energy is kinetic."""
+        return np.zeros_like(x)
+
+    def power(self, p: Numerals, x: Array, v: Array) -> Array:
+        """Give nothing: it loses none."""
+        return np.zeros_like(v)
+
+
+@dataclass(frozen=True)
+class Spring:
+    """tau = -k (x - rest); of an endless joint the angle from `rest` in [-pi, pi].
+
+    `stiffness`: k by joint [N/m or N m/rad]. `rest`: position without force [m or rad], 0 where not named.
+    """
+
+    stiffness: Numbers = field(default_factory=dict)
+    rest: Numbers = field(default_factory=dict)
+    name: ClassVar[str] = "spring"
+    any_freedoms: ClassVar[bool] = False
+
+    def numbers(self, robot: HybridRobot) -> dict[str, tuple[float, ...]]:
+        """Give k, rest and the period (infinite but for endless joints) by joint."""
+        odd = sorted(set(self.rest) - set(self.stiffness))
+        if odd:
+            raise ModelError(f"{self.name}: 'rest' names '{odd[0]}', 'stiffness' does not", element=odd[0])
+        endless = {name for name, kind in zip(robot.joints, robot.kinds, strict=True) if kind == "continuous"}
+        known = given(self.name, self.stiffness)
+        return {n: (k, float(self.rest.get(n, 0.0)), float(n in endless)) for n, (k,) in known.items()}
+
+    def effort(self, p: Numerals, x: Array, v: Array) -> Array:
+        """Give -k (x - rest)."""
+        return -p[0] * self._stretch(p, x)
+
+    def energy(self, p: Numerals, x: Array) -> Array:
+        """Give k (x - rest)^2 / 2."""
+        return 0.5 * p[0] * self._stretch(p, x) ** 2
+
+    def power(self, p: Numerals, x: Array, v: Array) -> Array:
+        """Give nothing: a spring loses none."""
+        return np.zeros_like(v)
+
+    def _stretch(self, p: Numerals, x: Array) -> Array:
+        stretch = x - p[1]
+        return stretch - p[2] * 2 * np.pi * np.round(stretch / (2 * np.pi))
+
+
+@dataclass(frozen=True)
+class Stop:
+    """Joint stops: beyond a limit by d, a push back of k d max(0, 1 + c d_dot), never a pull.
+
+    The damping grows with the penetration, so that the force is continuous where the stop is touched and left
+    (a plain spring-damper jumps there, and pulls on the way out): integrators keep their order. `stiffness`:
+    k by joint [N/m or N m/rad]; `damping`: c [s/m or s/rad]; limits are the files', or `lower` and `upper` [m
+    or rad] by joint.
+    Source: Hunt & Crossley (1975), J. Appl. Mech. 42, with exponent one.
+    """
+
+    stiffness: Numbers = field(default_factory=dict)
+    damping: float = 0.0
+    lower: Numbers = field(default_factory=dict)
+    upper: Numbers = field(default_factory=dict)
+    name: ClassVar[str] = "stop"
+    any_freedoms: ClassVar[bool] = False
+
+    def numbers(self, robot: HybridRobot) -> dict[str, tuple[float, ...]]:
+        """Give k, lower and upper limit by joint."""
+        if not (np.isfinite(self.damping) and self.damping >= 0):
+            raise ModelError(f"{self.name}: damping must be finite and not negative, not {self.damping:g}")
+        record = {j.joint.name: j.joint for j in robot.bodies.joints}
+        out: dict[str, tuple[float, ...]] = {}
+        for joint, (stiffness,) in given(self.name, self.stiffness).items():
+            files = record.get(joint)
+            lower = self.lower.get(joint, files.lower if files else -np.inf)
+            upper = self.upper.get(joint, files.upper if files else np.inf)
+            if files and not (lower < upper and (lower > -np.inf or upper < np.inf)):
+                raise ModelError(
+                    f"{self.name}: joint '{joint}' has no limits ({lower:g} to {upper:g})", element=joint
+                )
+            out[joint] = (stiffness, lower, upper)
+        return out
+
+    def effort(self, p: Numerals, x: Array, v: Array) -> Array:
+        """Give the push back."""
+        low, high = np.maximum(p[1] - x, 0.0), np.maximum(x - p[2], 0.0)
+        push_low = low * np.maximum(1.0 - self.damping * v, 0.0)
+        push_high = high * np.maximum(1.0 + self.damping * v, 0.0)
+        out: Array = p[0] * (push_low - push_high)
+        return out
+
+    def energy(self, p: Numerals, x: Array) -> Array:
+        """Give k d^2 / 2."""
+        out: Array = 0.5 * p[0] * (np.maximum(p[1] - x, 0.0) ** 2 + np.maximum(x - p[2], 0.0) ** 2)
+        return out
+
+    def power(self, p: Numerals, x: Array, v: Array) -> Array:
+        """Give what the effort takes beyond the change of energy stored."""
+        elastic = p[0] * (np.maximum(p[1] - x, 0.0) - np.maximum(x - p[2], 0.0))
+        out: Array = (elastic - self.effort(p, x, v)) * v
+        return out
