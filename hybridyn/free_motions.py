@@ -9,9 +9,10 @@ import numpy as np
 from .description.names import listed
 from .determinacy import IDLE
 from .elimination import pivoted_qr
+from .joints import ROOT_JOINT
 from .mechanism import Mechanism
 from .module import Module
-from .robot import ROOT_JOINT, HybridRobot
+from .robot import HybridRobot
 from .spatial import Array
 
 #: Part of a module's largest inertia below which a motion has none (rounding of the sum is far below).

@@ -21,6 +21,8 @@ from .spatial import (
     rotation_vector,
 )
 
+#: Name of the free-flyer under the root link, Pinocchio's.
+ROOT_JOINT = "root_joint"
 #: Coordinates of each kind of joint, as in Pinocchio: angles without limits are cosine and sine.
 NQ = {"revolute": 1, "continuous": 2, "prismatic": 1, "spherical": 4, "planar": 4, "floating": 7}
 #: Freedoms of each kind of joint.

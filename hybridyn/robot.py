@@ -6,7 +6,7 @@ the coordinates of `pin.buildModelFromXML`; a moving or floating base puts a fre
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Literal
 
@@ -16,13 +16,11 @@ from .bodies import Bodies
 from .description.names import did_you_mean
 from .description.records import Description
 from .errors import ModelError
-from .joints import NQ, NV, TreeJoint
-from .kinematics import Tree
-from .module import Mechanism, Module, check_mechanism
-from .modulespec import ModuleSpec, module_spec
-from .reduction import ROUNDED
-from .spatial import Array, spatial_inertia
-from .topology import ModuleGraph, find_modules, leave_whole
+from .joints import NQ, NV, ROOT_JOINT, TreeJoint
+from .module import Module
+from .module_builder import ModuleBuilder
+from .spatial import Array, slices, spatial_inertia
+from .topology import find_modules
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -32,9 +30,6 @@ if TYPE_CHECKING:
     from .effects.inputs import Payload
 
 Base = Literal["fixed", "moving", "floating"]
-
-#: Name of the free-flyer under the root link, Pinocchio's.
-ROOT_JOINT = "root_joint"
 
 
 @dataclass(frozen=True)
@@ -51,7 +46,6 @@ class HybridRobot:
         q_slices: Slice of q of each joint.
         v_slices: Slice of v of each joint.
         motors: Names of the motors, the order of tau.
-        links: For each link its body's number and its placement (R, p) in the body.
         bodies: Bodies; the child of URDF joint i (without the root joint) is body i + 1.
         closure_tolerance: Largest closure residual at home and in `assemble` over the module's length.
         home: Home position, shape (nq,).
@@ -177,31 +171,30 @@ def build_robot(
     kinds = [str(j.joint.kind) for j in bodies.joints]
     if base != "fixed":
         joints, kinds = [ROOT_JOINT, *joints], ["floating", *kinds]
-    q_ends, v_ends = (np.cumsum([0] + [n[k] for k in kinds]) for n in (NQ, NV))
-    q_slices = tuple(slice(int(a), int(b)) for a, b in zip(q_ends, q_ends[1:], strict=False))
-    v_slices = tuple(slice(int(a), int(b)) for a, b in zip(v_ends, v_ends[1:], strict=False))
+    q_slices, v_slices = (tuple(slices(size[kind] for kind in kinds)) for size in (NQ, NV))
     home = _home(description, bodies, kinds, base)
-    build = _Builder(bodies, description, joints, q_slices, v_slices, home, rank_tolerance, closure_tolerance)
+    tolerances = (rank_tolerance, closure_tolerance)
+    build = ModuleBuilder(bodies, description, joints, q_slices, v_slices, home, tolerances)
     if base == "floating":
         build.add_base()
     for graph in graphs:
         build.add(graph)
     return HybridRobot(
-        description,
-        base,
-        np.asarray(gravity, dtype=float),
-        tuple(build.modules),
-        tuple(joints),
-        tuple(kinds),
-        q_slices,
-        v_slices,
-        tuple(description.motors),
-        bodies,
-        closure_tolerance,
-        home,
-        rank_tolerance,
-        kept,
-        payloads,
+        description=description,
+        base=base,
+        gravity=np.asarray(gravity, dtype=float),
+        modules=tuple(build.modules),
+        joints=tuple(joints),
+        kinds=tuple(kinds),
+        q_slices=q_slices,
+        v_slices=v_slices,
+        motors=tuple(description.motors),
+        bodies=bodies,
+        closure_tolerance=closure_tolerance,
+        home=home,
+        rank_tolerance=rank_tolerance,
+        held=kept,
+        payloads=payloads,
     )
 
 
@@ -231,148 +224,11 @@ def _home(description: Description, bodies: Bodies, kinds: list[str], base: str)
     parts = [np.array([0.0, 0, 0, 0, 0, 0, 1])] if base != "fixed" else []
     for joint, kind in zip(bodies.joints, kinds[len(parts) :], strict=True):
         value = np.asarray(description.home.get(joint.joint.name, (0.0,)), dtype=float)
-        one = Tree([TreeJoint("", joint.joint.kind, 0, joint.R, joint.p, joint.joint.axis)])
         if len(value) == NQ[kind] and kind != "continuous":
             parts.append(value)
         elif kind == "continuous":
             angle = value[0] if len(value) == 1 else np.arctan2(value[1], value[0])
             parts.append(np.array([np.cos(angle), np.sin(angle)]))
         else:
-            parts.append(one.neutral())
+            parts.append(TreeJoint("", joint.joint.kind, 0, joint.R, joint.p, joint.joint.axis).neutral)
     return np.concatenate(parts) if parts else np.zeros(0)
-
-
-class _Builder:
-    """Modules one after the other, equal ones sharing their mechanism."""
-
-    def __init__(
-        self,
-        bodies: Bodies,
-        description: Description,
-        joints: list[str],
-        q_slices: tuple[slice, ...],
-        v_slices: tuple[slice, ...],
-        home: Array,
-        rank_tolerance: float | None,
-        closure_tolerance: float,
-    ) -> None:
-        self.bodies, self.description = bodies, description
-        self.number = {name: i for i, name in enumerate(joints)}
-        self.q_slices, self.v_slices, self.home = q_slices, v_slices, home
-        self.tolerances = (rank_tolerance, closure_tolerance)
-        self.modules: list[Module] = []
-        self.shared: dict[bytes, Mechanism] = {}
-        self.output_of: dict[int, tuple[int, int]] = {0: (-1, 0)}
-        self.motor_number = {name: i for i, name in enumerate(description.motors)}
-
-    def add_base(self) -> None:
-        """Add the free base: no legs, one platform, a = identity."""
-        root = replace(self.bodies.bodies[0], name="", joint=0, heaviest=0.0)
-        joint = TreeJoint("", "floating", 0, np.eye(3), np.zeros(3), np.array([0.0, 0.0, 1.0]))
-        spec = ModuleSpec(
-            (joint,),
-            (joint,),
-            (0,),
-            (0, 1),
-            (),
-            (),
-            (),
-            (),
-            (),
-            (),
-            ((1,),),
-            (1,),
-            (root,),
-            (None,),
-            self.home[:7],
-        )
-        name = self.bodies.bodies[0].name
-        self._append(spec, name, "world", (name,), [ROOT_JOINT], [("", [ROOT_JOINT])], [], -1, 0)
-        self.output_of[0] = (0, 0)
-
-    def add(self, graph: ModuleGraph) -> None:
-        """Add a module of the kinematic graph."""
-        names = [self.bodies.joints[j].joint.name for j in graph.joints]
-        q_index = np.concatenate([np.arange(self.home.size)[self.q_slices[self.number[n]]] for n in names])
-        spec = module_spec(self.bodies, graph, self.home[q_index])
-        report = self._mechanism(spec).reduction.report
-        if graph.wrists and report.dropped > ROUNDED:
-            leave_whole(self.bodies, graph)
-            spec = module_spec(self.bodies, graph, self.home[q_index])
-        body = dict(enumerate([graph.base] + [j + 1 for j in graph.joints]))
-        outputs = [body[spec.tree_body[o]] for o in spec.outputs]
-        link = [self.bodies.bodies[b].name for b in outputs]
-        name = link[0] if link else self.bodies.bodies[graph.joints[-1] + 1].name
-        legs = []
-        for leg in graph.legs:
-            own = [self.bodies.joints[b - 1].joint.name for b in leg]
-            legs.append((_leg_name([self.bodies.bodies[b].name for b in leg]), own))
-        closures = [c.name for c in graph.closures] + [c.name for c in graph.couplings]
-        parent, output = self.output_of[graph.base]
-        self._append(
-            spec,
-            name,
-            self.bodies.bodies[graph.base].name,
-            tuple(link),
-            names,
-            legs,
-            closures,
-            parent,
-            output,
-        )
-        for i, o in enumerate(outputs):
-            self.output_of[o] = (len(self.modules) - 1, i)
-
-    def _mechanism(self, spec: ModuleSpec) -> Mechanism:
-        """Give the mechanism of a module, the one of an equal module where there is one."""
-        key = spec.key
-        if key not in self.shared:
-            self.shared[key] = Mechanism(spec, *self.tolerances)
-        return self.shared[key]
-
-    def _append(
-        self,
-        spec: ModuleSpec,
-        name: str,
-        base: str,
-        outputs: tuple[str, ...],
-        joints: list[str],
-        legs: list[tuple[str, list[str]]],
-        closures: list[str],
-        parent: int,
-        output: int,
-    ) -> None:
-        mechanism = self._mechanism(spec)
-        check_mechanism(mechanism, name, self.description.source, self.tolerances[1])
-        every_q, every_v = np.arange(self.q_slices[-1].stop), np.arange(self.v_slices[-1].stop)
-        numbers = [self.number[j] for j in joints]
-        tree_joint = {joints[s]: i for i, s in enumerate(spec.tree_joint) if s is not None}
-        motors = [j for j in joints if j in self.motor_number]
-        self.modules.append(
-            Module(
-                name,
-                base,
-                outputs,
-                tuple((n, tuple(j)) for n, j in legs),
-                tuple(joints),
-                tuple(closures),
-                tuple(motors),
-                mechanism,
-                parent,
-                output,
-                np.concatenate([every_q[self.q_slices[i]] for i in numbers]),
-                np.concatenate([every_v[self.v_slices[i]] for i in numbers]),
-                np.array([self.motor_number[m] for m in motors], dtype=int),
-                np.array([mechanism.tree.v_slices[tree_joint[m]].start for m in motors], dtype=int),
-            )
-        )
-
-
-def _leg_name(links: list[str]) -> str:
-    """Name a leg by what its links' names have in common, else by its first link."""
-    first = links[0]
-    common = next(
-        (first[:n] for n in range(len(first), 0, -1) if all(x.startswith(first[:n]) for x in links)), ""
-    )
-    common = common.rstrip("_-. ")
-    return common if len(common) >= 3 and len(links) > 1 else first
