@@ -16,7 +16,7 @@ from hybridyn.description.records import Description
 from hybridyn.elimination import null_basis
 from hybridyn.errors import ModelError
 from hybridyn.forward import forward
-from hybridyn.module import Mechanism
+from hybridyn.mechanism import Mechanism
 from hybridyn.reduction import LEG_PIVOT, RANK_GAP, decide_rank
 from hybridyn.robot import build_robot
 from hybridyn.spatial import Array
