@@ -158,7 +158,7 @@ def serve() -> None:
             arguments = pickle.load(tasks)
             pickle.dump(_done(work, arguments), results, protocol=pickle.HIGHEST_PROTOCOL)
             results.flush()
-    except (EOFError, BrokenPipeError):
+    except (EOFError, pickle.UnpicklingError, BrokenPipeError):  # in the middle of a task, or after it
         os._exit(0)  # nobody waits for what is left in buffers
 
 

@@ -1,0 +1,314 @@
+"""Several processes for one table: the same numbers in order, the same errors, nothing left behind."""
+
+import os
+import pickle
+import signal
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from command_line import ROOT, call, program, read_table, table_text
+
+import hybridyn
+from hybridyn.cli import blocks as blocks_file
+from hybridyn.cli.blocks import Block, Done, blocks, in_order, rows_at_once
+from hybridyn.cli.tables import _processes
+from hybridyn.cli.workers import Failure, Workers
+from hybridyn.description.tables import open_table
+from hybridyn.description.trajectory import Motion
+from hybridyn.errors import AssemblyError, HybridynError, TrajectoryError
+
+FIVE_BAR = ROOT / "urdf/five_bar.urdf.xacro"
+SAME = 1e-12  # of the largest number: other guesses, other batches
+
+
+@pytest.fixture
+def run(capsys: pytest.CaptureFixture[str]):
+    return lambda *words: call(capsys, *words)
+
+
+@pytest.fixture
+def small_blocks(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(blocks_file, "MOST_ROWS", 130)
+
+
+def long_table(path: Path, times: int) -> np.ndarray:
+    """Write the five-bar's periodic trajectory several times, and give its rows."""
+    with open_table(ROOT / "models/five_bar/traj.csv") as table:
+        header, rows = list(table.columns), next(table.blocks).values[:-1]
+    period = rows[1, 0] * len(rows)
+    rows = np.vstack([rows + np.eye(len(header))[0] * period * turn for turn in range(times)])
+    path.write_text(table_text(header, rows))
+    return rows
+
+
+# -------------------------------------------------------------------- the whole program
+
+
+def test_the_same_numbers_as_one_process(run, tmp_path: Path, small_blocks) -> None:
+    path = tmp_path / "traj.csv"
+    long_table(path, 1)
+    found = []
+    for jobs in (1, 3):
+        words = ["-o", tmp_path / f"{jobs}.csv", "--reactions", tmp_path / f"{jobs}r.csv", "--jobs", jobs]
+        said = run("idm", FIVE_BAR, path, *words)
+        assert said.status == 0, said.err
+        assert ("in 3 processes" in said.err) == (jobs == 3)
+        tables = [read_table((tmp_path / f"{jobs}{end}.csv").read_text()) for end in ("", "r")]
+        found.append(np.column_stack([column for table in tables for column in table.values()]))
+    scale = np.abs(found[0]).max(axis=0)
+    assert np.abs(found[1] - found[0]).max() <= SAME * scale.max()
+    assert np.array_equal(found[0][:, 0], found[1][:, 0])
+
+
+def test_fitted_rates_and_efforts_too(run, tmp_path: Path, small_blocks) -> None:
+    path = tmp_path / "states.csv"
+    rows = long_table(path, 1)
+    names = ("m1_left_drive", "m1_right_drive")
+    header = ["time", *(f"{n}/position" for n in names), *(f"{n}/effort" for n in names)]
+    path.write_text(table_text(header, np.column_stack([rows[:, [0, 1, 4]], np.sin(rows[:, [1, 4]])])))
+    one, two = (read_table(run("ddm", FIVE_BAR, path, "-j", jobs).out) for jobs in (1, 2))
+    assert one.keys() == two.keys()
+    for name in one:
+        assert np.abs(one[name] - two[name]).max() <= SAME * np.abs(one[name]).max()
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+@pytest.mark.parametrize("row", [1, 131, 500, 1000])
+def test_errors_name_the_row_and_leave_nothing(run, tmp_path: Path, small_blocks, jobs, row) -> None:
+    """Out of reach there: the arms would have to be longer."""
+    path = tmp_path / "traj.csv"
+    rows = long_table(path, 1)
+    header = path.read_text().splitlines()[0].split(",")
+    rows[row - 1 :, 1] += 2e4
+    path.write_text(table_text(header, rows))
+    said = run("idm", FIVE_BAR, path, "-o", tmp_path / "out.csv", "--jobs", jobs)
+    assert said.status == 1
+    assert said.err.count("\n") == 1
+    assert said.err.startswith(f"error: {path}, row {row} (t = {rows[row - 1, 0]:.6g} s): "), said.err
+    assert [entry.name for entry in tmp_path.iterdir()] == ["traj.csv"]
+
+
+def test_a_table_that_goes_wrong_later_on(run, tmp_path: Path, small_blocks) -> None:
+    path = tmp_path / "traj.csv"
+    long_table(path, 3)
+    lines = path.read_text().splitlines()
+    lines[2900] = lines[2900].replace(",", ",x", 1)
+    path.write_text("\n".join(lines))
+    said = run("idm", FIVE_BAR, path, "-o", tmp_path / "out.csv", "--jobs", 2)
+    assert said.status == 1
+    assert "row 2900" in said.err
+    assert [entry.name for entry in tmp_path.iterdir()] == ["traj.csv"]
+
+
+def alive(pid: int) -> bool:
+    try:
+        state = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0]
+    except OSError:
+        return False
+    return state != "Z"
+
+
+def gone(pids: list[int], patience: float = 20.0) -> bool:
+    deadline = time.monotonic() + patience
+    while any(map(alive, pids)) and time.monotonic() < deadline:
+        time.sleep(0.05)
+    return not any(map(alive, pids))
+
+
+@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="looks for processes in /proc")
+@pytest.mark.parametrize(
+    ("number", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, 143), (signal.SIGKILL, -signal.SIGKILL)]
+)
+def test_no_process_outlives_the_command(tmp_path: Path, number: int, status: int) -> None:
+    """Ctrl-C, a polite end and a sudden one, while blocks are under way."""
+    path, target = tmp_path / "traj.csv", tmp_path / "out.csv"
+    long_table(path, 40)
+    with program("idm", FIVE_BAR, path, "-o", target, "--jobs", "2", start_new_session=True) as process:
+        deadline = time.monotonic() + 60
+        while not list(tmp_path.glob(".out.csv.*")) and time.monotonic() < deadline:
+            time.sleep(0.02)
+        workers = offspring(process.pid)
+        assert len(workers) == 2
+        os.killpg(process.pid, number)
+        assert process.wait(timeout=60) == status
+        assert process.stderr is not None
+        assert process.stderr.read().strip() in ("error: interrupted", "")
+    assert gone(workers)
+    left = {entry.name for entry in tmp_path.iterdir()} - {"traj.csv"}
+    assert not target.exists()
+    assert number == signal.SIGKILL or not left
+
+
+def offspring(parent: int) -> list[int]:
+    """Give the processes that a process has started."""
+    out = []
+    for entry in Path("/proc").iterdir():
+        try:
+            fields = (entry / "stat").read_text().rpartition(")")[2].split()
+        except (OSError, ValueError):
+            continue
+        if entry.name.isdigit() and int(fields[1]) == parent:
+            out.append(int(entry.name))
+    return out
+
+
+@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="looks for processes in /proc")
+def test_a_process_that_dies_is_an_error(tmp_path: Path) -> None:
+    path, target = tmp_path / "traj.csv", tmp_path / "out.csv"
+    long_table(path, 40)
+    with program("idm", FIVE_BAR, path, "-o", target, "--jobs", "2") as process:
+        deadline = time.monotonic() + 60
+        while not list(tmp_path.glob(".out.csv.*")) and time.monotonic() < deadline:
+            time.sleep(0.02)
+        workers = offspring(process.pid)
+        os.kill(workers[0], signal.SIGKILL)
+        assert process.wait(timeout=60) == 1
+        assert process.stderr is not None
+        assert "a worker process ended without a result (SIGKILL)" in process.stderr.read()
+    assert gone(workers)
+    assert [entry.name for entry in tmp_path.iterdir()] == ["traj.csv"]
+
+
+# -------------------------------------------------------------------- blocks
+
+
+def motion(first_row: int, size: int, *, timed: bool = True) -> Motion:
+    x = np.arange(first_row, first_row + size, dtype=float)
+    return Motion(
+        first_row,
+        size,
+        x if timed else None,
+        joints={"j": (x, x, x)},
+        wrenches={"l": np.outer(x, np.ones(6))},
+    )
+
+
+@pytest.mark.parametrize("connected", [True, False])
+def test_blocks_have_the_row_before_them_in_front(connected: bool) -> None:
+    made = list(blocks([motion(1, 5), motion(6, 4)], 2, connected))
+    own = [block.motion.time[block.lead :].tolist() for block in made]
+    assert own == [[1, 2], [3, 4], [5], [6, 7], [8, 9]]
+    assert [block.lead for block in made] == [0, *[int(connected)] * 4]
+    for block in made:
+        rows = np.arange(block.motion.first_row, block.motion.first_row + block.motion.size)
+        assert block.motion.size == len(rows)
+        assert np.array_equal(block.motion.time, rows)
+        assert np.array_equal(block.motion.joints["j"][2], rows)
+        assert np.array_equal(block.motion.wrenches["l"][:, 5], rows)
+
+
+class Walk:
+    """Stands for a robot whose posture is the row's number plus what it started from, 0 or 100."""
+
+    def __init__(self, start: float = 0.0, fail_at: int | None = None) -> None:
+        self.start, self.fail_at = start, fail_at
+
+    def __call__(self, block: Block, guess: Any) -> Done:
+        """Walk along the rows."""
+        x = block.motion.time
+        branch = self.start if guess is None else guess[0] - x[0] if block.lead else 0.0
+        if self.fail_at is not None and (x == self.fail_at).any():
+            raise TrajectoryError("no", row=self.fail_at)
+        q = (x + branch)[:, None]
+        return Done(int(x[block.lead]), x[block.lead :], q[block.lead :], None, 0 * x, q[0], q[-1])
+
+
+class SameProcess:
+    """Stands for `Workers`, with another function for those that start from a guess."""
+
+    def __init__(self, work: Any, count: int) -> None:
+        self.work, self.count = work, count
+        self.results: list[Any] = []
+        self.most = 0
+
+    def __len__(self) -> int:
+        return self.count
+
+    def give(self, arguments: Any) -> None:
+        """Do it at once."""
+        try:
+            self.results.append(self.work(*arguments))
+        except HybridynError as error:
+            self.results.append(Failure(error))
+        self.most = max(self.most, len(self.results))
+
+    def take(self) -> Any:
+        """Give the oldest result."""
+        return self.results.pop(0)
+
+
+@pytest.mark.parametrize("elsewhere", [0.0, 100.0])
+def test_a_block_on_another_branch_is_done_again(elsewhere: float) -> None:
+    workers = SameProcess(lambda block, guess: Walk(elsewhere if block.lead else 0.0)(block, guess), 3)
+    given = blocks([motion(1, 50)], 4, True)
+    rows = np.vstack([done.rows for done in in_order(Walk(), given, workers)])
+    assert rows[:, 0].tolist() == list(range(1, 51))
+    assert workers.most == 3
+    assert not workers.results
+
+
+def test_a_failure_of_a_guess_is_no_failure() -> None:
+    workers = SameProcess(lambda block, guess: Walk(0.0, 9 if block.lead else None)(block, guess), 2)
+    given = blocks([motion(1, 20)], 4, True)
+    rows = np.vstack([done.rows for done in in_order(Walk(), given, workers)])
+    assert rows[:, 0].tolist() == list(range(1, 21))
+
+
+def test_the_first_error_in_order_of_rows_is_raised() -> None:
+    def rows() -> Any:
+        yield from blocks([motion(1, 12)], 4, True)
+        raise TrajectoryError("the table", row=13)
+
+    for fail_at, wanted in ((6, 6), (None, 13)):
+        with pytest.raises(TrajectoryError) as caught:
+            list(in_order(Walk(0.0, fail_at), rows(), SameProcess(Walk(0.0, fail_at), 4)))
+        assert caught.value.row == wanted
+
+
+# -------------------------------------------------------------------- processes
+
+
+def test_robots_and_errors_travel() -> None:
+    robot = hybridyn.load(FIVE_BAR, base="floating")
+    again = pickle.loads(pickle.dumps(robot))
+    tau = np.array([1.0, 2.0])
+    expected = hybridyn.ddm(robot, robot.home, np.zeros(robot.nv), tau)
+    assert np.array_equal(hybridyn.ddm(again, again.home, np.zeros(again.nv), tau), expected)
+    error = AssemblyError("message", module="m", sample=3, open_freedoms=2)
+    copy = pickle.loads(pickle.dumps(error))
+    assert (str(copy), vars(copy)) == (str(error), vars(error))
+    named = pickle.loads(pickle.dumps(TrajectoryError("wrong", file="t.csv", row=7)))
+    assert (str(named), named.row) == ("t.csv, row 7: wrong", 7)
+
+
+def test_workers_answer_in_turn_and_give_their_errors() -> None:
+    with Workers(2) as workers:
+        workers.prepare(divmod)
+        workers.give((7, 2))
+        workers.give((7, 0))
+        assert workers.take() == (3, 1)
+        workers.give((9, 2))
+        failure = workers.take()
+        assert isinstance(failure, Failure)
+        assert isinstance(failure.error, ZeroDivisionError)
+        assert workers.take() == (4, 1)
+    assert len(workers) == 0
+
+
+def test_how_many_processes_and_rows(tmp_path: Path) -> None:
+    robot = hybridyn.load(FIVE_BAR)
+    assert rows_at_once(robot, 0, None) == 2_000
+    assert rows_at_once(robot, 2, 10_000) == pytest.approx(10_000 / 6, rel=0.06)
+    assert rows_at_once(robot, 4, 1_000) == pytest.approx(250, rel=0.06)
+    path = tmp_path / "traj.csv"
+    long_table(path, 1)
+    with open_table(path) as table:
+        assert table.rows == pytest.approx(1_000, rel=0.5)
+        assert _processes(None, table) == 0
+        assert _processes(1, table) == 0
+        assert _processes(3, table) == 3
+        table.rows = 1_000_000
+        assert _processes(None, table) in (0, len(os.sched_getaffinity(0)))
