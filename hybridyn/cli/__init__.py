@@ -20,7 +20,7 @@ import click
 from hybridyn import __version__
 from hybridyn.errors import HybridynError
 
-COMMANDS = ("idm", "ddm", "info")
+COMMANDS = ("idm", "ddm", "effects", "info")
 """Commands in the order of `--help`; each is `command` in the module of its name."""
 
 OPTIONS = {'passive="solved"': "--passive solved", 'on_singular="least-norm"': "--on-singular least-norm"}

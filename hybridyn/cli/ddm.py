@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 )
 @takes_robot
 @takes_table("STATES")
-@takes_effects
+@takes_effects("default")
 def command(load: Callable[[], HybridRobot], tables: Tables, effects: tuple[str, ...]) -> None:
     """Give the accelerations of ROBOT (URDF or xacro) under the efforts and in the states of STATES.
 

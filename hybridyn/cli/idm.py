@@ -43,7 +43,7 @@ if TYPE_CHECKING:
     help="How redundant motors share: motor=value for every motor (commas or repeated), or a CSV file with "
     "the motors' names and one row.",
 )
-@takes_effects
+@takes_effects("default")
 def command(
     load: Callable[[], HybridRobot],
     tables: Tables,

@@ -105,16 +105,21 @@ def _effect_names(ctx: click.Context, param: click.Parameter, value: str) -> tup
     return names
 
 
-takes_effects = click.option(
-    "--effects",
-    metavar="A,B,...",
-    callback=_effect_names,
-    default="default",
-    show_default=True,
-    help="What is computed, and nothing else: 'default' (gravity, inertia, leg_inertia, velocity), 'model' (those "
-    "and all that the robot's files state), 'none', or names of effects, these words among them.",
-)
-"""Gives a command `effects`, the names of effects."""
+def takes_effects(default: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """Give a command `effects`, the names of effects.
+
+    Args:
+        default: What is computed where the user names none.
+    """
+    return click.option(
+        "--effects",
+        metavar="A,B,...",
+        callback=_effect_names,
+        default=default,
+        show_default=True,
+        help="What is computed, and nothing else: 'default' (gravity, inertia, leg_inertia, velocity), 'model' "
+        "(those and all that the robot's files state), 'none', or names of effects, those words included.",
+    )
 
 
 _OPTIONS = (

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -72,6 +72,20 @@ class Effects:
     def absent(self) -> tuple[str, ...]:
         """Names of the effects that are off."""
         return tuple(name for name in UNITS if name not in self.names)
+
+    def only(self, names: Collection[str]) -> Effects:
+        """Give those of the effects that are named."""
+
+        def kept(unit: Any) -> Any:
+            return unit if unit is not None and unit.name in names else None
+
+        return Effects(
+            kept(self.gravity), kept(self.inertia), kept(self.leg_inertia), kept(self.velocity),
+            tuple(law for law in self.joints if law.effect.name in names),
+            tuple(law for law in self.rotors if law.effect.name in names),
+            tuple(law for law in self.links if law.name in names),
+            kept(self.limits), kept(self.base), tuple(name for name in self.names if name in names),
+        )  # fmt: skip
 
     def leg_forces(self, s: ModuleState) -> tuple[Array, Array]:
         """Give F_b, shape (T, 6), and H, shape (T, n), of a module's legs."""

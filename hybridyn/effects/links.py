@@ -58,8 +58,8 @@ def at_times(name: str, table_time: Array, time: Array) -> None:
     out = np.flatnonzero((time < table_time[0]) | (time > table_time[-1]))
     if len(out):
         raise TrajectoryError(
-            f"{name}: its table runs from {table_time[0]:g} s to {table_time[-1]:g} s; t = {time[out[0]]:g} s "
-            "is outside"
+            f"{name}: its table runs from {table_time[0]:g} s to {table_time[-1]:g} s; "
+            f"t = {time[out[0]]:g} s is outside"
         )
 
 
@@ -75,8 +75,8 @@ def table(name: str, time: Any, values: Any, width: int) -> tuple[Array, Array]:
     t, x = np.asarray(time, dtype=float), np.asarray(values, dtype=float)
     if t.ndim != 1 or len(t) < 2 or x.shape != (len(t), width):
         raise ModelError(
-            f"{name}: a table needs two rows or more: times (rows,) and values (rows, {width}), not {t.shape} and "
-            f"{x.shape}"
+            f"{name}: a table needs two rows or more: times (rows,) and values (rows, {width}), "
+            f"not {t.shape} and {x.shape}"
         )
     if not (np.isfinite(t).all() and np.isfinite(x).all() and (np.diff(t) > 0).all()):
         raise ModelError(f"{name}: a table's numbers must be finite and its times grow")

@@ -1,0 +1,143 @@
+"""`hybridyn effects`: what each effect is worth on a motion, and what it costs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
+
+import click
+
+from hybridyn.cli.robot_options import RobotCommand, existing_file, takes_effects, takes_robot
+from hybridyn.cli.summary import aligned_rows, effects_line
+
+if TYPE_CHECKING:
+    from hybridyn.cli.postures import Postures
+    from hybridyn.effects import Effects
+    from hybridyn.effects.contributions import Contribution, Selection, Worth
+    from hybridyn.robot import HybridRobot
+
+
+def _part(ctx: click.Context, param: click.Parameter, value: str | None) -> float | None:
+    """Read "1%" or "0.01"."""
+    if value is None:
+        return None
+    try:
+        number = float(value[:-1]) / 100 if value.endswith("%") else float(value)
+    except ValueError:
+        number = -1.0
+    if not 0 <= number < float("inf"):
+        raise click.BadParameter(
+            f"'{value}' is neither a percentage like '1%' nor a number like '0.01'", ctx, param
+        )
+    return number
+
+
+@click.command("effects", cls=RobotCommand, short_help="What each physical effect is worth on a motion.")
+@takes_robot
+@click.argument("trajectory", callback=existing_file)
+@takes_effects("model")
+@click.option(
+    "--within",
+    metavar="PART",
+    callback=_part,
+    help="Also name the cheapest set of effects whose efforts depart by no more than this, '1%' say, of each "
+    "motor's peak effort.",
+)
+def command(
+    load: Callable[[], HybridRobot], trajectory: str, effects: tuple[str, ...], within: float | None
+) -> None:
+    """Say what each effect adds to the efforts that move ROBOT as TRAJECTORY says, and what it costs in time.
+
+    The table is that of 'hybridyn idm'. For each effect and motor: the largest addition, its RMS, and its
+    share (RMS over the RMS of the motor's whole effort; shares need not sum to 100 %). What an effect adds is
+    the difference between all effects and all but it; leaving inertia out leaves out what needs it (velocity,
+    rotor_inertia). Times are measured here and now.
+
+    Effects: gravity, inertia, leg_inertia (the legs' mass), velocity (centrifugal and gyroscopic forces),
+    rotor_inertia, viscous_friction, coulomb_friction, stribeck_friction, spring, damper, stop,
+    ground_contact, limits; numbers come from the robot's files.
+    """
+    from hybridyn.effects import choose
+
+    robot = load()
+    chosen = choose(robot, effects)
+    worth = weigh(robot, trajectory, chosen)
+    added, seconds = worth.contributions()
+    for line in (*contribution_lines(robot, added), *cost_lines(added, seconds)):
+        click.echo(line)
+    if within is not None:
+        click.echo()
+        click.echo(selection_line(robot, worth.cheapest(within), within))
+    for line in effects_line(chosen):
+        click.echo(line, err=True)
+
+
+def weigh(robot: HybridRobot, trajectory: str, effects: Effects) -> Worth:
+    """Read a motion and run the inverse model on it.
+
+    Args:
+        robot: The robot.
+        trajectory: The table's file.
+        effects: The effects that are weighed.
+
+    Raises:
+        HybridynError: The table is wrong, or cannot be followed.
+    """
+    import numpy as np
+
+    from hybridyn.cli.postures import postures, rows_named
+    from hybridyn.description.columns import read_layout
+    from hybridyn.description.tables import open_table
+    from hybridyn.description.trajectory import read_motions
+    from hybridyn.effects.contributions import Worth
+
+    with open_table(trajectory) as table:
+        layout = read_layout(
+            table.columns, robot.description, motors=robot.motors, base=robot.base, file=table.file
+        )
+        found: list[Postures] = []
+        for motion in read_motions(table, layout):
+            connected = found and layout.time is not None and not layout.full_state
+            found.append(postures(robot, motion, layout, found[-1].q[-1] if connected else None))
+    q, v, a = (np.concatenate([getattr(block, x) for block in found]) for x in ("q", "v", "a"))
+    time = None if found[0].motion.time is None else np.concatenate([block.motion.time for block in found])
+    wrenches = {
+        link: np.concatenate([block.motion.wrenches[link] for block in found])
+        for link in found[0].motion.wrenches or ()
+    }
+    with rows_named(layout, found[0].motion):
+        return Worth(robot, q, v, a, effects, wrenches=wrenches, time=time)
+
+
+def contribution_lines(robot: HybridRobot, contributions: Sequence[Contribution]) -> list[str]:
+    """Give the table of what each effect adds to each motor's effort."""
+    kinds = {joint.name: joint.kind for joint in robot.description.joints}
+    rows = [["effect", "motor", "peak", "RMS", "unit", "share"]]
+    for effect in contributions:
+        for i, motor in enumerate(robot.motors):
+            peak, rms, share = effect.peak[i], effect.rms[i], effect.share[i]
+            unit = "N" if kinds[motor] == "prismatic" else "N m"
+            if peak != peak:  # without it, a passive motion needs an effort that no motor can make
+                rows.append([effect.name, motor, "needed", "", "", ""])
+            else:
+                rows.append([effect.name, motor, f"{peak:.4g}", f"{rms:.4g}", unit, f"{share:.2%}"])
+    return aligned_rows(rows, right=(2, 3, 5))
+
+
+def cost_lines(contributions: Sequence[Contribution], seconds: float) -> list[str]:
+    """Give the table of what each effect costs in time."""
+    rows = [["effect", "time per sample", "of the whole"]]
+    for effect in contributions:
+        rows.append([effect.name, f"{effect.seconds * 1e6:.1f} us", f"{effect.seconds / seconds:.1%}"])
+    rows.append(["all together", f"{seconds * 1e6:.1f} us", ""])
+    return ["", *aligned_rows(rows, right=(1, 2))]
+
+
+def selection_line(robot: HybridRobot, chosen: Selection, within: float) -> str:
+    """Say which effects suffice, in one line."""
+    where = f" (motor {robot.motors[chosen.motor]})" if robot.motors else ""
+    return (
+        f"cheapest within {within:.3g} of the peak efforts: --effects {','.join(chosen.names) or 'none'}; "
+        f"largest departure {chosen.deviation:.2g}{where}; {chosen.seconds * 1e6:.1f} us per sample "
+        f"instead of {chosen.full_seconds * 1e6:.1f} us"
+    )

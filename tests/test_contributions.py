@@ -1,0 +1,137 @@
+"""`hybridyn effects`: parts of the efforts against the inverse model, the cheapest set, the command line."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from comparing import close_to
+from effect_cases import every
+from mechanisms import random_mechanism, random_states
+from shipped import shipped, states_near_home
+
+import hybridyn
+from hybridyn import effects as fx
+from hybridyn.cli import main
+from hybridyn.effects.choice import choose
+from hybridyn.effects.contributions import Selection, Worth, subsets
+from hybridyn.robot import build_robot
+
+ROOT = Path(__file__).parents[1]
+FIVE_BAR = [str(ROOT / "urdf/five_bar.urdf.xacro"), str(ROOT / "models/five_bar/traj.csv")]
+LINEAR = 1e-11  # sums of efforts instead of efforts of sums
+
+
+@pytest.fixture(scope="module")
+def worth() -> Worth:
+    description = shipped("five_bar")
+    robot = build_robot(description)
+    q, v, a = states_near_home(description, "fixed", 0, 5)
+    on = choose(robot, ["model", *every(robot), fx.Limits(dict.fromkeys(robot.motors, 1e6))])
+    return Worth(robot, q, v, a, on, time=np.full(5, 0.7))
+
+
+def test_efforts_of_every_set_are_those_of_the_inverse_model(worth: Worth) -> None:
+    sets = [
+        names
+        for names in subsets(worth.names)
+        if "inertia" in names or not names & {"velocity", "rotor_inertia"}
+    ]
+    for names in [sets[i] for i in np.random.default_rng(0).choice(len(sets), 25, replace=False)]:
+        expected = worth.run(names)
+        assert np.abs(worth.of(names) - expected).max() < LINEAR * np.abs(worth.full).max()
+
+
+def test_contributions_are_differences(worth: Worth) -> None:
+    found = {part.name: part for part in worth.contributions()[0]}
+    assert tuple(found) == worth.names
+    assert "limits" not in found
+    for name in ("gravity", "spring", "wrench"):
+        added = worth.full - worth.run(frozenset(worth.names) - {name})
+        close_to(np.abs(found[name].peak), np.abs(added).max(axis=0), 1e-9)
+        close_to(found[name].rms, np.sqrt(np.mean(added**2, axis=0)), 1e-9)
+        close_to(found[name].share, found[name].rms / np.sqrt(np.mean(worth.full**2, axis=0)), 1e-9)
+    without = worth.full - worth.run(frozenset(worth.names) - {"inertia", "velocity", "rotor_inertia"})
+    close_to(np.abs(found["inertia"].peak), np.abs(without).max(axis=0), 1e-9)
+
+
+def test_the_cheapest_set_stays_within(worth: Worth) -> None:
+    peaks = np.abs(worth.full).max(axis=0)
+    for within in (0.0, 0.05, 0.5, 1e9):
+        chosen = worth.cheapest(within)
+        error = np.abs(worth.run(frozenset(chosen.names)) - worth.full).max(axis=0) / peaks
+        assert chosen.deviation <= within * (1 + LINEAR) + LINEAR
+        assert chosen.deviation == pytest.approx(error.max(), abs=LINEAR)
+    assert set(worth.cheapest(0.0).names) == set(worth.names)
+    assert len(worth.cheapest(1e9).names) < len(worth.names) / 2
+
+
+def test_an_effect_that_a_passive_motion_needs_is_kept() -> None:
+    description = random_mechanism(0, kind="star_few")
+    robot = build_robot(description)
+    q, v, a = random_states(description, "fixed", 0, 2)
+    found = Worth(robot, q, v, a, choose(robot, None))
+    assert set(found.cheapest(0.9).names) == set(found.names)
+    assert all(np.isnan(part.peak).all() for part in found.contributions()[0])
+
+
+def test_the_command(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    assert main(["effects", *FIVE_BAR, "--within", "100%"]) == 0
+    out, err = capsys.readouterr()
+    lines = [line.split() for line in out.splitlines()]
+    robot = hybridyn.load(FIVE_BAR[0])
+    names = choose(robot, "model").names
+    assert [row[0] for row in lines[1 : 1 + 2 * len(names)]] == [name for name in names for _ in range(2)]
+    assert "cheapest within 1 of the peak efforts: --effects" in out
+    assert "effects on: gravity, inertia" in err
+    selection = Selection(("gravity",), 0.25, 1, 1e-6, 2e-6)
+    monkeypatch.setattr(Worth, "cheapest", lambda self, within: selection)
+    assert main(["effects", *FIVE_BAR, "--effects", "default", "--within", "0.3"]) == 0
+    last = capsys.readouterr().out.splitlines()[-1]
+    assert "--effects gravity; largest departure 0.25 (motor m1_right_drive); 1.0 us" in last
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--within", "much"], "neither a percentage"),
+        (["--within", "-1%"], "neither a percentage"),
+        (["--effects", "gravty"], "did you mean 'gravity'?"),
+        (["--effects", "gravity,velocity"], "'velocity' needs 'inertia'"),
+        (["--effects", "spring"], "state no numbers for the effect 'spring'"),
+    ],
+)
+def test_mistakes_are_one_line(words: list[str], message: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["effects", *FIVE_BAR, *words]) in (1, 2)
+    err = capsys.readouterr().err
+    assert message in err
+    assert err.count("\n") == 1
+
+
+def test_effects_of_idm_and_ddm(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    out = tmp_path / "tau.csv"
+    assert main(["idm", *FIVE_BAR, "--effects", "model", "-o", str(out)]) == 0
+    assert "effects on: gravity, inertia, leg_inertia, velocity, rotor_inertia, v" in capsys.readouterr().err
+    robot = hybridyn.load(FIVE_BAR[0])
+    motion = np.genfromtxt(FIVE_BAR[1], delimiter=",", names=True, deletechars="", max_rows=20)
+    tau = np.genfromtxt(out, delimiter=",", names=True, deletechars="", max_rows=20)
+    motors = {
+        m: tuple(motion[f"{m}/{rate}"] for rate in ("position", "velocity", "acceleration"))
+        for m in robot.motors
+    }
+    q, v, a = hybridyn.assemble(robot, motors=motors)
+    efforts = np.column_stack([tau[f"{m}/effort"] for m in robot.motors])
+    close_to(efforts, hybridyn.idm(robot, q, v, a, effects="model"), 1e-9)
+    states = tmp_path / "states.csv"
+    columns = [f"{m}/{rate}" for m in robot.motors for rate in ("position", "velocity", "effort")]
+    rows = np.column_stack([x for m in robot.motors for x in (*motors[m][:2], tau[f"{m}/effort"])])
+    np.savetxt(states, rows, delimiter=",", header=",".join(columns), comments="")
+    back = tmp_path / "back.csv"
+    assert main(["ddm", FIVE_BAR[0], str(states), "--effects", "model", "-o", str(back)]) == 0
+    assert "effects on: gravity" in capsys.readouterr().err
+    table = np.genfromtxt(back, delimiter=",", names=True, deletechars="")
+    found = np.column_stack([table[f"{m}/acceleration"] for m in robot.motors])
+    close_to(found, np.column_stack([motors[m][2] for m in robot.motors]), 1e-8)
+    assert main(["ddm", FIVE_BAR[0], str(states), "--effects", "gravity", "-o", str(back)]) == 1
+    assert "needs the effect 'inertia'" in capsys.readouterr().err
