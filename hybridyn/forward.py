@@ -130,6 +130,9 @@ def forward(
         spanning = m.spanning.sweep(qk, vk, ak)
         x, x_dot, x_ddot = m.cut(qk, vk, ak, spanning)
         motion = m.cut_motion(spanning)
+        locked = m.locked_carriers(spanning)
+        if len(locked):
+            m.platforms_from_legs(x, x_dot, None if a is None else x_ddot, motion, locked)
         outputs, outputs_dot = np.zeros((2, len(q), len(m.spec.outputs), 6))
         for o, body in enumerate(m.spec.outputs):
             relative = motion.twist(body)
@@ -230,8 +233,10 @@ def _check_wrists(state: ModuleState, slack: float, accelerations: bool) -> None
         apart = pdd - cross(select(s.wd, target), p) - cross(w0, sweep)
         size = np.maximum(np.abs(state.a / unit).max(axis=1, initial=0.0), np.abs(s.wd).max(axis=(1, 2)))
         misses.append(("accelerations", "accelerating apart", apart, wd, size + speed**2))
+    unknown = m.locked_carriers(s)  # there the spanning tree itself does not tell its platform's motion
     for what, how, linear, angular, size in misses:
         miss = np.abs(np.concatenate([linear / m.length, angular], axis=-1))
+        miss[unknown] = 0.0
         for t, i in np.argwhere((miss > slack * size[:, None, None]).any(axis=-1)):
             if is_locked(m.wrist_rates(s.take(np.array([t])), welded[i]))[0]:
                 miss[t, i] = 0.0

@@ -11,12 +11,15 @@ from numpy.typing import ArrayLike
 from .actuation import Sharing, motor_efforts
 from .effects.choice import Choice, choose, times
 from .errors import ActuationError, TrajectoryError
-from .forward import ModuleState, as_batch, base_motion, check_closed, forward
+from .forward import ModuleState, as_batch, base_motion, check_closed, forward, same_samples
 from .loads import Loads, all_loads
 from .lost_rank import along_motion, refuse_lost_rank
 from .reactions import Reactions, module_reactions
 from .robot import HybridRobot
 from .spatial import Array, wrench_to_base
+
+#: What to advise where a passive motion would need an effort.
+HINT = 'Give the accelerations that need no effort there, or pass passive="solved"'
 
 
 @overload
@@ -86,12 +89,9 @@ def idm(
     """
     q, single = as_batch(q, robot.nq, "q")
     v, a = as_batch(v, robot.nv, "v")[0], as_batch(a, robot.nv, "a")[0]
-    if not len(q) == len(v) == len(a):
-        raise TrajectoryError(f"q, v, a have {len(q)}, {len(v)}, {len(a)} samples")
-    if on_singular not in ("raise", "least-norm"):
-        raise TrajectoryError(f"on_singular must be 'raise' or 'least-norm', not {on_singular!r}")
-    if passive not in ("given", "solved"):
-        raise TrajectoryError(f"passive must be 'given' or 'solved', not {passive!r}")
+    same_samples(q=q, v=v, a=a)
+    _one_of("on_singular", on_singular, "raise", "least-norm")
+    _one_of("passive", passive, "given", "solved")
     on, time = choose(robot, effects), times(time, len(q))
     if on.base is not None:
         q, v, a = on.base.into(robot, time, q, v, a)
@@ -103,12 +103,7 @@ def idm(
     v, a = on.inertia.motion(v, a) if on.inertia else (np.zeros_like(v), np.zeros_like(a))
     states = forward(robot, q, v, a, on.gravity)
     check_closed(robot, states, q, accelerations=True)
-    hint = (
-        'Give the accelerations that need no effort there, or pass passive="solved"'
-        if passive == "given"
-        else ""
-    )
-    sharing = Sharing(_weights(robot, weights), on_singular, hint)
+    sharing = Sharing(_weights(robot, weights), on_singular, HINT if passive == "given" else "")
     result = Reactions.empty(len(q)) if reactions else None
     tau = np.zeros((len(q), len(robot.motors)))
     _backward(robot, states, loads, sharing, tau, result, (q, v, a))
@@ -119,8 +114,18 @@ def idm(
     return (tau[0], result.sample(0)) if single else (tau, result)
 
 
+def _one_of(name: str, value: str, *allowed: str) -> None:
+    """Refuse a value that is not allowed.
+
+    Raises:
+        TrajectoryError: With those that are.
+    """
+    if value not in allowed:
+        raise TrajectoryError(f"{name} must be {' or '.join(map(repr, allowed))}, not {value!r}")
+
+
 def reactions_of(robot: HybridRobot, q: Array, v: Array, a: Array, tau: Array, loads: Loads) -> Reactions:
-    """Give the wrenches between modules and in the closures of a motion under known efforts, shapes (T, ...)."""
+    """Give the wrenches between modules and in the closures of a motion under known efforts."""
     result = Reactions.empty(len(q))
     _backward(robot, forward(robot, q, v, a, loads.on.gravity), loads, None, tau, result, (q, v, a))
     return result
@@ -140,10 +145,9 @@ def _backward(
     Fills in `tau` (unless `sharing` is None: efforts are known) and `result` (unless None).
     """
     T = len(given[0])
-    received = [
-        np.zeros((T, len(s.module.outputs), 6)) for s in states
-    ]  # sum over children of F_k, outputs' frames
-    summed = [np.zeros((T, len(s.module.outputs))) for s in states]  # the same without cancellation, as work
+    # For every output the sum of its children's F_k, in its frame; the same without cancellation, as work.
+    received = [np.zeros((T, len(s.module.outputs), 6)) for s in states]
+    summed = [np.zeros((T, len(s.module.outputs))) for s in states]
     root = np.zeros((T, 6))
     for k in reversed(range(len(states))):
         s, load = states[k], loads.modules[k]

@@ -29,6 +29,8 @@ from .spatial import Array, Index, Mask, cross, quaternion_from_rotation, select
 
 #: A wrist whose reciprocal condition falls below this is in gimbal lock.
 GIMBAL_LOCK = 1e-9
+#: Where its axes span less than this, a carrying wrist does not tell its platform's motion: rates grow there.
+NEAR_LOCK = 1e-2
 
 _log = logging.getLogger("hybridyn")
 
@@ -171,6 +173,44 @@ class Mechanism:
             if a is not None:
                 out_a[:, to] = motion.acceleration(body)
         return out_q, out_v, out_a
+
+    def locked_carriers(self, spanning: Motion) -> Index:
+        """Give the samples at which a wrist that carries a platform is near gimbal lock."""
+        near = np.zeros(len(spanning.p), dtype=bool)
+        for number, wrist in enumerate(self.spec.wrists):
+            if wrist.carries and len(wrist.joints) == 3:
+                near |= np.abs(np.linalg.det(self.wrist_rates(spanning, number)[:, 3:])) <= NEAR_LOCK
+        return np.flatnonzero(near)
+
+    def platforms_from_legs(
+        self, x: Array, x_dot: Array, x_ddot: Array | None, motion: Motion, samples: Index
+    ) -> None:
+        """Take the platforms' rates from the closures instead of from the wrists that carry them, in place.
+
+        Args:
+            x: Positions of `tree`, shape (T, nq).
+            x_dot: Rates, shape (T, nv).
+            x_ddot: Accelerations, shape (T, nv), or None.
+            motion: Motion of `tree` as the spanning tree tells it.
+            samples: The samples concerned.
+        """
+        r, slices = self.reduction, [self.tree.v_slices[i] for i in self.spec.platforms]
+        cols = np.concatenate([np.arange(s.start, s.stop) for s in slices])
+        K = r.scaled(self.closures.matrix(motion.take(samples)))
+
+        def missing(rates: Array, drift: Array) -> Array:
+            miss = np.einsum("tij,tj->ti", K, rates / r.col_scale) + drift * r.row_scale
+            out: Array = least_squares(K[:, :, cols], -miss, relative=GIMBAL_LOCK) * r.col_scale[cols]
+            return out
+
+        x_dot[np.ix_(samples, cols)] += missing(x_dot[samples], np.zeros(K.shape[:2]))
+        right = self.tree.sweep(x[samples], x_dot[samples])
+        if x_ddot is not None:
+            drift = self.closures.rates(right, x_dot[samples])[1]
+            x_ddot[np.ix_(samples, cols)] += missing(x_ddot[samples], drift)
+            right = self.tree.sweep(x[samples], x_dot[samples], x_ddot[samples])
+        for name in ("w", "pd", "wd", "pdd"):
+            getattr(motion, name)[samples] = getattr(right, name)
 
     def take_legs(self, x: Array, out: Array) -> None:
         """Copy the legs' rates (or accelerations) of `tree` into those of the spanning tree, in place."""

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from .ddm import accelerate, articulate
+from .articulation import accelerate, articulate
 from .effects.choice import Choice, choose
 from .errors import ModelError, TrajectoryError
 from .forward import base_motion as base_of

@@ -51,7 +51,7 @@ def of_link(robot: HybridRobot, q: np.ndarray, v: np.ndarray, a: np.ndarray, lin
         )
         seen = B.actInv(M)
         relative = V - seen.actInv(VB)
-        rate = A - seen.actInv(AB) + V.cross(relative)  # of the relative twist, in the link's own axes
+        rate = A - seen.actInv(AB) + relative.cross(V)  # of the relative twist, in the link's own axes
         w, linear = relative.angular, relative.linear
         classical = rate.linear + np.cross(w, linear)
         pose = np.concatenate([seen.translation, pin.Quaternion(seen.rotation).coeffs()])

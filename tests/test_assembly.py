@@ -1,0 +1,572 @@
+"""Closing the loops: from motors, poses and mixtures to the posture that was meant, or to an error."""
+
+from __future__ import annotations
+
+import logging
+from dataclasses import replace
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from comparing import close_to
+from mechanisms import KINDS, home_posture, random_mechanism, random_states
+from posing import far_apart, of_joints, of_link, position
+from shipped import shipped, states_near_home
+from sketch import turn
+from test_idm import symmetric_five_bar
+
+import hybridyn
+from hybridyn import AssemblyError, HybridRobot, TrajectoryError, closure_residual
+from hybridyn.description.records import Description
+from hybridyn.oracle import Base, Oracle
+from hybridyn.robot import build_robot
+from hybridyn.spatial import Array
+from hybridyn.topology import find_modules
+
+CLOSED = 1e-12  # of the module's size, on the closures' generic range
+SAME = 1e-9  # the same posture, through the conditioning of a mechanism of this collection
+SAME_RATES = 1e-8  # rates and accelerations, relative to the largest
+STEP = 1e-4  # of time in central differences [s]
+DIFFERENCED = (
+    1e-5  # relative: truncation 1e-8 of wiggly motions, rounding 1e-12 / STEP^2 twice differentiated
+)
+SQUARE = [k for k in KINDS if KINDS[k].motors != "few"]
+SEED = 8
+
+States = tuple[Array, Array, Array]
+
+
+def drawn(kind: str, count: int = 3, base: Base = "fixed") -> tuple[HybridRobot, States]:
+    description = random_mechanism(SEED, kind=kind)
+    return build_robot(description, base=base), random_states(description, base, SEED, count)
+
+
+def taken(robot: HybridRobot, count: int, base: Base = "fixed") -> States:
+    return states_near_home(robot.description, base, SEED, count)
+
+
+def same(robot: HybridRobot, got: States, wanted: States) -> None:
+    q, v, a = got
+    assert closure_residual(robot, q).max() <= CLOSED
+    assert far_apart(robot, q, wanted[0]) < SAME
+    close_to(v, wanted[1], SAME_RATES)
+    close_to(a, wanted[2], SAME_RATES)
+
+
+def base_pose(robot: HybridRobot, q: Array, v: Array, a: Array) -> States:
+    """Give the root link's pose in the world and its rates, root axes turned to the world's."""
+    R = np.array([pin.Quaternion(x[3:7] / np.linalg.norm(x[3:7])).matrix() for x in q])
+
+    def turned(x: Array) -> Array:
+        return np.concatenate(
+            [np.einsum("tij,tj->ti", R, x[:, :3]), np.einsum("tij,tj->ti", R, x[:, 3:])], axis=1
+        )
+
+    classical = a[:, :6].copy()
+    classical[:, :3] += np.cross(v[:, 3:6], v[:, :3])
+    return q[:, :7], turned(v[:, :6]), turned(classical)
+
+
+# -------------------------------------------------------------------- round trips
+
+
+@pytest.mark.parametrize("kind", SQUARE)
+def test_motors_give_the_posture_they_were_read_from(kind: str) -> None:
+    """From a guess a few degrees and centimetres off, one by one."""
+    robot, states = drawn(kind)
+    rng = np.random.default_rng(SEED)
+    for t in range(len(states[0])):
+        one = tuple(x[t : t + 1] for x in states)
+        guess = pin.integrate(robot.model, one[0][0], 0.03 * rng.normal(size=robot.nv))
+        same(robot, hybridyn.assemble(robot, motors=of_joints(robot, *one), guess=guess), one)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("base", ["moving", "floating"])
+@pytest.mark.parametrize("kind", ["gough", "stack", "on_leg", "gear_across"])
+def test_motors_and_base_give_the_posture_they_were_read_from(kind: str, base: Base) -> None:
+    robot, states = drawn(kind, base=base)
+    root = {robot.description.root: base_pose(robot, *states)}
+    got = hybridyn.assemble(robot, motors=of_joints(robot, *states), platforms=root)
+    same(robot, got, states)
+    q, v, a = hybridyn.assemble(robot, motors=of_joints(robot, *states))
+    close_to(q[:, :7], np.tile([0, 0, 0, 0, 0, 0, 1.0], (3, 1)), 1e-15)
+    assert not v[:, :6].any()
+    assert not a[:, :6].any()
+
+
+PLATFORMS = {
+    "gough": 1,
+    "gough_gimbals": 1,
+    "gough_floating": 1,
+    "star_three": 1,
+    "star_five": 1,
+    "stewart_arm": 1,
+}
+
+
+@pytest.mark.parametrize("kind", PLATFORMS)
+def test_platform_poses_give_the_posture_they_were_read_from(kind: str) -> None:
+    robot, states = drawn(kind)
+    module = next(m for m in robot.modules if m.mobility == 6)
+    arm = [m for m in robot.motors if m not in module.motors]
+    platform = next(link.name for link in robot.description.links if link.name.endswith("platform_link"))
+    poses = {platform: of_link(robot, *states, platform, robot.description.root)}
+    same(robot, hybridyn.assemble(robot, motors=of_joints(robot, *states, arm), platforms=poses), states)
+
+
+def test_any_link_of_the_platforms_body_can_be_given() -> None:
+    """A tool on a fixed joint, turned and shifted, stands for the platform."""
+    description = random_mechanism(SEED, kind="gough")
+    robot, states = drawn("gough")
+    body = robot.bodies.place[robot.modules[0].outputs[0]][0]
+    names = [name for name, (b, *_) in robot.bodies.place.items() if b == body]
+    for name in names:
+        poses = {name: of_link(robot, *states, name, description.root)}
+        same(robot, hybridyn.assemble(robot, platforms=poses), states)
+
+
+@pytest.mark.parametrize("name", ["lx4", "tanev"])
+def test_relative_poses_of_stacked_modules(name: str) -> None:
+    """`link@other`: each platform as seen from the one below, which moves itself."""
+    robot = build_robot(shipped(name))
+    states = taken(robot, 3)
+    poses, below = {}, robot.description.root
+    for module in robot.modules:
+        link = module.outputs[0]
+        if module.mobility == 6:
+            poses[f"{link}@{below}"] = of_link(robot, *states, link, below)
+        below = link
+    motors = [j for m in robot.modules if m.mobility != 6 for j in m.motors]
+    same(robot, hybridyn.assemble(robot, motors=of_joints(robot, *states, motors), platforms=poses), states)
+
+
+def test_absolute_and_relative_poses_agree() -> None:
+    robot = build_robot(shipped("lx4"))
+    states = taken(robot, 2)
+    links = [m.outputs[0] for m in robot.modules]
+    root = robot.description.root
+    absolute = {link: of_link(robot, *states, link, root) for link in links}
+    same(robot, hybridyn.assemble(robot, platforms=absolute), states)
+    mixed = {
+        links[0]: absolute[links[0]],
+        f"{links[1]}@{links[0]}": of_link(robot, *states, links[1], links[0]),
+    }
+    motors = of_joints(robot, *states, [m for module in robot.modules[2:] for m in module.motors])
+    same(robot, hybridyn.assemble(robot, motors=motors, platforms=mixed), states)
+
+
+def coordinates(
+    robot: HybridRobot, states: States, link: str, other: str, names: list[str]
+) -> tuple[dict, dict, dict]:
+    """Give some of x, y, z, roll, pitch, yaw with rates and accelerations."""
+    pose, velocity, acceleration = of_link(robot, *states, link, other)
+    out: list[dict[str, Array]] = [{}, {}, {}]
+    for t in range(len(pose)):
+        R = pin.Quaternion(pose[t, 3:]).matrix()
+        rpy = pin.rpy.matrixToRpy(R)
+        J = pin.rpy.computeRpyJacobian(rpy, pin.WORLD)
+        rate = np.linalg.solve(J, velocity[t, 3:])
+        J_dot = pin.rpy.computeRpyJacobianTimeDerivative(rpy, rate, pin.WORLD)
+        second = np.linalg.solve(J, acceleration[t, 3:] - J_dot @ rate)
+        rows = (
+            np.concatenate([pose[t, :3], rpy]),
+            np.concatenate([velocity[t, :3], rate]),
+            np.concatenate([acceleration[t, :3], second]),
+        )
+        for part, row in zip(out, rows, strict=True):
+            for name, value in zip(("x", "y", "z", "roll", "pitch", "yaw"), row, strict=True):
+                if name in names:
+                    part[name] = np.append(part.get(name, np.zeros(0)), value)
+    return out[0], out[1], out[2]
+
+
+@pytest.mark.parametrize(
+    ("name", "names"),
+    [("rps3", ["z", "roll", "pitch"]), ("delta", ["x", "y", "z"]),
+     ("gough_stewart", ["x", "y", "z", "roll", "pitch", "yaw"])],
+)  # fmt: skip
+def test_partial_poses(name: str, names: list[str]) -> None:
+    robot = build_robot(shipped(name))
+    states = taken(robot, 4)
+    platform = robot.modules[0].outputs[0]
+    partial = coordinates(robot, states, platform, robot.description.root, names)
+    same(robot, hybridyn.assemble(robot, platforms={platform: partial}), states)
+
+
+def test_motors_and_coordinates_mixed_in_one_module() -> None:
+    """Two slides and the platform's height fix a 3-RPS as well as three slides."""
+    robot = build_robot(shipped("rps3"))
+    states = taken(robot, 4)
+    platform = robot.modules[0].outputs[0]
+    partial = coordinates(robot, states, platform, robot.description.root, ["z"])
+    motors = of_joints(robot, *states, robot.motors[:2])
+    same(robot, hybridyn.assemble(robot, motors=motors, platforms={platform: partial}), states)
+
+
+@pytest.mark.parametrize("kind", ["gough_gimbals", "on_leg", "delta_bars"])
+def test_passive_joints_may_be_given_instead_of_motors(kind: str) -> None:
+    """Any joint that fixes the posture will do."""
+    robot, states = drawn(kind)
+    motors = list(robot.motors)
+    module = next(m for m in robot.modules if m.closures and m.motors)
+    leg = next(joints for _, joints in module.legs if set(joints) & set(module.motors))
+    kinds = dict(zip(robot.joints, robot.kinds, strict=True))
+    other = next(j for j in leg if j not in motors and kinds[j] in ("revolute", "continuous"))
+    motors[motors.index(next(j for j in leg if j in motors))] = other
+    got = hybridyn.assemble(robot, motors=of_joints(robot, *states, motors), guess=states[0][0])
+    assert closure_residual(robot, got[0]).max() <= CLOSED
+    close_to(position(robot, other, got[0]), position(robot, other, states[0]), 1e-9)
+
+
+def test_single_samples_come_back_as_single_samples() -> None:
+    robot, states = drawn("stack")
+    one = [x[0] for x in states]
+    motors = {m: tuple(float(x) for x in values) for m, values in of_joints(robot, *one).items()}
+    q, v, a = hybridyn.assemble(robot, motors=motors)
+    assert (q.shape, v.shape, a.shape) == ((robot.nq,), (robot.nv,), (robot.nv,))
+    same(robot, (q[None], v[None], a[None]), tuple(x[:1] for x in states))  # type: ignore[arg-type]
+    at_rest = hybridyn.assemble(robot, motors={m: x[0] for m, x in motors.items()})
+    close_to(at_rest[0], q, SAME)
+    assert not at_rest[1].any()
+    batch = hybridyn.assemble(robot, motors={m: (np.full(3, x[0]), x[1]) for m, x in motors.items()})
+    assert batch[0].shape == (3, robot.nq)
+    close_to(batch[1], np.tile(v, (3, 1)), SAME_RATES)
+
+
+# -------------------------------------------------------------------- along motions
+
+
+def waves(robot: HybridRobot, time: Array, size: float) -> dict[str, tuple[Array, Array, Array]]:
+    """Give motors moving about home, smooth, with exact rates."""
+    out = {}
+    for i, motor in enumerate(robot.motors):
+        w, phase = 2.0 + 0.3 * i, 0.7 * i
+        home = position(robot, motor, robot.home)
+        wave = size * np.sin(w * time + phase) - size * np.sin(phase)
+        out[motor] = (
+            home + wave,
+            size * w * np.cos(w * time + phase),
+            -size * w * w * np.sin(w * time + phase),
+        )
+    return out
+
+
+@pytest.mark.parametrize(
+    "name", ["five_bar", "gough_stewart", "rps3", "delta", "tanev", "scara_delta", "stewart_ur5"]
+)
+def test_rates_and_accelerations_are_the_derivatives_of_positions(name: str) -> None:
+    """Wrists that were cut among them: all joints of the spanning tree."""
+    robot = build_robot(shipped(name))
+    middle = np.linspace(0, 2, 12)
+    time = (middle[:, None] + STEP * np.arange(-1, 2)).ravel()
+    q, v, a = hybridyn.assemble(robot, motors=waves(robot, time, 0.02))
+    assert closure_residual(robot, q).max() <= CLOSED
+    q, v, a = (x.reshape(len(middle), 3, -1) for x in (q, v, a))
+    steps = np.array([pin.difference(robot.model, x[0], x[2]) for x in q])
+    close_to(steps / (2 * STEP), v[:, 1], DIFFERENCED)
+    close_to((v[:, 2] - v[:, 0]) / (2 * STEP), a[:, 1], DIFFERENCED)
+
+
+@pytest.mark.parametrize("name", ["gough_stewart", "rps3", "five_bar"])
+def test_steps_ten_times_too_long_stay_on_the_branch(name: str) -> None:
+    """Every tenth row of a motion gives every tenth posture."""
+    robot = build_robot(shipped(name))
+    time = np.linspace(0, 6, 241)
+    motors = waves(robot, time, 0.04)
+    q, v, a = hybridyn.assemble(robot, motors=motors)
+    coarse = {m: tuple(x[::10] for x in values) for m, values in motors.items()}
+    same(robot, hybridyn.assemble(robot, motors=coarse), (q[::10], v[::10], a[::10]))
+
+
+def test_a_trajectory_does_not_depend_on_where_it_is_cut() -> None:
+    """Blocks that begin where the last one ended give the same rows."""
+    robot = build_robot(shipped("gough_stewart"))
+    motors = waves(robot, np.linspace(0, 4, 101), 0.1)
+    whole = hybridyn.assemble(robot, motors=motors)
+    first = hybridyn.assemble(robot, motors={m: tuple(x[:37] for x in y) for m, y in motors.items()})
+    rest = hybridyn.assemble(
+        robot, motors={m: tuple(x[37:] for x in y) for m, y in motors.items()}, guess=first[0][-1]
+    )
+    same(robot, tuple(np.concatenate(pair) for pair in zip(first, rest, strict=True)), whole)  # type: ignore[arg-type]
+
+
+def test_motors_that_turn_without_end() -> None:
+    """A crank of a continuous joint over three turns; the gear at 1.5 turns of a second one with it."""
+    robot, _ = drawn("gear_rack")
+    crank = next(m for m in robot.motors if robot.kinds[robot.joints.index(m)] == "continuous")
+    others = {m: position(robot, m, robot.home) for m in robot.motors if m != crank}
+    angle = position(robot, crank, robot.home) + np.linspace(0, 2.5, 40)
+    q, _, _ = hybridyn.assemble(robot, motors={crank: angle, **others})
+    assert closure_residual(robot, q).max() <= CLOSED
+
+
+# -------------------------------------------------------------------- first postures
+
+
+@pytest.mark.parametrize(
+    "kind", ["four_bar", "five_bar", "slider_crank", "gough", "rps3", "stack", "delta_rods", "on_leg"]
+)
+def test_a_guess_half_a_turn_away_still_closes(kind: str) -> None:
+    """Every passive joint nearly half a turn off: some posture is found, with the motors where wanted."""
+    robot, states = drawn(kind)
+    rng = np.random.default_rng(3)
+    step = np.pi * 0.97 * rng.choice([-1.0, 1.0], robot.nv)
+    slides = [robot.v_slices[i].start for i, k in enumerate(robot.kinds) if k == "prismatic"]
+    step[slides] = 0.2
+    guess = pin.integrate(robot.model, robot.home, step)
+    motors = of_joints(robot, *(x[0] for x in states))
+    q, v, a = hybridyn.assemble(robot, motors=motors, guess=guess)
+    assert closure_residual(robot, q) <= CLOSED
+    for motor, (wanted, *_) in motors.items():
+        assert abs(np.sin((position(robot, motor, q) - wanted) / 2)) < CLOSED
+    oracle = Oracle(robot.description)
+    assert np.abs(oracle.residual(q)).max() < 1e-9  # closed the right way round, too
+    hybridyn.idm(robot, q, v, a)
+
+
+def test_the_guess_chooses_the_branch() -> None:
+    """Tip above or below the motors: each guess keeps its own."""
+    robot = build_robot(symmetric_five_bar())
+    up, *_ = hybridyn.assemble(robot, motors={"left": 2.0, "right": 1.1})
+    mirrored = up.copy()
+    for joint, i in (("left_elbow", 0), ("right_elbow", 1)):
+        at = robot.q_slices[robot.joints.index(joint)]
+        rods = position(robot, joint, up) + (2.0, 1.1)[i]
+        B = np.array([0.4 * np.cos(2.0), 0.4 * np.sin(2.0)])
+        D = np.array([0.5 + 0.4 * np.cos(1.1), 0.4 * np.sin(1.1)])
+        across = np.arctan2(*(D - B)[::-1])
+        angle = 2 * across - rods - (2.0, 1.1)[i]
+        mirrored[at] = [np.cos(angle + 0.05), np.sin(angle + 0.05)]
+    down, *_ = hybridyn.assemble(robot, motors={"left": 2.0, "right": 1.1}, guess=mirrored)
+    assert far_apart(robot, down[None], mirrored[None]) < 0.1
+    assert far_apart(robot, up[None], down[None]) > 1.0
+
+
+# -------------------------------------------------------------------- out of reach
+
+
+def stretched(robot: HybridRobot, excess: float) -> dict[str, float]:
+    """Give crank angles that hold the elbows 2 L2 + excess apart: the rods' line is stretched."""
+    L1, L2, width = 0.4, 0.55, 0.5
+    t = np.arccos((L2 + excess / 2 - width / 2) / L1)
+    return {"left": np.pi - t, "right": t}
+
+
+@pytest.mark.parametrize("excess", [1e-9, 1e-6, 1e-2])
+def test_unreachable_targets_are_errors_with_the_best_residual(excess: float) -> None:
+    """Beyond closure_tolerance; closer than that, the file might be rounded, and exact loops may not."""
+    robot = build_robot(symmetric_five_bar(), closure_tolerance=min(1e-4, excess / 10))
+    hybridyn.assemble(robot, motors=stretched(robot, -1e-3))
+    with pytest.raises(AssemblyError, match=r"do not close at sample 0: best residual.*out of reach") as e:
+        hybridyn.assemble(robot, motors=stretched(robot, excess))
+    assert e.value.module == robot.modules[0].name
+    assert "tip" in str(e.value.leg)
+    assert e.value.iterations
+    assert e.value.residual == pytest.approx(excess, rel=0.6)
+
+
+def test_a_platform_one_metre_too_far_is_an_error() -> None:
+    robot = build_robot(shipped("rps3"))
+    platform = robot.modules[0].outputs[0]
+    home = of_link(
+        robot,
+        *(x[None] for x in (robot.home, np.zeros(robot.nv), np.zeros(robot.nv))),
+        platform,
+        robot.description.root,
+    )[0][0]
+    with pytest.raises(AssemblyError, match="do not close"):
+        hybridyn.assemble(robot, platforms={platform: home + np.array([1.0, 0, 0, 0, 0, 0, 0])})
+
+
+def test_a_jump_is_an_error_at_its_row() -> None:
+    """A target that leaves the workspace and comes back, and rods that would have to fold over."""
+    robot = build_robot(symmetric_five_bar())
+    start, out = stretched(robot, -0.2), stretched(robot, 0.1)
+    rows = {m: np.array([start[m], start[m] + 0.01, out[m], start[m]]) for m in start}
+    with pytest.raises(AssemblyError, match=r"do not close at sample 2") as e:
+        hybridyn.assemble(robot, motors=rows)
+    assert e.value.sample == 2
+
+
+def test_a_crank_that_passes_all_around_comes_back_to_where_it_was() -> None:
+    robot, _ = drawn("four_bar")
+    angles = position(robot, robot.motors[0], robot.home) + np.linspace(0, 2 * np.pi, 60)
+    path = hybridyn.assemble(robot, motors={robot.motors[0]: angles})[0]
+    at = robot.q_slices[robot.joints.index(robot.motors[0])]
+    assert robot.kinds[robot.joints.index(robot.motors[0])] == "revolute"
+    end = path[-1:].copy()
+    end[:, at] -= 2 * np.pi
+    assert far_apart(robot, path[:1], end) < SAME
+
+
+def test_no_motion_leads_past_the_end_of_a_branch() -> None:
+    """Cranks may spread until the rods are stretched, and not further."""
+    robot = build_robot(symmetric_five_bar())
+    near, there = stretched(robot, -0.02), stretched(robot, 0.02)
+    rows = {m: near[m] + np.array([0.0, 0.25, 2.0]) * (there[m] - near[m]) for m in near}
+    with pytest.raises(AssemblyError) as e:
+        hybridyn.assemble(robot, motors=rows)
+    assert e.value.sample == 2
+    assert e.value.module == robot.modules[0].name
+
+
+# -------------------------------------------------------------------- too little, too much, wrong
+
+
+def test_missing_inputs_are_named() -> None:
+    robot = build_robot(shipped("gough_stewart"))
+    few = {m: position(robot, m, robot.home) for m in robot.motors[:5]}
+    with pytest.raises(
+        AssemblyError, match=r"leaves 1 of its 6 freedoms open.*could still move.*motors: "
+    ) as e:
+        hybridyn.assemble(robot, motors=few)
+    assert e.value.module == robot.modules[0].name
+    with pytest.raises(AssemblyError, match="leaves 6 of its 6 freedoms open"):
+        hybridyn.assemble(robot)
+    platform = robot.modules[0].outputs[0]
+    with pytest.raises(AssemblyError, match="leaves 3 of its 6 freedoms open"):
+        hybridyn.assemble(robot, platforms={platform: {"x": 0.0, "y": 0.0, "z": 0.6}})
+
+
+def test_missing_arm_joints_are_named() -> None:
+    robot, states = drawn("stewart_arm")
+    motors = of_joints(robot, *states, robot.modules[0].motors)
+    with pytest.raises(AssemblyError, match="leaves 1 of its 1 freedoms open"):
+        hybridyn.assemble(robot, motors=motors)
+
+
+def full_pose(robot: HybridRobot, count: int = 2) -> tuple[str, States, States]:
+    states = taken(robot, count)
+    platform = robot.modules[0].outputs[0]
+    return platform, of_link(robot, *states, platform, robot.description.root), states
+
+
+@pytest.mark.parametrize("off", [0.0, 1e-7, 1e-5])
+def test_a_whole_pose_of_a_platform_with_fewer_freedoms_within_tolerance(off: float) -> None:
+    """A 3-RPS given six coordinates, rounded: accepted, and loops closed to rounding all the same."""
+    robot = build_robot(shipped("rps3"))
+    platform, (pose, twist, acceleration), states = full_pose(robot)
+    pose = pose + off * np.array([1, -1, 0, 0, 0, 0, 0.0])
+    q, v, a = hybridyn.assemble(robot, platforms={platform: (pose, twist, acceleration)})
+    assert closure_residual(robot, q).max() <= CLOSED
+    assert far_apart(robot, q, states[0]) < 100 * off + 1e-8
+    hybridyn.idm(robot, q, v, a)
+
+
+@pytest.mark.parametrize("off", [1e-3, 0.1])
+def test_a_whole_pose_beyond_tolerance_is_an_error(off: float) -> None:
+    robot = build_robot(shipped("rps3"))
+    platform, (pose, twist, acceleration), _ = full_pose(robot)
+    pose = pose + off * np.array([1, -1, 0, 0, 0, 0, 0.0])
+    with pytest.raises(AssemblyError, match=r"do not close at sample 0.*limit 1e-04") as e:
+        hybridyn.assemble(robot, platforms={platform: (pose, twist, acceleration)})
+    assert e.value.residual is not None
+    assert e.value.residual > 1e-4
+
+
+def test_a_later_row_beyond_tolerance_is_named() -> None:
+    robot = build_robot(shipped("rps3"))
+    platform, (pose, twist, acceleration), _ = full_pose(robot, 3)
+    pose = pose.copy()
+    pose[2, 0] += 0.05
+    with pytest.raises(AssemblyError) as e:
+        hybridyn.assemble(robot, platforms={platform: (pose, twist, acceleration)})
+    assert e.value.sample == 2
+
+
+BAD: dict[str, tuple[dict, dict, str]] = {
+    "joint": ({"nobody": 0.1}, {}, "unknown joint 'nobody'"),
+    "near": ({"left_elbo": 0.1}, {}, r"unknown joint 'left_elbo'; did you mean 'left_elbow'\?"),
+    "link": ({}, {"nobody": np.zeros(7)}, "unknown link 'nobody'"),
+    "nan": ({"left": np.nan, "right": 0.0}, {}, "joint 'left' needs finite numbers"),
+    "shape": ({"left": np.zeros((2, 2)), "right": 0.0}, {}, "joint 'left' needs finite numbers of shape"),
+    "samples": ({"left": np.zeros(2), "right": np.zeros(3)}, {}, r"different numbers of samples: \[2, 3\]"),
+    "parts": ({"left": (0.0, 0.0, 0.0, 0.0), "right": 0.0}, {}, "give \\(position, rate, acceleration\\)"),
+    "pose": ({}, {"left_rod": np.zeros(6)}, r"needs finite numbers of shape \(7,\)"),
+    "quaternion": ({}, {"left_rod": np.array([0, 0, 0, 0, 0, 0, 1.01])}, "quaternion of length 1.01"),
+    "coordinate": ({}, {"left_rod": {"X": 0.0}}, "unknown coordinate 'X'"),
+    "self": ({}, {"left_rod@left_rod": np.array([0, 0, 0, 0, 0, 0, 1.0])}, "are one rigid body"),
+    "rates": ({}, {"left_rod": ({"x": 0.0}, {"y": 0.0})}, "must name the same coordinates"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("what", BAD)
+def test_bad_inputs_are_refused(what: str) -> None:
+    motors, platforms, text = BAD[what]
+    with pytest.raises(TrajectoryError, match=text):
+        hybridyn.assemble(build_robot(symmetric_five_bar()), motors=motors, platforms=platforms)
+
+
+def test_a_guess_of_the_wrong_size_is_refused() -> None:
+    robot = build_robot(symmetric_five_bar())
+    with pytest.raises(AssemblyError, match="guess has 3 entries, the robot's q has 6"):
+        hybridyn.assemble(robot, motors={"left": 2.0, "right": 1.1}, guess=np.zeros(3))
+
+
+# -------------------------------------------------------------------- idle motions and gimbal lock
+
+
+def test_idle_spins_take_least_norm_rates() -> None:
+    """The platform does not fix the rods' spins: their rates are the least that follow."""
+    robot, states = drawn("sps_thin")
+    oracle = Oracle(robot.description)
+    platform = next(link.name for link in robot.description.links if link.name.endswith("platform_link"))
+    given = {platform: of_link(robot, *states, platform, robot.description.root)}
+    q, v, a = hybridyn.assemble(robot, platforms=given, guess=states[0][0])
+    assert closure_residual(robot, q).max() <= CLOSED
+    data, frame = robot.model.createData(), robot.model.getFrameId(platform, pin.BODY)
+    for t in range(len(q)):
+        motions = oracle.motions(q[t])
+        J = pin.computeFrameJacobian(robot.model, data, q[t], frame, pin.LOCAL)
+        _, s, Vt = np.linalg.svd(J @ motions)
+        idle = motions @ Vt[np.sum(s > 1e-9 * s[0]) :].T  # turns only: no unit of length in them
+        assert idle.shape[1] == 6
+        for rates in (v[t], a[t] - oracle.consistent_acceleration(q[t], v[t], np.zeros(robot.nv))):
+            assert np.abs(idle.T @ rates).max() < SAME_RATES * np.abs(a[t]).max() * np.abs(idle).max()
+        close_to(oracle.project_velocity(q[t], v[t]), v[t], SAME_RATES)
+        close_to(oracle.consistent_acceleration(q[t], v[t], a[t]), a[t], SAME_RATES)
+    hybridyn.idm(robot, q, v, a, passive="solved")
+
+
+def with_aligned_wrist(description: Description, off: float, carries: bool) -> Description:
+    """Turn a wrist's third axis, at home, into its first one but for an angle: gimbal lock there."""
+    bodies, graphs = find_modules(description)
+    wrist = next(w for w in graphs[0].wrists if len(w.joints) == 3 and (w.closure is None) == carries)
+    joints = [bodies.joints[j].joint for j in wrist.joints]
+    links = Oracle(description).posture(home_posture(description, "fixed")).links
+    first, second = (links[j.child].E @ j.axis for j in joints[:2])
+    wanted = turn(second, off) @ first
+    old = joints[2]
+    axis = links[old.child].E.T @ wanted
+    (angle,) = description.home[old.name]
+    back = np.eye(4)
+    back[:3, :3] = turn(old.axis, angle) @ turn(axis, angle).T
+    new = replace(old, axis=axis, placement=old.placement @ back)
+    return replace(description, joints=tuple(new if j.name == old.name else j for j in description.joints))
+
+
+@pytest.mark.parametrize("carries", [False, True])
+@pytest.mark.parametrize("off", [0.0, 1e-11, 1e-6, 1e-2])
+def test_gimbal_lock_of_a_cut_wrist_touches_nothing_else(
+    carries: bool, off: float, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Another wrist in the same place makes the same robot: at lock its rates are least-norm and flagged."""
+    plain = random_mechanism(1, kind="gough_gimbals")
+    twist, acceleration = np.array([0.1, -0.2, 0.3, 0.5, -0.4, 0.3]), np.array([1.0, 2, -1, 0.5, 1, 2])
+    efforts = []
+    for description in (plain, with_aligned_wrist(plain, off, carries)):
+        robot = build_robot(description)
+        assert sum(len(w.joints) == 3 for w in robot.modules[0].mechanism.spec.wrists) >= 3
+        platform, zero = robot.modules[0].outputs[0], np.zeros((1, robot.nv))
+        home = home_posture(description, "fixed")
+        pose = of_link(robot, home[None], zero, zero, platform, description.root)[0][0]
+        with caplog.at_level(logging.WARNING):
+            q, v, a = hybridyn.assemble(robot, platforms={platform: (pose, twist, acceleration)}, guess=home)
+        assert closure_residual(robot, q) <= CLOSED
+        assert np.isfinite(v).all()
+        assert np.isfinite(a).all()
+        efforts.append(hybridyn.idm(robot, q, v, a))
+    assert ("gimbal lock" in caplog.text) == (off < 1e-9)
+    assert (
+        np.abs(efforts[1] - efforts[0]).max() < max(1e-9, 1e-13 / max(off, 1e-9)) * np.abs(efforts[0]).max()
+    )
