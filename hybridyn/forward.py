@@ -88,6 +88,17 @@ def as_batch(array: ArrayLike, width: int, name: str) -> tuple[Array, bool]:
     return out, single
 
 
+def same_samples(**arrays: Array) -> None:
+    """Refuse batches of different sizes.
+
+    Raises:
+        TrajectoryError: With the sizes.
+    """
+    sizes = [len(x) for x in arrays.values()]
+    if len(set(sizes)) > 1:
+        raise TrajectoryError(f"{', '.join(arrays)} have {', '.join(map(str, sizes))} samples")
+
+
 def base_motion(
     robot: HybridRobot, q: Array, v: Array, a: Array, gravity: Gravity | None = GRAVITY
 ) -> tuple[Array, Array]:
