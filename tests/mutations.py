@@ -1,0 +1,118 @@
+"""Seeded mutations of text files: bytes, numbers, names, values, whole elements."""
+
+from __future__ import annotations
+
+import random
+import re
+from collections.abc import Callable
+
+NUMBERS = [
+    "nan",
+    "inf",
+    "-1",
+    "1e400",
+    "1,5",
+    "",
+    "0",
+    "-0",
+    "1e-320",
+    "1e149",
+    "0x1",
+    "1_0",
+    "999999999999999999999",
+]
+WORDS = [
+    "",
+    "a",
+    "loop",
+    "joint",
+    "end_a",
+    "drive",
+    "lopp",
+    "../x",
+    "\u00e9",
+    "a b",
+    "&lt;",
+    "${x}",
+    "\u202e",
+]
+
+
+def flip_bytes(text: str, draw: random.Random) -> bytes:
+    raw = bytearray(text.encode())
+    for _ in range(draw.choice([1, 1, 2, 5])):
+        raw[draw.randrange(len(raw))] = draw.randrange(256)
+    return bytes(raw)
+
+
+def cut(text: str, draw: random.Random) -> bytes:
+    start = draw.randrange(len(text))
+    return (text[:start] + text[start + draw.choice([1, 3, 30, 300]) :]).encode()
+
+
+def elements(text: str) -> list[re.Match[str]]:
+    """Give the spans of whole elements: empty ones, and those that hold no element of their own name."""
+    return list(re.finditer(r"<([\w:]+)\b[^<>]*/>|<([\w:]+)\b[^<>]*>(?:(?!<\2\b).)*?</\2>", text, re.DOTALL))
+
+
+def drop_element(text: str, draw: random.Random) -> bytes:
+    return _spliced(text, draw, lambda part: "")
+
+
+def double_element(text: str, draw: random.Random) -> bytes:
+    return _spliced(text, draw, lambda part: part + part)
+
+
+def move_element(text: str, draw: random.Random) -> bytes:
+    part = draw.choice(elements(text) or [re.match("", text)])[0]
+    rest = text.replace(part, "", 1)
+    places = [match.end() for match in re.finditer(r">", rest)] or [0]
+    at = draw.choice(places)
+    return (rest[:at] + part + rest[at:]).encode()
+
+
+def wrap_element(text: str, draw: random.Random) -> bytes:
+    tag = draw.choice(["link", "joint", "loop", "group", "gazebo", "x"])
+    return _spliced(text, draw, lambda part: f"<{tag}>{part}</{tag}>")
+
+
+def rename(text: str, draw: random.Random) -> bytes:
+    """Misspell one tag (both ends) or one attribute."""
+    words = sorted(set(re.findall(r"</([\w:]+)>|\s([\w:]+)=|^(\w+):|^(\w+) =", text, re.MULTILINE)))
+    word = next(part for part in draw.choice(words or [("x", "")]) if part)
+    letters = list(word)
+    at = draw.randrange(len(letters))
+    letters[at] = draw.choice(["", letters[at] * 2, "z", letters[at].upper()])
+    return re.sub(rf"\b{re.escape(word)}\b", "".join(letters), text, count=draw.choice([0, 0, 1])).encode()
+
+
+def change_number(text: str, draw: random.Random) -> bytes:
+    return _replaced(text, draw, r"(?<![\w.])-?\d+(\.\d+)?(e-?\d+)?(?![\w.])", NUMBERS)
+
+
+def change_value(text: str, draw: random.Random) -> bytes:
+    return _replaced(text, draw, r"(?<=[\"'\[, ])\w+(?=[\"'\], ])", WORDS)
+
+
+def swap_values(text: str, draw: random.Random) -> bytes:
+    found = list(re.finditer(r'(?<==")[^"]*(?=")|(?<=\[)[^\[\]]*(?=\])', text))
+    first, second = sorted(draw.sample(found, 2), key=lambda match: match.start())
+    middle = text[first.end() : second.start()]
+    return (text[: first.start()] + second[0] + middle + first[0] + text[second.end() :]).encode()
+
+
+def _spliced(text: str, draw: random.Random, change: Callable[[str], str]) -> bytes:
+    part = draw.choice(elements(text) or [re.match(".*", text)])
+    return (text[: part.start()] + change(part[0]) + text[part.end() :]).encode()
+
+
+def _replaced(text: str, draw: random.Random, pattern: str, by: list[str]) -> bytes:
+    found = list(re.finditer(pattern, text))
+    if not found:
+        return text.encode()
+    part = draw.choice(found)
+    return (text[: part.start()] + draw.choice(by) + text[part.end() :]).encode()
+
+
+FLAT = [flip_bytes, cut, change_number, change_value, rename, swap_values]
+TREE = [*FLAT, drop_element, double_element, move_element, wrap_element]

@@ -1,0 +1,227 @@
+"""No mutation of a robot's files or of its table ends in a traceback, a hang or a silently wrong effort.
+
+Seeded mutations of shipped robots as URDF, of the files beside it, and of a short trajectory go the whole
+way: read, load, assemble, inverse model. What comes through is judged by the oracle, built from the same
+description: the loops are closed by its own residual, the motors stand where the table says, and the efforts
+do the work that it finds.
+"""
+
+from __future__ import annotations
+
+import random
+import re
+import signal
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from command_line import ROOT
+from mutations import FLAT, TREE, change_number, swap_values
+from posing import position
+
+import hybridyn
+from hybridyn.cli.postures import postures
+from hybridyn.description.columns import read_layout
+from hybridyn.description.tables import open_table
+from hybridyn.description.trajectory import read_motions
+from hybridyn.description.xacro_files import expand
+from hybridyn.errors import HybridynError
+from hybridyn.oracle import Oracle
+
+LONGEST = 10.0  # seconds for one case, on a loaded machine
+CLOSED = 1e-6  # what the dynamic models ask of a state, relative to the robot's size
+WORK = 1e-7  # of the largest term: what closed states of that quality leave of agreement
+FOLLOWED = 1e-7  # m or rad: a table that closures contradict within their tolerance is bent
+ROWS = 8
+
+Texts = dict[str, str]
+
+
+@lru_cache
+def originals(name: str) -> Texts:
+    """Give a shipped robot's files by their ending, and the start of its trajectory from its motors."""
+    path = ROOT / f"urdf/{name}.urdf.xacro"
+    robot = hybridyn.load(path)
+    time = 0.05 * np.arange(ROWS)
+    header, columns = ["time"], [time]
+    for number, motor in enumerate(robot.motors):
+        header += [f"{motor}/{rate}" for rate in ("position", "velocity", "acceleration")]
+        phase = 2.0 * time + number
+        rates = np.array([np.sin(phase) - np.sin(number), 2.0 * np.cos(phase), -4.0 * np.sin(phase)])
+        columns += list(0.02 * rates)
+    rows = [",".join(header), *(",".join(f"{x:.6f}" for x in row) for row in np.array(columns).T)]
+    return {
+        ".urdf": expand(str(path), {}, ())[0].decode(),
+        ".model.toml": (ROOT / f"models/{name}/model.toml").read_text(),
+        ".csv": "\n".join(rows) + "\n",
+    }
+
+
+@lru_cache
+def with_side_car() -> Texts:
+    """Give the five-bar with its loop in a side-car: a point, which is all that a plane needs."""
+    texts = dict(originals("five_bar"))
+    loop = re.search(r"<loop\b.*?</loop>", texts[".urdf"], re.DOTALL)
+    assert loop is not None
+    frames = ""
+    for number, side in enumerate(("predecessor", "successor")):
+        part = re.search(rf'<{side} link="([^"]+)"(?:/>|>(.*?)</{side}>)', loop[0], re.DOTALL)
+        assert part is not None
+        frames += f'<link name="end{number}"/><joint name="end{number}_joint" type="fixed">'
+        frames += f'<parent link="{part[1]}"/><child link="end{number}"/>{part[2] or ""}</joint>'
+    texts[".urdf"] = texts[".urdf"].replace(loop[0], frames)
+    texts[".yaml"] = "closed_loop: [[end0, end1]]\ntype: ['3d']\nname_mot: [m1_left_drive, m1_right_drive]\n"
+    return texts
+
+
+def scale_number(text: str, draw: random.Random) -> bytes:
+    """Change one number so that it stays one: a little, its sign, its size."""
+    found = list(re.finditer(r"(?<![\w.])-?\d+\.\d+(e-?\d+)?(?![\w.])", text)) or [re.match("", text)]
+    part = draw.choice(found)
+    by = draw.choice([1.0 + 1e-7, 1.001, 1.1, 0.5, 2.0, -1.0, 0.0, 1e-3, 1e3])
+    number = repr(float(part[0] or 0) * by)
+    return (text[: part.start()] + number + text[part.end() :]).encode()
+
+
+def exchange_cells(text: str, draw: random.Random) -> bytes:
+    """Exchange two columns' names, or two rows."""
+    lines = text.splitlines()
+    if draw.random() < 0.5:
+        names = lines[0].split(",")
+        i, j = draw.sample(range(len(names)), 2)
+        names[i], names[j] = names[j], names[i]
+        lines[0] = ",".join(names)
+    else:
+        i, j = draw.sample(range(1, len(lines)), 2)
+        lines[i], lines[j] = lines[j], lines[i]
+    return ("\n".join(lines) + "\n").encode()
+
+
+MUTATORS = {
+    ".urdf": [*TREE, *[scale_number] * 8],
+    ".model.toml": [*FLAT, scale_number],
+    ".yaml": [*FLAT],
+    ".csv": [
+        *(change for change in FLAT if change is not swap_values),
+        change_number,
+        *[scale_number] * 4,
+        exchange_cells,
+    ],
+}
+
+
+@contextmanager
+def time_limit(text: str) -> Iterator[None]:
+    """Fail where a case takes too long, even one that would never end."""
+
+    def late(*_: object) -> None:
+        pytest.fail(f"took more than {LONGEST} s: {text}")
+
+    before = signal.signal(signal.SIGALRM, late)
+    signal.setitimer(signal.ITIMER_REAL, LONGEST)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, before)
+
+
+def went_through(folder: Path, texts: Texts | dict[str, bytes], case: str) -> bool:
+    """Send files the whole way; say whether efforts came out, which are then judged."""
+    for old in folder.iterdir():
+        old.unlink()
+    for ending, text in texts.items():
+        (folder / f"r{ending}").write_bytes(text if isinstance(text, bytes) else text.encode())
+    try:
+        with time_limit(case), np.errstate(all="ignore"):  # as the command line does
+            robot = hybridyn.load(folder / "r.urdf")
+            with open_table(folder / "r.csv") as table:
+                layout = read_layout(table.columns, robot.description, motors=robot.motors, file=table.file)
+                block = postures(robot, next(read_motions(table, layout)), layout, None)
+            tau = hybridyn.idm(robot, block.q, block.v, block.a)
+    except HybridynError as error:
+        message = str(error)
+        assert message.strip(), case
+        assert "\n" not in message, case
+        return False
+    assert np.isfinite(tau).all(), case
+    with np.errstate(all="ignore"):
+        judge(robot, block, tau, case)
+    return True
+
+
+def judge(robot: hybridyn.HybridRobot, block, tau: np.ndarray, case: str) -> None:
+    """Compare the first and the last row with the oracle."""
+    oracle = Oracle(robot.description)
+    for t in (0, -1):
+        q, v, a = block.q[t], block.v[t], block.a[t]
+        assert np.abs(oracle.residual(q)).max(initial=0.0) <= CLOSED * max(
+            robot.modules[0].mechanism.length, 1.0
+        ), case
+        for joint, (wanted, *_) in block.motion.joints.items():
+            off = position(robot, joint, q) - wanted[t]
+            off -= (
+                2 * np.pi * np.round(off / (2 * np.pi))
+                if robot.kinds[robot.joints.index(joint)] == "continuous"
+                else 0
+            )
+            assert abs(off) <= FOLLOWED, case
+        posture = oracle.posture(q)
+        expected, _ = oracle.idm_and_missing(q, v, a)
+        B = oracle.motor_map(posture)
+        assert B.shape[0] == robot.mobility, case
+        size = np.abs(B) @ (np.abs(expected) + np.abs(tau[t]))
+        weight = 9.81 * sum(link.mass for link in robot.description.links)  # moves terms that may cancel
+        forces = weight * np.abs(posture.Z).sum(axis=0) * oracle.unit.max(initial=1.0)
+        assert (
+            np.abs(B @ (tau[t] - expected)) <= WORK * (size.max(initial=0.0) + forces.max(initial=0.0))
+        ).all(), case
+
+
+CASES = [
+    ("five_bar", ".urdf", 40),
+    ("five_bar", ".model.toml", 10),
+    ("five_bar", ".csv", 25),
+    ("side_car", ".yaml", 15),
+    ("rps3", ".urdf", 20),
+    ("rps3", ".csv", 15),
+    ("gough_stewart", ".urdf", 15),
+    ("gough_stewart", ".csv", 10),
+]
+
+
+def files(name: str) -> Texts:
+    return with_side_car() if name == "side_car" else originals(name)
+
+
+@pytest.mark.parametrize("name", ["five_bar", "side_car", "rps3", "gough_stewart"])
+def test_the_files_are_good_as_they_stand(tmp_path: Path, name: str) -> None:
+    assert went_through(tmp_path, files(name), "as it stands")
+
+
+@pytest.mark.parametrize(("name", "ending", "count"), CASES)
+def test_mutations(tmp_path: Path, name: str, ending: str, count: int) -> None:
+    mutations(tmp_path, name, ending, count, seed=0)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(1, 5))
+@pytest.mark.parametrize(("name", "ending", "count"), CASES)
+def test_more_mutations(tmp_path: Path, name: str, ending: str, count: int, seed: int) -> None:
+    mutations(tmp_path, name, ending, count, seed)
+
+
+def mutations(folder: Path, name: str, ending: str, count: int, seed: int) -> None:
+    """Judge so many mutations of one of a robot's files; some must come through, some must not."""
+    draw = random.Random(f"{name}{ending}{seed}")
+    texts = files(name)
+    through = 0
+    for number in range(count):
+        mutate = draw.choice(MUTATORS[ending])
+        mutated = {**texts, ending: mutate(texts[ending], draw)}
+        case = f"{name}{ending}, seed {seed}, case {number}: {mutate.__name__}"
+        through += went_through(folder, mutated, case)
+    assert 0 < through < count
