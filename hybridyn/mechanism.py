@@ -129,6 +129,7 @@ class Mechanism:
         return out
 
     def _new_reduction(self) -> Reduction:
+        """Give the elimination of the closures, its ranks not fixed yet."""
         scales = self._row_scale(self.tree, self.closures), self._col_scale(self.tree)
         slices = [self.tree.v_slices[i] for i in self.spec.platforms]
         shared = np.array([c for s in slices for c in range(s.start, s.stop)], dtype=int)
@@ -306,6 +307,7 @@ class Mechanism:
         self._recover(q, v, a, target)
 
     def _recover(self, q: Array, v: Array, a: Array | None, target: Motion) -> None:
+        """Fill in the wrists' rates, or, where `a` is given, their accelerations, in place."""
         unknown = v if a is None else a
         motion: Motion | None = None
         for number, wrist in enumerate(self.spec.wrists):

@@ -139,6 +139,7 @@ def module_spec(bodies: Bodies, graph: ModuleGraph, home: Array) -> ModuleSpec:
 
 
 def _tree_joint(bodies: Bodies, joint: int, local: dict[int, int]) -> TreeJoint:
+    """Give a joint of the robot in the module's numbering."""
     j = bodies.joints[joint]
     return TreeJoint("", j.joint.kind, local[j.parent], j.R, j.p, j.joint.axis)
 
