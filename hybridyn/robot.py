@@ -216,7 +216,9 @@ def _held(description: Description, held: Iterable[str]) -> frozenset[str]:
         for numbers in values.values()
         if isinstance(numbers, dict)
     ]
-    return frozenset(held) | {name for numbers in tables for name in numbers if name in movable}
+    stated = {name for numbers in tables for name in numbers}
+    stated |= {joint.name for joint in description.joints if joint.rotor_inertia}
+    return frozenset(held) | (stated & set(movable)) - set(description.motors)
 
 
 def _home(description: Description, bodies: Bodies, kinds: list[str], base: str) -> Array:

@@ -17,7 +17,7 @@ from shipped import shipped, states_near_home
 import hybridyn
 from hybridyn import HybridRobot, ddm, idm
 from hybridyn import effects as fx
-from hybridyn.effects.choice import STANDARD, UNITS, choose
+from hybridyn.effects.choice import DEFAULT, STANDARD, UNITS, choose
 from hybridyn.energy import leg_bodies
 from hybridyn.errors import ActuationError, ModelError, SingularityError, TrajectoryError
 from hybridyn.robot import build_robot
@@ -492,13 +492,32 @@ def test_effects_of_the_description_hold_their_joints() -> None:
     )
     robot = build_robot(stated)
     chosen = choose(robot, "model")
-    assert chosen.names == (
-        "gravity", "inertia", "leg_inertia", "velocity", "rotor_inertia", "viscous_friction", "coulomb_friction", "spring",
-    )  # fmt: skip
+    assert chosen.names == (*DEFAULT, "rotor_inertia", "viscous_friction", "coulomb_friction", "spring")
+    rotors = replace(description, joints=tuple(replace(j, rotor_inertia=1.0) for j in description.joints))
+    assert not build_robot(rotors).cut_joints
     widths = [law.effect.width for law in chosen.joints if isinstance(law.effect, fx.CoulombFriction)]
     assert widths == [0.5]
     with pytest.raises(ModelError, match=r"held: no such movable joint 'm1_leg1_wrist_w'.*did you mean"):
         build_robot(description, held=["m1_leg1_wrist_w"])
+
+
+def test_ground_and_stops_of_the_description() -> None:
+    description = shipped("five_bar")
+    motor, link = description.motors[0], description.links[-1].name
+    ground = {"points": {link: [[0.0, 0.0, 0.1]]}, "stiffness": 1e4}
+    stop = {"stiffness": {motor: 10.0}, "lower": {motor: 0.1}}
+    robot = build_robot(replace(description, effects=(("stop", stop), ("ground_contact", ground))))
+    q, v, a = states_near_home(description, "fixed", 0, 2)
+    objects = [
+        "default",
+        "rotor_inertia",
+        "viscous_friction",
+        "coulomb_friction",
+        fx.Stop(**stop),
+        fx.GroundContact(**ground),
+    ]
+    np.testing.assert_array_equal(idm(robot, q, v, a, effects="model"), idm(robot, q, v, a, effects=objects))
+    assert choose(robot, ["stop"]).names == ("stop",)
 
 
 # -------------------------------------------------------------------- mistakes
@@ -513,10 +532,10 @@ MISTAKES: dict[str, tuple[Callable[[HybridRobot], Any], str]] = {
     "velocity alone": (lambda r: ["gravity", "velocity"], "'velocity' needs 'inertia'"),
     "rotors alone": (lambda r: [fx.RotorInertia({r.motors[0]: 1.0})], "'rotor_inertia' needs 'inertia'"),
     "width": (lambda r: [fx.CoulombFriction(width=0.0)], "width must be positive"),
-    "static": (lambda r: [fx.StribeckFriction(*({r.motors[0]: x} for x in (2.0, 1.0, 1.0)))], "less than level"),
+    "static": (lambda r: [fx.StribeckFriction(*({r.motors[0]: x} for x in (2, 1, 1)))], "less than level"),
     "rest": (lambda r: [fx.Spring({}, {r.motors[0]: 1.0})], "'stiffness' does not"),
     "odd": (lambda r: [fx.StribeckFriction({r.motors[0]: 1.0})], "lack one of the law's numbers"),
-    "stop": (lambda r: [fx.Stop(*({r.motors[0]: x} if x else 0.0 for x in (2.0, 0.0, 1.0, -1.0)))], "no limits"),
+    "stop": (lambda r: [fx.Stop(*({r.motors[0]: x} if x else 0.0 for x in (2, 0, 1, -1)))], "no limits"),
     "wrench link": (lambda r: [fx.Wrench("nowhere", [0.0] * 6)], "no such link 'nowhere'"),
     "ground link": (lambda r: [fx.GroundContact({"nowhere": [[0.0, 0, 0]]}, 1.0)], "no such link 'nowhere'"),
     "limit": (lambda r: [fx.Limits({"motor": 1.0})], "no motor 'motor'"),
