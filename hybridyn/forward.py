@@ -14,8 +14,9 @@ from numpy.typing import ArrayLike
 
 from .effects.recursion import Gravity
 from .errors import AssemblyError, TrajectoryError
+from .gimbal_lock import is_locked
 from .kinematics import Motion
-from .mechanism import Mechanism, is_locked
+from .mechanism import Mechanism
 from .module import Module
 from .robot import HybridRobot
 from .spatial import Array, crm, cross, motion_to_body, select

@@ -1,7 +1,7 @@
 """What to do where a module's closures lose rank: a constraint singularity, such as a four-bar lying flat.
 
-Mobility belongs to the module and never changes with the posture; at such a posture more motions than that are
-possible for an instant. A single freedom that is moving says itself which of them the mechanism is on.
+Mobility belongs to the module and never changes with the posture; at such a posture more motions than that
+are possible for an instant. A single freedom that is moving says itself which of them the mechanism is on.
 """
 
 from __future__ import annotations
@@ -32,8 +32,8 @@ def refuse_lost_rank(module: Module, basis: Basis) -> None:
     condition = float(1 / basis.pivot[t]) if basis.pivot[t] > 0 else np.inf
     raise SingularityError(
         f"module '{module.name}': its closures lose rank at sample {t} (constraint singularity; condition "
-        f"number {condition:.1e}, limit {1 / LOST:.0e}): more than its {module.mobility} freedoms are possible "
-        "there for an instant. Move the posture away from it, or, for the inverse model, pass "
+        f"number {condition:.1e}, limit {1 / LOST:.0e}): more than its {module.mobility} freedoms are "
+        "possible there for an instant. Move the posture away from it, or, for the inverse model, pass "
         'on_singular="least-norm"',
         module=module.name,
         what="closures",

@@ -12,7 +12,6 @@ and an output on a leg link moves with a_o = J_o Psi.
 
 from __future__ import annotations
 
-import logging
 from dataclasses import replace
 
 import numpy as np
@@ -20,19 +19,16 @@ import numpy as np
 from .closing import generic_postures
 from .closure import Closures
 from .elimination import least_squares
+from .gimbal_lock import GIMBAL_LOCK, flag_gimbal_lock
 from .joints import TreeJoint
 from .kinematics import Motion, Tree
 from .leg_model import LegModel
 from .modulespec import ModuleSpec
 from .reduction import RANK_TOLERANCE, Basis, Block, Reduction
-from .spatial import Array, Index, Mask, cross, quaternion_from_rotation, select, spatial_inertia
+from .spatial import Array, Index, cross, quaternion_from_rotation, select, spatial_inertia
 
-#: A wrist whose reciprocal condition falls below this is in gimbal lock.
-GIMBAL_LOCK = 1e-9
 #: Where its axes span less than this, a carrying wrist does not tell its platform's motion: rates grow there.
 NEAR_LOCK = 1e-2
-
-_log = logging.getLogger("hybridyn")
 
 
 class Mechanism:
@@ -328,7 +324,7 @@ class Mechanism:
             miss = np.concatenate([linear / self.length, angular], axis=-1)
             S = self.wrist_rates(motion, number)
             unknown[:, cols] = least_squares(S, miss, relative=GIMBAL_LOCK)
-            _flag_gimbal_lock(S)
+            flag_gimbal_lock(S)
             if wrist.carries:  # what hangs from a platform moves with it: sweep again before the next wrist
                 motion = None
 
@@ -336,25 +332,6 @@ class Mechanism:
         """Give the freedoms of a wrist in the spanning tree."""
         every = np.arange(self.spanning.nv)
         return np.concatenate([every[self.spanning.v_slices[i]] for i in self.spec.wrists[wrist].joints])
-
-
-def is_locked(S: Array) -> Mask:
-    """Say where a wrist's joints lose a direction, from `wrist_rates` (T, 6, joints), shape (T,)."""
-    s = np.linalg.svd(S, compute_uv=False)
-    out: Mask = s[:, -1] <= GIMBAL_LOCK * s[:, 0]
-    return out
-
-
-def _flag_gimbal_lock(S: Array) -> None:
-    """Log samples at which a wrist's joints lose a direction; their rates are the least-norm ones."""
-    locked = np.flatnonzero(is_locked(S))
-    if len(locked):
-        _log.warning(
-            "gimbal lock of a wrist at %d samples, the first %d: rates of its joints are the least-norm "
-            "ones, nothing else is affected",
-            len(locked),
-            locked[0],
-        )
 
 
 def to_body_axes(R: Array, J: Array) -> Array:
