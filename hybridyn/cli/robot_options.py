@@ -117,8 +117,9 @@ def takes_effects(default: str) -> Callable[[Callable[..., Any]], Callable[..., 
         callback=_effect_names,
         default=default,
         show_default=True,
-        help="What is computed, and nothing else: 'default' (gravity, inertia, leg_inertia, velocity), 'model' "
-        "(those and all that the robot's files state), 'none', or names of effects, those words included.",
+        help="What is computed, and nothing else: 'default' (gravity, inertia, leg_inertia, velocity), "
+        "'model' (those and all that the robot's files state), 'none', or names of effects, those words "
+        "included.",
     )
 
 
