@@ -175,7 +175,7 @@ def _backward(
         if sharing is not None:
             tau[:, s.module.motor_index] = motor_efforts(robot, s.module, Psi, Q, size, sharing)  # Eq. (33)
         if result is not None:
-            module_reactions(result, s, F, H, tau[:, s.module.motor_index])
+            module_reactions(result, s, load, F, H, tau[:, s.module.motor_index])
         if s.module.parent < 0:
             root += F
         else:

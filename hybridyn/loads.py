@@ -16,7 +16,7 @@ from .effects.choice import STANDARD, Effects
 from .errors import TrajectoryError
 from .modulespec import ModuleSpec
 from .robot import HybridRobot
-from .spatial import Array, wrench_to_base
+from .spatial import Array, rotate, wrench_to_base
 
 if TYPE_CHECKING:
     from .forward import ModuleState
@@ -30,12 +30,15 @@ class ModuleLoad:
         outputs: Output number and wrench (T, 6).
         legs: Body of the tree after the cuts and wrench (T, 6).
         wrist_links: Body of the spanning tree and wrench (T, 6), for massless links inside cut wrists.
+        wrist_ends: Wrist number and wrench (T, 6), for ends of cut wrists that a closure holds; it is entered on
+            the wrist's target as well.
         base: Wrenches that a wrist hands straight to the base body, (T, 6).
     """
 
     outputs: list[tuple[int, Array]] = field(default_factory=list)
     legs: list[tuple[int, Array]] = field(default_factory=list)
     wrist_links: list[tuple[int, Array]] = field(default_factory=list)
+    wrist_ends: list[tuple[int, Array]] = field(default_factory=list)
     base: list[Array] = field(default_factory=list)
 
     def on_output(self, state: ModuleState, output: int) -> Array:
@@ -44,6 +47,29 @@ class ModuleLoad:
         for number, wrench in self.outputs:
             if number == output:
                 out += wrench
+        return out
+
+    def through_wrist(self, state: ModuleState, number: int) -> Array:
+        """Give what wrenches on a cut wrist's links hand to its target, (T, 6), base axes, at its end."""
+        m = state.mechanism
+        wrist, spanning = m.spec.wrists[number], state.spanning
+        out = np.zeros_like(state.V)
+        R = spanning.R[:, wrist.end]
+        for end, wrench in self.wrist_ends:
+            if end == number:
+                out += np.concatenate([rotate(R, wrench[:, :3]), rotate(R, wrench[:, 3:])], axis=1)
+        for body, wrench in self.wrist_links:
+            if body - 1 in wrist.joints:
+                R, own = (
+                    spanning.R[:, body],
+                    m.spanning.jacobian(spanning, body)[:, :, m.wrist_columns(number)],
+                )
+                world = np.concatenate([rotate(R, wrench[:, :3]), rotate(R, wrench[:, 3:])], axis=1)
+                along = np.einsum("tij,ti->tj", own, world)
+                handed = np.einsum(
+                    "tij,ti->tj", np.linalg.pinv(m.wrist_rates(spanning, number), rcond=1e-12), along
+                )
+                out += handed / np.array([m.length] * 3 + [1.0] * 3)
         return out
 
     def on_legs(self, state: ModuleState) -> tuple[Array, Array]:
@@ -176,8 +202,9 @@ def _wrench(robot: HybridRobot, link: str, given: Array, samples: int) -> Array:
 
 def _place(spec: ModuleSpec, load: ModuleLoad, body: int, wrench: Array) -> None:
     """Enter a wrench on a body of a module's spanning tree."""
-    for wrist in spec.wrists:
+    for number, wrist in enumerate(spec.wrists):
         if wrist.end == body and not wrist.carries:
+            load.wrist_ends.append((number, wrench))
             wrench = wrench_to_base(wrist.R, wrist.p, wrench)
             body = wrist.target
             break
@@ -185,7 +212,7 @@ def _place(spec: ModuleSpec, load: ModuleLoad, body: int, wrench: Array) -> None
         load.base.append(wrench)
     elif body not in spec.tree_body:
         load.wrist_links.append((body, wrench))
-    elif (number := spec.tree_body.index(body)) in spec.outputs:
-        load.outputs.append((spec.outputs.index(number), wrench))
+    elif (own := spec.tree_body.index(body)) in spec.outputs:
+        load.outputs.append((spec.outputs.index(own), wrench))
     else:
-        load.legs.append((number, wrench))
+        load.legs.append((own, wrench))

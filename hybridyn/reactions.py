@@ -13,6 +13,7 @@ from .spatial import Array, cross, rotate, rotate_back
 
 if TYPE_CHECKING:
     from .forward import ModuleState
+    from .loads import ModuleLoad
 
 
 @dataclass
@@ -52,12 +53,15 @@ class Reactions:
         )
 
 
-def module_reactions(result: Reactions, state: ModuleState, F: Array, force: Array, tau: Array) -> None:
+def module_reactions(
+    result: Reactions, state: ModuleState, load: ModuleLoad, F: Array, force: Array, tau: Array
+) -> None:
     """Enter one module's reactions.
 
     Args:
         result: What to fill in.
         state: The module's state.
+        load: Wrenches on its bodies.
         F: Wrench of the base on the module, shape (T, 6), base frame.
         force: Generalised force that the motion needs along x, shape (T, n).
         tau: Efforts of the module's motors, shape (T, motors).
@@ -81,7 +85,10 @@ def module_reactions(result: Reactions, state: ModuleState, F: Array, force: Arr
     for i, (name, at) in enumerate(module.named_rows()):
         lam = multipliers[:, at]
         if i < authors:
-            lam = _closure_wrench(state, m.closures.closures[i], m.spanning_closures.closures[i], lam)
+            author = m.spanning_closures.closures[i]
+            lam = _closure_wrench(state, m.closures.closures[i], author, lam) + _handed_on(
+                state, load, author
+            )
         elif i < len(m.closures.closures):
             continue  # a wrist that carries a platform is a joint, not a closure of the author's
         result.closures[name], result.unique[name] = lam, unique
@@ -106,6 +113,20 @@ def _closure_wrench(state: ModuleState, cut: TreeClosure, author: TreeClosure, l
     numbers = state.mechanism.bodies
     sign = 1.0 if numbers[cut.body_b] == author.body_b or numbers[cut.body_a] == author.body_a else -1.0
     return sign * np.concatenate([rotate_back(A_out, force), rotate_back(A_out, moment)], axis=-1)
+
+
+def _handed_on(state: ModuleState, load: ModuleLoad, author: TreeClosure) -> Array:
+    """Give what a cut wrist hands from wrenches on its own links to the author's successor, shape (T, 6)."""
+    out = np.zeros_like(state.V)
+    for number, wrist in enumerate(state.mechanism.spec.wrists):
+        if wrist.carries or {wrist.end, wrist.target} != {author.body_a, author.body_b}:
+            continue
+        handed = load.through_wrist(state, number)
+        A, _, _, p = _frames(state.spanning, author)
+        moment = handed[:, 3:] + cross(state.spanning.p[:, wrist.end] - p, handed[:, :3])
+        sign = 1.0 if wrist.target == author.body_b else -1.0
+        out += sign * np.concatenate([rotate_back(A, handed[:, :3]), rotate_back(A, moment)], axis=-1)
+    return out
 
 
 def _frames(motion: Motion, c: TreeClosure) -> tuple[Array, Array, Array, Array]:

@@ -1,0 +1,227 @@
+"""Wrenches inside the robot against balances written elsewhere: Pinocchio's tree, and the oracle's bodies."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from comparing import SOLVED, close_to
+from mechanisms import KINDS, random_mechanism, random_states, random_wrenches
+from shipped import shipped, states_near_home
+
+import hybridyn
+from hybridyn import HybridRobot, Reactions
+from hybridyn.oracle import Base, Oracle
+from hybridyn.robot import build_robot
+from hybridyn.spatial import Array
+
+BASES: tuple[Base, ...] = ("fixed", "moving", "floating")
+SEED = 12
+BALANCED = 1e-10  # of the largest effort: multipliers of redundant rows are found by singular values
+LOOPED = [k for k in KINDS if KINDS[k].loops]
+
+Case = tuple[HybridRobot, Array, Array, Array, dict[str, Array], Array, Reactions]
+
+
+def solved(kind: str, base: Base, count: int = 2) -> Case:
+    description = random_mechanism(SEED, kind=kind)
+    wrenches = random_wrenches(description, SEED)
+    robot = build_robot(description, base=base)
+    q, v, a = random_states(description, base, SEED, count, wrenches=wrenches)
+    tau, reactions = hybridyn.idm(
+        robot, q, v, a, wrenches=wrenches, weights=np.ones(len(robot.motors)), reactions=True
+    )
+    return robot, q, v, a, wrenches, tau, reactions
+
+
+def left_over(case: Case, t: int) -> tuple[Array, float]:
+    """Give what the tree still needs once motors, closures and outer wrenches have acted, shape (nv,)."""
+    robot, q, v, a, wrenches, tau, reactions = case
+    model, data = robot.model, robot.model.createData()
+    pin.forwardKinematics(model, data, q[t])
+    pin.updateFramePlacements(model, data)
+    force = pin.StdVec_Force([pin.Force.Zero() for _ in range(model.njoints)])
+
+    def push(link: str, world: pin.Force) -> None:
+        joint = model.frames[model.getFrameId(link, pin.BODY)].parentJoint
+        force[joint] += data.oMi[joint].actInv(world)
+
+    for link, wrench in wrenches.items():
+        push(link, data.oMf[model.getFrameId(link, pin.BODY)].act(pin.Force(wrench)))
+    for closure in robot.description.closures:
+        A = data.oMf[model.getFrameId(closure.link_a, pin.BODY)] * pin.SE3(closure.frame_a)
+        B = data.oMf[model.getFrameId(closure.link_b, pin.BODY)] * pin.SE3(closure.frame_b)
+        on_b = pin.SE3(A.rotation, B.translation).act(pin.Force(reactions.closures[closure.name][t]))
+        push(closure.link_b, on_b)
+        push(closure.link_a, -on_b)
+    needed = pin.rnea(model, data, q[t], v[t], a[t], force)
+    size = np.abs(pin.rnea(model, data, q[t], v[t], a[t])).max()
+    column = {name: at.start for name, at in zip(robot.joints, robot.v_slices, strict=True)}
+    for motor, effort in zip(robot.motors, tau[t], strict=True):
+        needed[column[motor]] -= effort
+    for coupling in robot.description.couplings:
+        (multiplier,) = reactions.closures[coupling.name][t]
+        for joint, coefficient in coupling.terms:
+            needed[column[joint]] -= coefficient * multiplier
+    largest = max([size, *(np.abs(w[t]).max() for w in reactions.closures.values())])
+    return needed, float(largest)
+
+
+@pytest.mark.parametrize("base", BASES)
+@pytest.mark.parametrize("kind", LOOPED)
+def test_motors_closures_and_wrenches_are_all_that_the_tree_needs(kind: str, base: Base) -> None:
+    """Every joint of the spanning tree is free of other efforts; only the base may carry the robot."""
+    case = solved(kind, base)
+    robot, reactions = case[0], case[-1]
+    for t in range(2):
+        needed, size = left_over(case, t)
+        if base == "moving":
+            root = robot.description.root
+            close_to(
+                needed[:6], reactions.base[t], BALANCED * size / max(np.abs(reactions.base[t]).max(), 1e-9)
+            )
+            assert robot.bodies.place[root][0] == 0
+            needed = needed[6:]
+        assert np.abs(needed).max() < BALANCED * size
+
+
+def test_wrenches_on_links_of_cut_wrists_reach_the_closures() -> None:
+    """One link at a time, inside the chains and at their ends."""
+    description = random_mechanism(1, kind="gough_gimbals")
+    robot = build_robot(description)
+    q, v, a = random_states(description, "fixed", 1, 1)
+    (module,) = robot.modules
+    inside = {module.joints[j] for w in module.mechanism.spec.wrists for j in w.joints}
+    bodies = {robot.body_of_joint[j] for j in inside}
+    links = [name for name, (body, *_) in robot.bodies.place.items() if body in bodies]
+    assert len(links) >= 12
+    for link in links:
+        wrenches = {link: np.array([3.0, -1.0, 2.0, 0.5, 1.5, -0.7])}
+        tau, reactions = hybridyn.idm(robot, q, v, a, wrenches=wrenches, reactions=True)
+        needed, size = left_over((robot, q, v, a, wrenches, tau, reactions), 0)
+        assert np.abs(needed).max() < BALANCED * size
+
+
+@pytest.mark.parametrize("base", BASES)
+@pytest.mark.parametrize("kind", [*LOOPED, "serial", "serial_all"])
+def test_the_base_carries_what_all_bodies_together_need(kind: str, base: Base) -> None:
+    """Their change of momentum, less gravity and outer wrenches; nothing where the base floats."""
+    robot, q, v, a, wrenches, _, reactions = solved(kind, base)
+    oracle = Oracle(robot.description, base)
+    for t in range(2):
+        expected = oracle.support(q[t], v[t], a[t], wrenches)
+        size = max(np.abs(w[t]).max() for w in reactions.modules.values())
+        assert np.abs(reactions.base[t] - expected).max() < SOLVED * max(size, np.abs(expected).max())
+        if base == "floating":
+            assert np.abs(reactions.base[t]).max() < SOLVED * size
+
+
+def carried_by(robot: HybridRobot, number: int) -> set[int]:
+    """Give the bodies of a module and of all that stand on it."""
+    modules = {number}
+    for k, module in enumerate(robot.modules):
+        if module.parent in modules:
+            modules.add(k)
+    return {robot.body_of_joint[j] for k in modules for j in robot.modules[k].joints}
+
+
+@pytest.mark.parametrize("base", BASES)
+@pytest.mark.parametrize(
+    "kind", ["stack", "on_leg", "branched", "scara_delta", "gough_gimbals", "chain_of_bars", "serial"]
+)
+def test_a_base_body_gives_its_module_what_everything_on_it_needs(kind: str, base: Base) -> None:
+    """Newton and Euler for all bodies beyond, about the base body's origin."""
+    robot, q, v, a, wrenches, _, reactions = solved(kind, base)
+    oracle = Oracle(robot.description, base)
+    for t in range(2):
+        posture = oracle.posture(q[t])
+        V, g, _ = oracle.tree.drifts(posture, v[t])
+        needed = oracle.bodies.needed(posture, V, (posture.G @ a[t]).reshape(-1, 6) + g, wrenches)
+        ours = {posture.links[x].body: body for x, (body, *_) in robot.bodies.place.items()}
+        for k, module in enumerate(robot.modules):
+            if module.base == "world":
+                continue
+            beyond = carried_by(robot, k)
+            data = robot.model.createData()
+            pin.framesForwardKinematics(robot.model, data, q[t])
+            body = robot.bodies.place[module.base][0]
+            joint = robot.bodies.joints[body - 1].joint.name if body else robot.joints[0]
+            M = data.oMi[robot.model.getJointId(joint)] if body or base != "fixed" else pin.SE3.Identity()
+            total = pin.Force.Zero()
+            for i, (wrench, origin) in enumerate(zip(needed, posture.origins, strict=True)):
+                if ours.get(i) in beyond:
+                    total += pin.SE3(np.eye(3), np.asarray(origin, float)).act(
+                        pin.Force(np.asarray(wrench, float))
+                    )
+            close_to(reactions.modules[module.name][t], M.actInv(total).vector, BALANCED)
+
+
+@pytest.mark.parametrize("kind", LOOPED)
+def test_closures_do_not_act_where_they_leave_freedom(kind: str) -> None:
+    """No force along a free slide and no moment about a free axis, in the closure's own frames."""
+    robot, q, _, _, _, _, reactions = solved(kind, "fixed")
+    data = robot.model.createData()
+    for closure in robot.description.closures:
+        for t in range(2):
+            pin.framesForwardKinematics(robot.model, data, q[t])
+            A, B = (
+                data.oMf[robot.model.getFrameId(link, pin.BODY)].rotation @ frame[:3, :3]
+                for link, frame in ((closure.link_a, closure.frame_a), (closure.link_b, closure.frame_b))
+            )
+            wrench = reactions.closures[closure.name][t]
+            size = max(np.abs(wrench).max(), 1e-9)
+            free = [i for i in range(3) if i not in closure.translations]
+            assert np.abs(wrench[free]).max(initial=0.0) < SOLVED * size
+            z = (A.T @ B)[:, 2]
+            moment = wrench[3:]
+            idle = {
+                "free": np.eye(3),
+                "parallel": z[None],
+                "perpendicular": np.stack([z, [0.0, 0, 1]]),
+                "fixed": [],
+            }
+            for axis in idle[closure.rotation]:
+                assert abs(axis @ moment) < SOLVED * size
+
+
+@pytest.mark.parametrize(
+    ("kind", "unique"),
+    [("four_bar", False), ("four_bar_point", False), ("planar_rpr", False), ("delta_bars", False),
+     ("gough", True), ("rps3", False), ("loop_revolute", True), ("gear_two", True), ("gear_inside", False)],
+)  # fmt: skip
+def test_redundant_closures_are_flagged(kind: str, unique: bool) -> None:
+    """Where rows outnumber rank, only their sum is determined, and the caller is told."""
+    robot, *_, reactions = solved(kind, "fixed")
+    for module in robot.modules:
+        report = module.mechanism.reduction.report
+        for name in module.closures:
+            assert reactions.unique[name] == (report.rank == report.rows)
+    flags = [reactions.unique[name] for module in robot.modules for name in module.closures]
+    if kind == "rps3":
+        return  # depends on how its legs' wrists were drawn
+    assert all(flags) if unique else not any(flags)
+
+
+def test_every_module_and_closure_has_its_reaction() -> None:
+    description = shipped("lx4")
+    robot = build_robot(description)
+    q, v, a = states_near_home(description, "fixed", 0, 3)
+    tau, batch = hybridyn.idm(robot, q, v, a, reactions=True)
+    assert list(batch.modules) == [m.name for m in reversed(robot.modules)] or set(batch.modules) == {
+        m.name for m in robot.modules
+    }
+    assert set(batch.closures) == {c.name for c in description.closures} == set(batch.unique)
+    assert batch.base.shape == (3, 6)
+    assert all(w.shape == (3, 6) for w in (*batch.modules.values(), *batch.closures.values()))
+    for t in range(3):
+        one_tau, one = hybridyn.idm(robot, q[t], v[t], a[t], reactions=True)
+        close_to(one_tau, tau[t], SOLVED)
+        close_to(one.base, batch.base[t], SOLVED)
+        for name in batch.closures:
+            assert one.closures[name].shape == (6,)
+            assert np.abs(one.closures[name] - batch.closures[name][t]).max() < SOLVED * np.abs(tau).max()
+
+
+def test_asking_for_reactions_does_not_change_the_efforts() -> None:
+    robot, q, v, a, wrenches, tau, _ = solved("stack", "fixed")
+    close_to(hybridyn.idm(robot, q, v, a, wrenches=wrenches), tau, 1e-15)
