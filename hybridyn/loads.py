@@ -30,8 +30,8 @@ class ModuleLoad:
         outputs: Output number and wrench (T, 6).
         legs: Body of the tree after the cuts and wrench (T, 6).
         wrist_links: Body of the spanning tree and wrench (T, 6), for massless links inside cut wrists.
-        wrist_ends: Wrist number and wrench (T, 6), for ends of cut wrists that a closure holds; it is entered on
-            the wrist's target as well.
+        wrist_ends: Wrist number and wrench (T, 6), for ends of cut wrists that a closure holds; it is entered
+            on the wrist's target as well.
         base: Wrenches that a wrist hands straight to the base body, (T, 6).
     """
 
