@@ -140,4 +140,4 @@ def _named(motions: Array, names: list[str]) -> tuple[str, ...]:
 
 
 def _unquoted(names: list[str]) -> str:
-    return listed(names).replace("'", "")
+    return listed(dict.fromkeys(names)).replace("'", "")

@@ -80,6 +80,18 @@ def test_motors_that_lose_a_direction_at_home(tmp_path: Path) -> None:
     assert "its motors lose a direction" in text
 
 
+def test_the_part_without_mass_is_named(tmp_path: Path) -> None:
+    """A wheel without mass on the coupler spins without resistance; the rest of the four-bar has its mass."""
+    path = tmp_path / "wheel.urdf"
+    four_bar(tmp_path, SQUARE)
+    wheel = """<link name="wheel"/><joint name="axle" type="revolute">
+      <parent link="middle"/><child link="wheel"/><axis xyz="0 0 1"/><limit lower="-3" upper="3" effort="1" velocity="1"/></joint></robot>"""
+    path.write_text((tmp_path / "four_bar.urdf").read_text().replace("</robot>", wheel))
+    (text,) = findings(hybridyn.load(path, motors=["crank"]))
+    assert "none of its bodies has mass" in text
+    assert text.startswith("module 'wheel'")
+
+
 def test_bodies_without_mass(tmp_path: Path) -> None:
     (text,) = findings(four_bar(tmp_path, SQUARE, mass=0.0))
     assert "none of its bodies has mass" in text

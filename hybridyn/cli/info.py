@@ -195,7 +195,7 @@ class _Tree:
             ("massless", free.massless),
         ):
             if names:
-                yield label, f"the motion of {', '.join(names)}{REMARKS[label]}"
+                yield label, f"the motion of {', '.join(dict.fromkeys(names))}{REMARKS[label]}"
 
     def _closure_facts(self, module: Module, open_by: float) -> Iterator[tuple[str, str]]:
         if not module.closures:

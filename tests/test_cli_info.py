@@ -1,0 +1,78 @@
+"""`hybridyn info`: equal modules told once, ranks of rounded files, passive motions, a singular home."""
+
+import re
+from pathlib import Path
+
+import pytest
+from command_line import ROOT, call
+
+import hybridyn
+from hybridyn.cli.info import _Tree
+from hybridyn.findings import home_residuals
+from hybridyn.module import Module
+
+SNAKE, FIVE_BAR = ROOT / "urdf/snake.urdf.xacro", ROOT / "urdf/five_bar.urdf.xacro"
+
+
+@pytest.fixture
+def run(capsys: pytest.CaptureFixture[str]):
+    return lambda *words: call(capsys, *words)
+
+
+def test_equal_modules_are_told_once(run) -> None:
+    out = run("info", SNAKE).out
+    assert re.search(
+        r"m4_platform ... m11_platform  modules 4-11, .* like module 3\s+\(m3_platform\); 24 motors",
+        out,
+        re.S,
+    )
+    assert "m3_leg1_slide*" in out
+    assert "m5_leg1_slide*" not in out
+    assert "m12_leg1_slide*" in out  # the last one carries another end
+
+
+def test_every_module_is_told_once_or_folded() -> None:
+    robot = hybridyn.load(SNAKE)
+    tree = _Tree(robot, home_residuals(robot), 100)
+    lines = "\n".join(tree.lines())
+    told = [module.name for module in robot.modules if re.search(rf"─ {module.name}  module", lines)]
+    assert len(told) + 8 == len(robot.modules)
+
+
+def test_a_module_that_is_open_is_not_hidden_by_its_equals() -> None:
+    robot = hybridyn.load(SNAKE)
+    residuals = home_residuals(robot)
+    residuals[6] = 0.1
+    assert "some OPEN at home" in " ".join("\n".join(_Tree(robot, residuals, 100).lines()).split())
+
+
+def test_motions_without_a_motor(run) -> None:
+    out = run("info", FIVE_BAR, "--motors", "m1_left_drive").out
+    assert re.search(r"passive +the motion of joint 'm1_right_\w+' has no motor", out)
+    assert "1 fewer than freedoms" in out
+
+
+def test_the_rank_of_a_rounded_file_is_reported(run, tmp_path: Path) -> None:
+    """Six digits of an axis: what closes in the plane to rounding no longer does exactly."""
+    assert "rank  " not in run("info", FIVE_BAR).out
+    from hybridyn.description.xacro_files import expand
+
+    text = expand(str(FIVE_BAR), {}, ())[0].decode()
+    path = tmp_path / "r.urdf"
+    path.write_text(text.replace('<axis xyz="0 1 0"/>', '<axis xyz="1e-7 1 2e-7"/>', 1))
+    out = run("info", path).out
+    found = re.search(r"rank +2; relative singular values count from (\S+) up, and not up to\s+(\S+):", out)
+    assert found is not None, out
+    assert 1e-9 < float(found[2]) < 1e-5 < float(found[1])
+
+
+def test_a_singular_home_is_told_where_the_module_is(run, monkeypatch: pytest.MonkeyPatch) -> None:
+    from hybridyn import findings
+
+    def singular(module: Module, robot: hybridyn.HybridRobot) -> str:
+        return "its closures lose rank"
+
+    monkeypatch.setattr(findings, "singular_at_home", singular)
+    out = run("info", FIVE_BAR).out
+    assert "module's size; SINGULAR" in out
+    assert "the home posture is singular: its closures lose rank" in " ".join(out.split())

@@ -1,0 +1,91 @@
+"""Motions without a motor, idle ones, massless ones: named where they are, and nowhere else."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from mechanisms import KINDS, random_mechanism
+from shipped import ROBOTS, shipped
+
+import hybridyn
+from hybridyn.free_motions import FreeMotions, free_motions, free_motions_of
+from hybridyn.robot import build_robot
+
+ROOT = Path(__file__).parents[1]
+NONE = FreeMotions((), (), ())
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_shipped_robots_have_none(name: str) -> None:
+    robot = build_robot(shipped(name))
+    assert all(free_motions(module) == NONE for module in robot.modules)
+    assert free_motions_of(robot) == []
+    assert free_motions_of(build_robot(shipped(name), base="floating")) == []  # a free base is no news
+
+
+def test_a_five_bar_with_one_motor_has_a_passive_motion() -> None:
+    robot = hybridyn.load(ROOT / "urdf/five_bar.urdf.xacro", motors=["m1_left_drive"])
+    free = free_motions(robot.modules[0])
+    assert len(free.uncontrolled) == 1
+    assert "m1_left_drive" not in free.uncontrolled[0]
+    assert (free.idle, free.massless) == ((), ())
+    assert free_motions_of(robot) == [
+        f"no motor drives the motion of {free.uncontrolled[0].replace(chr(39), '')}"
+    ]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_motions_and_motors_add_up(kind: str) -> None:
+    """Motors, the motions they do not drive, and mobility: each module of each random mechanism."""
+    robot = build_robot(random_mechanism(0, kind=kind))
+    for module in robot.modules:
+        free = free_motions(module)
+        m = module.mechanism
+        Psi = m.basis(m.closures.matrix(m.tree.sweep(m.postures[:1]))).Psi[0]
+        driven = np.linalg.matrix_rank(
+            Psi[module.motor_columns] / m.reduction.col_scale[module.motor_columns, None]
+        )
+        assert len(free.uncontrolled) + len(free.idle) == module.mobility - driven
+        names = (*free.uncontrolled, *free.idle)
+        assert not set(names) & {f"joint '{motor}'" for motor in module.motors}
+        assert {*names, *free.massless} <= set(module.freedom_names())
+    if KINDS[kind].massless:
+        assert any(free_motions(module).massless for module in robot.modules)
+
+
+def test_a_rod_that_spins_between_two_balls_is_idle(tmp_path: Path) -> None:
+    """A crank that pushes a slide by a rod with a ball at either end: one motor, and one motion to spare."""
+
+    def link(name: str, x: float = 0.0) -> str:
+        return (
+            f'<link name="{name}"><inertial><origin xyz="{x} 0 0"/><mass value="1"/>'
+            '<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>'
+        )
+
+    def joint(name: str, kind: str, parent: str, child: str, xyz: str, axis: str, rpy: str = "0 0 0") -> str:
+        return (
+            f'<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>'
+            f'<origin xyz="{xyz}" rpy="{rpy}"/><axis xyz="{axis}"/>'
+            '<limit lower="-3" upper="3" effort="1" velocity="1"/></joint>'
+        )
+
+    text = '<robot name="r">' + link("ground") + link("crank") + link("slide") + link("rod", 1.0)
+    text += '<link name="roll"/><link name="pitch"/>'
+    text += joint("drive", "revolute", "ground", "crank", "0 0 0", "0 1 0")
+    text += joint("rail", "prismatic", "ground", "slide", "2.2 0 0", "1 0 0")
+    text += joint("ball_x", "revolute", "crank", "roll", "0 0 0.5", "1 0 0", "0 0.2 0.1")
+    text += joint("ball_y", "revolute", "roll", "pitch", "0 0 0", "0 1 0")
+    text += joint("ball_z", "revolute", "pitch", "rod", "0 0 0", "0 0 1")
+    text += (
+        '<loop name="pin" type="spherical"><predecessor link="rod"><origin xyz="2 0 0"/></predecessor>'
+        '<successor link="slide"/></loop></robot>'
+    )
+    path = tmp_path / "r.urdf"
+    path.write_text(text)
+    robot = hybridyn.load(path, motors=["drive"])
+    assert robot.mobility == 2
+    free = free_motions(robot.modules[0])
+    assert len(free.uncontrolled) + len(free.idle) == 1
+    assert free.idle == ("joint 'ball_x'",)
+    assert free.massless == ()
+    assert "idle" in free_motions_of(robot)[0]
