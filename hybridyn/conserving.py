@@ -45,6 +45,10 @@ MOST_FREEDOMS = 250
 SOLVED = 1e-12
 #: Residuals under this (scaled) are rounding.
 ROUNDING = 3e-16
+#: Residuals under this (rad, module lengths, per unit of the positions) may be rounding of the positions.
+FLOOR = 2e-15
+#: Iterations that may pass without getting better, once solved.
+PATIENCE = 2
 #: Most iterations of a step; one that needs more is too long.
 ITERATIONS = 60
 #: Reciprocal condition of the reduced mass under which a motion counts as massless.
@@ -80,6 +84,11 @@ class _Attempt:
 
     F: Array
     end: _End
+
+    @property
+    def size(self) -> float:
+        """Largest entry of the residual."""
+        return float(np.abs(self.F).max(initial=0.0))
 
 
 class Conserving:
@@ -123,36 +132,48 @@ class Conserving:
         _refuse_massless(start)
         u0, u_dot = chart.independent(state.v), chart.independent(state.a)
         z = np.concatenate([h * u0 + h * h / 2 * u_dot, h * u0 + h * h * u_dot])
-        scale = float(np.abs(z).max(initial=0.0)) + abs(h) * ROUNDING
-        inverse, attempt = np.eye(2 * N), self._attempt(system, chart, start, z, state.t, h)
-        best, spent = attempt, 0
-        norm = lowest = float(np.abs(attempt.F).max(initial=0.0))
-        for spent in range(1, ITERATIONS + 1):  # noqa: B007 - the count is reported
-            if norm <= ROUNDING * scale:
-                break
+        best, spent = self._solve(system, chart, start, z, state.t, h)
+        end = best.end
+        a = (end.v - state.v) / h
+        return Stepped(State(state.t + h, end.q, end.v, a), None, None, spent, chart.pivot)
+
+    def _solve(
+        self, system: System, chart: Chart, start: _End, z: Array, t: float, h: float
+    ) -> tuple[_Attempt, int]:
+        """Solve the step's equations by Broyden's method, until rounding keeps them from getting better.
+
+        Raises:
+            AssemblyError: A trial is out of reach.
+            StepError: They did not solve.
+        """
+        scale = float(np.abs(z).max(initial=0.0))
+        # Near rest the step is short, and the rounding of positions is all that counts.
+        limit = max(SOLVED * scale, FLOOR * max(1.0, float(np.abs(start.q).max(initial=0.0))))
+        inverse, attempt = np.eye(len(z)), self._attempt(system, chart, start, z, t, h)
+        inverse[: chart.size, chart.size :] = np.eye(chart.size) / 2  # y_1 moves by half of what h u_1 does
+        best, lowest, idle, spent = attempt, attempt.size, 0, 0
+        while spent < ITERATIONS and lowest > ROUNDING * scale and idle < PATIENCE:
+            spent += 1
             dz = -inverse @ attempt.F
             try:
-                new = self._attempt(system, chart, start, z + dz, state.t, h)
+                new = self._attempt(system, chart, start, z + dz, t, h)
             except np.linalg.LinAlgError:
                 break
-            before, norm = norm, float(np.abs(new.F).max(initial=0.0))
-            if norm < lowest:
-                best, lowest = new, norm
-            if lowest <= SOLVED * scale and norm > before / 4:
-                break  # down at rounding: it gets no better
-            if not np.isfinite(norm):
+            if not np.isfinite(new.size):
                 break
+            if new.size < lowest:
+                best, lowest, idle = new, new.size, 0
+            elif lowest <= limit:
+                idle += 1
             inverse = _broyden(inverse, dz, new.F - attempt.F)
             z, attempt = z + dz, new
-        if lowest > max(SOLVED * scale, ROUNDING):
+        if lowest > limit:
             raise StepError(
-                f"the equations of the conserving step at t = {state.t:g} s were not solved: residual "
-                f"{lowest / scale:.2g} after {spent} iterations (limit {SOLVED:.0e}); take a shorter step"
+                f"the equations of the conserving step at t = {t:g} s were not solved: residual "
+                f"{lowest:.2g} after {spent} iterations (limit {limit:.0e}); take a "
+                "shorter step"
             )
-        end = best.end
-        return Stepped(
-            State(state.t + h, end.q, end.v, (end.v - state.v) / h), None, None, spent, chart.pivot
-        )
+        return best, spent
 
     def _end(self, t: float, q: Array, v: Array, B: Array) -> _End:
         """Evaluate mass and potential energy at one end; other forces only where there are any."""
@@ -257,8 +278,8 @@ def _refuse_massless(end: _End) -> None:
     s = np.linalg.eigvalsh(end.B.T @ end.M @ end.B)
     if s[0] <= MASSLESS * s[-1]:
         raise SingularityError(
-            f"method 'conserving': a motion has no inertia (reciprocal condition of the mass "
-            f"{s[0] / s[-1]:.2g}, limit {MASSLESS:.0e}), so it has no momentum to conserve. Give its bodies "
+            f"method 'conserving': a motion has no inertia (its mass is {max(s[0], 0):.2g} where the largest "
+            f"is {s[-1]:.2g}, limit {MASSLESS:.0e} of it), so it has no momentum to conserve. Give its bodies "
             "mass, or take 'rk4'",
             what="inertia", condition=float(s[-1] / s[0]) if s[0] > 0 else np.inf,
         )  # fmt: skip

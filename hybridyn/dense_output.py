@@ -19,7 +19,7 @@ DIFFERENCE = 1e-5
 
 # Quintic Hermite basis over s in [0, 1], coefficients of s^0 .. s^5: value, rate, second rate at 0, then at
 # 1.
-_BASIS = np.array(
+QUINTIC = np.array(
     [
         [1, 0, 0, -10, 15, -6],
         [0, 1, 0, -6, 8, -3],
@@ -90,10 +90,10 @@ class Between:
         h = self._after.t - self._before.t
         s = (t - self._before.t) / h
         powers, rates = s ** np.arange(6), np.concatenate([[0.0], np.arange(1, 6) * s ** np.arange(5)])
-        xi = _BASIS @ powers @ self._ends
+        xi = QUINTIC @ powers @ self._ends
         manifold = self._system.manifold
         q = manifold.retraction.move(self._before.q, xi)
-        v = manifold.retraction.push(xi, _BASIS @ rates @ self._ends / h)
+        v = manifold.retraction.push(xi, QUINTIC @ rates @ self._ends / h)
         if self._project and manifold.looped:
             q, v = manifold.project(q, v)
         self._system.law.place_base(t, q, v)

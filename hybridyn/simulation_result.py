@@ -102,8 +102,8 @@ class Result:
         data["going_on"] = np.array([self.next_step, float(self.on_grid), self.start])
         data["event_names"] = np.array([e.name for e in self.events], dtype=str)
         data["event_t"] = np.array([e.t for e in self.events])
-        data["event_q"] = np.array([e.q for e in self.events]).reshape(len(self.events), -1)
-        data["event_v"] = np.array([e.v for e in self.events]).reshape(len(self.events), -1)
+        data["event_q"] = np.array([e.q for e in self.events]).reshape(-1, self.q.shape[1])
+        data["event_v"] = np.array([e.v for e in self.events]).reshape(-1, self.v.shape[1])
         part = Path(f"{os.fspath(path)}.part")
         with part.open("wb") as file:
             np.savez(file, **data)

@@ -11,7 +11,7 @@ import numpy as np
 
 from .conserving import Conserving
 from .dense_output import Between
-from .energy import energy
+from .energy import Energy, energy
 from .errors import AssemblyError, SingularityError
 from .events import Event, Found, crossed, locate
 from .forward import closure_residual
@@ -154,9 +154,11 @@ class Run:
         parts = [law.accelerations(*(x[i : i + BLOCK] for x in (t, q, v))) for i in blocks]
         a = np.concatenate([np.zeros((0, robot.nv)), *parts])
         tau = np.array([law.effort(*s) for s in zip(t, q, v, strict=True)]).reshape(len(t), len(robot.motors))
+        if law.on.limits is not None:
+            tau = law.on.limits.clip(robot, tau)
         law.evaluations = spent
         residual = closure_residual(robot, q) if len(t) else np.zeros(0)
-        stored = energy(robot, q, v, effects=law.on)
+        stored = energy(robot, q, v, effects=law.on) if len(t) else Energy(np.zeros(0), np.zeros(0))
         return {
             "t": t, "q": q, "v": v, "a": a, "tau": tau, "kinetic": stored.kinetic,
             "potential": stored.potential, "residual": np.asarray(residual),

@@ -1,0 +1,66 @@
+"""Robots and states that move freely, for the tests of time integration."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+from mechanisms import random_mechanism, random_states
+from shipped import shipped
+
+from hybridyn import load
+from hybridyn.integrators import State, System
+from hybridyn.manifold import Manifold
+from hybridyn.motion_law import MotionLaw
+from hybridyn.robot import HybridRobot, build_robot
+
+Swing = tuple[HybridRobot, np.ndarray, np.ndarray]
+
+
+@lru_cache
+def swing(name: str) -> Swing:
+    """Give a robot with a closed posture and rates: a shipped one, or a random mechanism as 'kind:base'."""
+    if ":" in name:
+        kind, base = name.split(":")
+        description = random_mechanism(0, kind=kind)
+        q, v, _ = random_states(description, base, 0, 1)  # type: ignore[arg-type]
+        return build_robot(description, base=base), q[0], 0.3 * v[0]  # type: ignore[arg-type]
+    robot = build_robot(shipped(name))
+    chart = Manifold(robot).chart(robot.home)
+    u = np.array([0.8, 0.5]) if name == "five_bar" else 0.3 * np.random.default_rng(0).normal(size=chart.size)
+    return robot, robot.home, chart.at_origin(u)
+
+
+def begin(of: Swing, **acting: object) -> tuple[System, State]:
+    """Give the system and the state at time zero."""
+    robot, q, v = of
+    law = MotionLaw(robot, **acting)  # type: ignore[arg-type]
+    return System(Manifold(robot), law), State(0.0, q, v, law.acceleration(0.0, q.copy(), v.copy()))
+
+
+def chain(folder: Path, bodies: str, joints: str, **options: object) -> HybridRobot:
+    """Load a robot from the links and joints of a URDF, a link 'base' included."""
+    path = folder / "robot.urdf"
+    path.write_text(f'<robot name="robot"><link name="base"/>{bodies}{joints}</robot>')
+    return load(path, **options)  # type: ignore[arg-type]
+
+
+def rod(name: str, mass: float, com: str, inertia: tuple[float, float, float]) -> str:
+    """Give a link with principal inertia about its centre of mass."""
+    xx, yy, zz = inertia
+    return (
+        f'<link name="{name}"><inertial><origin xyz="{com}"/><mass value="{mass}"/>'
+        f'<inertia ixx="{xx}" iyy="{yy}" izz="{zz}" ixy="0" ixz="0" iyz="0"/></inertial></link>'
+    )
+
+
+def hinge(
+    name: str, parent: str, child: str, at: str = "0 0 0", kind: str = "revolute", axis: str = "0 1 0"
+) -> str:
+    """Give a joint without limits that matter."""
+    return (
+        f'<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>'
+        f'<origin xyz="{at}"/><axis xyz="{axis}"/>'
+        '<limit lower="-1000" upper="1000" effort="1000" velocity="1000"/></joint>'
+    )

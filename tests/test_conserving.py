@@ -1,0 +1,140 @@
+"""The conserving method: energy over long runs, time reversal, discrete work, and what it refuses."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from swings import Swing, begin, chain, hinge, rod, swing
+
+import hybridyn
+from hybridyn import simulate
+from hybridyn.conserving import Conserving
+from hybridyn.effects import Damper, RotorInertia, Spring, ViscousFriction
+from hybridyn.errors import ModelError, SingularityError
+from hybridyn.motion_law import MotionLaw
+from hybridyn.robot import build_robot
+
+KEPT = 1e-9  # of the peak kinetic energy, the project's claim over 1e5 steps
+SHORT = 2e-11  # the same over 2,000 steps
+LOST = 1e-6  # what RK4 loses at the same step
+BACK = 1e-9  # where time reversal must end
+STEP = 0.004
+
+
+def springs(robot: hybridyn.HybridRobot) -> list[object]:
+    """Give springs on the motors: a platform whose slides are free falls for ever, on springs it swings."""
+    stiffness = dict.fromkeys(robot.motors, 3000.0)
+    return ["default", Spring(stiffness, dict.fromkeys(robot.motors, 0.01))]
+
+
+def swinging(name: str) -> tuple[Swing, list[object] | None]:
+    """Give a bounded motion without friction."""
+    of = swing(name)
+    return of, springs(of[0]) if name == "gough_stewart" else None
+
+
+def drift(result: hybridyn.simulation_result.Result) -> float:
+    """Give the worst change of energy over the peak kinetic energy."""
+    return float(np.abs(result.energy - result.energy[0]).max() / result.kinetic.max())
+
+
+def swung(name: str, method: str, steps: int, every: int = 10) -> hybridyn.simulation_result.Result:
+    (robot, q, v), effects = swinging(name)
+    times = STEP * np.arange(0, steps + 1, every)
+    return simulate(robot, q, v, times, method=method, step=STEP, effects=effects)
+
+
+@pytest.mark.parametrize("name", ["five_bar", "gough_stewart"])
+def test_energy_over_2000_steps(name: str) -> None:
+    result = swung(name, "conserving", 2000)
+    assert result.status == "finished", result.message
+    assert drift(result) <= SHORT
+    assert result.residual.max() <= 1e-10
+    assert drift(swung(name, "rk4", 200)) > LOST
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["five_bar", "gough_stewart"])
+def test_energy_over_100000_steps(name: str) -> None:
+    result = swung(name, "conserving", 100_000, 20)
+    assert result.status == "finished", result.message
+    assert drift(result) <= KEPT
+    assert result.residual.max() <= 1e-10
+    assert drift(swung(name, "rk4", 2000)) > LOST
+
+
+@pytest.mark.parametrize("name", ["five_bar", "gough_stewart", "five_bar:floating", "serial_all:fixed"])
+def test_time_reversal(name: str) -> None:
+    (robot, q, v), effects = swinging(name)
+    there = simulate(robot, q, v, (0.0, 60 * STEP), method="conserving", step=STEP, effects=effects)
+    back = simulate(
+        robot, there.q[-1], there.v[-1], (60 * STEP, 0.0), method="conserving", step=STEP, effects=effects
+    )
+    assert len(back.t) == 61
+    scale = np.abs(there.v).max()
+    assert np.abs(there.q[-1] - q).max() > 1e-3
+    assert np.abs(back.q[-1] - q).max() <= BACK
+    assert np.abs(back.v[-1] - v).max() <= BACK * scale
+    assert drift(there) <= SHORT
+
+
+def test_rotors_and_springs_count_as_energy() -> None:
+    robot, q, v = swing("five_bar")
+    rotors = RotorInertia(dict.fromkeys(robot.motors, 0.02))
+    effects = ["default", rotors, Spring(dict.fromkeys(robot.motors, 5.0))]
+    result = simulate(robot, q, v, (0, 100 * STEP), method="conserving", step=STEP, effects=effects)
+    assert drift(result) <= SHORT
+    assert result.kinetic[0] > simulate(robot, q, v, (0, STEP), method="conserving", step=STEP).kinetic[0]
+
+
+def test_no_gravity_and_no_legs() -> None:
+    robot, q, v = swing("gough_stewart")
+    for effects in (["inertia", "leg_inertia", "velocity"], ["inertia", "velocity", "gravity"]):
+        result = simulate(robot, q, v, (0, 50 * STEP), method="conserving", step=STEP, effects=effects)
+        assert drift(result) <= SHORT
+        exact = simulate(robot, q, v, (0, 50 * STEP), effects=effects)
+        assert np.abs(result.q[-1] - exact.q[-1]).max() < 1e-4
+
+
+def test_forces_change_energy_by_their_discrete_work() -> None:
+    robot, q, v = swing("five_bar")
+    friction = ["default", ViscousFriction(dict.fromkeys(robot.motors, 0.3))]
+    h = 1e-3
+    result = simulate(robot, q, v, (0, 200 * h), method="conserving", step=h, effects=friction)
+    assert result.energy[-1] < result.energy[0]
+    at = [robot.v_slices[robot.joints.index(m)].start for m in robot.motors]
+    power = -0.3 * np.sum(result.v[:, at] ** 2, axis=1)
+    work = np.concatenate([[0], np.cumsum((power[1:] + power[:-1]) / 2 * h)])
+    lost = result.energy[-1] - result.energy[0]
+    assert np.abs(result.energy - result.energy[0] - work).max() < 1e-3 * abs(lost)  # the trapezium's error
+    exact = simulate(robot, q, v, (0, 200 * h), effects=friction)
+    assert np.abs(result.q[-1] - exact.q[-1]).max() < 2e-3
+
+
+def test_it_needs_no_direct_model_where_nothing_acts() -> None:
+    robot, q, v = swing("five_bar")
+    result = simulate(robot, q, v, (0, 10 * STEP), method="conserving", step=STEP)
+    assert result.counters.evaluations == 1  # the start's accelerations
+    held = simulate(robot, q, v, (0, 10 * STEP), method="conserving", step=STEP, effort=np.array([1.0, 0]))
+    assert held.counters.evaluations > 10
+
+
+def test_a_body_at_rest_stays(tmp_path: Path) -> None:
+    robot = chain(tmp_path, rod("arm", 1.0, "0 0 -0.5", (0.1, 0.1, 0.1)), hinge("turn", "base", "arm"))
+    result = simulate(robot, np.zeros(1), np.zeros(1), (0, 1.0), method="conserving", step=0.1)
+    assert result.status == "finished", result.message
+    assert not result.q.any()
+
+
+def test_what_it_refuses(tmp_path: Path) -> None:
+    robot, q, v = swing("five_bar")
+    moving = build_robot(robot.description, base="moving")
+    rest = (np.array([0, 0, 0, 0, 0, 0, 1.0]), np.zeros(6), np.zeros(6))
+    with pytest.raises(ModelError, match="prescribed base"):
+        Conserving(MotionLaw(moving, base_motion=lambda t: rest))
+    massless = chain(tmp_path, '<link name="arm"/>', hinge("turn", "base", "arm"))
+    system, state = begin((massless, np.zeros(1), np.ones(1)), effects=["default", Damper({"turn": 0.0})])
+    with pytest.raises(SingularityError, match="no inertia"):
+        Conserving(system.law).step(system, state, 0.1)

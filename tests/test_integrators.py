@@ -1,0 +1,96 @@
+"""Steps: order measured against step size, stiff stability, closures at every stage."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from swings import begin, chain, hinge, rod, swing
+
+from hybridyn.conserving import Conserving
+from hybridyn.effects import Damper, Spring
+from hybridyn.errors import AssemblyError
+from hybridyn.integrators import DOPRI5, RK4, Implicit, State, System
+
+#: Time span by robot, so that errors of the coarsest step are small and those of the finest above rounding.
+SPANS = {"five_bar": 0.12, "gough_stewart": 0.08, "serial_all:fixed": 0.06}
+ORDER = 0.35  # how far a measured order may fall short
+CLOSED = 1e-10  # the project's claim
+
+
+def steps(system: System, state: State, method: object, span: float, count: int) -> State:
+    """Take equal steps."""
+    for _ in range(count):
+        state = method.step(system, state, span / count).state  # type: ignore[attr-defined]
+        assert system.manifold.residual(state.q) <= CLOSED
+        assert system.manifold.opening(state.q, state.v)[0] <= CLOSED
+    return state
+
+
+def apart(system: System, x: State, y: State) -> float:
+    """Give how far two states are apart in q and v, without units."""
+    dq = system.manifold.retraction.difference(x.q, y.q)
+    return float(np.abs(np.concatenate([dq, x.v - y.v]) / np.tile(system.manifold.unit, 2)).max())
+
+
+@pytest.fixture(scope="module", params=SPANS)
+def reference(request: pytest.FixtureRequest) -> tuple[System, State, float, State]:
+    system, state = begin(swing(request.param))
+    span = SPANS[request.param]
+    return system, state, span, steps(system, state, DOPRI5, span, 16)
+
+
+@pytest.mark.parametrize(("name", "order", "counts"), [
+    ("rk4", 4, (3, 6)), ("dopri5", 5, (2, 4)), ("implicit", 3, (8, 16)), ("conserving", 2, (8, 16)),
+])  # fmt: skip
+def test_order(
+    reference: tuple[System, State, float, State], name: str, order: int, counts: tuple[int, int]
+) -> None:
+    system, state, span, exact = reference
+    methods = {"rk4": RK4, "dopri5": DOPRI5, "implicit": Implicit()}
+    method = methods.get(name) or Conserving(system.law)
+    coarse, fine = (apart(system, steps(system, state, method, span, n), exact) for n in counts)
+    assert fine < 1e-2
+    assert np.log2(coarse / fine) > order - ORDER
+
+
+def test_error_estimate_tells_the_error() -> None:
+    system, state = begin(swing("five_bar"))
+    exact = steps(system, state, DOPRI5, 0.04, 8)
+    for method in (DOPRI5, Implicit()):
+        stepped = method.step(system, state, 0.04)
+        estimate = max(np.abs(x / system.manifold.unit).max() for x in (stepped.error_q, stepped.error_v))
+        error = apart(system, stepped.state, exact)
+        assert 0.3 * error < estimate < 1000 * error  # it is the error of the lower order
+
+
+@pytest.fixture
+def stiff(tmp_path: Path) -> tuple[System, State]:
+    """Give a mass on a spring of 1e6 N/m and a damper of 1e6 N s/m, out of its rest by 1 mm."""
+    text = rod("mass", 1.0, "0 0 0", (0.1, 0.1, 0.1)), hinge("slide", "base", "mass", kind="prismatic")
+    robot = chain(tmp_path, *text)
+    effects = ["inertia", "leg_inertia", "velocity", Spring({"slide": 1e6}), Damper({"slide": 1e6})]
+    return begin((robot, np.array([1e-3]), np.zeros(1)), effects=effects)
+
+
+def test_implicit_steps_are_stable_where_explicit_ones_are_not(stiff: tuple[System, State]) -> None:
+    system, state = stiff
+    # Overdamped: the slow root of s^2 + c s + k is -1/s to 1e-6, the fast one -1e6/s; steps of 0.05 s.
+    slow = -(1e6 - np.sqrt(1e12 - 4e6)) / 2
+    explicit, implicit = state, state
+    for _ in range(3):
+        explicit = RK4.step(system, explicit, 0.05).state
+    for _ in range(20):
+        implicit = Implicit().step(system, implicit, 0.05).state
+    assert abs(explicit.q[0]) > 1e3
+    assert implicit.q[0] == pytest.approx(1e-3 * np.exp(slow * 1.0), rel=1e-5)
+    assert implicit.v[0] == pytest.approx(slow * implicit.q[0], rel=1e-4)  # the fast part is gone: L-stable
+
+
+def test_a_step_out_of_reach_says_so() -> None:
+    system, state = begin(swing("five_bar"))
+    fast = State(0.0, state.q, 40 * state.v, state.a)  # 30 rad along free motions in the first stage
+    for method in (RK4, DOPRI5, Implicit(), Conserving(system.law)):
+        with pytest.raises(AssemblyError, match="out of reach"):
+            method.step(system, fast, 2.0)

@@ -1,0 +1,368 @@
+"""simulate: against motions derived by hand, events, dense output, resuming, determinism, and what it refuses."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from swings import chain, hinge, rod, swing
+
+import hybridyn
+from hybridyn import Event, near_singularity, simulate
+from hybridyn.effects import BaseMotion
+from hybridyn.errors import AssemblyError, TrajectoryError
+from hybridyn.manifold import Manifold
+from hybridyn.robot import HybridRobot, build_robot
+from hybridyn.simulation_result import Result
+
+REFERENCE = {"method": "DOP853", "rtol": 1e-12, "atol": 1e-13}  # of the motions derived by hand
+TIGHT = {"rtol": 1e-11, "atol": 1e-12}  # asked of simulate
+MINIMAL = 1e-8  # what it then reaches over a second
+CLOSED = 1e-10  # the project's claim on closures
+BITS = ("t", "q", "v", "a", "tau", "kinetic", "potential", "residual", "pivot")
+G = 9.81
+
+
+def equal_bits(x: Result, y: Result) -> bool:
+    """Tell whether two results are the same bit for bit."""
+    return all(getattr(x, name).tobytes() == getattr(y, name).tobytes() for name in BITS)
+
+
+# -------------------------------------------------------------------- motions derived by hand
+
+
+def test_double_pendulum(tmp_path: Path) -> None:
+    """Rods of lengths l, masses m, centres at l/2, angles from the vertical, the second relative to the
+    first.
+
+    With a = q1, b = q1 + q2 and d = a - b, Lagrange's equations of two rods are
+    (I1 + m1 c1^2 + m2 l1^2) a'' + m2 l1 c2 (cos d b'' + sin d b'^2) + (m1 c1 + m2 l1) g sin a = 0,
+    (I2 + m2 c2^2) b'' + m2 l1 c2 (cos d a'' - sin d a'^2) + m2 c2 g sin b = 0.
+    """
+    m1, m2, l1, c1, c2, i1, i2 = 1.3, 0.7, 0.8, 0.4, 0.3, 0.05, 0.03
+    robot = chain(
+        tmp_path,
+        rod("upper", m1, f"0 0 {-c1}", (0.1, i1, 0.1)) + rod("lower", m2, f"0 0 {-c2}", (0.1, i2, 0.1)),
+        hinge("q1", "base", "upper") + hinge("q2", "upper", "lower", f"0 0 {-l1}"),
+    )
+
+    def rates(t: float, x: np.ndarray) -> np.ndarray:
+        a, b, a_dot, b_dot = x
+        c, s = m2 * l1 * c2 * np.cos(a - b), m2 * l1 * c2 * np.sin(a - b)
+        M = np.array([[i1 + m1 * c1**2 + m2 * l1**2, c], [c, i2 + m2 * c2**2]])
+        f = [-s * b_dot**2 - (m1 * c1 + m2 * l1) * G * np.sin(a), s * a_dot**2 - m2 * c2 * G * np.sin(b)]
+        return np.concatenate([x[2:], np.linalg.solve(M, f)])
+
+    q, v, times = np.array([1.0, 0.5]), np.array([0.2, -1.0]), np.linspace(0, 1, 11)
+    exact = solve_ivp(rates, (0, 1), [q[0], q.sum(), v[0], v.sum()], t_eval=times, **REFERENCE).y.T
+    result = simulate(robot, q, v, times, **TIGHT)
+    assert np.abs(np.cumsum(result.q, axis=1) - exact[:, :2]).max() < MINIMAL
+    assert np.abs(np.cumsum(result.v, axis=1) - exact[:, 2:]).max() < 10 * MINIMAL
+    assert np.abs(result.energy - result.energy[0]).max() < MINIMAL
+
+
+def five_bar_rates(robot: HybridRobot) -> object:
+    """Derive the five-bar's motion in its two driven angles.
+
+    In the plane, rod k lies along (cos p_k, -sin p_k) from its joint (angles turn about y). The loop says
+    e(p) = E1 + l (cos p3, -sin p3) - E2 - l (cos p4, -sin p4) = 0 with elbows E1, E2 on p1, p2; its
+    derivatives give p3, p4 and their rates and accelerations over those of p1, p2, and virtual work gives the
+    equations.
+    """
+    bodies, joints = robot.bodies.bodies, robot.bodies.joints
+    order = [next(j for j in joints if key in j.joint.name) for key in ("left_drive", "right_drive")]
+    lower = [next(j for j in joints if j.parent == o.child) for o in order]
+    every = [*order, *lower]
+    base = np.array([[j.p[0], j.p[2]] for j in order])
+    reach = [np.hypot(j.p[0], j.p[2]) for j in lower]
+    turn = np.array(
+        [np.arctan2(-j.R[2, 0], j.R[0, 0]) for j in every]
+    )  # the angle of x axes at zero, to parents
+    data = [(bodies[j.child].mass, bodies[j.child].com, bodies[j.child].inertia[1, 1]) for j in every]
+
+    def along(p: float) -> np.ndarray:
+        return np.array([np.cos(p), -np.sin(p)])
+
+    def across(p: float) -> np.ndarray:
+        return np.array([-np.sin(p), -np.cos(p)])
+
+    def equations(p: np.ndarray, w: np.ndarray, length: np.ndarray) -> np.ndarray:
+        """Give the accelerations of the driven angles."""
+        K = np.array([reach[0] * across(p[0]), -reach[1] * across(p[1]), length[0] * across(p[2]),
+                      -length[1] * across(p[3])]).T  # fmt: skip
+        gamma = -(w**2 * np.array([reach[0], -reach[1], length[0], -length[1]])) @ np.array(
+            [along(x) for x in p]
+        )
+        dependent = np.linalg.solve(K[:, 2:], np.column_stack([-K[:, :2], -gamma]))
+        B, drift = np.vstack([np.eye(2), dependent[:, :2]]), np.concatenate([[0, 0], dependent[:, 2]])
+        M, f = np.zeros((4, 4)), np.zeros(4)
+        for k, (mass, com, inertia) in enumerate(data):
+            J, bias = np.zeros((2, 4)), np.zeros(2)
+            if k >= 2:
+                J[:, k - 2] = reach[k - 2] * across(p[k - 2])
+                bias -= reach[k - 2] * along(p[k - 2]) * w[k - 2] ** 2
+            centre, away = np.hypot(com[0], com[2]), p[k] + np.arctan2(-com[2], com[0])
+            J[:, k] = centre * across(away)
+            bias -= centre * along(away) * w[k] ** 2
+            M += mass * J.T @ J
+            M[k, k] += inertia
+            f += mass * J.T @ (np.array([0, -G]) - bias)
+        return np.linalg.solve(B.T @ M @ B, B.T @ (f - M @ drift))
+
+    def dependent(p: np.ndarray, w: np.ndarray, length: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Put p3, p4 where the loop closes (Newton), and their rates."""
+        for _ in range(8):
+            tips = [base[i] + reach[i] * along(p[i]) + length[i] * along(p[2 + i]) for i in (0, 1)]
+            K = np.array([length[0] * across(p[2]), -length[1] * across(p[3])]).T
+            p[2:] -= np.linalg.solve(K, tips[0] - tips[1])
+        right = reach[0] * across(p[0]) * w[0] - reach[1] * across(p[1]) * w[1]
+        w[2:] = np.linalg.solve(K, -right)
+        return p, w
+
+    return turn, equations, dependent
+
+
+def test_five_bar_in_two_angles() -> None:
+    robot, q, v = swing("five_bar")
+    turn, equations, dependent = five_bar_rates(robot)  # type: ignore[misc]
+    length = np.array([0.4, 0.4])  # the lower links, models/five_bar/README.md
+    names = [j.joint.name for j in robot.bodies.joints]
+    drives = [next(i for i, n in enumerate(names) if key in n) for key in ("left_drive", "right_drive")]
+    lower = [next(i for i, j in enumerate(robot.bodies.joints) if j.parent == d + 1) for d in drives]
+
+    def planar(x: np.ndarray) -> np.ndarray:
+        return np.concatenate([x[drives], x[drives] + x[lower]])
+
+    start = planar(q) + np.concatenate([turn[:2], turn[:2] + turn[2:]])
+    last = start.copy()
+
+    def rates(t: float, x: np.ndarray) -> np.ndarray:
+        p, w = dependent(np.concatenate([x[:2], last[2:]]), np.concatenate([x[2:], [0, 0]]), length)
+        last[2:] = p[2:]
+        return np.concatenate([x[2:], equations(p, w, length)])
+
+    times = np.linspace(0, 0.1, 5)
+    first = np.concatenate([start[:2], v[drives]])
+    exact = solve_ivp(rates, (0, 0.1), first, t_eval=times, **REFERENCE).y.T
+    for options in (TIGHT, {"method": "implicit", "step": 5e-3}):
+        result = simulate(robot, q, v, times, **options)  # type: ignore[arg-type]
+        off = np.abs(result.q[:, drives] + turn[:2] - exact[:, :2]).max()
+        assert off < (MINIMAL if options is TIGHT else 1e-3)
+        assert result.residual.max() < CLOSED
+
+
+def test_heavy_top(tmp_path: Path) -> None:
+    """The published statement (benchmarks of the community): reference by Euler's equations about the fixed point."""
+    robot = chain(
+        tmp_path,
+        rod("top", 15.0, "0 1 0", (0.234375, 0.46875, 0.234375)),
+        hinge("point", "base", "top"),
+    ).description
+    ball = tuple(replace(joint, kind="spherical") for joint in robot.joints)  # URDF has no ball joint
+    robot = build_robot(replace(robot, joints=ball, motors=(), home={}))
+    inertia = np.diag([0.234375 + 15, 0.46875, 0.234375 + 15])
+
+    def rates(t: float, x: np.ndarray) -> np.ndarray:
+        R, w = x[:9].reshape(3, 3), x[9:]
+        weight = np.cross([0, 1, 0], R.T @ [0, 0, -15 * G])
+        hat = np.array([[0, -w[2], w[1]], [w[2], 0, -w[0]], [-w[1], w[0], 0]])
+        return np.concatenate(
+            [(R @ hat).ravel(), np.linalg.solve(inertia, weight - np.cross(w, inertia @ w))]
+        )
+
+    w0 = np.array([0, 150, -4.61538])
+    exact = solve_ivp(rates, (0, 0.2), np.concatenate([np.eye(3).ravel(), w0]), **REFERENCE).y[:9, -1]
+    q0 = np.array([0, 0, 0, 1.0])
+    result = simulate(robot, q0, w0, (0, 0.2), rtol=1e-7, atol=1e-7)
+    R = hybridyn.kinematics(robot, result.q, result.v, links=["top"])["top"].pose[:, 3:]
+    assert np.abs(np.linalg.norm(result.q, axis=1) - 1).max() < 1e-14
+    x, y, z, w = R[-1]
+    centre = np.array(
+        [2 * (x * y - z * w), 1 - 2 * (x * x + z * z), 2 * (y * z + x * w)]
+    )  # R's second column
+    assert np.abs(centre - exact.reshape(3, 3)[:, 1]).max() < 1e-4
+
+
+# -------------------------------------------------------------------- closures, drift, outputs
+
+
+@pytest.mark.parametrize("projection", ["stages", "steps", "never"])
+def test_drift_is_removed_as_often_as_needed(projection: str) -> None:
+    robot, q, v = swing("five_bar")
+    rest = np.zeros_like(v)
+    result = simulate(robot, q, v, (0, 0.1), method="rk4", step=0.005, projection=projection)
+    still = simulate(robot, q, rest, (0, 0.001), method="rk4", step=2e-4, projection=projection)
+    if projection == "never":
+        assert result.residual.max() > CLOSED
+        held = simulate(robot, q, v, (0, 0.1), method="rk4", step=0.005, projection="never", baumgarte=100.0)
+        assert 0 < held.residual.max() < 1e-6  # it bounds the drift and does not remove it
+        return
+    assert result.residual.max() <= CLOSED
+    assert (result.counters.projections > 0) == (projection == "steps")
+    assert still.counters.projections == 0
+
+
+@pytest.mark.parametrize("name", ["five_bar", "serial_all:fixed"])
+def test_dense_output_is_as_good_as_the_steps(name: str) -> None:
+    robot, q, v = swing(name)
+    times = np.linspace(0, 0.1, 12)
+    fine = simulate(robot, q, v, times, **TIGHT)
+    coarse = simulate(robot, q, v, times, rtol=1e-6, atol=1e-6)
+    assert coarse.counters.steps < fine.counters.steps
+    difference = Manifold(robot).retraction.difference
+    assert max(np.abs(difference(x, y)).max() for x, y in zip(coarse.q, fine.q, strict=True)) < 1e-4
+    assert coarse.residual.max() <= CLOSED
+    assert list(coarse.t) == list(times)
+
+
+def test_results_are_states_of_the_direct_model() -> None:
+    robot, q, v = swing("five_bar")
+    tau = np.array([1.0, -2.0])
+    wrench = {robot.description.links[-1].name: np.arange(6.0)}
+    result = simulate(robot, q, v, (0, 0.02), effort=lambda t, q, v: tau * t, wrenches=wrench)
+    assert np.array_equal(result.tau, result.t[:, None] * tau)
+    expected = hybridyn.ddm(robot, result.q, result.v, result.tau, wrenches=wrench)
+    assert np.abs(result.a - expected).max() < 1e-9 * np.abs(expected).max()
+
+
+def test_a_prescribed_base_carries_the_robot() -> None:
+    robot = build_robot(swing("five_bar")[0].description, base="moving")
+    t = np.linspace(0, 0.5, 30)
+    pose = np.column_stack(
+        [0.1 * np.sin(5 * t), 0 * t, 0.05 * t, 0 * t, np.sin(0.3 * t), 0 * t, np.cos(0.3 * t)]
+    )
+    table = BaseMotion(t, pose)
+    q0, v0 = robot.home.copy(), np.zeros(robot.nv)
+    by_effect = simulate(robot, q0, v0, (0, 0.1), effects=["default", table])
+    by_call = simulate(
+        robot, q0, v0, (0, 0.1), base_motion=lambda t: tuple(x[0] for x in table.at(np.array([t])))
+    )
+    assert by_effect.residual.max() <= CLOSED
+    assert np.abs(by_effect.q[-1] - by_call.q[-1]).max() < 1e-12
+    assert by_effect.q[-1, 2] == pytest.approx(0.05 * 0.1, rel=1e-6)
+    with pytest.raises(TrajectoryError, match="is 'moving', and 0 motions"):
+        simulate(robot, q0, v0, (0, 0.1))
+
+
+# -------------------------------------------------------------------- events
+
+
+def test_events_are_found_to_rounding(tmp_path: Path) -> None:
+    robot = chain(
+        tmp_path,
+        rod("mass", 2.0, "0 0 0", (0.1, 0.1, 0.1)),
+        hinge("fall", "base", "mass", kind="prismatic", axis="0 0 1"),
+    )
+    low = Event("low", lambda t, q, v: q[0] + 1.0, -1)
+    half = Event("half", lambda t, q, v: q[0] + 0.5, -1, terminal=False)
+    up = Event("up", lambda t, q, v: q[0] + 0.5, +1)
+    for options in ({}, {"method": "rk4", "step": 0.1}, {"output_times": [0.0, 0.1, 0.3, 1.0]}):
+        result = simulate(robot, np.zeros(1), np.zeros(1), (0, 2), events=(low, half, up), **options)  # type: ignore[arg-type]
+        assert result.status == "event"
+        assert "low" in result.message
+        assert [e.name for e in result.events] == ["half", "low"]
+        assert result.events[0].t == pytest.approx(np.sqrt(1 / G), rel=1e-12)
+        assert result.t[-1] == pytest.approx(np.sqrt(2 / G), rel=1e-12)
+        assert result.q[-1, 0] == pytest.approx(-1.0, rel=1e-12)
+
+
+def test_approaching_a_singularity_is_an_event() -> None:
+    robot, q, v = swing("five_bar")
+    pivot = Manifold(robot).chart(q).pivot
+    away = near_singularity(robot, 0.9 * pivot)
+    assert away.function(0.0, q, v) > 0
+    result = simulate(robot, q, 3 * v, (0, 2), events=[away], rtol=1e-6)
+    assert result.status == "event"
+    assert "singularity of the closures" in result.message
+    assert Manifold(robot).chart(result.q[-1]).pivot == pytest.approx(0.9 * pivot, rel=1e-9)
+    assert near_singularity(robot, 1e-3, what="motors").function(0.0, q, v) > 0
+
+
+# -------------------------------------------------------------------- runs
+
+
+@pytest.mark.parametrize("options", [
+    {}, {"method": "rk4", "step": 0.003}, {"method": "conserving", "step": 0.003}, {"method": "implicit", "rtol": 1e-5},
+], ids=["dopri5", "rk4", "conserving", "implicit"])  # fmt: skip
+def test_runs_repeat_and_resume_bit_for_bit(options: dict[str, object], tmp_path: Path) -> None:
+    robot, q, v = swing("five_bar")
+    first = simulate(robot, q, v, (0, 0.06), **options)  # type: ignore[arg-type]
+    again = simulate(robot, q, v, (0, 0.06), **options)  # type: ignore[arg-type]
+    assert equal_bits(first, again)
+
+    def stop(t: float, end: float) -> None:
+        if t > 0.025:
+            raise KeyboardInterrupt
+
+    file = tmp_path / "run.npz"
+    broken = simulate(robot, q, v, (0, 0.06), progress=stop, checkpoint=file, **options)  # type: ignore[arg-type]
+    assert broken.status == "interrupted"
+    assert 0.025 < broken.t[-1] < 0.06
+    resumed = simulate(robot, None, None, (0, 0.06), resume=file, **options)  # type: ignore[arg-type]
+    assert resumed.status == "finished"
+    assert equal_bits(first, resumed)
+    assert resumed.counters == first.counters
+    first.save(tmp_path / "a.npz")
+    resumed.save(tmp_path / "b.npz")
+    assert (tmp_path / "a.npz").read_bytes() == (tmp_path / "b.npz").read_bytes()
+    assert equal_bits(Result.load(tmp_path / "a.npz"), first)
+
+
+def test_what_is_out_of_reach_ends_the_run_with_a_message() -> None:
+    robot, q, v = swing("five_bar")
+    result = simulate(robot, q, 60 * v, (0, 1), method="rk4", step=0.2)
+    assert result.status in ("unreachable", "singular")
+    assert "m1_right_lower" in result.message
+    assert result.t[-1] < 1
+    assert result.residual.max() <= CLOSED
+
+
+def test_velocities_that_open_the_loops() -> None:
+    robot, q, v = swing("gough_stewart")
+    wrong = v.copy()
+    wrong[0] += 0.01
+    with pytest.raises(
+        AssemblyError, match="module 'm1_platform': v0 does not keep the loops closed"
+    ) as caught:
+        simulate(robot, q, wrong, (0, 0.01))
+    assert caught.value.module == "m1_platform"
+    result = simulate(robot, q, wrong, (0, 0.01), initial_velocity="project")
+    assert result.status == "finished"
+    assert Manifold(robot).opening(result.q[0], result.v[0])[0] < 1e-12
+    with pytest.raises(AssemblyError, match="q0 does not close the loops"):
+        simulate(robot, q + 1e-3 * wrong, v, (0, 0.01))
+
+
+@pytest.mark.parametrize(("options", "message"), [
+    ({"method": "euler"}, "unknown method 'euler'"),
+    ({"method": "rk4"}, "takes fixed steps"),
+    ({"step": -1.0}, "step must be positive"),
+    ({"rtol": np.nan}, "rtol must be positive"),
+    ({"projection": "often"}, "projection must be one of"),
+    ({"baumgarte": 1.0}, "baumgarte is for"),
+    ({"method": "conserving", "step": 1.0, "projection": "steps"}, "lives on the closures"),
+    ({"initial_velocity": "guess"}, "initial_velocity must be"),
+    ({"times": (0.0,)}, "at least 2"),
+    ({"times": (0.0, 1.0, 0.5)}, "all rise or all fall"),
+    ({"effort": np.zeros(3)}, "effort must be 2"),
+    ({"effort": lambda t, q, v: np.zeros(1)}, "wanted 2 finite"),
+    ({"base_motion": lambda t: None}, "is 'fixed', and 1 motions"),
+])  # fmt: skip
+def test_wrong_arguments(options: dict[str, object], message: str) -> None:
+    robot, q, v = swing("five_bar")
+    times = options.pop("times", (0.0, 0.01))
+    with pytest.raises(TrajectoryError, match=message):
+        simulate(robot, q, v, times, **options)  # type: ignore[arg-type]
+
+
+def test_files_that_are_no_result(tmp_path: Path) -> None:
+    file = tmp_path / "x.npz"
+    file.write_text("no")
+    with pytest.raises(TrajectoryError, match="not a result"):
+        Result.load(file)
+    np.savez(file, t=np.zeros(1))
+    with pytest.raises(TrajectoryError, match="not a result"):
+        Result.load(file)
