@@ -20,10 +20,14 @@ import click
 from hybridyn import __version__
 from hybridyn.errors import HybridynError
 
-COMMANDS = ("idm", "ddm", "effects", "info")
+COMMANDS = ("idm", "ddm", "simulate", "effects", "info")
 """Commands in the order of `--help`; each is `command` in the module of its name."""
 
-OPTIONS = {'passive="solved"': "--passive solved", 'on_singular="least-norm"': "--on-singular least-norm"}
+OPTIONS = {
+    'passive="solved"': "--passive solved",
+    'on_singular="least-norm"': "--on-singular least-norm",
+    "allow_python=True": "--allow-python",
+}
 """What the library's advice is called here."""
 
 INTERRUPTED, TERMINATED, READER_GONE = 130, 143, 141  # what shells report for SIGINT, SIGTERM, SIGPIPE

@@ -16,7 +16,13 @@ BAR_WIDTH = 30
 class Progress:
     """A bar that appears after two seconds and is wiped away at the end. Use it in `with`."""
 
-    def __init__(self) -> None:
+    def __init__(self, thing: str = "samples") -> None:
+        """Start the clock.
+
+        Args:
+            thing: What is counted.
+        """
+        self._thing = thing
         self.started = self.drawn = time.perf_counter()
         self.wanted = sys.stderr.isatty()
         self.visible = False
@@ -43,7 +49,7 @@ class Progress:
             return
         self.drawn, self.visible = now, True
         elapsed = now - self.started
-        text = f"{samples:,} samples, {samples / elapsed:,.0f}/s"
+        text = f"{samples:,} {self._thing}, {samples / elapsed:,.0f}/s"
         if fraction:
             full = round(BAR_WIDTH * fraction)
             left = elapsed * (1.0 - fraction) / fraction

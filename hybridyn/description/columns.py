@@ -16,6 +16,9 @@ robot on a moving or floating base is the base's own, in the world. A table that
 state*; any other one names motors, platforms or a mixture, from which the posture is assembled. With efforts
 no accelerations are read but that of a moving base, whose motion is prescribed.
 
+Tables of simulations hold a full state and, beside it, `<motor>/effort`, `energy/kinetic|potential|total`
+[J] and `residual`: the reader skips these, so that a run can be read back.
+
 Tables of results: `<motor>/effort` of the inverse model; of the direct one `<joint>/acceleration` of every
 joint (`<joint>/acceleration/wx` ... by components) and `<root>/acceleration/x` .. `wz` of a floating base.
 Reactions, forces [N] and moments [N m]:
@@ -33,7 +36,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from hybridyn.description.names import did_you_mean, listed
 from hybridyn.description.records import Description, Joint
@@ -58,6 +61,9 @@ _FORMS_ADVICE = (
     "and '<link>/wrench/fx' .. 'mz'"
 )
 
+ENERGIES = ("energy/kinetic", "energy/potential", "energy/total")
+RESIDUAL = "residual"
+"""Columns of a simulated run beside its motion."""
 
 _Columns = dict[str, dict[str, dict[str, int]]]  # owner, quantity, component: column
 
@@ -134,6 +140,8 @@ def read_layout(
         efforts={name: given["effort"][""] for name, given in of_joints.items() if "effort" in given},
         full_state=moving_joints.keys() >= set(movable),
     )
+    if layout.efforts and not efforts and RESIDUAL in columns:  # a run: what it says of efforts is an output
+        layout = replace(layout, efforts={})
     if layout.efforts and not efforts:
         joint = next(iter(layout.efforts))
         raise TrajectoryError("efforts are not an input here", file=file, column=f"{joint}/effort")
@@ -234,6 +242,8 @@ def _sorted_columns(
     for index, column in enumerate(columns):
         if column == "time":
             time = index
+            continue
+        if column in (*ENERGIES, RESIDUAL):
             continue
         match = _FORM.fullmatch(column)
         if match is None or (match["quantity"] == "effort" and match["component"]):

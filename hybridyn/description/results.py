@@ -22,12 +22,15 @@ Write = Callable[[Array], None]
 
 
 @contextlib.contextmanager
-def open_results(target: str | Path | None, columns: Sequence[str]) -> Iterator[Write]:
+def open_results(
+    target: str | Path | None, columns: Sequence[str], remarks: Sequence[str] = ()
+) -> Iterator[Write]:
     """Give a function that writes blocks of rows; the file appears when the context ends without an error.
 
     Args:
         target: A `.csv` or `.parquet` file, or None (or "-") for CSV on standard output.
         columns: Names of the columns.
+        remarks: Lines that stand before the header of a CSV file, behind `#`; Parquet has no place for them.
 
     Yields:
         A function that takes rows, shape (rows, columns), and writes them.
@@ -36,7 +39,7 @@ def open_results(target: str | Path | None, columns: Sequence[str]) -> Iterator[
         TrajectoryError: The ending is neither `.csv` nor `.parquet`, or the place cannot be written.
     """
     if target is None or str(target) == "-":
-        yield _csv_writer(sys.stdout, columns)
+        yield _csv_writer(sys.stdout, columns, remarks)
         sys.stdout.flush()
         return
     file = Path(os.path.realpath(target))  # a link keeps pointing at what it points at
@@ -46,10 +49,10 @@ def open_results(target: str | Path | None, columns: Sequence[str]) -> Iterator[
             yield write
     elif file.exists() and not file.is_file():  # a device or a pipe is written to, never replaced
         with open(file, "w", encoding="utf-8", newline="") as text:
-            yield _csv_writer(text, columns)
+            yield _csv_writer(text, columns, remarks)
     else:
         with _replacing(file) as draft, open(draft, "x", encoding="utf-8", newline="") as text:
-            yield _csv_writer(text, columns)
+            yield _csv_writer(text, columns, remarks)
 
 
 def check_target(target: str | Path) -> None:
@@ -87,7 +90,8 @@ def _replacing(file: Path) -> Iterator[Path]:
         draft.unlink(missing_ok=True)
 
 
-def _csv_writer(text: TextIO, columns: Sequence[str]) -> Write:
+def _csv_writer(text: TextIO, columns: Sequence[str], remarks: Sequence[str]) -> Write:
+    text.write("".join(f"# {line}\n" for line in remarks))
     csv.writer(text, lineterminator="\n").writerow(columns)
 
     def write(rows: Array) -> None:

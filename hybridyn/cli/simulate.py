@@ -1,0 +1,216 @@
+"""`hybridyn simulate`: a scene from its file to the table of its motion."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import signal
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from hybridyn.cli.progress import Progress
+from hybridyn.cli.robot_options import existing_file, result_file
+from hybridyn.cli.summary import counted, effects_line
+
+if TYPE_CHECKING:
+    from hybridyn.scene import Stage
+    from hybridyn.simulation_result import Result
+
+FAILED = ("unreachable", "unsolved", "singular")
+
+
+@click.command("simulate", short_help="A scene: motion in time under a controller and effects.")
+@click.argument("scene", callback=existing_file)
+@click.option(
+    "-o",
+    "--output",
+    metavar="FILE",
+    callback=result_file,
+    help="Result file, .csv or .parquet  [default: the scene's, else CSV on standard output]",
+)
+@click.option(
+    "--until", type=click.FloatRange(0, min_open=True), help="Stop after the step that reaches this time [s]."
+)
+@click.option(
+    "--resume",
+    metavar="RUN",
+    callback=lambda ctx, param, value: value and existing_file(ctx, param, value),
+    help="Go on with a run that was stopped: its result file, or the '.state' file beside it.",
+)
+@click.option("--allow-python", is_flag=True, help="Let the scene run the Python controller that it names.")
+@click.option("-q", "--quiet", is_flag=True, help="No summary.")
+def command(
+    scene: str, output: str | None, until: float | None, resume: str | None, allow_python: bool, quiet: bool
+) -> int:
+    """Simulate SCENE, a TOML file that names robot, start, controller, effects, solver and outputs.
+
+    One row per output time comes out: 'time'; '<joint>/position|velocity|acceleration' of every joint;
+    '<motor>/effort'; 'energy/kinetic|potential|total'; 'residual' of the closures. 'hybridyn idm' reads it
+    back as a trajectory. Lines with '#' before the header say which effects were on and off.
+
+    Ctrl-C stops after the step at hand: what was computed is written, and FILE.state beside it, from which
+    '--resume' goes on to the same bits as a run that was never stopped. FILE.state is written every 1,000
+    steps as well, and removed at the end.
+    """
+    from hybridyn.scene import identity, play, stage
+
+    started = time.perf_counter()
+    ready = stage(scene, allow_python=allow_python)
+    target = output or _own_target(ready)
+    state = None if target is None or target == "-" or ready.motion is not None else f"{target}.state"
+    earlier = None if resume is None else _earlier(ready, resume, identity(ready.source))
+    with Progress("steps") as bar, _between_steps() as stop:
+        steps = [0]
+
+        def after_step(t: float, end: float) -> None:
+            steps[0] += 1
+            bar.show(steps[0], t / end)
+            if stop or (until is not None and t >= until):
+                raise KeyboardInterrupt
+
+        result = play(ready, progress=after_step, checkpoint=state, resume=earlier)
+    finished = result.status in ("finished", "event")
+    _write(ready, result, target)
+    if state is not None:
+        if finished:
+            Path(state).unlink(missing_ok=True)
+        else:
+            _sign(state, identity(ready.source))
+    if not quiet:
+        for line in _summary(ready, result, time.perf_counter() - started):
+            click.echo(line, err=True)
+    return _farewell(result, scene, target, state, stopped=bool(stop))
+
+
+def _own_target(ready: Stage) -> str | None:
+    """Give the result file that the scene names."""
+    from hybridyn.description.results import check_target
+    from hybridyn.errors import TrajectoryError
+
+    name = ready.source.scene.output.file
+    if name is None:
+        return None
+    target = ready.source.beside(name)
+    try:
+        check_target(target)
+    except TrajectoryError as error:
+        raise ready.source.error(("output", "file"), str(error)) from None
+    return target
+
+
+@contextlib.contextmanager
+def _between_steps() -> Iterator[list[int]]:
+    """Give a list that Ctrl-C puts its mark in, so that runs stop between steps; twice stops at once."""
+    marks: list[int] = []
+
+    def mark(number: int, frame: object) -> None:
+        if marks:
+            raise KeyboardInterrupt
+        marks.append(number)
+
+    try:
+        before = signal.signal(signal.SIGINT, mark)
+    except ValueError:  # not in the main thread: signals are somebody else's
+        yield marks
+        return
+    try:
+        yield marks
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+def _earlier(ready: Stage, run: str, scene: str) -> Result:
+    """Read a run that was stopped.
+
+    Raises:
+        TrajectoryError: It is none, or another scene's.
+    """
+    import numpy as np
+
+    from hybridyn.errors import TrajectoryError
+    from hybridyn.simulation_result import Result
+
+    path = f"{run}.state" if os.path.isfile(f"{run}.state") else run
+    if not path.endswith(".state"):
+        raise TrajectoryError(
+            "there is no '.state' file beside it: the run is finished, or was not begun here", file=run
+        )
+    earlier = Result.load(path)
+    with np.load(path, allow_pickle=False) as file:
+        if "scene" in file.files and str(file["scene"]) != scene:
+            raise TrajectoryError(
+                f"was not begun with this scene as it stands in '{ready.source.file}' now", file=path
+            )
+    return earlier
+
+
+def _sign(state: str, scene: str) -> None:
+    """Say in a state file which scene it belongs to."""
+    import io
+    import zipfile
+
+    import numpy as np
+
+    text = io.BytesIO()
+    np.save(text, np.array(scene))
+    with zipfile.ZipFile(state, "a") as file:
+        file.writestr("scene.npy", text.getvalue())
+
+
+def _write(ready: Stage, result: Result, target: str | None) -> None:
+    """Write the table."""
+    from hybridyn.description.results import open_results
+    from hybridyn.errors import TrajectoryError
+    from hybridyn.run_table import columns_of, picked, remarks, rows_of
+
+    columns = columns_of(ready.robot)
+    try:
+        chosen = picked(columns, ready.source.scene.output.columns)
+    except TrajectoryError as error:
+        raise ready.source.error(("output", "columns"), str(error)) from None
+    head = remarks(ready.robot, result.method, ready.effects)
+    with open_results(target, [columns[i] for i in chosen], head) as write:
+        write(rows_of(ready.robot, result)[:, chosen])
+
+
+def _summary(ready: Stage, result: Result, wall: float) -> list[str]:
+    """Say how the run went."""
+    counters = result.counters
+    reached = result.t[-1] if ready.motion is not None and len(result.t) else result.state.t
+    lines = [
+        f"{ready.robot.name}: {ready.source.scene.duration:g} s by {result.method}, reached {reached:g} s"
+    ]
+    lines += [f"event: {event.name} at {event.t:.6g} s" for event in result.events]
+    if len(result.t):
+        peak = float(result.kinetic.max())
+        change = result.energy - result.energy[0]
+        lines.append(
+            f"energy: peak kinetic {peak:.6g} J; total {result.energy[0]:.6g} J at first, changed by at most "
+            f"{float(abs(change).max()):.3g} J"
+        )
+        if ready.robot.description.closures or ready.robot.description.couplings:
+            lines.append(f"worst closure residual: {float(result.residual.max()):.2g} of the module's size")
+    lines += effects_line(ready.effects)
+    steps = f"{counted(counters.steps, 'step')} ({counters.rejected:,} rejected), "
+    done = "" if ready.motion is not None else f"{steps}{counted(counters.evaluations, 'evaluation')}, "
+    return [*lines, f"{done}{counted(len(result.t), 'row')}, wall time {wall:.2f} s"]
+
+
+def _farewell(result: Result, scene: str, target: str | None, state: str | None, *, stopped: bool) -> int:
+    """Say how to go on, and give the exit status."""
+    if result.status in FAILED:
+        click.echo(f"error: {scene}: {result.status} {result.message}", err=True)
+        return 1
+    if result.status == "interrupted":
+        how = (
+            f"go on with: hybridyn simulate {scene} --resume {target} -o {target}"
+            if state is not None
+            else "to be able to go on, give a result file (-o)"
+        )
+        click.echo(f"stopped {result.message}; {how}", err=True)
+        return 130 if stopped else 0
+    return 0

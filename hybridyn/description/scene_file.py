@@ -1,0 +1,157 @@
+"""Scene files: one TOML file that says which robot moves how, under which effects, for how long.
+
+    duration = 2.0
+    [robot]
+    file = "../../urdf/five_bar.urdf.xacro"
+    [initial]
+    joints = { m1_left_drive = 0.3 }
+    [effects]
+    use = ["default", "viscous_friction"]
+    [output]
+    rate = 100.0
+
+Every key stands in docs/scenes.md. Paths are relative to the scene's folder. A scene is data: it runs no code
+of its own; a controller in Python is named here and allowed by whoever starts the scene.
+"""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from hybridyn.description.names import did_you_mean, listed
+from hybridyn.description.reading import read_bytes
+from hybridyn.description.scene_tables import CONTROLLERS, Scene, keys_at
+from hybridyn.errors import ModelError
+
+Keys = tuple[str | int, ...]
+
+
+@dataclass(frozen=True)
+class SceneFile:
+    """A scene and the text that it came from.
+
+    Attributes:
+        file: Path as the user gave it.
+        text: The text.
+        scene: What it says.
+    """
+
+    file: str
+    text: str
+    scene: Scene
+
+    def error(self, keys: Keys, message: str) -> ModelError:
+        """Give an error that names file, line and key."""
+        key = ".".join(str(part) for part in keys if isinstance(part, str))
+        return ModelError(f"'{key}': {message}", file=self.file, line=line_of(self.text, keys), element=key)
+
+    def beside(self, path: str) -> str:
+        """Give a path that the scene names, seen from here."""
+        return str(Path(self.file).parent / path)
+
+
+def read_scene(path: str | Path) -> SceneFile:
+    """Read a scene.
+
+    Args:
+        path: The TOML file.
+
+    Raises:
+        ModelError: It cannot be read, is no TOML, or says something wrong: one line with file, line and key.
+    """
+    file = str(path)
+    try:
+        text = read_bytes(file).decode("utf-8")
+        content = tomllib.loads(text)
+    except UnicodeDecodeError as error:
+        raise ModelError(f"is not UTF-8 text (byte {error.start})", file=file) from None
+    except tomllib.TOMLDecodeError as error:
+        at = re.search(r"at line (\d+)", str(error))
+        raise ModelError(
+            f"not readable as TOML: {error}", file=file, line=int(at[1]) if at else None
+        ) from None
+    except (RecursionError, ValueError):
+        raise ModelError("not readable as TOML: nested too deeply, or a number too long", file=file) from None
+    try:
+        return SceneFile(file, text, Scene.model_validate(content))
+    except ValidationError as error:
+        keys, message = _problem(error, content)
+        key = ".".join(str(part) for part in keys)
+        line = line_of(text, keys)
+        raise ModelError(
+            f"'{key}': {message}" if key else message, file=file, line=line, element=key
+        ) from None
+
+
+def _problem(error: ValidationError, content: dict[str, Any]) -> tuple[Keys, str]:
+    """Give the keys and the text of the problem that says most: an unknown key, else the deepest one."""
+    found = [(_keys(problem["loc"], content, problem["type"]), problem) for problem in error.errors()]
+    keys, problem = max(found, key=lambda pair: (pair[1]["type"] == "extra_forbidden", len(pair[0])))
+    if problem["type"] == "extra_forbidden":
+        known = keys_at(keys[:-1], content)
+        name = str(keys[-1])
+        return keys, f"unknown key{did_you_mean(name, known)}; known: {listed(known)}"
+    if problem["type"] in ("union_tag_invalid", "union_tag_not_found"):
+        given = str(problem.get("ctx", {}).get("tag", ""))
+        return (*keys, "kind"), f"must be one of {listed(CONTROLLERS)}{did_you_mean(given, CONTROLLERS)}"
+    if problem["type"] == "missing":
+        return keys, "is missing"
+    return keys, problem["msg"].removeprefix("Value error, ").replace("Input should", "should")
+
+
+def _keys(place: Keys, content: Any, kind: str) -> Keys:
+    """Give the keys of a problem as the file has them, without pydantic's own marks of alternatives."""
+    out: list[str | int] = []
+    for i, part in enumerate(place):
+        inside = isinstance(content, dict) and part in content
+        if inside or (isinstance(content, list) and isinstance(part, int) and part < len(content)):
+            content = content[part]
+            out.append(part)
+        elif kind == "missing" and i == len(place) - 1:
+            out.append(part)
+    return tuple(out)
+
+
+def line_of(text: str, keys: Keys) -> int | None:
+    """Give the line (from 1) that defines a key of a TOML text, or the nearest table around it.
+
+    Args:
+        text: The text.
+        keys: Tables, numbers of tables in an array, and the key.
+    """
+    table: Keys = ()
+    counts: dict[Keys, int] = {}
+    best: tuple[int, int | None] = (0, None)
+    for number, line in enumerate(text.splitlines(), start=1):
+        if header := re.match(r"\s*\[\[\s*([^\[\]]+?)\s*\]\]", line):
+            name = _dotted(header[1], counts)
+            counts[name] = counts.get(name, -1) + 1
+            defined: Keys = (*name, counts[name])
+            table = defined
+        elif header := re.match(r"\s*\[\s*([^\[\]]+?)\s*\]\s*(#|$)", line):
+            defined = table = _dotted(header[1], counts)
+        elif assignment := re.match(r"""\s*((?:[\w-]+|"[^"]*"|'[^']*'|\s*\.\s*)+?)\s*=""", line):
+            defined = (*table, *_dotted(assignment[1], {}))
+        else:
+            continue
+        shared = len(defined)
+        if defined == keys[:shared] and shared > best[0]:
+            best = (shared, number)
+    return best[1]
+
+
+def _dotted(text: str, counts: dict[Keys, int]) -> Keys:
+    """Split a dotted key; inside an array of tables put the number of the last table."""
+    out: Keys = ()
+    parts = [part.strip("\"'") for part in re.findall(r"""[\w-]+|"[^"]*"|'[^']*'""", text)]
+    for i, part in enumerate(parts):
+        out = (*out, part)
+        if out in counts and i < len(parts) - 1:
+            out = (*out, counts[out])
+    return out
