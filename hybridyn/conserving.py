@@ -279,7 +279,7 @@ def _refuse_massless(end: _End) -> None:
     if s[0] <= MASSLESS * s[-1]:
         raise SingularityError(
             f"method 'conserving': a motion has no inertia (its mass is {max(s[0], 0):.2g} where the largest "
-            f"is {s[-1]:.2g}, limit {MASSLESS:.0e} of it), so it has no momentum to conserve. Give its bodies "
-            "mass, or take 'rk4'",
+            f"is {s[-1]:.2g}, limit {MASSLESS:.0e} of it), so it has no momentum to conserve. Give its "
+            "bodies mass, or take 'rk4'",
             what="inertia", condition=float(s[-1] / s[0]) if s[0] > 0 else np.inf,
         )  # fmt: skip

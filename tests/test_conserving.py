@@ -129,7 +129,7 @@ def test_a_body_at_rest_stays(tmp_path: Path) -> None:
 
 
 def test_what_it_refuses(tmp_path: Path) -> None:
-    robot, q, v = swing("five_bar")
+    robot = swing("five_bar")[0]
     moving = build_robot(robot.description, base="moving")
     rest = (np.array([0, 0, 0, 0, 0, 0, 1.0]), np.zeros(6), np.zeros(6))
     with pytest.raises(ModelError, match="prescribed base"):

@@ -38,7 +38,7 @@ def apart(system: System, x: State, y: State) -> float:
 def reference(request: pytest.FixtureRequest) -> tuple[System, State, float, State]:
     system, state = begin(swing(request.param))
     span = SPANS[request.param]
-    return system, state, span, steps(system, state, DOPRI5, span, 16)
+    return system, state, span, steps(system, state, DOPRI5, span, 32)
 
 
 @pytest.mark.parametrize(("name", "order", "counts"), [
@@ -50,7 +50,8 @@ def test_order(
     system, state, span, exact = reference
     methods = {"rk4": RK4, "dopri5": DOPRI5, "implicit": Implicit()}
     method = methods.get(name) or Conserving(system.law)
-    coarse, fine = (apart(system, steps(system, state, method, span, n), exact) for n in counts)
+    finer = 2 if span == SPANS["five_bar"] else 1  # it moves fast: the asymptote begins later
+    coarse, fine = (apart(system, steps(system, state, method, span, finer * n), exact) for n in counts)
     assert fine < 1e-2
     assert np.log2(coarse / fine) > order - ORDER
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from comparing import ROUNDING, SOLVED, close_to
@@ -64,7 +66,7 @@ def test_charts_hold_every_motion_and_close_every_loop(kind: str) -> None:
 
 @pytest.mark.parametrize("kind", ["five_bar", "gough", "stack", "serial_all"])
 def test_rates_are_the_derivative_of_positions(kind: str) -> None:
-    robot, q, v = state_of(kind, "floating")
+    robot, q, _ = state_of(kind, "floating")
     manifold = Manifold(robot)
     chart = manifold.chart(q)
     y, y_dot = AWAY * np.random.default_rng(3).normal(size=(2, chart.size))
@@ -96,7 +98,7 @@ def test_projection_closes_and_changes_least() -> None:
 def test_postures_out_of_reach_name_the_module() -> None:
     robot = build_robot(shipped("five_bar"))
     chart = Manifold(robot).chart(robot.home)
-    with pytest.raises(AssemblyError, match="m1_right_lower.*out of reach") as caught:
+    with pytest.raises(AssemblyError, match=r"m1_right_lower.*out of reach") as caught:
         chart.lift(np.array([30.0, 20.0]), np.zeros(2))
     assert caught.value.module == "m1_right_lower"
 
@@ -118,7 +120,7 @@ ALL = ("revolute", "continuous", "prismatic", "spherical", "planar", "floating")
 def moves(kinds: tuple[str, ...]) -> tuple[Retraction, np.ndarray, int]:
     """Give the moves of some joints with a random posture and the number of freedoms."""
     at = np.cumsum([0] + [NQ[k] for k in kinds]), np.cumsum([0] + [NV[k] for k in kinds])
-    slices = [[slice(int(x), int(y)) for x, y in zip(a, a[1:], strict=False)] for a in at]
+    slices = [[slice(int(x), int(y)) for x, y in pairwise(a)] for a in at]
     retraction = Retraction(kinds, *slices)
     q = np.zeros(int(at[0][-1]))
     for kind, where in zip(kinds, slices[0], strict=True):

@@ -1,4 +1,4 @@
-"""simulate: against motions derived by hand, events, dense output, resuming, determinism, and what it refuses."""
+"""simulate: motions derived by hand, events, dense output, resuming, determinism, and what it refuses."""
 
 from __future__ import annotations
 
@@ -35,8 +35,7 @@ def equal_bits(x: Result, y: Result) -> bool:
 
 
 def test_double_pendulum(tmp_path: Path) -> None:
-    """Rods of lengths l, masses m, centres at l/2, angles from the vertical, the second relative to the
-    first.
+    """Two rods hanging one from the other.
 
     With a = q1, b = q1 + q2 and d = a - b, Lagrange's equations of two rods are
     (I1 + m1 c1^2 + m2 l1^2) a'' + m2 l1 c2 (cos d b'' + sin d b'^2) + (m1 c1 + m2 l1) g sin a = 0,
@@ -155,7 +154,7 @@ def test_five_bar_in_two_angles() -> None:
 
 
 def test_heavy_top(tmp_path: Path) -> None:
-    """The published statement (benchmarks of the community): reference by Euler's equations about the fixed point."""
+    """The published statement of the community; reference by Euler's equations about the fixed point."""
     robot = chain(
         tmp_path,
         rod("top", 15.0, "0 1 0", (0.234375, 0.46875, 0.234375)),
@@ -285,7 +284,8 @@ def test_approaching_a_singularity_is_an_event() -> None:
 
 
 @pytest.mark.parametrize("options", [
-    {}, {"method": "rk4", "step": 0.003}, {"method": "conserving", "step": 0.003}, {"method": "implicit", "rtol": 1e-5},
+    {}, {"method": "rk4", "step": 0.003}, {"method": "conserving", "step": 0.003},
+    {"method": "implicit", "rtol": 1e-5},
 ], ids=["dopri5", "rk4", "conserving", "implicit"])  # fmt: skip
 def test_runs_repeat_and_resume_bit_for_bit(options: dict[str, object], tmp_path: Path) -> None:
     robot, q, v = swing("five_bar")
