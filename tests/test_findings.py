@@ -85,7 +85,8 @@ def test_the_part_without_mass_is_named(tmp_path: Path) -> None:
     path = tmp_path / "wheel.urdf"
     four_bar(tmp_path, SQUARE)
     wheel = """<link name="wheel"/><joint name="axle" type="revolute">
-      <parent link="middle"/><child link="wheel"/><axis xyz="0 0 1"/><limit lower="-3" upper="3" effort="1" velocity="1"/></joint></robot>"""
+      <parent link="middle"/><child link="wheel"/><axis xyz="0 0 1"/>
+      <limit lower="-3" upper="3" effort="1" velocity="1"/></joint></robot>"""
     path.write_text((tmp_path / "four_bar.urdf").read_text().replace("</robot>", wheel))
     (text,) = findings(hybridyn.load(path, motors=["crank"]))
     assert "none of its bodies has mass" in text
