@@ -48,7 +48,8 @@ class Joint:
         parent: Name of the parent link.
         child: Name of the child link.
         placement: Child frame in the parent frame at joint position zero, shape (4, 4).
-        axis: Unit axis in the child frame, shape (3,) (revolute, continuous, prismatic; always z for a planar joint, whose normal it is).
+        axis: Unit axis in the child frame, shape (3,) (revolute, continuous, prismatic; z, the normal, for a
+            planar joint).
         lower: Lower position limit [m or rad], -inf where absent.
         upper: Upper position limit [m or rad], +inf where absent.
         velocity: Speed limit [m/s or rad/s], +inf where absent.
@@ -90,8 +91,8 @@ class Closure:
         rotation "parallel"       z_A = z_B                  (2 rows: turning about z is left)
         rotation "fixed"          A and B have the same axes (3 rows)
 
-    So: fixed (0,1,2)+fixed; revolute (0,1,2)+parallel; prismatic along z (0,1)+fixed; cylindrical (0,1)+parallel;
-    universal (0,1,2)+perpendicular; planar with normal z (2,)+parallel; spherical (0,1,2)+free.
+    So: fixed (0,1,2)+fixed; revolute (0,1,2)+parallel; prismatic along z (0,1)+fixed; cylindrical
+    (0,1)+parallel; universal (0,1,2)+perpendicular; planar with normal z (2,)+parallel; spherical (0,1,2)+free.
 
     Attributes:
         name: Name of the closure.
