@@ -92,7 +92,8 @@ class Closure:
         rotation "fixed"          A and B have the same axes (3 rows)
 
     So: fixed (0,1,2)+fixed; revolute (0,1,2)+parallel; prismatic along z (0,1)+fixed; cylindrical
-    (0,1)+parallel; universal (0,1,2)+perpendicular; planar with normal z (2,)+parallel; spherical (0,1,2)+free.
+    (0,1)+parallel; universal (0,1,2)+perpendicular; planar with normal z (2,)+parallel; spherical
+    (0,1,2)+free.
 
     Attributes:
         name: Name of the closure.

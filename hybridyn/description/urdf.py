@@ -152,7 +152,7 @@ def _axis(axis: Node | None, kind: JointKind, node: Node) -> Array:
         normal = np.array([0.0, 0.0, 1.0])
         if axis is not None and np.abs(np.cross(axis_of(axis), normal)).max() > 1e-12:
             raise node.error(
-                "a planar joint moves in the x-y plane of its frame, whatever its <axis> says (as in Pinocchio); "
+                "a planar joint moves in the x-y plane of its frame, as in Pinocchio, whatever its axis; "
                 'turn its <origin> so that the normal is z, and write <axis xyz="0 0 1"/>'
             )
         return normal
