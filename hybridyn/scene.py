@@ -247,7 +247,8 @@ def _check_rates(source: SceneFile, robot: HybridRobot, v: Array) -> None:
     rates = source.scene.initial.rates.joints
     found = {name: float(v[robot.v_slices[robot.joint_index[name]].start]) for name in rates}
     largest = max((abs(rate) for rate in rates.values()), default=0.0)
-    for name, rate in rates.items():
+    for name in sorted(rates, key=lambda name: name in robot.motors):  # a passive one is named first
+        rate = rates[name]
         if abs(found[name] - rate) > RATES * largest:
             raise source.error(
                 ("initial", "rates", "joints", name),
@@ -265,6 +266,13 @@ def _reference(
         HybridynError: It is wrong, or too short.
     """
     if table.points is not None:
+        for i, point in enumerate(table.points):
+            for name in point.joints:
+                if name not in robot.motors:
+                    raise source.error(
+                        (*keys, "points", i, "joints", name),
+                        f"'{name}' is not a motor{did_you_mean(name, robot.motors)}",
+                    )
         with naming(source, (*keys, "points")):
             points = [
                 Point(p.time, p.joints, {k: (pose,) for k, pose in p.platforms.items()}) for p in table.points

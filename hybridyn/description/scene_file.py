@@ -140,6 +140,8 @@ def line_of(text: str, keys: Keys) -> int | None:
             defined = (*table, *_dotted(assignment[1], {}))
         else:
             continue
+        if isinstance(defined[-1], int) and defined[:-1] == keys:  # an array as a whole is where it begins
+            defined = keys
         shared = len(defined)
         if defined == keys[:shared] and shared > best[0]:
             best = (shared, number)

@@ -1,0 +1,202 @@
+"""`hybridyn simulate`: results, stopping and going on, what it says, and what idm makes of a run."""
+
+from __future__ import annotations
+
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+from command_line import ROOT, call, program, read_table
+
+SCENE = f"""duration = 0.3
+[robot]
+file = "{ROOT}/urdf/five_bar.urdf.xacro"
+[initial]
+joints = {{ m1_left_drive = 0.3 }}
+[controller]
+kind = "efforts"
+efforts = {{ m1_left_drive = 0.5 }}
+[output]
+rate = 100.0
+"""
+EFFORTS = (
+    1e-6  # efforts of the run against those of the inverse model, of the largest: closed loops, twice solved
+)
+
+
+@pytest.fixture
+def run(capsys: pytest.CaptureFixture[str]):
+    return lambda *words: call(capsys, *words)
+
+
+@pytest.fixture
+def scene(tmp_path: Path) -> Path:
+    path = tmp_path / "scene.toml"
+    path.write_text(SCENE)
+    return path
+
+
+def table(path: Path) -> dict[str, np.ndarray]:
+    return read_table("\n".join(line for line in path.read_text().splitlines() if not line.startswith("#")))
+
+
+def test_a_run_and_the_same_run_again(run, scene: Path, tmp_path: Path) -> None:
+    first, second = tmp_path / "a.csv", tmp_path / "b.csv"
+    said = run("simulate", scene, "-o", first)
+    assert (said.status, said.out) == (0, "")
+    assert run("simulate", scene, "-o", second, "-q") == (0, "", "")
+    assert first.read_bytes() == second.read_bytes()
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["a.csv", "b.csv", "scene.toml"]
+    head = first.read_text().splitlines()[:4]
+    assert head[1] == "# effects on: gravity, inertia, leg_inertia, velocity"
+    assert head[2].startswith("# effects off: rotor_inertia, ")
+    columns = table(first)
+    joints = [f"m1_{side}_{joint}" for side in ("left", "right") for joint in ("drive", "elbow")]
+    expected = [
+        "time",
+        *(f"{name}/{rate}" for name in joints for rate in ("position", "velocity", "acceleration")),
+    ]
+    expected += ["m1_left_drive/effort", "m1_right_drive/effort"]
+    assert list(columns) == [*expected, "energy/kinetic", "energy/potential", "energy/total", "residual"]
+    assert columns["time"] == pytest.approx(np.arange(31) / 100)
+    assert columns["energy/total"] == pytest.approx(columns["energy/kinetic"] + columns["energy/potential"])
+    for word in (
+        "0.3 s by dopri5",
+        "peak kinetic",
+        "worst closure residual",
+        "steps",
+        "wall time",
+        "effects on",
+    ):
+        assert word in said.err
+
+
+@pytest.mark.parametrize("ending", ["csv", "parquet"])
+def test_a_run_is_read_back_as_a_trajectory(run, scene: Path, tmp_path: Path, ending: str) -> None:
+    target = tmp_path / f"run.{ending}"
+    assert run("simulate", scene, "-o", target, "-q").status == 0
+    said = run("idm", ROOT / "urdf/five_bar.urdf.xacro", target)
+    assert said.status == 0, said.err
+    assert "spline" not in said.err
+    efforts = read_table(said.out)
+    assert len(efforts["time"]) == 31
+    assert efforts["m1_left_drive/effort"] == pytest.approx(0.5, abs=EFFORTS)
+    assert efforts["m1_right_drive/effort"] == pytest.approx(0.0, abs=EFFORTS)
+    again = run("ddm", ROOT / "urdf/five_bar.urdf.xacro", target, "-q")
+    assert again.status == 0, again.err
+
+
+@pytest.mark.parametrize("resume", ["run.csv", "run.csv.state"])
+def test_stopped_and_resumed_is_never_stopped(run, scene: Path, tmp_path: Path, resume: str) -> None:
+    whole, target = tmp_path / "whole.csv", tmp_path / "run.csv"
+    assert run("simulate", scene, "-o", whole, "-q").status == 0
+    said = run("simulate", scene, "-o", target, "--until", 0.1)
+    assert said.status == 0
+    assert f"go on with: hybridyn simulate {scene} --resume {target} -o {target}" in said.err
+    assert 0.1 <= table(target)["time"][-1] + 0.01 < 0.3
+    said = run("simulate", scene, "--resume", tmp_path / resume, "-o", target, "-q")
+    assert (said.status, said.err) == (0, "")
+    assert target.read_bytes() == whole.read_bytes()
+    assert not (tmp_path / "run.csv.state").exists()
+
+
+def told(process: subprocess.Popen[str]) -> tuple[int, str]:
+    """Wait for a program; give its exit status and what it said on standard error."""
+    err = process.communicate(timeout=60)[1]
+    return process.returncode, err
+
+
+LAW = """import os, signal
+from pathlib import Path
+
+def controller(robot):
+    def law(t, q, v):
+        mark = Path(__file__).with_name("stop")
+        if t > 0.1 and mark.exists():
+            mark.unlink()
+            os.kill(os.getpid(), signal.SIGINT)
+        return [0.5, 0.0]
+    return law
+"""
+
+
+def test_ctrl_c_keeps_what_was_computed(scene: Path, tmp_path: Path) -> None:
+    """The signal comes in the middle of a step; the run stops after it, and goes on to the same bits."""
+    (tmp_path / "law.py").write_text(LAW)
+    scene.write_text(
+        SCENE.replace('kind = "efforts"', 'kind = "python"\nfile = "law.py"').replace("efforts = {", "#")
+    )
+    target, whole = tmp_path / "run.csv", tmp_path / "whole.csv"
+    assert told(program("simulate", scene, "-o", whole, "--allow-python"))[0] == 0
+    (tmp_path / "stop").touch()
+    status, err = told(program("simulate", scene, "-o", target, "--allow-python"))
+    assert status == 130, err
+    assert "stopped at t = 0.1" in err
+    assert "Traceback" not in err
+    assert 0 < len(table(target)["time"]) < 31
+    assert told(program("simulate", scene, "--resume", target, "-o", target, "--allow-python"))[0] == 0
+    assert target.read_bytes() == whole.read_bytes()
+
+
+def test_what_cannot_be_resumed(run, scene: Path, tmp_path: Path) -> None:
+    target = tmp_path / "run.csv"
+    assert run("simulate", scene, "-o", target, "--until", 0.1, "-q").status == 0
+    other = tmp_path / "other.toml"
+    other.write_text(SCENE.replace("efforts = { m1_left_drive = 0.5 }", "efforts = { m1_left_drive = 0.6 }"))
+    said = run("simulate", other, "--resume", target, "-o", target)
+    assert said.status == 1
+    assert "was not begun with this scene" in said.err
+    (tmp_path / "run.csv.state").unlink()
+    said = run("simulate", scene, "--resume", target, "-o", target)
+    assert said.status == 1
+    assert "no '.state' file" in said.err
+    assert run("simulate", scene, "--resume", tmp_path / "none.csv").status == 2
+    (tmp_path / "odd.state").write_text("x")
+    assert run("simulate", scene, "--resume", tmp_path / "odd.state").status == 1
+
+
+def test_columns_and_file_of_the_scene(run, tmp_path: Path) -> None:
+    path = tmp_path / "scene.toml"
+    path.write_text(SCENE + 'columns = ["*/effort", "energy/total"]\nfile = "mine.csv"\n')
+    assert run("simulate", path, "-q", "--until", 0.05)[0] == 0
+    assert list(table(tmp_path / "mine.csv")) == [
+        "time",
+        "m1_left_drive/effort",
+        "m1_right_drive/effort",
+        "energy/total",
+    ]
+    path.write_text(SCENE + 'columns = ["*/efort"]\n')
+    said = run("simulate", path, "--until", 0.01)
+    assert (said.status, said.out) == (1, "")
+    assert f"{path}:11: 'output.columns': '*/efort' fits no column" in said.err
+
+
+def test_standard_output_and_mistakes(run, scene: Path) -> None:
+    said = run("simulate", scene, "--until", 0.02)
+    assert said.status == 0
+    assert said.out.startswith("# hybridyn simulation of five_bar")
+    assert "give a result file" in said.err
+    scene.write_text(SCENE.replace("efforts = {", "effort = {"))
+    said = run("simulate", scene)
+    assert said.status == 1
+    assert said.err.startswith(
+        f"error: {scene}:8: 'controller.effort': unknown key (did you mean 'efforts'?)"
+    )
+    assert said.err.count("\n") == 1
+    scene.write_text(
+        SCENE.replace('kind = "efforts"', 'kind = "python"\nfile = "law.py"').replace("efforts = {", "#")
+    )
+    assert "--allow-python" in run("simulate", scene).err
+
+
+def test_a_run_that_an_event_ends_is_whole(run, scene: Path, tmp_path: Path) -> None:
+    """It swings towards a singularity of its loop."""
+    scene.write_text(
+        SCENE.replace("duration = 0.3", "duration = 3.0") + '[[events]]\nsingularity = "closures"\nat = 0.2\n'
+    )
+    target = tmp_path / "run.csv"
+    said = run("simulate", scene, "-o", target)
+    assert said.status == 0, said.err
+    assert "event: singularity of the closures at " in said.err
+    assert table(target)["time"][-1] < 3.0

@@ -1,0 +1,53 @@
+"""docs/scenes.md: its scene runs, and it names every key that a scene may have."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from snippets import ROOT, blocks, stand_where_a_user_does
+
+from hybridyn.description.effect_tables import known_keys
+from hybridyn.description.scene_tables import (
+    CONTROLLERS,
+    EventTable,
+    InitialTable,
+    OutputTable,
+    PayloadTable,
+    PointTable,
+    RatesTable,
+    ReferenceTable,
+    RobotTable,
+    Scene,
+    SceneEffects,
+    SolverTable,
+    WrenchTable,
+)
+from hybridyn.scene import play, stage
+
+PAGE = ROOT / "docs" / "scenes.md"
+TABLES = (
+    Scene, RobotTable, InitialTable, RatesTable, ReferenceTable, PointTable, *CONTROLLERS.values(),
+    SceneEffects, PayloadTable, WrenchTable, SolverTable, OutputTable, EventTable,
+)  # fmt: skip
+OF_EFFECTS = ("coulomb_friction", "stribeck_friction", "spring", "damper", "stop", "ground_contact")
+
+
+def test_the_scene_of_the_page_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    stand_where_a_user_does(tmp_path, monkeypatch)
+    path = tmp_path / "scene.toml"
+    path.write_text(blocks(PAGE, "toml")[0].text)
+    result = play(stage(path))
+    assert (result.status, len(result.t)) == ("finished", 51)
+
+
+def test_every_key_is_named() -> None:
+    text = PAGE.read_text()
+    keys = {key for table in TABLES for key in table.model_fields}
+    keys |= {key for effect in OF_EFFECTS for key in known_keys(("effects", effect, ""))}
+    absent = [
+        key
+        for key in sorted(keys)
+        if not any(f"{mark}{key}" in text for mark in ("`", "effects.", "[", "{ ", "\n"))
+    ]
+    assert absent == []
