@@ -84,6 +84,14 @@ def test_names_with_separators_in_them(owner: str) -> None:
     assert owner in layout(["time", f"{owner}/pose/x"]).poses
 
 
+def test_outputs_of_a_run_are_skipped_when_it_is_read_back() -> None:
+    columns = [f"{name}/position" for name in ("lift", "elbow")] + ["lift/effort", "elbow/effort"]
+    run = ["time", *columns, "energy/kinetic", "energy/potential", "energy/total", "residual"]
+    assert layout(run).efforts == {}
+    assert layout(run, efforts=True).efforts == {"lift": 3, "elbow": 4}
+    assert refusal(["time", *columns]).column == "lift/effort"
+
+
 def test_wrenches_and_efforts() -> None:
     columns = ["time", "lift/position", "elbow/position", *WRENCH]
     assert layout(columns).wrenches == {"tool": (3, 4, 5, 6, 7, 8)}
