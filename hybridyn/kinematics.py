@@ -6,6 +6,7 @@ Velocities and accelerations here are classical: those of each body frame's orig
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,9 +18,9 @@ from .spatial import (
     Mask,
     compose,
     cross,
+    hat,
     rotate,
     rotate_back,
-    rotation_from_axis_angle,
     samples_inside,
     select,
     slices,
@@ -102,17 +103,17 @@ class Tree:
         for level in range(1, int(depth.max(initial=0)) + 1):
             children = np.flatnonzero(depth == level)
             self._levels.append((children, parents[children - 1]))
-        self._kinds = self._group_by_kind()
+        self._turning = {kind: self._of_kind(kind) for kind in ("revolute", "continuous")}
+        self._sliding = self._of_kind("prismatic")
+        self._single = np.array([i for i, j in enumerate(joints) if NV[j.kind] == 1], dtype=int)
+        self._single_dofs = np.array([self.v_slices[i].start for i in self._single], dtype=int)
+        self._turn_parts = _turn_parts(self.joints)
+        self._slides = np.array([j.R @ j.axis for j in joints]).reshape(-1, 3)
 
-    def _group_by_kind(self) -> list[tuple[str, Index, Index, Array]]:
-        """Group the one-freedom joints by kind: (kind, joint numbers, q indices, axes)."""
-        groups = []
-        for kind in ("revolute", "continuous", "prismatic"):
-            numbers = [i for i, j in enumerate(self.joints) if j.kind == kind]
-            if numbers:
-                at = np.array([self.q_slices[i].start for i in numbers])
-                groups.append((kind, np.array(numbers), at, np.array([self.joints[i].axis for i in numbers])))
-        return groups
+    def _of_kind(self, kind: str) -> tuple[Index, Index]:
+        """Give the numbers of the joints of a kind, and where their positions begin in q."""
+        numbers = [i for i, j in enumerate(self.joints) if j.kind == kind]
+        return np.array(numbers, dtype=int), np.array([self.q_slices[i].start for i in numbers], dtype=int)
 
     def neutral(self) -> Array:
         """Give the zero position, shape (nq,)."""
@@ -135,20 +136,25 @@ class Tree:
     def _local(self, q: Array) -> tuple[Array, Array]:
         """Give every child frame in its parent: rotations (T, joints, 3, 3), origins (T, joints, 3)."""
         T, n = len(q), len(self.joints)
-        R, shift = samples_inside((T, n, 3, 3)), samples_inside((T, n, 3))
-        for kind, numbers, at, axes in self._kinds:
-            x = q[:, at]
-            if kind == "prismatic":
-                R[:, numbers] = np.eye(3)
-                shift[:, numbers] = x[..., None] * axes
-            elif kind == "revolute":
-                R[:, numbers] = rotation_from_axis_angle(axes, np.cos(x), np.sin(x))
-            else:
-                R[:, numbers] = rotation_from_axis_angle(axes, x, q[:, at + 1])
+        R, p = np.empty((n, 3, 3, T)), np.empty((n, 3, T))  # samples innermost in memory
+        R[:], p[:] = self._placement_R[..., None], self._placement_p[..., None]
+        still, by_cos, by_sin = self._turn_parts
+        for kind, (numbers, at) in self._turning.items():
+            x = q.T[at]
+            cos, sin = (np.cos(x), np.sin(x)) if kind == "revolute" else (x, q.T[at + 1])
+            R[numbers] = (
+                still[numbers, ..., None]
+                + by_cos[numbers, ..., None] * cos[:, None, None]
+                + by_sin[numbers, ..., None] * sin[:, None, None]
+            )
+        numbers, at = self._sliding
+        p[numbers] += self._slides[numbers, :, None] * q.T[at][:, None]
+        R, p = R.transpose(3, 0, 1, 2), p.transpose(2, 0, 1)
         for i, joint in enumerate(self.joints):
             if joint.kind in ("spherical", "planar", "floating"):
-                R[:, i], shift[:, i] = joint.transform(q[:, self.q_slices[i]])
-        return compose(self._placement_R, R), self._placement_p + rotate(self._placement_R, shift)
+                turn, shift = joint.transform(q[:, self.q_slices[i]])
+                R[:, i], p[:, i] = compose(joint.R, turn), joint.p + rotate(joint.R, shift)
+        return R, p
 
     def sweep(self, q: Array, v: Array | None = None, a: Array | None = None) -> Motion:
         """Give the motion of every body; rates and accelerations left out are zero.
@@ -168,9 +174,11 @@ class Tree:
             R0 = select(R, parents)
             R[:, children] = compose(R0, select(R_local, children - 1))
             p[:, children] = select(p, parents) + rotate(R0, select(p_local, children - 1))
+        if v is None:
+            rest = np.broadcast_to(0.0, (T, n, 3))
+            return Motion(R, p, rest, rest, rest, rest)
         w, pd, wd, pdd = (samples_inside((T, n, 3)) for _ in range(4))
-        if v is not None:
-            self._sweep_rates(R, p, v, a, (w, pd, wd, pdd))
+        self._sweep_rates(R, p, v, a, (w, pd, wd, pdd))
         return Motion(R, p, w, pd, wd, pdd)
 
     def _sweep_rates(self, R: Array, p: Array, v: Array, a: Array | None, out: tuple[Array, ...]) -> None:
@@ -195,15 +203,15 @@ class Tree:
     def _joint_rates(self, R: Array, rates: Array) -> tuple[Array, Array]:
         """Give S times the joint rates per body in base axes: linear and angular, shape (T, bodies, 3)."""
         T, n = len(R), len(self.joints) + 1
-        linear, angular = samples_inside((T, n, 3)), samples_inside((T, n, 3))
-        if self.nv == len(self.joints):
-            linear[:, 1:] = rates[..., None] * self.S_linear
-            angular[:, 1:] = rates[..., None] * self.S_angular
-        else:
-            for i, at in enumerate(self.v_slices):
-                linear[:, i + 1] = rates[:, at] @ self.S_linear[at]
-                angular[:, i + 1] = rates[:, at] @ self.S_angular[at]
-        return rotate(R, linear), rotate(R, angular)
+        linear, angular = np.zeros((2, n, 3, T))  # samples innermost in memory
+        own = rates.T[self._single_dofs][:, None]
+        linear[self._single + 1] = self.S_linear[self._single_dofs, :, None] * own
+        angular[self._single + 1] = self.S_angular[self._single_dofs, :, None] * own
+        for i, (joint, at) in enumerate(zip(self.joints, self.v_slices, strict=True)):
+            if NV[joint.kind] > 1:
+                linear[i + 1] = self.S_linear[at].T @ rates[:, at].T
+                angular[i + 1] = self.S_angular[at].T @ rates[:, at].T
+        return rotate(R, linear.transpose(2, 0, 1)), rotate(R, angular.transpose(2, 0, 1))
 
     def columns(self, motion: Motion) -> tuple[Array, Array]:
         """Give what a unit rate of each freedom does to its own body, in base axes.
@@ -231,3 +239,12 @@ class Tree:
         at_point = linear + cross(angular, point[:, None] - select(motion.p, self.dof_body))
         J = np.concatenate([at_point, angular], axis=-1) * self.support[body][:, None]
         return np.swapaxes(J, 1, 2)
+
+
+def _turn_parts(joints: Sequence[TreeJoint]) -> tuple[Array, Array, Array]:
+    """Give C0, C1, C2 of each child's axes in its parent, C0 + C1 cos + C2 sin, shapes (joints, 3, 3)."""
+    parts = np.zeros((3, len(joints), 3, 3))
+    for i, joint in enumerate(joints):
+        along = np.outer(joint.axis, joint.axis)
+        parts[:, i] = joint.R @ np.array([along, np.eye(3) - along, hat(joint.axis)])
+    return parts[0], parts[1], parts[2]

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from hybridyn.cli.blocks import LONG_TABLE, Model, Work, blocks, in_order, rows_at_once
+from hybridyn.cli.memory import keep_freed_memory
 from hybridyn.cli.progress import Progress
 from hybridyn.cli.robot_options import existing_file, result_file
 from hybridyn.cli.workers import Workers
@@ -137,6 +138,7 @@ def run(
     from hybridyn.description.tables import open_table
     from hybridyn.description.trajectory import read_motions
 
+    keep_freed_memory()
     started = time.perf_counter()
     with open_table(tables.source) as table, Workers(_processes(tables.jobs, table)) as workers:
         robot = load()

@@ -1,0 +1,22 @@
+"""Memory of a process that makes and drops large arrays all the time."""
+
+from __future__ import annotations
+
+import ctypes
+import sys
+
+_TRIM_THRESHOLD, _MMAP_THRESHOLD = -1, -3  # glibc's names for mallopt
+
+
+def keep_freed_memory() -> None:
+    """Let the C library keep freed memory for the next array instead of handing it back to the system.
+
+    By default glibc maps each large array anew, and half the time of a table goes into page faults. Does
+    nothing where the C library is another one.
+    """
+    if not sys.platform.startswith("linux"):
+        return
+    mallopt = getattr(ctypes.CDLL(None), "mallopt", None)
+    if mallopt is not None:
+        mallopt(_MMAP_THRESHOLD, 2**25)
+        mallopt(_TRIM_THRESHOLD, 2**31 - 1)
