@@ -83,6 +83,9 @@ def test_a_run_is_read_back_as_a_trajectory(run, scene: Path, tmp_path: Path, en
     assert len(efforts["time"]) == 31
     assert efforts["m1_left_drive/effort"] == pytest.approx(0.5, abs=EFFORTS)
     assert efforts["m1_right_drive/effort"] == pytest.approx(0.0, abs=EFFORTS)
+    if ending == "parquet":
+        remarks = pytest.importorskip("polars").read_parquet_metadata(target)["hybridyn"]
+        assert "effects on: gravity, inertia, leg_inertia, velocity\neffects off: rotor" in remarks
     again = run("ddm", ROOT / "urdf/five_bar.urdf.xacro", target, "-q")
     assert again.status == 0, again.err
 

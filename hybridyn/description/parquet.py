@@ -6,6 +6,7 @@ Reading gives the same `Table` as a CSV file does, in blocks; writing takes bloc
 from __future__ import annotations
 
 import contextlib
+import inspect
 import shutil
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
@@ -97,12 +98,16 @@ def _parquet_blocks(
 
 
 @contextlib.contextmanager
-def parquet_writer(file: Path, columns: Sequence[str]) -> Iterator[Callable[[Array], None]]:
+def parquet_writer(
+    file: Path, columns: Sequence[str], remarks: Sequence[str] = ()
+) -> Iterator[Callable[[Array], None]]:
     """Give a function that writes rows; polars streams them into one file when the context ends.
 
     Args:
         file: Path of the file, which must not be an old result that is still wanted.
         columns: Names of the columns.
+        remarks: Lines for the file's metadata, under the key "hybridyn"; a polars that cannot write them
+            leaves them out.
 
     Yields:
         A function that takes rows, shape (rows, columns); they wait in parts on disk, not in memory.
@@ -129,6 +134,9 @@ def parquet_writer(file: Path, columns: Sequence[str]) -> Iterator[Callable[[Arr
         yield write
         if waiting or not written:
             flush()
-        polars.scan_parquet(sorted(parts.glob("*.parquet")), glob=False).sink_parquet(file)
+        rows = polars.scan_parquet(sorted(parts.glob("*.parquet")), glob=False)
+        known = "metadata" in inspect.signature(rows.sink_parquet).parameters
+        said = {"metadata": {"hybridyn": "\n".join(remarks)}} if remarks and known else {}
+        rows.sink_parquet(file, **said)
     finally:
         shutil.rmtree(parts, ignore_errors=True)

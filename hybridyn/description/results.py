@@ -30,7 +30,7 @@ def open_results(
     Args:
         target: A `.csv` or `.parquet` file, or None (or "-") for CSV on standard output.
         columns: Names of the columns.
-        remarks: Lines that stand before the header of a CSV file, behind `#`; Parquet has no place for them.
+        remarks: Lines before the header of a CSV file, behind `#`, or in a Parquet file's metadata.
 
     Yields:
         A function that takes rows, shape (rows, columns), and writes them.
@@ -45,7 +45,7 @@ def open_results(
     file = Path(os.path.realpath(target))  # a link keeps pointing at what it points at
     check_target(target)
     if file.suffix.lower() == ".parquet":
-        with _replacing(file) as draft, parquet_writer(draft, columns) as write:
+        with _replacing(file) as draft, parquet_writer(draft, columns, remarks) as write:
             yield write
     elif file.exists() and not file.is_file():  # a device or a pipe is written to, never replaced
         with open(file, "w", encoding="utf-8", newline="") as text:
