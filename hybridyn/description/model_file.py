@@ -144,7 +144,9 @@ def _apply_effects(robot: RobotFile, model: ModelFile, text: str, file: str) -> 
     links = [link.name for link in robot.links]
     ground = model.effects.ground_contact
     wanted = [(*place, movable, "movable joint") for place in model.effects.joints()]
-    wanted += [("ground_contact", "points", link, links, "link") for link in (ground.points if ground else ())]
+    wanted += [
+        ("ground_contact", "points", link, links, "link") for link in (ground.points if ground else ())
+    ]
     for effect, key, name, known, what in wanted:
         if name not in known:
             raise ModelError(
