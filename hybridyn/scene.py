@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
@@ -13,12 +12,10 @@ from pathlib import Path
 import numpy as np
 
 from . import controllers
-from .assembly import assemble
 from .description.names import did_you_mean
-from .description.scene_file import Keys, SceneFile, read_scene
+from .description.scene_file import Keys, SceneFile, naming, read_scene
 from .description.scene_tables import EffortsTable, PdTable, PythonTable, ReferenceTable, TorqueTable
 from .effects import Effects, choose, with_effects
-from .errors import HybridynError
 from .events import Event
 from .loading import load
 from .motion_law import Effort
@@ -26,13 +23,11 @@ from .references import Point, Reference, from_points, from_table
 from .robot import HybridRobot
 from .scene_effects import check_covers, read_rows, units
 from .scene_events import events
+from .scene_start import initial_state
 from .simulate import simulate
 from .simulation_result import Result
 from .simulation_run import Progress
 from .spatial import Array
-
-#: Rates that were asked for may differ by this from those that the loops allow, relative to the largest.
-RATES = 1e-6
 
 
 @dataclass(frozen=True)
@@ -90,14 +85,14 @@ def stage(
         robot = with_effects(robot, acting)
         on = choose(robot, acting)
     times = _output_times(source)
-    home = _initial(source, robot, None)
+    home = initial_state(source, robot, None)
     if scene.motion is not None:
         motion = _reference(source, ("motion",), scene.motion, robot, home[0])
         return Stage(source, robot, on, *home, None, motion, events(source, robot), times)
     made, reference = (
         (effort, None) if effort is not None else _effort(source, robot, on, home[0], allow_python)
     )
-    start = home if reference is None else _initial(source, robot, reference)
+    start = home if reference is None else initial_state(source, robot, reference)
     return Stage(source, robot, on, *start, made, None, events(source, robot), times)
 
 
@@ -159,17 +154,6 @@ def _files(said: object) -> Iterator[str]:
             yield from _files(value)
 
 
-@contextmanager
-def naming(source: SceneFile, keys: Keys) -> Iterator[None]:
-    """Put file, line and key of a scene before the message of an error."""
-    try:
-        yield
-    except HybridynError as error:
-        if not str(error).startswith(f"{source.file}:"):
-            error.args = (str(source.error(keys, str(error))),)
-        raise
-
-
 def _xacro(value: str | bool | int | float) -> str:
     """Write a value as xacro reads it."""
     return str(value).lower() if isinstance(value, bool) else str(value)
@@ -187,74 +171,6 @@ def _output_times(source: SceneFile) -> Array | None:
         return None
     count = int(np.floor(scene.duration * scene.output.rate * (1 + 1e-12)))
     return np.minimum(np.arange(count + 1) / scene.output.rate, scene.duration)
-
-
-def _initial(source: SceneFile, robot: HybridRobot, reference: Reference | None) -> tuple[Array, Array]:
-    """Assemble the state at the start.
-
-    Raises:
-        HybridynError: It cannot be reached, or its rates would open loops.
-    """
-    initial = source.scene.initial
-    for keys, names in ((("joints",), initial.joints), (("rates", "joints"), initial.rates.joints)):
-        for name in names:
-            if name not in robot.joints:
-                raise source.error(
-                    ("initial", *keys, name), f"no such joint{did_you_mean(name, robot.joints)}"
-                )
-    platforms = {key: (pose, initial.rates.platforms.get(key)) for key, pose in initial.platforms.items()}
-    for key in initial.rates.platforms:
-        if key not in platforms:
-            raise source.error(("initial", "rates", "platforms", key), "its pose is not given in [initial]")
-    joints = {
-        name: (position, initial.rates.joints.get(name, 0.0))
-        for name, position in _positions(source, robot).items()
-    }
-    guess = robot.home
-    if initial.on_reference and reference is not None:
-        x, x_dot, _ = reference.at(0.0)
-        joints = {name: (x[i], x_dot[i]) for i, name in enumerate(robot.motors)}
-        guess = reference.guess
-    with naming(source, ("initial",)):
-        if not joints and not platforms:
-            return robot.home.copy(), np.zeros(robot.nv)
-        q, v, _ = assemble(robot, motors=joints, platforms=platforms, guess=guess)
-    if not initial.project:
-        _check_rates(source, robot, v)
-    return q, v
-
-
-def _positions(source: SceneFile, robot: HybridRobot) -> dict[str, float]:
-    """Give the joint positions that are given; motors not named stay at home where no platform is given."""
-    initial = source.scene.initial
-    joints = dict(initial.joints)
-    wanted = {*initial.rates.joints} if initial.platforms else {*initial.rates.joints, *robot.motors}
-    for name in robot.joints:
-        if name in wanted and name not in joints:
-            i = robot.joint_index[name]
-            q = robot.home[robot.q_slices[i]]
-            if robot.kinds[i] in ("revolute", "prismatic", "continuous"):
-                joints[name] = float(np.arctan2(q[1], q[0]) if robot.kinds[i] == "continuous" else q[0])
-    return joints
-
-
-def _check_rates(source: SceneFile, robot: HybridRobot, v: Array) -> None:
-    """Refuse rates that would open loops: `assemble` lets them yield to the closures.
-
-    Raises:
-        ModelError: Naming the joint whose rate cannot be.
-    """
-    rates = source.scene.initial.rates.joints
-    found = {name: float(v[robot.v_slices[robot.joint_index[name]].start]) for name in rates}
-    largest = max((abs(rate) for rate in rates.values()), default=0.0)
-    for name in sorted(rates, key=lambda name: name in robot.motors):  # a passive one is named first
-        rate = rates[name]
-        if abs(found[name] - rate) > RATES * largest:
-            raise source.error(
-                ("initial", "rates", "joints", name),
-                f"the rates would open loops: {rate:g} for this joint, of which closed loops allow "
-                f"{found[name]:.6g}. Leave passive joints out, or set project = true",
-            )
 
 
 def _reference(

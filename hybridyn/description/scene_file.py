@@ -18,6 +18,8 @@ from __future__ import annotations
 
 import re
 import tomllib
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -27,7 +29,7 @@ from pydantic import ValidationError
 from hybridyn.description.names import did_you_mean, listed
 from hybridyn.description.reading import read_bytes
 from hybridyn.description.scene_tables import CONTROLLERS, Scene, keys_at
-from hybridyn.errors import ModelError
+from hybridyn.errors import HybridynError, ModelError
 
 Keys = tuple[str | int, ...]
 
@@ -87,6 +89,17 @@ def read_scene(path: str | Path) -> SceneFile:
         raise ModelError(
             f"'{key}': {message}" if key else message, file=file, line=line, element=key
         ) from None
+
+
+@contextmanager
+def naming(source: SceneFile, keys: Keys) -> Iterator[None]:
+    """Put file, line and key of a scene before the message of an error."""
+    try:
+        yield
+    except HybridynError as error:
+        if not str(error).startswith(f"{source.file}:"):
+            error.args = (str(source.error(keys, str(error))),)
+        raise
 
 
 def _problem(error: ValidationError, content: dict[str, Any]) -> tuple[Keys, str]:
