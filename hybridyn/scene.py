@@ -13,8 +13,9 @@ import numpy as np
 
 from . import controllers
 from .description.names import did_you_mean
-from .description.scene_file import Keys, SceneFile, naming, read_scene
+from .description.scene_file import SceneFile, naming, read_scene
 from .description.scene_tables import EffortsTable, PdTable, PythonTable, ReferenceTable, TorqueTable
+from .description.toml_file import Keys
 from .effects import Effects, choose, with_effects
 from .events import Event
 from .loading import load

@@ -15,7 +15,8 @@ from .errors import HybridynError, TrajectoryError
 from .spatial import Array
 
 if TYPE_CHECKING:
-    from .description.scene_file import Keys, SceneFile
+    from .description.scene_file import SceneFile
+    from .description.toml_file import Keys
     from .robot import HybridRobot
 
 LISTS = ("payload", "wrench", "base_motion", "use")

@@ -9,7 +9,8 @@ from pathlib import Path
 import pytest
 from command_line import ROOT
 
-from hybridyn.description.scene_file import line_of, read_scene
+from hybridyn.description.scene_file import read_scene
+from hybridyn.description.toml_file import line_of
 from hybridyn.errors import HybridynError, ModelError
 from hybridyn.scene import stage
 

@@ -14,8 +14,6 @@ For `X.urdf` or `X.urdf.xacro` it is `X.model.toml` beside it, else `../models/X
 from __future__ import annotations
 
 import math
-import re
-import tomllib
 from dataclasses import replace
 from typing import Annotated
 
@@ -26,6 +24,7 @@ from hybridyn.description.names import did_you_mean
 from hybridyn.description.records import Joint
 from hybridyn.description.robot_file import MotorStatement, RobotFile
 from hybridyn.description.schema import Schema, first_problem
+from hybridyn.description.toml_file import line_of, parse_toml
 from hybridyn.errors import ModelError
 
 NotNegative = Annotated[FiniteFloat, Field(ge=0)]
@@ -71,18 +70,7 @@ def read_model_file(text: bytes, file: str) -> ModelFile:
     Raises:
         ModelError: It is no TOML, or a key or value is wrong; the line is named.
     """
-    try:
-        plain = text.decode("utf-8")
-        content = tomllib.loads(plain)
-    except UnicodeDecodeError as error:
-        raise ModelError(f"is not UTF-8 text (byte {error.start})", file=file) from None
-    except tomllib.TOMLDecodeError as error:
-        at = re.search(r"at line (\d+)", str(error))
-        raise ModelError(
-            f"not readable as TOML: {error}", file=file, line=int(at[1]) if at else None
-        ) from None
-    except (RecursionError, ValueError):
-        raise ModelError("not readable as TOML: nested too deeply, or a number too long", file=file) from None
+    plain, content = parse_toml(text, file)
     try:
         return ModelFile.model_validate(content)
     except ValidationError as error:
@@ -173,28 +161,6 @@ def home_position(joint: Joint, values: list[float]) -> tuple[float, ...]:
     if abs(length - 1) > UNIT_SLACK:
         raise ValueError(f"its last {len(values) - start} numbers have length {length:g} instead of 1")
     return (*values[:start], *(value / length for value in values[start:]))
-
-
-def line_of(text: str, keys: tuple[str, ...]) -> int | None:
-    """Give the line (from 1) that defines a key of a TOML text, or the nearest table around it."""
-    table: tuple[str, ...] = ()
-    best: tuple[int, int | None] = (0, None)
-    for number, line in enumerate(text.splitlines(), start=1):
-        header = re.match(r"\s*\[+\s*([^\]]+?)\s*\]", line)
-        if header:
-            defined = table = _dotted(header[1])
-        elif assignment := re.match(r"""\s*((?:[\w-]+|"[^"]*"|'[^']*'|\s*\.\s*)+?)\s*=""", line):
-            defined = (*table, *_dotted(assignment[1]))
-        else:
-            continue
-        shared = len(defined)
-        if defined == keys[:shared] and shared > best[0]:
-            best = (shared, number)
-    return best[1]
-
-
-def _dotted(text: str) -> tuple[str, ...]:
-    return tuple(part.strip("\"'") for part in re.findall(r"""[\w-]+|"[^"]*"|'[^']*'""", text))
 
 
 def _with_numbers(joint: Joint, numbers: JointNumbers | None) -> Joint:
