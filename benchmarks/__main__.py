@@ -12,6 +12,7 @@ from benchmarks.gate import WrongModelError
 from benchmarks.plan import FULL, SHORT, run
 from benchmarks.report import report
 from benchmarks.results import machine, read_machine, read_results, write_machine, write_results
+from benchmarks.slow import run_slow
 
 COMMITTED = ROOT / "benchmarks"
 SCRATCH = ROOT / "build" / "benchmarks"
@@ -32,7 +33,10 @@ def main() -> int:
     group.add_argument("--short", action="store_true", help="under a minute, into build/benchmarks/")
     group.add_argument("--full", action="store_true", help="minutes, into benchmarks/")
     group.add_argument("--report", action="store_true", help="only the report, from the committed results")
+    group.add_argument("--slow", action="store_true", help="the slow tests, into benchmarks/results/slow.csv")
     options = parser.parse_args()
+    if options.slow:
+        return run_slow(COMMITTED / "results" / "slow.csv")
     if options.report:
         print(write_report(COMMITTED))
         return 0

@@ -12,6 +12,7 @@ from benchmarks.cases import LX4_TRAJECTORY, stack_motion, write_long_trajectory
 from benchmarks.gate import DDM_LIMIT, WrongModelError, refuse, relative
 from benchmarks.report import exponent, report
 from benchmarks.results import Result, read_machine, read_results, write_results
+from benchmarks.slow import table
 
 FIT = 1e-12  # a power law is fitted exactly
 DIFFERENCES = 1e-3  # of the largest rate: second-order central differences at 5 ms of a motion of 1 Hz
@@ -63,3 +64,11 @@ def test_long_trajectory_repeats_the_shipped_one(tmp_path: Path) -> None:
     assert long.shape == (1500, short.shape[1])
     assert np.array_equal(long[1000:, 1:], short[:500, 1:])
     assert np.allclose(np.diff(long[:, 0]), 0.005)
+
+
+def test_slow_tests_are_summed_up_by_function() -> None:
+    record = """<testsuites><testsuite>
+    <testcase classname="tests.test_b" name="test_x[1]" time="1.5"/>
+    <testcase classname="tests.test_b" name="test_x[2]" time="2.0"><failure message="no"/></testcase>
+    <testcase classname="tests.test_a" name="test_y" time="0.25"/></testsuite></testsuites>"""
+    assert table(record) == [("test_a.py", "test_y", 1, 0, "0.2"), ("test_b.py", "test_x", 2, 1, "3.5")]
