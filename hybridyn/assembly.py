@@ -27,6 +27,9 @@ from .robot import HybridRobot
 from .spatial import Array, cross
 from .targets import PoseTarget
 
+#: Closures left open by more than this (relative) are closed once more, with everything free to move.
+SETTLED = 1e-14
+
 
 def assemble(
     robot: HybridRobot,
@@ -103,7 +106,7 @@ def _assemble_module(
     start = m.cut(q[:1, module.q_index], None, None, m.spanning.sweep(q[:1, module.q_index]))[0][0]
     x = follow(task, start)
     open_rows = m.closures.residual(x, m.tree.sweep(x)) * m.reduction.row_scale
-    bent = np.flatnonzero(np.abs(open_rows).max(axis=1, initial=0.0) > 1e-12)
+    bent = np.flatnonzero(np.abs(open_rows).max(axis=1, initial=0.0) > SETTLED)
     if len(bent):
         x[bent] = _settle(m, x[bent])
     x_dot, x_ddot = _rates_and_accelerations(task.problem, m, request, x)
