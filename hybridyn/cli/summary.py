@@ -13,6 +13,9 @@ if TYPE_CHECKING:
     from hybridyn.effects import Effects
     from hybridyn.robot import HybridRobot
 
+#: Peaks that differ by less than this (relative) are one: the first counts, whatever rounding says.
+TIE = 1e-6
+
 
 class Summary:
     """Peaks and RMS of some columns and the worst closure residual, gathered block by block."""
@@ -60,8 +63,9 @@ class Summary:
         self.residual = max(self.residual, float(done.residual.max(initial=0.0)))
         for i, column in enumerate(self.at):
             values = done.rows[:, column]
-            index = int(abs(values).argmax())
-            if not self.places[i] or abs(values[index]) > abs(self.peaks[i]):
+            sizes = abs(values)
+            index = int((sizes >= sizes.max() * (1 - TIE)).argmax())
+            if not self.places[i] or sizes[index] > abs(self.peaks[i]) * (1 + TIE):
                 self.peaks[i] = float(values[index])
                 row = f"row {done.first_row + index}"
                 self.places[i] = row if done.time is None else f"{done.time[index]:.6g} s"
