@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 SAME_POSTURE = 1e-9  # relative; two closed postures on one branch agree to rounding, two branches to nothing
 LONG_TABLE = 300_000  # numbers: some three seconds of work for one process
-NUMBERS_AT_ONCE = 200_000  # positions of a block: what a model needs for them fits into any memory
+NUMBERS_AT_ONCE = 84_000  # positions of a block: its arrays stay near the cache, which processes share
 MOST_ROWS = 2_000  # in a block
 ROUNDING_UP = 1.05  # the number of rows is estimated: better a last block that is short than one more
 BLIND = 2  # blocks in a row that were done again: more guesses are not worth making
