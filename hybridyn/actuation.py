@@ -37,7 +37,7 @@ class Sharing:
     passive_hint: str = ""
 
 
-def motor_units(robot: HybridRobot, module: Module) -> Array:
+def motor_units(module: Module) -> Array:
     """Give the factor that turns each motor's effort into work per scaled coordinate, shape (motors,)."""
     out: Array = module.mechanism.reduction.col_scale[module.motor_columns]
     return out
@@ -65,7 +65,7 @@ def motor_efforts(
     """
     T, N = Q.shape
     motors = len(module.motors)
-    unit = motor_units(robot, module)
+    unit = motor_units(module)
     B = np.swapaxes(Psi[:, module.motor_columns], 1, 2) / unit
     if motors == 0:
         tau = np.zeros((T, 0))

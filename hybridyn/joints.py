@@ -60,14 +60,11 @@ class TreeJoint:
         return np.eye(6)[:, list(columns)]
 
     def transform(self, q: Array) -> tuple[Array, Array]:
-        """Give the motion of the child relative to its zero position: rotations (T, 3, 3), shifts (T, 3)."""
+        """Give where a joint of several freedoms puts its child: rotations (T, 3, 3), shifts (T, 3).
+
+        Joints of one freedom are evaluated all at once by their tree (`Tree.sweep`).
+        """
         zero = np.zeros((len(q), 3))
-        if self.kind == "prismatic":
-            return np.broadcast_to(np.eye(3), (len(q), 3, 3)), q * self.axis
-        if self.kind == "revolute":
-            return rotation_from_axis_angle(self.axis, np.cos(q[:, 0]), np.sin(q[:, 0])), zero
-        if self.kind == "continuous":
-            return rotation_from_axis_angle(self.axis, q[:, 0], q[:, 1]), zero
         if self.kind == "spherical":
             return rotation_from_quaternion(q), zero
         if self.kind == "planar":
