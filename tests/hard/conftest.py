@@ -14,15 +14,16 @@ import pytest
 class Claim(Protocol):
     """What the fixture gives."""
 
-    def __call__(self, case: str, quantity: str, measured: float, bound: float) -> None: ...
+    def __call__(self, case: str, quantity: str, measured: float, bound: float) -> None:
+        """Hold `measured` to `bound`."""
 
 
 @pytest.fixture
 def claim(request: pytest.FixtureRequest) -> Claim:
-    """Hold a measured number to its bound, and write both down for the table of `python -m benchmarks --hard`.
+    """Hold a number to its bound, and write both down for the table of `python -m benchmarks --hard`.
 
-    `claim(case, quantity, measured, bound)`: the robot and posture in words, what is measured ("backward error of
-    ddm"), the worst number found, the bound. The reason of the bound stands in the test's docstring.
+    `claim(case, quantity, measured, bound)`: the robot and posture in words, what is measured ("backward
+    error of ddm"), the worst number found, the bound. The reason of the bound stands in the test's docstring.
     """
 
     def held(case: str, quantity: str, measured: float, bound: float) -> None:
