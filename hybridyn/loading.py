@@ -23,7 +23,8 @@ def load(
     """Load a robot from URDF or xacro, with the loop closures its author expressed in any form we read.
 
     Args:
-        path: The robot's file; a side-car (`robot.yaml`, `model.toml`) is found beside it.
+        path: The robot's file, beside which a side-car (`robot.yaml`, `model.toml`) is found; or the name of
+            a shipped robot, "lx4". A path that exists wins.
         base: "fixed", "moving" (prescribed motion) or "floating" (free): the last two put a free-flyer first
             in q, v, a, with Pinocchio's local velocities.
         motors: Names of the driven joints, instead of what the files say.
@@ -41,8 +42,9 @@ def load(
         AssemblyError: A module's loops close nowhere.
     """
     from .description import read
+    from .shipped import find_robot
 
-    description = read(path, motors=motors, xacro_args=xacro_args, package_dirs=package_dirs)
+    description = read(find_robot(path), motors=motors, xacro_args=xacro_args, package_dirs=package_dirs)
     return build_robot(
         description,
         base=base,

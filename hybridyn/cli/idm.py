@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 @click.command("idm", cls=RobotCommand, short_help="Motor efforts for a motion (inverse dynamic model).")
 @takes_robot
-@takes_table("TRAJECTORY")
+@takes_table("TRAJECTORY", own=True)
 @click.option(
     "--passive",
     type=click.Choice(["given", "solved"]),
@@ -53,6 +53,8 @@ def command(
     effects: tuple[str, ...],
 ) -> None:
     """Give the motor efforts that move ROBOT (URDF or xacro) as TRAJECTORY (CSV or Parquet) says.
+
+    ROBOT may be the name of a shipped robot ('hybridyn robots'), which has a trajectory of its own.
 
     The table has named columns, in SI units: 'time', '<joint>/position|velocity|acceleration',
     '<link>/pose/x|y|z|qx|qy|qz|qw' or any of 'x|y|z|roll|pitch|yaw' relative to the root link

@@ -31,9 +31,17 @@ class RobotCommand(click.Command):
 
 
 def existing_file(ctx: click.Context, param: click.Parameter, value: str) -> str:
-    """Check that a file is there ("-" is standard input); if not, name the nearest one that is."""
+    """Check that a file is there ("-" is standard input); if not, name the nearest one that is.
+
+    What is no path may be a file of a shipped robot, "lx4/traj.csv".
+    """
     if value == "-" or os.path.isfile(value):
         return value
+    if not os.path.exists(value):
+        from hybridyn.shipped import find_data
+
+        if shipped := find_data(value):
+            return shipped
     if os.path.isdir(value):
         raise click.BadParameter(f"'{value}' is a folder", ctx, param)
     from hybridyn.description.names import closest
@@ -44,6 +52,30 @@ def existing_file(ctx: click.Context, param: click.Parameter, value: str) -> str
     near = closest(name, os.listdir(folder or "."))
     hint = f" (did you mean '{os.path.join(folder, near)}'?)" if near else ""
     raise click.BadParameter(f"there is no file '{value}'{hint}", ctx, param)
+
+
+def robot_file(ctx: click.Context, param: click.Parameter, value: str) -> str:
+    """Give the file of a robot: one that is there, or that of the shipped robot of this name."""
+    from hybridyn.shipped import BARE_NAME, no_such_robot, shipped_robots, shown
+
+    if os.path.exists(value) or not BARE_NAME.fullmatch(value):
+        return existing_file(ctx, param, value)
+    if value not in shipped_robots():
+        raise click.BadParameter(no_such_robot(value), ctx, param)
+    return shown(shipped_robots()[value].file)
+
+
+def scene_file(ctx: click.Context, param: click.Parameter, value: str) -> str:
+    """Give a scene's file: one that is there, or the scene of the shipped robot of this name."""
+    from hybridyn.shipped import shipped_robots, shown
+
+    if not os.path.exists(value) and value in shipped_robots():
+        scenes = shipped_robots()[value].scenes
+        if len(scenes) == 1:
+            return shown(scenes[0])
+        names = ", ".join(f"'{value}/{scene.name}'" for scene in scenes) or "none"
+        raise click.BadParameter(f"the scenes of '{value}' are: {names}", ctx, param)
+    return existing_file(ctx, param, value)
 
 
 def result_file(ctx: click.Context, param: click.Parameter, value: str | None) -> str | None:
@@ -124,7 +156,7 @@ def takes_effects(default: str) -> Callable[[Callable[..., Any]], Callable[..., 
 
 
 _OPTIONS = (
-    click.argument("robot", callback=existing_file),
+    click.argument("robot", callback=robot_file),
     click.option(
         "--base",
         type=click.Choice(["fixed", "moving", "floating"]),

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import click
 
 from hybridyn.cli.progress import Progress
-from hybridyn.cli.robot_options import existing_file, result_file
+from hybridyn.cli.robot_options import existing_file, result_file, scene_file
 from hybridyn.cli.summary import counted, effects_line
 
 if TYPE_CHECKING:
@@ -24,7 +24,7 @@ FAILED = ("unreachable", "unsolved", "singular")
 
 
 @click.command("simulate", short_help="A scene: motion in time under a controller and effects.")
-@click.argument("scene", callback=existing_file)
+@click.argument("scene", callback=scene_file)
 @click.option(
     "-o",
     "--output",

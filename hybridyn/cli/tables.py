@@ -59,17 +59,36 @@ class Tables:
     quiet: bool
 
 
-def takes_table(metavar: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+def own_table(ctx: click.Context, param: click.Parameter, value: str | None) -> str:
+    """Give the table that the user names, or the trajectory that comes with a shipped robot."""
+    if value is not None:
+        return existing_file(ctx, param, value)
+    from hybridyn.shipped import own_trajectory
+
+    robot = ctx.params.get("robot")
+    table = own_trajectory(robot) if robot else None
+    if table is None:
+        raise click.MissingParameter(ctx=ctx, param=param, param_hint="'TRAJECTORY'")
+    return table
+
+
+def takes_table(metavar: str, *, own: bool = False) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
     """Give a command the arguments of a table; it receives them as `tables`.
 
     Args:
         metavar: What the help calls the table.
+        own: Whether a shipped robot's own trajectory is taken where the user names no table.
 
     Returns:
         A decorator for the command's body.
     """
     options = (
-        click.argument("source", metavar=metavar, callback=existing_file),
+        click.argument(
+            "source",
+            metavar=f"[{metavar}]" if own else metavar,
+            required=not own,
+            callback=own_table if own else existing_file,
+        ),
         click.option(
             "-o",
             "--output",

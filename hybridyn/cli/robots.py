@@ -1,0 +1,52 @@
+"""`hybridyn robots`: the robots that come with hybridyn."""
+
+from __future__ import annotations
+
+import json
+
+import click
+
+
+@click.command("robots", short_help="The robots that come with hybridyn, by name.")
+@click.option("--json", "as_json", is_flag=True, help="As JSON, with the paths of their files.")
+def command(as_json: bool) -> None:
+    """List the shipped robots. Their names stand for their files wherever a command takes a robot.
+
+    'hybridyn idm lx4' moves a robot as its own trajectory says; 'lx4/traj.csv' names this table, and
+    'lx4/sag.toml' a scene, wherever a command takes one.
+    """
+    from hybridyn.cli.summary import aligned_rows
+    from hybridyn.errors import ModelError
+    from hybridyn.shipped import shipped_robots, shown
+
+    robots = shipped_robots().values()
+    if not robots:
+        raise ModelError("this installation has no robots: urdf/ and models/ are missing")
+    if as_json:
+        facts = [
+            {
+                "name": robot.name,
+                "what": robot.what,
+                "benchmark": robot.is_benchmark,
+                "modules": robot.modules,
+                "motors": robot.motors,
+                "source": robot.source,
+                "file": shown(robot.file),
+                "trajectory": robot.trajectory and shown(robot.trajectory),
+                "scenes": [shown(scene) for scene in robot.scenes],
+            }
+            for robot in robots
+        ]
+        click.echo(json.dumps(facts, indent=2))
+        return
+    rows = [["name", "modules", "motors", "what", "source"]]
+    rows += [
+        [r.name, str(r.modules or ""), str(r.motors or ""), r.what, r.source]
+        for r in robots
+        if not r.is_benchmark
+    ]
+    lines = aligned_rows(rows, right=(1, 2))
+    mechanisms = [[robot.name, robot.what] for robot in robots if robot.is_benchmark]
+    if mechanisms:
+        lines += ["", "benchmark mechanisms:", *aligned_rows(mechanisms)]
+    click.echo("\n".join(lines))
