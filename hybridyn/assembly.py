@@ -202,3 +202,27 @@ def _spanning_positions(module: Module, x: Array, target: Motion, guess: Array) 
         at = m.wrist_positions(number)
         q[:, at] = follow(task, guess[at], keep_branch=False)
     return q
+
+
+def move_module(robot: HybridRobot, number: int, joints: Mapping[str, float], guess: Array) -> Array:
+    """Close the loops of one module for positions of its joints, the other modules staying as they are.
+
+    Args:
+        robot: The robot.
+        number: Number of the module.
+        joints: Positions by joint, as `assemble` takes them [m or rad].
+        guess: Posture of the robot to start from, shape (nq,).
+
+    Returns:
+        Posture of the robot on the same assembly branch, shape (nq,).
+
+    Raises:
+        AssemblyError: As `assemble`.
+        TrajectoryError: As `assemble`.
+    """
+    module = robot.modules[number]
+    requests = gather_requests(robot, joints, {})
+    request = module_request(requests, robot, number, robot.bodies.place[module.base][0], {})
+    q = np.array(guess, dtype=float).reshape(1, robot.nq)
+    _assemble_module(robot, module, request, q, *np.zeros((2, 1, robot.nv)))
+    return q[0]
