@@ -94,6 +94,14 @@ class Bodies:
         """Longest offset from one joint to the next [m]: what a distance must be small against to be none."""
         return max((float(np.abs(j.p).max()) for j in self.joints), default=0.0) or 1.0
 
+    @cached_property
+    def size(self) -> float:
+        """A length of the robot [m], for parts without an extent of their own."""
+        offsets = [float(np.abs(j.p).max()) for j in self.joints]
+        spreads = [float(np.sqrt(max(np.trace(b.inertia), 0.0) / b.mass)) for b in self.bodies if b.mass]
+        centres = [float(np.abs(b.com).max()) for b in self.bodies]
+        return max(offsets, default=0.0) or max([*centres, *spreads], default=0.0) or 1.0
+
     def path(self, a: int, b: int) -> list[int]:
         """Give the numbers of the joints between two bodies."""
         out = []

@@ -104,6 +104,7 @@ def follow(task: Task, guess: Array, *, keep_branch: bool = True) -> Array:
         for pair in bad + last:
             walked = _walk(task, q[pair], int(pair)) if keep_branch else _at_once(task, q[pair], int(pair))
             off = task.problem.tree.difference(walked[None], q[pair + 1 : pair + 2])
+            off /= task.problem.col_scale
             q[pair + 1], before = walked, np.abs(off).max(initial=0.0)
             if before > SMALL:
                 last, chunk = int(pair) + 1, 64

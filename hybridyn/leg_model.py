@@ -57,7 +57,8 @@ def pinocchio_inertia(body: Body) -> pin.Inertia:
     out = pin.Inertia.Zero()
     out.mass = body.mass
     out.lever = body.com
-    out.inertia = body.inertia
+    # To the last digit symmetric: Pinocchio compares halves without regard to their size.
+    out.inertia = (body.inertia + body.inertia.T) / 2
     return out
 
 

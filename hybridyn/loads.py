@@ -60,10 +60,8 @@ class ModuleLoad:
                 out += np.concatenate([rotate(R, wrench[:, :3]), rotate(R, wrench[:, 3:])], axis=1)
         for body, wrench in self.wrist_links:
             if body - 1 in wrist.joints:
-                R, own = (
-                    spanning.R[:, body],
-                    m.spanning.jacobian(spanning, body)[:, :, m.wrist_columns(number)],
-                )
+                R, cols = spanning.R[:, body], m.wrist_columns(number)
+                own = m.spanning.jacobian(spanning, body)[:, :, cols] * m.spanning_col_scale[cols]
                 world = np.concatenate([rotate(R, wrench[:, :3]), rotate(R, wrench[:, 3:])], axis=1)
                 along = np.einsum("tij,ti->tj", own, world)
                 handed = np.einsum(

@@ -46,13 +46,23 @@ class Mechanism:
         postures: Assembled generic postures of `tree`, shape (samples, nq).
     """
 
-    def __init__(self, spec: ModuleSpec, rank_tolerance: float | None, closure_tolerance: float) -> None:
+    def __init__(
+        self, spec: ModuleSpec, rank_tolerance: float | None, closure_tolerance: float, robot_size: float
+    ) -> None:
+        """Find ranks and lengths of a module.
+
+        Args:
+            spec: Its numbers.
+            rank_tolerance: What `build_robot` was given.
+            closure_tolerance: What `build_robot` was given.
+            robot_size: A length of the robot, for modules without an extent of their own [m].
+        """
         self.spec = spec
         self.rank_is_given = rank_tolerance is not None
         self.spanning, self.tree = Tree(list(spec.spanning)), Tree(list(spec.tree))
         self.spanning_closures = Closures(self.spanning, list(spec.closures), list(spec.couplings))
         self.closures = Closures(self.tree, list(spec.cut_closures), list(spec.cut_couplings))
-        self.length = self._length()
+        self.length = self._length(robot_size)
         self.inertias = np.array([spatial_inertia(b.mass, b.com, b.inertia) for b in spec.outputs_inertia])
         self.inertias = self.inertias.reshape(-1, 6, 6)
         self.legs = LegModel(self.tree, list(spec.leg_bodies))
@@ -82,7 +92,7 @@ class Mechanism:
         """The paper's N_k."""
         return self.reduction.mobility
 
-    def _length(self) -> float:
+    def _length(self, robot_size: float) -> float:
         """Give the extent of the module at home, rounded to a power of two so that scaling is exact."""
         motion = self.spanning.sweep(self.spec.home[None])
         points = [motion.p[0, b] for b in range(len(self.spanning.joints) + 1)]
@@ -91,7 +101,7 @@ class Mechanism:
             points.append(motion.p[0, c.body_a] + motion.R[0, c.body_a] @ c.p_a)
             points.append(motion.p[0, c.body_b] + motion.R[0, c.body_b] @ c.p_b)
         extent = float(np.linalg.norm(np.ptp(np.array(points), axis=0)))
-        extent = extent or float(np.linalg.norm(points[0])) or 1.0
+        extent = extent or float(np.linalg.norm(points[0])) or robot_size
         return float(2.0 ** np.round(np.log2(extent)))
 
     def _map_coordinates(self) -> None:
@@ -269,12 +279,12 @@ class Mechanism:
         miss = self.tree.jacobian(motion, target, end) - self.tree.jacobian(motion, parent, end)
         miss[:, :3] /= self.length
         rates = np.matmul(np.linalg.pinv(self.wrist_rates(spanning, number), rcond=1e-12), miss)
-        own = self.spanning.jacobian(spanning, body, here)[:, :, cols]
+        own = self.spanning.jacobian(spanning, body, here)[:, :, cols] * self.spanning_col_scale[cols]
         J = self.tree.jacobian(motion, parent, here) + np.matmul(own, rates)
         return to_body_axes(spanning.R[:, body], J)
 
     def wrist_rates(self, motion: Motion, wrist: int) -> Array:
-        """Give the twist of a wrist's end, relative to its parent, over the wrist's joint rates.
+        """Give the twist of a wrist's end, relative to its parent, over the wrist's scaled joint rates.
 
         Args:
             motion: Motion of the spanning tree.
@@ -286,7 +296,9 @@ class Mechanism:
         end, cols = self.spec.wrists[wrist].end, self.wrist_columns(wrist)
         linear, angular = (c[:, cols] for c in self.spanning.columns(motion))
         shift = cross(angular, motion.p[:, end, None] - motion.p[:, self.spanning.dof_body[cols]])
-        return np.swapaxes(np.concatenate([(linear + shift) / self.length, angular], axis=-1), 1, 2)
+        S = np.swapaxes(np.concatenate([(linear + shift) / self.length, angular], axis=-1), 1, 2)
+        out: Array = S * self.spanning_col_scale[cols]
+        return out
 
     def recover_rates(self, q: Array, v: Array, target: Motion) -> None:
         """Fill in the wrists' rates that make their ends follow their targets (least norm), in place.
@@ -323,7 +335,7 @@ class Mechanism:
                 angular = wd - motion.wd[:, wrist.end]
             miss = np.concatenate([linear / self.length, angular], axis=-1)
             S = self.wrist_rates(motion, number)
-            unknown[:, cols] = least_squares(S, miss, relative=GIMBAL_LOCK)
+            unknown[:, cols] = least_squares(S, miss, relative=GIMBAL_LOCK) * self.spanning_col_scale[cols]
             flag_gimbal_lock(S)
             if wrist.carries:  # what hangs from a platform moves with it: sweep again before the next wrist
                 motion = None

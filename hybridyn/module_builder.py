@@ -113,7 +113,7 @@ class ModuleBuilder:
         """Give the mechanism of a module, the one of an equal module where there is one."""
         key = spec.key
         if key not in self.shared:
-            self.shared[key] = Mechanism(spec, *self.tolerances)
+            self.shared[key] = Mechanism(spec, *self.tolerances, self.bodies.size)
         return self.shared[key]
 
     def _append(
