@@ -8,7 +8,7 @@ import os
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import click
 
@@ -19,10 +19,25 @@ from hybridyn.cli.robot_options import existing_file, result_file
 from hybridyn.cli.workers import Workers
 
 if TYPE_CHECKING:
-    from hybridyn.cli.summary import Summary
+    from hybridyn.cli.blocks import Done
+    from hybridyn.description.columns import Layout
     from hybridyn.description.results import Write
     from hybridyn.description.tables import Table
     from hybridyn.robot import HybridRobot
+
+
+class Gathered(Protocol):
+    """What is remembered of the rows, and told at the end."""
+
+    samples: int
+
+    def add(self, done: Done) -> None:
+        """Take in a block."""
+        ...
+
+    def show(self, layout: Layout, seconds: float, wall: float, jobs: int) -> None:
+        """Tell it: after so many seconds on the samples, and in all, with so many processes."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -33,11 +48,13 @@ class Plan:
         model: What to compute from each block.
         columns: Columns of the result after the time.
         summary: What is remembered of it.
+        written: Whether the rows are a result that is written.
     """
 
     model: Model
     columns: Sequence[str]
-    summary: Summary
+    summary: Gathered
+    written: bool = True
 
 
 @dataclass(frozen=True)
@@ -207,6 +224,9 @@ def _writer(tables: Tables, robot: HybridRobot, plan: Plan, timed: bool) -> Any:
 
     from hybridyn.description.results import open_results
 
+    if not plan.written:
+        yield lambda done: None
+        return
     time_column = ["time"] if timed else []
     with contextlib.ExitStack() as files:
         result: Write = files.enter_context(open_results(tables.output, [*time_column, *plan.columns]))

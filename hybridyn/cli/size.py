@@ -1,0 +1,240 @@
+"""`hybridyn size`: what a motion asks of each motor, for picking it."""
+
+from __future__ import annotations
+
+import csv
+import dataclasses
+import functools
+import io
+import json
+import math
+import os
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from hybridyn.cli.figures import save, takes_plot
+from hybridyn.cli.robot_options import RobotCommand, takes_effects, takes_robot
+from hybridyn.cli.summary import aligned_rows, counted, effects_line, fitted_rates
+from hybridyn.cli.tables import Plan, Tables, own_table, run
+
+if TYPE_CHECKING:
+    from hybridyn.cli.blocks import Done
+    from hybridyn.cli.postures import Postures
+    from hybridyn.description.columns import Layout
+    from hybridyn.description.records import Array
+    from hybridyn.effects import Effects
+    from hybridyn.robot import HybridRobot
+    from hybridyn.sizing import MotorLoad
+
+
+def _report_file(ctx: click.Context, param: click.Parameter, value: str | None) -> str | None:
+    if value is None:
+        return None
+    if not value.lower().endswith((".csv", ".json")):
+        raise click.BadParameter(f"'{value}' must end in .csv or .json", ctx, param)
+    folder = os.path.dirname(value)
+    if folder and not os.path.isdir(folder):
+        raise click.BadParameter(f"there is no folder '{folder}'", ctx, param)
+    return value
+
+
+@click.command("size", cls=RobotCommand, short_help="What a motion asks of each motor: effort, speed, power.")
+@takes_robot
+@click.argument("source", metavar="[TRAJECTORY]", required=False, callback=own_table)
+@click.option("-o", "--output", metavar="FILE", callback=_report_file, help="All numbers, .csv or .json")
+@takes_plot("effort over speed for every motor, with its limits")
+@takes_effects("model")
+@click.option(
+    "--passive",
+    type=click.Choice(["given", "solved"]),
+    default="given",
+    show_default=True,
+    help="Accelerations of joints without a motor: as the table says, or those of zero effort.",
+)
+@click.option(
+    "-j", "--jobs", type=click.IntRange(1, 256), help="Processes.  [default: as 'hybridyn idm' chooses]"
+)
+def command(
+    load: Callable[[], HybridRobot],
+    source: str,
+    output: str | None,
+    plot: str | None,
+    effects: tuple[str, ...],
+    passive: str,
+    jobs: int | None,
+) -> None:
+    """Say what moving ROBOT as TRAJECTORY says asks of each motor: what an engineer needs to pick one.
+
+    The table is that of 'hybridyn idm'; long ones are read in blocks. Per motor: peak and RMS effort, peak
+    speed, peak power given and taken (braking), mean power, energies, travel, the times of the peaks; with a
+    gear ratio, torque and speed of the rotor too. Efforts and speeds over the limits of the robot's file are
+    named. Unlike 'idm', all effects that the robot's files state count here: rotors and friction are part of
+    a motor's load.
+    """
+
+    def plan(robot: HybridRobot) -> Plan:
+        from hybridyn.effects import choose
+
+        chosen = choose(robot, effects)
+        chosen = chosen.only([name for name in chosen.names if name != "limits"])  # they are reported here
+        model = functools.partial(motor_states, passive=passive, effects=chosen)
+        return Plan(model, [], _Report(robot, source, output, plot, chosen), written=False)
+
+    run(Tables(source, None, None, jobs, quiet=False), load, plan)
+
+
+def motor_states(
+    robot: HybridRobot, block: Postures, *, passive: str, effects: Effects
+) -> tuple[Array, Array | None]:
+    """Give rates, efforts and positions of the motors, shape (T, 3 motors); no position of continuous joints.
+
+    Args:
+        robot: The robot.
+        block: The motion.
+        passive: As `hybridyn.idm` takes it.
+        effects: What is computed.
+    """
+    import numpy as np
+
+    from hybridyn.cli.idm import efforts
+    from hybridyn.sizing import motor_rows
+
+    tau, _ = efforts(
+        robot, block, passive=passive, on_singular="raise", weights=None, effects=effects, reactions=False
+    )
+    position, speed = motor_rows(robot, block.q, block.v)
+    return np.concatenate([speed, tau, np.nan_to_num(position)], axis=1), None
+
+
+class _Report:
+    """What is gathered of the motors' work, and its telling."""
+
+    def __init__(
+        self, robot: HybridRobot, source: str, output: str | None, plot: str | None, effects: Effects
+    ) -> None:
+        from hybridyn.sizing import Sizing
+
+        self.robot, self.source, self.output, self.plot = robot, source, output, plot
+        self.effects = effects
+        self.sizing = Sizing(robot)
+        self.samples = 0
+
+    def add(self, done: Done) -> None:
+        """Take in a block."""
+        import numpy as np
+
+        self.samples += len(done.rows)
+        speed, effort, position = np.split(done.rows, 3, axis=1)
+        turning = [joint.kind == "continuous" for joint in self.sizing.joints]
+        position[:, turning] = np.nan
+        self.sizing.add(done.time, done.first_row, position, speed, effort)
+
+    def show(self, layout: Layout, seconds: float, wall: float, jobs: int) -> None:
+        """Print the table, write the files, and name what exceeds its limit."""
+        from hybridyn.sizing import violations
+
+        loads = self.sizing.loads()
+        timed = layout.time is not None
+        name = self.robot.name
+        if self.output:
+            text = _json(loads, timed) if self.output.lower().endswith(".json") else _csv(loads, timed)
+            _write(self.output, text)
+        if self.plot:
+            from hybridyn.sizing_figure import figure_of_sizing
+
+            save(figure_of_sizing(self.sizing, title=f"{name}, {os.path.basename(self.source)}"), self.plot)
+        over = f" over {self.sizing.duration:.6g} s" if timed else ""
+        click.echo(f"{name}: {counted(len(loads), 'motor')}, {counted(self.samples, 'sample')}{over}")
+        click.echo("\n".join(_table(loads, timed)))
+        found = violations(loads)
+        for line in found or ["no effort and no speed is over a limit of the robot's file"]:
+            click.echo(line)
+        for line in (*fitted_rates(layout), *effects_line(self.effects)):
+            click.echo(line, err=True)
+
+
+def _table(loads: Sequence[MotorLoad], timed: bool) -> list[str]:
+    """Give the table for people: one line per motor."""
+    at = "at [s]" if timed else "row"
+    rows = [["motor", "peak effort", at, "RMS", "peak speed", at, "peak power", at, "braking"]]
+    rows[0] += ["mean power", "energy given", "taken"] if timed else []
+    for load in loads:
+        force, speed = ("N", "m/s") if load.linear else ("N m", "rad/s")
+        cells = [
+            load.motor,
+            f"{load.effort.value:.5g} {force}",
+            f"{load.effort.at:.5g}",
+            f"{load.rms_effort:.5g}",
+            f"{load.speed.value:.4g} {speed}",
+            f"{load.speed.at:.5g}",
+            f"{load.power.value:.4g} W",
+            f"{load.power.at:.5g}",
+            f"{load.braking_power.value:.4g} W",
+        ]
+        if timed:
+            cells += [f"{load.mean_power:.4g} W", f"{load.energy_given:.4g} J", f"{load.energy_taken:.4g} J"]
+        rows.append(cells)
+    return [f"  {line}" for line in aligned_rows(rows, right=range(1, len(rows[0])))]
+
+
+def facts(load: MotorLoad, timed: bool) -> dict[str, Any]:
+    """Give everything about a motor as flat names and values, None for what is not known.
+
+    Args:
+        load: What it has to do.
+        timed: Whether the table has time: else peaks are at rows.
+    """
+    out: dict[str, Any] = {}
+    for field in dataclasses.fields(load):
+        value = getattr(load, field.name)
+        if field.name in ("effort", "speed", "power", "braking_power"):
+            out |= {
+                f"peak_{field.name}": value.value,
+                f"peak_{field.name}_{'at' if timed else 'row'}": value.at,
+            }
+        elif field.name == "travel":
+            lower, upper = value or (None, None)
+            out |= {"position_lower": lower, "position_upper": upper}
+        elif isinstance(value, float) and math.isinf(value):
+            out[field.name] = None
+        elif field.name == "linear":
+            out |= {
+                "effort_unit": "N" if value else "N m",
+                "speed_unit": "m/s" if value else "rad/s",
+            }
+        else:
+            out[field.name] = value
+    if load.gear_ratio != 1.0:
+        out |= {
+            "rotor_peak_torque": load.rotor_torque,
+            "rotor_rms_torque": load.rotor_rms_torque,
+            "rotor_peak_speed": load.rotor_speed,
+        }
+    return out
+
+
+def _json(loads: Iterable[MotorLoad], timed: bool) -> str:
+    return json.dumps([facts(load, timed) for load in loads], indent=2) + "\n"
+
+
+def _csv(loads: Iterable[MotorLoad], timed: bool) -> str:
+    rows = [facts(load, timed) for load in loads]
+    columns = list(dict.fromkeys(name for row in rows for name in row))
+    text = io.StringIO()
+    writer = csv.DictWriter(text, columns, restval="", lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    return text.getvalue()
+
+
+def _write(target: str, text: str) -> None:
+    """Write a file that appears when it is complete."""
+    draft = Path(f"{target}.part")
+    try:
+        draft.write_text(text, encoding="utf-8")
+        os.replace(draft, target)
+    finally:
+        draft.unlink(missing_ok=True)

@@ -1,0 +1,220 @@
+"""What a motion asks of the motors, against closed forms: a mass on a slide, a pendulum, a closed cycle."""
+
+from __future__ import annotations
+
+import csv
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from command_line import call, table_text
+
+import hybridyn
+from hybridyn.sizing import CLOUD, Sizing, motor_rows, violations
+
+MASS, LENGTH, GRAVITY = 2.5, 0.4, 9.81
+EFFORT_LIMIT, SPEED_LIMIT = 20.0, 1.0
+RATIO = 50.0
+EXACT = 1e-12  # values at samples: rounding
+QUADRATURE = 3e-5  # trapezoids over half waves of 200 samples: (pi / 200)^2 / 12 = 2.1e-5
+
+
+def robot_text(kind: str) -> str:
+    """Give a point mass on a horizontal slide, or at the end of a rod that swings about y."""
+    com = f"0 0 {-LENGTH}" if kind == "revolute" else "0 0 0"
+    axis = "0 1 0" if kind == "revolute" else "1 0 0"
+    return f"""<robot name="single"><link name="ground"/><link name="bob"><inertial><origin xyz="{com}"/>
+      <mass value="{MASS}"/><inertia ixx="0" iyy="0" izz="0" ixy="0" ixz="0" iyz="0"/></inertial></link>
+      <joint name="drive" type="{kind}"><parent link="ground"/><child link="bob"/><axis xyz="{axis}"/>
+      <limit lower="-4" upper="4" effort="{EFFORT_LIMIT}" velocity="{SPEED_LIMIT}"/></joint>
+      <transmission name="t"><joint name="drive"/><actuator name="m">
+        <mechanicalReduction>{RATIO}</mechanicalReduction></actuator></transmission></robot>"""
+
+
+def swing(amplitude: float, w: float, periods: float, samples: int) -> np.ndarray:
+    t = np.linspace(0.0, periods * 2 * np.pi / w, samples)
+    x = amplitude * np.sin(w * t)
+    return np.column_stack([t, x, amplitude * w * np.cos(w * t), -(w**2) * x])
+
+
+HEADER = ["time", "drive/position", "drive/velocity", "drive/acceleration"]
+
+
+def write(folder: Path, kind: str, table: np.ndarray, header: list[str] = HEADER) -> tuple[Path, Path]:
+    robot, motion = folder / "single.urdf", folder / "motion.csv"
+    robot.write_text(robot_text(kind))
+    motion.write_text(table_text(header, table))
+    return robot, motion
+
+
+def sized(
+    folder: Path, capsys: pytest.CaptureFixture[str], kind: str, table: np.ndarray, *words: str
+) -> dict[str, float]:
+    report = folder / "report.json"
+    said = call(capsys, "size", *write(folder, kind, table), "-o", report, *words)
+    assert said.status == 0, said.err
+    (facts,) = json.loads(report.read_text())
+    return facts
+
+
+def test_a_mass_on_a_slide(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """With x = A sin wt: force m A w^2, power m A^2 w^3 / 2 sin 2wt, energy m A^2 w^2 / 2 per half swing."""
+    A, w, periods = 0.3, 7.0, 3
+    found = sized(tmp_path, capsys, "prismatic", swing(A, w, periods, 12 * 200 + 1))
+    force, power = MASS * A * w**2, MASS * A**2 * w**3 / 2
+    assert abs(found["peak_effort"]) == pytest.approx(force, rel=EXACT)
+    assert found["peak_effort_at"] == pytest.approx(np.pi / 2 / w, rel=EXACT)
+    assert found["rms_effort"] == pytest.approx(force / np.sqrt(2), rel=EXACT)  # sines sum exactly
+    assert found["peak_speed"] == pytest.approx(A * w, rel=EXACT)
+    assert found["peak_speed_at"] == 0.0
+    assert found["rms_speed"] == pytest.approx(A * w / np.sqrt(2), rel=EXACT)
+    assert found["peak_power"] == pytest.approx(power, rel=EXACT)
+    assert found["peak_braking_power"] == pytest.approx(-power, rel=EXACT)
+    assert found["mean_power"] == pytest.approx(0.0, abs=EXACT * power)
+    energy = 2 * periods * MASS * A**2 * w**2 / 2
+    assert found["energy_given"] == pytest.approx(energy, rel=QUADRATURE)
+    assert found["energy_taken"] == pytest.approx(energy, rel=QUADRATURE)
+    assert (found["position_lower"], found["position_upper"]) == pytest.approx((-A, A), rel=EXACT)
+    assert found["rotor_peak_torque"] == pytest.approx(force / RATIO, rel=EXACT)
+    assert found["rotor_peak_speed"] == pytest.approx(A * w * RATIO, rel=EXACT)
+    assert (found["effort_unit"], found["speed_unit"]) == ("N", "m/s")
+
+
+def test_a_pendulum_that_is_lifted(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Turning at a constant rate from hanging to upright: torque m g l sin(q), energy 2 m g l."""
+    t = np.linspace(0.0, 2.0, 2001)
+    rate = np.pi / 2.0
+    table = np.column_stack([t, rate * t, np.full_like(t, rate), np.zeros_like(t)])
+    found = sized(tmp_path, capsys, "revolute", table)
+    torque = MASS * GRAVITY * LENGTH
+    assert found["peak_effort"] == pytest.approx(torque, rel=EXACT)
+    assert found["peak_effort_at"] == pytest.approx(1.0, rel=EXACT)
+    assert found["rms_effort"] == pytest.approx(torque / np.sqrt(2), rel=EXACT)
+    assert found["energy_given"] == pytest.approx(2 * torque, rel=QUADRATURE)
+    assert found["energy_taken"] == pytest.approx(0.0, abs=EXACT * torque)
+    assert found["mean_power"] == pytest.approx(2 * torque / 2.0, rel=QUADRATURE)
+    assert found["peak_power"] == pytest.approx(torque * rate, rel=EXACT)
+
+
+def test_limits_are_compared_and_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    A, w = 0.3, 7.0
+    robot, motion = write(tmp_path, "prismatic", swing(A, w, 1, 101))
+    said = call(capsys, "size", robot, motion)
+    force = MASS * A * w**2
+    assert (
+        f"motor 'drive': effort of {force:.6g} N is {force / EFFORT_LIMIT:.3g} times its limit of 20 N"
+        in said.out
+    )
+    assert "motor 'drive': speed of 2.1 m/s is 2.1 times its limit of 1 m/s, exceeded in " in said.out
+    count = int((np.abs(swing(A, w, 1, 101)[:, 2]) > SPEED_LIMIT).sum())
+    assert f"1 m/s, exceeded in {count} samples" in said.out
+    gentle = call(capsys, "size", *write(tmp_path, "prismatic", swing(0.1, 2.0, 1, 101)))
+    assert "no effort and no speed is over a limit" in gentle.out
+
+
+def test_a_motion_that_touches_a_limit_does_not_exceed_it(tmp_path: Path) -> None:
+    path = tmp_path / "single.urdf"
+    path.write_text(robot_text("prismatic"))
+    sizing = Sizing(hybridyn.load(path))
+    at_limit = np.full((3, 1), EFFORT_LIMIT) * (1 + np.array([[-1e-12], [0.0], [1e-12]]))
+    sizing.add(None, 1, np.zeros((3, 1)), np.zeros((3, 1)), at_limit)
+    assert violations(sizing.loads()) == []
+
+
+@pytest.mark.parametrize("blocks", [(2001,), (1, 1, 1999), (700, 0, 701, 600)])
+def test_blocks_do_not_change_the_numbers(blocks: tuple[int, ...], tmp_path: Path) -> None:
+    path = tmp_path / "single.urdf"
+    path.write_text(robot_text("prismatic"))
+    robot, rng = hybridyn.load(path), np.random.default_rng(8)
+    t = np.cumsum(rng.uniform(0.5e-3, 2e-3, 2001))  # uneven steps
+    speed, effort = np.sin(3 * t)[:, None], np.cos(5 * t)[:, None]
+    whole, parts = Sizing(robot), Sizing(robot)
+    whole.add(t, 1, speed, speed, effort)
+    start = 0
+    for size in blocks:
+        rows = slice(start, start + size)
+        if size:
+            parts.add(t[rows], start + 1, speed[rows], speed[rows], effort[rows])
+        start += size
+    (one,), (other,) = whole.loads(), parts.loads()
+    assert other.effort == one.effort
+    assert other.power == one.power
+    assert other.rms_effort == pytest.approx(one.rms_effort, rel=EXACT)
+    assert other.energy_given == pytest.approx(one.energy_given, rel=EXACT)
+    assert len(parts.cloud.points) == len(whole.cloud.points)
+
+
+def test_the_cloud_is_thinned_evenly(tmp_path: Path) -> None:
+    path = tmp_path / "single.urdf"
+    path.write_text(robot_text("prismatic"))
+    sizing = Sizing(hybridyn.load(path))
+    for start in range(0, 50_000, 777):
+        x = np.arange(start, min(start + 777, 50_000), dtype=float)[:, None]
+        sizing.add(None, start + 1, x, x, x)
+    kept = sizing.cloud.points[:, 0, 0]
+    assert CLOUD / 2 < len(kept) <= 2 * CLOUD
+    assert len(set(np.diff(kept))) == 1
+
+
+def test_power_is_what_the_energy_gains(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Over the five-bar's closed cycle without friction the motors give what they take."""
+    report = tmp_path / "report.csv"
+    said = call(capsys, "size", "five_bar", "--effects", "default", "-o", report)
+    assert said.status == 0
+    rows = list(csv.DictReader(report.read_text().splitlines()))
+    given = sum(float(row["energy_given"]) for row in rows)
+    taken = sum(float(row["energy_taken"]) for row in rows)
+    assert given == pytest.approx(taken, rel=10 * QUADRATURE)  # 1,001 samples of a faster motion
+    assert [row["motor"] for row in rows] == ["m1_left_drive", "m1_right_drive"]
+
+
+def test_numbers_are_those_of_the_inverse_model(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    robot = hybridyn.load("five_bar")
+    report = tmp_path / "report.json"
+    call(capsys, "size", "five_bar", "-o", report, "--jobs", "2")
+    efforts = tmp_path / "efforts.csv"
+    call(capsys, "idm", "five_bar", "--effects", "model", "-o", efforts)
+    tau = np.loadtxt(efforts, delimiter=",", skiprows=1)[:, 1:]
+    for i, row in enumerate(json.loads(report.read_text())):
+        assert abs(row["peak_effort"]) == pytest.approx(np.abs(tau[:, i]).max(), rel=1e-9)
+    q = np.tile(robot.home, (2, 1))
+    position, speed = motor_rows(robot, q, np.ones((2, robot.nv)))
+    assert position.shape == speed.shape == (2, 2)
+
+
+def test_a_table_without_time_has_no_energy(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    table = swing(0.3, 7.0, 1, 101)
+    robot, motion = write(tmp_path, "prismatic", table[:, 1:], HEADER[1:])
+    report = tmp_path / "report.json"
+    said = call(capsys, "size", robot, motion, "-o", report)
+    assert said.status == 0, said.err
+    (facts,) = json.loads(report.read_text())
+    assert facts["energy_given"] is None
+    assert facts["mean_power"] is None
+    assert facts["peak_effort_row"] == 26  # a quarter of 100 steps, counted from 1
+    assert facts["rms_effort"] == pytest.approx(np.sqrt(np.mean((MASS * table[:, 3]) ** 2)), rel=EXACT)
+    assert "over" not in said.out.splitlines()[0]
+
+
+def test_a_figure(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    figure = tmp_path / "cloud.svg"
+    assert call(capsys, "size", "five_bar", "--plot", figure).status == 0
+    text = figure.read_text()
+    assert "m1_left_drive" in text.replace("<!-- ", "").replace(" -->", "")
+    assert len(text) > 10_000
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["-o", "report.txt"], "must end in .csv or .json"),
+        (["--plot", "cloud.jpeg"], "must end in .png, .svg, .pdf"),
+        (["--plot", "nowhere/cloud.png"], "there is no folder 'nowhere'"),
+        (["--effects", "frction"], "there is no effect 'frction'"),
+    ],
+)
+def test_wrong_words_are_one_line(words: list[str], told: str, capsys: pytest.CaptureFixture[str]) -> None:
+    said = call(capsys, "size", "five_bar", *words)
+    assert (said.status, said.err.count("\n")) == (2, 1)
+    assert told in said.err
