@@ -15,8 +15,16 @@ def find_side_car(file: str) -> Path | None:
 
 
 def find_model_file(file: str) -> Path | None:
-    """Give the path of the model file that belongs to a robot file, or None."""
+    """Give the path of the model file that belongs to a robot file, or None.
+
+    For `urdf/X.urdf` that is `models/X/model.toml`, for `urdf/group/X.urdf` `models/group/X/model.toml`.
+    """
     path = Path(file)
     name = re.sub(r"(\.urdf)?(\.xacro)?$", "", path.name)
-    candidates = [path.with_name(f"{name}.model.toml"), path.parent / ".." / "models" / name / "model.toml"]
+    group = path.absolute().parent.name
+    candidates = [
+        path.with_name(f"{name}.model.toml"),
+        path.parent / ".." / "models" / name / "model.toml",
+        path.parent / ".." / ".." / "models" / group / name / "model.toml",
+    ]
     return next((candidate for candidate in candidates if candidate.is_file()), None)

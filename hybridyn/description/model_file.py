@@ -1,6 +1,7 @@
 """`model.toml`: what URDF cannot say about a robot: home posture, motors, rotors, friction.
 
-For `X.urdf` or `X.urdf.xacro` it is `X.model.toml` beside it, else `../models/X/model.toml`.
+For `X.urdf` or `X.urdf.xacro` it is `X.model.toml` beside it, else `../models/X/model.toml`
+(`../../models/group/X/model.toml` for `urdf/group/X.urdf`).
 
     motors = ["slide1", "slide2"]
     [home]
