@@ -148,7 +148,8 @@ class Conserving:
         """
         scale = float(np.abs(z).max(initial=0.0))
         # Near rest the step is short, and the rounding of positions is all that counts.
-        limit = max(SOLVED * scale, FLOOR * max(1.0, float(np.abs(start.q).max(initial=0.0))))
+        farthest = float(np.abs(start.q / system.manifold.position_unit).max(initial=0.0))
+        limit = max(SOLVED * scale, FLOOR * max(1.0, farthest))
         inverse, attempt = np.eye(len(z)), self._attempt(system, chart, start, z, t, h)
         inverse[: chart.size, chart.size :] = np.eye(chart.size) / 2  # y_1 moves by half of what h u_1 does
         best, lowest, idle, spent = attempt, attempt.size, 0, 0

@@ -25,6 +25,8 @@ from .spatial import (
 ROOT_JOINT = "root_joint"
 #: Coordinates of each kind of joint, as in Pinocchio: angles without limits are cosine and sine.
 NQ = {"revolute": 1, "continuous": 2, "prismatic": 1, "spherical": 4, "planar": 4, "floating": 7}
+#: Coordinates in metres, the first of each kind of joint that has any.
+TRANSLATIONS = {"prismatic": 1, "planar": 2, "floating": 3}
 #: Freedoms of each kind of joint.
 NV = {"revolute": 1, "continuous": 1, "prismatic": 1, "spherical": 3, "planar": 3, "floating": 6}
 

@@ -19,6 +19,7 @@ import numpy as np
 
 from .elimination import least_squares
 from .errors import AssemblyError
+from .joints import TRANSLATIONS
 from .loop_rows import LoopRows
 from .mechanism import Mechanism
 from .module import Module
@@ -80,6 +81,7 @@ class Manifold:
         looped: Modules with loops.
         retraction: Moves on the whole spanning tree.
         unit: Unit of each freedom, shape (nv,).
+        position_unit: Unit of each position coordinate, shape (nq,).
         mobility: Number of independent velocities.
     """
 
@@ -87,6 +89,8 @@ class Manifold:
         self.robot = robot
         self.retraction = Retraction(robot.kinds, robot.q_slices, robot.v_slices)
         self.unit = np.ones(robot.nv)
+        if robot.base == "moving":
+            self.unit[:3] = 2.0 ** np.round(np.log2(robot.bodies.size))
         self.looped: list[LoopedModule] = []
         self._shared: dict[int, LoopRows] = {}
         free = []
@@ -98,6 +102,10 @@ class Manifold:
             else:
                 free += list(module.v_index)
         self.free = np.array(sorted(free), dtype=int)
+        self.position_unit = np.ones(robot.nq)
+        for kind, q, v in zip(robot.kinds, robot.q_slices, robot.v_slices, strict=True):
+            slides = q.start + TRANSLATIONS.get(kind, 0)
+            self.position_unit[q.start : slides] = self.unit[v.start]
         self.mobility = robot.mobility
 
     def _rows(self, mechanism: Mechanism) -> LoopRows:
