@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from .assembly import assemble
+    from .check import check
     from .ddm import ddm
     from .effects import with_effects
     from .energy import Energy, Power, centre_of_mass, energy, momentum, power
@@ -42,6 +43,7 @@ _HOME = {
     "SingularityError": "errors",
     "TrajectoryError": "errors",
     "assemble": "assembly",
+    "check": "check",
     "closure_residual": "forward",
     "centre_of_mass": "energy",
     "ddm": "ddm",
@@ -78,6 +80,7 @@ __all__ = [
     "__version__",
     "assemble",
     "centre_of_mass",
+    "check",
     "closure_residual",
     "ddm",
     "energy",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 import math
 import os
@@ -203,43 +204,60 @@ _OPTIONS = (
 )
 
 
+@dataclasses.dataclass(frozen=True)
+class RobotChoice:
+    """Which robot the user named, and how it is to be read; called, it gives the robot.
+
+    Attributes:
+        robot: The robot's file.
+        base: As `hybridyn.load` takes it, as all that follow.
+        motors: Names of the driven joints, or None.
+        gravity: Acceleration of gravity, [m/s^2].
+        xacro_args: Arguments of a xacro file by name.
+        package_dirs: Folders of packages.
+        rank_tolerance: Relative singular value, or None.
+        closure_tolerance: Largest residual that counts as closed.
+    """
+
+    robot: str
+    base: Base
+    motors: list[str] | None
+    gravity: tuple[float, float, float]
+    xacro_args: dict[str, str]
+    package_dirs: tuple[str, ...]
+    rank_tolerance: float | None
+    closure_tolerance: float
+
+    def __call__(self) -> HybridRobot:
+        """Read and build the robot."""
+        import hybridyn
+
+        return hybridyn.load(
+            self.robot,
+            base=self.base,
+            motors=self.motors,
+            gravity=self.gravity,
+            xacro_args=self.xacro_args or None,
+            package_dirs=self.package_dirs,
+            rank_tolerance=self.rank_tolerance,
+            closure_tolerance=self.closure_tolerance,
+        )
+
+
 def takes_robot(function: Callable[..., Any]) -> Callable[..., Any]:
     """Give a command the options that say which robot; it receives `load`, which reads and builds the robot.
 
     Args:
-        function: The command's body; its keyword `load` is a function without arguments.
+        function: The command's body; its keyword `load` is a `RobotChoice`.
 
     Returns:
         The body with the options in front of its own.
     """
 
     @functools.wraps(function)
-    def body(
-        robot: str,
-        base: Base,
-        motors: list[str] | None,
-        gravity: tuple[float, float, float],
-        xacro_args: dict[str, str],
-        package_dirs: tuple[str, ...],
-        rank_tolerance: float | None,
-        closure_tolerance: float,
-        **rest: Any,
-    ) -> Any:
-        def load() -> HybridRobot:
-            import hybridyn
-
-            return hybridyn.load(
-                robot,
-                base=base,
-                motors=motors,
-                gravity=gravity,
-                xacro_args=xacro_args or None,
-                package_dirs=package_dirs,
-                rank_tolerance=rank_tolerance,
-                closure_tolerance=closure_tolerance,
-            )
-
-        return function(load=load, **rest)
+    def body(**words: Any) -> Any:
+        own = {field.name: words.pop(field.name) for field in dataclasses.fields(RobotChoice)}
+        return function(load=RobotChoice(**own), **words)
 
     for option in reversed(_OPTIONS):
         body = option(body)

@@ -76,6 +76,24 @@ def read(
     )
 
 
+def open_robot(
+    path: str | os.PathLike[str],
+    xacro_args: Mapping[str, object] | None = None,
+    package_dirs: Sequence[str | os.PathLike[str]] = (),
+) -> Node:
+    """Give the root element of a robot file, expanded if it is xacro, whatever it says.
+
+    Args:
+        path: The file.
+        xacro_args: Arguments of a xacro file by name.
+        package_dirs: Folders that hold packages.
+
+    Raises:
+        ModelError: The file cannot be read, is no XML, or xacro refuses it.
+    """
+    return _open(os.fspath(path), xacro_args or {}, package_dirs)[0]
+
+
 def _open(
     file: str, xacro_args: Mapping[str, object], package_dirs: Sequence[str | os.PathLike[str]]
 ) -> tuple[Node, list[str]]:

@@ -1,0 +1,114 @@
+"""One finding: what is wrong where, why it matters, and how to mend it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+Severity = Literal["error", "warning", "note"]
+SEVERITIES: tuple[Severity, ...] = ("error", "warning", "note")
+"""From the worst down: an error gives wrong numbers or none, a warning probably does, a note informs."""
+
+CODES: dict[str, tuple[Severity, str]] = {
+    # the file
+    "unreadable": ("error", "the file cannot be read as a robot"),
+    "duplicate-name": ("error", "two links, joints or closures have one name"),
+    "same-name": ("note", "a link and a joint have one name"),
+    "unused-link": ("note", "a link has no mass, no shape and no role"),
+    "reader": ("note", "the reader's remark"),
+    # masses
+    "negative-inertia": ("error", "a principal moment of inertia is negative"),
+    "triangle-inequality": ("warning", "a principal moment is larger than the sum of the other two"),
+    "inertia-without-mass": ("warning", "a link has inertia but no mass"),
+    "missing-inertial": ("warning", "a moving link has a shape but no mass"),
+    "massless-motion": ("warning", "a motion has no inertia"),
+    "com-outside": ("warning", "a centre of mass lies far outside its link's shape"),
+    "inertia-too-large": ("warning", "an inertia is larger than mass inside the link's shape can have"),
+    "inertia-too-small": ("note", "an inertia is far smaller than that of the link's shape"),
+    "too-dense": ("warning", "a link is denser than any material"),
+    "mass-ratio": ("note", "masses differ by many orders of magnitude"),
+    "no-mass": ("warning", "no body of a module has mass"),
+    # units
+    "millimetres": ("warning", "lengths look like millimetres"),
+    "mesh-scale": ("warning", "a mesh is far larger or smaller than its robot"),
+    "degrees": ("warning", "limits look like degrees"),
+    # shapes
+    "missing-mesh": ("warning", "a mesh file is not there"),
+    "broken-mesh": ("warning", "a mesh file cannot be read"),
+    # limits
+    "limits-crossed": ("error", "a lower limit lies above the upper one"),
+    "limits-empty": ("note", "lower and upper limit are equal"),
+    "limits-missing": ("note", "a motor's position is not limited"),
+    "limits-zero": ("warning", "a motor's effort or speed is limited to zero"),
+    "home-outside-limits": ("warning", "the home posture lies outside the limits"),
+    # mimic and couplings
+    "mimic-motor": ("warning", "a driven joint mimics another"),
+    "mimic-chain": ("note", "a joint mimics one that mimics another"),
+    "mimic-zero": ("warning", "a joint mimics with multiplier zero"),
+    "mimic-limits": ("warning", "a joint's limits stop the joint that it mimics"),
+    # loops
+    "loops-close-nowhere": ("error", "no posture closes a module's loops"),
+    "rank-in-doubt": ("error", "the file's rounding leaves the mobility in doubt"),
+    "no-robot": ("error", "no robot can be made of the file"),
+    "open-at-home": ("warning", "loops are open at the home posture"),
+    "locked": ("error", "closures leave a module no freedom"),
+    "redundant-closures": ("note", "closures state some rows more than once"),
+    "rounded": ("note", "closures depend on each other only up to the file's rounding"),
+    # motors
+    "no-motors": ("warning", "nothing drives the robot"),
+    "motor-cannot-move": ("error", "closures hold a motor"),
+    "motors-missing": ("warning", "a motion has no motor"),
+    "motors-opposed": ("error", "motors drive one motion twice and another not at all"),
+    "motors-redundant": ("note", "a module has more motors than freedoms"),
+    "idle-motion": ("note", "a motion moves no platform and no centre of mass"),
+    # singularities at home
+    "singular-closures": ("warning", "the home posture is a constraint singularity"),
+    "singular-parallel": ("warning", "the home posture is a parallel (type 2) singularity"),
+    "singular-serial": ("warning", "the home posture is a serial (type 1) singularity"),
+    "architectural": ("error", "motors or closures lose a direction at every posture"),
+}
+"""Every code with its severity and its title; codes stay, so that a CI can name them."""
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One thing that a careful colleague would tell.
+
+    Attributes:
+        code: Stable code, a key of `CODES`.
+        element: The element concerned: "link 'arm'", "module 'm1'"; empty for the whole file.
+        message: What is wrong, with the numbers.
+        why: Why it matters.
+        mend: How to mend it.
+        file: The file, or None.
+        line: Line in the file (of the expanded text for xacro), or None.
+    """
+
+    code: str
+    element: str
+    message: str
+    why: str
+    mend: str
+    file: str | None = None
+    line: int | None = None
+
+    @property
+    def severity(self) -> Severity:
+        """How bad it is."""
+        return CODES[self.code][0]
+
+    @property
+    def place(self) -> str:
+        """File and line as compilers print them; empty where unknown."""
+        if self.file is None:
+            return ""
+        return f"{self.file}:{self.line}" if self.line else self.file
+
+
+def worst(findings: list[Finding]) -> Severity | None:
+    """Give the worst severity among findings, None where there are none.
+
+    Args:
+        findings: The findings.
+    """
+    return next((level for level in SEVERITIES if any(f.severity == level for f in findings)), None)

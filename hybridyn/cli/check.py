@@ -1,0 +1,143 @@
+"""`hybridyn check`: what a careful colleague would tell about a model."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import textwrap
+from collections import Counter
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+import click
+
+from hybridyn.cli.robot_options import RobotChoice, RobotCommand, takes_robot
+from hybridyn.cli.summary import counted
+
+if TYPE_CHECKING:
+    from hybridyn.check import Finding
+
+NARROWEST, WIDEST = 40, 110  # columns of text
+FOUND, UNREADABLE = 1, 2  # exit status
+SEVERITIES = ("error", "warning", "note")
+COLOURS = {"error": "red", "warning": "yellow", "note": "cyan"}
+TOLD = 12  # findings of one code that are told in full; the rest are counted
+
+
+def _codes(ctx: click.Context, param: click.Parameter, value: str | None) -> frozenset[str]:
+    """Split codes at commas, and refuse unknown ones."""
+    from hybridyn.check import CODES
+    from hybridyn.description.names import did_you_mean
+
+    names = [name.strip() for name in (value or "").split(",") if name.strip()]
+    for name in names:
+        if name not in CODES:
+            raise click.BadParameter(f"there is no finding '{name}'{did_you_mean(name, CODES)}", ctx, param)
+    return frozenset(names)
+
+
+@click.command("check", cls=RobotCommand, short_help="What a careful colleague would tell about a model.")
+@takes_robot
+@click.option("--json", "as_json", is_flag=True, help="As JSON on standard output.")
+@click.option(
+    "--fail-on",
+    type=click.Choice([*SEVERITIES, "never"]),
+    default="error",
+    show_default=True,
+    help="Exit with status 1 from this severity up.",
+)
+@click.option("--ignore", metavar="CODE,...", callback=_codes, help="Findings that are not told.")
+@click.option("--no-meshes", is_flag=True, help="Neither look for mesh files nor load them.")
+@click.option("--all", "everything", is_flag=True, help=f"Tell more than {TOLD} findings of one kind each.")
+def command(
+    load: RobotChoice,
+    as_json: bool,
+    fail_on: str,
+    ignore: frozenset[str],
+    no_meshes: bool,
+    everything: bool,
+) -> int:
+    """Check ROBOT (URDF or xacro): inertias that no body has, loops left open, motors that move nothing.
+
+    Each finding has a code, a severity, its element and line, why it matters and how to mend it. Errors give
+    wrong numbers or none; warnings probably do; notes are good to know. For xacro the line is that of the
+    macro which writes the element. docs/check.md lists every code.
+
+    Exit status: 0 nothing at or above --fail-on; 1 something; 2 the file cannot be read.
+    """
+    from hybridyn.check import check, is_readable
+
+    found = check(
+        load.robot,
+        motors=load.motors,
+        xacro_args=load.xacro_args or None,
+        package_dirs=load.package_dirs,
+        rank_tolerance=load.rank_tolerance,
+        closure_tolerance=load.closure_tolerance,
+        meshes=not no_meshes,
+    )
+    readable = is_readable(found)
+    found = [finding for finding in found if finding.code not in ignore]
+    if as_json:
+        click.echo(json.dumps([_facts(finding) for finding in found], indent=2))
+    else:
+        width = min(max(shutil.get_terminal_size().columns, NARROWEST), WIDEST)
+        for line in _lines(found, width, everything):
+            click.echo(line)
+        click.echo(_tally(load.robot, found))
+    if not readable:
+        return UNREADABLE
+    failing = SEVERITIES[: SEVERITIES.index(fail_on) + 1] if fail_on != "never" else ()
+    return FOUND if any(finding.severity in failing for finding in found) else 0
+
+
+def _facts(finding: Finding) -> dict[str, object]:
+    return {
+        "code": finding.code,
+        "severity": finding.severity,
+        "element": finding.element or None,
+        "file": finding.file,
+        "line": finding.line,
+        "message": finding.message,
+        "why": finding.why,
+        "mend": finding.mend,
+    }
+
+
+def _lines(found: list[Finding], width: int, everything: bool) -> Iterator[str]:
+    """Give the findings as text, those of one code together."""
+    groups: dict[str, list[Finding]] = {}
+    for finding in found:
+        groups.setdefault(finding.code, []).append(finding)
+    for code, group in groups.items():
+        shown = group if everything else group[:TOLD]
+        for number, finding in enumerate(shown):
+            place = f"{finding.place}: " if finding.place else ""
+            subject = f"{finding.element}: " if finding.element else ""
+            severity = click.style(finding.severity, fg=COLOURS[finding.severity], bold=True)
+            yield f"{place}{severity} [{code}]"
+            yield from _wrapped(f"{subject}{finding.message}", width)
+            if number == 0:  # why and how to mend are alike for all of a code
+                yield from _wrapped(f"why: {finding.why}", width)
+            if number == 0 or finding.mend != shown[number - 1].mend:
+                yield from _wrapped(f"mend: {finding.mend}", width)
+        if len(group) > len(shown):
+            yield f"  ... and {len(group) - len(shown)} more [{code}]: see them with --all"
+        yield ""
+
+
+def _wrapped(text: str, width: int) -> list[str]:
+    return textwrap.wrap(
+        text,
+        width,
+        initial_indent="  ",
+        subsequent_indent="    ",
+        break_long_words=False,
+        break_on_hyphens=False,
+    )
+
+
+def _tally(robot: str, found: list[Finding]) -> str:
+    counts = Counter[str](finding.severity for finding in found)
+    parts = [counted(counts[level], level) for level in SEVERITIES if counts[level]]
+    return f"{robot}: {', '.join(parts) or 'nothing looks wrong'}"
