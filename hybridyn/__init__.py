@@ -11,6 +11,7 @@ from types import ModuleType
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from .assemblies import Assemblies, assemblies
     from .assembly import assemble
     from .check import check
     from .ddm import ddm
@@ -42,7 +43,9 @@ _HOME = {
     "ModelError": "errors",
     "SingularityError": "errors",
     "TrajectoryError": "errors",
+    "Assemblies": "assemblies",
     "assemble": "assembly",
+    "assemblies": "assemblies",
     "check": "check",
     "closure_residual": "forward",
     "centre_of_mass": "energy",
@@ -66,6 +69,7 @@ _HOME = {
 
 __all__ = [
     "ActuationError",
+    "Assemblies",
     "AssemblyError",
     "Energy",
     "Event",
@@ -79,6 +83,7 @@ __all__ = [
     "TrajectoryError",
     "__version__",
     "assemble",
+    "assemblies",
     "centre_of_mass",
     "check",
     "closure_residual",

@@ -68,7 +68,7 @@ def assemble(
     if guess.shape != (robot.nq,):
         raise AssemblyError(f"guess has {guess.size} entries, the robot's q has {robot.nq}")
     q, v, a = np.tile(guess, (T, 1)), np.zeros((T, robot.nv)), np.zeros((T, robot.nv))
-    _place_base(robot, requests, q, v, a)
+    place_base(robot, requests, q, v, a)
     bodies = {0: RigidMotion.at_rest(T)}
     for k, module in enumerate(robot.modules):
         if robot.base == "floating" and k == 0:
@@ -85,7 +85,7 @@ def assemble(
     return (q[0], v[0], a[0]) if requests.single else (q, v, a)
 
 
-def _place_base(robot: HybridRobot, requests: Requests, q: Array, v: Array, a: Array) -> None:
+def place_base(robot: HybridRobot, requests: Requests, q: Array, v: Array, a: Array) -> None:
     """Enter the pose of a moving or floating base, with Pinocchio's local velocities."""
     if robot.base == "fixed" or requests.base is None or requests.base_quaternion is None:
         return
@@ -102,16 +102,12 @@ def _assemble_module(
 ) -> None:
     """Assemble one module at all samples, into q, v, a of the robot."""
     m = module.mechanism
-    task = _task(robot, module, request)
+    task = module_task(robot, module, request)
     start = m.cut(q[:1, module.q_index], None, None, m.spanning.sweep(q[:1, module.q_index]))[0][0]
-    x = follow(task, start)
-    open_rows = m.closures.residual(x, m.tree.sweep(x)) * m.reduction.row_scale
-    bent = np.flatnonzero(np.abs(open_rows).max(axis=1, initial=0.0) > SETTLED)
-    if len(bent):
-        x[bent] = _settle(m, x[bent])
+    x = settled(m, follow(task, start))
     x_dot, x_ddot = _rates_and_accelerations(task.problem, m, request, x)
     target = m.tree.sweep(x, x_dot, x_ddot)
-    q[:, module.q_index] = _spanning_positions(module, x, target, q[0, module.q_index])
+    q[:, module.q_index] = spanning_positions(module, x, target, q[0, module.q_index])
     vk, ak = np.zeros((2, len(x), m.spanning.nv))
     m.take_legs(x_dot, vk)
     m.take_legs(x_ddot, ak)
@@ -120,7 +116,7 @@ def _assemble_module(
     v[:, module.v_index], a[:, module.v_index] = vk, ak
 
 
-def _task(robot: HybridRobot, module: Module, request: ModuleRequest) -> Task:
+def module_task(robot: HybridRobot, module: Module, request: ModuleRequest) -> Task:
     """Put a module's closures and what is given about it into one problem."""
     m = module.mechanism
     free = np.ones(m.tree.nv, dtype=bool)
@@ -141,11 +137,15 @@ def _task(robot: HybridRobot, module: Module, request: ModuleRequest) -> Task:
     return Task(problem, request.known, request.given, tolerance, module.name, names)
 
 
-def _settle(m: Mechanism, x: Array) -> Array:
-    """Close loops to rounding after targets that contradict them within the tolerance."""
+def settled(m: Mechanism, x: Array) -> Array:
+    """Close loops to rounding after targets that contradict them within the tolerance, shape (T, nq)."""
     r = m.reduction
-    everything = np.ones(m.tree.nv, dtype=bool)
-    return close(LoopProblem(m.closures, r.row_scale, r.col_scale, everything, (), r.rank), x).q
+    open_rows = m.closures.residual(x, m.tree.sweep(x)) * r.row_scale
+    bent = np.flatnonzero(np.abs(open_rows).max(axis=1, initial=0.0) > SETTLED)
+    if len(bent):
+        everything = np.ones(m.tree.nv, dtype=bool)
+        x[bent] = close(LoopProblem(m.closures, r.row_scale, r.col_scale, everything, (), r.rank), x[bent]).q
+    return x
 
 
 def _rates_and_accelerations(
@@ -177,7 +177,7 @@ def _solve(problem: LoopProblem, m: Mechanism, K: Array, known: Array, wanted: A
     return x * problem.col_scale
 
 
-def _spanning_positions(module: Module, x: Array, target: Motion, guess: Array) -> Array:
+def spanning_positions(module: Module, x: Array, target: Motion, guess: Array) -> Array:
     """Give positions of the spanning tree: the legs', and the wrists' that put ends on their targets."""
     m = module.mechanism
     q = np.tile(guess, (len(x), 1))

@@ -23,6 +23,8 @@ from .targets import Target
 
 #: Longest step of one iteration in scaled coordinates [rad, module lengths].
 LONGEST_STEP = 0.5
+#: Residuals below this are rounding: at a singular posture damped steps may end there.
+ROUNDING = 1e-12
 #: Newton has converged after a step this small: the next one would be its square.
 SMALLEST_STEP = 1e-9
 
@@ -140,7 +142,14 @@ def _truncated(K: Array, rhs: Array, damping: Array, rank: int | None) -> Array:
     return x
 
 
-def close(problem: LoopProblem, q: Array, samples: Index | None = None, *, iterations: int = 60) -> Closed:
+def close(
+    problem: LoopProblem,
+    q: Array,
+    samples: Index | None = None,
+    *,
+    iterations: int = 60,
+    least: bool = False,
+) -> Closed:
     """Make a problem's rows zero, starting from the positions given.
 
     Args:
@@ -148,6 +157,8 @@ def close(problem: LoopProblem, q: Array, samples: Index | None = None, *, itera
         q: Starts, shape (T, nq).
         samples: Number of each start's sample in the problem's targets, shape (T,).
         iterations: Most iterations.
+        least: Whether a minimum of the residual will do, closed or not, where damped steps end. Else only
+            undamped ones end it: a target just out of reach has such a minimum at the edge of reach.
     """
     tree, q, T = problem.tree, q.copy(), len(q)
     samples = np.zeros(T, dtype=int) if samples is None else samples
@@ -158,8 +169,10 @@ def close(problem: LoopProblem, q: Array, samples: Index | None = None, *, itera
     spent = 0
     for spent in range(1, iterations + 1):  # noqa: B007 - the count is reported
         dx = problem.solve(problem.matrix(motion, every=False), -residual[active], damping[active])
+        open_by = np.abs(residual[active]).max(axis=1, initial=0.0)
+        final = least | (damping[active] == 0.0) | (open_by <= ROUNDING)
         length = np.abs(dx).max(axis=1, initial=0.0)
-        last[active] = length
+        last[active] = np.where(final, length, np.inf)
         dx *= np.minimum(1.0, LONGEST_STEP / np.where(length > 0, length, 1.0))[:, None]
         trial = tree.integrate(q[active], dx * problem.col_scale)
         motion = tree.sweep(trial)
@@ -169,7 +182,7 @@ def close(problem: LoopProblem, q: Array, samples: Index | None = None, *, itera
         q[active[good]], residual[active[good]] = trial[good], new[good]
         lower = damping[active] / 10
         damping[active] = np.where(good, np.where(lower < 1e-9, 0.0, lower), damping[active] * 10 + 1e-6)
-        done = (length <= SMALLEST_STEP) | (damping[active] > 1e6)
+        done = (length <= SMALLEST_STEP) & final | (damping[active] > 1e6)
         if done.all():
             break
         active = active[~done]
@@ -202,7 +215,7 @@ def generic_postures(
     best = np.inf
     for spread, starts in ((0.15, 2 * count), (0.5, 4 * count), (1.5, 8 * count), (3.0, 16 * count)):
         noise = rng.uniform(-spread, spread, (starts, tree.nv)) * col_scale
-        closed = close(problem, tree.integrate(np.tile(home, (starts, 1)), noise))
+        closed = close(problem, tree.integrate(np.tile(home, (starts, 1)), noise), least=True)
         best = min(best, float(closed.residual.min(initial=np.inf)))
         found.extend(closed.q[(closed.residual <= tolerance) & (closed.step < 1e-6)])
         if len(found) >= count:

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from .closing import Closed, LoopProblem, close
+from .closing import ROUNDING, SMALLEST_STEP, Closed, LoopProblem, close
 from .errors import AssemblyError
 from .spatial import Array, Index, Mask
 
@@ -61,7 +61,7 @@ class Task:
 
     def closed(self, result: Closed) -> Mask:
         """Say which samples converged and closed, shape (T,)."""
-        settled = (result.step <= 1e-9) | (result.residual <= 1e-12)
+        settled = (result.step <= SMALLEST_STEP) | (result.residual <= ROUNDING)
         out: Mask = settled & (result.residual <= self.tolerance)
         return out
 
