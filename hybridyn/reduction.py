@@ -24,8 +24,8 @@ RANK_GAP = 100.0
 SUSPECT = 1e-2
 #: Dependent rows above this (relative) are dependent only up to the rounding of a file.
 ROUNDED = 1e-12
-#: A leg is eliminated alone while its smallest pivot is above this part of its largest (growth at most 1e3).
-LEG_PIVOT = 1e-3
+#: A leg is eliminated alone while its smallest pivot is above this part of its largest (growth at most 1e2).
+LEG_PIVOT = 1e-2
 
 
 @dataclass(frozen=True)
