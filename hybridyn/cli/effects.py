@@ -11,7 +11,6 @@ from hybridyn.cli.robot_options import RobotCommand, existing_file, takes_effect
 from hybridyn.cli.summary import aligned_rows, effects_line
 
 if TYPE_CHECKING:
-    from hybridyn.cli.postures import Postures
     from hybridyn.effects import Effects
     from hybridyn.effects.contributions import Contribution, Selection, Worth
     from hybridyn.robot import HybridRobot
@@ -85,20 +84,10 @@ def weigh(robot: HybridRobot, trajectory: str, effects: Effects) -> Worth:
     """
     import numpy as np
 
-    from hybridyn.cli.postures import postures, rows_named
-    from hybridyn.description.columns import read_layout
-    from hybridyn.description.tables import open_table
-    from hybridyn.description.trajectory import read_motions
+    from hybridyn.cli.postures import all_postures, rows_named
     from hybridyn.effects.contributions import Worth
 
-    with open_table(trajectory) as table:
-        layout = read_layout(
-            table.columns, robot.description, motors=robot.motors, base=robot.base, file=table.file
-        )
-        found: list[Postures] = []
-        for motion in read_motions(table, layout):
-            connected = found and layout.time is not None and not layout.full_state
-            found.append(postures(robot, motion, layout, found[-1].q[-1] if connected else None))
+    layout, found = all_postures(robot, trajectory)
     q, v, a = (np.concatenate([getattr(block, x) for block in found]) for x in ("q", "v", "a"))
     time = None if found[0].motion.time is None else np.concatenate([block.motion.time for block in found])
     wrenches = {

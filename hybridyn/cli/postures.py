@@ -66,6 +66,34 @@ def postures(robot: HybridRobot, motion: Motion, layout: Layout, guess: Array | 
     return Postures(motion, *full_state(motion, order, root))
 
 
+def all_postures(robot: HybridRobot, file: str) -> tuple[Layout, list[Postures]]:
+    """Read a whole table.
+
+    Args:
+        robot: The robot.
+        file: The table.
+
+    Returns:
+        The meaning of its columns, and its rows, block by block.
+
+    Raises:
+        HybridynError: The table is wrong, or cannot be followed.
+    """
+    from hybridyn.description.columns import read_layout
+    from hybridyn.description.tables import open_table
+    from hybridyn.description.trajectory import read_motions
+
+    found: list[Postures] = []
+    with open_table(file) as table:
+        layout = read_layout(
+            table.columns, robot.description, motors=robot.motors, base=robot.base, file=table.file
+        )
+        for motion in read_motions(table, layout):
+            connected = found and layout.time is not None and not layout.full_state
+            found.append(postures(robot, motion, layout, found[-1].q[-1] if connected else None))
+    return layout, found
+
+
 def _assembled(robot: HybridRobot, motion: Motion, guess: Array | None) -> tuple[Array, Array, Array]:
     """Assemble rows: as one motion, or one by one where they have nothing to do with each other."""
     import numpy as np

@@ -1,0 +1,244 @@
+"""`hybridyn view`: the robot in 3-D, on a page in the browser or in a file."""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+import click
+
+from hybridyn.cli.progress import Progress
+from hybridyn.cli.robot_options import RobotChoice, RobotCommand, existing_file, takes_effects, takes_robot
+
+if TYPE_CHECKING:
+    from hybridyn.robot import HybridRobot
+    from hybridyn.view.picture import Picture
+    from hybridyn.view.render import Image
+    from hybridyn.view.run import Run
+
+NEEDS = {"page": ("viser",), ".png": ("PIL",), ".mp4": ("PIL", "imageio_ffmpeg")}
+SMALLEST, LARGEST = 64, 4096  # pixels
+
+
+def _target(ending: str) -> Callable[[click.Context, click.Parameter, str | None], str | None]:
+    """Give a check of a file's ending and folder."""
+
+    def check(ctx: click.Context, param: click.Parameter, value: str | None) -> str | None:
+        if value is None:
+            return None
+        if not value.lower().endswith(ending):
+            raise click.BadParameter(f"'{value}' must end in {ending}", ctx, param)
+        folder = os.path.dirname(value)
+        if folder and not os.path.isdir(folder):
+            raise click.BadParameter(f"there is no folder '{folder}'", ctx, param)
+        return value
+
+    return check
+
+
+def _size(ctx: click.Context, param: click.Parameter, value: str) -> tuple[int, int]:
+    """Read "1280x720"; films need even numbers."""
+    parts = value.lower().split("x")
+    if len(parts) != 2 or not all(part.isdecimal() for part in parts):
+        raise click.BadParameter(f"'{value}' is not of the form 1280x720", ctx, param)
+    width, height = (int(part) for part in parts)
+    if not all(SMALLEST <= number <= LARGEST and number % 2 == 0 for number in (width, height)):
+        message = f"'{value}': width and height must be even, from {SMALLEST} to {LARGEST}"
+        raise click.BadParameter(message, ctx, param)
+    return width, height
+
+
+@click.command("view", cls=RobotCommand, short_help="The robot in 3-D: drag motors, play motions; PNG, MP4.")
+@takes_robot
+@click.argument(
+    "motion",
+    required=False,
+    callback=lambda ctx, param, value: value and existing_file(ctx, param, value),
+)
+@click.option("--png", metavar="FILE", callback=_target(".png"), help="Write a picture instead.")
+@click.option(
+    "--mp4",
+    metavar="FILE",
+    callback=_target(".mp4"),
+    help="Write a film of the motion instead; without a motion, of a walk around the robot.",
+)
+@click.option("--at", type=float, help="Time that the picture shows [s].  [default: the first]")
+@click.option(
+    "--size", default="960x720", show_default=True, callback=_size, help="Pixels of picture or film."
+)
+@click.option(
+    "--colours",
+    type=click.Choice(["modules", "file"]),
+    default="modules",
+    show_default=True,
+    help="Colours of picture and film: one per module, or those of the robot's file.",
+)
+@takes_effects("default")
+@click.option(
+    "--host",
+    default="127.0.0.1",
+    show_default=True,
+    help="Address that the page listens at; 0.0.0.0 lets other machines see it.",
+)
+@click.option("--port", type=click.IntRange(0, 65535), default=8080, show_default=True, help="Its port.")
+@click.option("--no-browser", is_flag=True, help="Do not open the browser; the address is printed.")
+def command(
+    load: RobotChoice,
+    motion: str | None,
+    png: str | None,
+    mp4: str | None,
+    at: float | None,
+    size: tuple[int, int],
+    colours: str,
+    effects: tuple[str, ...],
+    host: str,
+    port: int,
+    no_browser: bool,
+) -> None:
+    """Show ROBOT in 3-D, on a page in the browser: modules in colours, closures yellow, motors as sliders.
+
+    Dragging a motor keeps the loops closed; where they would not close, the drag stops and says so. MOTION is
+    a trajectory or the result of a simulation (see 'hybridyn idm --help'): it can be played and scrubbed, with
+    the efforts along it as bars (its own, where it has them; else those of 'hybridyn idm'). Ctrl-C ends it.
+
+    With --png or --mp4 no browser and no screen is needed. Links are drawn as their URDF visuals say; where a
+    file of a mesh is missing, as rods and plates between their joints.
+    """
+    for need in [
+        name for name, wanted in (("page", not (png or mp4)), (".png", png), (".mp4", mp4)) if wanted
+    ]:
+        _check_installed(need)
+    robot = load()
+    picture = _picture(robot, load)
+    run = None if motion is None else _run(robot, motion, effects)
+    if png or mp4:
+        own = colours == "file"
+        if png:
+            _write_png(robot, picture, run, at, size, own, png)
+        if mp4:
+            _write_mp4(robot, picture, run, size, own, mp4)
+        return
+    _serve(robot, picture, run, host, port, browser=not no_browser)
+
+
+def _check_installed(what: str) -> None:
+    """Refuse, before any work is done, what needs packages that are missing."""
+    for package in NEEDS[what]:
+        if importlib.util.find_spec(package) is None:
+            raise click.UsageError(f"this needs {package}: install it with `pip install 'hybridyn[view]'`")
+
+
+def _picture(robot: HybridRobot, choice: RobotChoice) -> Picture:
+    """Draw the robot, with the shapes of its file."""
+    from hybridyn.view.drawing import draw
+    from hybridyn.view.visuals import read_visuals
+
+    visuals, notes = read_visuals(choice.robot, choice.xacro_args, choice.package_dirs)
+    for note in notes:
+        click.echo(f"note: {note}; these links are drawn in primitive shapes", err=True)
+    return draw(robot, visuals, notes)
+
+
+def _run(robot: HybridRobot, motion: str, effects: tuple[str, ...]) -> Run:
+    """Read a motion and the efforts along it."""
+    import numpy as np
+
+    from hybridyn.cli.postures import all_postures
+    from hybridyn.cli.view_efforts import efforts_along
+    from hybridyn.view.run import MOST, Run
+
+    found = all_postures(robot, motion)[1]
+    rows = sum(len(block.q) for block in found)
+    tau, origin = efforts_along(robot, motion, found, effects)
+    step = -(-rows // MOST)
+    q = np.concatenate([block.q for block in found])[::step]
+    timed = found[0].motion.time is not None
+    time = np.concatenate([block.motion.time for block in found]) if timed else np.arange(1.0, rows + 1)
+    return Run(time[::step], q, None if tau is None else tau[::step], origin, timed)
+
+
+@contextmanager
+def _appearing(target: str) -> Iterator[str]:
+    """Give a file to write to, which takes its name when it is complete."""
+    partial = f"{target}.part{os.path.splitext(target)[1]}"
+    try:
+        yield partial
+        os.replace(partial, target)
+    finally:
+        if os.path.exists(partial):
+            os.unlink(partial)
+
+
+def _write_png(
+    robot: HybridRobot,
+    picture: Picture,
+    run: Run | None,
+    at: float | None,
+    size: tuple[int, int],
+    own_colours: bool,
+    target: str,
+) -> None:
+    from hybridyn.view.camera import camera_around
+    from hybridyn.view.placing import extent, place_bodies
+    from hybridyn.view.render import labelled, render, save_png
+
+    if at is not None and run is None:
+        raise click.UsageError("--at says a time of a motion, and there is no motion")
+    if run is not None and at is not None and not run.begin <= at <= run.end:
+        raise click.UsageError(f"--at {at:g}: the motion goes from {run.begin:g} to {run.end:g}")
+    number = 0 if run is None or at is None else run.index(at)
+    placement = place_bodies(robot, robot.home if run is None else run.q[number])
+    image = render(
+        picture, placement, camera_around(extent(picture, placement), *size), own_colours=own_colours
+    )
+    when = f"   {run.time[number]:.2f} s" if run is not None and run.timed else ""
+    with _appearing(target) as partial:
+        save_png(labelled(image, f"{robot.name}{when}"), partial)
+
+
+def _write_mp4(
+    robot: HybridRobot,
+    picture: Picture,
+    run: Run | None,
+    size: tuple[int, int],
+    own_colours: bool,
+    target: str,
+) -> None:
+    from hybridyn.view.film import frames_around, frames_of_run, save_mp4
+
+    if run is None:
+        frames = frames_around(robot, picture, robot.home, size, own_colours=own_colours)
+    else:
+        frames = frames_of_run(robot, picture, run, size, own_colours=own_colours)
+    with _appearing(target) as partial, Progress("pictures") as progress:
+
+        def told() -> Iterator[Image]:
+            for count, frame in enumerate(frames):
+                progress.show(count + 1, None)
+                yield frame
+
+        save_mp4(told(), size, partial)
+
+
+def _serve(
+    robot: HybridRobot, picture: Picture, run: Run | None, host: str, port: int, *, browser: bool
+) -> None:
+    """Serve the page until Ctrl-C."""
+    import webbrowser
+
+    from hybridyn.view.page import Page
+
+    page = Page(robot, picture, run, host=host, port=port)
+    try:
+        click.echo(f"{robot.name}: {page.url} (Ctrl-C ends it)")
+        if browser:
+            webbrowser.open(page.url)
+        threading.Event().wait()
+    except KeyboardInterrupt:
+        click.echo("", err=True)
+    finally:
+        page.close()

@@ -1,0 +1,60 @@
+"""The efforts that `hybridyn view` shows along a motion."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from hybridyn.errors import HybridynError
+
+if TYPE_CHECKING:
+    from hybridyn.cli.postures import Postures
+    from hybridyn.description.records import Array
+    from hybridyn.robot import HybridRobot
+
+
+def efforts_along(
+    robot: HybridRobot, file: str, found: Sequence[Postures], effects: tuple[str, ...]
+) -> tuple[Array | None, str]:
+    """Give the efforts along a motion: the table's own where it has all of them, else the inverse model's.
+
+    Args:
+        robot: The robot.
+        file: The table.
+        found: Its postures, block by block.
+        effects: Names of the effects that are computed.
+
+    Returns:
+        Efforts, shape (T, motors), [N or N m], or None; and where they come from, or why there are none.
+    """
+    import numpy as np
+
+    import hybridyn
+    from hybridyn.description.tables import open_table
+    from hybridyn.effects import choose
+
+    wanted = [f"{motor}/effort" for motor in robot.motors]
+    if not wanted:
+        return None, "there are no motors"
+    with open_table(file) as table:
+        if set(wanted) <= set(table.columns):
+            at = [table.columns.index(name) for name in wanted]
+            return np.concatenate([block.values[:, at] for block in table.blocks]), "of the table"
+    chosen = choose(robot, effects)
+    parts = []
+    for block in found:
+        wrenches = block.motion.wrenches or None
+        try:
+            tau = hybridyn.idm(
+                robot,
+                block.q,
+                block.v,
+                block.a,
+                wrenches=wrenches,
+                effects=chosen,
+                time=block.motion.time,
+            )
+        except HybridynError as error:
+            return None, f"cannot be had: {str(error).partition('. ')[0]}"
+        parts.append(tau)
+    return np.concatenate(parts), "of the inverse model"

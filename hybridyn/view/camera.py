@@ -1,0 +1,76 @@
+"""Where a picture is taken from."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..spatial import Array
+
+
+@dataclass(frozen=True)
+class Camera:
+    """A place, a direction, and the size of the picture.
+
+    Attributes:
+        eye: Its place, shape (3,), [m].
+        target: What it looks at, shape (3,), [m].
+        width: Width of the picture [pixels].
+        height: Height of the picture [pixels].
+        angle: Half of the angle that the shorter side of the picture spans [rad].
+    """
+
+    eye: Array
+    target: Array
+    width: int
+    height: int
+    angle: float = 0.32
+
+    @property
+    def axes(self) -> Array:
+        """Give right, up and back, the columns of a matrix of shape (3, 3), in the world."""
+        back = self.eye - self.target
+        back = back / np.linalg.norm(back)
+        right = np.cross([0.0, 0.0, 1.0], back)
+        right = right / np.linalg.norm(right)
+        return np.column_stack([right, np.cross(back, right), back])
+
+    def project(self, points: Array) -> tuple[Array, Array]:
+        """Give places in the picture and depths.
+
+        Args:
+            points: Points in the world, shape (..., 3), [m].
+
+        Returns:
+            Pixels from the upper left corner, shape (..., 2), and distances along the view, shape (...), [m]
+            (not positive behind the camera, where the pixels mean nothing).
+        """
+        local = (points - self.eye) @ self.axes
+        depth = -local[..., 2]
+        scale = 0.5 * min(self.width, self.height) / np.tan(self.angle)
+        flat = scale * local[..., :2] / np.where(depth > 0, depth, 1.0)[..., None]
+        return np.array([self.width / 2, self.height / 2]) + flat * [1.0, -1.0], depth
+
+
+def camera_around(
+    corners: Array, width: int, height: int, *, turn: float = -0.9, lift: float = 0.38, room: float = 1.04
+) -> Camera:
+    """Give a camera that sees the whole robot.
+
+    Args:
+        corners: Lower and upper corner of the box that it shall see, shape (2, 3), [m].
+        width: Width of the picture [pixels].
+        height: Height of the picture [pixels].
+        turn: Direction in which it stands, about the vertical [rad].
+        lift: Height in which it stands, as an angle [rad].
+        room: Space around the box, as a multiple of what it needs.
+    """
+    away = np.array([np.cos(lift) * np.cos(turn), np.cos(lift) * np.sin(turn), np.sin(lift)])
+    centre = corners.mean(axis=0)
+    camera = Camera(centre + away, centre, width, height)
+    chosen = np.array(np.meshgrid([0, 1], [0, 1], [0, 1])).reshape(3, -1).T
+    local = (np.take_along_axis(corners, chosen, axis=0) - centre) @ camera.axes
+    half = np.tan(camera.angle) * np.array([width, height]) / min(width, height)
+    distance = float((local[:, 2:] + room * np.abs(local[:, :2]) / half).max())
+    return Camera(centre + (distance or 1.0) * away, centre, width, height)

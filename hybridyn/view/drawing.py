@@ -1,0 +1,269 @@
+"""From a robot to its picture: its files' own shapes, and primitive ones for bodies without any.
+
+A body without shapes of its own is a rod from joint to joint, a plate where it has three joints or more.
+Joints are drums about their axes (balls where they have none), motors dark, closures yellow.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from ..colours import CLOSURE, GROUND, JOINT, MOTOR, module_colour, towards
+from ..description.records import Closure
+from ..robot import HybridRobot
+from ..spatial import Array, Index
+from .picture import Ball, Picture, Point, Rod, Role, Solid
+from .placing import Placement, extent, place_bodies
+from .visuals import Visual
+
+THIN = 0.018  # radius of a rod over its module's length
+DRUM, BALL, HUB = 1.9, 1.7, 1.35  # radii over the rod's: a motor's drum, a closure, a passive joint
+PLATE = 1.2  # half of a plate's thickness over the rod's radius
+SAME = 1e-6  # of the module's length: points nearer than this are one
+BARREL = 0.55  # of a slide's rod at home that its motor covers
+LENGTH = 1.6  # half of a drum's length over its radius
+LEG, SLIDE = 0.22, 0.5  # how much paler than its module's platform a leg is, and the sliding part of it
+
+
+def draw(robot: HybridRobot, visuals: Sequence[Visual] = (), notes: Sequence[str] = ()) -> Picture:
+    """Draw a robot.
+
+    Args:
+        robot: The robot.
+        visuals: Shapes that its files state.
+        notes: Remarks that the picture shall carry.
+    """
+    pen = _Pen(robot, {robot.bodies.place[visual.link][0] for visual in visuals})
+    for visual in visuals:
+        pen.add_visual(visual)
+    pen.add_bodies()
+    pen.add_joints()
+    for closure in robot.description.closures:
+        pen.add_closure(closure)
+    shapes = tuple(pen.rods), tuple(pen.balls), tuple(pen.solids)
+    picture = Picture(*shapes, np.zeros((2, 3)), tuple(notes))
+    return replace(picture, corners=extent(picture, pen.home))
+
+
+class _Pen:
+    """The shapes of a robot, one after the other."""
+
+    def __init__(self, robot: HybridRobot, shaped: set[int]) -> None:
+        self.robot, self.shaped = robot, shaped
+        self.rods: list[Rod] = []
+        self.balls: list[Ball] = []
+        self.solids: list[Solid] = []
+        self.home: Placement = place_bodies(robot, robot.home)
+        lengths = [m.mechanism.length for m in robot.modules if m.closures]
+        self.length = float(np.median(lengths)) if lengths else robot.bodies.reach
+
+    def module_of(self, body: int) -> int:
+        """Give the number of the module that moves a body."""
+        return self.robot.body_owner[body][0]
+
+    def radius(self, module: int) -> float:
+        """Give the radius of a module's rods."""
+        if module >= 0 and self.robot.modules[module].closures:
+            return THIN * float(self.robot.modules[module].mechanism.length)
+        own = {body for body, (owner, _) in self.robot.body_owner.items() if owner == module}
+        near = [j.p for j in self.robot.bodies.joints if module >= 0 and own & {j.parent, j.child}]
+        reach = max((float(np.linalg.norm(p)) for p in near), default=0.0)
+        return THIN * min(reach or self.length, self.length)
+
+    def add_visual(self, visual: Visual) -> None:
+        """Draw a shape that the robot's files state."""
+        body, R, p = self.robot.bodies.place[visual.link]
+        module = self.module_of(body)
+        vertices = visual.vertices @ R.T + p
+        colour = self.colour(body)
+        self.solids.append(Solid(visual.link, module, body, vertices, visual.faces, colour, visual.colour))
+
+    def colour(self, body: int) -> str:
+        """Give a body's colour: its module's, paler in the legs."""
+        module = self.module_of(body)
+        if module < 0:
+            return GROUND
+        m = self.robot.modules[module]
+        if not m.closures or body in {self.robot.bodies.place[link][0] for link in m.outputs}:
+            return module_colour(module)
+        sliding = self.robot.bodies.joints[body - 1].joint.kind == "prismatic"
+        return towards(module_colour(module), "#ffffff", SLIDE if sliding else LEG)
+
+    def add_bodies(self) -> None:
+        """Draw the bodies that have no shapes: rods between their joints, or plates through them."""
+        points = self._points_of_bodies()
+        for body in self.robot.bodies.bodies:
+            number = body.joint + 1
+            if number in self.shaped:
+                continue
+            own, module = points[number], self.module_of(number)
+            if len(own) == 1 and not np.allclose(body.com, own[0], atol=SAME * self.length):
+                own = [own[0], body.com] if body.mass else own  # a hand, a pendulum
+            if len(own) >= 3 and self._add_plate(body.name, module, number, np.array(own)):
+                continue
+            if len(own) < 2:
+                continue
+            colour = self.colour(number)
+            centre = own[0] if len(own) == 2 else np.mean(own, axis=0)
+            for end in own[1:] if len(own) == 2 else own:
+                self._rod(body.name, "link", module, Point(number, centre), Point(number, end), colour)
+
+    def _points_of_bodies(self) -> list[list[Array]]:
+        """Give for each body the places of its joints and closures, each once."""
+        bodies = self.robot.bodies
+        points: list[list[Array]] = [[np.zeros(3)] if body.joint >= 0 else [] for body in bodies.bodies]
+        for joint in bodies.joints:
+            points[joint.parent].append(joint.p)
+        for closure in self.robot.description.closures:
+            for end in _ends(self.robot, closure):
+                points[end.body].append(end.at)
+        return [_distinct(own, SAME * self.length) for own in points]
+
+    def _add_plate(self, name: str, module: int, body: int, points: Array) -> bool:
+        """Draw the hull of three or more points, or say that they lie on one line."""
+        found = hull(points, PLATE * self.radius(module))
+        if found is None:
+            return False
+        colour = self.colour(body)
+        self.solids.append(Solid(name, module, body, *found, colour, colour))
+        return True
+
+    def add_joints(self) -> None:
+        """Draw the joints: drums about axes, slides as rods that grow, balls for all else."""
+        motors = set(self.robot.motors)
+        crowded = self._crowded()
+        for joint in self.robot.bodies.joints:
+            record, module = joint.joint, self.module_of(joint.child)
+            shaped = {joint.parent, joint.child} <= self.shaped
+            start, end = Point(joint.parent, joint.p), Point(joint.child, np.zeros(3))
+            driven = record.name in motors
+            if record.kind == "prismatic":
+                if not {joint.parent, joint.child} & self.shaped:
+                    self._slide(record.name, module, start, end, driven)
+            elif driven and record.kind in ("revolute", "continuous"):
+                self._drum(record.name, module, end, record.axis, driven)
+            elif joint.child in crowded:
+                if crowded[joint.child] == joint.child and not shaped:
+                    self._ball(record.name, "joint", module, end, HUB, JOINT)
+            elif not {joint.parent, joint.child} & self.shaped:
+                if record.kind in ("revolute", "continuous"):
+                    self._drum(record.name, module, end, record.axis, driven)
+                else:
+                    self._ball(record.name, "joint", module, end, HUB, JOINT)
+
+    def _crowded(self) -> dict[int, int]:
+        """Give the bodies of universal and ball joints made of passive hinges, each with the last of them.
+
+        Such hinges follow one another in one point; drawn as drums they would be a lump.
+        """
+        motors, hinges = set(self.robot.motors), ("revolute", "continuous")
+        last: dict[int, int] = {}
+        bodies = self.robot.bodies.joints
+        passive = {j.child for j in bodies if j.joint.kind in hinges and j.joint.name not in motors}
+        for joint in reversed(bodies):
+            if {joint.parent, joint.child} <= passive and np.abs(joint.p).max() <= SAME * self.length:
+                last[joint.parent] = last.setdefault(joint.child, joint.child)
+        return last
+
+    def _slide(self, name: str, module: int, start: Point, end: Point, driven: bool) -> None:
+        """Draw a sliding joint: a rod from its parent to its child, and its motor around the first part."""
+        self._rod(name, "link", module, start, end, self.colour(end.body), scale=0.75)
+        if not driven:
+            return
+        at = self.home.of([start, end])
+        along = at[1] - at[0]
+        if np.linalg.norm(along) > SAME * self.length:
+            ends = at[0], at[0] + BARREL * along
+        else:  # the slide is at zero
+            joint = self.robot.bodies.joints[end.body - 1].joint
+            axis = self.home.R[end.body] @ joint.axis * self.radius(module)
+            ends = at[0] - 6 * axis, at[0] + 2 * axis
+        R, p = self.home.R[start.body], self.home.p[start.body]
+        first, last = (Point(start.body, R.T @ (point - p)) for point in ends)
+        self._rod(name, "motor", module, first, last, MOTOR, scale=1.5)
+
+    def _drum(self, name: str, module: int, at: Point, axis: Array, driven: bool) -> None:
+        scale = DRUM if driven else HUB
+        half = axis * LENGTH * self.radius(module) * (1.0 if driven else 0.8)
+        ends = Point(at.body, at.at - half), Point(at.body, at.at + half)
+        role: Role = "motor" if driven else "joint"
+        self._rod(name, role, module, *ends, MOTOR if driven else JOINT, scale=scale)
+
+    def add_closure(self, closure: Closure) -> None:
+        """Mark a closure, at both of its frames: they coincide where translations are closed."""
+        a, b = _ends(self.robot, closure)
+        module = self.module_of(b.body)
+        if module < 0 or not set(self.robot.modules[module].closures) & {closure.name}:
+            module = self.module_of(a.body)
+        frame = closure.frame_a[:3, 2]
+        if closure.rotation == "parallel":
+            R = self.robot.bodies.place[closure.link_a][1]
+            half = R @ frame * LENGTH * self.radius(module)
+            ends = Point(a.body, a.at - half), Point(a.body, a.at + half)
+            self._rod(closure.name, "closure", module, *ends, CLOSURE, scale=BALL)
+        else:
+            self._ball(closure.name, "closure", module, a, BALL, CLOSURE)
+        self._ball(closure.name, "closure", module, b, 0.9 * BALL, CLOSURE)
+
+    def _rod(
+        self,
+        name: str,
+        role: Role,
+        module: int,
+        start: Point,
+        end: Point,
+        colour: str,
+        scale: float = 1.0,
+    ) -> None:
+        self.rods.append(Rod(name, role, module, start, end, scale * self.radius(module), colour))
+
+    def _ball(self, name: str, role: Role, module: int, at: Point, scale: float, colour: str) -> None:
+        self.balls.append(Ball(name, role, module, at, scale * self.radius(module), colour))
+
+
+def _ends(robot: HybridRobot, closure: Closure) -> tuple[Point, Point]:
+    """Give the origins of a closure's frames A and B."""
+    out = []
+    for link, frame in ((closure.link_a, closure.frame_a), (closure.link_b, closure.frame_b)):
+        body, R, p = robot.bodies.place[link]
+        out.append(Point(body, p + R @ frame[:3, 3]))
+    return out[0], out[1]
+
+
+def _distinct(points: Iterable[Array], near: float) -> list[Array]:
+    """Give points without those that are where another one is."""
+    out: list[Array] = []
+    for point in points:
+        if all(np.abs(point - other).max() > near for other in out):
+            out.append(point)
+    return out
+
+
+def hull(points: Array, half: float) -> tuple[Array, Index] | None:
+    """Give the convex hull of points, thickened where they lie in one plane.
+
+    Args:
+        points: The points, shape (N, 3), [m].
+        half: Half of the thickness of a flat one [m].
+
+    Returns:
+        Corners and triangles, counter-clockwise from outside; None where all points lie on one line.
+    """
+    from scipy.spatial import ConvexHull
+
+    centre = points.mean(axis=0)
+    _, spread, axes = np.linalg.svd(points - centre)
+    if len(spread) < 2 or spread[1] < 1e-3 * spread[0]:
+        return None
+    if len(points) == 3 or spread[2] < half:
+        points = np.concatenate([points - half * axes[2], points + half * axes[2]])
+    found = ConvexHull(points)
+    faces = found.simplices.copy()
+    corners = points[faces]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    inwards = np.einsum("ij,ij->i", normals, found.equations[:, :3]) < 0
+    faces[inwards] = faces[inwards][:, ::-1]
+    return points, faces.astype(np.int64)

@@ -1,0 +1,69 @@
+"""How far a posture is from a singularity, and the efforts that hold it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..errors import HybridynError
+from ..events import near_singularity
+from ..idm import idm
+from ..robot import HybridRobot
+from ..spatial import Array
+
+NEAR, AT = 1e-2, 1e-3  # below the first a posture is called near a singularity, below the second singular
+
+
+@dataclass(frozen=True)
+class Closeness:
+    """Distances from singularities: least singular values over the largest, 0 where rank is lost.
+
+    Attributes:
+        closures: Of the closures; 1 where there are none.
+        motors: Of the motors' part in the motions; 1 where there are no motors.
+    """
+
+    closures: float
+    motors: float
+
+    @property
+    def least(self) -> float:
+        """The lesser one."""
+        return min(self.closures, self.motors)
+
+
+class Measures:
+    """Measures of a robot's postures, with what they need kept from one posture to the next."""
+
+    def __init__(self, robot: HybridRobot) -> None:
+        self.robot = robot
+        kinds = ("closures", "motors")
+        self._functions = [near_singularity(robot, 0.0, what=what).function for what in kinds]
+
+    def closeness(self, q: Array) -> Closeness:
+        """Give how far a posture is from singularities.
+
+        Args:
+            q: The posture, shape (nq,).
+        """
+        still = np.zeros(self.robot.nv)
+        closures, motors = (float(function(0.0, q, still)) for function in self._functions)
+        return Closeness(max(closures, 0.0), max(motors, 0.0))
+
+    def holding(self, q: Array) -> tuple[Array | None, str]:
+        """Give the efforts that hold a posture at rest.
+
+        Args:
+            q: The posture, shape (nq,).
+
+        Returns:
+            Efforts, shape (motors,), [N or N m], or None with the reason why there are none.
+        """
+        if not self.robot.motors:
+            return None, "there are no motors"
+        still = np.zeros(self.robot.nv)
+        try:
+            return idm(self.robot, q, still, still), ""
+        except HybridynError as error:
+            return None, str(error).partition(". ")[0]

@@ -1,0 +1,283 @@
+"""The page in the browser: a 3-D scene, motors as sliders, a motion to play, efforts and distances as bars.
+
+viser serves the page and tells what its user does; one thread of our own answers, always with the latest wish.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import threading
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from ..errors import HybridynError
+from ..forward import closure_residual
+from ..robot import HybridRobot
+from ..spatial import Array
+from .camera import camera_around
+from .measures import Measures
+from .panel import closeness_html, effort_scale, efforts_html, legend_html, status_html
+from .picture import Picture
+from .placing import place_bodies
+from .posing import Lever, Poser
+from .run import Run
+from .stage import Stage
+
+FRAME, BARS = 1 / 30, 1 / 8  # least times between pictures and between updates of the bars while playing [s]
+OPEN_FOLDERS = 1  # modules whose sliders are unfolded at first
+SPEEDS = ("0.1x", "0.25x", "0.5x", "1x", "2x", "5x")
+BRAND = (59, 125, 216)
+
+
+class Page:
+    """A robot on a page.
+
+    Attributes:
+        robot: The robot.
+        q: The posture that is shown, shape (nq,).
+        playing: Whether the motion runs.
+        url: Address of the page.
+    """
+
+    def __init__(
+        self,
+        robot: HybridRobot,
+        picture: Picture,
+        run: Run | None = None,
+        *,
+        host: str = "127.0.0.1",
+        port: int = 8080,
+    ) -> None:
+        """Serve the page.
+
+        Args:
+            robot: The robot.
+            picture: What is drawn of it.
+            run: A motion to play.
+            host: Address to listen at; the default is reached from this machine alone.
+            port: Port to listen at; the next free one is taken.
+        """
+        import viser
+
+        self.robot, self.run = robot, run
+        self.q: Array = robot.home if run is None else run.q[0]
+        self.playing = False
+        self.poser, self.measures = Poser(robot), Measures(robot)
+        with contextlib.redirect_stdout(io.StringIO()):  # a banner; standard output is the caller's
+            self.server = viser.ViserServer(
+                host=host, port=port, label=f"hybridyn: {robot.name}", verbose=False
+            )
+        self.url = f"http://{host}:{self.server.get_port()}"
+        self._wishes: dict[str, Any] = {}
+        self._lock, self._wake = threading.Lock(), threading.Event()
+        self._closed = False
+        self._clock = self._bars_at = 0.0
+        self._sliders: dict[str, tuple[Lever, Any]] = {}
+        self._scale = effort_scale(robot, None if run is None else run.tau)
+        self._look(picture)
+        self.stage = Stage(self.server, robot, picture)
+        self._panel(picture)
+        self._show(self.q, "")
+        self._thread = threading.Thread(target=self._answer, daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        """End the page."""
+        self._closed = True
+        self._wake.set()
+        self._thread.join()
+        with contextlib.redirect_stdout(io.StringIO()):
+            self.server.stop()
+
+    def _look(self, picture: Picture) -> None:
+        """Set camera, light and floor."""
+        camera = camera_around(picture.corners, 1280, 800)
+        first = self.server.initial_camera
+        first.position, first.look_at, first.up = camera.eye, camera.target, (0.0, 0.0, 1.0)
+        first.near, first.far = picture.size / 200, picture.size * 50
+        first.fov = 2 * camera.angle
+        self.server.gui.configure_theme(show_logo=False, show_share_button=False, brand_color=BRAND)
+        size = 1.5 * picture.size
+        self.server.scene.add_grid(
+            "/floor",
+            width=size,
+            height=size,
+            cell_size=size / 24,
+            section_size=size / 6,
+            position=(*picture.centre[:2], picture.floor),
+        )
+
+    def _panel(self, picture: Picture) -> None:
+        """Build the panel of controls."""
+        gui = self.server.gui
+        robot = self.robot
+        sizes = f"modules {len(robot.modules)}, motors {len(robot.motors)}, freedoms {robot.mobility}"
+        gui.add_markdown(f"**{robot.name}** {sizes}")
+        self._status, self._closeness = gui.add_html(status_html("", 0.0)), gui.add_html("")
+        if self.run is not None:
+            self._add_motion(self.run)
+        self._add_sliders()
+        with gui.add_folder("Efforts"):
+            self._efforts = gui.add_html("")
+        with gui.add_folder("Show", expand_by_default=False):
+            self._tick("closures", True, lambda on: self.stage.show("closure", on))
+            self._tick("joints", True, lambda on: self.stage.show("joint", on))
+            self._tick("motors", True, lambda on: self.stage.show("motor", on))
+            self._tick("names", False, self.stage.show_names)
+            self._tick("colours of the files", False, self.stage.paint)
+            gui.add_html(legend_html(self.robot, picture.modules))
+            for note in picture.notes:
+                gui.add_markdown(note)
+
+    def _add_motion(self, run: Run) -> None:
+        """Add play, time and speed."""
+        gui = self.server.gui
+        with gui.add_folder("Motion"):
+            self._button = gui.add_button("Play")
+            label = "time [s]" if run.timed else "row"
+            step = _step(run.end - run.begin)
+            self._time = gui.add_slider(label, run.begin, max(run.end, run.begin + step), step, run.begin)
+            self._speed = gui.add_dropdown("speed", SPEEDS, initial_value="1x")
+            self._again = gui.add_checkbox("again and again", True)
+        self._button.on_click(lambda event: self._wish("play", not self.playing))
+        self._time.on_update(lambda event: event.client is None or self._wish("time", self._time.value))
+
+    def _add_sliders(self) -> None:
+        """Add a slider per motor, in a folder per module."""
+        gui = self.server.gui
+        levers: dict[int, list[Lever]] = {}
+        for lever in self.poser.levers:
+            levers.setdefault(lever.module, []).append(lever)
+        if levers:
+            gui.add_button("Home").on_click(lambda event: self._wish("home", True))
+        for count, (number, group) in enumerate(levers.items()):
+            what = "motors" if group[0].is_motor else "joints"
+            with gui.add_folder(
+                f"{what} of {self.robot.modules[number].name}", expand_by_default=count < OPEN_FOLDERS
+            ):
+                for lever in group:
+                    self._add_slider(lever)
+
+    def _add_slider(self, lever: Lever) -> None:
+        value = float(np.clip(self.poser.value(self.q, lever.joint), lever.low, lever.high))
+        step = _step(lever.high - lever.low)
+        slider = self.server.gui.add_slider(
+            lever.joint, lever.low, lever.high, step, value, hint=f"{lever.joint} [{lever.unit}]"
+        )
+        self._sliders[lever.joint] = lever, slider
+        slider.on_update(
+            lambda event: event.client is None or self._wish(f"move {lever.joint}", slider.value)
+        )
+
+    def _tick(self, label: str, value: bool, act: Callable[[bool], None]) -> None:
+        box = self.server.gui.add_checkbox(label, value)
+        box.on_update(lambda event: act(box.value))
+
+    def _wish(self, name: str, value: Any) -> None:
+        """Note what the user wants; an earlier wish of the same kind is forgotten."""
+        with self._lock:
+            self._wishes[name] = value
+        self._wake.set()
+
+    def _answer(self) -> None:
+        """Do what the user wants, and play, until the page is closed."""
+        while not self._closed:
+            self._wake.wait(FRAME if self.playing else None)
+            self._wake.clear()
+            with self._lock:
+                wishes, self._wishes = self._wishes, {}
+            for name, value in wishes.items():
+                self._fulfil(name, value)
+            if self.playing:
+                self._play_on()
+
+    def _fulfil(self, name: str, value: Any) -> None:
+        if name == "play":
+            self._set_playing(value)
+        elif name == "time" and self.run is not None:
+            self._set_playing(False)
+            self._frame(value)
+        elif name == "home":
+            self._set_playing(False)
+            self._show(self.robot.home, "")
+        elif name.startswith("move "):
+            self._set_playing(False)
+            moved = self.poser.move(self.q, name.removeprefix("move "), value)
+            self._show(moved.q, moved.message)
+
+    def _set_playing(self, playing: bool) -> None:
+        if self.run is None or playing == self.playing:
+            return
+        self.playing = playing
+        self._button.label = "Pause" if playing else "Play"
+        self._clock = time.monotonic()
+        if playing and self._time.value >= self.run.end:
+            self._time.value = self.run.begin
+        if not playing:
+            self._bars(self.q, self.run.index(self._time.value))
+
+    def _play_on(self) -> None:
+        """Show the picture of now."""
+        assert self.run is not None
+        now = time.monotonic()
+        speed = float(self._speed.value.removesuffix("x")) * (1.0 if self.run.timed else 10.0)
+        at = self._time.value + (now - self._clock) * speed
+        self._clock = now
+        if at >= self.run.end and not self._again.value:
+            self._frame(self.run.end)
+            self._set_playing(False)
+            return
+        span = self.run.end - self.run.begin
+        self._frame(self.run.begin + (at - self.run.begin) % span if span else self.run.end)
+
+    def _frame(self, at: float) -> None:
+        """Show the motion at a time."""
+        assert self.run is not None
+        self._time.value = float(np.clip(at, self.run.begin, self.run.end))
+        number = self.run.index(at)
+        self._show(self.run.q[number], "", number)
+
+    def _show(self, q: Array, message: str, sample: int | None = None) -> None:
+        """Show a posture.
+
+        Args:
+            q: The posture, shape (nq,).
+            message: What stopped a drag, or an empty text.
+            sample: Number of the motion's sample, or None.
+        """
+        self.q = q
+        with self.server.atomic():
+            self.stage.place(place_bodies(self.robot, q))
+        now = time.monotonic()
+        if self.playing and now - self._bars_at < BARS:
+            return
+        self._bars_at = now
+        self._bars(q, sample)
+        self._status.content = status_html(message, float(closure_residual(self.robot, q)))
+
+    def _bars(self, q: Array, sample: int | None) -> None:
+        """Bring sliders and bars up to date."""
+        for joint, (lever, slider) in self._sliders.items():
+            slider.value = float(np.clip(self.poser.value(q, joint), lever.low, lever.high))
+        try:
+            self._closeness.content = closeness_html(self.measures.closeness(q))
+        except HybridynError:  # a posture at which there is nothing to measure
+            self._closeness.content = ""
+        if sample is not None and self.run is not None:
+            tau, origin = None if self.run.tau is None else self.run.tau[sample], self.run.origin
+        else:
+            tau, origin = self.measures.holding(q)
+            origin = origin or "that hold it still"
+        scale = self._scale
+        if tau is not None and not scale.all():
+            scale = np.where(scale > 0, scale, np.abs(tau).max(initial=0.0))
+        self._efforts.content = efforts_html(self.robot, tau, scale, origin)
+
+
+def _step(span: float) -> float:
+    """Give a round step for a slider."""
+    return float(10.0 ** np.floor(np.log10(span / 500))) if span > 0 else 1e-3

@@ -1,0 +1,115 @@
+"""The HTML of the page's panel: status, distances from singularities, effort bars, legend. Pure text."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from html import escape
+
+import numpy as np
+
+from ..colours import ALARM, CLOSURE, GOOD, JOINT, MOTOR, WARNING, module_colour
+from ..robot import HybridRobot
+from ..spatial import Array
+from .measures import AT, NEAR, Closeness
+
+SMALL = "font-size:0.8em;line-height:1.35;padding:0 0.9em"
+DECADES = 4  # that the bar of a distance spans
+TRACK = "#e9ecef"
+
+
+def status_html(message: str, residual: float) -> str:
+    """Say whether the loops are closed, or what stopped a drag."""
+    colour, text = (ALARM, escape(message)) if message else (GOOD, f"loops closed to {residual:.0e}")
+    return (
+        f'<div id="hybridyn-status" data-stopped="{int(bool(message))}" style="{SMALL};color:{colour}">'
+        f"{text}</div>"
+    )
+
+
+def closeness_html(closeness: Closeness) -> str:
+    """Draw how far a posture is from singularities, on a logarithmic scale."""
+    rows = []
+    for label, value in (("closures", closeness.closures), ("motors", closeness.motors)):
+        colour = ALARM if value < AT else WARNING if value < NEAR else GOOD
+        part = 1 + np.log10(max(value, 10.0**-DECADES)) / DECADES
+        rows.append(_bar_row(label, f"{value:.2g}", 0.0, max(part, 0.02), colour))
+    return (
+        f'<div id="hybridyn-singularity" data-least="{closeness.least:.6g}" style="{SMALL}" '
+        'title="least singular value over the largest: 0 at a singularity, 1 at best">'
+        f"<b>Distance from singularities</b>{''.join(rows)}</div>"
+    )
+
+
+def efforts_html(robot: HybridRobot, tau: Array | None, scale: Array, origin: str) -> str:
+    """Draw efforts as bars, grouped by module, each from the middle of its track.
+
+    Args:
+        robot: The robot.
+        tau: Efforts, shape (motors,), [N or N m], or None.
+        scale: Efforts of full bars, shape (motors,).
+        origin: Where the efforts come from, or why there are none.
+    """
+    parts = [escape(origin)]
+    units = effort_units(robot)
+    for number, module in enumerate(robot.modules):
+        if tau is None or not module.motors:
+            continue
+        if len(module.motors) > 1:
+            parts.append(f'<div style="color:{module_colour(number)}"><b>{escape(module.name)}</b></div>')
+        for i in module.motor_index:
+            part = float(np.clip(tau[i] / scale[i] if scale[i] else 0.0, -1, 1)) / 2
+            over = abs(tau[i]) > scale[i] * (1 + 1e-9) > 0
+            text = f"{tau[i]:.4g} {units[i]}"
+            colour = ALARM if over else module_colour(number)
+            parts.append(_bar_row(escape(robot.motors[i]), text, 0.5 + min(part, 0), abs(part), colour))
+    return f'<div id="hybridyn-efforts" style="{SMALL}">{"".join(parts)}</div>'
+
+
+def legend_html(robot: HybridRobot, numbers: Sequence[int]) -> str:
+    """Say which colour is what."""
+    shown = [k for k in numbers if k >= 0 and (robot.modules[k].closures or robot.modules[k].motors)]
+    entries = [(module_colour(k), robot.modules[k].name) for k in shown[:12]]
+    if len(shown) > 12:
+        entries.append(("transparent", f"and {len(shown) - 12} more"))
+    entries += [(MOTOR, "motor"), (JOINT, "passive joint"), (CLOSURE, "closure")]
+    squares = (
+        f'<span style="white-space:nowrap;margin-right:0.9em"><span style="display:inline-block;width:0.8em;'
+        f'height:0.8em;background:{colour};border-radius:0.15em"></span> {escape(name)}</span>'
+        for colour, name in entries
+    )
+    return f'<div id="hybridyn-legend" style="{SMALL}">{" ".join(squares)}</div>'
+
+
+def effort_units(robot: HybridRobot) -> list[str]:
+    """Give the unit of each motor's effort."""
+    kinds = {joint.name: joint.kind for joint in robot.description.joints}
+    return ["N" if kinds[name] == "prismatic" else "N m" for name in robot.motors]
+
+
+def effort_scale(robot: HybridRobot, efforts: Array | None) -> Array:
+    """Give the effort of a full bar: the motor's limit, else the largest effort of any like it.
+
+    Args:
+        robot: The robot.
+        efforts: Efforts of a motion, shape (T, motors), or None.
+    """
+    limits = {joint.name: joint.effort for joint in robot.description.joints}
+    scale = np.array([limits[name] for name in robot.motors])
+    units = effort_units(robot)
+    for i, unit in enumerate(units):
+        if not np.isfinite(scale[i]) or scale[i] <= 0:
+            like = [k for k, other in enumerate(units) if other == unit]
+            scale[i] = 0.0 if efforts is None else float(np.abs(efforts[..., like]).max(initial=0.0))
+    return scale
+
+
+def _bar_row(label: str, text: str, start: float, width: float, colour: str) -> str:
+    return (
+        '<div style="display:flex;align-items:center;gap:0.5em">'
+        f'<span style="flex:0 0 38%;overflow:hidden;text-overflow:ellipsis;white-space:nowrap" title="{label}">'
+        f"{label}</span>"
+        f'<span style="flex:1;height:0.55em;background:{TRACK};border-radius:0.2em;position:relative">'
+        f'<span style="position:absolute;left:{100 * start:.1f}%;width:{100 * width:.1f}%;height:100%;'
+        f'background:{colour};border-radius:0.2em"></span></span>'
+        f'<span style="flex:0 0 6em;text-align:right;font-variant-numeric:tabular-nums">{text}</span></div>'
+    )

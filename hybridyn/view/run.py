@@ -1,0 +1,49 @@
+"""A motion that is shown: postures and efforts over time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..spatial import Array
+
+MOST = 6000  # samples that are kept: more than a screen shows in any minute
+
+
+@dataclass(frozen=True)
+class Run:
+    """A motion.
+
+    Attributes:
+        time: Times, shape (T,), [s]; numbers of rows where the table has none.
+        q: Postures, shape (T, nq).
+        tau: Efforts, shape (T, motors), [N or N m], or None.
+        origin: Where the efforts come from, or why there are none.
+        timed: Whether `time` is time.
+    """
+
+    time: Array
+    q: Array
+    tau: Array | None
+    origin: str
+    timed: bool = True
+
+    def index(self, time: float) -> int:
+        """Give the sample nearest to a time."""
+        after = int(np.searchsorted(self.time, time))
+        if after == 0:
+            return 0
+        if after == len(self.time):
+            return after - 1
+        return after if self.time[after] - time < time - self.time[after - 1] else after - 1
+
+    @property
+    def end(self) -> float:
+        """The last time [s]."""
+        return float(self.time[-1])
+
+    @property
+    def begin(self) -> float:
+        """The first time [s]."""
+        return float(self.time[0])

@@ -1,0 +1,165 @@
+"""The shapes that a URDF states: boxes, cylinders, spheres and meshes, read through yourdfpy and trimesh.
+
+yourdfpy parses, but does not load: every mesh that is absent or broken becomes one note, and its link is drawn
+in primitive shapes.
+"""
+
+from __future__ import annotations
+
+import io
+import os
+import warnings
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+from urllib.parse import unquote
+
+import numpy as np
+
+from ..spatial import Array, Index
+
+ROUND = 24  # sides of a cylinder
+LARGEST_MESH = 200_000  # triangles; a browser and a screen have no use for more
+UNSTATED = "#b9bfc6"  # colour of a shape whose file states none
+NAMED = 4  # missing shapes that are told one by one
+
+
+@dataclass(frozen=True)
+class Visual:
+    """One shape of a link.
+
+    Attributes:
+        link: Name of the link.
+        vertices: Corners in the link, shape (V, 3), [m].
+        faces: Corners of each triangle, shape (F, 3).
+        colour: The colour that its file states, "#rrggbb".
+    """
+
+    link: str
+    vertices: Array
+    faces: Index
+    colour: str
+
+
+def read_visuals(
+    file: str, xacro_args: Mapping[str, object], package_dirs: Sequence[str | os.PathLike[str]]
+) -> tuple[list[Visual], list[str]]:
+    """Read the shapes of a robot's links.
+
+    Args:
+        file: The URDF or xacro file.
+        xacro_args: Arguments of a xacro file by name.
+        package_dirs: Folders in which `package://` looks.
+
+    Returns:
+        The shapes, and notes about those that are missing.
+    """
+    from ..description.reading import read_bytes
+    from ..description.xacro_files import expand
+
+    text = read_bytes(file)
+    if file.endswith(".xacro") or b"<xacro:" in text:
+        text = expand(file, xacro_args, package_dirs)[0]
+    if b"<visual" not in text:
+        return [], []
+    import yourdfpy
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # its remarks on closures, which it does not know
+        robot = yourdfpy.URDF.load(io.BytesIO(text), build_scene_graph=False, load_meshes=False).robot
+    colours = {m.name: _colour(m.color) for m in robot.materials if m.color is not None}
+    find = _Files(Path(file).parent, package_dirs)
+    found, missing = [], []
+    for link in robot.links:
+        for visual in link.visuals:
+            try:
+                mesh = _mesh(visual.geometry, find)
+            except _MissingError as error:
+                missing.append(str(error))
+                continue
+            placement = np.eye(4) if visual.origin is None else visual.origin
+            vertices = np.asarray(mesh.vertices) @ placement[:3, :3].T + placement[:3, 3]
+            colour = _own_colour(visual.material, colours) or _mesh_colour(mesh) or UNSTATED
+            found.append(Visual(link.name, vertices, np.asarray(mesh.faces), colour))
+    unique = [*dict.fromkeys(missing)]
+    more = f" and {len(unique) - NAMED} more" if len(unique) > NAMED else ""
+    return found, [f"shapes left out: {', '.join(unique[:NAMED])}{more}"] if unique else []
+
+
+class _MissingError(Exception):
+    """A mesh that cannot be had."""
+
+
+class _Files:
+    """Where the files of meshes are."""
+
+    def __init__(self, folder: Path, package_dirs: Sequence[str | os.PathLike[str]]) -> None:
+        from ..description.xacro_files import _share_dirs
+
+        self.folder = folder
+        shares = [Path(place) for place in _share_dirs()]
+        examples = [place / "example-robot-data" / "robots" for place in shares]
+        above = [folder.resolve(), *folder.resolve().parents][:4]
+        self.roots = [*(Path(place) for place in package_dirs), *shares, *examples, *above]
+
+    def __call__(self, name: str) -> Path:
+        """Find the file of a mesh, a path or a `package://` or `file://` address."""
+        name = unquote(name)
+        for prefix in ("package://", "model://"):
+            if name.startswith(prefix):
+                inside = name.removeprefix(prefix)
+                places = [root / inside for root in self.roots]
+                # A package's folder itself may be given, or its files lie without the package's name.
+                places += [root / inside.partition("/")[2] for root in self.roots]
+                break
+        else:
+            places = [self.folder / name.removeprefix("file://")]
+        for place in places:
+            if place.is_file():
+                return place
+        raise _MissingError(f"no file '{name}'")
+
+
+def _mesh(geometry: Any, find: _Files) -> Any:
+    """Give the triangles of a shape."""
+    import trimesh
+
+    if geometry.box is not None:
+        return trimesh.creation.box(extents=geometry.box.size)
+    if geometry.cylinder is not None:
+        c = geometry.cylinder
+        return trimesh.creation.cylinder(radius=c.radius, height=c.length, sections=ROUND)
+    if geometry.sphere is not None:
+        return trimesh.creation.icosphere(subdivisions=2, radius=geometry.sphere.radius)
+    if geometry.mesh is None:
+        raise _MissingError("a shape without geometry")
+    file = find(geometry.mesh.filename)
+    try:
+        mesh: Any = trimesh.load(file, force="mesh")
+    except Exception as error:  # a reader of some twenty formats: whatever goes wrong, the shape is missing
+        raise _MissingError(f"'{file}' ({type(error).__name__})") from error
+    faces = getattr(mesh, "faces", ())
+    if not len(faces) or len(faces) > LARGEST_MESH or not np.isfinite(mesh.vertices).all():
+        raise _MissingError(f"'{file}' ({len(faces):,} triangles)")
+    scale = geometry.mesh.scale
+    if scale is not None:
+        mesh.apply_scale(scale)
+    return mesh
+
+
+def _own_colour(material: Any, named: Mapping[str, str]) -> str | None:
+    if material is None:
+        return None
+    return _colour(material.color) if material.color is not None else named.get(material.name)
+
+
+def _colour(color: Any) -> str:
+    rgba = np.clip(np.nan_to_num(np.asarray(color.rgba, dtype=float)), 0, 1)
+    return "#" + "".join(f"{round(255 * x):02x}" for x in rgba[:3])
+
+
+def _mesh_colour(mesh: Any) -> str | None:
+    """Give the colour that a mesh file states for the whole mesh, or None."""
+    color = getattr(getattr(mesh.visual, "material", None), "main_color", None)
+    return None if color is None else "#" + "".join(f"{int(x):02x}" for x in color[:3])
