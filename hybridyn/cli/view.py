@@ -102,8 +102,9 @@ def command(
     """Show ROBOT in 3-D, on a page in the browser: modules in colours, closures yellow, motors as sliders.
 
     Dragging a motor keeps the loops closed; where they would not close, the drag stops and says so. MOTION is
-    a trajectory or the result of a simulation (see 'hybridyn idm --help'): it can be played and scrubbed, with
-    the efforts along it as bars (its own, where it has them; else those of 'hybridyn idm'). Ctrl-C ends it.
+    a trajectory or the result of a simulation (see 'hybridyn idm --help'): it can be played and scrubbed,
+    with the efforts along it as bars (its own, where it has them; else those of 'hybridyn idm'). Ctrl-C ends
+    it.
 
     With --png or --mp4 no browser and no screen is needed. Links are drawn as their URDF visuals say; where a
     file of a mesh is missing, as rods and plates between their joints.

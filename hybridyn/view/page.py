@@ -1,6 +1,6 @@
 """The page in the browser: a 3-D scene, motors as sliders, a motion to play, efforts and distances as bars.
 
-viser serves the page and tells what its user does; one thread of our own answers, always with the latest wish.
+viser serves the page and tells what its user does; one thread of our own answers, with the latest wish.
 """
 
 from __future__ import annotations
@@ -140,11 +140,13 @@ class Page:
             self._button = gui.add_button("Play")
             label = "time [s]" if run.timed else "row"
             step = _step(run.end - run.begin)
-            self._time = gui.add_slider(label, run.begin, max(run.end, run.begin + step), step, run.begin)
+            self._time: Any = gui.add_slider(
+                label, run.begin, max(run.end, run.begin + step), step, run.begin
+            )
             self._speed = gui.add_dropdown("speed", SPEEDS, initial_value="1x")
             self._again = gui.add_checkbox("again and again", True)
         self._button.on_click(lambda event: self._wish("play", not self.playing))
-        self._time.on_update(lambda event: event.client is None or self._wish("time", self._time.value))
+        self._listen(self._time, "time")
 
     def _add_sliders(self) -> None:
         """Add a slider per motor, in a folder per module."""
@@ -169,9 +171,16 @@ class Page:
             lever.joint, lever.low, lever.high, step, value, hint=f"{lever.joint} [{lever.unit}]"
         )
         self._sliders[lever.joint] = lever, slider
-        slider.on_update(
-            lambda event: event.client is None or self._wish(f"move {lever.joint}", slider.value)
-        )
+        self._listen(slider, f"move {lever.joint}")
+
+    def _listen(self, slider: Any, wish: str) -> None:
+        """Note a wish when the user moves a slider, not when we do."""
+
+        def moved(event: Any) -> None:
+            if event.client is not None:
+                self._wish(wish, slider.value)
+
+        slider.on_update(moved)
 
     def _tick(self, label: str, value: bool, act: Callable[[bool], None]) -> None:
         box = self.server.gui.add_checkbox(label, value)

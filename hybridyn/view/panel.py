@@ -106,7 +106,8 @@ def effort_scale(robot: HybridRobot, efforts: Array | None) -> Array:
 def _bar_row(label: str, text: str, start: float, width: float, colour: str) -> str:
     return (
         '<div style="display:flex;align-items:center;gap:0.5em">'
-        f'<span style="flex:0 0 38%;overflow:hidden;text-overflow:ellipsis;white-space:nowrap" title="{label}">'
+        '<span style="flex:0 0 38%;overflow:hidden;text-overflow:ellipsis;white-space:nowrap" '
+        f'title="{label}">'
         f"{label}</span>"
         f'<span style="flex:1;height:0.55em;background:{TRACK};border-radius:0.2em;position:relative">'
         f'<span style="position:absolute;left:{100 * start:.1f}%;width:{100 * width:.1f}%;height:100%;'

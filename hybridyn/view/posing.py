@@ -1,7 +1,7 @@
 """Moving one motor by hand: the loops stay closed, and a motor stops where they would not.
 
-A drag gives the position of one joint. The others that fix its module's posture keep theirs: the other motors, of
-which redundant ones yield, and passive joints where motors are too few.
+A drag gives the position of one joint. The others that fix its module's posture keep theirs: the other motors,
+of which redundant ones yield, and passive joints where motors are too few.
 """
 
 from __future__ import annotations

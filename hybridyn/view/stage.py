@@ -33,7 +33,6 @@ class Stage:
         self.names: list[tuple[Any, int]] = []
         self._batches: list[tuple[Any, Sequence[Rod] | Sequence[Ball]]] = []
         self._solids: list[Any] = []
-        home = np.zeros((1, 3))
         for module in picture.modules:
             path = self._path(module)
             for role in ROLES:
@@ -52,12 +51,10 @@ class Stage:
                 side="double",
             )
             self._solids.append(node)
-        for number, module in enumerate(robot.modules):
-            if module.outputs:
-                label = server.scene.add_label(
-                    f"/names/{number}", module.name, position=home[0], visible=False
-                )
-                self.names.append((label, robot.bodies.place[module.outputs[0]][0]))
+        for number, part in enumerate(robot.modules):
+            if part.outputs:
+                label = server.scene.add_label(f"/names/{number}", part.name, visible=False)
+                self.names.append((label, robot.bodies.place[part.outputs[0]][0]))
 
     def _path(self, module: int) -> str:
         name = "ground" if module < 0 else f"{module + 1} {_clean(self.robot.modules[module].name)}"

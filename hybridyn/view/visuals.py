@@ -1,7 +1,7 @@
 """The shapes that a URDF states: boxes, cylinders, spheres and meshes, read through yourdfpy and trimesh.
 
-yourdfpy parses, but does not load: every mesh that is absent or broken becomes one note, and its link is drawn
-in primitive shapes.
+yourdfpy parses, but does not load: every mesh that is absent or broken is noted, and its link is drawn in
+primitive shapes.
 """
 
 from __future__ import annotations
