@@ -54,7 +54,7 @@ def _at_home(module: Module, robot: HybridRobot, open_by: float) -> list[str]:
             f"its loops are open at the home posture by {open_by:.2g} of its size; "
             "state a home posture that closes them ([home] in model.toml)"
         ]
-    lost = singular_at_home(module, robot)
+    lost = "" if architecturally_singular(module) else singular_at_home(module, robot)
     return [f"the home posture is singular: {lost}"] if lost else []
 
 
@@ -95,6 +95,27 @@ def motor_share(module: Module, Psi: Array) -> Array | None:
     return out
 
 
+def architecturally_singular(module: Module) -> str:
+    """Say that a module's motors lose a direction in every posture, or give an empty text.
+
+    Six legs between similar hexagons do: their lengths never tell a certain motion of the platform.
+
+    Args:
+        module: The module.
+    """
+    m = module.mechanism
+    if not m.closures.rows or len(module.motors) != m.mobility:
+        return ""
+    share = motor_share(module, m.basis(m.generic_K).Psi)
+    if share is None or not len(share) or share.max() >= SINGULAR:
+        return ""
+    return (
+        "architecturally singular: its motors lose a direction in every posture (their share in it is at "
+        f"most {share.max():.1e}), so that no effort holds it there; change the geometry (similar hexagons?) "
+        "or the choice of motors"
+    )
+
+
 def _of_structure(module: Module) -> list[str]:
     """Judge what holds at every posture: freedoms without inertia, motors that move nothing."""
     m = module.mechanism
@@ -109,6 +130,8 @@ def _of_structure(module: Module) -> list[str]:
     ]
     if still:
         out.append(f"motor '{still[0]}' cannot move: the closures hold it")
+    elif singular := architecturally_singular(module):
+        out.append(singular)
     if m.mobility and own_inertia(m, m.basis(m.closures.matrix(motion)).Psi[0]).max() <= 0.0:
         return [*out, "none of its bodies has mass"]
     light = free_motions(module).massless

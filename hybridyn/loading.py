@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Mapping, Sequence
 from os import PathLike
 
 from .robot import Base, HybridRobot, build_robot
+
+_log = logging.getLogger("hybridyn")
 
 
 def load(
@@ -37,6 +40,8 @@ def load(
             module's length.
         held: Passive joints that are never cut away in a wrist, so that effects can act on them.
 
+    A module whose motors lose a direction in every posture is loaded, with a warning in the log "hybridyn".
+
     Raises:
         ModelError: The files are wrong, say something we refuse, or leave the rank of a module in doubt.
         AssemblyError: A module's loops close nowhere.
@@ -45,7 +50,7 @@ def load(
     from .shipped import find_robot
 
     description = read(find_robot(path), motors=motors, xacro_args=xacro_args, package_dirs=package_dirs)
-    return build_robot(
+    robot = build_robot(
         description,
         base=base,
         gravity=gravity,
@@ -53,3 +58,14 @@ def load(
         closure_tolerance=closure_tolerance,
         held=held,
     )
+    _warn(robot)
+    return robot
+
+
+def _warn(robot: HybridRobot) -> None:
+    """Log what no posture can mend, once for equal modules."""
+    from .findings import architecturally_singular
+
+    for module in {id(module.mechanism): module for module in reversed(robot.modules)}.values():
+        if singular := architecturally_singular(module):
+            _log.warning("module '%s' is %s", module.name, singular)

@@ -13,29 +13,33 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from extended_judge import DIGITS as mp
+from extended_judge import mp
 
 from hybridyn.description import Description, read
 from hybridyn.oracle import Oracle
-
 
 URDF = Path(__file__).parents[2] / "urdf"
 Values = dict[str, Any]
 Pair = tuple[Any, Any]
 
 
-@lru_cache(maxsize=32)
-def changed(name: str, **given: str) -> Description:
-    """Read a shipped robot with other numbers in the call of its module, as `base_half_angle="10"`."""
+def changed_text(name: str, **given: str) -> str:
+    """Give a shipped robot's file with other numbers in the call of its module, as `base_half_angle="10"`."""
     text = (URDF / f"{name}.urdf.xacro").read_text()
     text = text.replace('filename="modules/', f'filename="{URDF}/modules/')
     for key, value in given.items():
         first, mark, rest = text.partition(f' {key}="')
         assert mark, key
         text = first + mark + value + '"' + rest.partition('"')[2]
+    return text
+
+
+@lru_cache(maxsize=32)
+def changed(name: str, **given: str) -> Description:
+    """Read a shipped robot with other numbers in the call of its module."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / f"{name}.urdf.xacro"
-        path.write_text(text)
+        path.write_text(changed_text(name, **given))
         return read(path)
 
 
@@ -90,7 +94,7 @@ def meet(A: Any, a: Any, B: Any, b: Any, side: int) -> Any:
     along = (d @ d + a * a - b * b) / (2 * (d @ d))
     square = a * a / (d @ d) - along * along
     if square < 0:
-        assert square > -mp.mpf(10) ** -12, "out of reach"  # the geometry is rounded to 1e-16
+        assert square > -(mp.mpf(10) ** -12), "out of reach"  # the geometry is rounded to 1e-16
         square = mp.mpf(0)
     return A + along * d + side * mp.sqrt(square) * np.array([-d[1], d[0]])
 
@@ -121,7 +125,7 @@ def carried(description: Description, wrist: str, rod: Any, platform: Any) -> Va
 def gough_stewart(
     description: Description, R: Any, p: Any, cross: Mapping[int, Pair] | None = None
 ) -> Values:
-    """Give the joints under a platform at (R, p); `cross`: the cross of a leg whose direction leaves it open."""
+    """Give the joints under a platform at (R, p); `cross`: that of a leg whose direction leaves it open."""
     values: Values = {}
     centres = balls(description, "m1_leg1_wrist")
     for i in range(1, 7):

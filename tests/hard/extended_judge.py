@@ -31,8 +31,8 @@ from hybridyn.oracle import Extended, Oracle
 
 EPS = float(np.finfo(float).eps)
 RANK = 1e-30  # geometry in doubles is dependent to 1e-16 or to all fifty digits, nothing in between
-DIGITS = mpmath.mp.clone()
-DIGITS.dps = 50
+mp = mpmath.mp.clone()
+mp.dps = 50
 
 
 def norm(x: Any) -> float:
@@ -71,7 +71,7 @@ class Judge:
     """
 
     def __init__(self, description: Description, q: np.ndarray, v: np.ndarray | None = None, seed: int = 0):
-        self.oracle = Oracle(description, arithmetic=Extended(DIGITS), rank_tolerance=RANK)
+        self.oracle = Oracle(description, arithmetic=Extended(mp), rank_tolerance=RANK)
         array = self.oracle.arithmetic.array
         self.q, self.posture = q, self.oracle.posture(q)
         self.unit, self.motors = self.oracle.unit, self.oracle.motors
@@ -102,7 +102,7 @@ class Judge:
 
     @cached_property
     def K_inverse(self) -> np.ndarray:
-        """Pseudo-inverse of K, shape (nv, rank), as doubles, right in every digit however close to singular."""
+        """Pseudo-inverse of K, shape (nv, rank), as doubles, right however close K is to singular."""
         factor = self.posture.factor
         out: np.ndarray = (factor.V @ factor.inverse).astype(float)
         return out

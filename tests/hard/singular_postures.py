@@ -1,7 +1,7 @@
 """Where the shipped parallel robots are singular, and postures at any distance from there.
 
-Every function gives the robot's record and q at distance d; d = 0 is the singularity itself, to the rounding of
-the robot's own numbers. What the distance is stands in each docstring.
+Every function gives the robot's record and q at distance d; d = 0 is the singularity itself, to the rounding
+of the robot's own numbers. What the distance is stands in each docstring.
 """
 
 from __future__ import annotations
@@ -17,7 +17,6 @@ from closed_forms import (
     about,
     balls,
     changed,
-
     gough_stewart,
     heading,
     meet,
@@ -28,7 +27,7 @@ from closed_forms import (
     towards,
     vector,
 )
-from extended_judge import DIGITS as mp
+from extended_judge import mp
 from shipped import shipped
 
 from hybridyn.description import Description
@@ -91,10 +90,10 @@ def _turned(n: Any, c: Any, s: Any) -> Any:
 
 
 def platform_upside_down(d: float) -> Place:
-    """Constraint: turned by pi - 2 d about a horizontal axis; the three constraint forces are dependent at pi.
+    """Constraint: turned by pi - 2 d about a horizontal axis; the constraint forces are dependent at pi.
 
-    There the two operation modes of the 3-RPS meet (Schadlbauer, Walter and Husty, 2014: x0 = x3 = 0); they are
-    w = 0 and z = 0 of the platform's quaternion, and d is w.
+    There the two operation modes of the 3-RPS meet (Schadlbauer, Walter and Husty, 2014: x0 = x3 = 0); they
+    are w = 0 and z = 0 of the platform's quaternion, and d is w.
     """
     robot = shipped("rps3")
     w, way = mp.mpf(d), mp.mpf("0.4")
@@ -122,7 +121,9 @@ def slide_of_no_length(d: float) -> Place:
     ball = ph + Rh @ about(1, turn) @ numbers([0, 0, 1]) * mp.mpf(d)
     n = np.array([mp.cos(way), mp.sin(way), mp.mpf(0)])
     m = 3 * n[0] ** 2 - n[1] ** 2
-    c = (2 * ball[0] / r - m) / (2 - m)  # so that r / 2 (3 R11 - R22), where the ball is, is where it shall be
+    c = (2 * ball[0] / r - m) / (
+        2 - m
+    )  # so that r / 2 (3 R11 - R22), where the ball is, is where it shall be
     R = _turned(n, c, mp.sqrt(1 - c * c))
     return robot, vector(robot, rps3(robot, R, _rps3_place(R, ball[2] - r * R[2, 0], r), {1: turn}))
 
@@ -148,7 +149,7 @@ def rods_in_one_plane(d: float) -> Place:
 
 
 def couples_in_one_plane(d: float) -> Place:
-    """Constraint: the couples with which the parallelograms hold the platform's direction span the volume d."""
+    """Constraint: the couples by which the parallelograms keep the platform level span the volume d."""
     ends = numbers([[0.38, 0.24, -0.278], [0.456, 0.316, -0.348]])
 
     def couples(delta: Delta, P: Any, turns: Any) -> list[Any]:
@@ -176,7 +177,7 @@ def _on_the_way(ends: Any, sides: Any, d: float, three: Callable[[Delta, Any, An
 
 
 def folded_parallelogram(d: float) -> Place:
-    """Leg and constraint: the rods of arm 1 make the angle d with the motor's axis; at 0 they lie in one line."""
+    """Leg and constraint: the rods of arm 1 make the angle d with the motor's axis, at 0 in one line."""
     robot = shipped("delta")
     delta, turn, d = Delta(robot), mp.mpf("0.42"), mp.mpf(d)
     (x, y, z), way = (delta.frames[0][0] @ about(1, turn)).T, mp.mpf("0.6")
@@ -205,22 +206,28 @@ def elbows_together(d: float) -> Place:
     bars, way, half = FiveBar(robot), mp.mpf("-1.3"), mp.mpf(d) / 2
     apart = 2 * bars.lower[0] * mp.sin(half) * towards(way + mp.pi / 2)
     E = meet(bars.motors[0], bars.upper[0], bars.motors[1] - apart, bars.upper[1], -1)
-    return robot, vector(robot, bars.angles(bars.sides[0], heading(bars.motors[0], E), way + half)
-                         | bars.angles(bars.sides[1], heading(bars.motors[1], E + apart), way - half))
+    return robot, vector(
+        robot,
+        bars.angles(bars.sides[0], heading(bars.motors[0], E), way + half)
+        | bars.angles(bars.sides[1], heading(bars.motors[1], E + apart), way - half),
+    )
 
 
 def lower_links_in_line(d: float) -> Place:
-    """Parallel: motors 0.4 m apart, the lower links make the angle pi - d; in line they cannot hold the tip."""
+    """Parallel: motors 0.4 m apart, the lower links make the angle pi - d; in line they hold no tip."""
     robot = changed("five_bar", spacing="0.4")
     bars, way, half = FiveBar(robot), mp.mpf("0.1"), mp.mpf(d) / 2
     apart = 2 * bars.lower[0] * mp.cos(half) * towards(way)
     E = meet(bars.motors[0], bars.upper[0], bars.motors[1] - apart, bars.upper[1], -1)
-    return robot, vector(robot, bars.angles(bars.sides[0], heading(bars.motors[0], E), way - half)
-                         | bars.angles(bars.sides[1], heading(bars.motors[1], E + apart), way + mp.pi + half))
+    return robot, vector(
+        robot,
+        bars.angles(bars.sides[0], heading(bars.motors[0], E), way - half)
+        | bars.angles(bars.sides[1], heading(bars.motors[1], E + apart), way + mp.pi + half),
+    )
 
 
 def all_links_in_line(d: float) -> Place:
-    """Constraint: motors 0.8 m apart, the left side stretched, the right one folded, about the angle d off."""
+    """Constraint: motors 0.8 m apart, left side stretched, right one folded, about the angle d off."""
     robot = changed("five_bar", spacing="0.8", lean="-10")
     bars, d = FiveBar(robot), mp.mpf(d)
     E = bars.motors[0] + bars.upper[0] * towards(-d)
