@@ -46,6 +46,7 @@ class Assemblies:
         q: Positions on the spanning tree, shape (n, nq); wrists that were cut follow their platforms.
         counts: Starts that led to each, shape (n,); for stacked modules those of the rarest module's posture.
         residual: Closure residual of each over its module's length, shape (n,).
+        within_limits: Whether each keeps every joint within its position limits, shape (n,).
         starts: Random starts of each module.
         unseen: Estimated chance that one more start finds another posture (Good and Turing: the share of the
             starts that found what no other did). Above 0 take more starts.
@@ -54,6 +55,7 @@ class Assemblies:
     q: Array
     counts: Index
     residual: Array
+    within_limits: Mask
     starts: int
     unseen: float
 
@@ -81,8 +83,8 @@ def assemblies(
         seed: Seed of the starts: the same seed finds the same postures.
 
     Returns:
-        The postures, each of which closes all loops. That there are no others is never certain: see
-        `Assemblies.unseen`.
+        The postures, each of which closes all loops, beyond the joints' limits as well. That there are no
+        others is never certain: see `Assemblies.unseen`.
 
     Raises:
         AssemblyError: No posture, too little given, or more than 10,000 postures of stacked modules.
@@ -96,7 +98,21 @@ def assemblies(
     search = _Search(robot, requests, starts, seed)
     for number in range(robot.base == "floating", len(robot.modules)):
         search.add(number)
-    return Assemblies(search.q, search.counts, closure_residual(robot, search.q), starts, search.unseen)
+    q = search.q
+    return Assemblies(
+        q, search.counts, closure_residual(robot, q), _within_limits(robot, q), starts, search.unseen
+    )
+
+
+def _within_limits(robot: HybridRobot, q: Array) -> Mask:
+    """Say which postures, shape (n, nq), keep every joint within its limits."""
+    within = np.ones(len(q), dtype=bool)
+    for joint in robot.description.joints:
+        if joint.kind in ("revolute", "prismatic"):
+            x = q[:, robot.q_slices[robot.joint_index[joint.name]].start]
+            slack = SAME * max(abs(x) for x in (joint.lower, joint.upper, 1.0) if np.isfinite(x))
+            within &= (x >= joint.lower - slack) & (x <= joint.upper + slack)
+    return within
 
 
 @dataclass(frozen=True)

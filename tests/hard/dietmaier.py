@@ -155,6 +155,21 @@ def refined(pose: np.ndarray, digits: int = 50) -> tuple[mpmath.matrix, mpmath.m
         return exact, max(abs(x) for x in values(exact, lengths))
 
 
+def proof(u: np.ndarray, digits: int = 50) -> tuple[mpmath.mpf, mpmath.mpf]:
+    """Give Kantorovich's h = |J^-1| |F''| |J^-1 F| at (e, g), and the radius of the ball that holds one zero.
+
+    The largest row sum is the norm; F'' is constant. With h <= 1/2 a zero lies within 2 |J^-1 F|, alone
+    within 1 / (|J^-1| |F''|).
+    """
+    with mpmath.workdps(digits):
+        lengths = np.array([mpmath.mpf(float(x)) for x in LENGTHS])
+        inverse = mpmath.matrix(jacobian(u, lengths)) ** -1
+        second = 2 * np.abs(QUADRICS).sum(axis=(1, 2)).max() + 8 * float(LENGTHS.max()) ** 2
+        step = mpmath.norm(inverse * mpmath.matrix(values(u, lengths)), mpmath.inf)
+        bound = mpmath.mnorm(inverse, mpmath.inf) * second
+        return bound * step, 2 * step
+
+
 class Tracked:
     """A posture carried along straight ways of the leg lengths, every step proved by Kantorovich's theorem.
 

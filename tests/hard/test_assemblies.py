@@ -1,0 +1,161 @@
+"""All postures: Dietmaier's forty, each proved; what counts as one; robots whose postures are known."""
+
+from __future__ import annotations
+
+import dietmaier
+import mpmath
+import numpy as np
+import pytest
+from conftest import Claim
+from posing import of_link, position
+from shipped import shipped
+
+import hybridyn
+from hybridyn import AssemblyError, HybridRobot, TrajectoryError, closure_residual
+from hybridyn.assemblies import SAME
+from hybridyn.robot import build_robot
+
+EPS = float(np.finfo(float).eps)
+DIGITS = 50
+ZERO = 1e-30  # left-hand sides of Dietmaier's equations after refinement in DIGITS digits
+PROOF = 0.5  # Kantorovich: J^-1's bound times the second derivatives times the last step, below this
+CLOSED = 1e-13  # closure residual, of the module's size: the suite's general claim for one module
+FORWARD = 100.0  # eps times the condition number: the suite's general claim
+
+
+def at_home(robot: HybridRobot) -> dict[str, object]:
+    return {motor: float(position(robot, motor, robot.home)) for motor in robot.motors}
+
+
+# -------------------------------------------------------------------- Dietmaier
+
+
+@pytest.mark.parametrize(("foot", "seed", "starts"), [("S", 0, 1000), ("S", 1, 1000), ("U", 0, 3000)])
+def test_dietmaier_all_forty(claim: Claim, foot: str, seed: int, starts: int) -> None:
+    """From 1,000 starts: all 40 postures of the published platform (Dietmaier 1998), closed to rounding.
+
+    A 6-SPS leaves six spins open, a 6-UPS has 64 variants of every posture: neither counts as more.
+    """
+    robot = dietmaier.robot(foot)
+    found = hybridyn.assemblies(robot, motors=dietmaier.motors(), starts=starts, seed=seed)
+    case = f"Dietmaier 6-{foot}PS, {starts:,} starts, seed {seed}"
+    claim(case, "postures missing of 40", abs(dietmaier.REAL - len(found.q)), 0)
+    claim(case, "closure residual", closure_residual(robot, found.q).max(), CLOSED)
+    assert found.counts.sum() <= starts
+    slides = np.array([position(robot, motor, found.q) for motor in robot.motors]).T
+    assert (slides == dietmaier.LENGTHS).all()  # motors stay where they were given, to the last bit
+
+
+def test_dietmaier_each_posture_is_real_and_another(claim: Claim) -> None:
+    """Refined in 50 digits on other equations: zero to 1e-30, and proved zeros by Kantorovich's theorem.
+
+    The theorem's number is also the distance: proved balls are far smaller than what lies between postures,
+    so the 40 are real and distinct. Forward error at most 100 eps times the equations' condition number.
+    """
+    found = hybridyn.assemblies(dietmaier.robot(), motors=dietmaier.motors())
+    zeros, forward, radius = [], 0.0, mpmath.mpf(0)
+    for pose in dietmaier.poses(found.q):
+        u, open_by = dietmaier.refined(pose, DIGITS)
+        claim("Dietmaier, refined in 50 digits", "left-hand sides of the equations", open_by, ZERO)
+        proof, ball = dietmaier.proof(u, DIGITS)
+        claim("Dietmaier, refined in 50 digits", "Kantorovich's number", proof, PROOF)
+        radius = max(radius, ball)
+        near = np.array([float(x) for x in u])
+        condition = np.linalg.cond(dietmaier.jacobian(near, dietmaier.LENGTHS))
+        error = np.abs(dietmaier.pose_of(near) - pose).max()
+        forward = max(forward, float(error / (EPS * condition)))
+        zeros.append(near)
+    claim("Dietmaier, 40 postures", "forward error over eps times condition", forward, FORWARD)
+    away = [min(np.abs(a - s * b).max() for s in (1, -1)) for a in zeros for b in zeros if a is not b]
+    claim("Dietmaier, 40 postures", "proved radius over half the least distance", 2 * radius / min(away), 1.0)
+
+
+def test_the_same_seed_gives_the_same_bits() -> None:
+    """And the order does not depend on the seed: what is nearest to home comes first."""
+    robot = dietmaier.robot()
+    first, second = (hybridyn.assemblies(robot, motors=dietmaier.motors(), starts=400) for _ in range(2))
+    assert (first.q == second.q).all()
+    assert (first.counts == second.counts).all()
+    other = hybridyn.assemblies(robot, motors=dietmaier.motors(), starts=1500, seed=7)
+    third = hybridyn.assemblies(robot, motors=dietmaier.motors(), starts=1500, seed=8)
+    poses = [dietmaier.poses(x.q) for x in (other, third)]
+    assert len(poses[0]) == len(poses[1]) == dietmaier.REAL
+    apart = np.abs(poses[0][:, None] - poses[1][None]).max(axis=2)
+    assert (apart.min(axis=1) < SAME).all()
+
+
+@pytest.mark.slow
+def test_dietmaier_from_many_starts(claim: Claim) -> None:
+    """From 50,000 starts: 40 still, every one found often, and nothing that is no posture."""
+    found = hybridyn.assemblies(dietmaier.robot(), motors=dietmaier.motors(), starts=50_000, seed=11)
+    claim("Dietmaier, 50,000 starts", "postures missing of 40", abs(dietmaier.REAL - len(found.q)), 0)
+    claim("Dietmaier, 50,000 starts", "estimated chance of another posture", found.unseen, 0)
+    claim("Dietmaier, 50,000 starts", "closure residual", found.residual.max(), CLOSED)
+
+
+# -------------------------------------------------------------------- postures that are counted by hand
+
+COUNTED = {
+    "five_bar": 2,  # the tip above or below the line of the elbows
+    "rps3": 16,  # 16 postures at most of a 3-RPS (Parenti-Castelli and Innocenti 1990), all real here
+}
+
+
+@pytest.mark.parametrize("name", COUNTED)
+def test_known_numbers_of_postures(claim: Claim, name: str) -> None:
+    """As many as the literature counts, home first."""
+    robot = build_robot(shipped(name))
+    found = hybridyn.assemblies(robot, motors=at_home(robot))
+    claim(f"{name} at home", "postures missing", abs(COUNTED[name] - len(found.q)), 0)
+    claim(f"{name} at home", "closure residual", found.residual.max(), CLOSED)
+    home = hybridyn.assemble(robot, motors=at_home(robot))[0]
+    assert np.abs(found.q[0] - home).max() < SAME
+
+
+def home_pose(robot: HybridRobot) -> dict[str, object]:
+    zero, platform = np.zeros((1, robot.nv)), robot.modules[0].outputs[0]
+    return {platform: of_link(robot, robot.home[None], zero, zero, platform, robot.description.root)[0][0]}
+
+
+def test_a_platform_pose_leaves_the_legs_their_ways() -> None:
+    """Each UPS leg reaches its point with its slide out or, beyond its limits, backwards through the foot.
+
+    The two ways in which a universal joint points a straight leg are one. A Delta's elbows are in or out.
+    """
+    robot = build_robot(shipped("gough_stewart"))
+    found = hybridyn.assemblies(robot, platforms=home_pose(robot), starts=3000)
+    assert len(found.q) == 2**6
+    assert found.within_limits.sum() == found.within_limits[0] == 1
+    delta = build_robot(shipped("delta"))
+    found = hybridyn.assemblies(delta, platforms=home_pose(delta))
+    arms = np.array([position(delta, motor, found.q) for motor in delta.motors]).T
+    assert len(np.unique(np.round(arms, 6), axis=0)) == 2**3
+
+
+def test_stacked_modules_multiply() -> None:
+    """The two modules of Tanev's robot have 16 and 2 postures: 32 together; too many are refused."""
+    tanev = build_robot(shipped("tanev"))
+    found = hybridyn.assemblies(tanev, motors=at_home(tanev))
+    assert len(found.q) == 32
+    assert closure_residual(tanev, found.q).max() <= CLOSED
+    lx4 = build_robot(shipped("lx4"))
+    with pytest.raises(
+        AssemblyError, match=r"postures or more.*limit 10000.*Give the poses of some platforms"
+    ):
+        hybridyn.assemblies(lx4, motors=at_home(lx4), starts=400)
+
+
+def test_what_is_out_of_reach_has_no_posture() -> None:
+    robot = dietmaier.robot()
+    with pytest.raises(AssemblyError, match="do not close at sample 0"):
+        hybridyn.assemblies(robot, motors=dietmaier.motors(dietmaier.LENGTHS * np.array([1, 9, 1, 1, 1, 1])))
+
+
+def test_wrong_arguments_are_named() -> None:
+    robot = dietmaier.robot()
+    with pytest.raises(TrajectoryError, match="one sample"):
+        hybridyn.assemblies(robot, motors=dietmaier.motors(np.tile(dietmaier.LENGTHS, (2, 1))))
+    with pytest.raises(TrajectoryError, match="starts must be at least 1, not 0"):
+        hybridyn.assemblies(robot, motors=dietmaier.motors(), starts=0)
+    with pytest.raises(AssemblyError, match="freedoms open"):
+        hybridyn.assemblies(robot)
