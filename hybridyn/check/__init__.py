@@ -24,6 +24,7 @@ from .limits import check_limits
 from .loops import check_modules
 from .masses import check_masses
 from .names import check_meshes, check_names, duplicated_names
+from .places import Places
 from .shapes import read_shapes
 from .subject import Subject
 from .units import check_units
@@ -69,7 +70,7 @@ def check(
         description = read(file, motors=motors, xacro_args=xacro_args, package_dirs=package_dirs)
     except HybridynError as error:
         return found or [_unreadable(error, file)]
-    robot, problem = _built(description, rank_tolerance, closure_tolerance)
+    robot, problem = _built(root, description, rank_tolerance, closure_tolerance)
     found += problem
     found += _all(root, description, robot, package_dirs, meshes)
     return sorted(found, key=lambda finding: (SEVERITIES.index(finding.severity), finding.line or 0))
@@ -101,14 +102,13 @@ def _all(
 
 
 def _built(
-    description: Description, rank_tolerance: float | None, closure_tolerance: float
+    root: Node, description: Description, rank_tolerance: float | None, closure_tolerance: float
 ) -> tuple[HybridRobot | None, list[Finding]]:
     """Build the robot, or give the finding that says why that fails."""
     try:
         robot = build_robot(description, rank_tolerance=rank_tolerance, closure_tolerance=closure_tolerance)
         return robot, []
     except AssemblyError as error:
-        lines = {closure.name: closure.line for closure in description.closures}
         return None, [
             Finding(
                 "loops-close-nowhere",
@@ -116,34 +116,52 @@ def _built(
                 str(error),
                 "there is no posture at which this robot could stand",
                 "look at the frames and the axes of its closures, one after the other",
-                description.source,
-                next(iter(lines.values()), None),
+                *_first_closure(root, description, error.module),
             )
         ]
     except ModelError as error:
-        code = "rank-in-doubt" if "rank_tolerance" in str(error) else "no-robot"
+        doubt = "rank_tolerance" in str(error)
+        place = _first_closure(root, description, error.element)
         return None, [
             Finding(
-                code,
+                "rank-in-doubt" if doubt else "no-robot",
                 f"'{error.element}'" if error.element else "",
-                str(error),
-                "the number of freedoms decides everything else"
-                if code == "rank-in-doubt"
-                else "nothing can be computed",
+                _without_place(error),
+                "the number of freedoms decides everything else" if doubt else "nothing can be computed",
                 "pass --rank-tolerance as the message says, or write more digits"
-                if code == "rank-in-doubt"
+                if doubt
                 else "mend what the message names",
-                error.file,
-                error.line,
+                *place,
             )
         ]
+
+
+def _first_closure(root: Node, description: Description, element: str | None) -> tuple[str, int | None]:
+    """Give the place of a closure: that of this name, else one at the link of this name, else the first."""
+    closures = sorted(
+        description.closures,
+        key=lambda closure: (closure.name != element, element not in (closure.link_a, closure.link_b)),
+    )
+    places = Places(root)
+    for closure in closures[:1]:
+        for tag in ("loop", "constraint", "loop_joint"):
+            place = places.of(tag, closure.name, closure.line)
+            if place[1]:
+                return place
+    return places.file, None
+
+
+def _without_place(error: ModelError) -> str:
+    """Give an error's message without the file and line that it starts with."""
+    message = str(error)
+    for prefix in (f"{error.file}:{error.line}: ", f"{error.file}: "):
+        message = message.removeprefix(prefix)
+    return message
 
 
 def _unreadable(error: HybridynError, file: str) -> Finding:
     place = (error.file, error.line) if isinstance(error, ModelError) else (file, None)
-    message = str(error)
-    for prefix in (f"{place[0]}:{place[1]}: ", f"{place[0]}: "):
-        message = message.removeprefix(prefix)
+    message = _without_place(error) if isinstance(error, ModelError) else str(error)
     element = getattr(error, "element", None)
     return Finding(
         "unreadable",

@@ -65,7 +65,6 @@ CODES: dict[str, tuple[Severity, str]] = {
     "singular-closures": ("warning", "the home posture is a constraint singularity"),
     "singular-parallel": ("warning", "the home posture is a parallel (type 2) singularity"),
     "singular-serial": ("warning", "the home posture is a serial (type 1) singularity"),
-    "architectural": ("error", "motors or closures lose a direction at every posture"),
 }
 """Every code with its severity and its title; codes stay, so that a CI can name them."""
 

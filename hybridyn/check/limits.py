@@ -18,6 +18,7 @@ ONE_FREEDOM = ("revolute", "prismatic")
 
 def check_limits(subject: Subject) -> Iterator[Finding]:
     """Judge the limits of every joint."""
+    yield from _crossed(subject)
     motors = set(subject.description.motors)
     followers = {coupling.name for coupling in subject.description.couplings}
     for joint in subject.description.joints:
@@ -27,21 +28,31 @@ def check_limits(subject: Subject) -> Iterator[Finding]:
             yield from _motor(subject, joint)
 
 
+def _crossed(subject: Subject) -> Iterator[Finding]:
+    """Look at the limits as they are written: the reader drops those that contradict each other."""
+    for node in subject.root.children("joint"):
+        limit, name = node.child("limit"), node.text("name")
+        if limit is None or name not in subject.joints or subject.joints[name].kind not in ONE_FREEDOM:
+            continue
+        lower = limit.number("lower", -math.inf, infinite=True)
+        upper = limit.number("upper", math.inf, infinite=True)
+        if lower > upper:
+            yield subject.of_joint(
+                "limits-crossed",
+                name,
+                f"lower {lower:g}, upper {upper:g} {_unit(subject.joints[name])}: no position is allowed",
+                "hybridyn takes it as not limited; other programs will not move it",
+                "exchange the two, or correct a sign",
+            )
+
+
 def _unit(joint: Joint) -> str:
     return "m" if joint.kind == "prismatic" else "rad"
 
 
 def _range(subject: Subject, joint: Joint, driven: bool) -> Iterator[Finding]:
     stated = f"lower {joint.lower:g}, upper {joint.upper:g} {_unit(joint)}"
-    if joint.lower > joint.upper:
-        yield subject.of_joint(
-            "limits-crossed",
-            joint.name,
-            f"{stated}: no position is allowed",
-            "programs that keep to limits cannot move it",
-            "exchange the two, or correct a sign",
-        )
-    elif joint.lower == joint.upper:
+    if joint.lower == joint.upper:
         yield subject.of_joint(
             "limits-empty",
             joint.name,

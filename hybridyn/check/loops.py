@@ -207,7 +207,7 @@ class _Judge:
             yield self._about(
                 "singular-serial",
                 f"its platform '{module.outputs[0]}' loses a direction at the home posture ({lost:.1e} of "
-                "the largest): a leg is stretched or folded",
+                "what is usual): a leg is stretched or folded",
                 "the platform cannot be asked to move that way there",
                 "choose another home posture, away from this one",
             )
@@ -223,12 +223,13 @@ class _Judge:
             motion = m.tree.sweep(q)
             J = np.concatenate([m.tree.jacobian(motion, body) / units for body in m.spec.outputs], axis=1)
             motions = np.linalg.qr(Psi / m.reduction.col_scale[:, None])[0]
-            s = np.linalg.svd(J @ (motions * m.reduction.col_scale[:, None]), compute_uv=False)
-            out: Array = s / s[:, :1]
+            scaled = J @ (motions * m.reduction.col_scale[:, None])
+            out: Array = np.linalg.svd(scaled, compute_uv=False).astype(float)
             return out
 
         usual = np.median(values(m.postures, m.basis(m.generic_K).Psi), axis=0)
-        rank = int(np.sum(usual > SINGULAR))
-        at_home = values(m.home[None], Psi)[0]
-        least = float(at_home[rank - 1])
+        rank = int(np.sum(usual > SINGULAR * usual[0]))
+        if not rank:
+            return None
+        least = float(values(m.home[None], Psi)[0, rank - 1] / usual[0])
         return least if least < SINGULAR else None

@@ -22,6 +22,8 @@ LARGER = 1.5
 SMALLER = 0.02
 #: Without a shape a radius of gyration is compared with the whole robot's size.
 WHOLE = 3.0
+#: An inertia below this part of mass x (robot's size)^2 is rounding around zero: a point mass.
+POINT = 1e-12
 #: Masses of one robot that differ by more lose digits in each other's sums.
 RATIO = 1e7
 
@@ -39,7 +41,10 @@ def _inertia(subject: Subject, link: Link) -> Iterator[Finding]:
     if not link.inertia.any():
         return
     moments = np.linalg.eigvalsh(link.inertia)
-    slack = INERTIA_SLACK * float(np.abs(moments).max())
+    largest = float(np.abs(moments).max())
+    if largest < POINT * link.mass * subject.extent**2:
+        return
+    slack = INERTIA_SLACK * largest
     stated = f"principal moments {moments[0]:.3g}, {moments[1]:.3g}, {moments[2]:.3g} kg m^2"
     if moments[0] < -slack:
         yield subject.of_link(

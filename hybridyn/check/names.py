@@ -10,7 +10,7 @@ from .places import Places
 from .subject import Subject
 
 NAMED = ("link", "joint", "loop", "constraint", "loop_joint", "coupling")
-TOLD_ELSEWHERE = ("unphysical inertia", "no file says which joints")  # per link and by `no-motors`
+TOLD_ELSEWHERE = ("unphysical inertia", "no file says which joints", "both ignored")
 
 
 def duplicated_names(root: Node) -> list[Finding]:

@@ -1,0 +1,352 @@
+"""`hybridyn check`: one wrong robot per finding, the same robot without it when it is mended."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import pytest
+from robot_texts import LOOP, TREE, robot, save
+
+import hybridyn
+from hybridyn.check import CODES, Finding, is_readable, worst
+from hybridyn.check.masses import unit_guess
+
+BALL = (
+    '<inertial><mass value="2"/>'
+    '<inertia ixx="0.02" iyy="0.02" izz="0.02" ixy="0" ixz="0" iyz="0"/></inertial>'
+)
+
+
+def link(name: str, inside: str = "") -> str:
+    return f'<link name="{name}">{inside}</link>'
+
+
+def joint(
+    name: str, parent: str, child: str, kind: str = "revolute", inside: str = "", **limits: float
+) -> str:
+    stated = {"lower": -1, "upper": 1, "effort": 5, "velocity": 2} | limits
+    limit = " ".join(f'{key}="{value}"' for key, value in stated.items())
+    return (
+        f'<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>'
+        f'<origin xyz="0.3 0 0"/><axis xyz="0 0 1"/><limit {limit}/>{inside}</joint>'
+    )
+
+
+def arm(*parts: str, kind: str = "revolute", inside: str = BALL, **limits: float) -> str:
+    """Give a robot of one moving link, with other elements."""
+    return (
+        f'<robot name="arm">{link("base")}{link("arm", inside)}{joint("turn", "base", "arm", kind, **limits)}'
+        + "".join(parts)
+        + "</robot>"
+    )
+
+
+def inertial(mass: float, ixx: float, iyy: float, izz: float, com: str = "0 0 0") -> str:
+    return (
+        f'<inertial><origin xyz="{com}"/><mass value="{mass}"/>'
+        f'<inertia ixx="{ixx}" iyy="{iyy}" izz="{izz}" ixy="0" ixz="0" iyz="0"/></inertial>'
+    )
+
+
+def boxed(mass: float, inertia: float, size: str = "0.2 0.2 0.2", com: str = "0 0 0") -> str:
+    shape = f'<visual><geometry><box size="{size}"/></geometry></visual>'
+    return inertial(mass, inertia, inertia, inertia, com) + shape
+
+
+def motors(*names: str) -> str:
+    return "".join(
+        f'<transmission name="t_{name}"><joint name="{name}"/><actuator name="m"/></transmission>'
+        for name in names
+    )
+
+
+def four_bar(*names: str, loop: str = LOOP, tree: str = TREE) -> str:
+    return f'<robot name="four_bar">{tree}{loop}{motors(*names)}</robot>'
+
+
+ON_AXIS, BESIDE = (inertial(1, 1, 1, 1, com) for com in ("1 0 0", "1 0.1 0"))
+
+
+def crank_and_slide(*names: str, rod: str = ON_AXIS) -> str:
+    """Give a crank that pushes a slide by a rod with a ball at either end."""
+
+    def joint(name: str, kind: str, parent: str, child: str, xyz: str, axis: str, rpy: str = "0 0 0") -> str:
+        return (
+            f'<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>'
+            f'<origin xyz="{xyz}" rpy="{rpy}"/><axis xyz="{axis}"/>'
+            '<limit lower="-3" upper="3" effort="1" velocity="1"/></joint>'
+        )
+
+    return (
+        '<robot name="r">' + link("ground") + link("crank", inertial(1, 1, 1, 1))
+        + link("slide", inertial(1, 1, 1, 1)) + link("rod", rod)
+        + '<link name="roll"/><link name="pitch"/>'
+        + joint("drive", "revolute", "ground", "crank", "0 0 0", "0 1 0")
+        + joint("rail", "prismatic", "ground", "slide", "2.2 0 0", "1 0 0")
+        + joint("ball_x", "revolute", "crank", "roll", "0 0 0.5", "1 0 0", "0 0.2 0.1")
+        + joint("ball_y", "revolute", "roll", "pitch", "0 0 0", "0 1 0")
+        + joint("ball_z", "revolute", "pitch", "rod", "0 0 0", "0 0 1")
+        + '<loop name="pin" type="spherical"><predecessor link="rod"><origin xyz="2 0 0"/></predecessor>'
+        '<successor link="slide"/></loop>' + motors(*names) + "</robot>"
+    )  # fmt: skip
+
+
+ALPHA = math.acos(0.875)  # cosine rule with sides 2, 1.5, 1: crank and coupler, both 1 m, in line
+BETA = math.atan2(2.0 * math.sin(ALPHA), 2.0 * math.cos(ALPHA) - 1.5)
+DEAD = TREE.replace('rpy="0 0 0.4"', f'rpy="0 0 {ALPHA!r}"').replace(
+    '<origin xyz="1.5 0 0"/><parent link="ground"/>',
+    f'<origin xyz="1.5 0 0" rpy="0 0 {BETA!r}"/><parent link="ground"/>',
+)
+DEAD_LOOP = LOOP.replace("1.5 0 0", "1 0 0")
+ON_ROCKER = link("hand", BALL) + joint("wrist", "rocker", "hand")
+SLIDE = link("foot", BALL) + joint("height", "rocker", "foot", "prismatic").replace("0.3 0 0", "1 0 0")
+
+
+def tilted(by: float) -> str:
+    """Give the four-bar's tree with one axis tilted out of the plane."""
+    elbow = '<origin xyz="1 0 0"/><parent link="crank"/>'
+    return TREE.replace(elbow, elbow.replace("/>", f' rpy="{by} 0 0"/>', 1))
+
+
+FLAT = TREE.replace('rpy="0 0 0.4"', 'rpy="0 0 0"')  # base 1.5 + crank 1 = crank 1 + coupler 1.5: all in line
+MESH = '<visual><geometry><mesh filename="{}"/></geometry></visual>'
+TWO_ARMS = link("other", BALL) + joint("follow", "arm", "other", inside='<mimic joint="turn" {}/>')
+
+WRONG: dict[str, tuple[str, str]] = {
+    # code: (robot, element that must be named)
+    "duplicate-name": (arm(link("arm")), "link 'arm'"),
+    "same-name": (arm(link("tip", BALL), joint("tip", "arm", "tip")), "link 'tip'"),
+    "unused-link": (arm(link("tool"), joint("mount", "arm", "tool", "fixed")), "link 'tool'"),
+    "reader": (arm("<wobble/>"), ""),
+    "negative-inertia": (arm(inside=inertial(2, -0.02, 0.02, 0.02)), "link 'arm'"),
+    "triangle-inequality": (arm(inside=inertial(2, 0.01, 0.01, 0.05)), "link 'arm'"),
+    "inertia-without-mass": (arm(inside=inertial(0, 0.01, 0.01, 0.01)), "link 'arm'"),
+    "missing-inertial": (
+        arm(inside='<visual><geometry><sphere radius="0.1"/></geometry></visual>'),
+        "link 'arm'",
+    ),
+    "massless-motion": (crank_and_slide("drive", rod=inertial(1, 0, 0, 0, "1 0 0")), "module "),
+    "com-outside": (arm(inside=boxed(2, 0.02, com="0 1 0")), "link 'arm'"),
+    "inertia-too-large": (arm(inside=boxed(2, 20_000.0)), "link 'arm'"),
+    "inertia-too-small": (arm(inside=boxed(2, 1e-9)), "link 'arm'"),
+    "too-dense": (arm(inside=boxed(500, 2.0)), "link 'arm'"),
+    "mass-ratio": (
+        arm(link("dust", inertial(1e-9, 0, 0, 0)), joint("j", "arm", "dust", "fixed")),
+        "link 'dust'",
+    ),
+    "no-mass": (arm(inside=""), "module 'arm'"),
+    "millimetres": (arm().replace('xyz="0.3 0 0"', 'xyz="300 0 0"'), "joint 'turn'"),
+    "mesh-scale": (arm(inside=BALL + MESH.format("part.stl")), "link 'arm'"),
+    "degrees": (arm(lower=-180, upper=180), "joint 'turn'"),
+    "missing-mesh": (arm(inside=BALL + MESH.format("package://nowhere/part.stl")), "link 'arm'"),
+    "broken-mesh": (arm(inside=BALL + MESH.format("broken.stl")), "link 'arm'"),
+    "limits-crossed": (arm(lower=1, upper=-1), "joint 'turn'"),
+    "limits-empty": (arm(lower=0, upper=0), "joint 'turn'"),
+    "limits-missing": (
+        arm(kind="prismatic").replace('lower="-1" upper="1"', ""),
+        "joint 'turn'",
+    ),
+    "limits-zero": (arm(effort=0), "joint 'turn'"),
+    "home-outside-limits": (arm(lower=0.5, upper=1), "joint 'turn'"),
+    "mimic-motor": (arm(TWO_ARMS.format(""), motors("turn", "follow")), "joint 'follow'"),
+    "mimic-chain": (
+        arm(
+            TWO_ARMS.format(""),
+            link("third", BALL),
+            joint("last", "other", "third", inside='<mimic joint="follow"/>'),
+        ),
+        "joint 'last'",
+    ),
+    "mimic-zero": (arm(TWO_ARMS.format('multiplier="0"')), "joint 'follow'"),
+    "mimic-limits": (arm(TWO_ARMS.format('multiplier="2"')), "joint 'follow'"),
+    "loops-close-nowhere": (four_bar("drive", loop=LOOP.replace("1.5 0 0", "9 0 0")), "module "),
+    "rank-in-doubt": (four_bar("drive", tree=tilted(3e-3)), "'rocker'"),
+    "no-robot": (
+        arm(
+            link("frame"),
+            joint("weld", "base", "frame", "fixed"),
+            LOOP.replace("coupler", "base").replace("rocker", "frame"),
+        ),
+        "'pin'",
+    ),
+    "open-at-home": (four_bar("drive"), "module "),
+    "locked": (
+        four_bar("drive", loop=LOOP.replace('"revolute"', '"fixed"').replace('rpy="0 0 0"', 'rpy="0 0 1"')),
+        "module ",
+    ),
+    "redundant-closures": (four_bar("drive"), "module "),
+    "rounded": (four_bar("drive", tree=tilted(1e-6)), "module "),
+    "no-motors": (arm().replace("</robot>", motors("fixed") + "</robot>"), ""),
+    "motor-cannot-move": (
+        four_bar(
+            "drive",
+            "height",
+            loop=SLIDE + LOOP.replace('link="rocker"><origin xyz="1 0 0"', 'link="foot"><origin xyz="0 0 0"'),
+        ),
+        "joint 'height'",
+    ),
+    "motors-missing": (crank_and_slide("drive", rod=BESIDE), "module "),
+    "motors-opposed": (crank_and_slide("drive", "rail", rod=BESIDE), "module "),
+    "motors-redundant": (four_bar("drive", "elbow"), "module "),
+    "idle-motion": (crank_and_slide("drive"), "module "),
+    "singular-closures": (four_bar("drive", tree=FLAT), "module "),
+    "singular-parallel": (four_bar("swing", tree=DEAD, loop=DEAD_LOOP), "module "),
+    "singular-serial": (four_bar("drive", "wrist", tree=DEAD + ON_ROCKER, loop=DEAD_LOOP), "module "),
+    "unreadable": ("<robot name='a'>", ""),
+}
+
+OPTIONS = {"rank-in-doubt": {"closure_tolerance": 1e-2}}
+
+
+def found(tmp_path: Path, text: str, **options: object) -> list[Finding]:
+    (tmp_path / "broken.stl").write_bytes(b"this is no mesh")
+    corners = "0 0 0", "900 0 0", "0 900 0"
+    vertices = "".join(f"vertex {corner}\n" for corner in corners)
+    facet = f"facet normal 0 0 1\nouter loop\n{vertices}endloop\nendfacet\n"
+    (tmp_path / "part.stl").write_text(f"solid part\n{facet}endsolid part\n")
+    return hybridyn.check(save(tmp_path, text, "wrong.urdf"), **options)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("code", CODES)
+def test_finding(code: str, tmp_path: Path) -> None:
+    text, element = WRONG[code]
+    findings = found(tmp_path, text, **OPTIONS.get(code, {}))
+    (finding, *_) = [finding for finding in findings if finding.code == code]
+    assert finding.element.startswith(element)
+    assert finding.severity == CODES[code][0]
+    assert finding.file is not None
+    assert finding.why
+    assert finding.mend
+    if element:
+        assert finding.line is not None
+
+
+SOUND = {
+    "arm": arm(inside=boxed(2, 0.02)),
+    "mimic": arm(TWO_ARMS.format('multiplier="-1"')),
+    "slide": arm(kind="prismatic"),
+}
+
+
+@pytest.mark.parametrize("name", SOUND)
+def test_a_sound_robot_has_no_findings(name: str, tmp_path: Path) -> None:
+    assert found(tmp_path, SOUND[name]) == []
+
+
+def test_a_sound_four_bar_has_only_its_spare_rows(tmp_path: Path) -> None:
+    """Cranks of 1 m upright on a base of 1.5 m; of its hinge's five rows a plane needs two."""
+    turns = ("1.5707963267948966", "-1.5707963267948966")
+    tree = TREE.replace("0 0 0.4", f"0 0 {turns[0]}")
+    tree = tree.replace(
+        '<origin xyz="1 0 0"/><parent link="crank"/>',
+        f'<origin xyz="1 0 0" rpy="0 0 {turns[1]}"/><parent link="crank"/>',
+    )
+    tree = tree.replace(
+        '<origin xyz="1.5 0 0"/><parent link="ground"/>',
+        f'<origin xyz="1.5 0 0" rpy="0 0 {turns[0]}"/><parent link="ground"/>',
+    )
+    assert [finding.code for finding in found(tmp_path, four_bar("drive", tree=tree))] == [
+        "redundant-closures"
+    ]
+
+
+def test_the_worst_comes_first(tmp_path: Path) -> None:
+    text = arm(link("tool"), joint("mount", "arm", "tool", "fixed"), inside=inertial(2, -1, 1, 1), effort=0)
+    severities = [finding.severity for finding in found(tmp_path, text)]
+    assert severities == ["error", "warning", "note"]
+    assert worst(found(tmp_path, text)) == "error"
+    assert worst([]) is None
+
+
+def test_a_line_is_that_of_the_element(tmp_path: Path) -> None:
+    text = "\n".join(
+        [
+            '<robot name="arm">',
+            '<link name="base"/>',
+            f'<link name="arm">{boxed(500, 2.0)}</link>',
+            joint("turn", "base", "arm", lower=3, upper=4),
+            "</robot>",
+        ]
+    )
+    assert [(f.code, f.line) for f in found(tmp_path, text)] == [("too-dense", 3), ("home-outside-limits", 4)]
+
+
+def test_of_xacro_the_line_is_that_of_the_macro(tmp_path: Path) -> None:
+    """The link that `name="${side}_arm"` writes is found there, in the file that is included."""
+    (tmp_path / "part.xacro").write_text(
+        '<robot xmlns:xacro="http://www.ros.org/wiki/xacro">\n'
+        '<xacro:macro name="part" params="side">\n'
+        f'<link name="${{side}}_arm">{boxed(500, 2.0)}</link>\n'
+        + joint("${side}_turn", "base", "${side}_arm")
+        + "\n</xacro:macro></robot>"
+    )
+    path = save(
+        tmp_path,
+        '<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">\n'
+        '<xacro:include filename="part.xacro"/>\n'
+        '<link name="base"/>\n<xacro:part side="left"/>\n</robot>',
+        "r.urdf.xacro",
+    )
+    (finding,) = hybridyn.check(path)
+    assert finding.code == "too-dense"
+    assert Path(str(finding.file)).name == "part.xacro"
+    assert finding.line == 3
+
+
+def test_equal_modules_are_told_once() -> None:
+    """The fourth module of the LX4 has the numbers of the third."""
+    told = [f for f in hybridyn.check("lx4", motors=["m1_leg1_slide"]) if f.code == "motors-missing"]
+    assert [finding.element for finding in told] == [f"module 'm{k}_platform'" for k in (1, 2, 3)]
+
+
+@pytest.mark.parametrize(
+    ("ratio", "unit"),
+    [(1.2e3 * 0.3, "kg mm^2"), (3.2e4 * 0.3, "g mm^2"), (1e2 * 0.3, "kg cm^2"), (3, "about a point")],
+)
+def test_the_unit_of_an_inertia_is_guessed(ratio: float, unit: str) -> None:
+    """A radius of gyration goes with the root of the inertia; 0.3 of the shape's size is usual."""
+    assert unit in unit_guess(ratio)
+
+
+def test_a_tensor_in_g_mm2_is_told(tmp_path: Path) -> None:
+    """A cube of 2 kg and 0.2 m: m a^2 / 6 = 0.0133 kg m^2 = 1.33e7 g mm^2."""
+    (finding,) = found(tmp_path, arm(inside=boxed(2, 0.2**2 * 2 / 6 * 1e9)))
+    assert finding.code == "inertia-too-large"
+    assert "g mm^2" in finding.mend
+
+
+def test_all_duplicated_names_are_told_at_once(tmp_path: Path) -> None:
+    text = arm(link("arm"), joint("turn", "base", "base"), link("base"))
+    findings = found(tmp_path, text)
+    assert [f.element for f in findings] == ["link 'arm'", "link 'base'", "joint 'turn'"]
+    assert not is_readable(findings)
+
+
+@pytest.mark.parametrize(
+    ("text", "line"),
+    [
+        ("", None),
+        ("<robot", 1),
+        ("<mujoco/>", 1),
+        (arm().replace('mass value="2"', 'mass value="1,5"'), 1),
+        ("<robot name='r'>\n<link name='a'/>\n<joint name='j' type='wobbly'/></robot>", 3),
+        (robot('<weld link1="crank" link2="rocker"/>'), 19),
+    ],
+)
+def test_what_cannot_be_read_is_one_finding(text: str, line: int | None, tmp_path: Path) -> None:
+    (finding,) = found(tmp_path, text)
+    assert (finding.code, finding.line) == ("unreadable", line)
+    assert str(tmp_path) not in finding.message
+
+
+def test_meshes_can_be_left_alone(tmp_path: Path) -> None:
+    text = arm(inside=BALL + MESH.format("broken.stl"))
+    assert found(tmp_path, text, meshes=False) == []
+
+
+def test_a_file_that_is_not_there() -> None:
+    (finding,) = hybridyn.check("nowhere.urdf")
+    assert finding.code == "unreadable"
+    (finding,) = hybridyn.check("fivebar")
+    assert "did you mean 'five_bar'" in finding.message

@@ -1,0 +1,127 @@
+"""`hybridyn check` on the shipped robots and on robots of others, and as a command."""
+
+from __future__ import annotations
+
+import json
+from importlib.metadata import files
+from pathlib import Path
+
+import pytest
+from command_line import call
+from test_check import arm, boxed
+
+import hybridyn
+from hybridyn.check import CODES
+from hybridyn.shipped import main_names, shipped_robots
+
+OTHERS = sorted(
+    {
+        str(file.locate()): str(file)
+        for file in files("example-robot-data") or ()
+        if str(file).endswith((".urdf", ".xacro"))
+    }
+)
+SAMPLE = ("ur5_robot", "panda", "romeo_laas_small", "pr2", "double_pendulum", "quadrotor_base", "baxter")
+KNOWN = {"stewart_ur5": {"inertia-too-large", "unused-link"}, "five_bar": {"redundant-closures"}}
+"""What is true of the shipped robots: the UR5 has placeholders, the five-bar's hinge closes a plane."""
+
+
+@pytest.mark.parametrize("name", main_names())
+def test_shipped_robots_have_no_errors(name: str) -> None:
+    assert {finding.code for finding in hybridyn.check(name)} == KNOWN.get(name, set())
+
+
+@pytest.mark.parametrize("name", [n for n, robot in shipped_robots().items() if robot.is_benchmark])
+def test_benchmark_mechanisms_are_judged(name: str) -> None:
+    assert all(finding.code in CODES for finding in hybridyn.check(name))
+
+
+def judged(file: str) -> None:
+    """Every finding of a robot of others is complete."""
+    for finding in hybridyn.check(file):
+        assert finding.code in CODES
+        assert finding.message
+        assert "nan" not in finding.message.split()
+
+
+@pytest.mark.parametrize(
+    "file", [f for f in OTHERS if Path(f).name.partition(".")[0] in SAMPLE], ids=lambda f: Path(f).name
+)
+def test_robots_of_others(file: str) -> None:
+    judged(file)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("file", OTHERS, ids=lambda file: "/".join(Path(file).parts[-2:]))
+def test_all_robots_of_others(file: str) -> None:
+    judged(file)
+
+
+def test_the_arm_with_placeholders_is_known() -> None:
+    """The UR5's three wrist links carry the inertia of a link three times their size."""
+    (file,) = [file for file in OTHERS if file.endswith("/ur5_robot.urdf")]
+    told = [finding.element for finding in hybridyn.check(file) if finding.code == "inertia-too-large"]
+    assert told == ["link 'wrist_1_link'", "link 'wrist_2_link'", "link 'wrist_3_link'"]
+
+
+WRONG, DOUBTFUL, FINE = arm(inside=boxed(2, -0.02)), arm(inside=boxed(500, 2.0)), arm(inside=boxed(2, 0.02))
+
+
+@pytest.mark.parametrize(
+    ("text", "words", "status"),
+    [
+        (FINE, [], 0),
+        (DOUBTFUL, [], 0),
+        (DOUBTFUL, ["--fail-on", "warning"], 1),
+        (DOUBTFUL, ["--fail-on", "note"], 1),
+        (DOUBTFUL, ["--fail-on", "note", "--ignore", "too-dense"], 0),
+        (WRONG, [], 1),
+        (WRONG, ["--fail-on", "never"], 0),
+        ("<robot", [], 2),
+        ("<robot", ["--fail-on", "never"], 2),
+    ],
+)
+@pytest.mark.parametrize("form", ["text", "json"])
+def test_exit_status(
+    text: str, words: list[str], status: int, form: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "robot.urdf"
+    path.write_text(text)
+    said = call(capsys, "check", path, *words, *(["--json"] if form == "json" else []))
+    assert said.status == status
+    assert said.err == ""
+    if form == "json":
+        assert all(
+            fact.keys() >= {"code", "severity", "line", "why", "mend"} for fact in json.loads(said.out)
+        )
+
+
+def test_text_and_json_say_the_same(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "robot.urdf"
+    path.write_text(DOUBTFUL)
+    (fact,) = json.loads(call(capsys, "check", path, "--json").out)
+    text = call(capsys, "check", path).out
+    assert f"{path}:{fact['line']}: warning [too-dense]" in text
+    flat = " ".join(text.split())
+    for part in ("message", "why", "mend"):
+        assert " ".join(str(fact[part]).split()) in flat
+    assert text.endswith("robot.urdf: 1 warning\n")
+
+
+def test_many_findings_of_a_kind_are_shortened(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "robot.urdf"
+    frames = "".join(
+        f'<link name="f{i}"/><joint name="j{i}" type="fixed"><parent link="arm"/><child link="f{i}"/></joint>'
+        for i in range(20)
+    )
+    path.write_text(arm(frames))
+    short, full = call(capsys, "check", path).out, call(capsys, "check", path, "--all").out
+    assert "and 8 more [unused-link]" in short
+    assert full.count("[unused-link]") == 20
+    assert short.splitlines()[-1] == full.splitlines()[-1] == f"{path}: 20 notes"
+
+
+def test_a_misspelt_code_is_told(capsys: pytest.CaptureFixture[str]) -> None:
+    said = call(capsys, "check", "five_bar", "--ignore", "to-dense")
+    assert (said.status, said.err.count("\n")) == (2, 1)
+    assert "did you mean 'too-dense'" in said.err
