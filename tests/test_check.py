@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 from robot_texts import LOOP, TREE, robot, save
+from snippets import ROOT
 
 import hybridyn
 from hybridyn.check import CODES, Finding, is_readable, worst
@@ -112,6 +113,13 @@ def tilted(by: float) -> str:
 FLAT = TREE.replace('rpy="0 0 0.4"', 'rpy="0 0 0"')  # base 1.5 + crank 1 = crank 1 + coupler 1.5: all in line
 MESH = '<visual><geometry><mesh filename="{}"/></geometry></visual>'
 TWO_ARMS = link("other", BALL) + joint("follow", "arm", "other", inside='<mimic joint="turn" {}/>')
+SIMILAR_HEXAGONS = (
+    (ROOT / "urdf/gough_stewart.urdf.xacro")
+    .read_text()
+    .replace('platform_half_angle="48"', 'platform_half_angle="12"')
+    .replace('filename="modules/', f'filename="{ROOT}/urdf/modules/')
+)
+
 
 WRONG: dict[str, tuple[str, str]] = {
     # code: (robot, element that must be named)
@@ -190,6 +198,7 @@ WRONG: dict[str, tuple[str, str]] = {
     "motors-opposed": (crank_and_slide("drive", "rail", rod=BESIDE), "module "),
     "motors-redundant": (four_bar("drive", "elbow"), "module "),
     "idle-motion": (crank_and_slide("drive"), "module "),
+    "architectural": (SIMILAR_HEXAGONS, "module "),
     "singular-closures": (four_bar("drive", tree=FLAT), "module "),
     "singular-parallel": (four_bar("swing", tree=DEAD, loop=DEAD_LOOP), "module "),
     "singular-serial": (four_bar("drive", "wrist", tree=DEAD + ON_ROCKER, loop=DEAD_LOOP), "module "),
@@ -205,7 +214,7 @@ def found(tmp_path: Path, text: str, **options: object) -> list[Finding]:
     vertices = "".join(f"vertex {corner}\n" for corner in corners)
     facet = f"facet normal 0 0 1\nouter loop\n{vertices}endloop\nendfacet\n"
     (tmp_path / "part.stl").write_text(f"solid part\n{facet}endsolid part\n")
-    return hybridyn.check(save(tmp_path, text, "wrong.urdf"), **options)  # type: ignore[arg-type]
+    return hybridyn.check(save(tmp_path, text, "wrong.xacro" if "xacro" in text else "wrong.urdf"), **options)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("code", CODES)

@@ -61,6 +61,7 @@ CODES: dict[str, tuple[Severity, str]] = {
     "motors-opposed": ("error", "motors drive one motion twice and another not at all"),
     "motors-redundant": ("note", "a module has more motors than freedoms"),
     "idle-motion": ("note", "a motion moves no platform and no centre of mass"),
+    "architectural": ("error", "motors lose a direction at every posture"),
     # singularities at home
     "singular-closures": ("warning", "the home posture is a constraint singularity"),
     "singular-parallel": ("warning", "the home posture is a parallel (type 2) singularity"),

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from ..description.names import LISTED_NAMES, listed
-from ..findings import SINGULAR, home_residuals, motor_share
+from ..findings import SINGULAR, architecturally_singular, home_residuals, motor_share
 from ..free_motions import free_motions, own_inertia
 from ..module import Module
 from ..reduction import ROUNDED
@@ -104,7 +104,17 @@ class _Judge:
         if module.closures and not module.mobility:
             return
         free = free_motions(module)
-        yield from self._held_motors()
+        held = [*self._held_motors()]
+        yield from held
+        singular = "" if held else architecturally_singular(module)
+        if singular:
+            yield self._about(
+                "architectural",
+                singular.partition("; ")[0],
+                "no effort holds the platform along that motion, and no position of the motors tells it",
+                "change the geometry (similar hexagons?) or the choice of motors",
+            )
+            return
         opposed = len(module.motors) - module.mobility + len(free.uncontrolled) + len(free.idle)
         counts = f"{len(module.motors)} motors for {module.mobility} freedoms"
         if free.uncontrolled and module.motors and opposed > 0:
