@@ -195,7 +195,16 @@ WRONG: dict[str, tuple[str, str]] = {
         "joint 'height'",
     ),
     "motors-missing": (crank_and_slide("drive", rod=BESIDE), "module "),
-    "motors-opposed": (crank_and_slide("drive", "rail", rod=BESIDE), "module "),
+    "motors-opposed": (
+        crank_and_slide("drive", "rail", rod=BESIDE)
+        .replace('<predecessor link="rod">', '<predecessor link="tip">')
+        .replace(
+            "<loop",
+            link("tip", BESIDE)
+            + '<joint name="swivel" type="continuous"><parent link="rod"/><child link="tip"/></joint><loop',
+        ),
+        "module ",
+    ),
     "motors-redundant": (four_bar("drive", "elbow"), "module "),
     "idle-motion": (crank_and_slide("drive"), "module "),
     "architectural": (SIMILAR_HEXAGONS, "module "),
