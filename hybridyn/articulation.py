@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from .branch import along_branch
 from .effects.choice import Effects
 from .elimination import least_squares, null_basis
 from .errors import SingularityError
@@ -71,7 +72,13 @@ class ArticulatedModule:
 
 
 def articulate(
-    robot: HybridRobot, states: list[ModuleState], loads: Loads, tau: Array, prescribed: Array | None
+    robot: HybridRobot,
+    states: list[ModuleState],
+    loads: Loads,
+    tau: Array,
+    prescribed: Array | None,
+    *,
+    passing: bool = False,
 ) -> list[ArticulatedModule]:
     """Run the backward recursion: articulated inertias and biases, from the outermost modules inwards.
 
@@ -81,6 +88,7 @@ def articulate(
         loads: External wrenches.
         tau: Motor efforts, shape (T, motors).
         prescribed: Accelerations of which the motors' entries are prescribed, shape (T, nv), or None.
+        passing: Whether postures of lost rank are passed through, on the branch that the velocity is on.
     """
     T = len(tau)
     I_star = [np.tile(s.mechanism.inertias, (T, 1, 1, 1)) for s in states]
@@ -89,7 +97,8 @@ def articulate(
     for k in reversed(range(len(states))):
         s, legs = states[k], _legs(states[k], loads, k)
         wanted = None if prescribed is None else prescribed[:, s.module.v_index]
-        item = _articulate_module(s, legs, I_star[k], beta_star[k], tau[:, s.module.motor_index], wanted)
+        motions = _motions(s, wanted, passing)
+        item = _articulate_module(s, legs, I_star[k], beta_star[k], tau[:, s.module.motor_index], motions)
         out.insert(0, item)
         if s.module.parent >= 0:
             base, output = s.module.parent, s.module.parent_output
@@ -110,7 +119,12 @@ def _legs(state: ModuleState, loads: Loads, k: int) -> LegTerms:
 
 
 def _articulate_module(
-    s: ModuleState, legs: LegTerms, I_star: Array, beta_star: Array, tau: Array, prescribed: Array | None
+    s: ModuleState,
+    legs: LegTerms,
+    I_star: Array,
+    beta_star: Array,
+    tau: Array,
+    motions: tuple[Basis, list[Array]],
 ) -> ArticulatedModule:
     """Solve one module for u_dot over its base's acceleration, Eqs. (40)-(44).
 
@@ -120,13 +134,13 @@ def _articulate_module(
         I_star: Articulated inertias of its outputs, shape (T, outputs, 6, 6).
         beta_star: Their biases, shape (T, outputs, 6).
         tau: Efforts of its motors, shape (T, motors).
-        prescribed: Its accelerations, of which the motors' are prescribed, shape (T, nv), or None.
+        motions: Its motions, and its outputs' accelerations at zero x_ddot, as `_motions` gives them.
 
     Raises:
         SingularityError: Its closures lose rank, or a force acts on a motion without inertia.
     """
     m, n = s.mechanism, s.mechanism.tree.nv
-    basis, bias = _motions(s, prescribed)
+    basis, bias = motions
     refuse_lost_rank(s.module, basis)
     Psi, drift = basis.Psi, basis.drift
     A, D = legs.M[:, 6:, 6:], legs.M[:, 6:, :6]
@@ -218,11 +232,17 @@ def _own_bias(state: ModuleState, load: ModuleLoad, on: Effects) -> Array:
     return out
 
 
-def _motions(state: ModuleState, prescribed: Array | None) -> tuple[Basis, list[Array]]:
-    """Give a module's motions, and its outputs' accelerations at zero x_ddot (own frames, shape (T, 6))."""
+def _motions(state: ModuleState, prescribed: Array | None, passing: bool) -> tuple[Basis, list[Array]]:
+    """Give a module's motions, and its outputs' accelerations at zero x_ddot (own frames, shape (T, 6)).
+
+    Those of `prescribed`, shape (T, nv), or None, are the motions that leave the motors' accelerations as
+    given.
+    """
     m = state.mechanism
     motion = m.tree.sweep(state.q, state.v)
     basis = m.basis(state.K, m.closures.rates(motion, state.v)[1])
+    if passing:
+        basis = along_branch(state, basis)
     bias = [motion.acceleration(body) for body in m.spec.outputs]
     motors = state.module.motor_columns
     if prescribed is None or not len(motors):

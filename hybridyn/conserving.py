@@ -32,10 +32,10 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
+from .chart import AmbiguousBranchError, Chart
 from .energy import leg_bodies
 from .errors import ModelError, SingularityError
 from .integrators import State, StepError, Stepped, System
-from .manifold import Chart
 from .motion_law import MotionLaw
 from .spatial import Array
 
@@ -126,31 +126,35 @@ class Conserving:
             SingularityError: A motion has no inertia.
             StepError: The equations did not solve to rounding.
         """
-        chart = system.manifold.chart(state.q)
+        chart = system.manifold.chart(state.q, state.v)
         N = chart.size
         start = self._end(state.t, state.q, state.v, chart.at_origin(np.eye(N)))
         _refuse_massless(start)
         u0, u_dot = chart.independent(state.v), chart.independent(state.a)
         z = np.concatenate([h * u0 + h * h / 2 * u_dot, h * u0 + h * h * u_dot])
-        best, spent = self._solve(system, chart, start, z, state.t, h)
+        near = h * state.v + h * h / 2 * state.a
+        best, spent = self._solve(system, chart, start, z, state.t, h, near)
         end = best.end
         a = (end.v - state.v) / h
         return Stepped(State(state.t + h, end.q, end.v, a), None, None, spent, chart.pivot)
 
     def _solve(
-        self, system: System, chart: Chart, start: _End, z: Array, t: float, h: float
+        self, system: System, chart: Chart, start: _End, z: Array, t: float, h: float, near: Array
     ) -> tuple[_Attempt, int]:
         """Solve the step's equations by Broyden's method, until rounding keeps them from getting better.
 
+        The first trial is looked for near a displacement, shape (nv,).
+
         Raises:
             AssemblyError: A trial is out of reach.
+            AmbiguousBranchError: They did not solve, at a posture where closures lose rank.
             StepError: They did not solve.
         """
         scale = float(np.abs(z).max(initial=0.0))
         # Near rest the step is short, and the rounding of positions is all that counts.
         farthest = float(np.abs(start.q / system.manifold.position_unit).max(initial=0.0))
         limit = max(SOLVED * scale, FLOOR * max(1.0, farthest))
-        inverse, attempt = np.eye(len(z)), self._attempt(system, chart, start, z, t, h)
+        inverse, attempt = np.eye(len(z)), self._attempt(system, chart, start, z, t, h, near)
         inverse[: chart.size, chart.size :] = np.eye(chart.size) / 2  # y_1 moves by half of what h u_1 does
         best, lowest, idle, spent = attempt, attempt.size, 0, 0
         while spent < ITERATIONS and lowest > ROUNDING * scale and idle < PATIENCE:
@@ -169,6 +173,11 @@ class Conserving:
             inverse = _broyden(inverse, dz, new.F - attempt.F)
             z, attempt = z + dz, new
         if lowest > limit:
+            if chart.narrow:
+                raise AmbiguousBranchError(
+                    f"the conserving step at t = {t:g} s ends where closures lose rank, and rounding there "
+                    f"leaves a residual of {lowest:.2g} in its equations (limit {limit:.0e})"
+                )
             raise StepError(
                 f"the equations of the conserving step at t = {t:g} s were not solved: residual "
                 f"{lowest:.2g} after {spent} iterations (limit {limit:.0e}); take a "
@@ -194,10 +203,19 @@ class Conserving:
             other = pin.rnea(self._model, self._data, q, v, a) + self._rotors * a - elastic
         return _End(q, v, B, M, V, elastic, other)
 
-    def _attempt(self, system: System, chart: Chart, start: _End, z: Array, t: float, h: float) -> _Attempt:
+    def _attempt(
+        self,
+        system: System,
+        chart: Chart,
+        start: _End,
+        z: Array,
+        t: float,
+        h: float,
+        near: Array | None = None,
+    ) -> _Attempt:
         """Evaluate the equations at y = z[:N], u = z[N:] / h of the chart at the step's start."""
         N = chart.size
-        posture = chart.lift(z[:N], z[N:] / h)
+        posture = chart.lift(z[:N], z[N:] / h, near)
         end = self._end(t + h, posture.q, posture.v, chart.rates(np.eye(N)))
         retraction, unit = system.manifold.retraction, system.manifold.unit[:, None]
         x1 = retraction.centred(posture.xi) / 2

@@ -1,11 +1,12 @@
 """Methods that advance a state by one step on the constraint manifold.
 
-Inside a step the unknowns are the independent coordinates y and velocities u of one chart (`manifold.py`),
+Inside a step the unknowns are the independent coordinates y and velocities u of one chart (`chart.py`),
 laid at the step's start:
 
     y_dot = L T(xi)^-1 v(y, u),    u_dot = L a(t, q, v),    L = the chart's `independent`
 
 Every stage is lifted to an assembled posture before the direct model sees it. Errors are measured on q and v.
+Near postures of lost rank a stage must move as the step's start foretells; else it is on another branch.
 
 Source:
     Butcher tableaus: the classical method; Dormand & Prince (1980); Alexander (1977) for the L-stable SDIRK
@@ -19,8 +20,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from .chart import AmbiguousBranchError, Chart, Posture
 from .errors import HybridynError
-from .manifold import Chart, Manifold, Posture
+from .manifold import Manifold
 from .motion_law import MotionLaw
 from .spatial import Array
 
@@ -32,6 +34,8 @@ STAGE_TOLERANCE = 1e-12
 STAGE_ITERATIONS = 25
 #: Step of the one-sided differences of the Jacobian, in scaled coordinates.
 DIFFERENCE = 1e-7
+#: Part of the speed by which rates may differ from those foretold where another branch is near.
+TURN = 0.3
 
 
 class StepError(HybridynError):
@@ -102,11 +106,43 @@ class System:
             a += np.array([self.manifold.pull_back(*s, self.baumgarte) for s in zip(q, v, strict=True)])
         return a
 
-    def posture(self, chart: Chart, t: float, y: Array, u: Array) -> Posture:
-        """Give a chart's posture with a prescribed base in its place."""
-        p = chart.lift(y, u)
+    def posture(self, chart: Chart, t: float, y: Array, u: Array, start: State | None = None) -> Posture:
+        """Give a chart's posture with a prescribed base in its place.
+
+        Args:
+            chart: The chart.
+            t: Time [s].
+            y: Coordinates, shape (N,).
+            u: Velocities, shape (N,).
+            start: The state at the chart's origin, which foretells the posture.
+
+        Raises:
+            AssemblyError: The loops do not close there.
+            AmbiguousBranchError: Another branch is too near, or reached.
+        """
+        if start is None:
+            p = chart.lift(y, u)
+        else:
+            h = t - start.t
+            p = chart.lift(y, u, h * start.v + h * h / 2 * start.a)
+            if chart.narrow:
+                self._refuse_turns(p.v, start.v + h * start.a, t)
         self.law.place_base(t, p.q, p.v)
         return p
+
+    def _refuse_turns(self, v: Array, foretold: Array, t: float) -> None:
+        """Refuse rates that are not near those foretold.
+
+        Raises:
+            AmbiguousBranchError: They are not.
+        """
+        unit = self.manifold.unit
+        off, size = (float(np.abs(x / unit).max(initial=0.0)) for x in (v - foretold, foretold))
+        if off > TURN * size:
+            raise AmbiguousBranchError(
+                f"at t = {t:g} s, next to postures where closures lose rank, the motion turns away from "
+                "where it was heading: that is another branch, or the step is too long"
+            )
 
     def rates(self, chart: Chart, t: Array, postures: list[Posture]) -> tuple[Array, Array, Array]:
         """Give y_dot, u_dot and the accelerations of postures, shapes (T, N), (T, N), (T, nv)."""
@@ -138,17 +174,17 @@ class Explicit:
         Raises:
             AssemblyError: A stage is out of reach.
         """
-        chart = system.manifold.chart(state.q, bound=system.bound)
+        chart = system.manifold.chart(state.q, state.v, bound=system.bound)
         u0 = chart.independent(state.v)
         ky, ku = [u0], [chart.independent(state.a)]
         for row in self.A[1:]:
             y, u = (h * _sum(row, k) for k in (ky, ku))
             t = state.t + h * float(row.sum())
-            y_dot, u_dot, _ = system.rates(chart, np.array([t]), [system.posture(chart, t, y, u0 + u)])
+            y_dot, u_dot, _ = system.rates(chart, np.array([t]), [system.posture(chart, t, y, u0 + u, state)])
             ky.append(y_dot[0])
             ku.append(u_dot[0])
         t = state.t + h
-        end = system.posture(chart, t, h * _sum(self.b, ky), u0 + h * _sum(self.b, ku))
+        end = system.posture(chart, t, h * _sum(self.b, ky), u0 + h * _sum(self.b, ku), state)
         y_dot, u_dot, a = system.rates(chart, np.array([t]), [end])
         error_q = error_v = None
         if self.e is not None:
@@ -182,7 +218,7 @@ class Implicit:
             AssemblyError: A stage is out of reach.
             StepError: A stage did not converge.
         """
-        chart = system.manifold.chart(state.q, bound=system.bound)
+        chart = system.manifold.chart(state.q, state.v, bound=system.bound)
         N = chart.size
         z0 = np.concatenate([np.zeros(N), chart.independent(state.v)])
         first = np.concatenate([z0[N:], chart.independent(state.a)])

@@ -124,7 +124,7 @@ class MotionLaw:
         if self.robot.base == "moving":
             a[:, :6] = base
         states = forward(self.robot, q, v, None, self.on.gravity)
-        modules = articulate(self.robot, states, loads, tau, None)
+        modules = articulate(self.robot, states, loads, tau, None, passing=True)
         accelerate(self.robot, modules, base_of(self.robot, q, v, a, self.on.gravity)[1], q, v, a)
         return a
 

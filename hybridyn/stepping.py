@@ -7,6 +7,7 @@ from typing import Protocol
 
 import numpy as np
 
+from .chart import AmbiguousBranchError
 from .conserving import Conserving
 from .errors import AssemblyError, TrajectoryError
 from .integrators import DOPRI5, RK4, Explicit, Implicit, State, StepError, Stepped, System
@@ -19,6 +20,10 @@ DRIFT = 1e-11
 SHORTEST = 1e-13
 #: A grid point closer to the end than this part of a step is the end.
 SAME_POINT = 1e-9
+#: A fixed step that comes too near to another branch is taken in two parts, the first this long.
+PART = 0.38
+#: Most times that a step is parted.
+PARTINGS = 8
 
 
 class Method(Protocol):
@@ -127,9 +132,25 @@ class Stepper:
         if beyond > -SAME_POINT * abs(h):
             target = self._end
         length = h if abs(beyond) <= SAME_POINT * abs(h) or beyond < 0 else target - state.t
-        stepped = self.method.step(self._system, state, length)
+        stepped = self._in_parts(state, length, PARTINGS)
         self.on_grid += 1
         return replace(stepped, state=replace(stepped.state, t=target))
+
+    def _in_parts(self, state: State, h: float, partings: int) -> Stepped:
+        """Step by h, in unequal parts where a stage would come too near to another branch.
+
+        Raises:
+            AmbiguousBranchError: Shorter steps do as well.
+        """
+        try:
+            return self.method.step(self._system, state, h)
+        except AmbiguousBranchError:
+            if not partings:
+                raise
+        first = self._in_parts(state, PART * h, partings - 1)
+        second = self._in_parts(first.state, state.t + h - first.state.t, partings - 1)
+        self.counters.iterations += first.iterations
+        return replace(second, error_q=None, error_v=None, pivot=min(first.pivot, second.pivot))
 
     def _chosen(self, state: State) -> Stepped:
         """Repeat a step until its error is small enough."""
