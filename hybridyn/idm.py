@@ -13,7 +13,7 @@ from .effects.choice import Choice, choose, times
 from .errors import ActuationError, TrajectoryError
 from .forward import ModuleState, as_batch, base_motion, check_closed, forward, same_samples
 from .loads import Loads, all_loads
-from .lost_rank import along_motion, refuse_lost_rank
+from .lost_rank import along_motion, refuse_lost_digits, refuse_lost_rank
 from .reactions import Reactions, module_reactions
 from .robot import HybridRobot
 from .spatial import Array, wrench_to_base
@@ -149,6 +149,7 @@ def _backward(
     received = [np.zeros((T, len(s.module.outputs), 6)) for s in states]
     summed = [np.zeros((T, len(s.module.outputs))) for s in states]
     root = np.zeros((T, 6))
+    weight = sum(body.mass for body in robot.bodies.bodies) * float(np.linalg.norm(robot.gravity))
     for k in reversed(range(len(states))):
         s, load = states[k], loads.modules[k]
         m = s.mechanism
@@ -173,6 +174,7 @@ def _backward(
             Q += np.einsum("tij,ti->tj", np.matmul(J, Psi), W)  # Eqs. (16), (33) before the motors
             F += wrench_to_base(*s.placement(o), W)
         if sharing is not None:
+            refuse_lost_digits(s.module, basis, Q, size, weight * m.length)
             tau[:, s.module.motor_index] = motor_efforts(robot, s.module, Psi, Q, size, sharing)  # Eq. (33)
         if result is not None:
             module_reactions(result, s, load, F, H, tau[:, s.module.motor_index])

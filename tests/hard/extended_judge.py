@@ -64,13 +64,23 @@ class Judge:
     """The equations of one robot at one posture and velocity, in fifty digits.
 
     Args:
-        description: The robot (fixed base, no redundant motors).
+        description: The robot: fixed base, as many motors as freedoms.
         q: Posture, shape (nq,), float64.
         v: Rates, shape (nv,), float64; drawn from the posture's motions where left out.
         seed: Of that draw.
+        speed: Its root mean square in scaled coordinates.
+        speed: Its size in scaled coordinates, per freedom.
     """
 
-    def __init__(self, description: Description, q: np.ndarray, v: np.ndarray | None = None, seed: int = 0):
+    def __init__(
+        self,
+        description: Description,
+        q: np.ndarray,
+        v: np.ndarray | None = None,
+        *,
+        seed: int = 0,
+        speed: float = 1.0,
+    ) -> None:
         self.oracle = Oracle(description, arithmetic=Extended(mp), rank_tolerance=RANK)
         array = self.oracle.arithmetic.array
         self.q, self.posture = q, self.oracle.posture(q)
@@ -79,7 +89,7 @@ class Judge:
         if v is None:
             rng = np.random.default_rng(seed)
             draw = self.Z.astype(float) @ rng.normal(size=self.Z.shape[1])
-            v = self.unit.astype(float) * draw / np.linalg.norm(draw) * np.sqrt(len(draw))
+            v = self.unit.astype(float) * draw * (speed * np.sqrt(len(draw)) / np.linalg.norm(draw))
         self.v = v
         V, g, k = self.oracle.tree.drifts(self.posture, array(v))
         self._V, self._g = V, g
@@ -110,7 +120,8 @@ class Judge:
     @property
     def condition_of_rows(self) -> float:
         """Condition number of the scaled rows: the reciprocal of the distance to a constraint singularity."""
-        return norm2(self.K_inverse) * norm2(self.K)
+        lost = self.Z.shape[1] > len(self.motors)
+        return np.inf if lost else norm2(self.K_inverse) * norm2(self.K)
 
     @cached_property
     def C(self) -> np.ndarray:
@@ -123,10 +134,6 @@ class Judge:
         """The motors' map along Z, scaled, shape (mobility, motors), as doubles."""
         out: np.ndarray = self.Z[self.motors].T.astype(float)
         return out
-
-    def lost_direction(self) -> np.ndarray:
-        """Give the efforts of the motors, of norm 1, that do least along the motions, shape (motors,)."""
-        return np.linalg.svd(self.B)[2][-1]
 
     # ------------------------------------------------------------------ the reference
 
@@ -147,8 +154,15 @@ class Judge:
 
     # ------------------------------------------------------------------ the verdicts
 
-    def of_idm(self, a: np.ndarray, tau: np.ndarray, exact: Any = None) -> Errors:
-        """Judge the inverse model's efforts for accelerations a."""
+    def of_idm(self, a: np.ndarray, tau: np.ndarray, exact: Any = None, dropped: int = 0) -> Errors:
+        """Judge the inverse model's efforts for accelerations a.
+
+        Args:
+            a: The accelerations, shape (nv,).
+            tau: What the core gave, shape (motors,).
+            exact: The right answer; that of a regular map of the motors where left out.
+            dropped: Number of directions of the motors that a least-norm answer leaves out.
+        """
         array = self.oracle.arithmetic.array
         effort = self._effort(tau)
         F = self.force(a)
@@ -158,8 +172,8 @@ class Judge:
         exact = self.efforts(a) if exact is None else exact
         wrong = norm((array(tau) - exact) * unit)
         size = norm(exact * unit)
-        reach = norm2(np.linalg.pinv(self.B, rcond=1e-14))
-        return Errors(norm(left) / total, wrong / size, reach * total / size)
+        share = np.linalg.svd(self.B, compute_uv=False)[-1 - dropped]
+        return Errors(norm(left) / total, wrong / size, total / (share * size))
 
     def of_ddm(self, tau: np.ndarray, a: np.ndarray, exact: Any = None) -> Errors:
         """Judge the direct model's accelerations under efforts tau."""
