@@ -1,0 +1,89 @@
+/* Arithmetic of W equal lanes (vector extensions of GCC and Clang). Needs S, its integer I, and W. */
+typedef S V __attribute__((vector_size(W * sizeof(S))));
+typedef I M __attribute__((vector_size(W * sizeof(S))));
+
+#define INLINE static inline __attribute__((always_inline, unused))
+#define SELDOM static __attribute__((noinline, cold, unused))
+#define C(x) ((V){0} + (S)(x))
+#define LANE(x, i) ((x)[i])
+
+#if defined(__AVX__) || defined(__SSE2__)
+#include <immintrin.h>
+#endif
+#if defined(__AVX512F__) && W == 8 && defined(DOUBLE)
+#define X86(operation) _mm512_##operation##_pd
+#elif defined(__AVX__) && W == 4 && defined(DOUBLE)
+#define X86(operation) _mm256_##operation##_pd
+#elif defined(__SSE2__) && W == 2 && defined(DOUBLE)
+#define X86(operation) _mm_##operation##_pd
+#elif defined(__AVX512F__) && W == 16
+#define X86(operation) _mm512_##operation##_ps
+#elif defined(__AVX__) && W == 8 && !defined(DOUBLE)
+#define X86(operation) _mm256_##operation##_ps
+#elif defined(__SSE2__) && W == 4 && !defined(DOUBLE)
+#define X86(operation) _mm_##operation##_ps
+#endif
+
+/* a b + c with one rounding where the machine has it; never left to the compiler's taste. */
+#if defined(X86) && defined(__FMA__)
+INLINE V FMA(V a, V b, V c) { return (V)X86(fmadd)(a, b, c); }
+INLINE V FMS(V a, V b, V c) { return (V)X86(fmsub)(a, b, c); }
+INLINE V FNMA(V a, V b, V c) { return (V)X86(fnmadd)(a, b, c); }
+INLINE V FNMS(V a, V b, V c) { return (V)X86(fnmsub)(a, b, c); }
+#elif defined(__FMA__) || defined(__aarch64__)
+INLINE V FMA(V a, V b, V c) {
+    V r;
+    for (int i = 0; i < W; i++) r[i] = SCALAR_FMA(a[i], b[i], c[i]);
+    return r;
+}
+INLINE V FMS(V a, V b, V c) { return FMA(a, b, -c); }
+INLINE V FNMA(V a, V b, V c) { return FMA(-a, b, c); }
+INLINE V FNMS(V a, V b, V c) { return FMA(-a, b, -c); }
+#else
+INLINE V FMA(V a, V b, V c) { return a * b + c; }
+INLINE V FMS(V a, V b, V c) { return a * b - c; }
+INLINE V FNMA(V a, V b, V c) { return c - a * b; }
+INLINE V FNMS(V a, V b, V c) { return -(a * b) - c; }
+#endif
+
+#ifdef X86
+INLINE V SQRT(V x) { return (V)X86(sqrt)(x); }
+#else
+INLINE V SQRT(V x) {
+    V r;
+    for (int i = 0; i < W; i++) r[i] = SCALAR(__builtin_sqrt)(x[i]);
+    return r;
+}
+#endif
+
+INLINE V CHOOSE(M m, V x) { return (V)(m & (M)x); }
+INLINE V SELECT(M m, V a, V b) { return (V)((m & (M)a) | (~m & (M)b)); }
+INLINE V NUMBER(M m) { return CHOOSE(m, C(1)); }
+#define TRUE(x) ((x) != C(0))
+#define NOT(m) (~(m))
+#define AND(a, b) ((a) & (b))
+#define OR(a, b) ((a) | (b))
+INLINE V FABS(V x) { return (V)((M)x & ~(M)C(-0.0)); }
+INLINE int ANY(M m) {
+#if defined(X86) && defined(__AVX512F__) && W * 8 == 64 && defined(DOUBLE)
+    return _mm512_test_epi64_mask((__m512i)m, (__m512i)m) != 0;
+#else
+    I any = 0;
+    for (int i = 0; i < W; i++) any |= m[i];
+    return any != 0;
+#endif
+}
+
+/* Functions of the C library, lane after lane. */
+#define LANES1(name, function)                                \
+    static __attribute__((noinline, unused)) V name(V x) {     \
+        V r;                                                   \
+        for (int i = 0; i < W; i++) r[i] = function(x[i]);     \
+        return r;                                              \
+    }
+#define LANES2(name, function)                                     \
+    static __attribute__((noinline, unused)) V name(V x, V y) {     \
+        V r;                                                        \
+        for (int i = 0; i < W; i++) r[i] = function(x[i], y[i]);    \
+        return r;                                                   \
+    }

@@ -1,0 +1,132 @@
+"""Small linear algebra on expressions: NumPy object arrays of floats and CasADi scalars.
+
+Products skip zeros and ones, so that unit axes and empty blocks leave no code.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+Expression = NDArray[Any]  # of float or casadi.SX scalars
+
+#: Entries of constant rotations below this are rounding of cosines and sines.
+ROUNDING = 4e-16
+
+
+def is_zero(x: Any) -> bool:
+    """Say whether a scalar is known to be zero."""
+    return bool(x.is_zero()) if isinstance(x, ca.SX) else x == 0
+
+
+def times(x: Any, y: Any) -> Any:
+    """Multiply two scalars; a factor that is known to be zero leaves a plain 0."""
+    if is_zero(x) or is_zero(y):
+        return 0.0
+    return x * y
+
+
+def plain(values: Any) -> Expression:
+    """Give numbers as an array of expressions."""
+    return np.asarray(values, dtype=float).astype(object)
+
+
+def zeros(*shape: int) -> Expression:
+    """Give zeros."""
+    return plain(np.zeros(shape))
+
+
+def eye(n: int) -> Expression:
+    """Give a unit matrix."""
+    return plain(np.eye(n))
+
+
+def symbols(name: str, n: int) -> tuple[ca.SX, Expression]:
+    """Give a column of symbols, and the same as an array of expressions, shape (n,)."""
+    column = ca.SX.sym(name, n)
+    return column, unpack(column)
+
+
+def unpack(column: ca.SX) -> Expression:
+    """Give the entries of a column, shape (n,)."""
+    out = np.empty(column.numel(), dtype=object)
+    for i in range(len(out)):
+        out[i] = column[i]
+    return out
+
+
+def pack(*parts: Any) -> ca.SX:
+    """Give expressions one after the other as one dense column."""
+    flat = [x for part in parts for x in np.asarray(part, dtype=object).ravel()]
+    return ca.densify(ca.vertcat(*[ca.SX(x) for x in flat])) if flat else ca.SX(0, 1)
+
+
+def dot(A: Expression, B: Expression) -> Expression:
+    """Multiply matrices or vectors, shapes as for `A @ B`."""
+    left = A if A.ndim == 2 else A[None]
+    right = B if B.ndim == 2 else B[:, None]
+    out = np.empty((left.shape[0], right.shape[1]), dtype=object)
+    for i in range(out.shape[0]):
+        row = [(k, x) for k, x in enumerate(left[i]) if not is_zero(x)]
+        for j in range(out.shape[1]):
+            out[i, j] = _sum([times(x, right[k, j]) for k, x in row])
+    if A.ndim == 1:
+        out = out[0]
+    return out[..., 0] if B.ndim == 1 else out
+
+
+def _sum(terms: list[Any]) -> Any:
+    """Add scalars, zeros left out."""
+    total: Any = 0.0
+    for term in terms:
+        if not is_zero(term):
+            total = term if is_zero(total) else total + term
+    return total
+
+
+def congruence(B: Expression, M: Expression) -> Expression:
+    """Give B^T M B for symmetric M; only one triangle is computed."""
+    MB = dot(M, B)
+    out = np.empty((B.shape[1], B.shape[1]), dtype=object)
+    for i in range(B.shape[1]):
+        for j in range(i, B.shape[1]):
+            out[i, j] = out[j, i] = dot(B[:, i], MB[:, j][:, None])[0]
+    return out
+
+
+def cross(a: Expression, b: Expression) -> Expression:
+    """Give the vector product, shape (3,)."""
+    return np.array(
+        [_sum([times(a[i], b[j]), -times(a[j], b[i])]) for i, j in ((1, 2), (2, 0), (0, 1))], dtype=object
+    )
+
+
+def hat(a: Expression) -> Expression:
+    """Give the matrix of a x, shape (3, 3)."""
+    out = zeros(3, 3)
+    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        out[i, j], out[j, i] = -a[k], a[k]
+    return out
+
+
+def snap(R: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Give a rotation whose entries of rounding size are zero, and unit ones are units."""
+    out = np.where(np.abs(R) < ROUNDING, 0.0, R)
+    return np.where(np.abs(np.abs(out) - 1.0) < ROUNDING, np.sign(out), out)
+
+
+def upper(M: Expression) -> Expression:
+    """Give the upper triangle of a symmetric matrix, row by row."""
+    return M[np.triu_indices(len(M))]
+
+
+def symmetric(entries: Expression, n: int) -> Expression:
+    """Give a symmetric matrix from its upper triangle."""
+    out = np.empty((n, n), dtype=object)
+    rows, cols = np.triu_indices(n)
+    out[rows, cols] = entries
+    out[cols, rows] = entries
+    return out

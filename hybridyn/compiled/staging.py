@@ -1,0 +1,151 @@
+"""Cut one graph of expressions into functions that run at different times.
+
+A model is written as one graph. Some of its inputs are known only later (a later stage), so it is cut: what a
+later stage needs of an earlier one is handed over, once each, and nothing is computed twice.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import casadi as ca
+
+from .expressions import pack
+
+Node = int
+
+
+@dataclass(frozen=True)
+class Stage:
+    """One stage of a cut graph.
+
+    Attributes:
+        inputs: Names of its inputs in order; ("from", s) is what stage s hands over to it.
+        outputs: Names of its outputs in order; ("to", t) is what it hands over to stage t.
+        function: The CasADi function.
+    """
+
+    inputs: tuple[Any, ...]
+    outputs: tuple[Any, ...]
+    function: ca.Function
+
+
+@dataclass
+class _Graph:
+    """The instructions of a function in single-assignment form.
+
+    Attributes:
+        code: For each node its operation, operands, and a constant's value or an input's place.
+        stage: Stage at which each node is known.
+        results: For each output its nodes.
+    """
+
+    code: list[tuple[int, tuple[Node, ...], Any]] = field(default_factory=list)
+    stage: list[int] = field(default_factory=list)
+    results: list[list[Node]] = field(default_factory=list)
+
+
+def cut(name: str, inputs: list[dict[str, ca.SX]], outputs: list[dict[str, ca.SX]]) -> list[Stage]:
+    """Cut a graph.
+
+    Args:
+        name: Name of the functions; stage s is `name`_s.
+        inputs: For each stage the columns of symbols that are known from it on, by name.
+        outputs: For each stage the columns that it must give, by name.
+
+    Returns:
+        One stage each. Inputs that a stage does not use are left out of it; earlier ones that it uses are in.
+    """
+    given = [(s, n, column) for s, columns in enumerate(inputs) for n, column in columns.items()]
+    wanted = [(s, n, column) for s, columns in enumerate(outputs) for n, column in columns.items()]
+    whole = ca.Function("whole", [c for *_, c in given], ca.cse([ca.densify(c) for *_, c in wanted]))
+    graph = _read(whole, [s for s, *_ in given])
+    handed = _handed(graph, [s for s, *_ in wanted], len(inputs))
+    return [_stage(f"{name}_{s}", s, graph, handed, given, wanted) for s in range(len(inputs))]
+
+
+def _read(whole: ca.Function, stage_of_input: list[int]) -> _Graph:
+    """Read a function's instructions."""
+    graph = _Graph(results=[[-1] * whole.numel_out(i) for i in range(whole.n_out())])
+    at: dict[int, Node] = {}
+    for k in range(whole.n_instructions()):
+        op, ins, outs = whole.instruction_id(k), whole.instruction_input(k), whole.instruction_output(k)
+        if op == ca.OP_OUTPUT:
+            graph.results[outs[0]][outs[1]] = at[ins[0]]
+            continue
+        operands: tuple[Node, ...] = ()
+        stage, extra = 0, None
+        if op == ca.OP_CONST:
+            extra = whole.instruction_constant(k)
+        elif op == ca.OP_INPUT:
+            stage, extra = stage_of_input[ins[0]], (ins[0], ins[1])
+        else:
+            operands = tuple(at[i] for i in ins)
+            stage = max(graph.stage[i] for i in operands)
+        at[outs[0]] = len(graph.code)
+        graph.code.append((op, operands, extra))
+        graph.stage.append(stage)
+    return graph
+
+
+def _handed(graph: _Graph, stage_of_output: list[int], stages: int) -> dict[tuple[int, int], list[Node]]:
+    """Give the nodes that each stage hands over to each later one."""
+    needed: dict[tuple[int, int], dict[Node, None]] = {}
+
+    def ask(node: Node, by: int) -> None:
+        if graph.stage[node] < by and graph.code[node][0] not in (ca.OP_CONST, ca.OP_INPUT):
+            needed.setdefault((graph.stage[node], by), {})[node] = None
+
+    for node, (_, operands, _) in enumerate(graph.code):
+        for operand in operands:
+            ask(operand, graph.stage[node])
+    for nodes, stage in zip(graph.results, stage_of_output, strict=True):
+        for node in nodes:
+            ask(node, stage)
+    return {key: list(nodes) for key, nodes in needed.items()}
+
+
+def _stage(
+    name: str,
+    s: int,
+    graph: _Graph,
+    handed: dict[tuple[int, int], list[Node]],
+    given: list[tuple[int, str, ca.SX]],
+    wanted: list[tuple[int, str, ca.SX]],
+) -> Stage:
+    """Build the function of one stage."""
+    values: dict[Node, Any] = {}
+    taken = {t: ca.SX.sym(f"from_{t}", len(nodes)) for (t, by), nodes in sorted(handed.items()) if by == s}
+    for t, column in taken.items():
+        values |= {node: column[i] for i, node in enumerate(handed[t, s])}
+    used: dict[int, None] = {}
+
+    def value(node: Node) -> Any:
+        op, operands, extra = graph.code[node]
+        if node in values:
+            return values[node]
+        if op == ca.OP_CONST:
+            out = ca.SX(extra)
+        elif op == ca.OP_INPUT:
+            used[extra[0]] = None
+            out = given[extra[0]][2][extra[1]]
+        elif len(operands) == 1:
+            out = ca.SX.unary(op, values[operands[0]])
+        else:
+            out = ca.SX.binary(op, values[operands[0]], values[operands[1]])
+        values[node] = out
+        return out
+
+    for node, (_, operands, _) in enumerate(graph.code):
+        if graph.stage[node] == s and graph.code[node][0] not in (ca.OP_CONST, ca.OP_INPUT):
+            for operand in operands:
+                value(operand)
+            value(node)
+    results = [(n, pack([value(node) for node in graph.results[i]])) for i, (t, n, _) in enumerate(wanted) if t == s]
+    given_on = [(("to", by), pack([value(n) for n in nodes])) for (t, by), nodes in sorted(handed.items()) if t == s]
+    ins = [(n, column) for i, (_, n, column) in enumerate(given) if i in used]
+    ins += [(("from", t), column) for t, column in taken.items()]
+    outs = [*results, *given_on]
+    function = ca.Function(name, [c for _, c in ins], [x for _, x in outs])
+    return Stage(tuple(n for n, _ in ins), tuple(n for n, _ in outs), function)
