@@ -200,18 +200,22 @@ def spanning_positions(module: Module, x: Array, target: Motion, guess: Array) -
         name = f"wrist of '{module.joints[wrist.joints[-1]]}'"
         task = Task(problem, np.zeros((len(x), tree.nq)), (), 1e-6, module.name, [name] * 6)
         at = m.wrist_positions(number)
-        q[:, at] = follow(task, guess[at], keep_branch=False)
+        if guess.ndim == 1:
+            q[:, at] = follow(task, guess[at], keep_branch=False)
+        else:
+            q[:, at] = task.solve(guess[:, at], np.arange(len(x))).q
     return q
 
 
 def move_module(robot: HybridRobot, number: int, joints: Mapping[str, float], guess: Array) -> Array:
-    """Close the loops of one module for positions of its joints, the other modules staying as they are.
+    """Move joints of one module with its loops closed all the way; the other modules stay as they are.
 
     Args:
         robot: The robot.
         number: Number of the module.
-        joints: Positions by joint, as `assemble` takes them [m or rad].
-        guess: Posture of the robot to start from, shape (nq,).
+        joints: New positions by joint (of those with one freedom), which with the closures fix the module's
+            posture [m or rad].
+        guess: Posture of the robot to start from, its loops closed, shape (nq,).
 
     Returns:
         Posture of the robot on the same assembly branch, shape (nq,).
@@ -221,8 +225,15 @@ def move_module(robot: HybridRobot, number: int, joints: Mapping[str, float], gu
         TrajectoryError: As `assemble`.
     """
     module = robot.modules[number]
-    requests = gather_requests(robot, joints, {})
+    q = np.tile(np.asarray(guess, dtype=float), (2, 1))
+    path = {name: np.array([_position(robot, q[0], name), value]) for name, value in joints.items()}
+    requests = gather_requests(robot, path, {})
     request = module_request(requests, robot, number, robot.bodies.place[module.base][0], {})
-    q = np.array(guess, dtype=float).reshape(1, robot.nq)
-    _assemble_module(robot, module, request, q, *np.zeros((2, 1, robot.nv)))
-    return q[0]
+    _assemble_module(robot, module, request, q, *np.zeros((2, 2, robot.nv)))
+    return q[1]
+
+
+def _position(robot: HybridRobot, q: Array, joint: str) -> float:
+    """Give the position of a joint with one freedom in a posture, shape (nq,)."""
+    at = q[robot.q_slices[robot.joint_index[joint]]]
+    return float(at[0] if len(at) == 1 else np.arctan2(at[1], at[0]))
