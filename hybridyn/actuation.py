@@ -72,7 +72,7 @@ def motor_efforts(
     elif motors == N:
         tau = _square(module, Psi, B, Q, sharing)
     else:
-        share = np.ones(motors) if motors < N else _share(robot, module, sharing) * unit
+        share = np.ones(motors) if motors < N else load_share(robot, module, sharing) * unit
         tau = _least_norm(module, Psi, B, Q, share, sharing)
     missing = Q - np.einsum("tij,tj->ti", B, tau)
     _check_driven(module, Psi, missing, size, sharing)
@@ -130,7 +130,7 @@ def _least_norm(
     return out
 
 
-def _share(robot: HybridRobot, module: Module, sharing: Sharing) -> Array:
+def load_share(robot: HybridRobot, module: Module, sharing: Sharing) -> Array:
     """Give each motor's share: its effort limit, or 1 / sqrt(weight), [N or N m].
 
     Raises:
