@@ -12,7 +12,7 @@ import numpy as np
 
 from .closing import LoopProblem, close
 from .closure import Closures
-from .determinacy import check_determined, full_rank_blocks
+from .determinacy import check_determined, full_rank_blocks, refuse_unbounded
 from .elimination import least_squares
 from .errors import AssemblyError
 from .following import Task, follow
@@ -60,6 +60,7 @@ def assemble(
 
     Raises:
         AssemblyError: A target out of reach, a step that would leave the branch, or too little given.
+        SingularityError: A motion that the joints cannot follow: a platform's where a leg is stretched.
         TrajectoryError: Unknown names, wrong shapes, numbers that are not finite.
     """
     requests = gather_requests(robot, motors or {}, platforms or {})
@@ -105,7 +106,7 @@ def _assemble_module(
     task = module_task(robot, module, request)
     start = m.cut(q[:1, module.q_index], None, None, m.spanning.sweep(q[:1, module.q_index]))[0][0]
     x = settled(m, follow(task, start))
-    x_dot, x_ddot = _rates_and_accelerations(task.problem, m, request, x)
+    x_dot, x_ddot = _rates_and_accelerations(module, task.problem, request, x)
     target = m.tree.sweep(x, x_dot, x_ddot)
     q[:, module.q_index] = spanning_positions(module, x, target, q[0, module.q_index])
     vk, ak = np.zeros((2, len(x), m.spanning.nv))
@@ -149,25 +150,27 @@ def settled(m: Mechanism, x: Array) -> Array:
 
 
 def _rates_and_accelerations(
-    problem: LoopProblem, m: Mechanism, request: ModuleRequest, x: Array
+    module: Module, problem: LoopProblem, request: ModuleRequest, x: Array
 ) -> tuple[Array, Array]:
     """Give rates and accelerations of the tree after the cuts, from the same rows."""
-    samples = np.arange(len(x))
+    m, samples = module.mechanism, np.arange(len(x))
     motion = m.tree.sweep(x)
     K = problem.matrix(motion)
     wanted = [np.zeros((len(x), m.closures.rows))]
     wanted += [t.rates(motion, samples)[0] / t.units for t in problem.targets]
-    x_dot = _solve(problem, m, K, request.known_v, np.concatenate(wanted, axis=1))
+    x_dot = _solve(module, problem, K, request.known_v, np.concatenate(wanted, axis=1), "rates")
     motion = m.tree.sweep(x, x_dot)
     drift = m.closures.rates(motion, x_dot)[1] * m.reduction.row_scale
     wanted = [-drift] + [t.rates(motion, samples)[1] / t.units for t in problem.targets]
-    return x_dot, _solve(problem, m, K, request.known_a, np.concatenate(wanted, axis=1))
+    return x_dot, _solve(module, problem, K, request.known_a, np.concatenate(wanted, axis=1), "accelerations")
 
 
-def _solve(problem: LoopProblem, m: Mechanism, K: Array, known: Array, wanted: Array) -> Array:
+def _solve(module: Module, problem: LoopProblem, K: Array, known: Array, wanted: Array, what: str) -> Array:
     """Solve the rows for the free freedoms, the others given; at last what is given yields to closures."""
+    m = module.mechanism
     x = known / problem.col_scale
     x = x + problem.solve(K, wanted - np.einsum("tij,tj->ti", K, x))
+    refuse_unbounded(module, problem, K, x, wanted, what)
     rows = m.closures.rows
     miss = wanted[:, :rows] - np.einsum("tij,tj->ti", K[:, :rows], x)
     scale = np.abs(x).max(axis=1, initial=0.0) + np.abs(wanted).max(axis=1, initial=0.0)
@@ -178,9 +181,16 @@ def _solve(problem: LoopProblem, m: Mechanism, K: Array, known: Array, wanted: A
 
 
 def spanning_positions(module: Module, x: Array, target: Motion, guess: Array) -> Array:
-    """Give positions of the spanning tree: the legs', and the wrists' that put ends on their targets."""
+    """Give positions of the spanning tree: the legs', and the wrists' that put ends on their targets.
+
+    Args:
+        module: The module.
+        x: Positions of the tree after the cuts, shape (T, its nq).
+        target: Motion of that tree.
+        guess: Posture near the first of a motion, shape (nq,), or one near each posture, shape (T, nq).
+    """
     m = module.mechanism
-    q = np.tile(guess, (len(x), 1))
+    q = np.broadcast_to(guess, (len(x), m.spanning.nq)).copy()
     m.take_leg_positions(x, q)
     for number, wrist in enumerate(m.spec.wrists):
         tree = Tree(list(m.wrist_joints(number)))

@@ -5,13 +5,17 @@ from __future__ import annotations
 import numpy as np
 
 from .closing import LoopProblem
-from .errors import AssemblyError
+from .errors import AssemblyError, SingularityError
 from .module import Module
 from .reduction import RANK_TOLERANCE, Block, decide_rank
 from .spatial import Array, Mask
 
 #: A motion that moves outputs, motors and centres of mass by less than this is idle (a rod's spin).
 IDLE = 1e-6
+#: Rows over the free freedoms whose reciprocal condition falls below this are singular.
+SINGULAR = 1e-10
+#: Rates that exceed what was asked by less than this do not come from a singularity.
+BOUNDED = 1e6
 
 
 def check_determined(module: Module, problem: LoopProblem, generic: Array) -> int:
@@ -64,6 +68,57 @@ def _refuse_open(module: Module, problem: LoopProblem, motion: Array) -> None:
         "its platform" + (f" (motors: {', '.join(module.motors)})" if module.motors else ""),
         module=module.name,
         open_freedoms=motion.shape[1],
+    )
+
+
+def refuse_unbounded(
+    module: Module, problem: LoopProblem, K: Array, x: Array, wanted: Array, what: str
+) -> None:
+    """Refuse rates or accelerations that no finite ones of the joints can follow, at a singular posture.
+
+    Args:
+        module: The module.
+        problem: Its closures and targets.
+        K: Scaled rows over all freedoms, shape (T, rows, nv).
+        x: Scaled rates that were found, shape (T, nv).
+        wanted: Scaled values that the rows were to take, shape (T, rows).
+        what: "rates" or "accelerations".
+
+    Raises:
+        SingularityError: Naming module, joint, sample and condition number.
+    """
+    given = np.abs(x[:, ~problem.free]).max(axis=1, initial=0.0)
+    asked = np.maximum(given, np.abs(wanted).max(axis=1, initial=0.0))
+    missed = np.abs(np.einsum("tij,tj->ti", K, x) - wanted).max(axis=1, initial=0.0)
+    fast = np.abs(x).max(axis=1, initial=0.0) > BOUNDED * asked
+    suspect = np.flatnonzero(fast | (BOUNDED * missed > asked))
+    if not len(suspect):
+        return
+    s = np.linalg.svd(K[suspect][:, :, problem.free], compute_uv=False)
+    least = s[:, (problem.rank or s.shape[1]) - 1]
+    singular = np.flatnonzero(least < SINGULAR * s[:, 0])
+    if not len(singular):
+        return
+    t, i = int(suspect[singular[0]]), int(singular[0])
+    condition = float(s[i, 0] / least[i]) if least[i] else np.inf
+    m = module.mechanism
+    by_platform = bool(problem.targets) or not all(
+        problem.free[m.tree.v_slices[j]].all() for j in m.spec.platforms
+    )
+    kind, mend = (
+        ("serial singularity: a leg is stretched, folded or of no length", "motors instead of a platform")
+        if by_platform
+        else ("parallel singularity: the motors lose a direction", "a platform instead of motors")
+    )
+    joint = module.freedom_names()[int(np.argmax(np.abs(x[t])))]
+    raise SingularityError(
+        f"module '{module.name}': the {what} given at sample {t} cannot be followed, those of {joint} would "
+        f"have no bound ({kind}; condition number {condition:.1e}, limit {1 / SINGULAR:.0e}). Move the "
+        f"motion away from there, or give {mend}",
+        module=module.name,
+        what="legs" if by_platform else "motors",
+        condition=condition,
+        sample=t,
     )
 
 

@@ -25,9 +25,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 from extended_judge import EPS, Judge
+from posing import of_link
 from singular_postures import PLACES
 
-from hybridyn import HybridRobot, SingularityError, ddm, idm
+from hybridyn import HybridRobot, SingularityError, assemble, ddm, idm
 from hybridyn.robot import build_robot
 
 if TYPE_CHECKING:
@@ -176,3 +177,54 @@ def test_a_robot_at_rest_keeps_its_digits(distance: float, claim: Claim) -> None
     still = np.zeros(robot.nv)
     tau = idm(robot, q, still, still)
     claim(f"five_bar flat, {distance:.0e}, weight across", "effort [N m]", np.abs(tau).max(), 1e-12)
+
+
+# ------------------------------------------------------------------ assembly at serial singularities
+
+OUTPUTS = {
+    "five_bar": ("m1_tool", "xz"),
+    "delta": ("m1_platform", "xyz"),
+    "gough_stewart": ("m1_platform", ""),
+}
+
+
+@pytest.mark.parametrize(
+    "place", ["five_bar serial", "delta serial", "gough_stewart serial", "gough_stewart leg"]
+)
+def test_a_platform_motion_cannot_be_followed_where_a_leg_is_singular(place: str) -> None:
+    """At the singularity `assemble` says so; the posture at rest is fine, and so are motors in its place."""
+    description, q = PLACES[place](0.0)
+    robot = build_robot(description)
+    link, axes = OUTPUTS[place.split()[0]]
+    pose = link_pose(robot, q, link)
+    rate = np.array([0.3, 0.0, -0.2, 0.0, 0.0, 0.0])
+    given: tuple[object, object] = (pose, rate)
+    if axes:
+        given = tuple({x: float(part["xyz".index(x)]) for x in axes} for part in (pose, rate))
+    with pytest.raises(
+        SingularityError, match=r"the rates given at sample 0 cannot be followed.*serial"
+    ) as caught:
+        assemble(robot, platforms={link: given}, guess=q)
+    assert caught.value.what == "legs"
+    assert caught.value.condition is not None
+    assert caught.value.condition > 1 / LOST_MOTORS
+    at_rest = assemble(robot, platforms={link: given[:1]}, guess=q)
+    assert np.isfinite(np.concatenate(at_rest)).all()
+    assert not at_rest[1].any()
+
+
+def test_motors_that_lose_a_direction_do_not_tell_a_motion() -> None:
+    """At a parallel singularity `assemble` from the motors' rates fails in the same words."""
+    description, q = PLACES["five_bar parallel"](0.0)
+    robot = build_robot(description)
+    at = [robot.v_slices[robot.joints.index(motor)].start for motor in robot.motors]
+    motors = {motor: (q[i], 1.0, 0.0) for motor, i in zip(robot.motors, at, strict=True)}
+    with pytest.raises(SingularityError, match=r"cannot be followed.*parallel singularity") as caught:
+        assemble(robot, motors=motors, guess=q)
+    assert caught.value.what == "motors"
+
+
+def link_pose(robot: HybridRobot, q: np.ndarray, link: str) -> np.ndarray:
+    """Give a link's pose in the base, shape (7,)."""
+    still = np.zeros((1, robot.nv))
+    return of_link(robot, q[None], still, still, link, robot.description.root)[0][0]
