@@ -3,58 +3,103 @@
 from __future__ import annotations
 
 import argparse
+import shutil
 import sys
 import time
 from pathlib import Path
+from typing import Any
 
 from benchmarks.cases import ROOT
-from benchmarks.gate import WrongModelError
-from benchmarks.plan import FULL, SHORT, run
-from benchmarks.report import report
-from benchmarks.results import machine, read_machine, read_results, write_machine, write_results
+from benchmarks.plan import CACHE, Cache, Task, fingerprint, full, measured, short
+from benchmarks.report import write_report
+from benchmarks.results import SECTIONS, Check, read_machines, read_rows, write_machines, write_rows
 from benchmarks.slow import run_slow
+from benchmarks.timing import one_thread
 
 COMMITTED = ROOT / "benchmarks"
 SCRATCH = ROOT / "build" / "benchmarks"
 
-
-def write_report(folder: Path) -> Path:
-    """Write the report from the results in a folder."""
-    results = folder / "results"
-    path = folder / "report.md"
-    path.write_text(report(read_results(results / "results.csv"), read_machine(results / "machine.csv")))
-    return path
+Collected = dict[str, tuple[list[Any], dict[str, str]]]
 
 
 def main() -> int:
     """Run what the command line asks for; gives the exit status."""
-    parser = argparse.ArgumentParser(prog="python -m benchmarks", description="What the models cost.")
-    group = parser.add_mutually_exclusive_group(required=True)
-    group.add_argument("--short", action="store_true", help="under a minute, into build/benchmarks/")
-    group.add_argument("--full", action="store_true", help="minutes, into benchmarks/")
-    group.add_argument("--report", action="store_true", help="only the report, from the committed results")
-    group.add_argument("--slow", action="store_true", help="the slow tests, into benchmarks/results/slow.csv")
-    options = parser.parse_args()
+    options = _options()
     if options.slow:
         return run_slow(COMMITTED / "results" / "slow.csv")
     if options.report:
         print(write_report(COMMITTED))
         return 0
-    folder, plan = (SCRATCH, SHORT) if options.short else (COMMITTED, FULL)
-    (folder / "results").mkdir(parents=True, exist_ok=True)
-    started, facts, results = time.perf_counter(), machine(), []
-    try:
-        for result in run(plan):
-            results.append(result)
-            case, parameter, at, quantity, value, unit = result
-            print(f"{case}, {at} {parameter}: {quantity} {value:.4g} {unit}", flush=True)
-    except WrongModelError as error:
-        print(f"wrong: {error}", file=sys.stderr)
-        return 1
-    write_results(folder / "results" / "results.csv", results)
-    write_machine(folder / "results" / "machine.csv", facts)
-    print(f"{write_report(folder)} after {time.perf_counter() - started:.0f} s")
-    return 0
+    folder, tasks = (SCRATCH, short()) if options.short else (COMMITTED, full())
+    if options.short:
+        shutil.rmtree(SCRATCH / "results", ignore_errors=True)
+    wanted = set(options.only or SECTIONS)
+    tasks = [task for task in tasks if task.section in wanted]
+    if options.case:
+        tasks = [task for task in tasks if task.name in options.case]
+    cache = None if options.short or options.fresh else Cache(CACHE, fingerprint())
+    one_thread()
+    started = time.perf_counter()
+    collected, failed = collect(tasks, cache)
+    if options.case:
+        print("only some cases: kept for the next run of their section, no files written")
+    else:
+        store(folder / "results", collected)
+        print(f"{write_report(folder)} after {time.perf_counter() - started:.0f} s")
+    for line in failed:
+        print(line, file=sys.stderr)
+    return 1 if failed else 0
+
+
+def collect(tasks: list[Task], cache: Cache | None) -> tuple[Collected, list[str]]:
+    """Measure jobs, all that can be.
+
+    Returns:
+        Rows and machine of each section, those left out of which a job failed; what failed, in words.
+    """
+    out: Collected = {}
+    failed: dict[str, str] = {}
+    for number, task in enumerate(tasks, 1):
+        started = time.perf_counter()
+        try:
+            rows, facts, remembered = measured(task, cache)
+        except Exception as error:  # the others are worth having; a run takes long
+            notes = "".join(getattr(error, "__notes__", []))
+            failed[task.section] = f"failed: {task.section}, {task.name}: {error}\n{notes}"
+            print(failed[task.section], flush=True)
+            continue
+        how = "from the cache" if remembered else f"{time.perf_counter() - started:.1f} s"
+        print(f"[{number}/{len(tasks)}] {task.section}, {task.name}: {len(rows)} rows, {how}", flush=True)
+        out.setdefault(task.section, ([], facts))[0].extend(rows)
+    return {name: found for name, found in out.items() if name not in failed}, list(failed.values())
+
+
+def store(folder: Path, collected: Collected) -> None:
+    """Write the files of the sections that were measured; the others stay."""
+    folder.mkdir(parents=True, exist_ok=True)
+    machines = read_machines(folder / "machine.csv")
+    checks = [row for row in read_rows(folder / "gate.csv", Check) if row.section not in collected]
+    for section, (rows, facts) in collected.items():
+        machines[section] = facts
+        checks += [row for row in rows if isinstance(row, Check)]
+        kind = SECTIONS[section]
+        write_rows(folder / f"{section}.csv", kind, [row for row in rows if isinstance(row, kind)])
+    order = list(SECTIONS)
+    write_rows(folder / "gate.csv", Check, sorted(checks, key=lambda row: order.index(str(row[4]))))
+    write_machines(folder / "machine.csv", {name: machines[name] for name in order if name in machines})
+
+
+def _options() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(prog="python -m benchmarks", description="What the models cost.")
+    group = parser.add_mutually_exclusive_group(required=True)
+    group.add_argument("--short", action="store_true", help="under a minute, into build/benchmarks/")
+    group.add_argument("--full", action="store_true", help="tens of minutes, into benchmarks/")
+    group.add_argument("--report", action="store_true", help="only the report, from the committed results")
+    group.add_argument("--slow", action="store_true", help="the slow tests, into benchmarks/results/slow.csv")
+    parser.add_argument("--only", nargs="+", choices=list(SECTIONS), help="these sections")
+    parser.add_argument("--case", nargs="+", help="these jobs of them, into the cache alone")
+    parser.add_argument("--fresh", action="store_true", help="measure everything again")
+    return parser.parse_args()
 
 
 if __name__ == "__main__":

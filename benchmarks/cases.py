@@ -1,13 +1,20 @@
-"""What is measured: stacks of Gough-Stewart modules, and the LX4's shipped trajectory made longer."""
+"""What is measured: the shipped robots, stacks of 6-UPS modules, snakes, a serial arm; and their motions."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from importlib.metadata import PackageNotFoundError, files
 from pathlib import Path
 
 import numpy as np
 
 import hybridyn
+from benchmarks.methods import NotMeasuredError
 from hybridyn.spatial import Array
+
+States = tuple[Array, Array, Array]
 
 ROOT = Path(__file__).parents[1]
 LX4 = ROOT / "urdf" / "lx4.urdf.xacro"
@@ -18,7 +25,81 @@ PLATE = 0.025  # from a platform's frame to the joints of the module that it car
 STEP = 0.005  # between samples, as in the shipped trajectories [s]
 AMPLITUDE = 0.03  # of each coordinate of a platform [m]
 TURN = 0.15  # of a platform about its axis [rad]
+SWING = {"prismatic": 0.02, "revolute": 0.1, "continuous": 0.1}  # of a motor [m, rad]
+SNAKE_SLIDE = 0.005  # of a snake's motor [m]
 GOLDEN_ANGLE = np.pi * (3.0 - np.sqrt(5.0))  # phases that never coincide
+
+
+@dataclass(frozen=True)
+class Case:
+    """A robot with a motion.
+
+    Attributes:
+        name: Its name in tables.
+        family: "shipped", "stack", "snake" or "serial".
+        modules: Number of modules.
+        load: Gives the robot.
+        states: Gives so many states of its motion, q, v, a.
+    """
+
+    name: str
+    family: str
+    modules: int
+    load: Callable[[], hybridyn.HybridRobot]
+    states: Callable[[hybridyn.HybridRobot, int], States]
+
+
+def case_of(name: str) -> Case:
+    """Give a case by name: a shipped robot, "stack 16", "snake 8" or "ur5"."""
+    family, _, number = name.partition(" ")
+    modules = int(number or 0)
+    if name == "lx4":
+        return Case(name, "shipped", 4, partial(stack, 4), stack_states)
+    if family == "stack":
+        return Case(name, family, modules, partial(stack, modules), stack_states)
+    if family == "snake" and modules:
+        return Case(name, family, modules, partial(snake, modules), partial(swinging, slide=SNAKE_SLIDE))
+    if name == "ur5":
+        return Case(name, "serial", 6, ur5, swinging)
+    slide = SNAKE_SLIDE if name == "snake" else SWING["prismatic"]
+    return Case(name, "shipped", 0, partial(shipped, name), partial(swinging, slide=slide))
+
+
+def shipped(name: str) -> hybridyn.HybridRobot:
+    """Load a shipped robot on a fixed base."""
+    return hybridyn.load(ROOT / "urdf" / f"{name}.urdf.xacro")
+
+
+def snake(modules: int) -> hybridyn.HybridRobot:
+    """Load a snake, its tail held."""
+    return hybridyn.load(ROOT / "urdf" / "snake.urdf.xacro", xacro_args={"n": str(modules)})
+
+
+def ur5() -> hybridyn.HybridRobot:
+    """Load a serial arm from example-robot-data.
+
+    Raises:
+        NotMeasuredError: The package is not installed.
+    """
+    try:
+        listed = files("example-robot-data") or []
+    except PackageNotFoundError:
+        raise NotMeasuredError("the package example-robot-data is not installed") from None
+    return hybridyn.load(Path(str(next(file.locate() for file in listed if file.name == "ur5_robot.urdf"))))
+
+
+def swinging(robot: hybridyn.HybridRobot, samples: int, slide: float = SWING["prismatic"]) -> States:
+    """Swing every motor about home, each with its phase: q, v, a, shapes (T, nq), (T, nv), (T, nv)."""
+    motors = {}
+    for k, name in enumerate(robot.motors):
+        number = robot.joint_index[name]
+        kind = robot.kinds[number]
+        size = slide if kind == "prismatic" else SWING[kind]
+        home = robot.home[robot.q_slices[number]]
+        position = np.arctan2(home[1], home[0]) if kind == "continuous" else home[0]
+        x, rate, change = size * waves(samples, np.array([GOLDEN_ANGLE * k]))[:, :, 0]
+        motors[name] = (position + x, rate, change)
+    return hybridyn.assemble(robot, motors=motors, guess=robot.home)
 
 
 def stack(modules: int) -> hybridyn.HybridRobot:
@@ -59,7 +140,7 @@ def waves(samples: int, phases: Array) -> Array:
     return np.array([np.sin(angles), omega * np.cos(angles), -(omega**2) * np.sin(angles)])
 
 
-def stack_states(robot: hybridyn.HybridRobot, samples: int) -> tuple[Array, Array, Array]:
+def stack_states(robot: hybridyn.HybridRobot, samples: int) -> States:
     """Assemble that motion: q, v, a, shapes (T, nq), (T, nv), (T, nv)."""
     return hybridyn.assemble(robot, platforms=stack_motion(len(robot.modules), samples))
 

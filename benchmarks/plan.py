@@ -1,48 +1,185 @@
-"""Which points are measured, in the short and in the full run."""
+"""Which jobs are measured, in the short and in the full run, and how a finished job is remembered.
+
+A job's rows are kept in `build/benchmarks/cache` under a fingerprint of the code, the versions and the
+machine: a run that was stopped goes on where it was, and what did not change is not measured again.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import hashlib
+import json
+from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
 
-from benchmarks.measure import gate, in_own_process, main_job, model_cost
-from benchmarks.results import Result
+from benchmarks import accuracy, callgrind, job, scaling, simulation, singular, throughput
+from benchmarks.cases import ROOT
+from benchmarks.methods import NotMeasuredError
+from benchmarks.processes import in_own_process
+from benchmarks.results import SECTIONS, Check, machine
+
+CACHE = ROOT / "build" / "benchmarks" / "cache"
+OUTPUT = {
+    "report.py",
+    "texts.py",
+    "figures.py",
+    "fronts.py",
+    "curves.py",
+    "goals.py",
+    "__main__.py",
+    "slow.py",
+    "hard.py",
+}
+"""Files of this package that only show what was measured, or measure something else."""
+
+SHIPPED = ("gough_stewart", "rps3", "five_bar", "delta", "tanev", "stewart_ur5", "scara_delta", "lx4")
+STACKS = (1, 2, 4, 8, 16)
+SNAKES = (4, 8, 16)
+DISTANCES = tuple(10.0 ** (-k / 2) for k in range(17))
 
 
 @dataclass(frozen=True)
-class Plan:
-    """A run.
+class Task:
+    """A job.
 
     Attributes:
-        checked: Numbers of modules at which the models are compared with the oracle.
-        modules: Numbers of modules whose cost is measured.
-        samples: Samples per call.
-        repeats: Timed calls.
-        jobs: Rows and cores of each main job.
+        section: Section of the report.
+        name: What it is about, unique in the section.
+        function: Gives the rows.
+        arguments: Its arguments.
+        apart: False where the function makes its own processes.
     """
 
-    checked: tuple[int, ...]
-    modules: tuple[int, ...]
-    samples: int
-    repeats: int
-    jobs: tuple[tuple[int, int], ...]
+    section: str
+    name: str
+    function: Callable[..., list[Any]]
+    arguments: tuple[Any, ...]
+    apart: bool = True
+
+    def run(self) -> list[Any]:
+        """Measure."""
+        rows = (
+            in_own_process(self.function, *self.arguments) if self.apart else self.function(*self.arguments)
+        )
+        return [row._replace(section=self.section) if isinstance(row, Check) else row for row in rows]
 
 
-SHORT = Plan((1,), (1, 2, 4, 8), 32, 1, ((1_000, 2),))
-FULL = Plan(
-    (1, 4), (1, 2, 4, 8, 16, 32, 64), 500, 2, ((10_000, 1), (10_000, 2), (10_000, 4), (1_000, 2), (40_000, 2))
-)
+def short() -> list[Task]:
+    """Give the jobs of the short run: every section, in under a minute on two cores."""
+    effort = accuracy.Effort(judged=2, batch=32, rounds=2, sweep=9)
+    load = throughput.Load((1, 32), (1, 2), 1)
+    steps = simulation.Steps((1e-2,), (1e-2,), (1e-3,), (1e-2,), (), (2e-3,), 0.1)
+    return [
+        Task("ddm", "five_bar", accuracy.measure, ("ddm", "five_bar", effort)),
+        Task("idm", "gough_stewart", accuracy.measure, ("idm", "gough_stewart", effort)),
+        Task(
+            "scaling", "stack 1", scaling.measure, ("stack", 1, 8, ("hybridyn, general", "pin.lcaba")), False
+        ),
+        Task(
+            "scaling", "stack 2", scaling.measure, ("stack", 2, 8, ("hybridyn, general", "pin.lcaba")), False
+        ),
+        Task("simulation", "five_bar", simulation.measure, ("five_bar, let go, 1 s", steps)),
+        Task("throughput", "five_bar", throughput.measure, ("ddm", "five_bar", load)),
+        *(Task("singular", name, singular.measure, (name, (1.0, 1e-3))) for name in singular.APPROACHES),
+        Task("job", "idm 1000 2", job.measure, (1_000, 2)),
+    ]
 
 
-def run(plan: Plan) -> Iterator[Result]:
-    """Give results as they come, the gate first.
+def full() -> list[Task]:
+    """Give the jobs of the full run."""
+    out: list[Task] = []
+    cases = [*SHIPPED, *(f"stack {n}" for n in STACKS if n != 4), *(f"snake {n}" for n in SNAKES), "ur5"]
+    for model in ("ddm", "idm"):
+        for case in cases:
+            few = case in ("stack 16", "snake 16")
+            effort = accuracy.Effort(judged=2 if few else 4, batch=500 if few else 1_000)
+            out.append(Task(model, case, accuracy.measure, (model, case, effort)))
+    for family, sizes in {"stack": (1, 2, 4, 8, 16, 32, 64, 256), "snake": (4, 8, 16, 32, 64, 128)}.items():
+        for n in sizes:
+            samples = scaling.BATCH if n <= 64 else 100
+            out.append(Task("scaling", f"{family} {n}", scaling.measure, (family, n, samples), False))
+    for name in simulation.MOTIONS:
+        out.append(Task("simulation", name, simulation.measure, (name, simulation.Steps())))
+    for case in ("lx4", "five_bar"):
+        for model in ("ddm", "idm"):
+            out.append(
+                Task("throughput", f"{case} {model}", throughput.measure, (model, case, throughput.Load()))
+            )
+    out += [Task("singular", name, singular.measure, (name, DISTANCES)) for name in singular.APPROACHES]
+    for case in ("gough_stewart", "lx4"):
+        for model in ("ddm", "idm"):
+            out.append(Task("callgrind", f"{case} {model}", callgrind.measure, (case, model), False))
+    for rows, cores in ((10_000, 1), (10_000, 2), (10_000, 4), (1_000, 2), (40_000, 2)):
+        out.append(Task("job", f"idm {rows} {cores}", job.measure, (rows, cores), False))
+    return out
+
+
+def fingerprint() -> str:
+    """Give a hash of everything that a measurement depends on, the machine's load apart."""
+    digest = hashlib.sha256()
+    folders = (ROOT / "hybridyn", ROOT / "benchmarks", ROOT / "urdf")
+    for path in sorted(p for folder in folders for p in folder.rglob("*") if p.is_file()):
+        if path.suffix in (".py", ".xacro", ".urdf", ".c", ".h") and not (
+            path.parent.name == "benchmarks" and path.name in OUTPUT
+        ):
+            digest.update(path.relative_to(ROOT).as_posix().encode() + path.read_bytes())
+    facts = {key: value for key, value in machine().items() if key not in ("commit", "load before")}
+    digest.update(repr(facts).encode())
+    return digest.hexdigest()[:16]
+
+
+@dataclass(frozen=True)
+class Cache:
+    """Finished jobs in a folder.
+
+    Attributes:
+        folder: The folder.
+        print: The fingerprint that a job must have to count.
+    """
+
+    folder: Path
+    print: str
+
+    def path(self, task: Task) -> Path:
+        """Give the file of a job; it depends on the job's arguments."""
+        key = hashlib.sha256(repr((task.section, task.name, task.arguments)).encode()).hexdigest()[:12]
+        return self.folder / f"{task.section}-{key}.json"
+
+    def get(self, task: Task) -> tuple[list[Any], dict[str, str]] | None:
+        """Give the rows and the machine of a finished job, None where there is none."""
+        try:
+            stored = json.loads(self.path(task).read_text())
+        except (OSError, ValueError):
+            return None
+        if stored["print"] != self.print:
+            return None
+        kinds = {kind.__name__: kind for kind in (*SECTIONS.values(), Check)}
+        return [kinds[name](*values) for name, values in stored["rows"]], stored["machine"]
+
+    def put(self, task: Task, rows: list[Any], facts: dict[str, str]) -> None:
+        """Keep a finished job."""
+        self.folder.mkdir(parents=True, exist_ok=True)
+        stored = {"print": self.print, "machine": facts, "rows": [(type(r).__name__, list(r)) for r in rows]}
+        part = self.path(task).with_suffix(".part")
+        part.write_text(json.dumps(stored))
+        part.replace(self.path(task))
+
+
+def measured(task: Task, cache: Cache | None) -> tuple[list[Any], dict[str, str], bool]:
+    """Give a job's rows and machine, and whether they were remembered.
 
     Raises:
-        WrongModelError: A model is wrong; nothing after it is measured.
+        WrongModelError: A model is wrong.
+        NotMeasuredError: The job's process died.
     """
-    for modules in plan.checked:
-        yield from in_own_process(gate, modules)
-    for modules in plan.modules:
-        yield from in_own_process(model_cost, modules, plan.samples, plan.repeats)
-    for rows, cores in plan.jobs:
-        yield from main_job(rows, cores)
+    if cache is not None and (found := cache.get(task)) is not None:
+        return (*found, True)
+    facts = machine()
+    try:
+        rows = task.run()
+    except NotMeasuredError as why:
+        raise NotMeasuredError(f"{task.section}, {task.name}: {why}") from None
+    if cache is not None:
+        cache.put(task, rows, facts)
+    return rows, facts, False

@@ -1,21 +1,53 @@
-"""The benchmarks' own arithmetic: the gate refuses, results survive their file, the report is theirs."""
+"""The benchmarks' own arithmetic: the gate refuses, peers agree, references are better, results survive."""
 
 from __future__ import annotations
 
+import math
+import os
+import sys
+import time
 from pathlib import Path
+from types import SimpleNamespace
+from typing import get_type_hints
 
 import numpy as np
 import pytest
+from shipped import shipped
 
-from benchmarks.__main__ import COMMITTED
-from benchmarks.cases import LX4_TRAJECTORY, stack_motion, write_long_trajectory
+import hybridyn
+from benchmarks import accuracy, peers
+from benchmarks.__main__ import COMMITTED, store
+from benchmarks.callgrind import by_library
+from benchmarks.cases import LX4_TRAJECTORY, case_of, stack_motion, write_long_trajectory
+from benchmarks.curves import spread
+from benchmarks.figures import write_figures
+from benchmarks.fronts import cheapest, exponent, front
 from benchmarks.gate import DDM_LIMIT, WrongModelError, refuse, relative
-from benchmarks.report import exponent, report
-from benchmarks.results import Result, read_machine, read_results, write_results
+from benchmarks.goals import goals
+from benchmarks.methods import NotMeasuredError, grid, written
+from benchmarks.peers import rk4
+from benchmarks.peers.mujoco import Translated
+from benchmarks.plan import Cache, Task
+from benchmarks.processes import in_own_process
+from benchmarks.reference import Reference, digits, extended, floor, refer
+from benchmarks.report import read_results, report
+from benchmarks.results import SECTIONS, Check, Flight, Point, read_machines, read_rows, write_rows
+from benchmarks.simulation import MOTIONS, ours, start
+from benchmarks.singular import APPROACHES, load
 from benchmarks.slow import table
+from benchmarks.timing import interleaved
+from hybridyn.robot import build_robot
 
 FIT = 1e-12  # a power law is fitted exactly
 DIFFERENCES = 1e-3  # of the largest rate: second-order central differences at 5 ms of a motion of 1 Hz
+REACHED = {"MuJoCo": 1e-2, "pin.rnea, loops open": math.inf}  # soft closures; another robot's efforts
+AGREES = 1e-11  # every other method, at its best setting, on robots of condition 1e3
+FINER = 1e-17  # long double against 40 digits, on one module
+STEPS = 1e-5  # RK4 at 2 ms in two coordinates of the same motion, 10 ms
+NAN = math.nan
+
+
+# ------------------------------------------------------------------ gate, references
 
 
 @pytest.mark.parametrize("error", [2 * DDM_LIMIT, float("nan")])
@@ -24,29 +56,134 @@ def test_gate_refuses_a_wrong_model(error: float) -> None:
         refuse(error, DDM_LIMIT, "ddm of 4 modules")
 
 
+def test_nothing_is_timed_of_a_wrong_model(monkeypatch: pytest.MonkeyPatch) -> None:
+    right = hybridyn.ddm
+    monkeypatch.setattr(hybridyn, "ddm", lambda *given: right(*given) * (1 + 1e-8))
+    monkeypatch.setattr(accuracy, "interleaved", lambda *_: pytest.fail("timed"))
+    with pytest.raises(WrongModelError, match=r"hybridyn, general, 1 samples of five_bar: error 1.0e-08"):
+        accuracy.measure("ddm", "five_bar", accuracy.Effort(1, 4, 1, 100))
+
+
 def test_error_is_relative_to_the_largest_entry() -> None:
     assert relative(np.array([1.0, 100.0]), np.array([2.0, 100.0])) == 0.01
+    two = Reference(np.array([[1.0, 10.0], [1.0, 2.0]]), 0.0, "")
+    assert two.off(np.array([[1.0, 10.5], [1.0, 2.0]])) == 0.05
+    assert two.off(np.array([[1.0, 10.5], [1.0, math.nan]])) == math.inf
 
 
-def test_exponent_of_a_power_law() -> None:
-    sizes = [1, 2, 4, 8, 16]
-    costs = [99.0, 99.0, *(3.0 * n**1.5 for n in sizes[2:])]  # small cases do not count
-    assert abs(exponent(sizes, costs) - 1.5) < FIT
+@pytest.mark.skipif(np.finfo(np.longdouble).eps > 1e-18, reason="long double is no longer than double")
+@pytest.mark.parametrize("model", ["ddm", "idm"])
+def test_long_double_reference_against_forty_digits(model: str) -> None:
+    own = case_of("five_bar")
+    robot = own.load()
+    q, v, a = own.states(robot, 2)
+    given = a if model == "idm" else hybridyn.idm(robot, q, v, a)
+    exact = digits(robot, model, q, v, given)  # type: ignore[arg-type]
+    found, gain = extended(robot, model, q, v, given)  # type: ignore[arg-type]
+    assert Reference(exact, 0.0, "").off(found) < FINER
+    assert gain < 1e-3
+    assert refer(robot, model, q, v, given).kind == "40 digits"  # type: ignore[arg-type]
+    assert floor(robot, q[0], v[0], hybridyn.idm(robot, q, v, a)[0]) < 1e-14
 
 
-def test_results_survive_their_file(tmp_path: Path) -> None:
-    results = [
-        Result("stack", "modules", 4, "idm time", 123.456, "us per sample"),
-        Result("main job on 2 cores", "rows", 1000, "wall time", 1.5, "s"),
-    ]
-    write_results(tmp_path / "results.csv", results)
-    assert read_results(tmp_path / "results.csv") == results
+# ------------------------------------------------------------------ peers
 
 
-def test_committed_report_is_that_of_the_committed_results() -> None:
-    folder = COMMITTED / "results"
-    expected = report(read_results(folder / "results.csv"), read_machine(folder / "machine.csv"))
-    assert (COMMITTED / "report.md").read_text() == expected, "run python -m benchmarks --report"
+@pytest.mark.parametrize("case", ["five_bar", "rps3", "stack 2", "ur5"])
+def test_every_method_agrees_with_the_reference(case: str) -> None:
+    own = case_of(case)
+    robot = own.load()
+    q, v, a = own.states(robot, 2)
+    tau = hybridyn.idm(robot, q, v, a)
+    agreed = set()
+    for model, given in (("ddm", tau), ("idm", a)):
+        reference = Reference(extended(robot, model, q, v, given)[0], 0.0, "")  # type: ignore[arg-type]
+        for method in peers.methods_of(model):  # type: ignore[arg-type]
+            try:
+                at = method.prepare(robot)
+            except NotMeasuredError:
+                continue
+            states = list(zip(q, v, given, strict=True))
+            errors = [
+                reference.off(np.array([at(s)(*state) for state in states])) for s in method.settings[::2]
+            ]
+            assert min(errors) < REACHED.get(method.name, AGREES), method
+            agreed.add((model, method.name))
+            if method.batches:
+                assert reference.off(at({})(q, v, given)) < AGREES
+    assert {("ddm", "hybridyn, general"), ("ddm", "pin.lcaba"), ("ddm", "MuJoCo")} <= agreed
+    assert ("idm", "pin.rnea" if case == "ur5" else "pin.rnea + projection, per module") in agreed
+
+
+def test_methods_say_what_they_cannot_do(monkeypatch: pytest.MonkeyPatch) -> None:
+    by_name = {(m.model, m.name): m for m in peers.METHODS}
+    robot = build_robot(shipped("five_bar"))
+    with pytest.raises(NotMeasuredError, match="it has loops"):
+        by_name["ddm", "pin.aba"].prepare(robot)
+    monkeypatch.setitem(sys.modules, "mujoco", None)
+    with pytest.raises(NotMeasuredError, match="mujoco is not installed"):
+        by_name["ddm", "MuJoCo"].prepare(robot)
+    monkeypatch.delattr(hybridyn, "compile", raising=False)
+    monkeypatch.setitem(hybridyn._HOME, "compile", "nowhere")
+    monkeypatch.delitem(hybridyn._HOME, "compile")
+    with pytest.raises(NotMeasuredError, match="does not compile"):
+        by_name["ddm", "hybridyn, compiled"].prepare(robot)
+    assert {m.name for m in peers.METHODS if m.threads} == {"hybridyn, compiled"}
+
+
+def test_closures_in_space_that_are_no_points_are_refused(tmp_path: Path) -> None:
+    text = (load(APPROACHES["slider-crank, dead centre"]).description.source or "").strip()
+    path = tmp_path / "sleeve.urdf"
+    path.write_text(Path(text).read_text().replace('type="spherical"', 'type="revolute"'))
+    robot = hybridyn.load(path, rank_tolerance=1e-6)
+    for method in peers.METHODS:
+        if method.name in ("pin.lcaba", "pin.constraintDynamics", "MuJoCo") and method.model == "ddm":
+            with pytest.raises(NotMeasuredError, match="closure 'pin'"):
+                method.prepare(robot)
+
+
+def test_compiled_peer_passes_the_threads_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    def build(robot: hybridyn.HybridRobot, threads: int) -> SimpleNamespace:
+        return SimpleNamespace(ddm=lambda q, v, tau: threads, idm=lambda q, v, a: -threads)
+
+    monkeypatch.setattr(hybridyn, "compile", build, raising=False)
+    found = [m for m in peers.METHODS if m.threads]
+    solvers = [m.prepare(build_robot(shipped("five_bar")), 3)({}) for m in found]
+    assert [solve(np.zeros(1), np.zeros(1), np.zeros(1)) for solve in solvers] == [3, -3]
+
+
+@pytest.mark.parametrize("hold", rk4.HOLDS)
+def test_rk4_on_constraint_dynamics_flies_the_same_motion(hold: str) -> None:
+    at = start(MOTIONS["five_bar, let go, 1 s"], 0.01)
+    q, v = rk4.prepare(at.robot, at.q, at.v, at.tau, at.duration, 2e-3, hold)()
+    expected_q, expected_v = ours(at, {"method": "rk4", "step": 2e-3})
+    assert np.abs(q - expected_q).max() < STEPS
+    assert np.abs(v - expected_v).max() < STEPS * np.abs(v).max()
+    if hold == "projection":
+        assert hybridyn.closure_residual(at.robot, q[1:]).max() < rk4.CLOSED
+
+
+def test_mujoco_gives_a_state_back() -> None:
+    own = case_of("rps3")
+    robot = own.load()
+    q, v, _ = own.states(robot, 1)
+    translated = Translated(robot)
+    translated.place(q[0], v[0])
+    for found, given in zip(translated.state(), (q[0], v[0]), strict=True):
+        assert np.abs(found - given).max() < 1e-15
+
+
+@pytest.mark.parametrize("name", list(APPROACHES))
+def test_states_near_singular_postures_are_closed(name: str) -> None:
+    approach = APPROACHES[name]
+    robot = load(approach)
+    for distance in (1.0, 1e-3):
+        before, (q, v, _), after = (approach.state(distance + h) for h in (-1e-6, 0.0, 1e-6))
+        assert hybridyn.closure_residual(robot, q).max() < 1e-15
+        assert np.abs((after[0] - before[0]) / 2e-6 - v).max() < 1e-8
+
+
+# ------------------------------------------------------------------ motions
 
 
 def test_rates_of_the_motion_are_its_derivatives() -> None:
@@ -64,6 +201,162 @@ def test_long_trajectory_repeats_the_shipped_one(tmp_path: Path) -> None:
     assert long.shape == (1500, short.shape[1])
     assert np.array_equal(long[1000:, 1:], short[:500, 1:])
     assert np.allclose(np.diff(long[:, 0]), 0.005)
+
+
+# ------------------------------------------------------------------ running
+
+
+def test_calls_are_timed_apart() -> None:
+    slow, fast = interleaved([lambda: time.sleep(3e-3), lambda: None], 3)
+    assert slow.least >= 3e-3
+    assert slow.median >= slow.least
+    assert fast.median < 1e-3
+
+
+def add(x: int, y: int) -> int:
+    return x + y
+
+
+def refuse_it() -> None:
+    raise WrongModelError("a: error 1, limit 0")
+
+
+def test_processes_of_their_own() -> None:
+    assert in_own_process(add, 1, 2) == 3
+    with pytest.raises(WrongModelError, match="a: error 1"):
+        in_own_process(refuse_it)
+    with pytest.raises(NotMeasuredError, match=r"died \(exit status 7\)"):
+        in_own_process(os._exit, 7)
+    with pytest.raises(NotMeasuredError, match="given up"):
+        in_own_process(time.sleep, 60, patience=0.1)
+
+
+def test_jobs_are_remembered_as_long_as_nothing_changed(tmp_path: Path) -> None:
+    cache, task = Cache(tmp_path, "code 1"), Task("ddm", "five_bar", accuracy.measure, ("ddm", "five_bar"))
+    rows = [Check("five_bar", "a", 1e-12, NAN, "ddm"), Point("ddm", "five_bar", "x", "", 1, 1, 0.1, 2, 3, "")]
+    assert cache.get(task) is None
+    cache.put(task, rows, {"cores": "4"})
+    found, facts = cache.get(task) or ([], {})
+    assert [repr(row) for row in found] == [repr(row) for row in rows]
+    assert facts == {"cores": "4"}
+    assert Cache(tmp_path, "code 2").get(task) is None
+    assert cache.get(Task("ddm", "five_bar", accuracy.measure, ("idm", "five_bar"))) is None
+    cache.path(task).write_text("{")
+    assert cache.get(task) is None
+
+
+def test_callgrind_costs_by_library() -> None:
+    text = """events: Ir
+ob=(1) /usr/bin/python3
+fn=(1) main
+10 5
++2 7
+cob=(2) /cache/hybridyn/lx4.so
+cfn=(2) ddm
+calls=3 0
+12 900
+ob=(2)
+fn=(2)
+* 300
+summary: 312
+"""
+    assert by_library(text) == {"/usr/bin/python3": 12.0, "/cache/hybridyn/lx4.so": 300.0}
+
+
+# ------------------------------------------------------------------ what the results say
+
+
+def test_exponent_of_a_power_law() -> None:
+    sizes = [1, 2, 4, 8, 16, 32]
+    costs = [99.0, 99.0, *(3.0 * n**1.5 for n in sizes[2:5]), NAN]  # small cases do not count
+    assert abs(exponent(sizes, costs) - 1.5) < FIT
+    assert math.isnan(exponent([1, 2, 4], [1.0, 2.0, 4.0]))
+
+
+def points(*pairs: tuple[float, float]) -> list[Point]:
+    return [Point("ddm", "lx4", "pin.lcaba", f"{us}", 1, 1, error, us, us, "") for us, error in pairs]
+
+
+def test_front_and_cheapest() -> None:
+    swept = points((1, 1e-3), (2, 1e-2), (3, 1e-11), (4, math.inf), (5, 1e-12), (6, 1e-11), (NAN, 0.0))
+    assert [p.us for p in front(swept, lambda p: p.us, lambda p: p.error)][:3] == [1, 3, 5]
+    best, most = cheapest(swept), cheapest(swept, 1e-13)
+    assert best and best.us == 3
+    assert most and most.us == 5
+    assert cheapest([]) is None
+
+
+def test_goals_are_met_or_missed() -> None:
+    ddm = points((100, 1e-12), (50, 1e-6))
+    ddm.append(Point("ddm", "lx4", "hybridyn, compiled", "", 1, 1, 1e-13, 20, 20, ""))
+    ddm.append(Point("ddm", "lx4", "hybridyn, general", "", 1, 1, 1e-13, 200, 200, ""))
+    batch = [
+        Point("ddm", "lx4", "hybridyn, compiled", "", 10_000, n, 1e-13, us, us, "")
+        for n, us in ((1, 4), (4, 2))
+    ]
+    flights = [
+        Flight("lx4, pushed off, 0.2 s", name, "step 0.001", s, 0, 0, 0, "")
+        for name, s in (("hybridyn, compiled, rk4", 0.1), ("rk4 on constraintDynamics, held by nothing", 1.0))
+    ]
+    rows = {name: [] for name in SECTIONS} | {"ddm": ddm, "throughput": batch, "simulation": flights}
+    found = {(g.case.partition(",")[0], g.against): g for g in goals(rows)}
+    lcaba = next(g for g in goals(rows) if g.against == "pin.lcaba")
+    assert (lcaba.measured, lcaba.verdict(0), lcaba.verdict(1)) == ((0.2, 2.0), "met", "missed")
+    assert found["ddm", "itself, one thread"].measured[0] == 0.5
+    assert found["ddm", "itself, one thread"].verdict(0) == "missed"
+    assert found["simulate", "the same on pin.constraintDynamics"].verdict(0) == "met"
+    assert found["idm", "pin.rnea, loops open"].verdict(0) == "not measured"
+
+
+def test_names_are_kept_apart() -> None:
+    found = spread(np.array([5.0, 5.0, 99.0, 98.0, 40.0]), 10.0, 0.0, 100.0)
+    assert np.diff(np.sort(found)).min() >= 10.0
+    assert found.max() <= 100.0
+    assert found[4] == 40.0
+
+
+@pytest.mark.parametrize("section", list(SECTIONS))
+def test_rows_survive_their_file(tmp_path: Path, section: str) -> None:
+    kind = SECTIONS[section]
+    values, types = {str: "a, b", int: 3, float: 1.25e-13}, get_type_hints(kind)
+    row = kind(*(values[t] for t in types.values()))
+    nothing = row._replace(**{name: NAN for name, t in types.items() if t is float})
+    write_rows(tmp_path / "rows.csv", kind, [row, nothing])
+    found = read_rows(tmp_path / "rows.csv", kind)
+    assert found[0] == row
+    assert repr(found[1]) == repr(nothing)
+
+
+def test_a_section_alone_leaves_the_others(tmp_path: Path) -> None:
+    checks = [Check("a", "x", 1e-12, NAN, section) for section in ("idm", "ddm")]
+    rows = points((1, 1e-12))
+    store(tmp_path, {"idm": ([checks[0], *rows], {"cores": "1"}), "ddm": ([checks[1]], {"cores": "1"})})
+    store(tmp_path, {"ddm": (rows, {"cores": "2"})})
+    assert [row.section for row in read_rows(tmp_path / "gate.csv", Check)] == ["idm"]
+    assert read_rows(tmp_path / "idm.csv", Point) == read_rows(tmp_path / "ddm.csv", Point) == rows
+    assert read_machines(tmp_path / "machine.csv") == {"ddm": {"cores": "2"}, "idm": {"cores": "1"}}
+
+
+def test_committed_report_is_that_of_the_committed_results() -> None:
+    folder = COMMITTED / "results"
+    drawn = [path.stem for path in (COMMITTED / "figures").glob("*.svg")]
+    expected = report(read_results(folder), read_machines(folder / "machine.csv"), drawn)
+    assert (COMMITTED / "report.md").read_text() == expected, "run python -m benchmarks --report"
+
+
+def test_equal_results_make_equal_figures(tmp_path: Path) -> None:
+    results = {name: [] for name in SECTIONS} | {"ddm": points((1, 1e-3), (3, 1e-11), (4, 1e-12))}
+    for folder in ("first", "second"):
+        assert [figure.name for figure in write_figures(tmp_path / folder, results)] == ["ddm"]
+    first, second = (tmp_path / folder / "ddm.svg" for folder in ("first", "second"))
+    assert first.read_bytes() == second.read_bytes()
+
+
+def test_settings_in_words() -> None:
+    assert [written(s) for s in grid(mu=(1e-6, 1.0), iterations=(2,))] == [
+        "mu 1e-06, iterations 2", "mu 1, iterations 2",
+    ]  # fmt: skip
+    assert written({}) == ""
 
 
 def test_slow_tests_are_summed_up_by_function() -> None:

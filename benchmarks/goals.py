@@ -1,0 +1,99 @@
+"""The speed goals of the compiled path, measured: ratios in one run, the same states, everybody at 1e-10."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from typing import Any, NamedTuple
+
+from benchmarks.fronts import cheapest
+from benchmarks.results import Flight, Point
+
+OURS = ("hybridyn, compiled", "hybridyn, general")
+BATCH = 10_000
+SIMULATED = ("lx4, pushed off, 0.2 s", "rk4 on constraintDynamics, held by nothing", "step 0.001")
+
+
+class Goal(NamedTuple):
+    """A goal with what was measured.
+
+    Attributes:
+        case, against: What is compared.
+        goal: Largest ratio of times that meets it (smallest, for scaling with threads).
+        measured: The ratio of each of hybridyn's engines, NaN where not measured.
+        peer: What it is a ratio to, in words.
+        at_least: True where the goal is a lower bound.
+    """
+
+    case: str
+    against: str
+    goal: float
+    measured: tuple[float, ...]
+    peer: str
+    at_least: bool = False
+
+    def verdict(self, engine: int) -> str:
+        """Say whether an engine meets the goal."""
+        value = self.measured[engine]
+        if math.isnan(value):
+            return "not measured"
+        return "met" if (value >= self.goal if self.at_least else value <= self.goal) else "missed"
+
+
+def goals(results: dict[str, list[Any]]) -> list[Goal]:
+    """Give every goal."""
+    ddm, idm, batches = results["ddm"], results["idm"], results["throughput"]
+    out = [
+        _one("ddm, LX4, one sample per call", ddm, "lx4", 1, "pin.lcaba", 1 / 4),
+        _one("ddm, LX4, one sample per call", ddm, "lx4", 1, "pin.constraintDynamics", 1 / 10),
+        _one("ddm, 16 modules, one sample per call", ddm, "stack 16", 1, "pin.constraintDynamics", 1 / 90),
+        _one("ddm, 16 modules, one sample per call", ddm, "stack 16", 1, "pin.lcaba", 1 / 4),
+    ]
+    ddm_batch, idm_batch = ([p for p in batches if p.model == model] for model in ("ddm", "idm"))
+    out.append(_one(f"ddm, LX4, batch of {BATCH:,}", ddm_batch, "lx4", BATCH, "pin.lcaba", 1 / 25))
+    out.append(_threads(ddm_batch))
+    open_tree = "pin.rnea, loops open"
+    out.append(_one("idm, LX4, one sample per call", idm, "lx4", 1, open_tree, 3 / 4))
+    out.append(_one(f"idm, LX4, batch of {BATCH:,}", idm_batch, "lx4", BATCH, open_tree, 1 / 6))
+    out.append(_simulation(results["simulation"]))
+    return out
+
+
+def _one(title: str, points: Sequence[Point], case: str, batch: int, against: str, goal: float) -> Goal:
+    """Compare hybridyn's time per sample at a batch with a peer's cheapest setting."""
+    own = [p for p in points if p.case == case]
+    error = math.inf if against == "pin.rnea, loops open" else 1e-10
+    peer = cheapest((p for p in own if p.method == against and p.batch == batch), error)
+    if peer is None:
+        return Goal(title, against, goal, (math.nan, math.nan), "not measured")
+    ratios = tuple(_ratio(own, name, batch, peer.us) for name in OURS)
+    setting = f"{peer.setting}, " if peer.setting else ""
+    return Goal(title, against, goal, ratios, f"{setting}{peer.us:.3g} us, error {peer.error:.0e}")
+
+
+def _ratio(points: Iterable[Point], name: str, batch: int, us: float) -> float:
+    found = [p.us for p in points if (p.method, p.batch) == (name, batch) and p.threads <= 1]
+    return min(found, default=math.nan) / us
+
+
+def _threads(points: Sequence[Point]) -> Goal:
+    """Give the rate of all threads over that of one, by the number of threads."""
+    own = [p for p in points if p.case == "lx4" and p.method == OURS[0] and p.batch == BATCH]
+    times = {p.threads: p.us for p in own if math.isfinite(p.us)}
+    most = max(times, default=1)
+    value = times[1] / (most * times[most]) if most > 1 and 1 in times else math.nan
+    return Goal(
+        f"ddm, LX4, batch of {BATCH:,}, {most} threads", "itself, one thread", 0.8, (value, math.nan),
+        "rate over that of one thread, by the threads", at_least=True,
+    )  # fmt: skip
+
+
+def _simulation(flights: Sequence[Flight]) -> Goal:
+    """Compare RK4 at one step with the same on constraintDynamics."""
+    case, method, setting = SIMULATED
+    times = {f.method: f.seconds for f in flights if (f.case, f.setting) == (case, setting)}
+    peer = times.get(method, math.nan)
+    names = ("hybridyn, compiled, rk4", "hybridyn, rk4, closed in stages")
+    ratios = tuple(times.get(name, math.nan) / peer for name in names)
+    said = "not measured" if math.isnan(peer) else f"{peer:.3g} s for 200 steps, closures left to drift"
+    return Goal("simulate, LX4, RK4, per step", "the same on pin.constraintDynamics", 1 / 8, ratios, said)

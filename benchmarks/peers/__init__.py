@@ -1,0 +1,35 @@
+"""What is compared, one small file each; `METHODS` is all of it.
+
+A method whose package is absent, or that cannot do a robot, raises `NotMeasuredError` when it is set up, and
+the report says so.
+"""
+
+from __future__ import annotations
+
+from benchmarks.methods import Method, Model
+from benchmarks.peers import (
+    compiled,
+    constraint_dynamics,
+    general,
+    lcaba,
+    mujoco,
+    oracle,
+    rnea_projection,
+    serial,
+)
+
+METHODS: tuple[Method, ...] = (
+    *general.METHODS,
+    *compiled.METHODS,
+    *constraint_dynamics.METHODS,
+    *lcaba.METHODS,
+    *rnea_projection.METHODS,
+    *mujoco.METHODS,
+    *oracle.METHODS,
+    *serial.METHODS,
+)
+
+
+def methods_of(model: Model) -> list[Method]:
+    """Give the methods for one of the models."""
+    return [method for method in METHODS if method.model == model]

@@ -1,0 +1,89 @@
+"""RK4 on the spanning tree with `pin.constraintDynamics`, as one writes it: closures drift, unless held.
+
+`hold` says how: "nothing"; "baumgarte", Pinocchio's own correction terms; "projection", Newton steps back to
+the closures after every step, and the velocity projected.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pinocchio as pin
+
+from benchmarks.methods import NotMeasuredError
+from benchmarks.peers.pinocchio_loops import Loops, loops
+from benchmarks.peers.rnea_projection import closure_rows
+from hybridyn import HybridRobot
+from hybridyn.spatial import Array
+
+MU, ITERATIONS = 1e-8, 2  # 1e-13 to 1e-11 on the robots simulated
+BAUMGARTE = 0.1  # of the largest rate that the step allows, critically damped
+CLOSED = 1e-12  # [m]
+MOST_STEPS = 5
+HOLDS = ("nothing", "baumgarte", "projection")
+
+Acceleration = Callable[[Array, Array], Array]
+
+
+def prepare(
+    robot: HybridRobot, q: Array, v: Array, tau: Array, duration: float, step: float, hold: str
+) -> Callable[[], tuple[Array, Array]]:
+    """Prepare a run, which gives q and v after every step, shapes (steps + 1, nq), (steps + 1, nv).
+
+    Raises:
+        NotMeasuredError: Joints are not all hinges and slides, or Pinocchio cannot state the closures.
+    """
+    if set(robot.kinds) - {"revolute", "prismatic"}:
+        raise NotMeasuredError("RK4 is written here for hinges and slides")
+    own = loops(robot)
+    if hold == "baumgarte":
+        rate = BAUMGARTE / step
+        for constraint in own.constraints:
+            constraint.setBaumgarteCorrectorParameters(pin.BaumgarteCorrectorParameters(rate**2, 2 * rate))
+    settings = pin.ProximalSettings(1e-15, MU, ITERATIONS)
+    pin.initConstraintDynamics(own.model, own.data, own.constraints, own.constraint_data)
+    effort = own.efforts(tau)
+
+    def acceleration(q: Array, v: Array) -> Array:
+        a: Array = pin.constraintDynamics(
+            own.model, own.data, q, v, effort, own.constraints, own.constraint_data, settings
+        )
+        return a.copy()
+
+    judge = loops(robot)  # constraint data of its own: they keep state
+    steps = round(duration / step)
+
+    def fly() -> tuple[Array, Array]:
+        qs, vs = np.zeros((steps + 1, len(q))), np.zeros((steps + 1, len(v)))
+        qs[0], vs[0] = q, v
+        for i in range(steps):
+            qs[i + 1], vs[i + 1] = advance(acceleration, qs[i], vs[i], step)
+            if hold == "projection":
+                qs[i + 1], vs[i + 1] = projected(judge, qs[i + 1], vs[i + 1])
+        return qs, vs
+
+    return fly
+
+
+def advance(acceleration: Acceleration, q: Array, v: Array, h: float) -> tuple[Array, Array]:
+    """Take one step of the classical method."""
+    a1 = acceleration(q, v)
+    v2 = v + h / 2 * a1
+    a2 = acceleration(q + h / 2 * v, v2)
+    v3 = v + h / 2 * a2
+    a3 = acceleration(q + h / 2 * v2, v3)
+    v4 = v + h * a3
+    a4 = acceleration(q + h * v3, v4)
+    return q + h / 6 * (v + 2 * v2 + 2 * v3 + v4), v + h / 6 * (a1 + 2 * a2 + 2 * a3 + a4)
+
+
+def projected(own: Loops, q: Array, v: Array) -> tuple[Array, Array]:
+    """Give the closed state near one, by steps of least norm."""
+    for _ in range(MOST_STEPS):
+        K = closure_rows(own, q)
+        missing = np.concatenate([data.c1Mc2.translation for data in own.constraint_data])
+        if np.abs(missing).max() < CLOSED:
+            break
+        q = q + np.linalg.lstsq(K, missing, rcond=1e-10)[0]  # Pinocchio's rows have the sign turned
+    return q, v - np.linalg.lstsq(K, K @ v, rcond=1e-10)[0]

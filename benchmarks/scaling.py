@@ -1,0 +1,164 @@
+"""Time and memory against the number of modules. Every point runs in a process of its own."""
+
+from __future__ import annotations
+
+import math
+import os
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+import hybridyn
+from benchmarks.cases import case_of, stack_motion
+from benchmarks.gate import ROUND_TRIP_LIMIT, round_trip
+from benchmarks.methods import NotMeasuredError, Setting, written
+from benchmarks.peers import METHODS, compiled
+from benchmarks.processes import MIB, forget_peak, in_own_process, peak, resident
+from benchmarks.results import Check, Size
+from benchmarks.timing import interleaved
+from hybridyn import HybridRobot
+from hybridyn.spatial import Array
+
+BATCH = 500
+ROUNDS = 5
+PATIENCE = 900.0  # for one point, compilation included [s]
+#: One setting for each peer that is swept: what reaches 1e-10 up to 16 modules, or comes nearest.
+SETTINGS: dict[str, Setting] = {
+    "pin.constraintDynamics": {"mu": 1e-8, "iterations": 2},
+    "pin.lcaba": {"mu": 1e-2, "iterations": 10},
+    "MuJoCo": {"impedance": 0.9999, "iterations": 5},
+}
+
+
+class Line(NamedTuple):
+    """A line of the figure."""
+
+    model: str
+    method: str
+    batch: int
+
+
+def lines() -> Iterator[Line]:
+    """Give every method, one sample per call, and in batches where it takes them."""
+    for method in METHODS:
+        if method.name in ("pin.aba", "pin.rnea"):
+            continue
+        yield Line(method.model, method.name, 1)
+        if method.batches:
+            yield Line(method.model, method.name, BATCH)
+    yield Line("assemble", "hybridyn, general", BATCH)
+
+
+def measure(
+    family: str, modules: int, samples: int = BATCH, only: tuple[str, ...] = ()
+) -> list[Size | Check]:
+    """Measure all methods on one robot, or only the direct model by some."""
+    case = f"{family} {modules}"
+    with tempfile.TemporaryDirectory() as folder:
+        motion = Path(folder) / "motion.npz"
+        error = in_own_process(write_motion, case, samples, motion)
+        out: list[Size | Check] = [Check(case, "ddm(idm(a)) against a", error, ROUND_TRIP_LIMIT)]
+        if not only:
+            out.append(_compilation(family, modules))
+        for line in lines():
+            if only and (line.model != "ddm" or line.method not in only):
+                continue
+            line = line._replace(batch=min(line.batch, samples))
+            us, mib, note = _tried(point, case, line, motion)
+            setting = written(SETTINGS.get(line.method, {}))
+            name = f"{line.method}, {setting}" if setting else line.method
+            out.append(Size(family, modules, line.model, name, line.batch, us, mib, note))
+    return out
+
+
+def _tried(task: Callable[..., tuple[float, float]], *arguments: object) -> tuple[float, float, str]:
+    """Give time and memory of a task in a process of its own, or why there are none."""
+    try:
+        return (*in_own_process(task, *arguments, patience=PATIENCE), "")
+    except NotMeasuredError as why:
+        return math.nan, math.nan, str(why)
+
+
+def write_motion(case: str, samples: int, path: Path) -> float:
+    """Write states and efforts of a robot's motion; give how well the models invert each other.
+
+    Raises:
+        WrongModelError: They do not.
+    """
+    own = case_of(case)
+    robot = own.load()
+    q, v, a = own.states(robot, samples)
+    np.savez(path, q=q, v=v, a=a, tau=hybridyn.idm(robot, q, v, a))
+    return round_trip(robot, q[:8], v[:8], a[:8])
+
+
+def _compilation(family: str, modules: int) -> Size:
+    """Measure a compilation into an empty cache, and fill the usual one for the other points."""
+    case = f"{family} {modules}"
+    with tempfile.TemporaryDirectory() as folder:
+        us, mib, note = _tried(compilation, case, folder)
+    if not note:
+        _tried(compilation, case, None)
+    return Size(family, modules, "compile", compiled.NAME, 1, us, mib, note)
+
+
+def compilation(case: str, cache: str | None) -> tuple[float, float]:
+    """Give the time [us] and the memory [MiB] of compiling a robot.
+
+    Raises:
+        NotMeasuredError: It cannot be.
+    """
+    if cache is not None:
+        os.environ["XDG_CACHE_HOME"] = cache
+    robot = case_of(case).load()
+    before = resident()
+    forget_peak()
+    started = time.perf_counter()
+    compiled.compiled(robot)
+    return 1e6 * (time.perf_counter() - started), (peak() - before) / MIB
+
+
+def point(case: str, line: Line, path: Path) -> tuple[float, float]:
+    """Give time per sample [us], and what the process grew by from the loaded robot on [MiB].
+
+    Raises:
+        NotMeasuredError: The method cannot do this robot.
+    """
+    robot = case_of(case).load()
+    with np.load(path) as file:
+        q, v, a, tau = (file[name][: line.batch] for name in ("q", "v", "a", "tau"))
+    before = resident()
+    forget_peak()
+    (least, _) = interleaved([_call(robot, line, (q, v, a, tau))], ROUNDS)[0]
+    return 1e6 * least / line.batch, (peak() - before) / MIB
+
+
+def _call(robot: HybridRobot, line: Line, motion: tuple[Array, Array, Array, Array]) -> Callable[[], object]:
+    """Give the call of a line."""
+    q, v, a, tau = motion
+    if line.model == "assemble":
+        target = (
+            stack_motion(len(robot.modules), line.batch) if robot.name == "lx4" else _motors(robot, q, v, a)
+        )
+        kind = "platforms" if robot.name == "lx4" else "motors"
+        return lambda: hybridyn.assemble(robot, guess=q[0], **{kind: target})
+    method = next(m for m in METHODS if (m.model, m.name) == (line.model, line.method))
+    solve = method.prepare(robot)(SETTINGS.get(line.method, {}))
+    given = a if line.model == "idm" else tau
+    if line.batch == 1:
+        q, v, given = q[0], v[0], given[0]
+    return lambda: solve(q, v, given)
+
+
+def _motors(robot: HybridRobot, q: Array, v: Array, a: Array) -> dict[str, tuple[Array, Array, Array]]:
+    """Give the motors' part of a motion, sliding motors only."""
+    out = {}
+    for name in robot.motors:
+        k = robot.joint_index[name]
+        at_q, at_v = robot.q_slices[k].start, robot.v_slices[k].start
+        out[name] = (q[:, at_q], v[:, at_v], a[:, at_v])
+    return out

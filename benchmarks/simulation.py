@@ -1,0 +1,262 @@
+"""Time integration: error of the final state, energy drift and closure residual against time.
+
+Motors push with constant efforts, so that the energy less their work stays. Everything is judged by the same
+functions, after the clock has stopped.
+"""
+
+from __future__ import annotations
+
+import inspect
+import math
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import partial
+from typing import Any, NamedTuple
+
+import numpy as np
+
+import hybridyn
+from benchmarks.cases import GOLDEN_ANGLE, case_of
+from benchmarks.methods import NotMeasuredError, written
+from benchmarks.peers import compiled, rk4
+from benchmarks.peers.mujoco import Translated
+from benchmarks.peers.pinocchio_loops import motor_index
+from benchmarks.results import Check, Flight
+from hybridyn import HybridRobot, HybridynError
+from hybridyn.spatial import Array
+
+SAMPLES = 200  # states of a run that are judged
+GIVEN_UP = 10.0  # error of the final state beyond which it is said to be lost
+REFERENCE = {"method": "dopri5", "rtol": 1e-12, "atol": 1e-14}
+AGAIN = 1.0  # a run shorter than this is flown twice [s]
+OTHER = 0.5  # step of the RK4 that the reference is held against, in those of the finest run
+
+Flown = tuple[Array, Array]
+
+
+class Motion(NamedTuple):
+    """What is simulated.
+
+    Attributes:
+        robot: Name of the case.
+        rate: Of the motors at the start [rad/s, m/s].
+        held: True where the motors push with what holds home at rest, false for no efforts.
+        duration: [s].
+    """
+
+    robot: str
+    rate: float
+    held: bool
+    duration: float
+
+
+MOTIONS = {
+    "five_bar, let go, 1 s": Motion("five_bar", 0.5, False, 1.0),
+    "lx4, pushed off, 0.2 s": Motion("lx4", 0.1, True, 0.2),
+}
+
+
+@dataclass(frozen=True)
+class Steps:
+    """Which settings are flown.
+
+    Attributes:
+        rk4: Steps of RK4 [s].
+        peers: Steps of RK4 on `pin.constraintDynamics` [s].
+        rtol: Relative tolerances of the adaptive method.
+        conserving: Steps of the conserving method [s].
+        implicit: Steps of the implicit method [s].
+        mujoco: Steps of MuJoCo [s].
+        duration: Part of the motion's duration that is flown.
+    """
+
+    rk4: tuple[float, ...] = (1e-2, 5e-3, 2e-3, 1e-3)
+    peers: tuple[float, ...] = (1e-2, 5e-3, 2e-3, 1e-3, 5e-4)
+    rtol: tuple[float, ...] = (1e-3, 1e-5, 1e-7, 1e-9, 1e-11)
+    conserving: tuple[float, ...] = (1e-2, 5e-3, 2e-3, 1e-3)
+    implicit: tuple[float, ...] = (1e-2, 5e-3, 2e-3)
+    mujoco: tuple[float, ...] = (2e-3, 1e-3, 5e-4, 2e-4, 1e-4, 2e-5)
+    duration: float = 1.0
+
+
+@dataclass(frozen=True)
+class Start:
+    """A robot at the start of its motion."""
+
+    robot: HybridRobot
+    q: Array
+    v: Array
+    tau: Array
+    duration: float
+
+
+def start(motion: Motion, part: float) -> Start:
+    """Load a robot and set it off."""
+    robot = case_of(motion.robot).load()
+    motors = {}
+    for k, name in enumerate(robot.motors):
+        home = float(robot.home[robot.q_slices[robot.joint_index[name]].start])
+        motors[name] = (home, motion.rate * math.cos(GOLDEN_ANGLE * k), 0.0)
+    q, v, _ = hybridyn.assemble(robot, motors=motors, guess=robot.home)
+    still = np.zeros(robot.nv)
+    tau = hybridyn.idm(robot, q, still, still) if motion.held else np.zeros(len(robot.motors))
+    return Start(robot, q, v, tau, motion.duration * part)
+
+
+class Judge:
+    """What a run is measured by.
+
+    Attributes:
+        q, v: The final state of the reference.
+        error: How far the reference is from a second method.
+    """
+
+    def __init__(self, at: Start, finest: float) -> None:
+        """Fly the reference, and hold RK4 at a finer step than any other against it."""
+        self._start = at
+        q, v = ours(at, REFERENCE)
+        self.q, self.v = q[-1], v[-1]
+        self._way = np.abs(self.q - at.q).max()
+        self._rate = np.abs(self.v).max()
+        q, v = ours(at, {"method": "rk4", "step": OTHER * finest})
+        self.error = self.state(q[-1], v[-1])
+
+    def state(self, q: Array, v: Array) -> float:
+        """Give the error of a final state, relative to the way and to the largest rate."""
+        with np.errstate(all="ignore"):
+            error = max(np.abs(q - self.q).max() / self._way, np.abs(v - self.v).max() / self._rate)
+        return float(error) if np.isfinite(error) else math.inf
+
+    def flight(self, case: str, method: str, setting: str, seconds: float, flown: Flown) -> Flight:
+        """Judge a run."""
+        at = self._start
+        every = max(1, len(flown[0]) // SAMPLES)
+        q, v = (np.vstack([x[:-1:every], x[-1:]]) for x in flown)
+        error = self.state(q[-1], v[-1])
+        if not error < GIVEN_UP:
+            return Flight(
+                case, method, setting, seconds, error, math.nan, math.nan, "lost: it left the motion"
+            )
+        motors = motor_index(at.robot)
+        found = hybridyn.energy(at.robot, q, v)
+        kept = found.total - (q - q[0])[:, motors] @ at.tau
+        drift = float(np.abs(kept - kept[0]).max() / found.kinetic.max())
+        closure = float(hybridyn.closure_residual(at.robot, q).max())
+        return Flight(case, method, setting, seconds, error, drift, closure, "")
+
+
+def ours(at: Start, options: dict[str, Any]) -> Flown:
+    """Fly with `hybridyn.simulate`.
+
+    Raises:
+        NotMeasuredError: It ended early.
+    """
+    result = hybridyn.simulate(at.robot, at.q, at.v, (0.0, at.duration), effort=at.tau, **options)
+    if result.status != "finished":
+        raise NotMeasuredError(f"ended at {result.t[-1]:g} s: {result.message}")
+    return result.q, result.v
+
+
+def mujocos(at: Start, integrator: str, step: float, time_constant: float) -> Callable[[], Flown]:
+    """Prepare a run of MuJoCo.
+
+    Raises:
+        NotMeasuredError: It is not installed, or cannot state the robot.
+    """
+    own = Translated(at.robot)
+    kinds = own.mujoco.mjtIntegrator
+    own.model.opt.integrator = {"Euler": kinds.mjINT_EULER, "RK4": kinds.mjINT_RK4}[integrator]
+    own.model.opt.timestep, own.model.opt.iterations = step, 20
+    own.model.eq_solref[:] = (time_constant, 1.0)
+    own.stiffen(0.9999)
+    own.data.qfrc_applied[own.motors] = at.tau
+    steps = round(at.duration / step)
+    every = max(1, steps // SAMPLES)
+
+    def fly() -> Flown:
+        own.place(at.q, at.v)
+        states = [own.state()]
+        for i in range(steps):
+            own.mujoco.mj_step(own.model, own.data)
+            if (i + 1) % every == 0 or i == steps - 1:
+                states.append(own.state())
+        return np.array([q for q, _ in states]), np.array([v for _, v in states])
+
+    return fly
+
+
+def flights(at: Start, steps: Steps) -> Iterator[tuple[str, str, Callable[[], Callable[[], Flown]]]]:
+    """Give every run: method, setting, and what prepares it."""
+    closed = {"stages": "closed in stages", "steps": "closed after steps", "never": "not closed"}
+    for h in steps.rk4:
+        for projection, words in closed.items():
+            options = {"method": "rk4", "step": h, "projection": projection}
+            yield f"hybridyn, rk4, {words}", f"step {h:g}", partial(partial, ours, at, options)
+    for rtol in steps.rtol:
+        options = {"method": "dopri5", "rtol": rtol, "atol": rtol / 100}
+        yield "hybridyn, dopri5", f"rtol {rtol:g}", partial(partial, ours, at, options)
+    for h in () if at.tau.any() else steps.conserving:  # it conserves where nothing pushes
+        options = {"method": "conserving", "step": h}
+        yield "hybridyn, conserving", f"step {h:g}", partial(partial, ours, at, options)
+    for h in steps.implicit:
+        options = {"method": "implicit", "step": h}
+        yield "hybridyn, implicit", f"step {h:g}", partial(partial, ours, at, options)
+    for h in steps.rk4:
+        yield f"{compiled.NAME}, rk4", f"step {h:g}", partial(compiled_rk4, at, h)
+    for hold in rk4.HOLDS:
+        for h in steps.peers:
+            prepare = partial(rk4.prepare, at.robot, at.q, at.v, at.tau, at.duration, h, hold)
+            yield f"rk4 on constraintDynamics, held by {hold}", f"step {h:g}", prepare
+    for integrator in ("Euler", "RK4"):
+        for h in steps.mujoco:
+            for constant in sorted({0.02, 2 * h}):
+                setting = written({"step": h, "solref": constant})
+                yield f"MuJoCo, {integrator}", setting, partial(mujocos, at, integrator, h, constant)
+
+
+def compiled_rk4(at: Start, step: float) -> Callable[[], Flown]:
+    """Prepare a run of `hybridyn.simulate` on the compiled model.
+
+    Raises:
+        NotMeasuredError: This version simulates by the general path alone.
+    """
+    if "engine" not in inspect.signature(hybridyn.simulate).parameters:
+        raise NotMeasuredError("simulate has no compiled path in this version")
+    compiled.compiled(at.robot)  # built beforehand: a run pays for loading it
+    return partial(ours, at, {"method": "rk4", "step": step, "engine": "compiled"})
+
+
+def measure(case: str, steps: Steps) -> list[Check | Flight]:
+    """Fly every method at every setting, one after the other; short runs twice, the better time counts."""
+    at = start(MOTIONS[case], steps.duration)
+    ours(at, {"method": "rk4", "step": at.duration / 2})  # everything is imported
+    judge = Judge(at, min(steps.rk4))
+    what = "simulation: the reference (dopri5 at 1e-12) against RK4 at half the finest step"
+    out: list[Check | Flight] = [Check(case, what, judge.error, math.nan)]
+    refused: set[str] = set()
+    for method, setting, prepare in flights(at, steps):
+        if method in refused:
+            continue
+        try:
+            fly = prepare()
+            flown, seconds = _timed(fly)
+            if seconds < AGAIN:
+                seconds = min(seconds, _timed(fly)[1])
+        except NotMeasuredError as why:
+            refused.add(method)
+            out.append(Flight(case, method, "", math.nan, math.nan, math.nan, math.nan, str(why)))
+            continue
+        except HybridynError as why:
+            note = f"refused: {str(why).splitlines()[0]}"
+            out.append(Flight(case, method, setting, math.nan, math.nan, math.nan, math.nan, note))
+            continue
+        out.append(judge.flight(case, method, setting, seconds, flown))
+    return out
+
+
+def _timed(fly: Callable[[], Flown]) -> tuple[Flown, float]:
+    """Give what a run gave, and its time [s]."""
+    started = time.perf_counter()
+    flown = fly()
+    return flown, time.perf_counter() - started

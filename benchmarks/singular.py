@@ -1,0 +1,123 @@
+"""Error against the distance to a singular posture, for every method.
+
+Two plane mechanisms, so that the state can be written down and the reference computed in 60 digits:
+
+- a parallelogram near its flat posture, where the closures are about to lose rank: the direct model;
+- a slider-crank driven by its slider near the dead centre, where the motor is about to lose its lever: the
+  inverse model, whose effort grows as one over the distance.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+import hybridyn
+from benchmarks.cases import ROOT
+from benchmarks.gate import relative
+from benchmarks.methods import Model, NotMeasuredError, written
+from benchmarks.peers import methods_of
+from benchmarks.results import Near
+from hybridyn import HybridRobot, HybridynError
+from hybridyn.oracle import Extended, Oracle
+from hybridyn.spatial import Array
+
+DIGITS = 60
+RANK = 1e-13  # below the least singular value at the nearest distance, above the rounding of the frames
+CRANK, ROD = 0.25, 0.5  # of the slider-crank [m]
+RATE, CHANGE = 1.0, 2.0  # of its crank [rad/s, rad/s^2]
+EFFORT = 3.0  # on the parallelogram's crank [N m]
+
+State = tuple[Array, Array, Array]
+
+
+def parallelogram(angle: float) -> State:
+    """Give the state q, v, tau at an angle of the crank."""
+    side = np.array([1.0, -1.0, 1.0])
+    return angle * side, RATE * side, np.array([EFFORT])
+
+
+def slider_crank(angle: float) -> State:
+    """Give the state q, v, a at an angle of the crank: crank, rod, slide."""
+    s, c, ratio = math.sin(angle), math.cos(angle), CRANK / ROD
+    lean = math.asin(ratio * s)  # of the rod, the other way
+    lean_rate = ratio * c * RATE / math.cos(lean)
+    change = (ratio * (c * CHANGE - s * RATE**2) + math.sin(lean) * lean_rate**2) / math.cos(lean)
+    q = np.array([angle, -angle - lean, CRANK * (c - 1) + ROD * (math.cos(lean) - 1)])
+    v = np.array([RATE, -RATE - lean_rate, -CRANK * s * RATE - ROD * math.sin(lean) * lean_rate])
+    a = np.array(
+        [
+            CHANGE,
+            -CHANGE - change,
+            -CRANK * (c * RATE**2 + s * CHANGE)
+            - ROD * (math.cos(lean) * lean_rate**2 + math.sin(lean) * change),
+        ]
+    )
+    return q, v, a
+
+
+@dataclass(frozen=True)
+class Approach:
+    """A way to a singular posture."""
+
+    file: str
+    model: Model
+    state: Callable[[float], State]
+
+
+APPROACHES = {
+    "parallelogram, flat": Approach("parallelogram", "ddm", parallelogram),
+    "slider-crank, dead centre": Approach("slider_crank", "idm", slider_crank),
+}
+
+
+def load(approach: Approach) -> HybridRobot:
+    """Load the robot of an approach."""
+    return hybridyn.load(ROOT / "benchmarks" / "robots" / f"{approach.file}.urdf")
+
+
+def exact(robot: HybridRobot, model: Model, state: State) -> tuple[Array, float]:
+    """Give the answer at a state in 60 digits, and how far it moves when the loop is closed to the last."""
+    import mpmath
+
+    with mpmath.workdps(DIGITS):
+        oracle = Oracle(robot.description, arithmetic=Extended(mpmath.mp), rank_tolerance=RANK)
+        q, v, given = state
+        call = oracle.ddm if model == "ddm" else oracle.idm
+        answer = call(q, v, given)
+        closed = oracle.close(q)
+        v = oracle.project_velocity(closed, v)
+        moved = call(closed, v, given if model == "ddm" else oracle.consistent_acceleration(closed, v, given))
+        size = max(abs(x) for x in answer)
+        floor = float(max(abs(x) for x in answer - moved) / size)
+        return answer.astype(float), floor
+
+
+def measure(case: str, distances: tuple[float, ...]) -> list[Near]:
+    """Measure every method at every setting."""
+    approach = APPROACHES[case]
+    robot, nan = load(approach), math.nan
+    states = {distance: approach.state(distance) for distance in distances}
+    answers = {distance: exact(robot, approach.model, state) for distance, state in states.items()}
+    out = []
+    for method in methods_of(approach.model):
+        try:
+            at = method.prepare(robot)
+        except NotMeasuredError as why:
+            out.append(Near(case, nan, method.name, "", nan, nan, str(why)))
+            continue
+        for setting in method.settings:
+            solve = at(setting)
+            for distance, state in states.items():
+                answer, floor = answers[distance]
+                error, note = nan, ""
+                try:
+                    found = solve(*state)
+                    error = relative(found, answer) if np.isfinite(found).all() else math.inf
+                except (HybridynError, np.linalg.LinAlgError) as said:
+                    note = f"{type(said).__name__}: {str(said).splitlines()[0]}"
+                out.append(Near(case, distance, method.name, written(setting), error, floor, note))
+    return out

@@ -1,0 +1,77 @@
+"""Times of many calls in one run: interleaved, so that what disturbs the machine disturbs all of them."""
+
+from __future__ import annotations
+
+import gc
+import os
+import random
+import time
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+LEAST = 2e-3  # a measurement repeats a call until it takes this long [s]
+ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+
+
+class Time(NamedTuple):
+    """Time per call over the rounds.
+
+    Attributes:
+        least, median: [s].
+    """
+
+    least: float
+    median: float
+
+
+def interleaved(calls: Sequence[Callable[[], object]], rounds: int, least: float = LEAST) -> list[Time]:
+    """Time calls in turn, in a new order every round.
+
+    Args:
+        calls: What is timed; each is warmed up first.
+        rounds: Measurements of each call.
+        least: Shortest measurement [s].
+
+    Returns:
+        Least and median time of each call.
+    """
+    repeats = [_repeats(call, least) for call in calls]
+    order, found = list(range(len(calls))), [[0.0] * rounds for _ in calls]
+    shuffled = random.Random(0)
+    was_on = gc.isenabled()
+    gc.disable()
+    try:
+        for turn in range(rounds):
+            shuffled.shuffle(order)
+            for i in order:
+                found[i][turn] = timed(calls[i], repeats[i])
+    finally:
+        if was_on:
+            gc.enable()
+    return [Time(min(one), sorted(one)[len(one) // 2]) for one in found]
+
+
+def timed(call: Callable[[], object], repeats: int) -> float:
+    """Give the time of one of some calls in a row [s]."""
+    started = time.perf_counter()
+    for _ in range(repeats):
+        call()
+    return (time.perf_counter() - started) / repeats
+
+
+def _repeats(call: Callable[[], object], least: float) -> int:
+    """Warm a call up; give how often it must run to take so long."""
+    call()
+    repeats = 1
+    while (taken := repeats * timed(call, repeats)) < least:
+        repeats = max(2 * repeats, int(repeats * least / max(taken, 1e-9)) + 1) if taken else 2 * repeats
+        repeats = min(repeats, 100_000)
+        if repeats == 100_000:
+            break
+    return repeats
+
+
+def one_thread() -> None:
+    """Pin the threads of linear algebra to one, for processes started from here."""
+    for name in ONE_THREAD:
+        os.environ[name] = "1"
