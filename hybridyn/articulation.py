@@ -21,7 +21,7 @@ from .lost_rank import refuse_lost_rank
 from .module import Module
 from .reduction import Basis
 from .robot import HybridRobot
-from .spatial import Array, crm, motion_matrix
+from .spatial import Array, motion_matrix
 
 #: Part of the largest term that a massless motion may be forced by before it is an error.
 FORCED = 1e-9
@@ -52,7 +52,7 @@ class ArticulatedModule:
         state: The module's state.
         basis: Its motions and their drift.
         a_maps: For each output a_o, shape (T, 6, N), Eq. (2).
-        c: For each output v_dot_0 + crm(V) v, shape (T, 6).
+        c: For each output v_dot_0 + crm(V) v, shape (T, 6) (`ModuleState.convective`).
         X: For each output the motion matrix from the base, shape (T, 6, 6), Eq. (26).
         G: A_t^-1 E, shape (T, N, 6).
         Q_0: Generalised force at a base without acceleration, shape (T, N), Eq. (44).
@@ -157,7 +157,7 @@ def _articulate_module(
     for o, body in enumerate(m.spec.outputs):
         J = m.jacobian(s.motion, body)
         a_map, X = np.matmul(J, Psi), motion_matrix(*s.placement(o))
-        c = np.einsum("tij,tj->ti", J, drift) + bias[o] + crm(s.outputs[:, o], s.motion.twist(body))
+        c = np.einsum("tij,tj->ti", J, drift) + bias[o] + s.convective[:, o]
         I_o = I_star[:, o]
         b = np.einsum("tij,tj->ti", I_o, c) + beta_star[:, o]
         A_t += _congruence(a_map, I_o)

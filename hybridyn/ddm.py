@@ -92,10 +92,11 @@ def ddm(
     if on.limits is not None:
         tau = on.limits.clip(robot, tau)
     loads = all_loads(robot, on, q, v, time, wrenches)
-    states = forward(robot, q, v, None, on.gravity)
+    whole = on.velocity is not None  # without velocity terms the forces are no longer any observer's
+    states = forward(robot, q, v, None, on.gravity, classical=whole)
     check_closed(robot, states, q, accelerations=False)
     modules = articulate(robot, states, loads, tau, None)
-    accelerate(robot, modules, base_motion(robot, q, v, a, on.gravity)[1], q, v, a)
+    accelerate(robot, modules, base_motion(robot, q, v, a, on.gravity, classical=whole)[1], q, v, a)
     if not reactions:
         return a[0] if single else a
     result = reactions_of(robot, q, v, a, tau, loads)
@@ -144,11 +145,13 @@ def solve_passive(robot: HybridRobot, q: Array, v: Array, a: Array, loads: Loads
         loads: External wrenches.
     """
     _needs_inertia(loads.on)
-    states = forward(robot, q, v, None, loads.on.gravity)
+    whole = loads.on.velocity is not None
+    states = forward(robot, q, v, None, loads.on.gravity, classical=whole)
     check_closed(robot, states, q, accelerations=False)
     modules = articulate(robot, states, loads, np.zeros((len(q), len(robot.motors))), a)
     out = np.zeros_like(a)
     if robot.base == "moving":
         out[:, :6] = a[:, :6]
-    accelerate(robot, modules, base_motion(robot, q, v, a, loads.on.gravity)[1], q, v, out)
+    root = base_motion(robot, q, v, a, loads.on.gravity, classical=whole)[1]
+    accelerate(robot, modules, root, q, v, out)
     return out

@@ -42,6 +42,10 @@ class ModuleState:
         V_dot: Spatial acceleration of the base less gravity, shape (T, 6), base frame.
         outputs: Twists V_o of the outputs, shape (T, outputs, 6), own frames.
         outputs_dot: Their spatial accelerations less gravity, shape (T, outputs, 6), own frames.
+        convective: The part of those that relative twists v_o bring, crm(V_o) v_o, shape (T, outputs, 6).
+
+    With `forward(..., classical=True)` twists and accelerations are those that an observer sees who moves
+    along with the origin of the frame concerned: V_lin = 0, and V_dot_lin is the classical acceleration.
     """
 
     module: Module
@@ -54,6 +58,7 @@ class ModuleState:
     V_dot: Array
     outputs: Array
     outputs_dot: Array
+    convective: Array
 
     @cached_property
     def K(self) -> Array:
@@ -101,23 +106,39 @@ def same_samples(**arrays: Array) -> None:
 
 
 def base_motion(
-    robot: HybridRobot, q: Array, v: Array, a: Array, gravity: Gravity | None = GRAVITY
+    robot: HybridRobot,
+    q: Array,
+    v: Array,
+    a: Array,
+    gravity: Gravity | None = GRAVITY,
+    *,
+    classical: bool = False,
 ) -> tuple[Array, Array]:
     """Give V_0 and V_dot_0 - g of the body that the first modules stand on, shapes (T, 6).
 
     For "fixed" and "floating" that is the world; for "moving" the root body, whose motion is prescribed.
+    `classical` as in `forward`.
     """
     T = len(q)
     V, V_dot = np.zeros((2, T, 6))
     if robot.base == "moving":
         V, V_dot = v[:, :6].copy(), a[:, :6].copy()
+        if classical:
+            V_dot[:, :3] += cross(V[:, 3:], V[:, :3])
+            V[:, :3] = 0.0
     if gravity is not None:
         V_dot[:, :3] -= gravity.carried(robot, q)
     return V, V_dot
 
 
 def forward(
-    robot: HybridRobot, q: Array, v: Array, a: Array | None, gravity: Gravity | None = GRAVITY
+    robot: HybridRobot,
+    q: Array,
+    v: Array,
+    a: Array | None,
+    gravity: Gravity | None = GRAVITY,
+    *,
+    classical: bool = False,
 ) -> list[ModuleState]:
     """Run the forward recursion.
 
@@ -127,12 +148,15 @@ def forward(
         v: Rates, shape (T, nv).
         a: Accelerations, shape (T, nv); without them accelerations are those of a_o u_dot = 0 (not used).
         gravity: Weights, or None for none.
+        classical: Whether every frame is seen by an observer who moves along with its origin. Forces and
+            relative accelerations are the same (Galilei), but no digit is spent on w x v, which grows with
+            the square of a chain's length.
 
     Returns:
         One state per module, in the order of `robot.modules`.
     """
     given = np.zeros_like(v) if a is None else a
-    root = base_motion(robot, q, v, given, gravity)
+    root = base_motion(robot, q, v, given, gravity, classical=classical)
     states: list[ModuleState] = []
     for module in robot.modules:
         m = module.mechanism
@@ -145,15 +169,23 @@ def forward(
         locked = m.locked_carriers(spanning)
         if len(locked):
             m.platforms_from_legs(x, x_dot, None if a is None else x_ddot, motion, locked)
-        outputs, outputs_dot = np.zeros((2, len(q), len(m.spec.outputs), 6))
+        outputs, outputs_dot, convective = np.zeros((3, len(q), len(m.spec.outputs), 6))
         for o, body in enumerate(m.spec.outputs):
             relative = motion.twist(body)
             R, p = motion.R[:, body], motion.p[:, body]
             outputs[:, o] = motion_to_body(R, p, V) + relative  # Eq. (25)
+            convective[:, o] = crm(outputs[:, o], relative)
+            if classical:
+                convective[:, o, :3] += cross(outputs[:, o, 3:], outputs[:, o, :3])
+                outputs[:, o, :3] = 0.0
             outputs_dot[:, o] = (
-                motion_to_body(R, p, V_dot) + motion.acceleration(body) + crm(outputs[:, o], relative)
+                motion_to_body(R, p, V_dot) + motion.acceleration(body) + convective[:, o]
             )  # Eq. (28)
-        states.append(ModuleState(module, spanning, motion, x, x_dot, x_ddot, V, V_dot, outputs, outputs_dot))
+        states.append(
+            ModuleState(
+                module, spanning, motion, x, x_dot, x_ddot, V, V_dot, outputs, outputs_dot, convective
+            )
+        )
     return states
 
 

@@ -13,7 +13,7 @@ from .effects.choice import Choice, choose, times
 from .errors import ActuationError, TrajectoryError
 from .forward import ModuleState, as_batch, base_motion, check_closed, forward, same_samples
 from .loads import Loads, all_loads
-from .lost_rank import along_motion, refuse_lost_digits, refuse_lost_rank
+from .lost_rank import LOST, along_motion, possible_motions, refuse_lost_digits, refuse_lost_rank
 from .reactions import Reactions, module_reactions
 from .robot import HybridRobot
 from .spatial import Array, wrench_to_base
@@ -101,7 +101,7 @@ def idm(
 
         a = solve_passive(robot, q, v, a, loads)
     v, a = on.inertia.motion(v, a) if on.inertia else (np.zeros_like(v), np.zeros_like(a))
-    states = forward(robot, q, v, a, on.gravity)
+    states = forward(robot, q, v, a, on.gravity, classical=on.velocity is not None)
     check_closed(robot, states, q, accelerations=True)
     sharing = Sharing(_weights(robot, weights), on_singular, HINT if passive == "given" else "")
     result = Reactions.empty(len(q)) if reactions else None
@@ -126,8 +126,9 @@ def _one_of(name: str, value: str, *allowed: str) -> None:
 
 def reactions_of(robot: HybridRobot, q: Array, v: Array, a: Array, tau: Array, loads: Loads) -> Reactions:
     """Give the wrenches between modules and in the closures of a motion under known efforts."""
-    result = Reactions.empty(len(q))
-    _backward(robot, forward(robot, q, v, a, loads.on.gravity), loads, None, tau, result, (q, v, a))
+    result, on = Reactions.empty(len(q)), loads.on
+    states = forward(robot, q, v, a, on.gravity, classical=on.velocity is not None)
+    _backward(robot, states, loads, None, tau, result, (q, v, a))
     return result
 
 
@@ -161,7 +162,8 @@ def _backward(
         basis = m.basis(s.K)
         if sharing is not None and sharing.on_singular == "raise":
             refuse_lost_rank(s.module, basis)
-        Psi = along_motion(s.module, basis, s.v).Psi
+        basis = along_motion(s, basis)
+        Psi = basis.Psi
         Q = np.einsum("tij,ti->tj", Psi, H)
         size = _terms(m.reduction.col_scale, H)
         for o, body in enumerate(m.spec.outputs):
@@ -176,6 +178,13 @@ def _backward(
         if sharing is not None:
             refuse_lost_digits(s.module, basis, Q, size, weight * m.length)
             tau[:, s.module.motor_index] = motor_efforts(robot, s.module, Psi, Q, size, sharing)  # Eq. (33)
+            for t in np.flatnonzero(basis.pivot < LOST) if m.reduction.rank else ():
+                at = slice(t, t + 1)
+                every = possible_motions(s.module, s.K[t])[None]
+                needed = np.einsum("tij,ti->tj", every, H[at])
+                tau[t, s.module.motor_index] = motor_efforts(
+                    robot, s.module, every, needed, size[at], sharing
+                )[0]
         if result is not None:
             module_reactions(result, s, load, F, H, tau[:, s.module.motor_index])
         if s.module.parent < 0:
@@ -203,7 +212,7 @@ def _root_body(robot: HybridRobot, loads: Loads, given: tuple[Array, Array, Arra
     """Give what the root body itself must receive (a free base has it in its module)."""
     if robot.base == "floating":
         return np.zeros_like(loads.root)
-    V, V_dot = base_motion(robot, *given, loads.on.gravity)
+    V, V_dot = base_motion(robot, *given, loads.on.gravity, classical=loads.on.velocity is not None)
     I0 = robot.root_inertia
     return V_dot @ I0 + loads.on.body_bias(V, I0) - loads.root
 

@@ -123,9 +123,11 @@ class MotionLaw:
         a = np.zeros_like(v)
         if self.robot.base == "moving":
             a[:, :6] = base
-        states = forward(self.robot, q, v, None, self.on.gravity)
+        whole = self.on.velocity is not None
+        states = forward(self.robot, q, v, None, self.on.gravity, classical=whole)
         modules = articulate(self.robot, states, loads, tau, None, passing=True)
-        accelerate(self.robot, modules, base_of(self.robot, q, v, a, self.on.gravity)[1], q, v, a)
+        root = base_of(self.robot, q, v, a, self.on.gravity, classical=whole)[1]
+        accelerate(self.robot, modules, root, q, v, a)
         return a
 
     def _gather(self, t: Array, q: Array, v: Array) -> Mapping[str, Array] | None:
