@@ -25,7 +25,7 @@ PLATE = 1.2  # half of a plate's thickness over the rod's radius
 SAME = 1e-6  # of the module's length: points nearer than this are one
 BARREL = 0.55  # of a slide's rod at home that its motor covers
 LENGTH = 1.6  # half of a drum's length over its radius
-LEG, SLIDE = 0.22, 0.5  # how much paler than its module's platform a leg is, and the sliding part of it
+LEG, SLIDE = 0.18, 0.5  # how much paler than its module's platform a leg is, and the sliding part of it
 
 
 def draw(robot: HybridRobot, visuals: Sequence[Visual] = (), notes: Sequence[str] = ()) -> Picture:

@@ -30,6 +30,8 @@ from .stage import Stage
 FRAME, BARS = 1 / 30, 1 / 8  # least times between pictures and between updates of the bars while playing [s]
 OPEN_FOLDERS = 1  # modules whose sliders are unfolded at first
 SPEEDS = ("0.1x", "0.25x", "0.5x", "1x", "2x", "5x")
+LIGHT = 0.25  # of the surroundings: more washes the colours out
+ROOM = 1.25  # around the robot at first
 BRAND = (59, 125, 216)
 
 
@@ -95,12 +97,13 @@ class Page:
 
     def _look(self, picture: Picture) -> None:
         """Set camera, light and floor."""
-        camera = camera_around(picture.corners, 1280, 800)
+        camera = camera_around(picture.corners, 800, 800, room=ROOM)
         first = self.server.initial_camera
         first.position, first.look_at, first.up = camera.eye, camera.target, (0.0, 0.0, 1.0)
         first.near, first.far = picture.size / 200, picture.size * 50
         first.fov = 2 * camera.angle
         self.server.gui.configure_theme(show_logo=False, show_share_button=False, brand_color=BRAND)
+        self.server.scene.configure_environment_map("studio", environment_intensity=LIGHT)
         size = 1.5 * picture.size
         self.server.scene.add_grid(
             "/floor",

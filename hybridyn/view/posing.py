@@ -1,7 +1,7 @@
 """Moving one motor by hand: the loops stay closed, and a motor stops where they would not.
 
-A drag gives the position of one joint. The others that fix its module's posture keep theirs: the other motors,
-of which redundant ones yield, and passive joints where motors are too few.
+A drag gives the position of one joint. The others that fix its module's posture keep theirs: the other
+motors, of which redundant ones yield, and passive joints where motors are too few.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from ..module import Module
 from ..robot import HybridRobot
 from ..spatial import Array
 
-HALVINGS = 8  # of the way to a place out of reach, to find where the reach ends
+HALVINGS = 6  # of the way to a place out of reach, to find where the reach ends
 INDEPENDENT = 1e-3  # share of a joint in motions that the joints before it leave: less fixes nothing
 STROKE = 1.0  # of the module's length: a slide without limits goes this far from home
 TURN = np.pi  # a hinge without limits turns this far from home [rad]

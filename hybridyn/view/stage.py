@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..colours import rgb
 from ..robot import HybridRobot
@@ -71,7 +72,7 @@ class Stage:
             batched_wxyzs=np.tile([1.0, 0, 0, 0], (count, 1)),
             batched_positions=np.zeros((count, 3)),
             batched_scales=np.ones((count, 3)),
-            batched_colors=np.array([rgb(shape.colour) for shape in shapes], dtype=np.uint8),
+            batched_colors=_linear([shape.colour for shape in shapes]),
             lod="off",
         )
         self.nodes[role].append(node)
@@ -109,6 +110,13 @@ class Stage:
         """Show or hide the modules' names."""
         for label, _ in self.names:
             label.visible = visible
+
+
+def _linear(colours: Sequence[str]) -> NDArray[np.uint8]:
+    """Give colours, shape (N, 3), as batches want them: in linear light, where single shapes want sRGB."""
+    x = np.array([rgb(colour) for colour in colours]) / 255
+    light = np.where(x <= 0.04045, x / 12.92, ((x + 0.055) / 1.055) ** 2.4)
+    return np.round(255 * light).astype(np.uint8)
 
 
 def wxyz(R: Array) -> Array:

@@ -1,0 +1,356 @@
+"""What `hybridyn view` draws: shapes, where they are, postures moved by hand, pictures and films."""
+
+from __future__ import annotations
+
+import dataclasses
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from command_line import ROOT, call
+from robot_texts import FOUR_BAR, save
+from shipped import ROBOTS
+
+import hybridyn
+from hybridyn.colours import CLOSURE, MOTOR, module_colour, rgb
+from hybridyn.description import read
+from hybridyn.robot import build_robot
+from hybridyn.view.camera import Camera, camera_around
+from hybridyn.view.drawing import draw, hull
+from hybridyn.view.measures import Measures
+from hybridyn.view.panel import effort_scale, efforts_html, status_html
+from hybridyn.view.placing import extent, place_bodies
+from hybridyn.view.posing import Poser
+from hybridyn.view.raster import Raster
+from hybridyn.view.render import render
+from hybridyn.view.run import Run
+from hybridyn.view.triangles import rod_transforms, unit_ball, unit_cylinder
+from hybridyn.view.visuals import read_visuals
+
+EXACT = 1e-12  # relative: the same numbers by two ways
+CLOSED = 1e-9  # relative: `assemble` closes loops to rounding
+
+
+@lru_cache(maxsize=4)
+def loaded(name: str) -> hybridyn.HybridRobot:
+    return hybridyn.load(ROOT / f"urdf/{name}.urdf.xacro")
+
+
+def without_limits(name: str) -> hybridyn.HybridRobot:
+    description = read(ROOT / f"urdf/{name}.urdf.xacro")
+    joints = tuple(dataclasses.replace(j, lower=-np.inf, upper=np.inf) for j in description.joints)
+    return build_robot(dataclasses.replace(description, joints=joints))
+
+
+@pytest.mark.parametrize("name", ["tanev", "stewart_ur5", "snake"])
+def test_bodies_are_where_the_kinematics_have_them(name: str) -> None:
+    robot = loaded(name)
+    q, v, _ = hybridyn.assemble(robot, motors=dict.fromkeys(robot.motors, 0.01))
+    placement = place_bodies(robot, q)
+    for link, motion in hybridyn.kinematics(robot, q, v).items():
+        body, _, p = robot.bodies.place[link]
+        at = placement.p[body] + placement.R[body] @ p
+        assert at == pytest.approx(motion.pose[:3], abs=EXACT)
+
+
+def test_bodies_of_a_moving_base_are_where_the_base_is() -> None:
+    robot = hybridyn.load(ROOT / "urdf/five_bar.urdf.xacro", base="floating")
+    q = robot.home.copy()
+    q[:7] = [1.0, 2.0, 3.0, 0.0, 0.0, np.sqrt(0.5), np.sqrt(0.5)]
+    placement, fixed = place_bodies(robot, q), place_bodies(loaded("five_bar"), loaded("five_bar").home)
+    turn = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    assert placement.p == pytest.approx(fixed.p @ turn.T + [1.0, 2.0, 3.0], abs=EXACT)
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_every_closure_and_motor_is_marked_and_every_rod_ends_where_it_should(name: str) -> None:
+    robot = loaded(name)
+    picture = draw(robot)
+    shapes = (*picture.rods, *picture.balls)
+    marked = {shape.name for shape in shapes if shape.role == "closure"}
+    assert marked == {closure.name for closure in robot.description.closures}
+    assert {shape.name for shape in shapes if shape.role == "motor"} == set(robot.motors)
+    home = place_bodies(robot, robot.home)
+    axes, origins, scales = rod_transforms(picture.rods, home)
+    ends = origins + axes[:, :, 2] * scales[:, 2:]
+    assert ends == pytest.approx(home.of([rod.end for rod in picture.rods]), abs=EXACT * picture.size)
+    ids = {shape.module for shape in shapes} | {solid.module for solid in picture.solids}
+    assert ids >= {k for k, module in enumerate(robot.modules) if module.closures}
+
+
+def test_a_slide_is_a_rod_that_grows() -> None:
+    robot = loaded("rps3")
+    picture = draw(robot)
+    slide = next(rod for rod in picture.rods if rod.name == "m1_leg1_slide" and rod.role == "link")
+    grown = hybridyn.assemble(robot, motors=dict.fromkeys(robot.motors, 0.05))[0]
+    lengths = [rod_transforms([slide], place_bodies(robot, q))[2][0, 2] for q in (robot.home, grown)]
+    assert abs(lengths[1] - lengths[0]) == pytest.approx(0.05, abs=CLOSED)
+
+
+def test_shapes_of_the_file_are_drawn_and_closed() -> None:
+    file = str(ROOT / "urdf/lx4.urdf.xacro")
+    visuals, notes = read_visuals(file, {}, ())
+    assert notes == []
+    picture = draw(loaded("lx4"), visuals)
+    assert len(picture.solids) == len(visuals) > 4 * 12  # two parts per leg, and platforms
+    assert not [rod for rod in picture.rods if rod.role == "link"]
+    assert {solid.colour for solid in picture.solids} >= {module_colour(k) for k in range(-1, 4)}
+
+
+def test_a_missing_mesh_is_noted_and_its_link_drawn_as_a_rod(tmp_path: Path) -> None:
+    visual = '<visual><geometry><mesh filename="package://nowhere/{}.stl"/></geometry></visual>'
+    text = FOUR_BAR.replace('<link name="crank">', f'<link name="crank">{visual.format("crank")}')
+    path = save(tmp_path, text)
+    visuals, notes = read_visuals(str(path), {}, ())
+    assert visuals == []
+    assert "package://nowhere/crank.stl" in notes[0]
+    picture = draw(hybridyn.load(path), visuals, notes)
+    assert "crank" in {rod.name for rod in picture.rods}
+
+
+def test_meshes_are_found_beside_the_file_and_in_packages(tmp_path: Path) -> None:
+    import trimesh
+
+    (tmp_path / "arm" / "meshes").mkdir(parents=True)
+    trimesh.creation.box(extents=(1000.0, 100.0, 100.0)).export(tmp_path / "arm/meshes/bar.stl")
+    shapes = "".join(
+        f'<visual><geometry><mesh filename="{name}" scale="0.001 0.001 0.001"/></geometry>'
+        '<material name="m"><color rgba="1 0 0 1"/></material></visual>'
+        for name in ("arm/meshes/bar.stl", "package://arm/meshes/bar.stl")
+    )
+    path = save(tmp_path, FOUR_BAR.replace('<link name="crank">', f'<link name="crank">{shapes}'))
+    visuals, notes = read_visuals(str(path), {}, [tmp_path])
+    assert notes == []
+    assert [v.colour for v in visuals] == ["#ff0000"] * 2
+    assert np.ptp(visuals[1].vertices, axis=0) == pytest.approx([1.0, 0.1, 0.1])
+
+
+@pytest.mark.parametrize("shape", [unit_cylinder(12), unit_ball(6)], ids=["rod", "ball"])
+def test_unit_shapes_are_closed_and_face_outwards(shape: tuple[np.ndarray, np.ndarray]) -> None:
+    vertices, faces = shape
+    a, b, c = (vertices[faces[:, i]] for i in range(3))
+    volume = np.einsum("ij,ij->", a, np.cross(b, c)) / 6
+    solid = np.pi if vertices[:, 2].min() == 0.0 else 4 * np.pi / 3
+    assert 0.85 * solid < volume < solid  # inscribed; a face turned inwards takes its part away twice
+
+
+def test_the_hull_of_flat_points_is_a_plate_and_of_a_line_nothing() -> None:
+    square = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], dtype=float)
+    vertices, faces = hull(square, 0.1)
+    a, b, c = (vertices[faces[:, i]] for i in range(3))
+    assert np.einsum("ij,ij->", a, np.cross(b, c)) / 6 == pytest.approx(0.2)
+    assert hull(np.linspace([0, 0, 0], [1, 2, 3], 4), 0.1) is None
+
+
+def test_the_nearer_triangle_is_seen_whatever_their_order() -> None:
+    corners = np.array([[[0, 0], [40, 0], [0, 40]], [[5, 5], [30, 5], [5, 30]]], dtype=float)
+    depths, colours = np.array([[2.0] * 3, [1.0] * 3]), np.array([[1.0, 0, 0], [0, 1.0, 0]])
+    for order in ([0, 1], [1, 0]):
+        raster = Raster(np.zeros((40, 40, 3)))
+        raster.fill(corners[order], depths[order], colours[order])
+        assert raster.colour[8, 8].tolist() == [0, 1, 0]
+        assert raster.colour[2, 2].tolist() == [1, 0, 0]
+        assert raster.colour[39, 39].tolist() == [0, 0, 0]
+
+
+def test_triangles_that_share_an_edge_leave_no_gap() -> None:
+    corners = np.array(
+        [[[1.3, 2.7], [181.1, 20.2], [30.5, 170.9]], [[181.1, 20.2], [190.4, 180.3], [30.5, 170.9]]]
+    )
+    raster = Raster(np.zeros((200, 200, 3)))
+    raster.fill(corners, np.ones((2, 3)), np.ones((2, 3)))
+    inner = raster.nearness[60:150, 60:150]
+    assert (inner > 0).all()
+
+
+def test_the_camera_sees_the_whole_robot() -> None:
+    picture = draw(loaded("lx4"))
+    for width, height in ((400, 800), (1600, 400)):
+        camera = camera_around(picture.corners, width, height)
+        box = np.array(np.meshgrid(*picture.corners.T)).reshape(3, -1).T
+        flat, depth = camera.project(box)
+        assert (depth > 0).all()
+        assert (flat >= 0).all()
+        assert (flat <= [width, height]).all()
+    upright = Camera(np.array([0.0, -5.0, 0.0]), np.zeros(3), 100, 100)
+    assert upright.project(np.array([0.5, 0.0, 0.5]))[0] == pytest.approx([50 + 15.1, 50 - 15.1], abs=0.1)
+
+
+def colours_in(image: np.ndarray, colour: str) -> int:
+    """Count pixels of a colour's hue."""
+    pixels, wanted = image / 255, np.array(rgb(colour)) / 255
+    spread = np.ptp(pixels, axis=2, keepdims=True)
+    pure = (pixels - pixels.min(axis=2, keepdims=True)) / np.maximum(spread, 1e-9)
+    goal = (wanted - wanted.min()) / np.ptp(wanted)
+    return int(((np.abs(pure - goal).max(axis=2) < 0.1) & (spread[..., 0] > 0.2)).sum())
+
+
+def test_a_picture_has_every_module_and_closure_in_it() -> None:
+    robot = loaded("lx4")
+    picture = draw(robot)
+    image = render(picture, place_bodies(robot, robot.home), camera_around(picture.corners, 300, 400))
+    assert image.shape == (400, 300, 3)
+    for colour in (*(module_colour(k) for k in range(4)), CLOSURE):
+        assert colours_in(image, colour) > 30, colour
+    dark = (image.max(axis=2) < 90).sum()
+    assert dark > 30, MOTOR
+    assert (image == 255).all(axis=2).mean() > 0.4  # and there is a background
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_motors_moved_by_hand_keep_the_loops_closed_and_the_others_where_they_are(name: str) -> None:
+    robot = loaded(name)
+    poser = Poser(robot)
+    assert [lever.joint for lever in poser.levers] == list(robot.motors)
+    q = robot.home
+    for lever in poser.levers[:3]:
+        start = poser.value(q, lever.joint)
+        wanted = start + 0.02 * (lever.high - start)
+        others = {name: poser.value(q, name) for name in robot.motors if name != lever.joint}
+        moved = poser.move(q, lever.joint, wanted)
+        assert moved.message == ""
+        assert poser.value(moved.q, lever.joint) == pytest.approx(wanted, abs=CLOSED)
+        for other, value in others.items():
+            assert poser.value(moved.q, other) == pytest.approx(value, abs=CLOSED)
+        assert hybridyn.closure_residual(robot, moved.q) < CLOSED
+        q = moved.q
+
+
+def test_a_jump_ends_where_small_steps_end() -> None:
+    robot = without_limits("gough_stewart")
+    poser, motor = Poser(robot), robot.motors[0]
+    start = poser.value(robot.home, motor)
+    q = robot.home
+    for step in range(1, 11):
+        q = poser.move(q, motor, start + 0.02 * step).q
+    assert poser.move(robot.home, motor, start + 0.2).q == pytest.approx(q, abs=CLOSED)
+
+
+def test_out_of_reach_stops_at_a_closed_posture_near_the_end_and_says_so() -> None:
+    robot = without_limits("rps3")
+    poser, motor = Poser(robot), robot.motors[0]
+    moved = poser.move(robot.home, motor, -0.5)
+    assert f"{motor} stops at" in moved.message
+    assert "m1_platform do not close" in moved.message
+    assert hybridyn.closure_residual(robot, moved.q) < CLOSED
+    assert poser.value(moved.q, motor) == pytest.approx(moved.value, abs=CLOSED)
+    assert -0.5 < moved.value < -0.1
+    assert poser.move(moved.q, motor, moved.value + 0.05).message == ""  # and it can go back
+
+
+def test_redundant_motors_yield_and_missing_ones_are_held_by_passive_joints() -> None:
+    joints = ["m1_left_drive", "m1_right_drive", "m1_left_elbow"]
+    passive = {j.name for j in read(ROOT / "urdf/five_bar.urdf.xacro").joints} - set(joints[:2])
+    redundant = hybridyn.load(ROOT / "urdf/five_bar.urdf.xacro", motors=[*joints[:2], *sorted(passive)[:1]])
+    short = hybridyn.load(ROOT / "urdf/five_bar.urdf.xacro", motors=joints[:1])
+    for robot in (redundant, short):
+        poser = Poser(robot)
+        moved = poser.move(robot.home, joints[0], poser.value(robot.home, joints[0]) + 0.1)
+        assert moved.message == ""
+        assert hybridyn.closure_residual(robot, moved.q) < CLOSED
+
+
+def test_a_robot_without_motors_is_moved_by_its_independent_joints() -> None:
+    description = dataclasses.replace(read(ROOT / "urdf/five_bar.urdf.xacro"), motors=())
+    poser = Poser(build_robot(description))
+    assert len(poser.levers) == 2
+    assert not any(lever.is_motor for lever in poser.levers)
+
+
+def test_measures_are_those_of_the_library() -> None:
+    robot = loaded("five_bar")
+    measures = Measures(robot)
+    still = np.zeros(robot.nv)
+    event = hybridyn.near_singularity(robot, 0.0, what="motors")
+    assert measures.closeness(robot.home).motors == event.function(0.0, robot.home, still)
+    tau, reason = measures.holding(robot.home)
+    assert reason == ""
+    assert tau == pytest.approx(hybridyn.idm(robot, robot.home, still, still))
+
+
+def test_efforts_over_a_limit_are_marked_and_names_are_escaped() -> None:
+    robot = loaded("five_bar")
+    scale = effort_scale(robot, None)
+    html = efforts_html(robot, 2 * scale, scale, "of <a test>")
+    assert html.count("#d02f2f") == 2
+    assert "of &lt;a test&gt;" in html
+    assert 'data-stopped="1"' in status_html("<b>", 0.0)
+    assert "&lt;b&gt;" in status_html("<b>", 0.0)
+
+
+def test_a_run_shows_the_nearest_sample() -> None:
+    run = Run(np.array([0.0, 1.0, 3.0]), np.zeros((3, 1)), None, "")
+    assert [run.index(t) for t in (-1.0, 0.4, 0.6, 1.9, 2.1, 9.0)] == [0, 0, 1, 1, 2, 2]
+
+
+def test_the_command_writes_a_picture_of_any_time(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    from PIL import Image
+
+    files = [tmp_path / "a.png", tmp_path / "b.png"]
+    for file, at in zip(files, (0.0, 0.3), strict=True):
+        words = ("view", "delta", "delta/traj.csv", "--png", file, "--at", at, "--size", "200x160")
+        assert call(capsys, *words).status == 0
+    images = [np.asarray(Image.open(file)) for file in files]
+    assert [image.shape for image in images] == [(160, 200, 3)] * 2
+    assert (images[0] != images[1]).any(axis=2).sum() > 200
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["a.png", "b.png"]
+
+
+def test_the_command_writes_a_film(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    import imageio_ffmpeg
+
+    table = tmp_path / "short.csv"
+    lines = (ROOT / "models/delta/traj.csv").read_text().splitlines()
+    header = next(i for i, line in enumerate(lines) if not line.startswith("#"))
+    table.write_text("\n".join(lines[header : header + 300]) + "\n")
+    film = tmp_path / "short.mp4"
+    assert call(capsys, "view", "delta", table, "--mp4", film, "--size", "160x120").status == 0
+    frames, seconds = imageio_ffmpeg.count_frames_and_secs(str(film))
+    times = np.loadtxt(table, delimiter=",", skiprows=1, usecols=0)
+    assert seconds == pytest.approx(np.ptp(times), abs=0.1)
+    assert frames == pytest.approx(25 * np.ptp(times), abs=2)
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("--png", "a.gif"), "must end in .png"),
+        (("--mp4", "nowhere/a.mp4"), "there is no folder"),
+        (("--png", "a.png", "--size", "99x100"), "must be even"),
+        (("--png", "a.png", "--size", "big"), "1280x720"),
+        (("--png", "a.png", "--at", "1"), "there is no motion"),
+    ],
+)
+def test_wrong_words_are_refused(
+    words: tuple[str, ...],
+    said: str,
+    capsys: pytest.CaptureFixture[str],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    answer = call(capsys, "view", "delta", *words)
+    assert answer.status == 2
+    assert said in answer.err
+    assert [*tmp_path.iterdir()] == []
+
+
+def test_what_is_missing_is_said_before_any_work(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    import importlib.util
+
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
+    answer = call(capsys, "view", "delta")
+    assert answer.status == 2
+    assert "pip install 'hybridyn[view]'" in answer.err
+
+
+def test_the_box_of_a_robot_holds_its_bodies() -> None:
+    robot = loaded("delta")
+    picture = draw(robot)
+    low, high = extent(picture, place_bodies(robot, robot.home))
+    points = place_bodies(robot, robot.home).p[1:]
+    assert (points >= low - EXACT).all()
+    assert (points <= high + EXACT).all()

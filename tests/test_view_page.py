@@ -1,0 +1,207 @@
+"""The page of `hybridyn view` in a real browser: what it shows, a drag, one out of reach, a play, a scrub."""
+
+from __future__ import annotations
+
+import dataclasses
+import io
+import re
+import signal
+import time
+import urllib.request
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+from browser import browser, chromium
+from command_line import ROOT, program
+
+import hybridyn
+from hybridyn.colours import CLOSURE, MOTOR, module_colour, rgb
+from hybridyn.description import read
+from hybridyn.robot import build_robot
+from hybridyn.view.drawing import draw
+from hybridyn.view.page import Page
+from hybridyn.view.run import Run
+
+PATIENCE = 20.0  # seconds for a page to answer: a shared core draws slowly
+CLOSED = 1e-9  # relative: `assemble` closes loops to rounding
+HUE = 0.12  # between colours, 0 to 1: light and shade change brightness, not hue
+FEW = 40  # pixels that a part of the robot covers at the least
+MANY = 1500  # pixels that change when a leg moves visibly
+
+
+@pytest.fixture(scope="module")
+def context(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
+    with browser(tmp_path_factory.mktemp("profile")) as context:
+        yield context
+
+
+@pytest.fixture(scope="module")
+def robot() -> hybridyn.HybridRobot:
+    """Load a platform on three slides, without the limits that keep its motors in reach."""
+    description = read(ROOT / "urdf/rps3.urdf.xacro")
+    joints = tuple(dataclasses.replace(j, lower=-np.inf, upper=np.inf) for j in description.joints)
+    return build_robot(dataclasses.replace(description, joints=joints))
+
+
+@pytest.fixture(scope="module")
+def swing(robot: hybridyn.HybridRobot) -> Run:
+    t = np.linspace(0.0, 2.0, 101)
+    first, *rest = robot.motors
+    motors = {name: (np.zeros_like(t),) for name in rest}
+    motors[first] = (0.1 * np.sin(3 * t), 0.3 * np.cos(3 * t), -0.9 * np.sin(3 * t))
+    q, v, a = hybridyn.assemble(robot, motors=motors)
+    return Run(t, q, hybridyn.idm(robot, q, v, a), "of the inverse model")
+
+
+@pytest.fixture(scope="module")
+def page(robot: hybridyn.HybridRobot, swing: Run) -> Iterator[Page]:
+    page = Page(robot, draw(robot), swing, port=0)
+    yield page
+    page.close()
+
+
+@pytest.fixture(scope="module")
+def tab(context: Any, page: Page) -> Iterator[Any]:
+    tab = context.new_page()
+    tab.asked = []
+    tab.on("request", lambda request: tab.asked.append(request.url))
+    tab.goto(page.url)
+    tab.wait_for_selector("#hybridyn-singularity", timeout=1000 * PATIENCE)
+    until(tab, lambda: coverage(picture(tab), module_colour(0)) > FEW)
+    yield tab
+    tab.close()
+
+
+@pytest.fixture(autouse=True)
+def at_home(request: pytest.FixtureRequest) -> None:
+    """Begin each test on the page with the robot at home."""
+    if "tab" in request.fixturenames:
+        tab, page = request.getfixturevalue("tab"), request.getfixturevalue("page")
+        tab.get_by_role("button", name="Home").click()
+        until(tab, lambda: bool((page.q == page.robot.home).all()))
+
+
+def until(tab: Any, holds: Callable[[], bool]) -> None:
+    """Wait until something holds, and fail where it does not in time."""
+    end = time.monotonic() + PATIENCE
+    while not holds():
+        assert time.monotonic() < end, "the page did not answer in time"
+        tab.wait_for_timeout(50)
+
+
+def picture(tab: Any) -> np.ndarray:
+    """Give the pixels left of the panel, shape (height, width, 3), 0 to 1."""
+    from PIL import Image
+
+    whole = np.asarray(Image.open(io.BytesIO(tab.screenshot())).convert("RGB")) / 255
+    seen = whole[:, : whole.shape[1] - 350].copy()
+    seen[:170, :340] = 1.0  # there the client remarks that the browser draws in software
+    return seen
+
+
+def coverage(pixels: np.ndarray, colour: str) -> int:
+    """Count the pixels of a colour's hue (of its darkness, where it has none)."""
+    wanted = np.array(rgb(colour)) / 255
+    if np.ptp(wanted) < HUE:
+        return int((pixels.max(axis=2) < 0.45).sum())
+    spread = np.ptp(pixels, axis=2, keepdims=True)
+    pure = (pixels - pixels.min(axis=2, keepdims=True)) / np.maximum(spread, 1e-9)
+    goal = (wanted - wanted.min()) / np.ptp(wanted)
+    return int(((np.abs(pure - goal).max(axis=2) < HUE) & (spread[..., 0] > 0.2)).sum())
+
+
+def grip(tab: Any, label: str) -> tuple[Any, float, float, float]:
+    """Give the mouse of a tab, the middle of a slider's knob, and the width of the slider."""
+    text = tab.get_by_text(label, exact=True).first
+    text.scroll_into_view_if_needed()
+    row = text.locator("xpath=ancestor::*[.//*[@role='slider']][1]")
+    knob = row.get_by_role("slider").first.bounding_box()
+    track = row.locator("xpath=.//*[contains(@class,'Slider-track')]").first.bounding_box()
+    width = track["width"] if track else 120.0
+    return tab.mouse, knob["x"] + knob["width"] / 2, knob["y"] + knob["height"] / 2, width
+
+
+def drag(tab: Any, label: str, part: float) -> None:
+    """Drag a slider by a part of its width."""
+    mouse, x, y, width = grip(tab, label)
+    mouse.move(x, y)
+    mouse.down()
+    for step in range(1, 9):
+        mouse.move(x + part * width * step / 8, y)
+    mouse.up()
+
+
+def at(robot: hybridyn.HybridRobot, q: np.ndarray, joint: str) -> float:
+    return float(q[robot.q_slices[robot.joint_index[joint]].start])
+
+
+def test_the_page_shows_robot_motors_efforts_and_distances(
+    tab: Any, page: Page, robot: hybridyn.HybridRobot
+) -> None:
+    text = tab.inner_text("body")
+    for expected in (robot.name, *robot.motors, "Play", "closures", " N"):
+        assert expected in text, expected
+    assert re.search(r"loops closed to \d", tab.inner_text("#hybridyn-status"))
+    assert float(tab.get_attribute("#hybridyn-singularity", "data-least")) == pytest.approx(
+        page.measures.closeness(page.q).least, rel=1e-5
+    )
+    seen = picture(tab)
+    for colour in (module_colour(0), CLOSURE, MOTOR):
+        assert coverage(seen, colour) > FEW, colour
+    foreign = [url for url in tab.asked if not url.startswith((page.url, f"blob:{page.url}", "data:"))]
+    assert foreign == []  # it works without a network
+
+
+def test_a_drag_moves_its_motor_and_keeps_the_loops_closed(
+    tab: Any, page: Page, robot: hybridyn.HybridRobot
+) -> None:
+    first, second, third = robot.motors
+    before, seen = page.q, picture(tab)
+    drag(tab, first, 0.1)
+    until(tab, lambda: at(robot, page.q, first) - at(robot, before, first) > 0.05)
+    until(tab, lambda: int((np.abs(picture(tab) - seen).max(axis=2) > 0.1).sum()) > MANY)
+    for held in (second, third):
+        assert at(robot, page.q, held) == pytest.approx(at(robot, before, held), abs=CLOSED)
+    assert hybridyn.closure_residual(robot, page.q) < CLOSED
+    assert tab.get_attribute("#hybridyn-status", "data-stopped") == "0"
+
+
+def test_a_drag_out_of_reach_stops_at_the_last_closed_posture_and_says_so(
+    tab: Any, page: Page, robot: hybridyn.HybridRobot
+) -> None:
+    drag(tab, robot.motors[0], -0.4)
+    tab.wait_for_selector("#hybridyn-status[data-stopped='1']", timeout=1000 * PATIENCE)
+    said = tab.inner_text("#hybridyn-status")
+    assert re.search(rf"{robot.motors[0]} stops at \S+ m: further on the loops of \S+ do not close", said)
+    assert hybridyn.closure_residual(robot, page.q) < CLOSED
+
+
+def test_play_runs_the_motion_and_scrub_stops_it_somewhere(tab: Any, page: Page, swing: Run) -> None:
+    tab.get_by_role("button", name="Play").click()
+    until(tab, lambda: page.playing and float(np.abs(page.q - swing.q[0]).max()) > 0.02)
+    assert min(float(np.abs(page.q - q).max()) for q in swing.q) == 0.0  # postures of the motion, no others
+    tab.get_by_role("button", name="Pause").click()
+    until(tab, lambda: not page.playing)
+    drag(tab, "time [s]", 0.9)
+    until(tab, lambda: bool((page.q == swing.q[-1]).all()))
+    assert not page.playing
+    expected = f"{swing.tau[-1, 0]:.4g} N"
+    until(tab, lambda: expected in tab.inner_text("#hybridyn-efforts"))
+
+
+def test_the_command_serves_until_it_is_interrupted() -> None:
+    chromium()  # the same conditions as its neighbours
+    process = program("view", "five_bar", "--no-browser", "--port", 0)
+    try:
+        line = process.stdout.readline() if process.stdout else ""
+        found = re.search(r"five_bar: (http://127\.0\.0\.1:\d+) ", line)
+        assert found, line
+        with urllib.request.urlopen(found[1], timeout=PATIENCE) as answer:
+            assert b"<html" in answer.read()
+        process.send_signal(signal.SIGINT)
+        assert process.wait(PATIENCE) == 0
+    finally:
+        process.kill()
+        process.communicate()
