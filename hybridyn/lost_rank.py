@@ -1,7 +1,8 @@
 """What to do where a module's closures lose rank: a constraint singularity, such as a four-bar lying flat.
 
 Mobility belongs to the module and never changes with the posture; at such a posture more motions than that
-are possible for an instant. A single freedom that is moving says itself which of them the mechanism is on.
+are possible for an instant. The velocity says which of them the mechanism goes on with (`branch.py`); at rest
+motors have to hold them all.
 """
 
 from __future__ import annotations
@@ -10,7 +11,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from .branch import along_branch
 from .errors import SingularityError
+from .forward import ModuleState
 from .module import Module
 from .reduction import Basis
 from .spatial import Array
@@ -79,19 +82,44 @@ def refuse_lost_digits(module: Module, basis: Basis, Q: Array, size: Array, weig
     )
 
 
-def along_motion(module: Module, basis: Basis, x_dot: Array) -> Basis:
-    """Give the motions at postures of lost rank: for one freedom that moves, the motion that it makes.
+def along_motion(state: ModuleState, basis: Basis) -> Basis:
+    """Give the motions at postures of lost rank: those of the branch that the module is moving on.
+
+    A single freedom that moves is that branch itself, to the last digit. At rest, and where branches only
+    touch, nothing tells the branch: those samples are left as they are, pivots included.
+
+    Args:
+        state: The module's state.
+        basis: Its motions as the elimination gave them.
+
+    Raises:
+        SingularityError: A velocity is on no branch.
+    """
+    lost = basis.pivot < LOST
+    if not lost.any() or not state.mechanism.reduction.rank:
+        return basis
+    told = along_branch(state, replace(basis, pivot=np.where(lost, basis.pivot, 1.0)))
+    lost &= told.pivot >= LOST
+    Psi, pivot = told.Psi.copy(), np.where(lost, told.pivot, basis.pivot)
+    if state.module.mobility == 1:
+        x = state.v[lost]
+        speed = np.linalg.norm(x / state.mechanism.reduction.col_scale, axis=1)
+        Psi[lost, :, 0] = x / speed[:, None]
+    return replace(told, Psi=Psi, pivot=pivot)
+
+
+def possible_motions(module: Module, K: Array) -> Array:
+    """Give all motions that are possible for an instant at a posture of lost rank, more than the mobility.
 
     Args:
         module: The module.
-        basis: Its motions as the elimination gave them.
-        x_dot: Its rates, shape (T, n).
+        K: Its closure rows there, shape (rows, n).
+
+    Returns:
+        Shape (n, N + number of lost rows), orthonormal in scaled coordinates.
     """
-    lost = np.flatnonzero((basis.pivot < LOST) & x_dot.any(axis=1))
-    if not len(lost) or module.mobility != 1:
-        return basis
-    unit = module.mechanism.reduction.col_scale
-    Psi = basis.Psi.copy()
-    speed = np.linalg.norm(x_dot[lost] / unit, axis=1)
-    Psi[lost, :, 0] = x_dot[lost] / speed[:, None]
-    return replace(basis, Psi=Psi)
+    r = module.mechanism.reduction
+    _, s, Vt = np.linalg.svd(r.scaled(K))
+    kept = min(int(np.sum(s > 10 * LOST * s[0])), r.rank - 1)
+    out: Array = Vt[kept:].T * r.col_scale[:, None]
+    return out
