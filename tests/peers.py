@@ -122,8 +122,8 @@ class Peer:
         kinetic = pin.computeKineticEnergy(self.model, self.data, q, v)
         return float(kinetic + pin.computePotentialEnergy(self.model, self.data, q))
 
-    def constraint_dynamics(self, q: np.ndarray, v: np.ndarray, tau: np.ndarray, mu: float) -> np.ndarray:
-        """Give accelerations by `pin.constraintDynamics`, for point and weld closures."""
+    def constraint_models(self) -> pin.StdVec_RigidConstraintModel:
+        """Give Pinocchio's models of the closures, points and welds."""
         models = pin.StdVec_RigidConstraintModel()
         for closure in self.description.closures:
             kind = {"spherical": pin.ContactType.CONTACT_3D, "fixed": pin.ContactType.CONTACT_6D}[
@@ -134,6 +134,11 @@ class Peer:
                 index, placement = self.links[link]
                 ends += [index, placement * pin.SE3(frame)]
             models.append(pin.RigidConstraintModel(kind, self.model, *ends, pin.ReferenceFrame.LOCAL))
+        return models
+
+    def constraint_dynamics(self, q: np.ndarray, v: np.ndarray, tau: np.ndarray, mu: float) -> np.ndarray:
+        """Give accelerations by `pin.constraintDynamics`, for point and weld closures."""
+        models = self.constraint_models()
         datas = pin.StdVec_RigidConstraintData()
         for model in models:
             datas.append(model.createData())

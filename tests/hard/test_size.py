@@ -1,0 +1,208 @@
+"""Stacks of 1 to 1,000 modules, spatial and planar, against the same equations in extended precision.
+
+Claims: backward error at most 1e-13 n, and forward error at most 100 eps times the condition number, n the
+number of modules (the issue's numbers); and errors grow no faster than linearly with n: the exponent of the
+power of n that fits them best, from 1 to 1,000, is at most 1. Under drawn efforts nothing cancels; their
+condition number is taken as 1, the least there is, which makes the claim flat in n. Near rest, where efforts
+carry the stack and what is left of them moves it, the condition number is measured, by changing the efforts
+in the reference; it grows with the cube of n.
+
+Peers get the same state and efforts, and the best that any setting gives them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import mpmath
+import numpy as np
+import pinocchio as pin
+import pytest
+from conftest import Claim
+from extended import LONG, Stack, multiprecision, needs_long_double
+from peers import Peer
+from stacks import DOWN, PLANAR, SPATIAL, State, drawn, module
+
+from hybridyn import ddm
+from hybridyn.oracle import Extended, Oracle
+
+EPS = float(np.finfo(float).eps)
+BACKWARD = 1e-13  # per module
+FORWARD = 100 * EPS  # per condition number
+LINEAR = 1.0  # exponent of n
+REFERENCE = 1e-30  # of 40 digits, condition numbers of 1e4 leave 35
+LONG_DOUBLE = 1e-15  # what the reference may miss in the states where condition numbers are 1e3
+CHANGE = 1e-9  # of the efforts: linear to 18 - 9 digits, and known to 9
+LUCK = 2.0  # of the peer's best setting among a dozen, where both are at the last digit
+SIZES = (1, 4, 16, 64, 256)
+
+
+def apart(actual: np.ndarray, expected: np.ndarray) -> float:
+    """Give the largest difference relative to the largest entry."""
+    return float(np.abs(actual - expected).max() / np.abs(expected).max())
+
+
+def reference(kind: str, count: int, state: State, on: object = LONG) -> Stack:
+    """Give the extended model of a stack in a state."""
+    out = Stack(module(kind), count, on, DOWN[kind], planar=kind == PLANAR)  # type: ignore[arg-type]
+    out.state(state.joints, state.q, state.v)
+    return out
+
+
+def drawn_efforts(count: int, state: State) -> np.ndarray:
+    """Draw efforts that balance nothing."""
+    return 100 * np.random.default_rng(count).normal(size=len(state.motors))
+
+
+# -------------------------------------------------------------------- the reference itself
+
+
+@pytest.mark.parametrize(
+    ("kind", "count"), [(SPATIAL, 1), (PLANAR, 2), pytest.param(SPATIAL, 2, marks=pytest.mark.slow)]
+)
+def test_the_reference_agrees_with_the_oracle(kind: str, count: int, claim: Claim) -> None:
+    """Forty digits on both sides, at a state that is closed in all of them."""
+    with mpmath.workdps(40):
+        s = drawn(kind, count)
+        oracle = Oracle(s.robot.description, arithmetic=Extended(mpmath.mp), gravity=DOWN[kind])
+        q = oracle.close(s.q)
+        v = oracle.project_velocity(q, s.v)
+        a = oracle.consistent_acceleration(q, v, s.a)
+        stack = Stack(module(kind), count, multiprecision(mpmath.mp), DOWN[kind], planar=kind == PLANAR)
+        stack.state(s.joints, q, v)
+        moved, efforts = stack.ddm(s.joints, s.tau, s.motors), stack.idm(s.joints, a, s.motors)
+        case = f"{kind}, {count} modules"
+        claim(case, "reference against oracle, ddm", apart(moved, oracle.ddm(q, v, s.tau)), REFERENCE)
+        claim(case, "reference against oracle, idm", apart(efforts, oracle.idm(q, v, a)), REFERENCE)
+
+
+@needs_long_double
+@pytest.mark.parametrize("kind", [SPATIAL, PLANAR])
+def test_long_double_is_long_enough(kind: str, claim: Claim) -> None:
+    """The same code with forty digits, six modules: nothing cancels in one that does not in the other."""
+    with mpmath.workdps(40):
+        s = drawn(kind, 6)
+        for what, tau in (("near rest", s.tau), ("drawn efforts", drawn_efforts(6, s))):
+            exact = reference(kind, 6, s, multiprecision(mpmath.mp)).ddm(s.joints, tau, s.motors)
+            error = apart(reference(kind, 6, s).ddm(s.joints, tau, s.motors), exact.astype(np.longdouble))
+            claim(f"{kind}, 6 modules, {what}", "long double against forty digits, ddm", error, LONG_DOUBLE)
+
+
+# -------------------------------------------------------------------- growth
+
+
+def exponent(errors: dict[int, float]) -> float:
+    """Give the power of n that fits errors best."""
+    n, size = np.log(list(errors)), np.log([max(x, EPS / 8) for x in errors.values()])
+    return float(np.polyfit(n, size, 1)[0])
+
+
+def grown(kind: str, sizes: tuple[int, ...], claim: Claim) -> None:
+    """Claim the errors of stacks of those sizes, and how they grow."""
+    free, inverse = {}, {}
+    for count in sizes:
+        s, case = drawn(kind, count), f"{kind}, {count} modules"
+        exact, tau = reference(kind, count, s), drawn_efforts(count, s)
+        errors = {
+            "ddm": apart(ddm(s.robot, s.q, s.v, tau), exact.ddm(s.joints, tau, s.motors)),
+            "idm": apart(s.tau, exact.idm(s.joints, s.a, s.motors)),
+        }
+        free[count], inverse[count] = errors["ddm"], errors["idm"]
+        claim(case, "forward error of ddm, drawn efforts", errors["ddm"], FORWARD)
+        claim(case, "backward error of idm", errors["idm"], BACKWARD * count)
+    claim(
+        f"{kind}, {sizes[0]} to {sizes[-1]} modules",
+        "growth of ddm's error, power of n",
+        exponent(free),
+        LINEAR,
+    )
+    claim(
+        f"{kind}, {sizes[0]} to {sizes[-1]} modules",
+        "growth of idm's error, power of n",
+        exponent(inverse),
+        LINEAR,
+    )
+
+
+@needs_long_double
+def test_errors_grow_no_faster_than_the_stack(claim: Claim) -> None:
+    """Moving 6-UPS stacks of 1 to 1,000 modules."""
+    grown(SPATIAL, (*SIZES, 1000), claim)
+
+
+@needs_long_double
+@pytest.mark.slow
+def test_errors_grow_no_faster_than_the_planar_stack(claim: Claim) -> None:
+    """Moving planar stacks of 1 to 1,000 modules, every second row of their closures redundant."""
+    grown(PLANAR, (*SIZES, 1000), claim)
+
+
+def near_rest(kind: str, count: int, claim: Claim) -> None:
+    """Claim the errors of ddm where the efforts hardly do more than carry the stack."""
+    s, case = drawn(kind, count), f"{kind}, {count} modules near rest"
+    exact, tau = reference(kind, count, s), s.tau
+    a, wanted = ddm(s.robot, s.q, s.v, tau), exact.ddm(s.joints, tau, s.motors)
+    signs = np.random.default_rng(count).choice([-1.0, 1.0], len(tau))
+    change = LONG.array(CHANGE * np.abs(tau).max() * signs)
+    condition = apart(exact.ddm(s.joints, LONG.array(tau) + change, s.motors), wanted) / CHANGE
+    claim(case, f"forward error of ddm (condition {condition:.0e})", apart(a, wanted), FORWARD * condition)
+    left = apart(exact.idm(s.joints, a, s.motors), tau)
+    claim(case, "backward error of ddm, as efforts", left, BACKWARD * count)
+
+
+@needs_long_double
+@pytest.mark.parametrize("kind", [SPATIAL, PLANAR])
+def test_a_stack_near_rest_loses_what_its_condition_takes(kind: str, claim: Claim) -> None:
+    """Four and 64 modules: the condition number reaches 1e6."""
+    for count in (4, 64):
+        near_rest(kind, count, claim)
+
+
+@needs_long_double
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", [SPATIAL, PLANAR])
+def test_a_thousand_modules_near_rest(kind: str, claim: Claim) -> None:
+    """The condition number is 1e10; ten digits are lost by every method, and no more."""
+    near_rest(kind, 1000, claim)
+
+
+# -------------------------------------------------------------------- peers
+
+
+def lcaba(s: State, tau: np.ndarray) -> Iterator[np.ndarray]:
+    """Give what `pin.lcaba` computes, by mu and iterations."""
+    peer = Peer(s.robot.description)
+    models = peer.constraint_models()
+    data = peer.model.createData()
+    pin.computeJointMinimalOrdering(peer.model, data, models)
+    for mu in (1e-3, 1e-2, 1e-1, 1.0):
+        for iterations in (2, 5, 10, 20, 40):
+            datas = pin.StdVec_RigidConstraintData()
+            for model in models:
+                datas.append(model.createData())
+            settings = pin.ProximalSettings(1e-15, mu, iterations)
+            yield pin.lcaba(peer.model, data, s.q, s.v, peer.efforts(tau), models, datas, settings).copy()
+
+
+def constraint_dynamics(s: State, tau: np.ndarray) -> Iterator[np.ndarray]:
+    """Give what `pin.constraintDynamics` computes, by mu."""
+    peer = Peer(s.robot.description)
+    for mu in 10.0 ** np.arange(-13, -3):
+        yield peer.constraint_dynamics(s.q, s.v, tau, mu)
+
+
+@needs_long_double
+@pytest.mark.parametrize("count", [1, 2, 4, *(pytest.param(n, marks=pytest.mark.slow) for n in (8, 16))])
+def test_no_peer_is_closer_at_its_best_setting(count: int, claim: Claim) -> None:
+    """6-UPS stacks under drawn efforts: our error over that of Pinocchio's two algorithms, each at its best.
+
+    Above 16 modules Pinocchio's Data takes more memory than a machine has; at 16 it takes 2.5 GB.
+    """
+    s = drawn(SPATIAL, count)
+    tau = drawn_efforts(count, s)
+    exact = reference(SPATIAL, count, s).ddm(s.joints, tau, s.motors)
+    ours = apart(ddm(s.robot, s.q, s.v, tau), exact)
+    for name, peer in (("lcaba", lcaba), ("constraintDynamics", constraint_dynamics)):
+        theirs = min(apart(a, exact) for a in peer(s, tau))
+        what = f"our error of ddm ({ours:.1e}) over {name}'s best ({theirs:.1e})"
+        claim(f"{SPATIAL}, {count} modules", what, ours / theirs, LUCK)
