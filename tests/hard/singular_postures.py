@@ -1,7 +1,7 @@
 """Where the shipped parallel robots are singular, and postures at any distance from there.
 
-Every function gives the robot's record and q at distance d; d = 0 is the singularity itself, to the rounding
-of the robot's own numbers. What the distance is stands in each docstring.
+Every function gives the robot's record and its joints at distance d; d = 0 is the singularity itself, to
+the rounding of the robot's own numbers. What the distance is stands in each docstring.
 """
 
 from __future__ import annotations
@@ -28,12 +28,19 @@ from closed_forms import (
     vector,
 )
 from extended_judge import mp
+from four_bars import flat_four_bar, folded_parallelogram
 from shipped import shipped
 
 from hybridyn.description import Description
 from hybridyn.oracle.arithmetic import cross
 
-Place = tuple[Description, np.ndarray]
+Place = tuple[Description, Values]
+
+
+def posture(place: str, d: float) -> tuple[Description, np.ndarray]:
+    """Give a robot's record and its q at distance d from one of `PLACES`."""
+    description, values = PLACES[place](d)
+    return description, vector(description, values)
 
 
 def _tilted() -> Any:
@@ -43,23 +50,23 @@ def _tilted() -> Any:
 # ------------------------------------------------------------------ Gough-Stewart
 
 
-def hexagons_at_ninety_degrees(d: float) -> Place:
+def hexagons_at_ninety_degrees(d: Any) -> Place:
     """Parallel: hexagons of half-angles 10 and 50 degrees, 90 degrees - d of yaw (Fichter, 1986)."""
     robot = changed("gough_stewart", base_half_angle="10", platform_half_angle="50")
     p = numbers([0.03, -0.02, 0.7])
-    return robot, vector(robot, gough_stewart(robot, about(2, mp.pi / 2 - d), p))
+    return robot, gough_stewart(robot, about(2, mp.pi / 2 - d), p)
 
 
-def universal_joint_in_gimbal_lock(d: float) -> Place:
+def universal_joint_in_gimbal_lock(d: Any) -> Place:
     """Leg: leg 2 makes the angle d with the first axis of its universal joint; it then spins on the spot."""
     robot = shipped("gough_stewart")
-    return robot, vector(robot, _under_leg(robot, 2, mp.mpf("0.6"), mp.mpf("0.7"), mp.mpf(d) - mp.pi / 2))
+    return robot, _under_leg(robot, 2, mp.mpf("0.6"), mp.mpf("0.7"), mp.mpf(d) - mp.pi / 2)
 
 
-def leg_of_no_length(d: float) -> Place:
+def leg_of_no_length(d: Any) -> Place:
     """Serial: leg 2 has the length d [m]; its joints no longer follow from the platform."""
     robot = shipped("gough_stewart")
-    return robot, vector(robot, _under_leg(robot, 2, mp.mpf(d), mp.mpf("0.3"), mp.mpf("0.4")))
+    return robot, _under_leg(robot, 2, mp.mpf(d), mp.mpf("0.3"), mp.mpf("0.4"))
 
 
 def _under_leg(robot: Description, i: int, L: Any, y: Any, x: Any) -> Values:
@@ -89,7 +96,7 @@ def _turned(n: Any, c: Any, s: Any) -> Any:
     return c * e + (1 - c) * np.outer(n, n) + s * np.array([cross(n, column) for column in e]).T
 
 
-def platform_upside_down(d: float) -> Place:
+def platform_upside_down(d: Any) -> Place:
     """Constraint: turned by pi - 2 d about a horizontal axis; the constraint forces are dependent at pi.
 
     There the two operation modes of the 3-RPS meet (Schadlbauer, Walter and Husty, 2014: x0 = x3 = 0); they
@@ -100,20 +107,20 @@ def platform_upside_down(d: float) -> Place:
     s = mp.sqrt(1 - w * w)
     R = _turned(np.array([mp.cos(way), mp.sin(way), mp.mpf(0)]), 2 * w * w - 1, 2 * w * s)
     p = _rps3_place(R, mp.mpf("0.55"), _rps3_radius(robot))
-    return robot, vector(robot, rps3(robot, R, p))
+    return robot, rps3(robot, R, p)
 
 
-def leg_in_the_platform(d: float) -> Place:
+def leg_in_the_platform(d: Any) -> Place:
     """Parallel: pitched by 45 degrees, leg 1 makes about the angle d with the platform's plane."""
     robot = shipped("rps3")
     r, base = _rps3_radius(robot), placement(robot, "m1_leg1_hinge")[1][0]
     beta = mp.pi / 4
     R = about(1, beta)
     z = (base + r / 2) * mp.tan(beta) - r / 2 * mp.sin(beta) + mp.mpf(d)
-    return robot, vector(robot, rps3(robot, R, _rps3_place(R, z, r)))
+    return robot, rps3(robot, R, _rps3_place(R, z, r))
 
 
-def slide_of_no_length(d: float) -> Place:
+def slide_of_no_length(d: Any) -> Place:
     """Serial: the ball of leg 1 is d [m] from its hinge, so that the hinge is free to turn."""
     robot = shipped("rps3")
     r, turn, way = _rps3_radius(robot), mp.mpf("0.5"), mp.mpf("0.23")
@@ -125,13 +132,13 @@ def slide_of_no_length(d: float) -> Place:
         2 - m
     )  # so that r / 2 (3 R11 - R22), where the ball is, is where it shall be
     R = _turned(n, c, mp.sqrt(1 - c * c))
-    return robot, vector(robot, rps3(robot, R, _rps3_place(R, ball[2] - r * R[2, 0], r), {1: turn}))
+    return robot, rps3(robot, R, _rps3_place(R, ball[2] - r * R[2, 0], r), {1: turn})
 
 
 # ------------------------------------------------------------------ Delta
 
 
-def arm_in_line_with_its_rods(d: float) -> Place:
+def arm_in_line_with_its_rods(d: Any) -> Place:
     """Serial: arm 1 makes the angle d with the plane that its axis and its rods lie in."""
     robot = shipped("delta")
     delta, turn, aside = Delta(robot), mp.mpf("1.4"), mp.mpf("-0.155")
@@ -139,16 +146,16 @@ def arm_in_line_with_its_rods(d: float) -> Place:
     rod = -mp.cos(aside) * (mp.cos(d) * x + mp.sin(d) * z) + mp.sin(aside) * y
     P = delta.elbow(0, turn) + delta.rod * rod
     turns = [turn, delta.turn(1, P, 1), delta.turn(2, P, 1)]
-    return robot, vector(robot, delta.values(P, turns))
+    return robot, delta.values(P, turns)
 
 
-def rods_in_one_plane(d: float) -> Place:
+def rods_in_one_plane(d: Any) -> Place:
     """Parallel: the three rods span the volume d; in one plane they cannot hold the platform across it."""
     ends = numbers([[-0.261, 0.046, -0.506], [-0.331, 0.341, -0.591]])
     return _on_the_way(ends, (1, -1, -1), d, lambda delta, P, turns: delta.rods(P, turns))
 
 
-def couples_in_one_plane(d: float) -> Place:
+def couples_in_one_plane(d: Any) -> Place:
     """Constraint: the couples by which the parallelograms keep the platform level span the volume d."""
     ends = numbers([[0.38, 0.24, -0.278], [0.456, 0.316, -0.348]])
 
@@ -158,7 +165,7 @@ def couples_in_one_plane(d: float) -> Place:
     return _on_the_way(ends, (1, -1, 1), d, couples)
 
 
-def _on_the_way(ends: Any, sides: Any, d: float, three: Callable[[Delta, Any, Any], list[Any]]) -> Place:
+def _on_the_way(ends: Any, sides: Any, d: Any, three: Callable[[Delta, Any, Any], list[Any]]) -> Place:
     """Put P between two points, where three vectors span the volume d."""
     robot = shipped("delta")
     delta = Delta(robot)
@@ -173,10 +180,10 @@ def _on_the_way(ends: Any, sides: Any, d: float, three: Callable[[Delta, Any, An
 
     sign = 1 if volume(0) > 0 else -1
     t = mp.findroot(lambda t: volume(t) - sign * mp.mpf(d), (0, 1), solver="anderson", tol=mp.mpf(10) ** -60)
-    return robot, vector(robot, delta.values(*posture(t)))
+    return robot, delta.values(*posture(t))
 
 
-def folded_parallelogram(d: float) -> Place:
+def rods_in_one_line(d: Any) -> Place:
     """Leg and constraint: the rods of arm 1 make the angle d with the motor's axis, at 0 in one line."""
     robot = shipped("delta")
     delta, turn, d = Delta(robot), mp.mpf("0.42"), mp.mpf(d)
@@ -184,60 +191,61 @@ def folded_parallelogram(d: float) -> Place:
     P = delta.elbow(0, turn) + delta.rod * (mp.cos(d) * y + mp.sin(d) * (mp.cos(way) * x - mp.sin(way) * z))
     turns = [turn, delta.turn(1, P, 1), delta.turn(2, P, 1)]
     home = pitch(placement(robot, "m1_arm1_rod_a_cross_y")[0])
-    return robot, vector(robot, delta.values(P, turns, {0: way - home}))
+    return robot, delta.values(P, turns, {0: way - home})
 
 
 # ------------------------------------------------------------------ five-bar
 
 
-def arm_stretched(d: float) -> Place:
+def arm_stretched(d: Any) -> Place:
     """Serial, and leg: the links of the left side make the angle d."""
     robot = shipped("five_bar")
     bars, way = FiveBar(robot), mp.mpf("-1.2")
     E = bars.motors[0] + bars.upper[0] * towards(way)
     T = E + bars.lower[0] * towards(way + mp.mpf(d))
     F = meet(bars.motors[1], bars.upper[1], T, bars.lower[1], 1)
-    return robot, vector(robot, bars.values((E, F), (T, T)))
+    return robot, bars.values((E, F), (T, T))
 
 
-def elbows_together(d: float) -> Place:
+def elbows_together(d: Any) -> Place:
     """Parallel: the lower links make the angle d; folded on each other they turn about the elbows as one."""
     robot = shipped("five_bar")
     bars, way, half = FiveBar(robot), mp.mpf("-1.3"), mp.mpf(d) / 2
     apart = 2 * bars.lower[0] * mp.sin(half) * towards(way + mp.pi / 2)
     E = meet(bars.motors[0], bars.upper[0], bars.motors[1] - apart, bars.upper[1], -1)
-    return robot, vector(
-        robot,
+    return robot, (
         bars.angles(bars.sides[0], heading(bars.motors[0], E), way + half)
-        | bars.angles(bars.sides[1], heading(bars.motors[1], E + apart), way - half),
+        | bars.angles(bars.sides[1], heading(bars.motors[1], E + apart), way - half)
     )
 
 
-def lower_links_in_line(d: float) -> Place:
+def lower_links_in_line(d: Any) -> Place:
     """Parallel: motors 0.4 m apart, the lower links make the angle pi - d; in line they hold no tip."""
     robot = changed("five_bar", spacing="0.4")
     bars, way, half = FiveBar(robot), mp.mpf("0.1"), mp.mpf(d) / 2
     apart = 2 * bars.lower[0] * mp.cos(half) * towards(way)
     E = meet(bars.motors[0], bars.upper[0], bars.motors[1] - apart, bars.upper[1], -1)
-    return robot, vector(
-        robot,
+    return robot, (
         bars.angles(bars.sides[0], heading(bars.motors[0], E), way - half)
-        | bars.angles(bars.sides[1], heading(bars.motors[1], E + apart), way + mp.pi + half),
+        | bars.angles(bars.sides[1], heading(bars.motors[1], E + apart), way + mp.pi + half)
     )
 
 
-def all_links_in_line(d: float) -> Place:
-    """Constraint: motors 0.8 m apart, left side stretched, right one folded, about the angle d off."""
+def all_links_in_line(d: Any) -> Place:
+    """Constraint: motors 0.8 m apart, left side stretched, right one folded, about the angle d off.
+
+    Positive and negative d are one smooth motion.
+    """
     robot = changed("five_bar", spacing="0.8", lean="-10")
     bars, d = FiveBar(robot), mp.mpf(d)
     E = bars.motors[0] + bars.upper[0] * towards(-d)
     T = E + bars.lower[0] * towards(-d / 2)
-    F = meet(bars.motors[1], bars.upper[1], T, bars.lower[1], 1)
-    return robot, vector(robot, bars.values((E, F), (T, T)))
+    F = meet(bars.motors[1], bars.upper[1], T, bars.lower[1], 1 if d >= 0 else -1)
+    return robot, bars.values((E, F), (T, T))
 
 
 #: By robot and kind.
-PLACES: dict[str, Callable[[float], Place]] = {
+PLACES: dict[str, Callable[[Any], Place]] = {
     "gough_stewart parallel": hexagons_at_ninety_degrees,
     "gough_stewart leg": universal_joint_in_gimbal_lock,
     "gough_stewart serial": leg_of_no_length,
@@ -247,9 +255,11 @@ PLACES: dict[str, Callable[[float], Place]] = {
     "delta parallel": rods_in_one_plane,
     "delta serial": arm_in_line_with_its_rods,
     "delta constraint": couples_in_one_plane,
-    "delta leg": folded_parallelogram,
+    "delta leg": rods_in_one_line,
     "five_bar parallel": lower_links_in_line,
     "five_bar parallel, folded": elbows_together,
     "five_bar serial": arm_stretched,
     "five_bar constraint": all_links_in_line,
+    "four_bar constraint": flat_four_bar,
+    "parallelogram constraint": folded_parallelogram,
 }

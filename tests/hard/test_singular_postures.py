@@ -26,7 +26,7 @@ import numpy as np
 import pytest
 from extended_judge import EPS, Judge
 from posing import of_link
-from singular_postures import PLACES
+from singular_postures import PLACES, posture
 
 from hybridyn import HybridRobot, SingularityError, assemble, ddm, idm
 from hybridyn.robot import build_robot
@@ -64,7 +64,7 @@ class Case:
 @lru_cache(maxsize=1)
 def case(place: str, distance: float, seed: int) -> Case:
     """Draw rates, and efforts without a part in what the motors lose (or come near to losing)."""
-    description, q = PLACES[place](distance)
+    description, q = posture(place, distance)
     # Through a constraint singularity a drawn motion can only go slowly: accelerations are |v|^2 / distance.
     slow = min(1.0, 3 * distance**0.5) if "constraint" in place else 1.0
     judge = Judge(description, q, seed=seed, speed=slow)
@@ -160,7 +160,7 @@ def test_no_digit_is_left(place: str, answer: str) -> None:
     The efforts are less than the rounding of what they are the sum of: 1e-16 of 1e24. That is said, whatever
     the caller asked for motors that lose a direction.
     """
-    description, q = PLACES[place](1e-12)
+    description, q = posture(place, 1e-12)
     judge = Judge(description, q)
     robot, tau = build_robot(description), np.ones(len(description.motors))
     a = judge.accelerations(tau).astype(float)
@@ -172,7 +172,7 @@ def test_no_digit_is_left(place: str, answer: str) -> None:
 @pytest.mark.parametrize("distance", [1e-7, 1e-11])
 def test_a_robot_at_rest_keeps_its_digits(distance: float, claim: Claim) -> None:
     """Lying flat, weight across the plane: efforts are zero, and rounding next to the weight is no loss."""
-    description, q = PLACES["five_bar constraint"](distance)
+    description, q = posture("five_bar constraint", distance)
     robot = build_robot(description, gravity=(0.0, 9.81, 0.0))
     still = np.zeros(robot.nv)
     tau = idm(robot, q, still, still)
@@ -193,7 +193,7 @@ OUTPUTS = {
 )
 def test_a_platform_motion_cannot_be_followed_where_a_leg_is_singular(place: str) -> None:
     """At the singularity `assemble` says so; the posture at rest is fine, and so are motors in its place."""
-    description, q = PLACES[place](0.0)
+    description, q = posture(place, 0.0)
     robot = build_robot(description)
     link, axes = OUTPUTS[place.split()[0]]
     pose = link_pose(robot, q, link)
@@ -215,7 +215,7 @@ def test_a_platform_motion_cannot_be_followed_where_a_leg_is_singular(place: str
 
 def test_motors_that_lose_a_direction_do_not_tell_a_motion() -> None:
     """At a parallel singularity `assemble` from the motors' rates fails in the same words."""
-    description, q = PLACES["five_bar parallel"](0.0)
+    description, q = posture("five_bar parallel", 0.0)
     robot = build_robot(description)
     at = [robot.v_slices[robot.joints.index(motor)].start for motor in robot.motors]
     motors = {motor: (q[i], 1.0, 0.0) for motor, i in zip(robot.motors, at, strict=True)}
