@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from .errors import (
         ActuationError,
         AssemblyError,
+        CompileError,
         HybridynError,
         ModelError,
         SingularityError,
@@ -39,6 +40,7 @@ __version__ = "0.1.0"
 _HOME = {
     "ActuationError": "errors",
     "AssemblyError": "errors",
+    "CompileError": "errors",
     "HybridynError": "errors",
     "ModelError": "errors",
     "SingularityError": "errors",
@@ -71,6 +73,7 @@ __all__ = [
     "ActuationError",
     "Assemblies",
     "AssemblyError",
+    "CompileError",
     "Energy",
     "Event",
     "HybridRobot",

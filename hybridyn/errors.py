@@ -5,7 +5,8 @@
     |-- TrajectoryError     a table: file, row, column
     |-- AssemblyError       a posture that does not close: module, leg, residual, iterations
     |-- SingularityError    something lost rank: module, what, condition number
-    `-- ActuationError      motors that cannot produce what is asked: module, direction, size
+    |-- ActuationError      motors that cannot produce what is asked: module, direction, size
+    `-- CompileError        a written-out model that cannot be built: no compiler, or one that fails
 
 Each message says what, where by name, the number against its threshold, and the mend; each carries its
 data as attributes, so that a program can act on it.
@@ -126,3 +127,7 @@ class ActuationError(HybridynError):
     ) -> None:
         super().__init__(message)
         self.module, self.direction, self.size, self.sample = module, direction, size, sample
+
+
+class CompileError(HybridynError):
+    """A written-out model cannot be built; the general path works without it."""

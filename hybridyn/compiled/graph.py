@@ -15,7 +15,7 @@ import casadi as ca
 Reference = int
 
 SYMMETRIC = ("add", "fmin", "fmax", "hypot", "eq", "ne", "and", "or")
-ODD = ("sin", "tan", "asin", "atan", "sinh", "tanh", "asinh", "atanh", "erf", "sign", "expm1_odd")
+ODD = ("sin", "tan", "asin", "atan", "sinh", "tanh", "asinh", "atanh", "erf", "sign")
 EVEN = ("cos", "cosh", "fabs")
 ONE = ("sqrt", "acos", "exp", "log", "log1p", "expm1", "acosh", "floor", "ceil", "not")
 TWO = ("fmin", "fmax", "atan2", "pow", "fmod", "hypot", "copysign", "remainder", "lt", "le", "eq", "ne", "and", "or")

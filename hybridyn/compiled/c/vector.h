@@ -4,7 +4,7 @@ typedef I M __attribute__((vector_size(W * sizeof(S))));
 
 #define INLINE static inline __attribute__((always_inline, unused))
 #define SELDOM static __attribute__((noinline, cold, unused))
-#define C(x) ((V){0} + (S)(x))
+#define C(x) ((S)(x) - (V){0}) /* exact, also for -0 */
 #define LANE(x, i) ((x)[i])
 
 #if defined(__AVX__) || defined(__SSE2__)

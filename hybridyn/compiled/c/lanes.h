@@ -1,0 +1,40 @@
+/* Moves between numbers and the lanes of vectors. */
+#define ALIGNED __attribute__((aligned(sizeof(V))))
+INLINE void gather_all(V *to, const S *from, const int *at, int n) {
+    for (int k = 0; k < n; k++) to[k] = C(from[at[k]]);
+}
+INLINE void scatter_first(S *to, const int *at, const V *from, int n) {
+    for (int k = 0; k < n; k++) to[at[k]] = from[k][0];
+}
+INLINE void gather_lanes(V *to, const S *from, const int *at, int n) {
+    for (int k = 0; k < n; k++, at += W) to[k] = (V){FROM(from, at)};
+}
+INLINE void scatter_lanes(S *to, const int *at, const V *from, int n, int valid) {
+    for (int l = 0; l < valid; l++, at += n)
+        for (int k = 0; k < n; k++) to[at[k]] = from[k][l];
+}
+INLINE void spread_lanes(V *to, const V *from, int n, int valid) {
+    for (int l = 0; l < valid; l++)
+        for (int k = 0; k < n; k++) to[l * n + k] = C(from[k][l]);
+}
+INLINE void add_lanes(V *to, const V *from, int n, int valid) {
+    for (int k = 0; k < n; k++) {
+        S sum = to[k][0];
+        for (int l = 0; l < valid; l++) sum += from[k][l];
+        to[k] = C(sum);
+    }
+}
+INLINE S worst_of_lanes(S guard, V y, int valid) {
+    for (int l = 0; l < valid; l++)
+        if (!(y[l] <= guard) && guard == guard) guard = y[l];
+    return guard;
+}
+INLINE void from_rows(V *to, const S *from, Long width, int valid) {
+    const S *row[W];
+    for (int l = 0; l < W; l++) row[l] = from + (l < valid ? l : valid - 1) * width;
+    for (Long k = 0; k < width; k++) to[k] = (V){ROWS(row, k)};
+}
+INLINE void to_rows(S *to, const V *from, Long width, int valid) {
+    for (int l = 0; l < valid; l++)
+        for (Long k = 0; k < width; k++) to[l * width + k] = from[k][l];
+}

@@ -1,0 +1,239 @@
+"""Calls of built programs: one sample with as little around it as possible, batches in blocks and threads."""
+
+from __future__ import annotations
+
+import ctypes
+import threading
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from functools import cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from .cache import Built, cached
+from .compilers import best_lanes
+from .program import Program
+from .scalars import Scalar
+from .sources import library_source
+
+Numbers = NDArray[Any]
+
+BORDER = {
+    "float64": np.float64,
+    "float32": np.float32,
+    "longdouble": np.longdouble,
+    "float128": np.float64,  # numpy has none: in exactly, out rounded
+    "complex128": np.complex128,
+}
+"""Types of the arrays that come in and go out."""
+
+BLOCK = 512  # samples that a thread takes at once: long enough to be worth waking it, a multiple of every width
+
+
+class Library:
+    """Built programs.
+
+    Attributes:
+        about: What they are (`Source.about`).
+        dtype: Type of arrays in and out.
+        programs: The programs by name.
+    """
+
+    def __init__(self, built: Built) -> None:
+        """Load a library.
+
+        Args:
+            built: Its file and what it offers.
+        """
+        self.about = built.about
+        self.dtype = np.dtype(BORDER[built.about["number"]])
+        free = ctypes.CDLL(str(built.path))  # lets other threads of Python run meanwhile
+        held = ctypes.PyDLL(str(built.path))  # does not: a microsecond is not worth it
+        plain = built.about["lanes"] > 1 and _knows_arrays(held, self.dtype)
+        self.programs = {
+            name: Calls(name, about, self.dtype, free, held, plain)
+            for name, about in built.about["programs"].items()
+        }
+
+    def single(self, name: str, *inputs: ArrayLike) -> tuple[tuple[Numbers, ...], float]:
+        """Run a program for one sample.
+
+        Args:
+            name: The program.
+            inputs: Its inputs, shapes (n,).
+
+        Returns:
+            Its outputs, shapes (n,), and the sample's guard.
+        """
+        calls = self.programs[name]
+        out, _ = calls.single(*inputs)
+        return calls.split(out), calls.guard
+
+    def batch(self, name: str, *inputs: ArrayLike, threads: int = 1) -> tuple[tuple[Numbers, ...], Numbers]:
+        """Run a program for many samples.
+
+        Args:
+            name: The program.
+            inputs: Its inputs, shapes (T, n).
+            threads: Number of threads.
+
+        Returns:
+            Its outputs, shapes (T, n), and the samples' guards, shape (T,).
+        """
+        return self.programs[name].batch(inputs, threads)
+
+
+class Calls:
+    """The calls of one program."""
+
+    def __init__(
+        self, name: str, about: dict[str, Any], dtype: np.dtype[Any], free: ctypes.CDLL, held: ctypes.PyDLL, plain: bool
+    ) -> None:
+        self.name, self.dtype = name, dtype
+        self.inputs: list[tuple[str, int]] = [(n, size) for n, size in about["inputs"]]
+        self.outputs: list[tuple[str, int]] = [(n, size) for n, size in about["outputs"]]
+        self.size = sum(size for _, size in self.outputs)
+        self._work = about["work"]
+        self._batch = getattr(free, f"{name}_batch")
+        self._batch.restype = None
+        self._batch.argtypes = [ctypes.c_longlong] * 2 + [ctypes.c_void_p] * 4
+        self._memory = threading.local()
+        self._guard = np.zeros(1, dtype)
+        self._guard_at = self._guard.ctypes.data
+        self._plain = plain
+        self._one: Callable[..., int] | None = None
+        if plain:
+            one = getattr(held, f"{name}_single")
+            one.restype = ctypes.c_int
+            one.argtypes = [ctypes.py_object] * (len(self.inputs) + 1) + [ctypes.c_void_p]
+            self._one = one
+
+    @property
+    def guard(self) -> float:
+        """The guard of the last single call."""
+        return float(self._guard[0].real)
+
+    def single(self, *inputs: ArrayLike) -> tuple[Numbers, int]:
+        """Run one sample.
+
+        Args:
+            inputs: Inputs, shapes (n,).
+
+        Returns:
+            All outputs one behind the other, and 0 where the guard lets them pass (see `guard`).
+        """
+        out = np.empty(self.size, self.dtype)
+        if self._one is not None:
+            status = self._one(*inputs, out, self._guard_at)
+            if status != 1:
+                return out, status
+        return self._converted(inputs, out)
+
+    def _converted(self, inputs: tuple[ArrayLike, ...], out: Numbers) -> tuple[Numbers, int]:
+        """Run one sample from whatever can be made plain arrays."""
+        arrays = [np.array(x, self.dtype, order="C", ndmin=1) for x in inputs]
+        for array, (name, size) in zip(arrays, self.inputs, strict=True):
+            if array.shape != (size,):
+                raise ValueError(f"{name} has shape {array.shape}; wanted ({size},)")
+        if self._one is not None:
+            return out, self._one(*arrays, out, self._guard_at)
+        parts, guard = self.batch([array[None] for array in arrays], 1)
+        self._guard[0] = guard[0]
+        np.concatenate([part[0] for part in parts], out=out)
+        return out, 0 if guard[0].real <= 1 else 2
+
+    def split(self, out: Numbers) -> tuple[Numbers, ...]:
+        """Cut outputs that lie one behind the other."""
+        parts, at = [], 0
+        for _, size in self.outputs:
+            parts.append(out[at : at + size])
+            at += size
+        return tuple(parts)
+
+    def batch(self, inputs: Any, threads: int) -> tuple[tuple[Numbers, ...], Numbers]:
+        """Run many samples.
+
+        Args:
+            inputs: Inputs, shapes (T, n).
+            threads: Number of threads.
+
+        Returns:
+            Outputs, shapes (T, n), and guards, shape (T,).
+        """
+        arrays = [np.ascontiguousarray(x, self.dtype) for x in inputs]
+        samples = len(arrays[0])
+        for array, (name, size) in zip(arrays, self.inputs, strict=True):
+            if array.shape != (samples, size):
+                raise ValueError(f"{name} has shape {array.shape}; wanted ({samples}, {size})")
+        outs = tuple(np.empty((samples, size), self.dtype) for _, size in self.outputs)
+        guard = np.empty(samples, self.dtype)
+        pointers = [(ctypes.c_void_p * len(x))(*(a.ctypes.data for a in x)) for x in (arrays, outs)]
+        guard_at = guard.ctypes.data
+
+        def run(start: int) -> None:
+            stop = min(start + block, samples)
+            self._batch(start, stop, pointers[0], pointers[1], guard_at, self._workspace())
+
+        block = samples if threads <= 1 else BLOCK
+        if threads <= 1 or samples <= BLOCK:
+            block = max(samples, 1)
+            run(0)
+        else:
+            for _ in pool(threads).map(run, range(0, samples, BLOCK)):
+                pass
+        return outs, guard
+
+    def _workspace(self) -> int:
+        """Give the address of memory for this thread, aligned for the widest vectors."""
+        if not hasattr(self._memory, "array"):
+            self._memory.array = np.zeros(self._work + 64, np.uint8)
+            self._memory.at = -(-self._memory.array.ctypes.data // 64) * 64
+        at: int = self._memory.at
+        return at
+
+
+@cache
+def pool(threads: int) -> ThreadPoolExecutor:
+    """Give the threads, which sleep between calls."""
+    return ThreadPoolExecutor(threads, thread_name_prefix="hybridyn")
+
+
+def _knows_arrays(held: ctypes.PyDLL, dtype: np.dtype[Any]) -> bool:
+    """Set up the reading of arrays in C, and say whether an array looks there as it does here."""
+    held.hybridyn_setup.argtypes = [ctypes.c_void_p] * 2
+    held.hybridyn_setup.restype = None
+    held.hybridyn_setup(id(np.ndarray), id(dtype))
+    held.hybridyn_layout.argtypes = [ctypes.py_object, ctypes.c_void_p, ctypes.c_longlong, ctypes.c_longlong]
+    held.hybridyn_layout.restype = ctypes.c_int
+    for shape in ((3, 5), (7, 2)):
+        array = np.zeros(shape, dtype)
+        if type(array) is not np.ndarray or array.dtype is not dtype:
+            return False
+        if not held.hybridyn_layout(array, array.ctypes.data, shape[0], dtype.itemsize):
+            return False
+    return True
+
+
+def load(
+    programs: list[Program],
+    *,
+    dtype: str = "float64",
+    lanes: int | None = None,
+    key: str | None = None,
+) -> Library:
+    """Build programs, or find them built, and load them.
+
+    Args:
+        programs: The programs.
+        dtype: "float64", "float32"; and for studies, with one lane, "longdouble", "float128", "complex128".
+        lanes: Numbers side by side; None for what suits this machine.
+        key: Text that says everything the programs depend on; None looks at their source.
+    """
+    if lanes is None:
+        lanes = best_lanes(dtype) if dtype in ("float64", "float32") else 1
+    scalar = Scalar(dtype, lanes)
+    source = library_source(programs, scalar)
+    libraries = ("-lquadmath",) if dtype == "float128" else ()
+    return Library(cached(key or source.digest, lambda: source, libraries))
