@@ -1,0 +1,221 @@
+"""`hybridyn workspace`: the poses that a module reaches, and what holding them costs."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import time
+from collections.abc import Callable, Iterable, Iterator
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from hybridyn.cli.figures import save, takes_plot
+from hybridyn.cli.memory import keep_freed_memory
+from hybridyn.cli.progress import Progress
+from hybridyn.cli.robot_options import RobotChoice, RobotCommand, result_file, takes_robot
+from hybridyn.cli.summary import aligned_rows, counted
+from hybridyn.cli.workers import Failure, Workers
+
+if TYPE_CHECKING:
+    from hybridyn.workspace import Workspace
+
+BLOCKS = 6  # joints that are named as bounding
+
+
+def _numbers(ctx: click.Context, param: click.Parameter, values: tuple[str, ...]) -> dict[str, float]:
+    """Read `x=0.01` words, with commas or repeated."""
+    out = {}
+    for word in (part for value in values for part in value.split(",")):
+        name, _, number = word.partition("=")
+        try:
+            out[name.strip()] = float(number)
+        except ValueError:
+            raise click.BadParameter(f"'{word}' is not of the form x=0.1", ctx, param) from None
+    return out
+
+
+def _words(ctx: click.Context, param: click.Parameter, value: str | None) -> tuple[str, ...] | None:
+    return None if value is None else tuple(word.strip() for word in value.split(","))
+
+
+@click.command(
+    "workspace", cls=RobotCommand, short_help="The poses that a module reaches, and what they cost."
+)
+@takes_robot
+@click.option(
+    "-m", "--module", metavar="NUMBER|NAME", help="The module, from 1.  [default: the only looped one]"
+)
+@click.option("--link", metavar="LINK", help="A link of it.  [default: its platform]")
+@click.option(
+    "--sweep",
+    metavar="X,Y,...",
+    callback=_words,
+    help="Coordinates of the lattice, of x, y, z, roll, pitch, yaw in the module's base.  [default: all that "
+    "are independent up to three, else the translations]",
+)
+@click.option(
+    "--at",
+    metavar="YAW=0.2,...",
+    multiple=True,
+    callback=_numbers,
+    help="Values of the other coordinates, or the lattice's origin [m, rad].  [default: home]",
+)
+@click.option(
+    "--step",
+    "steps",
+    metavar="X=0.01,...",
+    multiple=True,
+    callback=_numbers,
+    help="Steps of the lattice [m, rad].  [default: parts of the module's size]",
+)
+@click.option("--no-limits", is_flag=True, help="Leave the joints' position limits out of account.")
+@click.option(
+    "-o",
+    "--output",
+    metavar="FILE",
+    callback=result_file,
+    help="All poses, .csv or .parquet  [default: CSV on standard output]",
+)
+@takes_plot("maps of conditioning and efforts")
+@click.option("-j", "--jobs", type=click.IntRange(1, 256), default=1, show_default=True, help="Processes.")
+def command(
+    load: RobotChoice,
+    module: str | None,
+    link: str | None,
+    sweep: tuple[str, ...] | None,
+    at: dict[str, float],
+    steps: dict[str, float],
+    no_limits: bool,
+    output: str | None,
+    plot: str | None,
+    jobs: int,
+) -> None:
+    """Find the poses that a module of ROBOT reaches from home on its assembly branch, under its joint limits.
+
+    A lattice is flooded from the home posture. The table has a row per pose that is reached:
+    '<link>@<base>/pose/...', '<motor>/position' of the module's motors, 'conditioning' (0 singular, 1
+    isotropic), 'effort_per_force' and 'effort_per_torque' (the largest effort of any motor against 1 N or
+    1 N m in the worst direction), '<motor>/effort' (against gravity; the other modules at home). Efforts of
+    singular postures are inf.
+    """
+    from hybridyn.workspace import workspace
+
+    keep_freed_memory()
+    started = time.perf_counter()
+    robot = load()
+    with _spread(jobs) as spread, Progress("poses") as bar:
+        found = workspace(
+            robot,
+            module,
+            link=link,
+            axes=sweep,
+            at=at,
+            steps=steps,
+            limits=not no_limits,
+            spread=spread,
+            progress=lambda poses: bar.show(poses, None),
+        )
+    _write(found, load, output)
+    if plot:
+        from hybridyn.workspace_figure import figure_of_workspace
+
+        save(figure_of_workspace(found, title=f"{robot.name}: {found.sweep.link}"), plot)
+    for line in _summary(found, time.perf_counter() - started):
+        click.echo(line, err=True)
+
+
+@contextlib.contextmanager
+def _spread(jobs: int) -> Iterator[Any]:
+    """Give a function that applies another one to many tasks, here or in other processes."""
+    from hybridyn.workspace import in_this_process
+
+    if jobs == 1:
+        yield in_this_process
+        return
+    with Workers(jobs) as workers:
+        prepared: list[object] = []
+
+        def spread(work: Callable[..., Any], tasks: Iterable[tuple[Any, ...]]) -> Iterator[Any]:
+            if not prepared:
+                workers.prepare(work)
+                prepared.append(work)
+            return _in_turn(workers, tasks)
+
+        yield spread
+
+
+def _in_turn(workers: Workers, tasks: Iterable[tuple[Any, ...]]) -> Iterator[Any]:
+    """Keep every process busy, and give the results in the order of the tasks."""
+    waiting = 0
+    for task in tasks:
+        if waiting == len(workers):
+            yield _result(workers)
+            waiting -= 1
+        workers.give(task)
+        waiting += 1
+    for _ in range(waiting):
+        yield _result(workers)
+
+
+def _result(workers: Workers) -> Any:
+    result = workers.take()
+    if isinstance(result, Failure):
+        raise result.error
+    return result
+
+
+def _write(found: Workspace, load: RobotChoice, output: str | None) -> None:
+    """Write the table of poses."""
+    import numpy as np
+
+    from hybridyn.description.results import open_results
+
+    columns = {
+        f"{found.sweep.key}/pose/{n}": found.coordinates[:, i] for i, n in enumerate(found.sweep.names)
+    }
+    columns |= {f"{name}/position": values for name, values in found.motors.items()}
+    columns |= found.measures
+    file = os.path.basename(load.robot)
+    remark = f"hybridyn workspace of {file}: lattice steps " + ", ".join(
+        f"{axis} {step:g}" for axis, step in zip(found.sweep.axes, found.steps, strict=True)
+    )
+    with open_results(output, list(columns), [remark]) as write:
+        write(np.column_stack(list(columns.values())))
+
+
+def _summary(found: Workspace, seconds: float) -> list[str]:
+    import numpy as np
+
+    sweep = found.sweep
+    lines = [
+        f"module {sweep.module + 1}: {counted(len(found.index), 'pose')} of '{sweep.link}' in '{sweep.base}'"
+    ]
+    rows = [["coordinate", "from", "to", "step", "unit"]]
+    for i, name in enumerate(sweep.names):
+        values, linear = found.coordinates[:, i], name in "xyz"
+        step = f"{found.steps[sweep.axes.index(name)]:.4g}" if name in sweep.axes else "held"
+        rows.append([name, f"{values.min():.4g}", f"{values.max():.4g}", step, "m" if linear else "rad"])
+    lines += [f"  {line}" for line in aligned_rows(rows, right=(1, 2, 3))]
+    for name, values in found.measures.items():
+        finite = values[np.isfinite(values)]
+        if "/" not in name and len(finite):
+            lost = len(values) - len(finite)
+            note = f", {counted(lost, 'singular pose')}" if lost else ""
+            lines.append(f"{name}: {finite.min():.4g} to {finite.max():.4g}{note}")
+    held = {name: values for name, values in found.measures.items() if name.endswith("/effort")}
+    if held:
+        worst = {
+            name: float(np.max(np.abs(v), initial=0.0, where=np.isfinite(v))) for name, v in held.items()
+        }
+        name = max(worst, key=lambda motor: worst[motor])
+        lines.append(f"largest effort against gravity: {worst[name]:.4g} by {name.removesuffix('/effort')}")
+    stops = sorted(found.blocked.items(), key=lambda item: (-item[1], item[0]))
+    named = [
+        f"{'the loops reach no farther' if name == 'reach' else name} ({count:,})"
+        for name, count in stops[:BLOCKS]
+    ]
+    more = f" and {len(stops) - BLOCKS} more joints" if len(stops) > BLOCKS else ""
+    lines.append(f"what stops it (steps): {', '.join(named) or 'nothing'}{more}")
+    lines.append(f"wall time {seconds:.2f} s")
+    return lines
