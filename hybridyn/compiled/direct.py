@@ -76,7 +76,7 @@ def write_direct(name: str, plan: Plan, options: DirectOptions) -> DirectModule:
     """Write a module's direct model and cut it into its stages."""
     parts, m = plan.parts, plan.mechanism
     at_q, at_v = read_by_core(plan)
-    (q_col, q), (v_col, v) = _scattered("q", at_q, m.spanning.nq), _scattered("v", at_v, m.spanning.nv)
+    (q_col, q), (v_col, v) = scattered("q", at_q, m.spanning.nq), scattered("v", at_v, m.spanning.nv)
     fixed = options.base is not None
     V_col, V_base = symbols("V_base", 6)
     A_col, A_base = symbols("A_base", 6)
@@ -162,7 +162,7 @@ def read_by_core(plan: Plan) -> tuple[Array, Array]:
     return out[0], out[1]
 
 
-def _scattered(name: str, index: Array, width: int) -> tuple[ca.SX, Expression]:
+def scattered(name: str, index: Array, width: int) -> tuple[ca.SX, Expression]:
     """Give symbols for some entries of a vector, and the vector with zeros elsewhere."""
     column, entries = symbols(name, len(index))
     out = zeros(width)

@@ -11,12 +11,13 @@ import numpy as np
 from .choices import Request
 from .core import Plan
 from .direct import DirectModule, DirectOptions, write_direct
-from .expressions import dot, pack, plain, symbols, upper, zeros
+from .expressions import pack, plain, symbols, upper, zeros
 from .efforts import Efforts
 from .legs import PlatformMotion, leg_accelerations, leg_sums, write_leg
 from .parts import Leg
 from .program import Add, Constants, Program, Shared, Source, Target, Worst
-from .rigid import inertia_matrix, quaternion_matrix
+from .rigid import inertia_matrix
+from .roots import moving_base
 from .slots import Writer
 from .stages import Stages
 from .staging import Stage, cut
@@ -47,7 +48,8 @@ def direct_program(request: Request) -> Program:
         inputs.append(("base_acceleration", 6))
     w = Writer("ddm", inputs, [("a", robot.nv)])
     builder = _Builder(request, w)
-    root = builder.root()
+    given = w.from_given("base_acceleration", np.arange(6)) if robot.base == "moving" else None
+    root = moving_base(request, w, given, report=True) if given else None
     modules: list[_ModuleCalls] = []
     for k in range(len(robot.modules)):
         modules.append(builder.outwards(k, modules, root))
@@ -66,24 +68,6 @@ class _Builder:
         self.efforts = Efforts(request, writer)
         self._written: dict[Any, DirectModule] = {}
         self._legs: dict[Any, tuple[list[Stage], Any]] = {}
-
-    def root(self) -> tuple[Source, Source] | None:
-        """Give twist and acceleration of a moving base."""
-        robot, w = self.request.robot, self.w
-        if robot.base != "moving":
-            return None
-        (q_col, q), (a_col, a) = symbols("q", 4), symbols("a", 6)
-        A = a.copy()
-        A[:3] = A[:3] - dot(quaternion_matrix(q).T, plain(self.request.gravity))
-        function = ca.Function("root", [q_col, a_col], [pack(a), pack(A)])
-        at = w.shared(6)
-        w.call(
-            w.kernel("root", function, "kinematics"),
-            1,
-            [w.from_given("q", np.arange(3, 7)), w.from_given("base_acceleration", np.arange(6))],
-            [w.result("a", np.arange(6)), at],
-        )
-        return w.from_given("v", np.arange(6)), at
 
     def outwards(self, k: int, modules: list[_ModuleCalls], root: tuple[Source, Source] | None) -> _ModuleCalls:
         """Write motion outwards: platforms, twists, and what the legs bring."""

@@ -51,3 +51,19 @@ def largest(values: Expression) -> Any:
         if not is_zero(value):
             out = ca.fmax(out, ca.fabs(value))
     return out
+
+
+def accelerating_apart(values: Expression, sizes: Expression) -> Any:
+    """Give the guard of accelerations that must agree.
+
+    Args:
+        values: What must vanish.
+        sizes: The accelerations that it is a difference of.
+    """
+    if all(is_zero(x) for x in values):
+        return ca.SX(0.0)
+    size: Any = NOTHING
+    for part in sizes:
+        if not is_zero(part):
+            size = size + ca.fabs(part)
+    return largest(values) / (CLOSED * size)

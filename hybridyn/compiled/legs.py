@@ -63,6 +63,10 @@ class WrittenLeg:
         """Give an inertia of the closure's point in the base's frame, (6, 6)."""
         return matrix_moved(M, numbers(np.eye(3)), self.point)
 
+    def accelerating_apart(self, a: Expression, delta: Expression) -> Expression:
+        """Give by how much joint accelerations miss those that follow the platform, shape (nv,)."""
+        return leg_accelerations(self, delta) - a
+
     def wrench(self, F: Expression) -> Expression:
         """Give a wrench at the closure's point in the base's frame, shape (6,)."""
         return to_parent(numbers(np.eye(3)), self.point, F)

@@ -21,11 +21,15 @@ class Rows:
     Attributes:
         K: Shape (rows, 6 + nv): K s + gamma = 0.
         gamma: Shape (rows,).
+        apart: gamma without units: metres over the module's length.
+        sizes: The accelerations that it is a difference of, likewise.
         guard: How far the loops are open.
     """
 
     K: Expression
     gamma: Expression
+    apart: Expression
+    sizes: Expression
     guard: ca.SX
 
 
@@ -72,13 +76,15 @@ def write_rows(
         q: Positions of each joint.
         length: The module's length.
     """
-    K, gamma = [zeros(0, 6 + chain.nv)], [zeros(0)]
+    K, gamma, apart, sizes = [zeros(0, 6 + chain.nv)], [zeros(0)], [zeros(0)], [zeros(0)]
     guard = ca.SX(0.0)
     for c in closures:
         a = _side(chain, c.body_a, numbers(c.R_a), numbers(c.p_a))
         b = _side(chain, c.body_b, numbers(c.R_b), numbers(c.p_b))
         rows, drift, measure = _closure(c, a, b, length)
-        K, gamma = [*K, rows], [*gamma, drift]
+        K, gamma, sizes = [*K, rows], [*gamma, drift], [*sizes, a.a / length, b.a / length, a.alpha, b.alpha]
+        unit = np.array([length] * len(c.translations) + [1.0] * (c.rows - len(c.translations)))
+        apart = [*apart, drift / unit]
         guard = ca.fmax(guard, measure)
     for coupling in couplings:
         row = zeros(1, 6 + chain.nv)
@@ -86,7 +92,7 @@ def write_rows(
             at = 6 + chain.v_slices[joint].start
             row[0, at] = row[0, at] + coefficient
         K, gamma = [*K, row], [*gamma, zeros(1)]
-    return Rows(np.concatenate(K), np.concatenate(gamma), guard)
+    return Rows(np.concatenate(K), np.concatenate(gamma), np.concatenate(apart), np.concatenate(sizes), guard)
 
 
 def _closure(

@@ -1,0 +1,120 @@
+"""From the generalised force along each motion to motor efforts, written: B tau = Q, Eq. (33)."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from ..spatial import Array
+from .chains import motion_map
+from .expressions import Expression, dot, is_zero, pack, symbols, times, zeros
+from .guards import largest, trusted
+from .static_elimination import Pivots, choose_pivots, solve
+
+#: Part of the largest term that a motion without a motor may be left with: rounding, no more.
+UNDRIVEN = 1e-11
+
+
+def motor_efforts(
+    B: Expression, Q: Expression, size: Any, share: Array, pivots: Pivots
+) -> tuple[Expression, Any]:
+    """Give the efforts of a module's motors and the guard of their map.
+
+    Args:
+        B: Work of each motor along each motion, shape (N, motors).
+        Q: Generalised force needed, shape (N,).
+        size: Largest term that Q was summed from.
+        share: Each motor's share of the load, where there are more motors than motions, shape (motors,).
+        pivots: Pivots of B, or of its transpose where there are more motors.
+    """
+    N, motors = B.shape
+    if not motors:
+        return zeros(0), _undriven(Q, size)
+    if motors > N:
+        return _least_norm(B, Q, share)
+    X, _, trust = solve(B, Q[:, None], pivots)
+    guard = trusted(trust)
+    if motors < N:
+        guard = ca.fmax(guard, _undriven(Q - dot(B, X[:, 0]), size))
+    return X[:, 0], guard
+
+
+def _undriven(left: Expression, size: Any) -> Any:
+    """Give the guard of forces that no motor gives."""
+    if all(is_zero(x) for x in left):
+        return ca.SX(0.0)
+    return largest(left) / (UNDRIVEN * (size + 1e-290))
+
+
+def _least_norm(B: Expression, Q: Expression, share: Array) -> tuple[Expression, Any]:
+    """Give the least of |tau / share| with B tau = Q, by Householder's L Q factors of B share."""
+    N, motors = B.shape
+    A = np.array([[times(B[i, j], float(share[j])) for i in range(N)] for j in range(motors)], dtype=object)
+    reflections: list[tuple[Expression, Any]] = []
+    R = zeros(N, N)
+    for k in range(N):
+        norm = ca.sqrt(dot(A[k:, k], A[k:, k][:, None])[0])
+        signed = ca.if_else(A[k, k] < 0, norm, -norm)
+        h = A[k:, k].copy()
+        h[0] = h[0] - signed
+        scale = -1.0 / (signed * h[0])  # 2 / h'h, h'h = -2 signed h_0
+        reflections.append((h, scale))
+        R[k, k] = signed
+        for j in range(k + 1, N):
+            factor = times(scale, dot(h, A[k:, j][:, None])[0])
+            A[k:, j] = A[k:, j] - [times(factor, x) for x in h]
+            R[k, j] = A[k, j]
+    y = zeros(motors)
+    for i in range(N):  # R^T y = Q
+        y[i] = (Q[i] - (dot(R[:i, i], y[:i][:, None])[0] if i else 0.0)) / R[i, i]
+    for k in reversed(range(N)):
+        h, scale = reflections[k]
+        factor = times(scale, dot(h, y[k:][:, None])[0])
+        y[k:] = y[k:] - [times(factor, x) for x in h]
+    small: Any = ca.SX(np.inf)
+    big: Any = ca.SX(0.0)
+    for k in range(N):
+        small, big = ca.fmin(small, ca.fabs(R[k, k])), ca.fmax(big, ca.fabs(R[k, k]))
+    return np.array([times(float(s), x) for s, x in zip(share, y, strict=True)], dtype=object), trusted(small / big)
+
+
+def motor_pivots(plan: Any, positions: Array, motors: tuple[int, ...]) -> Pivots:
+    """Choose the pivots of a module's motor map at generic positions of its spanning tree.
+
+    Args:
+        plan: The module.
+        positions: Positions of its spanning tree, shape (samples, nq).
+        motors: Freedoms of the tree after the cuts that are driven.
+    """
+    from .core import write_core
+    from .legs import write_leg
+
+    m, parts = plan.mechanism, plan.parts
+    column, q = symbols("q", m.spanning.nq)
+    core = write_core(plan, q, zeros(m.spanning.nv), zeros(6))
+    X, _, _ = solve(core.rows.K[:, 6:], zeros(len(core.rows.K), 1), plan.loop_pivots)
+    Psi = X[:, 1:]
+    columns: dict[int, Expression] = {}
+    for k, col in enumerate(parts.tree_v):
+        columns[int(col)] = Psi[k]
+    for n, group in enumerate(parts.groups):
+        for leg in group:
+            platform = core.platforms[leg.platform]
+            written = write_leg(
+                (leg,), q[leg.q], zeros(len(leg.v)), zeros(6), platform, m.length, plan.leg_pivots[n]
+            )
+            at = core.chain.columns_of(leg.platform + 1)
+            P = motion_map(core.chain, leg.platform + 1)[:, at]
+            for k, col in enumerate(leg.tree_v):
+                wrench = dot(P.T, written.wrench(written.X[k]))
+                columns[int(col)] = dot(Psi[np.array(at) - 6].T, wrench)
+    B = np.stack([columns[c] for c in motors], axis=1) if motors else zeros(Psi.shape[1], 0)
+    if not motors or len(motors) > Psi.shape[1]:
+        return Pivots((), (), ())
+    function = ca.Function("B", [column], [pack(B)])
+    samples = np.array([np.array(function(x)).reshape(B.shape) for x in positions])
+    size = np.abs(samples).max(axis=(0, 2))
+    unit = np.abs(samples / np.where(size > 0, size, 1.0)[:, None]).max(axis=(0, 1))
+    return choose_pivots(samples, len(motors), 1.0 / np.where(size > 0, size, 1.0), 1.0 / np.where(unit > 0, unit, 1.0))

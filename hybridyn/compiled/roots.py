@@ -1,0 +1,34 @@
+"""What the first modules stand on: a base at rest, or one whose motion is prescribed."""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+
+from .choices import Request
+from .expressions import dot, pack, plain, symbols
+from .program import Source
+from .rigid import quaternion_matrix
+from .slots import Writer
+
+
+def moving_base(request: Request, w: Writer, acceleration: Source, *, report: bool) -> tuple[Source, Source] | None:
+    """Give twist and acceleration (less gravity) of a moving base; None for a base at rest.
+
+    Args:
+        request: The robot.
+        w: The program.
+        acceleration: Where the base's acceleration comes from.
+        report: Whether the base's acceleration is among the results.
+    """
+    if request.robot.base != "moving":
+        return None
+    (q_col, q), (a_col, a) = symbols("q", 4), symbols("a", 6)
+    A = a.copy()
+    A[:3] = A[:3] - dot(quaternion_matrix(q).T, plain(request.gravity))
+    outputs = [pack(A), pack(a)] if report else [pack(A)]
+    kernel = w.kernel("root", ca.Function("root", [q_col, a_col], outputs), "kinematics")
+    at = w.shared(6)
+    targets = [at, w.result("a", np.arange(6))] if report else [at]
+    w.call(kernel, 1, [w.from_given("q", np.arange(3, 7)), acceleration], targets)
+    return w.from_given("v", np.arange(6)), at
