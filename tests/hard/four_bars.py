@@ -13,19 +13,19 @@ from extended_judge import mp
 
 from hybridyn.description import Description, read
 
-BAR = """<link name="{name}"><inertial><origin xyz="{half} 0.02 0.01"/><mass value="{mass}"/>
+BAR = """<link name="{name}"><inertial><origin xyz="{half} 0.01 0.02"/><mass value="{mass}"/>
   <inertia ixx="0.001" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial></link>"""
 HINGE = """<joint name="{name}" type="revolute" independent="{driven}"><parent link="{parent}"/>
-  <child link="{child}"/><origin xyz="{at} 0 0" rpy="0 0 {turn}"/><axis xyz="0 0 1"/>
+  <child link="{child}"/><origin xyz="{at} 0 0" rpy="0 {turn} 0"/><axis xyz="0 -1 0"/>
   <limit lower="-9" upper="9" effort="99" velocity="9"/></joint>"""
 PIN = """<loop name="pin" type="revolute">
   <predecessor link="coupler"><origin xyz="{coupler} 0 0"/></predecessor>
-  <successor link="rocker"><origin xyz="{rocker} 0 0"/></successor><axis xyz="0 0 1"/></loop>"""
+  <successor link="rocker"><origin xyz="{rocker} 0 0"/></successor><axis xyz="0 1 0"/></loop>"""
 HOME = 1.2  # the crank's direction at home, far from any line
 
 
 class FourBar:
-    """A planar four-bar, gravity along -y.
+    """A planar four-bar in the plane (x, z), where gravity acts.
 
     Args:
         crank, coupler, rocker, ground: Lengths [m].
@@ -43,12 +43,12 @@ class FourBar:
             [
                 '<robot name="four_bar"><link name="ground"/>',
                 *(BAR.format(name=name, half=x / 2, mass=m) for name, x, m in names),
-                HINGE.format(name="a", driven="true", parent="ground", child="crank", at=0, turn=repr(one)),
+                HINGE.format(name="a", driven="true", parent="ground", child="crank", at=0, turn=repr(-one)),
                 HINGE.format(
-                    name="b", driven="false", parent="crank", child="coupler", at=crank, turn=repr(two - one)
+                    name="b", driven="false", parent="crank", child="coupler", at=crank, turn=repr(one - two)
                 ),
                 HINGE.format(
-                    name="c", driven="false", parent="ground", child="rocker", at=ground, turn=repr(three)
+                    name="c", driven="false", parent="ground", child="rocker", at=ground, turn=repr(-three)
                 ),
                 PIN.format(coupler=coupler, rocker=rocker),
                 "</robot>",
