@@ -19,7 +19,7 @@ import numpy as np
 
 from .assembly import assemble, module_task, settled, spanning_positions
 from .closing import close
-from .errors import AssemblyError, ModelError
+from .errors import AssemblyError, ModelError, TrajectoryError
 from .following import SAME_BRANCH, SMALL
 from .forward import closure_residual
 from .module_request import module_request
@@ -125,6 +125,9 @@ def workspace(
     home = _closed_home(robot)
     sweep = find_sweep(robot, module, link, axes, home)
     start = values_at(sweep, at or {})
+    for name in steps or {}:
+        if name not in sweep.axes:
+            raise TrajectoryError(f"'{name}' is not swept; swept are {', '.join(sweep.axes)}")
     mechanism = robot.modules[sweep.module].mechanism
     step = np.array([_step(name, sweep, mechanism.length, steps or {}) for name in sweep.axes])
     work = Work(Closing(robot, sweep, limits), Measures(robot, sweep))

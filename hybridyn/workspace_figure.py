@@ -40,10 +40,11 @@ def figure_of_workspace(found: Workspace, *, title: str = "") -> Figure:
     levels = _levels(found.index[here, 2]) if len(axes) == 3 else [None]
     figure = empty_figure(3.1 * len(levels) + 1.4, 2.7 * len(maps) + 0.5)
     panels = figure.subplots(len(maps), len(levels), squeeze=False, sharex=True, sharey=len(axes) > 1)
-    for row, (name, values) in zip(panels, maps.items(), strict=True):
+    for number, (row, (name, values)) in enumerate(zip(panels, maps.items(), strict=True)):
         finite = values[np.isfinite(values)]
         # A few postures near a singularity would take all the colours.
-        limit = float(np.percentile(finite, 98)) if len(finite) and name != "conditioning" else None
+        share = 100 if name == "conditioning" else 98
+        limit = float(np.percentile(finite, share)) if len(finite) else None
         image: Any = None
         for ax, level in zip(row, levels, strict=True):
             chosen = here if level is None else here & (found.index[:, 2] == level)
@@ -52,7 +53,7 @@ def figure_of_workspace(found: Workspace, *, title: str = "") -> Figure:
                 ax.set_ylabel(LABELS[name], fontsize="x-small")
             else:
                 image = _image(ax, found, chosen, values, 0.0, limit)
-            if level is not None and row is panels[0]:
+            if level is not None and number == 0:
                 at = found.start[_column(found, axes[2])] + level * found.steps[2]
                 ax.set_title(f"{axes[2]} = {at:.4g} {_unit(axes[2])}", fontsize="small")
             ax.tick_params(labelsize="x-small")
@@ -77,8 +78,12 @@ def _maps(found: Workspace) -> dict[str, Array]:
 def _levels(index: Array) -> list[int]:
     """Choose evenly spaced values among those that were reached."""
     values = np.unique(index)
-    wanted = np.linspace(0, len(values) - 1, min(SLICES, len(values)))
-    return [int(values[round(at)]) for at in wanted]
+    if len(values) <= SLICES:
+        return [int(value) for value in values]
+    inner = np.linspace(0, len(values) - 1, SLICES + 2)[
+        1:-1
+    ]  # the ends are single points, more often than not
+    return [int(values[round(at)]) for at in inner]
 
 
 def _image(ax: Axes, found: Workspace, chosen: Array, values: Array, low: float, high: float | None) -> Any:

@@ -92,7 +92,7 @@ def find_sweep(
     """
     number = find_module(robot, module)
     chosen = robot.modules[number]
-    link = link or (chosen.outputs[0] if chosen.outputs else chosen.name)
+    link = link or _platform(robot, number)
     if link not in robot.bodies.place:
         raise TrajectoryError(f"there is no link '{link}'{did_you_mean(link, robot.bodies.place)}")
     if robot.body_owner[robot.bodies.place[link][0]][0] != number:
@@ -147,6 +147,23 @@ def coordinates_of(target: CoordinateTarget, motion: Motion) -> Array:
     p = motion.p[:, target.body] + np.matmul(R, target.shift[1])
     turned = np.matmul(target.R.T, np.matmul(R, target.shift[0]))
     return np.concatenate([(p - target.p) @ target.R, roll_pitch_yaw(turned)], axis=1)
+
+
+def _platform(robot: HybridRobot, number: int) -> str:
+    """Give the link that counts as a module's platform: what other modules stand on, else a tool."""
+    module = robot.modules[number]
+    carries = any(other.parent == number for other in robot.modules)
+    if module.outputs and (carries or module.mechanism.spec.platforms):
+        return module.outputs[0]
+    parents = {joint.parent for joint in robot.description.joints}
+    tools = [
+        joint.child
+        for joint in robot.description.joints
+        if joint.kind == "fixed"
+        and joint.child not in parents
+        and robot.body_owner[robot.bodies.place[joint.child][0]][0] == number
+    ]
+    return tools[-1] if tools else module.outputs[0] if module.outputs else module.name
 
 
 def _at_home(robot: HybridRobot, number: int, link: str, q: Array) -> tuple[Array, Array]:

@@ -1,0 +1,242 @@
+"""Workspaces: a five-bar's against its annuli, a slide's against its limits, maps against virtual work."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from command_line import call, read_table
+from scipy.ndimage import label
+
+import hybridyn
+from hybridyn.spatial import Array
+from hybridyn.workspace import OUT_OF_REACH, Closing, Workspace, workspace
+from hybridyn.workspace_targets import find_sweep
+
+UPPER, LOWER, HALF_SPACING, LEAN = 0.25, 0.40, 0.12, np.radians(25.0)  # models/five_bar/README.md
+DRIVE_LIMIT, ELBOW_LIMIT = 1.2, 1.9
+STEP = 0.02
+BOUNDARY = 5e-4  # m: nearer to where a leg is stretched, Newton need not arrive within its iterations
+EXACT = 1e-9
+DIFFERENCE = 1e-6  # rad: step of the central differences; their error is its square
+DIFFERENCED = 1e-8
+
+
+def leg_margins(x: Array, z: Array, home: Array, limits: bool) -> Array:
+    """Give how far the tip is inside the reach of both legs, in metres, negative outside; elbows outwards."""
+    margin = np.full(x.shape, np.inf)
+    for side in (-1.0, 1.0):
+        dx = x - side * HALF_SPACING
+        reach = np.hypot(dx, z)
+        margin = np.minimum(margin, np.minimum(UPPER + LOWER - reach, reach - (LOWER - UPPER)))
+        if not limits:
+            continue
+        with np.errstate(invalid="ignore"):
+            at_motor = np.arccos((UPPER**2 + reach**2 - LOWER**2) / (2 * UPPER * reach))
+            at_elbow = np.arccos((UPPER**2 + LOWER**2 - reach**2) / (2 * UPPER * LOWER))
+        turn = np.arctan2(side * dx, -z) + at_motor - LEAN
+        turn = (turn + np.pi) % (2 * np.pi) - np.pi
+        home_reach = np.hypot(home[0] - side * HALF_SPACING, home[1])
+        bend = at_elbow - np.arccos((UPPER**2 + LOWER**2 - home_reach**2) / (2 * UPPER * LOWER))
+        margin = np.fmin(margin, (DRIVE_LIMIT - np.abs(turn)) * UPPER)
+        margin = np.fmin(margin, (ELBOW_LIMIT - np.abs(bend)) * LOWER)
+    return margin
+
+
+@pytest.mark.parametrize("limits", [False, True])
+def test_a_five_bar_reaches_the_intersection_of_its_annuli(limits: bool) -> None:
+    """With limits, the part of it that is connected with home: the rest cannot be gone to."""
+    found = workspace(hybridyn.load("five_bar"), link="m1_tool", steps={"x": STEP, "z": STEP}, limits=limits)
+    assert found.sweep.names == ("x", "z")
+    n = round(2 * (UPPER + LOWER) / STEP)
+    i, k = np.meshgrid(np.arange(-n, n + 1), np.arange(-n, n + 1), indexing="ij")
+    margin = leg_margins(found.start[0] + i * STEP, found.start[1] + k * STEP, found.start, limits)
+    parts = label(margin > 0)[0]
+    inside = parts == parts[n, n]
+    reached = np.zeros_like(inside)
+    reached[tuple((found.index + n).T)] = True
+    assert not (reached & ~inside).any()
+    assert np.abs(margin[inside & ~reached]).max(initial=0.0) < BOUNDARY
+    assert reached.sum() > (450 if limits else 2200)
+    if limits:
+        assert (parts > 0).sum() > inside.sum() + 25  # what is out of the way is there, and is not counted
+
+
+def test_a_posture_reaches_its_coordinates_and_closes() -> None:
+    robot = hybridyn.load("rps3")
+    found = workspace(robot, steps={"z": 0.04, "roll": 0.2, "pitch": 0.2})
+    assert found.sweep.names == ("z", "roll", "pitch")  # x, y and yaw follow: parasitic motion
+    assert hybridyn.closure_residual(robot, found.q).max() < EXACT
+    pose = hybridyn.kinematics(robot, found.q, np.zeros((len(found.q), robot.nv)), links=["m1_platform"])
+    assert pose["m1_platform"].pose[:, 2] == pytest.approx(found.coordinates[:, 0], abs=EXACT)
+    columns = dict(zip(found.sweep.names, found.coordinates.T, strict=True))
+    q, _, _ = hybridyn.assemble(
+        robot, platforms={"m1_platform@m1_base": {n: x[:1] for n, x in columns.items()}}
+    )
+    assert q[0] == pytest.approx(found.q[0], abs=1e-6)
+    for name, at in zip(robot.joints, robot.q_slices, strict=True):
+        joint = next(joint for joint in robot.description.joints if joint.name == name)
+        assert (found.q[:, at.start] >= joint.lower - EXACT).all()
+        assert (found.q[:, at.start] <= joint.upper + EXACT).all()
+
+
+def test_a_single_slide_reaches_its_limits(tmp_path: Path) -> None:
+    path = tmp_path / "slide.urdf"
+    path.write_text(
+        '<robot name="slide"><link name="rail"/><link name="cart"><inertial><mass value="3"/>'
+        '<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>'
+        '<joint name="drive" type="prismatic"><parent link="rail"/><child link="cart"/>'
+        '<origin xyz="0 0 0.5"/><axis xyz="0 0 1"/><limit lower="-0.25" upper="0.5" effort="9" velocity="1"/>'
+        "</joint></robot>"
+    )
+    found = workspace(hybridyn.load(path), module=1, steps={"z": 0.05})
+    assert found.coordinates[:, 0] == pytest.approx(np.arange(-5, 11) * 0.05 + 0.5)
+    assert found.size == pytest.approx(16 * 0.05)
+    assert found.blocked == {"drive": 2}
+    assert found.measures["drive/effort"] == pytest.approx(3 * 9.81)  # its weight
+    assert found.measures["effort_per_force"] == pytest.approx(1.0)
+    assert found.measures["conditioning"] == pytest.approx(1.0)
+    everywhere = workspace(hybridyn.load(path), module=1, steps={"z": 0.05}, at={"z": 0.9})
+    assert everywhere.coordinates[:, 0] == pytest.approx(np.arange(-13, 3) * 0.05 + 0.9)
+
+
+def motor_map(robot: hybridyn.HybridRobot, found: Workspace, i: int) -> Array:
+    """Give motor positions over the tool's x and z by central differences of assembled postures."""
+    columns = []
+    for axis in range(2):
+        ends = []
+        for sign in (1.0, -1.0):
+            values = found.coordinates[i].copy()
+            values[axis] += sign * DIFFERENCE
+            platforms = {"m1_tool@m1_base": dict(zip(("x", "z"), values, strict=True))}
+            q = hybridyn.assemble(robot, platforms=platforms, guess=found.q[i])[0]
+            ends.append(q[[robot.joint_index[name] for name in robot.motors]])
+        columns.append((ends[0] - ends[1]) / (2 * DIFFERENCE))
+    return np.stack(columns, axis=1)
+
+
+def test_maps_of_a_five_bar_are_those_of_virtual_work() -> None:
+    robot = hybridyn.load("five_bar")
+    found = workspace(robot, link="m1_tool", steps={"x": 0.1, "z": 0.1})
+    for i in range(len(found.index)):
+        J = motor_map(robot, found, i)  # motor rates over the tool's velocity
+        s = np.linalg.svd(J, compute_uv=False)
+        assert found.measures["conditioning"][i] == pytest.approx(s[1] / s[0], rel=1e-4)
+        rows = np.linalg.norm(np.linalg.inv(J.T), axis=1)  # J^T tau = F
+        assert found.measures["effort_per_force"][i] == pytest.approx(rows.max(), rel=1e-4)
+    tau = hybridyn.idm(robot, found.q, *np.zeros((2, len(found.q), robot.nv)))
+    for column, name in enumerate(robot.motors):
+        assert found.measures[f"{name}/effort"] == pytest.approx(tau[:, column], rel=EXACT)
+
+
+@pytest.mark.parametrize(
+    ("name", "module", "names", "axes"),
+    [
+        ("gough_stewart", None, "x y z roll pitch yaw", "x y z"),
+        ("delta", None, "x y z", "x y z"),
+        ("tanev", 2, "roll pitch yaw", "roll pitch yaw"),
+        ("snake", "m3_platform", "roll pitch yaw", "roll pitch yaw"),
+        ("stewart_ur5", 4, None, None),
+        ("five_bar", None, "x z", "x z"),
+    ],
+)
+def test_what_is_swept(name: str, module: int | str | None, names: str | None, axes: str | None) -> None:
+    robot = hybridyn.load(name)
+    sweep = find_sweep(robot, module, None, None, robot.home)
+    if names is None:
+        assert 0 < len(sweep.axes) <= robot.modules[sweep.module].mobility
+    else:
+        assert (" ".join(sweep.names), " ".join(sweep.axes)) == (names, axes)
+
+
+def test_other_coordinates_can_be_swept_and_held() -> None:
+    robot = hybridyn.load("gough_stewart")
+    found = workspace(robot, axes=["z", "yaw"], at={"x": 0.05}, steps={"z": 0.05, "yaw": 0.2})
+    assert found.sweep.axes == ("z", "yaw")
+    assert found.coordinates[:, 0] == pytest.approx(0.05)
+    assert found.coordinates[:, 3] == pytest.approx(0.0, abs=EXACT)
+    assert len(np.unique(found.index[:, 1])) > 5
+
+
+def test_the_lattice_is_symmetric_where_the_robot_is() -> None:
+    """The five-bar is its own mirror image in x, its tool apart: it moves the efforts, not the reach."""
+    found = workspace(hybridyn.load("five_bar"), link="m1_tool", steps={"x": 0.04, "z": 0.04})
+    points = {tuple(index) for index in found.index.tolist()}
+    assert {(-i, k) for i, k in points} == points
+
+
+def test_no_step_changes_the_branch() -> None:
+    """Asked to go where only the other elbow would do, a step is refused."""
+    robot = hybridyn.load("five_bar")
+    sweep = find_sweep(robot, None, "m1_tool", None, robot.home)
+    inner = robot.home[robot.modules[0].q_index]
+    far = sweep.home + np.array([0.0, 1.1])  # above the motors: the legs pass their dead centres on the way
+    _, state = Closing(robot, sweep, limits=False)(1, sweep.home[None], far[None], inner[None])
+    assert state[0] == OUT_OF_REACH
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        ({"module": "m2"}, "there is no module 'm2'"),
+        ({"module": 7}, "there is no module '7'; there are 1"),
+        ({"link": "m1_tol"}, "did you mean 'm1_tool'"),
+        ({"link": "m1_base"}, "does not belong to module"),
+        ({"axes": ["q"]}, "there is no coordinate 'q'"),
+        ({"axes": ["y"]}, "'y' of link 'm1_tool' cannot be asked for"),
+        ({"at": {"yaw": 0.1}}, "'yaw' of link 'm1_tool' cannot be chosen"),
+        ({"at": {"z": 5.0}}, "does not reach the workspace's origin"),
+        ({"steps": {"x": 0.0}}, "the step of 'x' must be positive"),
+        ({"steps": {"roll": 0.1}}, "'roll' is not swept"),
+    ],
+)
+def test_wrong_wishes_are_refused(words: dict[str, object], told: str) -> None:
+    with pytest.raises(hybridyn.HybridynError, match=told):
+        workspace(hybridyn.load("five_bar"), **words)  # type: ignore[arg-type]
+
+
+def test_a_stack_asks_which_module() -> None:
+    with pytest.raises(hybridyn.TrajectoryError, match=r"say which module: 1 \(m1_platform\), 2"):
+        workspace(hybridyn.load("lx4"))
+
+
+def test_an_origin_outside_the_limits_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(hybridyn.ModelError, match=r"joint 'm1_\w+_drive' is outside its limits"):
+        workspace(hybridyn.load("five_bar"), link="m1_tool", at={"x": 0.0, "z": -0.12})
+
+
+def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The table, the summary and the figure; several processes give the same bytes as one."""
+    one, two, figure = (tmp_path / name for name in ("one.csv", "two.csv", "maps.png"))
+    words = ["workspace", "five_bar", "--link", "m1_tool", "--step", "x=0.05,z=0.05"]
+    said = call(capsys, *words, "-o", one, "--plot", figure)
+    assert (said.status, said.out) == (0, "")
+    assert call(capsys, *words, "-o", two, "--jobs", "2").status == 0
+    assert one.read_bytes() == two.read_bytes()
+    text = "".join(line for line in one.read_text().splitlines(keepends=True) if not line.startswith("#"))
+    table = read_table(text)
+    count = len(table["conditioning"])
+    assert f"module 1: {count} poses of 'm1_tool' in 'm1_base'" in said.err
+    assert "largest effort against gravity: " in said.err
+    assert "what stops it (steps): " in said.err
+    assert table["m1_tool@m1_base/pose/x"].max() == pytest.approx(-table["m1_tool@m1_base/pose/x"].min())
+    assert figure.read_bytes().startswith(b"\x89PNG")
+    assert figure.stat().st_size > 20_000
+
+
+@pytest.mark.parametrize("name", ["delta", "rps3", "gough_stewart"])
+def test_a_figure_of_slices(name: str, tmp_path: Path) -> None:
+    from hybridyn.workspace_figure import figure_of_workspace
+
+    coarse = {"z": 0.05, "roll": 0.3, "pitch": 0.3} if name == "rps3" else {"x": 0.15, "y": 0.15, "z": 0.1}
+    found = workspace(hybridyn.load(name), steps=coarse)
+    figure = figure_of_workspace(found)
+    assert len(figure.axes) >= 3 * 2
+    figure.savefig(tmp_path / "maps.svg")
+
+
+def test_wrong_words_are_one_line(capsys: pytest.CaptureFixture[str]) -> None:
+    said = call(capsys, "workspace", "five_bar", "--step", "x:0.1")
+    assert (said.status, said.err.count("\n")) == (2, 1)
+    assert "'x:0.1' is not of the form x=0.1" in said.err
