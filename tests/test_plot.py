@@ -4,10 +4,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from command_line import ROOT, call
 
+import hybridyn
+from hybridyn.charts.chart import Chart
+from hybridyn.charts.envelope import Envelope
+from hybridyn.charts.motion import chart_of_rows
 from hybridyn.cli import main
 from hybridyn.errors import TrajectoryError
-from hybridyn.plot import figure_of_table
+from hybridyn.plot import figure_of_efforts, figure_of_table
 
 COLUMNS = ["time", "a/position", "b/position", "a/effort", "energy/kinetic", "energy/total", "residual"]
 ROWS = np.column_stack([np.linspace(0, 1, 5)] + [np.full(5, float(i)) for i in range(1, 6)] + [np.zeros(5)])
@@ -48,3 +53,146 @@ def test_another_ending_is_wrong_usage(tmp_path: Path, capsys: pytest.CaptureFix
     (tmp_path / "run.csv").write_text("time,a/position\n0,1\n")
     assert main(["plot", str(tmp_path / "run.csv"), "-o", str(tmp_path / "run.gif")]) == 2
     assert ".png, .svg, .pdf" in capsys.readouterr().err
+
+
+def chart(robot: hybridyn.HybridRobot, tau: np.ndarray) -> Chart:
+    columns = [f"{motor}/effort" for motor in robot.motors]
+    return chart_of_rows(robot, columns, np.linspace(0, 1, len(tau)), tau)
+
+
+def test_motors_are_grouped_by_module_and_serial_ones_together() -> None:
+    robot = hybridyn.load(ROOT / "urdf/stewart_ur5.urdf.xacro")
+    panels = chart(robot, np.ones((3, len(robot.motors)))).panels
+    assert [len(panel.lines) for panel in panels] == [6, 6]
+    assert [panel.unit for panel in panels] == ["N", "N m"]
+    assert panels[1].title == "shoulder_link ... wrist_3_link"
+    assert tuple(line.name for panel in panels for line in panel.lines) == robot.motors
+
+
+def test_limits_are_drawn_where_efforts_come_near_and_told_where_not() -> None:
+    robot = hybridyn.load(ROOT / "urdf/stewart_ur5.urdf.xacro")
+    limits = [next(j.effort for j in robot.description.joints if j.name == motor) for motor in robot.motors]
+    tau = np.outer([0.0, 1.0, -0.5], np.full(len(limits), 1.0))
+    tau[1, :6] = 0.9 * limits[0]
+    tau[2, 6] = -0.7 * limits[6]
+    near, far = chart(robot, tau).panels
+    assert near.limits() == [(limits[0], None)]
+    assert near.far_limits() == ""
+    assert far.limits() == [(limits[6], 0)]  # its own line's: other motors of the panel have others
+    assert far.far_limits().startswith("limit")
+    figure = figure_of_efforts(robot, np.linspace(0, 1, 3), tau)
+    dashed = [line for line in figure.axes[0].lines if line.get_linestyle() == "--"]
+    assert sorted(line.get_ydata()[0] for line in dashed) == [-limits[0], limits[0]]
+
+
+def test_peaks_are_marked_where_they_are() -> None:
+    robot = hybridyn.load(ROOT / "urdf/five_bar.urdf.xacro")
+    tau = np.array([[0.0, 0.0], [1.0, 0.5], [-3.0, 0.25]])
+    ax = figure_of_efforts(robot, np.array([0.0, 0.5, 2.0]), tau).axes[0]
+    marks = {(line.get_xdata()[0], line.get_ydata()[0]) for line in ax.lines if line.get_marker() == "o"}
+    assert marks == {(2.0, -3.0), (0.5, 0.5)}
+    assert [text.get_text() for text in ax.texts] == ["-3 N m"]
+
+
+def test_the_power_is_that_of_the_motors() -> None:
+    robot = hybridyn.load(ROOT / "urdf/five_bar.urdf.xacro")
+    a, b = robot.motors
+    columns = [f"{a}/effort", f"{b}/effort", f"{a}/velocity", f"{b}/velocity"]
+    rows = np.array([[1.0, 2.0, 3.0, 4.0], [0.0, 1.0, 5.0, -6.0]])
+    power = chart_of_rows(robot, columns, np.arange(2.0), rows).panels[-1]
+    assert power.title == "power of the motors"
+    assert power.lines[0].y.tolist() == [11.0, -6.0]
+
+
+def test_an_envelope_keeps_short_tables_as_they_are() -> None:
+    kept = Envelope(most=10)
+    rows = np.arange(24.0).reshape(12, 2)
+    kept.add(np.arange(5.0), rows[:5])
+    kept.add(np.arange(5.0, 12.0), rows[5:])
+    x, y = kept.lines()
+    assert x.tolist() == list(range(12))
+    assert (y == rows).all()
+
+
+@pytest.mark.parametrize("block", [1, 7, 1000])
+def test_an_envelope_keeps_every_peak_of_long_tables(block: int) -> None:
+    rows = np.random.default_rng(1).normal(size=(5003, 3))
+    rows[4711, 1], rows[-1, 2] = 50.0, -60.0
+    kept = Envelope(most=40)
+    for first in range(0, len(rows), block):
+        part = rows[first : first + block]
+        kept.add(np.arange(first, first + len(part), dtype=float), part)
+    x, y = kept.lines()
+    assert len(x) <= 4 * 40 + 2
+    assert (np.diff(x) >= 0).all()
+    assert (y.max(axis=0) == rows.max(axis=0)).all()
+    assert (y.min(axis=0) == rows.min(axis=0)).all()
+    assert abs(x[y[:, 1].argmax()] - 4711) < 5003 / 40
+
+
+@pytest.mark.parametrize("ending", ["png", "svg", "html"])
+def test_idm_draws_what_it_computes(tmp_path: Path, capsys: pytest.CaptureFixture[str], ending: str) -> None:
+    words = ("-o", tmp_path / "efforts.csv", "--plot", tmp_path / f"efforts.{ending}")
+    assert call(capsys, "idm", "tanev", *words).status == 0
+    drawn = (tmp_path / f"efforts.{ending}").read_bytes()
+    if ending != "png":
+        for expected in (b"m1_platform", b"m2_platform"):
+            assert expected in drawn
+    assert drawn.startswith({"png": b"\x89PNG", "svg": b"<?xml", "html": b"<!doctype html>"}[ending])
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["efforts.csv", f"efforts.{ending}"]
+
+
+def test_a_page_needs_no_network(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    import re
+
+    target = tmp_path / "run.html"
+    table = tmp_path / "run.csv"
+    lines = [",".join(COLUMNS), *(",".join(map(repr, row)) for row in ROWS.tolist())]
+    table.write_text("\n".join(lines) + "\n")
+    assert call(capsys, "plot", table, "-o", target).status == 0
+    text = target.read_text()
+    assert "Plotly.newPlot" in text
+    assert not re.search(r"<(script|link)[^>]+(src|href)=.https?:", text)
+
+
+def test_ddm_effects_and_simulate_draw(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    from PIL import Image
+
+    scene = tmp_path / "short.toml"
+    file = ROOT / "urdf/five_bar.urdf.xacro"
+    scene.write_text(
+        f'duration = 0.1\n[robot]\nfile = "{file}"\n[solver]\nmethod = "conserving"\nstep = 1e-2\n'
+    )
+    run = tmp_path / "run.csv"
+    drawn = [tmp_path / f"{name}.png" for name in ("simulate", "ddm", "effects")]
+    simulate = call(capsys, "simulate", scene, "-o", run, "--plot", drawn[0])
+    assert simulate.status == 0, simulate.err
+    assert call(capsys, "ddm", "five_bar", run, "-o", tmp_path / "a.csv", "--plot", drawn[1]).status == 0
+    assert call(capsys, "effects", "five_bar", run, "--plot", drawn[2]).status == 0
+    for file in drawn:
+        pixels = np.asarray(Image.open(file).convert("RGB"))
+        assert (pixels < 250).any(axis=2).mean() > 0.02, file.name  # lines, axes and letters
+
+
+@pytest.mark.parametrize("command", ["idm", "ddm", "effects", "simulate"])
+def test_an_unknown_ending_is_refused_before_any_work(
+    command: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["five_bar"] if command == "simulate" else ["five_bar", "five_bar/traj.csv"]
+    result = tmp_path / "out.csv"
+    more = [] if command == "effects" else ["-o", result]
+    answer = call(capsys, command, *words, *more, "--plot", tmp_path / "a.gif")
+    assert answer.status == 2
+    assert "must end in .png, .svg, .pdf, .html" in answer.err
+    assert not result.exists()
+
+
+def test_a_missing_package_is_told_before_any_work(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    import importlib.util
+
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
+    answer = call(capsys, "idm", "five_bar", "--plot", "a.html")
+    assert answer.status == 2
+    assert "plotly: install it with `pip install 'hybridyn[plot]'`" in answer.err

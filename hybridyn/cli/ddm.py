@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     "ddm", cls=RobotCommand, short_help="Accelerations under motor efforts (direct dynamic model)."
 )
 @takes_robot
-@takes_table("STATES")
+@takes_table("STATES", plot="the motors' accelerations, grouped by module")
 @takes_effects("default")
 def command(load: Callable[[], HybridRobot], tables: Tables, effects: tuple[str, ...]) -> None:
     """Give the accelerations of ROBOT (URDF or xacro) under the efforts and in the states of STATES.

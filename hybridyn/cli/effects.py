@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 import click
 
+from hybridyn.cli.figures import save_chart, takes_plot
 from hybridyn.cli.robot_options import RobotCommand, existing_file, takes_effects, takes_robot
 from hybridyn.cli.summary import aligned_rows, effects_line
 
@@ -35,6 +37,7 @@ def _part(ctx: click.Context, param: click.Parameter, value: str | None) -> floa
 @takes_robot
 @click.argument("trajectory", callback=existing_file)
 @takes_effects("model")
+@takes_plot("what each effect adds to each motor's effort", page=True)
 @click.option(
     "--within",
     metavar="PART",
@@ -43,7 +46,11 @@ def _part(ctx: click.Context, param: click.Parameter, value: str | None) -> floa
     "motor's peak effort.",
 )
 def command(
-    load: Callable[[], HybridRobot], trajectory: str, effects: tuple[str, ...], within: float | None
+    load: Callable[[], HybridRobot],
+    trajectory: str,
+    effects: tuple[str, ...],
+    plot: str | None,
+    within: float | None,
 ) -> None:
     """Say what each effect adds to the efforts that move ROBOT as TRAJECTORY says, and what it costs in time.
 
@@ -67,6 +74,11 @@ def command(
     if within is not None:
         click.echo()
         click.echo(selection_line(robot, worth.cheapest(within), within))
+    if plot:
+        from hybridyn.charts.effects import chart_of_effects
+
+        title = f"{robot.name}, {os.path.basename(trajectory)}: what each effect adds"
+        save_chart(chart_of_effects(robot, added, title=title), plot)
     for line in effects_line(chosen):
         click.echo(line, err=True)
 

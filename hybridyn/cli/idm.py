@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 @click.command("idm", cls=RobotCommand, short_help="Motor efforts for a motion (inverse dynamic model).")
 @takes_robot
-@takes_table("TRAJECTORY", own=True)
+@takes_table("TRAJECTORY", own=True, plot="the efforts, motors grouped by module")
 @click.option(
     "--passive",
     type=click.Choice(["given", "solved"]),

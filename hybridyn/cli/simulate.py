@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from hybridyn.cli.figures import save_chart, takes_plot
 from hybridyn.cli.progress import Progress
 from hybridyn.cli.robot_options import existing_file, result_file, scene_file
 from hybridyn.cli.summary import counted, effects_line
@@ -42,9 +43,16 @@ FAILED = ("unreachable", "unsolved", "singular")
     help="Go on with a run that was stopped: its result file, or the '.state' file beside it.",
 )
 @click.option("--allow-python", is_flag=True, help="Let the scene run the Python controller that it names.")
+@takes_plot("efforts by module, power, energy and residuals", page=True)
 @click.option("-q", "--quiet", is_flag=True, help="No summary.")
 def command(
-    scene: str, output: str | None, until: float | None, resume: str | None, allow_python: bool, quiet: bool
+    scene: str,
+    output: str | None,
+    until: float | None,
+    resume: str | None,
+    allow_python: bool,
+    plot: str | None,
+    quiet: bool,
 ) -> int:
     """Simulate SCENE, a TOML file that names robot, start, controller, effects, solver and outputs.
 
@@ -75,6 +83,8 @@ def command(
         result = play(ready, progress=after_step, checkpoint=state, resume=earlier)
     finished = result.status in ("finished", "event")
     _write(ready, result, target)
+    if plot and len(result.t):
+        _draw(ready, result, plot)
     if state is not None:
         if finished:
             Path(state).unlink(missing_ok=True)
@@ -175,6 +185,18 @@ def _write(ready: Stage, result: Result, target: str | None) -> None:
     head = remarks(ready.robot, result.method, ready.effects)
     with open_results(target, [columns[i] for i in chosen], head) as write:
         write(rows_of(ready.robot, result)[:, chosen])
+
+
+def _draw(ready: Stage, result: Result, plot: str) -> None:
+    """Draw the run."""
+    from hybridyn.charts.envelope import Envelope
+    from hybridyn.charts.motion import chart_of_rows
+    from hybridyn.run_table import columns_of, rows_of
+
+    kept = Envelope()
+    kept.add(result.t, rows_of(ready.robot, result))
+    title = f"{ready.robot.name}, {os.path.basename(ready.source.file)}"
+    save_chart(chart_of_rows(ready.robot, columns_of(ready.robot), *kept.lines(), title=title), plot)
 
 
 def _summary(ready: Stage, result: Result, wall: float) -> list[str]:

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import click
 
 from hybridyn.cli.blocks import LONG_TABLE, Model, Work, blocks, in_order, rows_at_once
+from hybridyn.cli.figures import Drawing, takes_plot
 from hybridyn.cli.memory import keep_freed_memory
 from hybridyn.cli.progress import Progress
 from hybridyn.cli.robot_options import existing_file, result_file
@@ -67,6 +68,7 @@ class Tables:
         reactions: Where reactions go, or None.
         jobs: Number of processes, or None for the command's own choice.
         quiet: Whether the summary is left out.
+        plot: Where a figure of the result goes, or None.
     """
 
     source: str
@@ -74,6 +76,7 @@ class Tables:
     reactions: str | None
     jobs: int | None
     quiet: bool
+    plot: str | None = None
 
 
 def own_table(ctx: click.Context, param: click.Parameter, value: str | None) -> str:
@@ -89,12 +92,15 @@ def own_table(ctx: click.Context, param: click.Parameter, value: str | None) -> 
     return table
 
 
-def takes_table(metavar: str, *, own: bool = False) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+def takes_table(
+    metavar: str, *, own: bool = False, plot: str = ""
+) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
     """Give a command the arguments of a table; it receives them as `tables`.
 
     Args:
         metavar: What the help calls the table.
         own: Whether a shipped robot's own trajectory is taken where the user names no table.
+        plot: What a figure of the result shows.
 
     Returns:
         A decorator for the command's body.
@@ -129,6 +135,7 @@ def takes_table(metavar: str, *, own: bool = False) -> Callable[[Callable[..., A
             help="Processes to share the work.  [default: 1; one per core where the table has more than "
             f"{LONG_TABLE:,} numbers]",
         ),
+        takes_plot(plot, page=True),
         click.option("-q", "--quiet", is_flag=True, help="No summary."),
     )
 
@@ -139,11 +146,12 @@ def takes_table(metavar: str, *, own: bool = False) -> Callable[[Callable[..., A
             output: str | None,
             reactions: str | None,
             jobs: int | None,
+            plot: str | None,
             quiet: bool,
             **rest: Any,
         ) -> Any:
             _refuse_overwriting(source, output, reactions)
-            return function(tables=Tables(source, output, reactions, jobs, quiet), **rest)
+            return function(tables=Tables(source, output, reactions, jobs, quiet, plot), **rest)
 
         for option in reversed(options):
             body = option(body)
@@ -193,12 +201,17 @@ def run(
         connected = layout.time is not None and not layout.full_state
         loaded = time.perf_counter()
         given = blocks(read_motions(table, layout), rows, connected)
+        drawn = Drawing(tables.plot) if tables.plot else None
         with _writer(tables, robot, planned, layout.time is not None) as write, Progress() as progress:
             for done in in_order(work, given, workers):
                 planned.summary.add(done)
                 write(done)
+                if drawn is not None:
+                    drawn.add(done)
                 progress.show(planned.summary.samples, table.fraction())
         jobs = len(workers)
+    if drawn is not None:
+        drawn.save(robot, planned.columns, f"{robot.name}, {os.path.basename(tables.source)}")
     finished = time.perf_counter()
     if not tables.quiet:
         planned.summary.show(layout, finished - loaded, finished - started, max(jobs, 1))
