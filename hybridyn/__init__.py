@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from .assemblies import Assemblies, assemblies
     from .assembly import assemble
     from .check import check
+    from .compiled.model import CompiledRobot, compile
     from .ddm import ddm
     from .effects import with_effects
     from .energy import Energy, Power, centre_of_mass, energy, momentum, power
@@ -51,6 +52,8 @@ _HOME = {
     "check": "check",
     "closure_residual": "forward",
     "centre_of_mass": "energy",
+    "compile": "compiled.model",
+    "CompiledRobot": "compiled.model",
     "ddm": "ddm",
     "energy": "energy",
     "momentum": "energy",
@@ -74,6 +77,7 @@ __all__ = [
     "Assemblies",
     "AssemblyError",
     "CompileError",
+    "CompiledRobot",
     "Energy",
     "Event",
     "HybridRobot",
@@ -90,6 +94,7 @@ __all__ = [
     "centre_of_mass",
     "check",
     "closure_residual",
+    "compile",
     "ddm",
     "energy",
     "idm",

@@ -55,13 +55,19 @@ def folder() -> Path:
     return base / "hybridyn" / "compiled"
 
 
-def cached(key: str, make_source: Callable[[], Source], libraries: tuple[str, ...] = ()) -> Built:
+def cached(
+    key: str,
+    make_source: Callable[[], Source],
+    libraries: tuple[str, ...] = (),
+    accept: Callable[[Built], None] = lambda built: None,
+) -> Built:
     """Give the library of a model, built where it is not there yet.
 
     Args:
         key: Text that says everything the source depends on, and is cheap to have.
         make_source: Gives the source; called only where the key is new.
         libraries: Libraries to link besides the C library's mathematics.
+        accept: Raises where a built library is not what it should be; then its key stays unknown.
 
     Raises:
         CompileError: There is no compiler and the model was never built, or the compiler fails.
@@ -75,6 +81,7 @@ def cached(key: str, make_source: Callable[[], Source], libraries: tuple[str, ..
     source = make_source()
     name = _hash(*source.units, json.dumps(source.about, sort_keys=True), tools)
     found = _load(at, name) or _build(at, name, source, libraries)
+    accept(found)
     _write(pointer, name.encode())
     return found
 

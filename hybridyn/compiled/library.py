@@ -16,7 +16,7 @@ from .cache import Built, cached
 from .compilers import best_lanes
 from .program import Program
 from .scalars import Scalar
-from .sources import library_source
+from .sources import TRUSTED, library_source
 
 Numbers = NDArray[Any]
 
@@ -28,6 +28,9 @@ BORDER = {
     "complex128": np.complex128,
 }
 """Types of the arrays that come in and go out."""
+
+REFUSED = 1
+"""Status of a single call whose arrays are not plain."""
 
 BLOCK = 512  # samples that a thread takes at once: long enough to be worth waking it, a multiple of every width
 
@@ -53,7 +56,7 @@ class Library:
         held = ctypes.PyDLL(str(built.path))  # does not: a microsecond is not worth it
         plain = built.about["lanes"] > 1 and _knows_arrays(held, self.dtype)
         self.programs = {
-            name: Calls(name, about, self.dtype, free, held, plain)
+            name: Calls(name, about, built.about["number"], free, held, plain)
             for name, about in built.about["programs"].items()
         }
 
@@ -89,8 +92,15 @@ class Calls:
     """The calls of one program."""
 
     def __init__(
-        self, name: str, about: dict[str, Any], dtype: np.dtype[Any], free: ctypes.CDLL, held: ctypes.PyDLL, plain: bool
+        self,
+        name: str,
+        about: dict[str, Any],
+        number: str,
+        free: ctypes.CDLL,
+        held: ctypes.PyDLL,
+        plain: bool,
     ) -> None:
+        dtype = np.dtype(BORDER[number])
         self.name, self.dtype = name, dtype
         self.inputs: list[tuple[str, int]] = [(n, size) for n, size in about["inputs"]]
         self.outputs: list[tuple[str, int]] = [(n, size) for n, size in about["outputs"]]
@@ -100,15 +110,15 @@ class Calls:
         self._batch.restype = None
         self._batch.argtypes = [ctypes.c_longlong] * 2 + [ctypes.c_void_p] * 4
         self._memory = threading.local()
+        self.trusted = TRUSTED.get(number, 1.0)
+        self.at_once: Callable[..., int] | None = None
         self._guard = np.zeros(1, dtype)
-        self._guard_at = self._guard.ctypes.data
-        self._plain = plain
-        self._one: Callable[..., int] | None = None
         if plain:
-            one = getattr(held, f"{name}_single")
-            one.restype = ctypes.c_int
-            one.argtypes = [ctypes.py_object] * (len(self.inputs) + 1) + [ctypes.c_void_p]
-            self._one = one
+            memory = ctypes.c_char * dtype.itemsize
+            self._guard = np.frombuffer(memory.in_dll(held, f"{name}_guard"), dtype)
+            self.at_once = getattr(held, f"{name}_single")
+            self.at_once.restype = ctypes.c_int  # type: ignore[attr-defined]
+            self.at_once.argtypes = [ctypes.c_void_p] * (len(self.inputs) + 1)  # type: ignore[attr-defined]
 
     @property
     def guard(self) -> float:
@@ -125,9 +135,9 @@ class Calls:
             All outputs one behind the other, and 0 where the guard lets them pass (see `guard`).
         """
         out = np.empty(self.size, self.dtype)
-        if self._one is not None:
-            status = self._one(*inputs, out, self._guard_at)
-            if status != 1:
+        if self.at_once is not None and len(inputs) == len(self.inputs):
+            status = self.at_once(*map(id, inputs), id(out))
+            if status != REFUSED:
                 return out, status
         return self._converted(inputs, out)
 
@@ -137,12 +147,12 @@ class Calls:
         for array, (name, size) in zip(arrays, self.inputs, strict=True):
             if array.shape != (size,):
                 raise ValueError(f"{name} has shape {array.shape}; wanted ({size},)")
-        if self._one is not None:
-            return out, self._one(*arrays, out, self._guard_at)
+        if self.at_once is not None:
+            return out, self.at_once(*map(id, arrays), id(out))
         parts, guard = self.batch([array[None] for array in arrays], 1)
         self._guard[0] = guard[0]
         np.concatenate([part[0] for part in parts], out=out)
-        return out, 0 if guard[0].real <= 1 else 2
+        return out, 0 if guard[0].real <= self.trusted else 2
 
     def split(self, out: Numbers) -> tuple[Numbers, ...]:
         """Cut outputs that lie one behind the other."""

@@ -17,6 +17,9 @@ from .tables import Tables
 #: Statements that one compiler process is given before another is started.
 UNIT = 4000
 
+#: Guards up to this are trusted, where it is not 1: with floats closures are open by their rounding.
+TRUSTED = {"float32": 100.0}
+
 
 @dataclass(frozen=True)
 class Source:
@@ -114,6 +117,7 @@ def driver_prelude(bodies: dict[str, str], scalar: Scalar) -> str:
     lines = [
         scalar.prelude(),
         f"#define B {border}",
+        f"#define TRUSTED {TRUSTED.get(scalar.name, 1.0)}",
         '#define EXPORT __attribute__((visibility("default")))',
         "#include <string.h>",
         text_of("driver.h"),
@@ -177,23 +181,24 @@ def _single(program: Program) -> str:
         [
             f"static V {name}_work[{shared + own + 1}];",
             f"static S {name}_given[{max(given, 1)}] ALIGNED;",
-            f"static int {name}_run(S *out, S *guard) {{",
+            f"EXPORT S {name}_guard;",
+            f"static int {name}_run(S *out) {{",
             "    S worst_yet = 0;",
             f"    for (int k = 0; k < {given}; k++) worst_yet += {name}_given[k] * 0; /* not finite: NaN */",
             f"    {name}_copies({name}_given, out, {name}_work, {name}_work + {shared}, &worst_yet);",
-            "    *guard = worst_yet;",
-            "    return worst_yet <= 1 ? 0 : 2;",
+            f"    {name}_guard = worst_yet;",
+            "    return worst_yet <= TRUSTED ? 0 : 2;",
             "}",
-            f"EXPORT int {name}_single({', '.join([*arguments, 'const Array *result', 'S *guard'])}) {{",
+            f"EXPORT int {name}_single({', '.join([*arguments, 'const Array *result'])}) {{",
             *checks,
             f"    S *out = numbers(result, {count});",
             f"    if (!({all_there})) return 1;",
             *copies,
-            f"    return {name}_run(out, guard);",
+            f"    return {name}_run(out);",
             "}",
-            f"EXPORT int {name}_single_at(const S *const *in, S *out, S *guard) {{",
+            f"EXPORT int {name}_single_at(const S *const *in, S *out) {{",
             *moves,
-            f"    return {name}_run(out, guard);",
+            f"    return {name}_run(out);",
             "}",
         ]
     )

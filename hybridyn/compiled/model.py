@@ -1,0 +1,250 @@
+"""What `hybridyn.compile` returns: one robot's models, built, checked, and called like the general path."""
+
+from __future__ import annotations
+
+import hashlib
+import logging
+import pickle
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..ddm import ddm
+from ..effects.choice import Choice, Effects, choose
+from ..errors import HybridynError, ModelError
+from ..forward import as_batch, same_samples
+from ..idm import idm
+from ..link_motion import LinkMotion, kinematics
+from ..robot import HybridRobot
+from ..spatial import Array
+from .cache import Built, cached
+from .compilers import best_lanes, find_compiler
+from .library import Library, Numbers
+from .scalars import Scalar
+from .verifying import verify
+
+if TYPE_CHECKING:
+    import casadi as ca
+
+    from .program import Program
+    from .sources import Source
+
+log = logging.getLogger("hybridyn.compiled")
+
+GENERAL = {"idm": idm, "ddm": ddm}
+
+
+class CompiledRobot:
+    """One robot with one choice of effects, written out and built.
+
+    Results are those of `hybridyn.idm` and `hybridyn.ddm` to rounding; a sample whose closures are open, or
+    where a pivot of the elimination that was chosen at home is small, is handed to the general path.
+
+    Attributes:
+        robot: The robot.
+        effects: What is computed.
+        dtype: Type of the numbers inside and of the results.
+        threads: Threads that share a batch.
+        recomputed: How many samples the general path had to compute so far.
+    """
+
+    def __init__(self, robot: HybridRobot, effects: Effects, library: Library, threads: int) -> None:
+        self.robot, self.effects, self.threads = robot, effects, threads
+        self.library, self.dtype = library, library.dtype
+        self.recomputed = 0
+        self._idm, self._ddm = (library.programs[name] for name in ("idm", "ddm"))
+        self._moving = robot.base == "moving"
+        still = np.zeros(6, self.dtype)
+        self._one_ddm = self._ddm.at_once
+        self._still = still
+
+    def idm(self, q: ArrayLike, v: ArrayLike, a: ArrayLike) -> Numbers:
+        """Give motor efforts, as `hybridyn.idm` does.
+
+        Args:
+            q: Positions, shape (nq,) or (T, nq).
+            v: Rates, shape (nv,) or (T, nv), [m/s, rad/s].
+            a: Accelerations, shape (nv,) or (T, nv), [m/s^2, rad/s^2].
+
+        Returns:
+            Efforts in the order of `robot.motors`, shape (motors,) or (T, motors), [N or N m].
+
+        Raises:
+            HybridynError: What `hybridyn.idm` raises, with the same words.
+        """
+        return self._run("idm", {"q": q, "v": v, "a": a})
+
+    def ddm(
+        self, q: ArrayLike, v: ArrayLike, tau: ArrayLike, *, base_acceleration: ArrayLike | None = None
+    ) -> Numbers:
+        """Give accelerations, as `hybridyn.ddm` does.
+
+        Args:
+            q: Positions, shape (nq,) or (T, nq).
+            v: Rates, shape (nv,) or (T, nv), [m/s, rad/s].
+            tau: Efforts in the order of `robot.motors`, shape (motors,) or (T, motors), [N or N m].
+            base_acceleration: Spatial acceleration of a "moving" base in its own frame, shape (6,) or (T, 6);
+                zero where left out.
+
+        Returns:
+            Accelerations of the spanning tree, shape (nv,) or (T, nv), [m/s^2, rad/s^2].
+
+        Raises:
+            HybridynError: What `hybridyn.ddm` raises, with the same words.
+        """
+        given = {"q": q, "v": v, "tau": tau}
+        if self._moving or base_acceleration is not None:
+            given["base_acceleration"] = self._base(base_acceleration, np.shape(q)[:-1])
+        return self._run("ddm", given)
+
+    def kinematics(
+        self, q: Array, v: Array, a: Array | None = None, links: Sequence[str] | None = None
+    ) -> dict[str, LinkMotion]:
+        """Give poses, twists and accelerations of links: `hybridyn.kinematics` itself."""
+        return kinematics(self.robot, q, v, a, links)
+
+    @property
+    def casadi(self) -> dict[str, ca.Function]:
+        """The models as CasADi functions: inputs and outputs named as here, and "guard" last."""
+        from .interpreter import function_of
+
+        return {name: function_of(program) for name, program in self.programs.items()}
+
+    @property
+    def programs(self) -> dict[str, Program]:
+        """The models as programs."""
+        return write_programs(self.robot, self.effects)
+
+    def _base(self, acceleration: ArrayLike | None, samples: tuple[int, ...]) -> ArrayLike:
+        """Give the acceleration of a moving base for every sample."""
+        if acceleration is None:
+            return self._still if not samples else np.zeros((*samples, 6), self.dtype)
+        if np.shape(acceleration) == (6,) and samples:
+            return np.tile(np.asarray(acceleration), (*samples, 1))
+        return acceleration
+
+    def _run(self, name: str, given: dict[str, ArrayLike]) -> Numbers:
+        """Run a model for one sample or many."""
+        calls = self.library.programs[name]
+        if calls.at_once is not None:
+            out = np.empty(calls.size, calls.dtype)
+            if len(given) == len(calls.inputs) and calls.at_once(*map(id, given.values()), id(out)) == 0:
+                return out
+        sizes = dict(calls.inputs)
+        if not given.keys() == sizes.keys():  # a base_acceleration for a base that does not move
+            return self._general(name, given)
+        arrays = {key: np.asarray(value, dtype=float) for key, value in given.items()}
+        ranks = {array.ndim for array in arrays.values()}
+        if ranks - {1, 2}:
+            as_batches(arrays, sizes)
+        many = {key: array if array.ndim == 2 else array[None] for key, array in arrays.items()}
+        if any(array.shape[1] != sizes[key] for key, array in many.items()):
+            as_batches(arrays, sizes)
+        same_samples(**many)
+        outputs, guard = calls.batch(list(many.values()), self.threads)
+        doubtful = np.flatnonzero(~(guard <= calls.trusted))
+        result = outputs[0]
+        if len(doubtful):
+            as_batches(arrays, sizes)
+            result[doubtful] = self._again(name, many, doubtful)
+        return result[0] if arrays["q"].ndim == 1 else result
+
+    def _again(self, name: str, given: dict[str, Array], doubtful: np.ndarray[Any, Any]) -> Array:
+        """Give samples by the general path."""
+        self.recomputed += len(doubtful)
+        log.info(
+            "%s: %d of %d samples computed by the general path (first: %d)",
+            name, len(doubtful), len(given["q"]), doubtful[0],
+        )  # fmt: skip
+        try:
+            return self._general(name, {key: array[doubtful] for key, array in given.items()})
+        except HybridynError:
+            if len(doubtful) == len(given["q"]):
+                raise
+            return np.asarray(self._general(name, given)[doubtful])  # the error with the sample's own number
+
+    def _general(self, name: str, given: dict[str, Any]) -> Array:
+        """Call the general path."""
+        inputs = dict(given)
+        more = {"base_acceleration": inputs.pop("base_acceleration")} if "base_acceleration" in inputs else {}
+        result: Array = GENERAL[name](self.robot, *inputs.values(), effects=self.effects, **more)
+        return result
+
+
+def as_batches(arrays: dict[str, Array], sizes: dict[str, int]) -> None:
+    """Refuse what the general path refuses, in its words.
+
+    Raises:
+        TrajectoryError: A wrong shape, or a number that is not finite.
+    """
+    for key, array in arrays.items():
+        as_batch(array, sizes[key], key)
+
+
+def compile(  # noqa: A001 - the verb of the public interface
+    robot: HybridRobot, effects: Choice = None, *, threads: int = 1, dtype: str = "float64"
+) -> CompiledRobot:
+    """Write a robot's models out as C, build them, and check them against the general path.
+
+    What was built once is found again in the user's cache folder.
+
+    Args:
+        robot: The robot.
+        effects: As `hybridyn.idm` takes them.
+        threads: Threads that share a batch.
+        dtype: "float64", or "float32" for twice the speed of a batch and seven digits.
+
+    Returns:
+        The models; call its `idm` and `ddm` as those of the general path.
+
+    Raises:
+        CompileError: There is no C compiler, casadi is not installed, or the built model differs from the
+            general path.
+        ModelError: An effect is not for written-out models.
+    """
+    if dtype not in ("float64", "float32"):
+        raise ModelError(f"dtype must be 'float64' or 'float32', not {dtype!r}")
+    if threads < 1:
+        raise ModelError(f"threads must be at least 1, not {threads}")
+    on = choose(robot, effects)
+    find_compiler()
+    scalar = Scalar(dtype, best_lanes(dtype))
+
+    def accept(built: Built) -> None:
+        verify(CompiledRobot(robot, on, Library(built), 1))
+
+    built = cached(robot_key(robot, on) + repr(scalar), lambda: source_of(robot, on, scalar), accept=accept)
+    return CompiledRobot(robot, on, Library(built), threads)
+
+
+def robot_key(robot: HybridRobot, effects: Effects) -> str:
+    """Name everything that the models of a robot depend on."""
+    facts = (
+        robot.description, robot.base, robot.gravity, robot.motors, robot.home, robot.closure_tolerance,
+        robot.rank_tolerance, sorted(robot.held), robot.payloads, effects,
+    )  # fmt: skip
+    return hashlib.sha256(pickle.dumps(facts)).hexdigest()
+
+
+def source_of(robot: HybridRobot, effects: Effects, scalar: Scalar) -> Source:
+    """Print the models of a robot."""
+    from .sources import library_source
+
+    return library_source(list(write_programs(robot, effects).values()), scalar)
+
+
+def write_programs(robot: HybridRobot, effects: Effects) -> dict[str, Program]:
+    """Write a robot's models out.
+
+    Raises:
+        CompileError: casadi is not installed.
+    """
+    from .needs import needs_casadi
+
+    needs_casadi()
+    from .programs import programs
+
+    return {name: replace(program, name=name) for name, program in programs(robot, effects).items()}

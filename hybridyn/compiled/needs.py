@@ -1,0 +1,20 @@
+"""What writing a model out needs beyond hybridyn's own requirements."""
+
+from __future__ import annotations
+
+import importlib.util
+
+from ..errors import CompileError
+
+
+def needs_casadi() -> None:
+    """Say what to install where CasADi is not.
+
+    Raises:
+        CompileError: It is not installed.
+    """
+    if importlib.util.find_spec("casadi") is None:
+        raise CompileError(
+            "writing a model out needs CasADi: `pip install casadi` (the extra 'hybridyn[compiled]'); the "
+            "general path works without it"
+        )

@@ -1,0 +1,66 @@
+"""A built model against the general path, before anybody gets it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..ddm import ddm
+from ..errors import CompileError, HybridynError
+from ..idm import idm
+from ..spatial import Array
+from .library import Numbers
+
+if TYPE_CHECKING:
+    from .model import CompiledRobot
+
+#: Largest difference from the general path, relative to the largest entry of each sample's result. For floats:
+#: their rounding, 6e-8, times what conditioning makes of it.
+AGREE = {"float64": 1e-10, "float32": 1e-2}
+
+SAMPLES = 12
+"""Random states on which both are compared."""
+
+
+def verify(model: CompiledRobot) -> None:
+    """Compare a model with the general path on random states.
+
+    Raises:
+        CompileError: They differ by more than `AGREE`.
+    """
+    from .states import random_states
+
+    robot, effects = model.robot, model.effects
+    q, v, _, tau = random_states(robot, SAMPLES)
+    with_general = ddm(robot, q, v, tau, effects=effects)
+    _compare(model, "ddm", model.ddm(q, v, tau), with_general)
+    try:
+        efforts = idm(robot, q, v, with_general, effects=effects)
+    except HybridynError:  # motors that cannot do it: there is nothing to compare
+        return
+    _compare(model, "idm", model.idm(q, v, with_general), efforts)
+
+
+def difference(result: Numbers, reference: Array) -> Array:
+    """Give the difference of each sample, relative to its largest entry, shape (T,)."""
+    scale = np.abs(reference).max(axis=1, initial=0.0)
+    out: Array = np.abs(result - reference).max(axis=1, initial=0.0) / np.where(scale > 0, scale, 1.0)
+    return out
+
+
+def _compare(model: CompiledRobot, name: str, result: Numbers, reference: Array) -> None:
+    """Refuse a difference.
+
+    Raises:
+        CompileError: There is one.
+    """
+    off = difference(result, reference)
+    allowed = AGREE[str(model.dtype)]
+    if not (off <= allowed).all():
+        worst = int(np.argmax(np.where(np.isnan(off), np.inf, off)))
+        raise CompileError(
+            f"the written-out '{name}' differs from the general path by {off[worst]:.2g} of its largest entry "
+            f"(limit {allowed:g}) at random state {worst}: it is not used. This is a bug: report it with the "
+            "robot's files; the general path is right"
+        )
