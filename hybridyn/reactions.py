@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -9,11 +10,16 @@ import numpy as np
 
 from .closure import TreeClosure
 from .kinematics import Motion
-from .spatial import Array, cross, rotate, rotate_back
+from .lost_rank import LOST
+from .spatial import Array, Mask, cross, rotate, rotate_back
 
 if TYPE_CHECKING:
     from .forward import ModuleState
     from .loads import ModuleLoad
+
+
+#: Part of a unit wrench that does nothing from which on it leaves a component undetermined.
+UNDETERMINED = 1e-6
 
 
 @dataclass
@@ -29,19 +35,23 @@ class Reactions:
             gets the opposite), shape (T, 6), in the axes of the predecessor's closure frame, at the origin of
             the successor's closure frame; for a coupling, shape (T, 1), the multiplier of its relation as
             written.
-        unique: For each closure, False where its module has more rows than rank: then only the sum over the
-            module's closures is determined, and the least-norm wrench is given.
+        unique: For each closure, False where the motion does not determine its wrench, because rows are
+            redundant or lose rank at a sample: then of all wrenches in the module's closures that make the
+            motion, the least are given (norm of moments, and of forces times the module's length).
+        determined: For each closure, which components of its wrench the motion determines all the same, shape
+            (T, 6), or (T, 1) for a coupling: for a planar loop the forces in its plane.
     """
 
     base: Array
     modules: dict[str, Array]
     closures: dict[str, Array]
     unique: dict[str, bool]
+    determined: dict[str, Mask]
 
     @classmethod
     def empty(cls, samples: int) -> Reactions:
         """Give reactions to be filled in."""
-        return cls(np.zeros((samples, 6)), {}, {}, {})
+        return cls(np.zeros((samples, 6)), {}, {}, {}, {})
 
     def sample(self, t: int) -> Reactions:
         """Give the reactions at one sample."""
@@ -49,7 +59,8 @@ class Reactions:
             self.base[t],
             {name: w[t] for name, w in self.modules.items()},
             {name: w[t] for name, w in self.closures.items()},
-            self.unique,
+            {name: bool(d[t].all()) for name, d in self.determined.items()},
+            {name: d[t] for name, d in self.determined.items()},
         )
 
 
@@ -72,26 +83,57 @@ def module_reactions(
         return
     needed = force.copy()
     needed[:, module.motor_columns] -= tau
-    reduction = m.reduction
-    K = reduction.scaled(state.K)
-    U, s, Vt = np.linalg.svd(K, full_matrices=False)
-    keep = (np.arange(s.shape[1]) < reduction.rank) & (s > 0)
-    y = np.einsum("tij,tj->ti", Vt, needed * reduction.col_scale)
-    multipliers = (
-        np.einsum("tij,tj->ti", U, np.where(keep, y / np.where(keep, s, 1.0), 0.0)) * reduction.row_scale
-    )
-    unique = reduction.rank == m.closures.rows
+    multipliers, idle = _multipliers(state, needed)
     authors = len(m.spec.closures)
     for i, (name, at) in enumerate(module.named_rows()):
-        lam = multipliers[:, at]
+        lam, free = multipliers[:, at], idle[:, at]
         if i < authors:
             author = m.spanning_closures.closures[i]
-            lam = _closure_wrench(state, m.closures.closures[i], author, lam) + _handed_on(
-                state, load, author
-            )
+
+            def wrench(
+                x: Array, cut: TreeClosure = m.closures.closures[i], author: TreeClosure = author
+            ) -> Array:
+                return _closure_wrench(state, cut, author, x)
+
+            lam = wrench(lam) + _handed_on(state, load, author)
+            free = _each(wrench, free)
+            free[:, :3] *= m.length
         elif i < len(m.closures.closures):
             continue  # a wrist that carries a platform is a joint, not a closure of the author's
-        result.closures[name], result.unique[name] = lam, unique
+        else:
+            free = free / m.reduction.row_scale[at][:, None]
+        result.closures[name] = lam
+        result.determined[name] = np.abs(free).max(axis=2, initial=0.0) <= UNDETERMINED
+        result.unique[name] = bool(result.determined[name].all())
+
+
+def _multipliers(state: ModuleState, needed: Array) -> tuple[Array, Array]:
+    """Give what a module's rows transmit, and what they may transmit besides without any motion.
+
+    Args:
+        state: The module's state.
+        needed: Generalised force along x that closures have to give, shape (T, n).
+
+    Returns:
+        The least-norm multipliers, shape (T, rows), and an orthonormal basis of those that do nothing, scaled
+        likewise and filled up with zeros, shape (T, rows, k).
+    """
+    reduction = state.mechanism.reduction
+    rows, rank = len(reduction.row_scale), reduction.rank
+    U, s, Vt = np.linalg.svd(reduction.scaled(state.K), full_matrices=rank < rows)
+    keep = (np.arange(s.shape[1]) < rank) & (s > LOST * s[:, :1])
+    y = np.einsum("tij,tj->ti", Vt[:, : s.shape[1]], needed * reduction.col_scale)
+    lam = np.einsum("tij,tj->ti", U[:, :, : s.shape[1]], np.where(keep, y / np.where(keep, s, 1.0), 0.0))
+    kept = keep.sum(axis=1)
+    first = int(kept.min(initial=rank))
+    idle = np.where(np.arange(first, U.shape[2]) >= kept[:, None], 1.0, 0.0)
+    return lam * reduction.row_scale, U[:, :, first:] * idle[:, None] * reduction.row_scale[:, None]
+
+
+def _each(function: Callable[[Array], Array], columns: Array) -> Array:
+    """Apply a function of (T, rows) to every column of (T, rows, k); give (T, 6, k)."""
+    parts = [function(columns[:, :, i]) for i in range(columns.shape[2])]
+    return np.stack(parts, axis=2) if parts else np.zeros((len(columns), 6, 0))
 
 
 def _closure_wrench(state: ModuleState, cut: TreeClosure, author: TreeClosure, lam: Array) -> Array:

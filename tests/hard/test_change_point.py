@@ -91,3 +91,21 @@ def test_rates_on_no_branch(place: str) -> None:
     with pytest.raises(SingularityError, match="on none of the branches") as caught:
         idm(build_robot(description), q, judge.v, a, on_singular="least-norm")
     assert caught.value.what == "closures"
+
+
+@pytest.mark.parametrize("place", [place for place in PLACES if "constraint" in place])
+def test_closure_wrenches_at_lost_rank(place: str, claim: Claim) -> None:
+    """What the lost row would carry is not determined: least-norm wrenches are given, and said not unique.
+
+    Claim: none is larger than the robot's weight, or its moment about the length of a module. Divided by what
+    is left of the row, 1e-16, they would be 1e14 times as large.
+    """
+    description, q = posture(place, 0.0)
+    robot = build_robot(description)
+    rest = np.zeros(robot.nv)
+    _, reactions = idm(robot, q, rest, rest, on_singular="least-norm", reactions=True)
+    largest = max(np.abs(wrench).max() for wrench in reactions.closures.values())
+    weight = 9.81 * sum(link.mass for link in description.links)
+    length = max(module.mechanism.length for module in robot.modules)
+    claim(f"{place}, at rest", "closure wrench over weight", largest / (weight * max(length, 1.0)), 1.0)
+    assert not any(reactions.unique.values())

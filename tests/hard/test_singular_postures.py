@@ -228,3 +228,29 @@ def link_pose(robot: HybridRobot, q: np.ndarray, link: str) -> np.ndarray:
     """Give a link's pose in the base, shape (7,)."""
     still = np.zeros((1, robot.nv))
     return of_link(robot, q[None], still, still, link, robot.description.root)[0][0]
+
+
+# ------------------------------------------------------------------ one singular sample among others
+
+
+@pytest.mark.parametrize(
+    "place", ["five_bar parallel", "rps3 parallel", "rps3 serial", "five_bar constraint"]
+)
+def test_a_singular_sample_leaves_its_neighbours_alone(place: str) -> None:
+    """The sample is named, and the others have the same bits as without it."""
+    description = posture(place, 0.0)[0]
+    robot = build_robot(description)
+    q = np.array([posture(place, d)[1] for d in (0.1, 0.0, 0.2)])
+    rest, tau = np.zeros((3, robot.nv)), np.ones((3, len(robot.motors)))
+    with pytest.raises(SingularityError, match="at sample 1") as caught:
+        idm(robot, q, rest, rest)
+    assert caught.value.sample == 1
+    whole = idm(robot, q, rest, rest, on_singular="least-norm")
+    assert np.isfinite(whole).all()
+    assert np.array_equal(whole[[0, 2]], idm(robot, q[[0, 2]], rest[:2], rest[:2]))
+    if "constraint" in place:
+        with pytest.raises(SingularityError, match="at sample 1"):
+            ddm(robot, q, rest, tau)
+    else:
+        whole = ddm(robot, q, rest, tau)
+        assert np.array_equal(whole[[0, 2]], ddm(robot, q[[0, 2]], rest[:2], tau[:2]))
