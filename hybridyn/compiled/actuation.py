@@ -77,7 +77,9 @@ def _least_norm(B: Expression, Q: Expression, share: Array) -> tuple[Expression,
     big: Any = ca.SX(0.0)
     for k in range(N):
         small, big = ca.fmin(small, ca.fabs(R[k, k])), ca.fmax(big, ca.fabs(R[k, k]))
-    return np.array([times(float(s), x) for s, x in zip(share, y, strict=True)], dtype=object), trusted(small / big)
+    return np.array([times(float(s), x) for s, x in zip(share, y, strict=True)], dtype=object), trusted(
+        small / big
+    )
 
 
 def motor_pivots(plan: Any, positions: Array, motors: tuple[int, ...]) -> Pivots:
@@ -117,4 +119,6 @@ def motor_pivots(plan: Any, positions: Array, motors: tuple[int, ...]) -> Pivots
     samples = np.array([np.array(function(x)).reshape(B.shape) for x in positions])
     size = np.abs(samples).max(axis=(0, 2))
     unit = np.abs(samples / np.where(size > 0, size, 1.0)[:, None]).max(axis=(0, 1))
-    return choose_pivots(samples, len(motors), 1.0 / np.where(size > 0, size, 1.0), 1.0 / np.where(unit > 0, unit, 1.0))
+    return choose_pivots(
+        samples, len(motors), 1.0 / np.where(size > 0, size, 1.0), 1.0 / np.where(unit > 0, unit, 1.0)
+    )

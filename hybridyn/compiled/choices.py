@@ -15,6 +15,7 @@ from ..spatial import Array
 from .core import Plan, plan_module
 from .parts import parts_of
 from .rigid import ten_numbers
+from .states import generic_positions
 
 
 @dataclass(frozen=True)
@@ -24,13 +25,11 @@ class Request:
     Attributes:
         robot: The robot.
         on: The effects.
-        positions: Generic assembled positions of the spanning tree, shape (samples, nq).
         regroup: Whether base inertial parameters are used.
     """
 
     robot: HybridRobot
     on: Effects
-    positions: Array
     regroup: bool = True
 
     @cached_property
@@ -45,9 +44,20 @@ class Request:
                 parts = parts_of(
                     module.mechanism, marks, leg_inertia=self.on.leg_inertia is not None, regroup=self.regroup
                 )
-                known[key] = plan_module(parts, self.positions[:, module.q_index])
+                known[key] = plan_module(parts, self.positions(module))
             out.append(known[key])
         return out
+
+    def positions(self, module: Module) -> Array:
+        """Give generic assembled positions of a module's spanning tree, shape (samples, nq)."""
+        key = id(module.mechanism)
+        if key not in self._positions:
+            self._positions[key] = generic_positions(module)
+        return self._positions[key]
+
+    @cached_property
+    def _positions(self) -> dict[int, Array]:
+        return {}
 
     def marks(self, module: Module) -> tuple[str, ...]:
         """Give for each freedom of a module's tree after the cuts what acts on it: motors and laws."""
@@ -100,7 +110,7 @@ class Request:
         return (*(-self.gravity).tolist(), 0.0, 0.0, 0.0)
 
 
-def request(robot: HybridRobot, effects: Choice, positions: Array, *, regroup: bool = True) -> Request:
+def request(robot: HybridRobot, effects: Choice, *, regroup: bool = True) -> Request:
     """Check that a model with these effects can be written out.
 
     Raises:
@@ -115,6 +125,4 @@ def request(robot: HybridRobot, effects: Choice, positions: Array, *, regroup: b
         )
     if on.inertia is None:
         raise ModelError("models without the effect 'inertia' are not written out", element="inertia")
-    return Request(robot, on, positions, regroup)
-
-
+    return Request(robot, on, regroup)

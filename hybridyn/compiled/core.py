@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -11,7 +12,9 @@ from ..mechanism import Mechanism
 from ..spatial import Array
 from .chains import Chain, Placed, split_positions, sweep
 from .expressions import Expression, dot, pack, symbols, zeros
+from .guards import size_of
 from .legs import PlatformMotion, leg_pivots
+from .links import units_of
 from .loops import Rows, write_rows
 from .parts import Parts, width_of
 from .paths import Path, path_of, wrist_pivots
@@ -75,7 +78,9 @@ def _loop_pivots(parts: Parts, postures: Array, rows: Array, cols: Array) -> Piv
         at = split_positions(list(parts.links), q)[i]
         placed[i] = Placed(quaternion_matrix(at[3:]), at[:3], zeros(6), zeros(6))
     chain = sweep(list(parts.links), q, zeros(nv), zeros(6), placed=placed)
-    written = write_rows(chain, parts.closures, parts.couplings, split_positions(list(parts.links), q), 1.0)
+    written = write_rows(
+        chain, parts.closures, parts.couplings, split_positions(list(parts.links), q), 1.0, 1.0
+    )
     function = ca.Function("K", [column], [pack(written.K[:, 6:])])
     shape = written.K[:, 6:].shape
     samples = np.array([np.array(function(x[parts.tree_q])).reshape(shape) for x in postures])
@@ -92,6 +97,9 @@ class Core:
         rows: Its closures.
         paths: Motion of each path, accelerations of the joints zero.
         outputs: For each output its body in the core.
+        v: Rates of its tree, zero for platforms.
+        units: Unit of each freedom.
+        speed: Size of its rates.
     """
 
     chain: Chain
@@ -99,6 +107,9 @@ class Core:
     rows: Rows
     paths: list[Chain]
     outputs: list[int]
+    v: Expression
+    units: Array
+    speed: Any
 
 
 def write_core(
@@ -120,7 +131,8 @@ def write_core(
     """
     parts = plan.parts
     paths = [
-        sweep(list(p.links), q[p.q], v[p.v], V_base, None if a is None else a[p.v], A_base) for p in plan.paths
+        sweep(list(p.links), q[p.q], v[p.v], V_base, None if a is None else a[p.v], A_base)
+        for p in plan.paths
     ]
     placed, platforms = {}, {}
     for path, chain in zip(plan.paths, paths, strict=True):
@@ -134,11 +146,13 @@ def write_core(
         list(parts.links), tree_q, tree_v, V_base, None if a is None else _pick(a, parts.v), A_base, placed
     )
     length = plan.mechanism.length
+    units = np.concatenate([np.zeros(0), *(units_of(link, length) for link in parts.links)])
+    speed = size_of(tree_v, units, [V_base, *(p.V for p in platforms.values())], length)
     rows = write_rows(
-        chain, parts.closures, parts.couplings, split_positions(list(parts.links), tree_q), length
+        chain, parts.closures, parts.couplings, split_positions(list(parts.links), tree_q), length, speed
     )
     outputs = [parts.bodies.index(o) for o in plan.mechanism.spec.outputs]
-    return Core(chain, platforms, rows, paths, outputs)
+    return Core(chain, platforms, rows, paths, outputs, tree_v, units, speed)
 
 
 def platform_link(plan: Plan, path: Path) -> int:
@@ -159,5 +173,3 @@ def _pick(values: Expression, index: Array) -> Expression:
 def whole(chain: Chain, body: int, s: Expression, J: Expression) -> Expression:
     """Give a body's acceleration for s, own frame."""
     return to_child(chain.R0[body], chain.p0[body], dot(J, s)) + chain.c[body]
-
-

@@ -181,7 +181,10 @@ def _quadratic_form(
     for k, col in enumerate(parts.tree_v):
         M[6 + k, 6 + k] = M[6 + k, 6 + k] + options.rotor[col]
     for i in sorted({group[0].platform for group in parts.groups}):
-        columns = {n: symbols(f"{n} {i}", w) for n, w in (("S1", 10), ("B", 36), ("L", 21), ("b_base", 6), ("b_delta", 6))}
+        columns = {
+            n: symbols(f"{n} {i}", w)
+            for n, w in (("S1", 10), ("B", 36), ("L", 21), ("b_base", 6), ("b_delta", 6))
+        }
         inputs |= {f"{n} {i}": column for n, (column, _) in columns.items()}
         B, L = columns["B"][1].reshape(6, 6), symmetric(columns["L"][1], 6)
         b_base, b_delta = columns["b_base"][1], columns["b_delta"][1]
@@ -200,7 +203,13 @@ def _quadratic_form(
 
 
 def _add_output(
-    core: Core, options: DirectOptions, o: int, body: int, M: Expression, b: Expression, inputs: dict[str, ca.SX]
+    core: Core,
+    options: DirectOptions,
+    o: int,
+    body: int,
+    M: Expression,
+    b: Expression,
+    inputs: dict[str, ca.SX],
 ) -> None:
     """Add an output's inertia and bias, its own or articulated, to M and b."""
     chain = core.chain
@@ -253,7 +262,6 @@ def _wrists(
 ) -> tuple[list[int], Any]:  # fmt: skip
     """Give the accelerations of all wrists, entered in `known`, and the guard of their pivots."""
 
-
     cols: list[int] = []
     guard: Any = ca.SX(0.0)
     for path, pivots in zip(plan.paths, plan.wrist_pivots, strict=True):
@@ -268,5 +276,3 @@ def _wrists(
         cols += own.tolist()
         guard = ca.fmax(guard, trusted(trust))
     return cols, guard
-
-

@@ -69,7 +69,9 @@ class _Builder:
         self._written: dict[Any, DirectModule] = {}
         self._legs: dict[Any, tuple[list[Stage], Any]] = {}
 
-    def outwards(self, k: int, modules: list[_ModuleCalls], root: tuple[Source, Source] | None) -> _ModuleCalls:
+    def outwards(
+        self, k: int, modules: list[_ModuleCalls], root: tuple[Source, Source] | None
+    ) -> _ModuleCalls:
         """Write motion outwards: platforms, twists, and what the legs bring."""
         request, w = self.request, self.w
         module, plan = request.robot.modules[k], request.plans[k]
@@ -84,7 +86,9 @@ class _Builder:
             "v": w.from_given("v", module.v_index[written.v]),
         }
         if options.base is None:
-            sources["V_base"] = modules[module.parent].V[module.parent_output] if module.parent >= 0 else root[0]  # type: ignore[index]
+            sources["V_base"] = (
+                modules[module.parent].V[module.parent_output] if module.parent >= 0 else root[0]
+            )  # type: ignore[index]
         targets: dict[str, Target] = {f"platform {i}": w.shared(18) for i in written.platforms}
         for o, carried in enumerate(options.carries):
             if carried:
@@ -111,7 +115,12 @@ class _Builder:
         )
 
     def _legs_outwards(
-        self, k: int, calls: _ModuleCalls, options: DirectOptions, sources: dict[str, Source], targets: dict[str, Target]
+        self,
+        k: int,
+        calls: _ModuleCalls,
+        options: DirectOptions,
+        sources: dict[str, Source],
+        targets: dict[str, Target],
     ) -> None:
         """Write what each group of legs brings, summed by platform."""
         w, module = self.w, self.request.robot.modules[k]
@@ -226,5 +235,3 @@ def _write_group(
         "legs", [inputs, {"delta": d_col}], [outputs, {"a": pack(leg_accelerations(written, delta))}]
     )
     return stages, written.folding.table(len(group))
-
-

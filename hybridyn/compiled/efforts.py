@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from typing import Any
 
 import casadi as ca
@@ -73,7 +74,11 @@ class Efforts:
         total: Any = ca.SX(0.0)
         if self._motors and "motor" in mark:
             tau = ca.SX.sym("tau")
-            inputs, sources, total = [tau], [w.from_given("tau", self._motor_numbers(k, np.array([column])))], tau
+            inputs, sources, total = (
+                [tau],
+                [w.from_given("tau", self._motor_numbers(k, np.array([column])))],
+                tau,
+            )
         key: tuple[Any, ...] = (self._motors, mark)
         for law in request.on.joints:
             here = np.flatnonzero(law.columns == at)
@@ -85,13 +90,7 @@ class Efforts:
             x = ca.SX.sym("x", 2 if turns else 1)
             v = ca.SX.sym("v")
             angle = ca.atan2(x[1], x[0]) if turns else x[0]
-            try:
-                effort = law.effect.effort(tuple(p[n] for n in range(len(law.p))), angle, v)
-            except (TypeError, AttributeError, ValueError) as error:
-                raise ModelError(
-                    f"the effect '{law.effect.name}' is not written out: use the general path for it",
-                    element=law.effect.name,
-                ) from error
+            effort = _written(law.effect, p, angle, v)
             q_at = int(law.at[i])
             inputs += [p, x, v]
             sources += [
@@ -104,3 +103,17 @@ class Efforts:
         return inputs, sources, total, key
 
 
+def _written(effect: Any, p: ca.SX, x: Any, v: ca.SX) -> Any:
+    """Give a law's effort as an expression: its NumPy code runs on symbols.
+
+    Raises:
+        ModelError: Its code has no expression.
+    """
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", FutureWarning)  # CasADi's, on NumPy functions of its symbols
+            return effect.effort(tuple(p[n] for n in range(p.numel())), x, v)
+    except (TypeError, AttributeError, ValueError, RuntimeError, NotImplementedError) as error:
+        raise ModelError(
+            f"the effect '{effect.name}' is not written out: use the general path for it", element=effect.name
+        ) from error

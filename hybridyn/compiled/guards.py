@@ -25,23 +25,47 @@ def trusted(trust: ca.SX) -> Any:
     return 2.0 - trust / TRUSTED
 
 
-def closed(positions: list[tuple[Expression, float]], rates: list[tuple[Expression, Expression]]) -> Any:
+def closed(
+    positions: list[tuple[Expression, float]], rates: list[tuple[Expression, float]], speed: Any
+) -> Any:
     """Give the guard of closures.
 
     Args:
         positions: What must vanish, and its unit.
-        rates: What must vanish, and the rates that it is a difference of.
+        rates: What must vanish, and its unit.
+        speed: Size of the module's rates (`size_of`).
     """
     worst: Any = ca.SX(0.0)
     for values, unit in positions:
         worst = ca.fmax(worst, largest(values) / (CLOSED * unit))
-    for values, parts in rates:
-        size: Any = NOTHING
-        for part in parts:
-            if not is_zero(part):
-                size = size + ca.fabs(part)
-        worst = ca.fmax(worst, largest(values) / (CLOSED * size))
+    for values, unit in rates:
+        worst = ca.fmax(worst, largest(values) / (CLOSED * unit * (speed + NOTHING)))
     return worst
+
+
+def accelerating_apart(values: Expression, size: Any) -> Any:
+    """Give the guard of accelerations that must agree.
+
+    Args:
+        values: What must vanish, without units.
+        size: Size of the module's accelerations, speed squared among it.
+    """
+    if all(is_zero(x) for x in values):
+        return ca.SX(0.0)
+    return largest(values) / (CLOSED * (size + NOTHING))
+
+
+def size_of(joints: Expression, units: Any, motions: list[Expression], length: float) -> Any:
+    """Give the size of a module's rates (or accelerations) without units: joints', and those of 6-D motions."""
+    size: Any = 0.0
+    for value, unit in zip(joints, units, strict=True):
+        if not is_zero(value):
+            size = size + ca.fabs(value) * (1.0 / unit)
+    for motion in motions:
+        for k, value in enumerate(motion):
+            if not is_zero(value):
+                size = size + ca.fabs(value) * (1.0 / length if k < 3 else 1.0)
+    return size
 
 
 def largest(values: Expression) -> Any:
@@ -51,19 +75,3 @@ def largest(values: Expression) -> Any:
         if not is_zero(value):
             out = ca.fmax(out, ca.fabs(value))
     return out
-
-
-def accelerating_apart(values: Expression, sizes: Expression) -> Any:
-    """Give the guard of accelerations that must agree.
-
-    Args:
-        values: What must vanish.
-        sizes: The accelerations that it is a difference of.
-    """
-    if all(is_zero(x) for x in values):
-        return ca.SX(0.0)
-    size: Any = NOTHING
-    for part in sizes:
-        if not is_zero(part):
-            size = size + ca.fabs(part)
-    return largest(values) / (CLOSED * size)

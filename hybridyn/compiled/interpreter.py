@@ -21,7 +21,9 @@ def function_of(program: Program, symbol: Any = ca.SX) -> ca.Function:
         Inputs and outputs named as the program's, and "guard" last.
     """
     columns = [symbol.sym(name, size) for name, size in program.inputs]
-    given = [column[i] for column, (_, size) in zip(columns, program.inputs, strict=True) for i in range(size)]
+    given = [
+        column[i] for column, (_, size) in zip(columns, program.inputs, strict=True) for i in range(size)
+    ]
     result, guard = run(program, given, symbol)
     ends = np.cumsum([0] + [size for _, size in program.outputs])
     outputs = [ca.vertcat(*result[ends[i] : ends[i + 1]]) for i in range(len(program.outputs))]

@@ -17,7 +17,7 @@ from .chains import Chain, Placed, forces, motion_map, sweep
 from .core import Core, Plan, write_core
 from .direct import read_by_core, scattered
 from .expressions import Expression, cross, dot, pack, plain, symbols, zeros
-from .guards import accelerating_apart, trusted
+from .guards import accelerating_apart, size_of, trusted
 from .legs import PlatformMotion, WrittenLeg
 from .links import units_of
 from .rigid import crf, momentum, motion_to_parent, to_child, to_parent
@@ -87,7 +87,7 @@ def write_inverse(name: str, plan: Plan, options: InverseOptions, pivots: Pivots
         motion, c = core.platforms[i], core.chain.c[i + 1]
         A = motion_to_parent(motion.R, motion.p, c)
         outputs[0][f"platform {i}"] = pack(motion.R, motion.p, motion.V, A)
-    b = _needed(core, plan, options, (q, v, a, V_base, A_base), outputs[0], inputs[1])
+    b, terms = _needed(core, plan, options, (q, v, a, V_base, A_base), outputs[0], inputs[1])
     laws = [k for k, col in enumerate(parts.tree_v) if int(col) in options.laws]
     law_col, law = symbols("laws", len(laws))
     if laws:
@@ -97,12 +97,15 @@ def write_inverse(name: str, plan: Plan, options: InverseOptions, pivots: Pivots
     X, _, trust = solve(core.rows.K[:, 6:], zeros(len(core.rows.K), 1), plan.loop_pivots)
     Psi = X[:, 1:]
     guard = ca.fmax(core.rows.guard, trusted(trust))
-    guard = ca.fmax(guard, accelerating_apart(core.rows.apart, core.rows.sizes))
+    guard = ca.fmax(guard, accelerating_apart(core.rows.apart, _haste(core, plan, a, A_base)))
     B = _motor_map(core, plan, options, Psi, inputs[1])
     size = ca.SX(0.0)
-    for value in b[6:]:
+    for value in terms if len(options.motors) < B.shape[0] else ():
         size = size + ca.fabs(value)
-    tau, measure = motor_efforts(B, dot(Psi.T, b[6:]), size, np.array(options.share), pivots)
+    if len(options.motors) > B.shape[0] and not options.share:
+        tau, measure = zeros(0), ca.SX(np.inf)  # the general path says what is missing
+    else:
+        tau, measure = motor_efforts(B, dot(Psi.T, b[6:]), size, np.array(options.share), pivots)
     outputs[1]["guard"] = ca.SX(ca.fmax(guard, measure))
     if len(tau):
         outputs[1]["tau"] = pack(tau)
@@ -118,10 +121,19 @@ def write_inverse(name: str, plan: Plan, options: InverseOptions, pivots: Pivots
 def _needed(
     core: Core, plan: Plan, options: InverseOptions, given: tuple[Expression, ...],
     outputs: dict[str, ca.SX], inputs: dict[str, ca.SX],
-) -> Expression:  # fmt: skip
-    """Give the generalised force that the motion needs over s = [base; y], without joint laws."""
-    parts, chain = plan.parts, core.chain
+) -> tuple[Expression, list[Any]]:  # fmt: skip
+    """Give the generalised force that the motion needs over s = [base; y], without joint laws, and its terms.
+
+    Terms are work per scaled coordinate, as far as one module can tell them apart.
+    """
+    parts, chain, length = plan.parts, core.chain, plan.mechanism.length
     b = forces(chain if options.velocity else _slow(core, plan, given))
+    terms = [
+        x * u
+        for x, u in zip(
+            b[6:], np.concatenate([np.zeros(0), *(units_of(j, length) for j in parts.links)]), strict=True
+        )
+    ]
     a = given[2]
     for k, col in enumerate(parts.tree_v):
         if parts.v[k] >= 0 and options.rotor[col]:
@@ -133,17 +145,27 @@ def _needed(
         b_delta = np.array([inputs[f"b_delta {i}"][k] for k in range(6)], dtype=object)
         at = chain.columns_of(i + 1)
         b[:6], b[at] = b[:6] + b_base - b_delta, b[at] + b_delta
+        terms += [*(b_delta[:3] * length), *b_delta[3:]]
     for o, body in enumerate(core.outputs):
         own, V, A = plain(options.inertias[o]), chain.V[body], chain.c[body]
         W = momentum(own, A)
+        terms += [*(W[:3] * length), *W[3:]]
         if options.velocity:
             W = W + crf(V, momentum(own, V))
         if options.carries[o]:
             inputs[f"F {o}"], F = symbols(f"F {o}", 6)
             outputs[f"V {o}"], outputs[f"A {o}"] = pack(V), pack(A)
             W = W + F
+            terms += [*(F[:3] * length), *F[3:]]
         b = b + dot(motion_map(chain, body).T, to_parent(chain.R0[body], chain.p0[body], W))
-    return b
+    return b, terms
+
+
+def _haste(core: Core, plan: Plan, a: Expression, A_base: Expression) -> Any:
+    """Give the size of a core's accelerations."""
+    own = np.array([a[k] if k >= 0 else 0.0 for k in plan.parts.v], dtype=object)
+    motions = [A_base, *(core.chain.c[i + 1] for i in core.platforms)]
+    return size_of(own, core.units, motions, plan.mechanism.length) + core.speed * core.speed
 
 
 def _slow(core: Core, plan: Plan, given: tuple[Expression, ...]) -> Chain:
@@ -216,8 +238,6 @@ def leg_forces(
     A = platform[1]
     unit = np.concatenate([units_of(link, length) for link in links])
     apart = leg.accelerating_apart(a, A - A_base) / unit
-    sizes = np.concatenate([A[:3] / length, A[3:], A_base[:3] / length, A_base[3:], a / unit])
-    out["guard"] = ca.fmax(leg.guard, accelerating_apart(apart, sizes))
+    haste = size_of(a, unit, [A, A_base], length) + leg.speed * leg.speed
+    out["guard"] = ca.fmax(leg.guard, accelerating_apart(apart, haste))
     return out
-
-

@@ -9,6 +9,10 @@ import casadi as ca
 import numpy as np
 
 from ..actuation import Sharing, load_share
+from ..errors import ActuationError
+from ..module import Module
+from ..robot import HybridRobot
+from ..spatial import Array
 from .actuation import motor_pivots
 from .choices import Request
 from .core import Plan
@@ -71,7 +75,7 @@ class _Builder:
         module, plan = robot.modules[k], request.plans[k]
         marks = request.marks(module)
         redundant = len(module.motors) > module.mobility
-        share = load_share(robot, module, Sharing(None, "raise")) if redundant else np.zeros(0)
+        share = _share(robot, module) if redundant else np.zeros(0)
         return InverseOptions(
             base=request.root(module),
             carries=tuple(bool(request.children(k, o)) for o in range(len(module.mechanism.spec.outputs))),
@@ -83,7 +87,9 @@ class _Builder:
             laws=tuple(int(c) for c in plan.parts.tree_v if "law" in marks[c]),
         )
 
-    def outwards(self, k: int, modules: list[_ModuleCalls], root: tuple[Source, Source] | None) -> _ModuleCalls:
+    def outwards(
+        self, k: int, modules: list[_ModuleCalls], root: tuple[Source, Source] | None
+    ) -> _ModuleCalls:
         """Write motion outwards, and what the legs need."""
         request, w = self.request, self.w
         module, plan = request.robot.modules[k], request.plans[k]
@@ -92,8 +98,7 @@ class _Builder:
         if key not in self._written:
             pivots = (id(plan), options.motors)
             if pivots not in self._pivots:
-                positions = request.positions[:, module.q_index]
-                self._pivots[pivots] = motor_pivots(plan, positions, options.motors)
+                self._pivots[pivots] = motor_pivots(plan, request.positions(module), options.motors)
             name = f"module_{len(self._written)}"
             self._written[key] = write_inverse(name, plan, options, self._pivots[pivots])
         written = self._written[key]
@@ -140,7 +145,11 @@ class _Builder:
             self._legs[key] = _write_group(calls.plan, n, options, lawful, driven)
         stages, table = self._legs[key]
         given: dict[str, Source] = dict(sources)
-        for name, index, which in (("q", module.q_index, "q"), ("v", module.v_index, "v"), ("a", module.v_index, "v")):
+        for name, index, which in (
+            ("q", module.q_index, "q"),
+            ("v", module.v_index, "v"),
+            ("a", module.v_index, "v"),
+        ):
             given[name] = w.from_given(name, index[np.array([getattr(leg, which) for leg in group])])
         given |= {"numbers": Constants(table), "platform": targets[f"platform {i}"]}
         if lawful:
@@ -179,7 +188,11 @@ def _write_group(
     """Write what a group of legs needs for a motion."""
     group = plan.parts.groups[n]
     leg, length = group[0], plan.mechanism.length
-    (q_col, q), (v_col, v), (a_col, a) = symbols("q", len(leg.q)), symbols("v", len(leg.v)), symbols("a", len(leg.v))
+    (q_col, q), (v_col, v), (a_col, a) = (
+        symbols("q", len(leg.q)),
+        symbols("v", len(leg.v)),
+        symbols("a", len(leg.v)),
+    )
     (V_col, V_base), (A_col, A_base) = symbols("V_base", 6), symbols("A_base", 6)
     inputs = {"q": q_col, "v": v_col, "a": a_col}
     if options.base is not None:
@@ -203,3 +216,11 @@ def _write_group(
         outputs["motors"] = pack(out["motors"])
     inputs |= {"numbers": written.folding.symbol(), "platform": p_col}
     return cut("legs", [inputs], [outputs]), written.folding.table(len(group))
+
+
+def _share(robot: HybridRobot, module: Module) -> Array:
+    """Give each motor's share of the load, none where the robot does not say."""
+    try:
+        return load_share(robot, module, Sharing(None, "raise"))
+    except ActuationError:
+        return np.zeros(0)

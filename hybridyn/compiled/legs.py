@@ -10,6 +10,7 @@ so the leg acts on the module only through its inertia over [V_dot_base; delta].
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -18,8 +19,8 @@ from ..spatial import Array
 from .chains import Chain, forces, mass_matrix, numbers, point_acceleration, point_velocity, sweep
 from .expressions import Expression, congruence, cross, dot, hat, pack, symbols, upper, zeros
 from .folding import Folding
-from .guards import closed, trusted
-from .links import Link
+from .guards import closed, size_of, trusted
+from .links import Link, units_of
 from .parts import Leg, width_of
 from .rigid import matrix_moved, to_child, to_parent
 from .static_elimination import Pivots, choose_pivots, solve
@@ -49,6 +50,7 @@ class WrittenLeg:
         point: The closure's point in the base's frame, shape (3,).
         X: Joint rates over the relative motion [v, w] of the closure's point, base axes, shape (nv, 6).
         y0: Joint accelerations at delta = 0, shape (nv,).
+        speed: Size of its rates.
         guard: The leg's guard.
     """
 
@@ -57,6 +59,7 @@ class WrittenLeg:
     point: Expression
     X: Expression
     y0: Expression
+    speed: Any
     guard: ca.SX
 
     def to_base(self, M: Expression) -> Expression:
@@ -145,6 +148,7 @@ def write_leg(
     links = fold_links(folding, [list(leg.links) for leg in group])
     R_s, p_s, R_o, p_o = _frames(folding, group)
     leg = group[0]
+    units = np.concatenate([units_of(link, length) for link in links])
     chain = sweep(links, q, v, V_base)
     R0, V, c = chain.R0[leg.end], chain.V[leg.end], chain.c[leg.end]
     point = chain.p0[leg.end] + dot(R0, p_s)
@@ -164,11 +168,12 @@ def write_leg(
     X, _, trust = solve(J, right, pivots)
     other = platform.p + dot(platform.R, p_o)
     open_by = [(other - point, length)] + _turned_apart(rotation, dot(R0, R_s), dot(platform.R, R_o))
-    slipping = [(apart, np.concatenate([v_other, point_velocity(V, p_s)]))]
+    slipping = [(apart, length)]
     if rotation != "free":
-        slipping.append((dot(N[3:, 3:], turning), np.concatenate([w_other, V[3:]])))
-    guard = ca.fmax(trusted(trust), closed(open_by, slipping))
-    return WrittenLeg(folding, chain, point, X[:, :6], X[:, 6], guard)
+        slipping.append((dot(N[3:, 3:], turning), 1.0))
+    speed = size_of(v, units, [platform.V, V_base], length)
+    guard = ca.fmax(trusted(trust), closed(open_by, slipping, speed))
+    return WrittenLeg(folding, chain, point, X[:, :6], X[:, 6], speed, guard)
 
 
 def _both(R: Expression) -> Expression:
@@ -244,5 +249,3 @@ def leg_accelerations(leg: WrittenLeg, delta: Expression) -> Expression:
     """Give the joint accelerations of a leg for the relative acceleration of its platform, base's frame."""
     at_point = np.concatenate([delta[:3] + cross(delta[3:], leg.point), delta[3:]])
     return dot(leg.X, at_point) + leg.y0
-
-

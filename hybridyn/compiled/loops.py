@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -22,14 +23,12 @@ class Rows:
         K: Shape (rows, 6 + nv): K s + gamma = 0.
         gamma: Shape (rows,).
         apart: gamma without units: metres over the module's length.
-        sizes: The accelerations that it is a difference of, likewise.
         guard: How far the loops are open.
     """
 
     K: Expression
     gamma: Expression
     apart: Expression
-    sizes: Expression
     guard: ca.SX
 
 
@@ -66,6 +65,7 @@ def write_rows(
     couplings: tuple[TreeCoupling, ...],
     q: list[Expression],
     length: float,
+    speed: Any,
 ) -> Rows:
     """Write the rows of closures and couplings.
 
@@ -75,14 +75,15 @@ def write_rows(
         couplings: The couplings.
         q: Positions of each joint.
         length: The module's length.
+        speed: Size of the module's rates.
     """
-    K, gamma, apart, sizes = [zeros(0, 6 + chain.nv)], [zeros(0)], [zeros(0)], [zeros(0)]
+    K, gamma, apart = [zeros(0, 6 + chain.nv)], [zeros(0)], [zeros(0)]
     guard = ca.SX(0.0)
     for c in closures:
         a = _side(chain, c.body_a, numbers(c.R_a), numbers(c.p_a))
         b = _side(chain, c.body_b, numbers(c.R_b), numbers(c.p_b))
-        rows, drift, measure = _closure(c, a, b, length)
-        K, gamma, sizes = [*K, rows], [*gamma, drift], [*sizes, a.a / length, b.a / length, a.alpha, b.alpha]
+        rows, drift, measure = _closure(c, a, b, length, speed)
+        K, gamma = [*K, rows], [*gamma, drift]
         unit = np.array([length] * len(c.translations) + [1.0] * (c.rows - len(c.translations)))
         apart = [*apart, drift / unit]
         guard = ca.fmax(guard, measure)
@@ -92,11 +93,11 @@ def write_rows(
             at = 6 + chain.v_slices[joint].start
             row[0, at] = row[0, at] + coefficient
         K, gamma = [*K, row], [*gamma, zeros(1)]
-    return Rows(np.concatenate(K), np.concatenate(gamma), np.concatenate(apart), np.concatenate(sizes), guard)
+    return Rows(np.concatenate(K), np.concatenate(gamma), np.concatenate(apart), guard)
 
 
 def _closure(
-    c: TreeClosure, a: _Side, b: _Side, length: float
+    c: TreeClosure, a: _Side, b: _Side, length: float, speed: Any
 ) -> tuple[Expression, Expression, ca.SX]:
     """Give rows, drift and guard of one closure."""
     r, relative = b.p - a.p, b.J - a.J
@@ -111,7 +112,7 @@ def _closure(
     gamma = [_along(n, apart) for n in axes]
     opened = b.p - a.p
     positions = [(np.array([_along(a.A[:, i], opened) for i in c.translations], dtype=object), length)]
-    rates = [(np.array([_along(n, slide) for n in axes], dtype=object), np.concatenate([a.v, b.v]))]
+    rates = [(np.array([_along(n, slide) for n in axes], dtype=object), length)]
     z = b.A[:, 2]
     turning: list[tuple[Expression, Expression]] = []
     if c.rotation == "fixed":
@@ -130,14 +131,16 @@ def _closure(
     if turning:
         angles = np.array([_along(a.A[:, i], b.A[:, j]) for i, j in pairs], dtype=object)
         positions.append((angles, 1.0))
-        rates.append((np.array([_along(n, w) for n, _ in turning], dtype=object), np.concatenate([a.w, b.w])))
+        rates.append((np.array([_along(n, w) for n, _ in turning], dtype=object), 1.0))
     rows = [dot(n[None], relative)[0] for n in normals]
     drift = np.array(gamma, dtype=object)
-    return np.array(rows, dtype=object).reshape(len(rows), a.J.shape[1]), drift, closed(positions, rates)
+    return (
+        np.array(rows, dtype=object).reshape(len(rows), a.J.shape[1]),
+        drift,
+        closed(positions, rates, speed),
+    )
 
 
 def _along(n: Expression, x: Expression) -> object:
     """Give the scalar product."""
     return dot(n, x[:, None])[0]
-
-

@@ -110,7 +110,10 @@ def parts_of(
         closure = closures[at]
         on_a = closure.body_a in bodies
         own = tuple(replace(links[j], parent=number[links[j].parent]) for j in joints)
-        tq, tv = (np.concatenate([np.arange(*s[j].indices(10**9)) for j in joints]) for s in (tree.q_slices, tree.v_slices))
+        tq, tv = (
+            np.concatenate([np.arange(*s[j].indices(10**9)) for j in joints])
+            for s in (tree.q_slices, tree.v_slices)
+        )
         end, platform = (closure.body_a, closure.body_b) if on_a else (closure.body_b, closure.body_a)
         legs.append(Leg(own, closure, on_a, number[end], platform - 1, q_of[tq], v_of[tv], tq, tv))
         gone |= set(bodies)
@@ -130,8 +133,13 @@ def parts_of(
         tuple(turns[b] for b in number),
         tuple(number),
         frozenset(number[j + 1] - 1 for j in spec.platforms),
-        tuple(replace(closures[i], body_a=number[closures[i].body_a], body_b=number[closures[i].body_b]) for i in used),
-        tuple(replace(c, terms=tuple((number[j + 1] - 1, k) for j, k in c.terms)) for c in spec.cut_couplings),
+        tuple(
+            replace(closures[i], body_a=number[closures[i].body_a], body_b=number[closures[i].body_b])
+            for i in used
+        ),
+        tuple(
+            replace(c, terms=tuple((number[j + 1] - 1, k) for j, k in c.terms)) for c in spec.cut_couplings
+        ),
         tuple([r for i in used for r in range(rows[i].start, rows[i].stop)] + coupled),
         tq,
         tv,

@@ -51,9 +51,7 @@ def path_of(mechanism: Mechanism, wrist: WristSpec) -> Path:
         joints.append(parent - 1)
     joints = joints[::-1]
     chain = links_of(tuple(spec.spanning[j] for j in joints), [np.zeros(10)] * len(joints))
-    links = tuple(
-        Link(link.kind, i, link.R, link.p, link.axis, link.inertia) for i, link in enumerate(chain)
-    )
+    links = tuple(Link(link.kind, i, link.R, link.p, link.axis, link.inertia) for i, link in enumerate(chain))
     q, v = (
         np.concatenate([np.arange(slices[j].start, slices[j].stop) for j in joints])
         for slices in (mechanism.spanning.q_slices, mechanism.spanning.v_slices)

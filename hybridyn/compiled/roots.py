@@ -12,7 +12,9 @@ from .rigid import quaternion_matrix
 from .slots import Writer
 
 
-def moving_base(request: Request, w: Writer, acceleration: Source, *, report: bool) -> tuple[Source, Source] | None:
+def moving_base(
+    request: Request, w: Writer, acceleration: Source, *, report: bool
+) -> tuple[Source, Source] | None:
     """Give twist and acceleration (less gravity) of a moving base; None for a base at rest.
 
     Args:
@@ -26,9 +28,11 @@ def moving_base(request: Request, w: Writer, acceleration: Source, *, report: bo
     (q_col, q), (a_col, a) = symbols("q", 4), symbols("a", 6)
     A = a.copy()
     A[:3] = A[:3] - dot(quaternion_matrix(q).T, plain(request.gravity))
-    outputs = [pack(A), pack(a)] if report else [pack(A)]
-    kernel = w.kernel("root", ca.Function("root", [q_col, a_col], outputs), "kinematics")
-    at = w.shared(6)
-    targets = [at, w.result("a", np.arange(6))] if report else [at]
-    w.call(kernel, 1, [w.from_given("q", np.arange(3, 7)), acceleration], targets)
-    return w.from_given("v", np.arange(6)), at
+    v_col = ca.SX.sym("v", 6)
+    outputs = [v_col, pack(A), pack(a)] if report else [v_col, pack(A)]
+    kernel = w.kernel("root", ca.Function("root", [q_col, v_col, a_col], outputs), "kinematics")
+    twist, at = w.shared(6), w.shared(6)
+    targets = [twist, at, w.result("a", np.arange(6))] if report else [twist, at]
+    sources = [w.from_given("q", np.arange(3, 7)), w.from_given("v", np.arange(6)), acceleration]
+    w.call(kernel, 1, sources, targets)
+    return twist, at

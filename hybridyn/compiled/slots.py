@@ -32,9 +32,7 @@ class Writer:
         results: Where each user output begins.
     """
 
-    def __init__(
-        self, name: str, inputs: list[tuple[str, int]], outputs: list[tuple[str, int]]
-    ) -> None:
+    def __init__(self, name: str, inputs: list[tuple[str, int]], outputs: list[tuple[str, int]]) -> None:
         self.name, self.inputs, self.outputs = name, tuple(inputs), tuple(outputs)
         self.given, self.results = _starts(inputs), _starts(outputs)
         self._kernels: list[Kernel] = []
@@ -87,7 +85,13 @@ class Writer:
     def program(self) -> Program:
         """Give the program."""
         return Program(
-            self.name, self.inputs, self.outputs, tuple(self._kernels), tuple(self._steps), self._shared, self._own
+            self.name,
+            self.inputs,
+            self.outputs,
+            tuple(self._kernels),
+            tuple(self._steps),
+            self._shared,
+            self._own,
         )
 
 
@@ -95,5 +99,3 @@ def _starts(parts: list[tuple[str, int]]) -> dict[str, int]:
     """Give where each part begins."""
     ends = np.cumsum([0] + [size for _, size in parts]).tolist()
     return {name: ends[i] for i, (name, _) in enumerate(parts)}
-
-

@@ -15,7 +15,9 @@ class Stages:
     What stages hand over goes to shared numbers for a single copy, to the copies' own for several.
     """
 
-    def __init__(self, writer: Writer, key: Any, stages: list[Stage], parts: list[str], copies: int = 1) -> None:
+    def __init__(
+        self, writer: Writer, key: Any, stages: list[Stage], parts: list[str], copies: int = 1
+    ) -> None:
         self._writer, self._stages, self._copies = writer, stages, copies
         self._kernels = [
             writer.kernel((key, s), stage.function, part)
@@ -41,11 +43,11 @@ class Stages:
         for i, name in enumerate(stage.outputs):
             if isinstance(name, tuple):
                 size = stage.function.numel_out(i)
-                place = self._writer.shared(size) if self._copies == 1 else self._writer.own(self._copies, size)
+                place = (
+                    self._writer.shared(size) if self._copies == 1 else self._writer.own(self._copies, size)
+                )
                 self._handed[s, name[1]] = place
                 outs.append(place)
             else:
                 outs.append(targets[name])
         self._writer.call(self._kernels[s], self._copies, ins, outs)
-
-

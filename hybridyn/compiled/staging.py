@@ -142,8 +142,12 @@ def _stage(
             for operand in operands:
                 value(operand)
             value(node)
-    results = [(n, pack([value(node) for node in graph.results[i]])) for i, (t, n, _) in enumerate(wanted) if t == s]
-    given_on = [(("to", by), pack([value(n) for n in nodes])) for (t, by), nodes in sorted(handed.items()) if t == s]
+    results = [
+        (n, pack([value(node) for node in graph.results[i]])) for i, (t, n, _) in enumerate(wanted) if t == s
+    ]
+    given_on = [
+        (("to", by), pack([value(n) for n in nodes])) for (t, by), nodes in sorted(handed.items()) if t == s
+    ]
     ins = [(n, column) for i, (_, n, column) in enumerate(given) if i in used]
     ins += [(("from", t), column) for t, column in taken.items()]
     outs = [*results, *given_on]

@@ -125,8 +125,9 @@ def solve_definite(A: Expression, right: Expression, noise: float) -> tuple[Expr
     L, inverse, trust = zeros(n, n), [], ca.SX(np.inf)
     W, B = A.copy(), right.copy()
     for i in range(n):
-        trust = ca.fmin(trust, W[i, i] / (noise * A[i, i]))
-        inverse.append(1.0 / W[i, i])
+        nothing = is_zero(W[i, i])
+        trust = ca.fmin(trust, -np.inf if nothing else W[i, i] / (noise * A[i, i]))
+        inverse.append(0.0 if nothing else 1.0 / W[i, i])
         for j in range(i + 1, n):
             if is_zero(W[j, i]):
                 continue

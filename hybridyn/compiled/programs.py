@@ -1,0 +1,33 @@
+"""Every model of one robot as programs."""
+
+from __future__ import annotations
+
+from ..effects.choice import Choice
+from ..robot import HybridRobot
+from .choices import request
+from .direct_program import direct_program
+from .inverse_program import inverse_program
+from .program import Program
+
+
+def programs(
+    robot: HybridRobot,
+    effects: Choice = None,
+    *,
+    models: tuple[str, ...] = ("idm", "ddm"),
+    regroup: bool = True,
+) -> dict[str, Program]:
+    """Write a robot's models out.
+
+    Args:
+        robot: The robot.
+        effects: As `hybridyn.idm` takes them.
+        models: Which models: "idm", "ddm".
+        regroup: Whether base inertial parameters are used.
+
+    Raises:
+        ModelError: An effect is not for written-out models.
+    """
+    asked = request(robot, effects, regroup=regroup)
+    write = {"idm": inverse_program, "ddm": direct_program}
+    return {name: write[name](asked) for name in models}
