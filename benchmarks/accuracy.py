@@ -20,7 +20,6 @@ from benchmarks.timing import Time, interleaved
 from hybridyn import HybridRobot
 from hybridyn.spatial import Array
 
-LIMIT = 1e-10  # of hybridyn's own error: beyond, nothing is timed
 NAN = math.nan
 
 
@@ -114,8 +113,8 @@ def measure(model: Model, case: str, effort: Effort) -> list[Check | Point]:
         if method.name.startswith("hybridyn"):
             for one in found:
                 what = f"{model} by {method.name}, {one.batch} samples"
-                refuse(one.error, LIMIT, f"{what} of {case}")
-                out.append(Check(case, what, one.error, LIMIT))
+                refuse(one.error, method.limit, f"{what} of {case}")
+                out.append(Check(case, what, one.error, method.limit))
         candidates += found
     times = interleaved([one.call for one in candidates], effort.rounds)
     return out + [point(model, case, one, time) for one, time in zip(candidates, times, strict=True)]

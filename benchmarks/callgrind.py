@@ -18,7 +18,7 @@ from pathlib import Path
 
 from benchmarks.cases import ROOT, case_of
 from benchmarks.methods import Model, NotMeasuredError, Setting
-from benchmarks.peers import METHODS
+from benchmarks.peers import METHODS, compiled
 from benchmarks.results import Count
 from benchmarks.scaling import SETTINGS
 from hybridyn.spatial import Array
@@ -36,7 +36,7 @@ def measure(case: str, model: Model) -> list[Count]:
     except NotMeasuredError as why:
         return [Count(case, model, "every method", math.nan, str(why))]
     for method in METHODS:
-        if method.model != model or method.name in ("pin.aba", "pin.rnea"):
+        if method.model != model or method.name in ("pin.aba", "pin.rnea", compiled.SINGLE):
             continue
         try:
             total, own = counted(case, model, method.name, SETTINGS.get(method.name, {}))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
@@ -18,6 +19,7 @@ PANEL = (3.3, 2.75)  # width and height of the axes [inch]
 MARGIN = (0.75, 0.6)  # left of them and below
 CELL = (MARGIN[0] + PANEL[0] + 2.25, MARGIN[1] + PANEL[1] + 0.45)  # with the names and the title
 HEAD = 0.55  # above the panels
+DECADES = 2.2  # least range of an axis
 DOTS = 100
 CROWDED = 12.0  # least vertical distance of two labels [points]
 SEED = "hybridyn"  # of the names inside an SVG, so that equal figures are equal files
@@ -102,13 +104,15 @@ def _panel(ax: Axes, panel: Panel) -> None:
     for side in ("top", "right"):
         ax.spines[side].set_visible(False)
     ax.margins(0.06)
+    ax.autoscale_view()  # limits are otherwise found when the figure is drawn
+    for limits, widen in ((ax.get_xlim(), ax.set_xlim), (ax.get_ylim(), ax.set_ylim)):
+        widen(*widened(*limits))
 
 
 def _names(ax: Axes, panel: Panel) -> None:
     """Write the curves' names right of the panel, near the heights of their ends, with thin lines to them."""
     if not panel.curves:
         return
-    ax.autoscale_view()  # limits are otherwise found when the figure is drawn
     box = ax.get_window_extent()
     to_points = 72.0 / ax.get_figure(root=True).dpi  # type: ignore[union-attr]
     ends = [ax.transData.transform(_end(curve, panel.reverse)) for curve in panel.curves]
@@ -134,6 +138,13 @@ def _names(ax: Axes, panel: Panel) -> None:
                 "relpos": (0, 0.5),
             },
         )
+
+
+def widened(low: float, high: float) -> tuple[float, float]:
+    """Give limits at least some powers of ten apart, so that axes show more than one of them."""
+    missing = (DECADES - abs(math.log10(high / low))) / 2
+    factor = 10.0 ** max(missing, 0.0)
+    return (low / factor, high * factor) if low < high else (low * factor, high / factor)
 
 
 def _end(curve: Curve, reverse: bool) -> tuple[float, float]:

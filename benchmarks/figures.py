@@ -14,6 +14,7 @@ from benchmarks.results import Flight, Near, Point, Size
 OURS, GENERAL = "hybridyn, compiled", "hybridyn, general"
 COLOURS = {
     "hybridyn, compiled": "#0b4f9e",
+    "hybridyn, compiled, float32": "#7b68c8",
     "hybridyn, general": "#3d9be9",
     "pin.constraintDynamics": "#e07b00",
     "pin.lcaba": "#c22f1f",
@@ -154,7 +155,7 @@ def throughput(points: Sequence[Point], case: str) -> Figure | None:
         own = [p for p in points if p.case == case and p.model == model and math.isfinite(p.us)]
         curves = []
         for (method, threads), group in grouped(own, "method", "threads").items():
-            label = f"{method}, {threads} thread{'s' * (threads > 1)}" if method == OURS else method
+            label = f"{method}, {threads} thread{'s' * (threads > 1)}" if method.startswith(OURS) else method
             curves.append(Curve(label, colour(method), [p.batch for p in group], [p.us for p in group]))
         if curves:
             panels.append(Panel(f"{case}, {title}", "samples per call", "time per sample [us]", curves))

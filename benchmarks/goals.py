@@ -82,10 +82,9 @@ def _threads(points: Sequence[Point]) -> Goal:
     times = {p.threads: p.us for p in own if math.isfinite(p.us)}
     most = max(times, default=1)
     value = times[1] / (most * times[most]) if most > 1 and 1 in times else math.nan
-    return Goal(
-        f"ddm, LX4, batch of {BATCH:,}, {most} threads", "itself, one thread", 0.8, (value, math.nan),
-        "rate over that of one thread, by the threads", at_least=True,
-    )  # fmt: skip
+    title = f"ddm, LX4, batch of {BATCH:,}, {most if most > 1 else 'all'} threads"
+    said = "rate over that of one thread, by the threads"
+    return Goal(title, "itself, one thread", 0.8, (value, math.nan), said, at_least=True)
 
 
 def _simulation(flights: Sequence[Flight]) -> Goal:

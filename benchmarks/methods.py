@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Literal
@@ -34,6 +35,8 @@ class Method:
         settings: The settings that are swept.
         batches: True where one call takes many samples, (T, n); others are called in a loop.
         threads: True where `setup` takes a number of threads, `setup(robot, threads=2)`.
+        most: Most velocities of a robot for which it is tried: beyond, it takes gigabytes or seconds a call.
+        limit: Largest error of one of hybridyn's own methods; beyond, nothing is timed.
     """
 
     name: str
@@ -42,6 +45,8 @@ class Method:
     settings: tuple[Setting, ...] = DEFAULT
     batches: bool = False
     threads: bool = False
+    most: float = math.inf
+    limit: float = 1e-10
 
     def prepare(self, robot: HybridRobot, threads: int = 1) -> Callable[[Setting], Solver]:
         """Set up the method for a robot.
@@ -49,7 +54,17 @@ class Method:
         Raises:
             NotMeasuredError: It cannot do this robot, or is not here.
         """
+        self.check_size(robot.nv)
         return self.setup(robot, threads=threads) if self.threads else self.setup(robot)
+
+    def check_size(self, nv: int) -> None:
+        """Refuse a robot that is too large.
+
+        Raises:
+            NotMeasuredError: It has too many velocities.
+        """
+        if nv > self.most:
+            raise NotMeasuredError(f"not tried above {self.most:g} velocities: gigabytes, or seconds a call")
 
 
 def written(setting: Setting) -> str:

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from benchmarks.fronts import cheapest, exponent, grouped
+from benchmarks.fronts import GOOD, cheapest, exponent, grouped
 from benchmarks.goals import Goal, goals
 from benchmarks.results import SECTIONS, Check, read_machines, read_rows
 from benchmarks.texts import CALLGRIND, HEAD, JOB, LIMITS, METHODS, SINGULAR, STANDING
@@ -90,8 +90,9 @@ def _standing(results: Results) -> Iterator[str]:
     rows = []
     for model in ("ddm", "idm"):
         for case, own in grouped(results[model], "case").items():
-            peers = [p for p in own if not p.method.startswith("hybridyn") and p.error <= 1e-10]
-            peer = cheapest(peers)
+            best = min((p.error for p in own if p.method.startswith("hybridyn")), default=0.0)
+            bar = max(GOOD, 10 * best)
+            peer = cheapest((p for p in own if not p.method.startswith("hybridyn") and p.error <= bar), bar)
             if peer is None:
                 continue
             row = [model, case, f"{peer.method}{', ' * bool(peer.setting)}{peer.setting}", number(peer.us)]

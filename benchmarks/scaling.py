@@ -15,7 +15,7 @@ import numpy as np
 import hybridyn
 from benchmarks.cases import case_of, stack_motion
 from benchmarks.gate import ROUND_TRIP_LIMIT, round_trip
-from benchmarks.methods import NotMeasuredError, Setting, written
+from benchmarks.methods import Method, NotMeasuredError, Setting, written
 from benchmarks.peers import METHODS, compiled
 from benchmarks.processes import MIB, forget_peak, in_own_process, peak, resident
 from benchmarks.results import Check, Size
@@ -45,7 +45,7 @@ class Line(NamedTuple):
 def lines() -> Iterator[Line]:
     """Give every method, one sample per call, and in batches where it takes them."""
     for method in METHODS:
-        if method.name in ("pin.aba", "pin.rnea"):
+        if method.name in ("pin.aba", "pin.rnea", compiled.SINGLE):
             continue
         yield Line(method.model, method.name, 1)
         if method.batches:
@@ -60,7 +60,7 @@ def measure(
     case = f"{family} {modules}"
     with tempfile.TemporaryDirectory() as folder:
         motion = Path(folder) / "motion.npz"
-        error = in_own_process(write_motion, case, samples, motion)
+        error, nv = in_own_process(write_motion, case, samples, motion)
         out: list[Size | Check] = [Check(case, "ddm(idm(a)) against a", error, ROUND_TRIP_LIMIT)]
         if not only:
             out.append(_compilation(family, modules))
@@ -68,23 +68,27 @@ def measure(
             if only and (line.model != "ddm" or line.method not in only):
                 continue
             line = line._replace(batch=min(line.batch, samples))
-            us, mib, note = _tried(point, case, line, motion)
+            us, mib, note = _tried(point, case, line, motion, nv=nv)
             setting = written(SETTINGS.get(line.method, {}))
             name = f"{line.method}, {setting}" if setting else line.method
             out.append(Size(family, modules, line.model, name, line.batch, us, mib, note))
     return out
 
 
-def _tried(task: Callable[..., tuple[float, float]], *arguments: object) -> tuple[float, float, str]:
+def _tried(
+    task: Callable[..., tuple[float, float]], *arguments: object, nv: int = 0
+) -> tuple[float, float, str]:
     """Give time and memory of a task in a process of its own, or why there are none."""
     try:
+        for line in (x for x in arguments if isinstance(x, Line) and x.model in ("ddm", "idm")):
+            _method(line).check_size(nv)
         return (*in_own_process(task, *arguments, patience=PATIENCE), "")
     except NotMeasuredError as why:
         return math.nan, math.nan, str(why)
 
 
-def write_motion(case: str, samples: int, path: Path) -> float:
-    """Write states and efforts of a robot's motion; give how well the models invert each other.
+def write_motion(case: str, samples: int, path: Path) -> tuple[float, int]:
+    """Write states and efforts of a robot's motion; give how well the models invert each other, and nv.
 
     Raises:
         WrongModelError: They do not.
@@ -93,7 +97,7 @@ def write_motion(case: str, samples: int, path: Path) -> float:
     robot = own.load()
     q, v, a = own.states(robot, samples)
     np.savez(path, q=q, v=v, a=a, tau=hybridyn.idm(robot, q, v, a))
-    return round_trip(robot, q[:8], v[:8], a[:8])
+    return round_trip(robot, q[:8], v[:8], a[:8]), robot.nv
 
 
 def _compilation(family: str, modules: int) -> Size:
@@ -146,12 +150,16 @@ def _call(robot: HybridRobot, line: Line, motion: tuple[Array, Array, Array, Arr
         )
         kind = "platforms" if robot.name == "lx4" else "motors"
         return lambda: hybridyn.assemble(robot, guess=q[0], **{kind: target})
-    method = next(m for m in METHODS if (m.model, m.name) == (line.model, line.method))
-    solve = method.prepare(robot)(SETTINGS.get(line.method, {}))
+    solve = _method(line).prepare(robot)(SETTINGS.get(line.method, {}))
     given = a if line.model == "idm" else tau
     if line.batch == 1:
         q, v, given = q[0], v[0], given[0]
     return lambda: solve(q, v, given)
+
+
+def _method(line: Line) -> Method:
+    """Give the method of a line."""
+    return next(m for m in METHODS if (m.model, m.name) == (line.model, line.method))
 
 
 def _motors(robot: HybridRobot, q: Array, v: Array, a: Array) -> dict[str, tuple[Array, Array, Array]]:

@@ -18,7 +18,7 @@ import numpy as np
 import hybridyn
 from benchmarks.cases import ROOT
 from benchmarks.gate import relative
-from benchmarks.methods import Model, NotMeasuredError, written
+from benchmarks.methods import Model, NotMeasuredError, Solver, written
 from benchmarks.peers import methods_of
 from benchmarks.results import Near
 from hybridyn import HybridRobot, HybridynError
@@ -97,7 +97,7 @@ def exact(robot: HybridRobot, model: Model, state: State) -> tuple[Array, float]
 
 
 def measure(case: str, distances: tuple[float, ...]) -> list[Near]:
-    """Measure every method at every setting."""
+    """Measure every method at every setting; give each at its best setting for every distance."""
     approach = APPROACHES[case]
     robot, nan = load(approach), math.nan
     states = {distance: approach.state(distance) for distance in distances}
@@ -109,15 +109,21 @@ def measure(case: str, distances: tuple[float, ...]) -> list[Near]:
         except NotMeasuredError as why:
             out.append(Near(case, nan, method.name, "", nan, nan, str(why)))
             continue
-        for setting in method.settings:
-            solve = at(setting)
-            for distance, state in states.items():
-                answer, floor = answers[distance]
-                error, note = nan, ""
-                try:
-                    found = solve(*state)
-                    error = relative(found, answer) if np.isfinite(found).all() else math.inf
-                except (HybridynError, np.linalg.LinAlgError) as said:
-                    note = f"{type(said).__name__}: {str(said).splitlines()[0]}"
-                out.append(Near(case, distance, method.name, written(setting), error, floor, note))
+        for distance, state in states.items():
+            answer, floor = answers[distance]
+            tried = [
+                Near(case, distance, method.name, written(setting), *error(at(setting), state, answer))
+                for setting in method.settings
+            ]
+            best = min(tried, key=lambda row: math.inf if math.isnan(row.error) else row.error)
+            out.append(best._replace(floor=floor))
     return out
+
+
+def error(solve: Solver, state: State, answer: Array) -> tuple[float, float, str]:
+    """Give a method's relative error at a state, no floor yet, and what it said instead of an answer."""
+    try:
+        found = solve(*state)
+    except (HybridynError, np.linalg.LinAlgError) as said:
+        return math.nan, math.nan, f"{type(said).__name__}: {str(said).splitlines()[0]}"
+    return (relative(found, answer) if np.isfinite(found).all() else math.inf), math.nan, ""

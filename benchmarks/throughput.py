@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from benchmarks.accuracy import LIMIT, Effort, Problem, posed, together
+from benchmarks.accuracy import Effort, Problem, posed, together
 from benchmarks.gate import refuse
 from benchmarks.methods import Method, Model, NotMeasuredError, Setting, Solver, written
 from benchmarks.peers import methods_of
@@ -82,7 +82,7 @@ def loads_of(
             states = tuple(np.ascontiguousarray(x[:batch]) for x in problem.states)
             if ours:
                 error = problem.reference.off(solve(*problem.states)[problem.judged])
-                refuse(error, LIMIT, f"{problem.model} by {method.name} on {threads} threads")
+                refuse(error, method.limit, f"{problem.model} by {method.name} on {threads} threads")
                 call = together(solve, (states[0], states[1], states[2]))
             else:
                 error = problem.reference.off(np.array([solve(*state) for state in problem.singles]))

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import pinocchio as pin
 
 from benchmarks.methods import Method, Setting, Solver, grid
-from benchmarks.peers.pinocchio_loops import loops
+from benchmarks.peers.pinocchio_loops import MOST, loops
 from hybridyn import HybridRobot
 from hybridyn.spatial import Array
 
@@ -34,4 +34,4 @@ def setup(robot: HybridRobot) -> Callable[[Setting], Solver]:
     return at
 
 
-METHODS = (Method("pin.lcaba", "ddm", setup, SETTINGS),)
+METHODS = (Method("pin.lcaba", "ddm", setup, SETTINGS, most=MOST),)

@@ -44,7 +44,7 @@ def loops(robot: HybridRobot) -> Loops:
     """Write a robot for Pinocchio.
 
     Raises:
-        NotMeasuredError: It is too large, or has closures that Pinocchio cannot state.
+        NotMeasuredError: It has closures that Pinocchio cannot state.
     """
     model = tree(robot)
     kinds = {"spherical": pin.ContactType.CONTACT_3D, "fixed": pin.ContactType.CONTACT_6D}
@@ -69,10 +69,8 @@ def tree(robot: HybridRobot) -> pin.Model:
     """Give the spanning tree's model.
 
     Raises:
-        NotMeasuredError: Its Data would not fit, or couplings hold it.
+        NotMeasuredError: Couplings hold it.
     """
-    if robot.nv > MOST:
-        raise NotMeasuredError(f"Pinocchio's Data takes gigabytes (cubic in nv, here {robot.nv})")
     if robot.description.couplings:
         raise NotMeasuredError("couplings of joints are no closures for Pinocchio")
     return robot.model

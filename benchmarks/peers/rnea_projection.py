@@ -18,7 +18,7 @@ import numpy as np
 import pinocchio as pin
 
 from benchmarks.methods import Method, NotMeasuredError, Setting, Solver
-from benchmarks.peers.pinocchio_loops import Loops, loops, motor_index, tree
+from benchmarks.peers.pinocchio_loops import MOST, Loops, loops, motor_index, tree
 from hybridyn import HybridRobot
 from hybridyn.spatial import Array, Index
 
@@ -128,7 +128,7 @@ def rnea_alone(robot: HybridRobot) -> Callable[[Setting], Solver]:
 
 
 METHODS = (
-    Method("pin.rnea + projection, dense", "idm", dense),
-    Method("pin.rnea + projection, per module", "idm", per_module),
-    Method("pin.rnea, loops open", "idm", rnea_alone),
+    Method("pin.rnea + projection, dense", "idm", dense, most=MOST),
+    Method("pin.rnea + projection, per module", "idm", per_module, most=MOST),
+    Method("pin.rnea, loops open", "idm", rnea_alone, most=MOST),
 )

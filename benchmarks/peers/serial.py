@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 
 from benchmarks.methods import Method, NotMeasuredError, Setting, Solver
-from benchmarks.peers.pinocchio_loops import motor_index, tree
+from benchmarks.peers.pinocchio_loops import MOST, motor_index, tree
 from hybridyn import HybridRobot
 from hybridyn.spatial import Array
 
@@ -50,4 +50,4 @@ def rnea(robot: HybridRobot) -> Callable[[Setting], Solver]:
     return lambda setting: solve
 
 
-METHODS = (Method("pin.aba", "ddm", aba), Method("pin.rnea", "idm", rnea))
+METHODS = (Method("pin.aba", "ddm", aba, most=MOST), Method("pin.rnea", "idm", rnea, most=MOST))
