@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
 FORMATS = (".png", ".svg", ".pdf")
 PAGE = ".html"
+GRAPH = ".dot"
 DPI = 120
 
 
@@ -30,6 +31,11 @@ def figure_file(ctx: click.Context, param: click.Parameter, value: str | None) -
 def chart_file(ctx: click.Context, param: click.Parameter, value: str | None) -> str | None:
     """Check the ending and the folder of a chart's file, a figure or a page, before any work is done."""
     return None if value is None else check_figure(ctx, param, value, (*FORMATS, PAGE))
+
+
+def drawing_file(ctx: click.Context, param: click.Parameter, value: str | None) -> str | None:
+    """Check the ending and the folder of a drawing's file, before any work is done."""
+    return None if value is None else check_figure(ctx, param, value, (*FORMATS, GRAPH))
 
 
 def check_figure(ctx: click.Context, param: click.Parameter, value: str, endings: tuple[str, ...]) -> str:
@@ -44,6 +50,8 @@ def check_figure(ctx: click.Context, param: click.Parameter, value: str, endings
     if folder and not os.path.isdir(folder):
         raise click.BadParameter(f"there is no folder '{folder}'", ctx, param)
     package = "plotly" if value.lower().endswith(PAGE) else "matplotlib"
+    if value.lower().endswith(GRAPH):
+        return value
     if importlib.util.find_spec(package) is None:
         message = f"this needs {package}: install it with `pip install 'hybridyn[plot]'`"
         raise click.BadParameter(message, ctx, param)
@@ -93,6 +101,24 @@ def save_chart(chart: Chart, target: str) -> None:
     from hybridyn.charts.figure import figure_of_chart
 
     save(figure_of_chart(chart), target)
+
+
+def save_structure(robot: HybridRobot, target: str) -> None:
+    """Draw the tree of modules as its file's ending says.
+
+    Args:
+        robot: The robot.
+        target: The drawing's file.
+    """
+    from hybridyn.charts.structure import cards, dot_of_cards
+
+    if not target.lower().endswith(GRAPH):
+        from hybridyn.charts.structure_figure import figure_of_cards
+
+        save(figure_of_cards(cards(robot)), target)
+        return
+    with _appearing(target) as partial, open(partial, "w", encoding="utf-8") as file:
+        file.write(dot_of_cards(cards(robot)))
 
 
 class Drawing:

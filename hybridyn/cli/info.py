@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from hybridyn.cli.figures import drawing_file, save_structure
 from hybridyn.cli.robot_options import RobotCommand, takes_robot
 from hybridyn.cli.summary import counted
 
@@ -39,7 +40,13 @@ LETTERS = {
 
 @click.command("info", cls=RobotCommand, short_help="Modules, legs, closures, motors, and what looks wrong.")
 @takes_robot
-def command(load: Callable[[], HybridRobot]) -> None:
+@click.option(
+    "--graph",
+    metavar="FILE",
+    callback=drawing_file,
+    help="Also draw the tree of modules: .svg, .png, .pdf, or .dot for Graphviz",
+)
+def command(load: Callable[[], HybridRobot], graph: str | None) -> None:
     """Show ROBOT (URDF or xacro) as the tree of its modules.
 
     For each module: its mobility and motors, platforms, legs with their joints (motors marked *), closures by
@@ -49,6 +56,8 @@ def command(load: Callable[[], HybridRobot]) -> None:
     from hybridyn.findings import findings, home_residuals
 
     robot = load()
+    if graph:
+        save_structure(robot, graph)
     width = min(max(shutil.get_terminal_size().columns, NARROWEST), WIDEST)
     for line in _head(robot):
         click.echo("\n".join(textwrap.wrap(line, width, subsequent_indent="    ")))

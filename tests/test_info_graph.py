@@ -1,0 +1,152 @@
+"""`hybridyn info --graph`: the cards of a robot, where they stand, and the files that they become."""
+
+from __future__ import annotations
+
+import itertools
+import re
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+from command_line import ROOT, call
+from shipped import ROBOTS
+
+import hybridyn
+from hybridyn.charts.structure import Card, Leg, Sign, cards, dot_of_cards
+from hybridyn.charts.structure_figure import figure_of_cards, layout
+from hybridyn.cli.figures import DPI
+
+
+def robot(name: str, **arguments: str) -> hybridyn.HybridRobot:
+    return hybridyn.load(ROOT / f"urdf/{name}.urdf.xacro", xacro_args=arguments)
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_every_module_stands_on_one_card_above_what_it_stands_on(name: str) -> None:
+    loaded = robot(name)
+    drawn = cards(loaded)
+    assert sorted(k for card in drawn for k in card.modules) == [*range(len(loaded.modules))]
+    for number, card in enumerate(drawn[1:], start=1):
+        assert card.parent is not None
+        assert card.parent < number
+        below = loaded.modules[card.modules[0]].parent
+        assert below == (drawn[card.parent].modules or (-1,))[-1]
+    legs = [(leg.number, sign) for card in drawn for leg in card.legs for sign in leg.joints]
+    if not any(card.folded for card in drawn):
+        assert sum(number for number, sign in legs if sign.driven) == len(loaded.motors)
+
+
+def test_the_lx4_is_told_module_by_module() -> None:
+    ground, first, *rest = cards(robot("lx4"))
+    assert ground.lines == ("base, fixed", "lx4: 4 modules, 24 freedoms, 24 motors")
+    assert first.title == "m1_platform"
+    assert first.lines[0] == "module 1: 6 freedoms, 6 motors"
+    assert first.legs == (Leg(6, (Sign("R", False), Sign("R", False), Sign("P", True))),)
+    assert len(rest) == 3
+    assert len({card.colour for card in (first, *rest)}) == 4
+
+
+def test_joints_in_series_share_a_card() -> None:
+    arm = cards(robot("stewart_ur5"))[-1]
+    assert arm.title == "shoulder_link ... wrist_3_link"
+    assert arm.lines == ("6 joints in series, 6 motors",)
+    assert arm.legs == (Leg(1, (Sign("R", True),) * 6),)
+
+
+def test_equal_modules_are_one_pile() -> None:
+    drawn = cards(robot("lx4", modules="64"))
+    assert len(drawn) < 8
+    pile = drawn[-1]
+    assert pile.folded
+    assert pile.lines[0] == "modules 4 to 64: 61 like m3_platform"
+    assert pile.lines[1].endswith("366 motors in all")
+
+
+def tree(count: int) -> list[Card]:
+    """Give a tree of many unlike modules, some of which branch."""
+    out = [Card("ground", ("base",), (), "#888888", (), None)]
+    for k in range(count):
+        leg = Leg(3, (Sign("R", False),) * (1 + k % 12))
+        out.append(Card(f"m{k}", ("module",), (leg,), "#3366aa", (k,), k if k % 9 else max(0, k - 4)))
+    return out
+
+
+@pytest.mark.parametrize("count", [1, 5, 64, 300])
+def test_cards_are_on_the_page_and_none_covers_another(count: int) -> None:
+    drawn = tree(count)
+    places, width, height = layout(drawn)
+    for place in places:
+        assert 0 < place.x < place.x + place.width < width
+        assert 0 < place.y < place.y + place.height < height
+    for a, b in itertools.combinations(places, 2):
+        apart = a.x + a.width <= b.x or b.x + b.width <= a.x
+        assert apart or a.y + a.height <= b.y or b.y + b.height <= a.y
+    if count == 64:
+        assert 0.5 < width / height < 2  # a page, not a ribbon
+
+
+def test_texts_stay_on_their_cards() -> None:
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+    drawn = cards(robot("snake"))
+    long = Card("a_platform_with_a_name_" * 6, ("a line that goes on " * 9,), (), "#3366aa", (0,), 0)
+    figure = figure_of_cards([*drawn, long])
+    places, _, height = layout([*drawn, long])
+    renderer = FigureCanvasAgg(figure).get_renderer()
+    for text in figure.axes[0].texts:
+        box = text.get_window_extent(renderer).transformed(figure.dpi_scale_trans.inverted())
+        y = height - box.y0
+        inside = [p for p in places if p.x <= box.x0 + 0.01 and p.y <= y <= p.y + p.height]
+        if text.get_text() and inside:
+            assert box.x1 <= inside[0].x + inside[0].width, text.get_text()
+
+
+def test_the_svg_names_every_module(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    target = tmp_path / "tanev.svg"
+    answer = call(capsys, "info", "tanev", "--graph", target)
+    assert answer.status == 0
+    assert "nothing looks wrong" in answer.out  # the text comes as well
+    words = {element.text for element in ElementTree.parse(target).iter() if element.text}
+    assert {"m1_base", "m1_platform", "m2_platform", "motor"} <= words
+
+
+@pytest.mark.parametrize(("ending", "head"), [("png", b"\x89PNG"), ("pdf", b"%PDF"), ("dot", b"digraph")])
+def test_other_endings(tmp_path: Path, capsys: pytest.CaptureFixture[str], ending: str, head: bytes) -> None:
+    target = tmp_path / f"five_bar.{ending}"
+    assert call(capsys, "info", "five_bar", "--graph", target).status == 0
+    assert target.read_bytes().startswith(head)
+    assert [*tmp_path.iterdir()] == [target]
+
+
+def test_the_picture_has_the_cards_in_their_colours(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from PIL import Image
+
+    target = tmp_path / "lx4.png"
+    assert call(capsys, "info", "lx4", "--graph", target).status == 0
+    pixels = np.asarray(Image.open(target).convert("RGB"))
+    _, width, height = layout(cards(robot("lx4")))
+    assert pixels.shape[:2] == pytest.approx((height * DPI, width * DPI), abs=1)
+    for card in cards(robot("lx4")):
+        wanted = [int(card.colour[i : i + 2], 16) for i in (1, 3, 5)]
+        near = (np.abs(pixels.astype(int) - wanted) < 12).all(axis=2)
+        assert near.sum() > 500, card.title
+
+
+def test_dot_is_quoted() -> None:
+    card = Card('a "name"\\', (), (), "#000000", (), None)
+    assert '"a \\"name\\"\\\\"' in dot_of_cards([card])
+    text = dot_of_cards(cards(robot("tanev")))
+    assert len(re.findall(r"->", text)) == 2
+    assert "3 x R P*" in text
+
+
+def test_an_unknown_ending_is_refused_before_any_work(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    answer = call(capsys, "info", "lx4", "--graph", tmp_path / "a.gif")
+    assert answer.status == 2
+    assert ".dot" in answer.err
+    assert answer.out == ""
