@@ -101,25 +101,37 @@ def refuse_unbounded(
         return
     t, i = int(suspect[singular[0]]), int(singular[0])
     condition = float(s[i, 0] / least[i]) if least[i] else np.inf
-    m = module.mechanism
-    by_platform = bool(problem.targets) or not all(
-        problem.free[m.tree.v_slices[j]].all() for j in m.spec.platforms
-    )
-    kind, mend = (
-        ("serial singularity: a leg is stretched, folded or of no length", "motors instead of a platform")
-        if by_platform
-        else ("parallel singularity: the motors lose a direction", "a platform instead of motors")
-    )
+    lost, kind, mend = _what_is_singular(module, problem, K[t])
     joint = module.freedom_names()[int(np.argmax(np.abs(x[t])))]
     raise SingularityError(
         f"module '{module.name}': the {what} given at sample {t} cannot be followed, those of {joint} would "
         f"have no bound ({kind}; condition number {condition:.1e}, limit {1 / SINGULAR:.0e}). Move the "
-        f"motion away from there, or give {mend}",
+        f"motion away from there{mend}",
         module=module.name,
-        what="legs" if by_platform else "motors",
+        what=lost,
         condition=condition,
         sample=t,
     )
+
+
+def _what_is_singular(module: Module, problem: LoopProblem, K: Array) -> tuple[str, str, str]:
+    """Say what lost rank: "closures", "legs" or "motors", in a sentence, and what may be given instead.
+
+    Args:
+        module: The module.
+        problem: Its closures and targets.
+        K: Scaled rows over all freedoms at one sample, shape (rows, nv).
+    """
+    m = module.mechanism
+    s = np.linalg.svd(K[: m.closures.rows], compute_uv=False)
+    if m.reduction.rank and s[m.reduction.rank - 1] < SINGULAR * s[0]:
+        return "closures", "constraint singularity: the closures lose rank", ""
+    given = [not problem.free[m.tree.v_slices[joint]].all() for joint in m.spec.platforms]
+    if problem.targets or any(given):
+        kind = "serial singularity: a leg is stretched, folded or of no length"
+        return "legs", kind, ", or give motors instead of a platform"
+    kind = "parallel singularity: the motors lose a direction"
+    return "motors", kind, ", or give a platform instead of motors"
 
 
 def full_rank_blocks(generic: Array, free: Mask) -> list[Block]:

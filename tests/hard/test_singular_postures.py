@@ -213,15 +213,22 @@ def test_a_platform_motion_cannot_be_followed_where_a_leg_is_singular(place: str
     assert not at_rest[1].any()
 
 
-def test_motors_that_lose_a_direction_do_not_tell_a_motion() -> None:
-    """At a parallel singularity `assemble` from the motors' rates fails in the same words."""
-    description, q = posture("five_bar parallel", 0.0)
+@pytest.mark.parametrize(
+    ("place", "lost", "words"),
+    [
+        ("five_bar parallel", "motors", "parallel singularity: the motors lose a direction"),
+        ("four_bar constraint", "closures", "constraint singularity: the closures lose rank"),
+    ],
+)
+def test_motors_that_lose_a_direction_do_not_tell_a_motion(place: str, lost: str, words: str) -> None:
+    """At a parallel or a constraint singularity `assemble` from motors' rates fails in the same words."""
+    description, q = posture(place, 0.0)
     robot = build_robot(description)
     at = [robot.v_slices[robot.joints.index(motor)].start for motor in robot.motors]
     motors = {motor: (q[i], 1.0, 0.0) for motor, i in zip(robot.motors, at, strict=True)}
-    with pytest.raises(SingularityError, match=r"cannot be followed.*parallel singularity") as caught:
+    with pytest.raises(SingularityError, match=f"cannot be followed.*{words}") as caught:
         assemble(robot, motors=motors, guess=q)
-    assert caught.value.what == "motors"
+    assert caught.value.what == lost
 
 
 def link_pose(robot: HybridRobot, q: np.ndarray, link: str) -> np.ndarray:
