@@ -72,7 +72,7 @@ def ddm(
 
     Raises:
         AssemblyError: The state does not close the loops.
-        SingularityError: A force acts on a motion without inertia.
+        SingularityError: Closures lose rank, or a force acts on a motion without inertia.
         ModelError: Effects that are unknown, without numbers or contradict each other; no inertia.
         TrajectoryError: Arrays of the wrong shape, or not finite; an unknown link; a table too short.
 

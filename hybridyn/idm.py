@@ -70,8 +70,8 @@ def idm(
             from zero effort.
         weights: For each motor w in the sum of w x effort^2 that redundant motors make least, by name or in
             the order of `robot.motors`; by effort limits where left out.
-        on_singular: "raise", or "least-norm" to go on with the least efforts where motors lose a direction, and
-            with those of the branch that v is on where closures lose rank.
+        on_singular: "raise", or "least-norm" to go on with the least efforts where motors lose a direction,
+            and with those of the branch that v is on where closures lose rank.
         reactions: Also give the wrenches between modules and in the closures.
 
     Returns:
@@ -80,8 +80,8 @@ def idm(
 
     Raises:
         AssemblyError: The state does not close the loops.
-        SingularityError: The motors lose a direction, or closures lose rank, and `on_singular` is "raise"; next
-            to such a posture no digit is left of the efforts; or a velocity lies on no branch there.
+        SingularityError: The motors lose a direction, or closures lose rank, and `on_singular` is "raise"; no
+            digit of the efforts is left next to lost rank; or a velocity lies on no branch there.
         ActuationError: A passive motion would need an effort.
         ModelError: Effects that are unknown, without numbers, or contradict each other.
         TrajectoryError: Arrays of the wrong shape, or not finite; an unknown link; a table too short.
