@@ -8,10 +8,9 @@ import casadi as ca
 import numpy as np
 
 from ..spatial import Array
-from .chains import motion_map
-from .expressions import Expression, dot, is_zero, pack, symbols, times, zeros
+from .expressions import Expression, dot, is_zero, times, zeros
 from .guards import largest, trusted
-from .static_elimination import Pivots, choose_pivots, solve
+from .static_elimination import Pivots, solve
 
 #: Part of the largest term that a motion without a motor may be left with: rounding, no more.
 UNDRIVEN = 1e-11
@@ -34,7 +33,7 @@ def motor_efforts(
         return zeros(0), _undriven(Q, size)
     if motors > N:
         return _least_norm(B, Q, share)
-    X, _, trust = solve(B, Q[:, None], pivots)
+    X, trust = solve(B, Q[:, None], pivots)
     guard = trusted(trust)
     if motors < N:
         guard = ca.fmax(guard, _undriven(Q - dot(B, X[:, 0]), size))
@@ -79,46 +78,4 @@ def _least_norm(B: Expression, Q: Expression, share: Array) -> tuple[Expression,
         small, big = ca.fmin(small, ca.fabs(R[k, k])), ca.fmax(big, ca.fabs(R[k, k]))
     return np.array([times(float(s), x) for s, x in zip(share, y, strict=True)], dtype=object), trusted(
         small / big
-    )
-
-
-def motor_pivots(plan: Any, positions: Array, motors: tuple[int, ...]) -> Pivots:
-    """Choose the pivots of a module's motor map at generic positions of its spanning tree.
-
-    Args:
-        plan: The module.
-        positions: Positions of its spanning tree, shape (samples, nq).
-        motors: Freedoms of the tree after the cuts that are driven.
-    """
-    from .core import write_core
-    from .legs import write_leg
-
-    m, parts = plan.mechanism, plan.parts
-    column, q = symbols("q", m.spanning.nq)
-    core = write_core(plan, q, zeros(m.spanning.nv), zeros(6))
-    X, _, _ = solve(core.rows.K[:, 6:], zeros(len(core.rows.K), 1), plan.loop_pivots)
-    Psi = X[:, 1:]
-    columns: dict[int, Expression] = {}
-    for k, col in enumerate(parts.tree_v):
-        columns[int(col)] = Psi[k]
-    for n, group in enumerate(parts.groups):
-        for leg in group:
-            platform = core.platforms[leg.platform]
-            written = write_leg(
-                (leg,), q[leg.q], zeros(len(leg.v)), zeros(6), platform, m.length, plan.leg_pivots[n]
-            )
-            at = core.chain.columns_of(leg.platform + 1)
-            P = motion_map(core.chain, leg.platform + 1)[:, at]
-            for k, col in enumerate(leg.tree_v):
-                wrench = dot(P.T, written.wrench(written.X[k]))
-                columns[int(col)] = dot(Psi[np.array(at) - 6].T, wrench)
-    B = np.stack([columns[c] for c in motors], axis=1) if motors else zeros(Psi.shape[1], 0)
-    if not motors or len(motors) > Psi.shape[1]:
-        return Pivots((), (), ())
-    function = ca.Function("B", [column], [pack(B)])
-    samples = np.array([np.array(function(x)).reshape(B.shape) for x in positions])
-    size = np.abs(samples).max(axis=(0, 2))
-    unit = np.abs(samples / np.where(size > 0, size, 1.0)[:, None]).max(axis=(0, 1))
-    return choose_pivots(
-        samples, len(motors), 1.0 / np.where(size > 0, size, 1.0), 1.0 / np.where(unit > 0, unit, 1.0)
     )

@@ -1,8 +1,8 @@
 """Motion and forces of a tree of links in expressions, every body in its own frame (appendices A to C).
 
-The tree hangs from the module's base and from its platforms ("roots"); a platform's motion is given. Twists are
-absolute: the base's own twist is in them. Accelerations are spatial (Pinocchio's). The unknowns over which maps
-and matrices are written are
+The tree hangs from the module's base and from its platforms ("roots"); a platform's motion is given. Twists
+are absolute: the base's own twist is in them. Accelerations are spatial (Pinocchio's). The unknowns over which
+maps and matrices are written are
 
     s = [V_dot_base; y]        y = [q_ddot of joints, V_dot of platforms] in the order of the tree's freedoms
 
@@ -11,6 +11,7 @@ with the accelerations of base and platforms both absolute, and both in the base
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import casadi as ca
@@ -220,34 +221,30 @@ def mass_matrix(chain: Chain) -> tuple[Expression, Expression]:
     cols = [list(range(6 + s.start, 6 + s.stop)) for s in slices]
     for i in reversed(range(len(chain.links))):
         if i in chain.platforms:
-            at = moved(composite[i + 1], chain.R0[i + 1], chain.p0[i + 1])
-            M[np.ix_(cols[i], cols[i])] = inertia_matrix(at)
+            hanging = moved(composite[i + 1], chain.R0[i + 1], chain.p0[i + 1])
+            M[np.ix_(cols[i], cols[i])] = inertia_matrix(hanging)
             continue
-        F = _columns(lambda s, i=i: momentum(composite[i + 1], s), chain.S[i])  # type: ignore[misc]
+        F = np.stack([momentum(composite[i + 1], s) for s in chain.S[i].T], axis=1)
         M[np.ix_(cols[i], cols[i])] = dot(chain.S[i].T, F)
-        at, to = i, cols[i]
-        while True:
-            F = _columns(lambda f, at=at: to_parent(chain.R[at], chain.p[at], f), F)  # type: ignore[misc]
-            body = chain.links[at].parent
-            at = body - 1
-            if body == chain.root[i + 1]:
-                if body:
-                    F = _columns(lambda f, b=body: to_parent(chain.R0[b], chain.p0[b], f), F)  # type: ignore[misc]
-                rows = chain.columns_of(body)
-            else:
-                rows = cols[at]
-            block = F if body == chain.root[i + 1] else dot(chain.S[at].T, F)
-            M[np.ix_(rows, to)], M[np.ix_(to, rows)] = block, block.T
-            if body == chain.root[i + 1]:
-                break
+        for rows, block in _inwards(chain, i, F):
+            M[np.ix_(rows, cols[i])], M[np.ix_(cols[i], rows)] = block, block.T
         parent = chain.links[i].parent
         composite[parent] = composite[parent] + moved(composite[i + 1], chain.R[i], chain.p[i])
     return M, composite[0]
 
 
-def _columns(function: object, matrix: Expression) -> Expression:
-    """Apply a function to every column."""
-    return np.stack([function(matrix[:, k]) for k in range(matrix.shape[1])], axis=1)  # type: ignore[operator]
+def _inwards(chain: Chain, i: int, F: Expression) -> Iterator[tuple[list[int], Expression]]:
+    """Carry wrenches F of joint i's freedoms inwards: entries of s, and their coupling with them."""
+    slices, body = chain.v_slices, i + 1
+    while body != chain.root[i + 1]:
+        F = np.stack([to_parent(chain.R[body - 1], chain.p[body - 1], f) for f in F.T], axis=1)
+        body = chain.links[body - 1].parent
+        if body != chain.root[i + 1]:
+            at = slices[body - 1]
+            yield list(range(6 + at.start, 6 + at.stop)), dot(chain.S[body - 1].T, F)
+    if body:
+        F = np.stack([to_parent(chain.R0[body], chain.p0[body], f) for f in F.T], axis=1)
+    yield chain.columns_of(body), F
 
 
 def motion_map(chain: Chain, body: int) -> Expression:

@@ -1,4 +1,4 @@
-"""One module's core in expressions: its motion, its loops, its platforms, and what both dynamic models share."""
+"""One module's core in expressions: its motion, its loops, its platforms."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 
 from ..mechanism import Mechanism
-from ..spatial import Array
+from ..spatial import Array, Index
 from .chains import Chain, Placed, split_positions, sweep
 from .expressions import Expression, dot, pack, symbols, zeros
 from .guards import size_of
@@ -124,7 +124,8 @@ def write_core(
 
     Args:
         plan: The module.
-        q, v: Positions and rates of its spanning tree.
+        q: Positions of its spanning tree.
+        v: Its rates.
         V_base: Twist of its base, own frame.
         a: Accelerations of its spanning tree, where they are given.
         A_base: Acceleration of its base less gravity, where it is given.
@@ -165,7 +166,7 @@ def core_body(plan: Plan, body: int) -> int:
     return plan.parts.bodies.index(plan.mechanism.spec.tree_body.index(body))
 
 
-def _pick(values: Expression, index: Array) -> Expression:
+def _pick(values: Expression, index: Index) -> Expression:
     """Take entries; -1 gives a zero (a platform's entries are not read)."""
     return np.array([values[i] if i >= 0 else 0.0 for i in index], dtype=object)
 

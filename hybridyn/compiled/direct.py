@@ -1,8 +1,8 @@
 """The direct model of one module, written: Eqs. (38)-(53) in the form of `hybridyn.articulation`.
 
 One graph, cut into four stages: outwards (motion), inwards (articulated inertia), outwards (accelerations),
-wrists. Over s = [V_dot_base; y] the module's quadratic form is M, b; its closures give y = Psi u + Psi_b V_dot_base
-+ y_0; and u_dot = A_t^-1 (Q_0 - E V_dot_base).
+wrists. Over s = [V_dot_base; y] the module's quadratic form is M, b; its closures give y = Psi u + Psi_b
+V_dot_base + y_0; and u_dot = A_t^-1 (Q_0 - E V_dot_base).
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from ..spatial import Array
+from ..spatial import Index
 from .chains import forces, mass_matrix, motion_map, sweep
 from .core import Core, Plan, core_body, write_core
 from .expressions import Expression, congruence, dot, hat, pack, plain, symbols, symmetric, upper, zeros
@@ -63,12 +63,12 @@ class DirectModule:
     """
 
     stages: list[Stage]
-    q: Array
-    v: Array
-    joints: Array
-    wrists: Array
-    legs: Array
-    tau: Array
+    q: Index
+    v: Index
+    joints: Index
+    wrists: Index
+    legs: Index
+    tau: Index
     platforms: tuple[int, ...]
 
 
@@ -107,7 +107,7 @@ def write_direct(name: str, plan: Plan, options: DirectOptions) -> DirectModule:
     M, b = _quadratic_form(core, plan, options, inputs[1])
     b[6 + np.array(mine, dtype=int)] = b[6 + np.array(mine, dtype=int)] - tau
     K_y, right = core.rows.K[:, 6:], np.concatenate([-core.rows.K[:, :6], -core.rows.gamma[:, None]], axis=1)
-    X, free, trust = solve(K_y, right, plan.loop_pivots)
+    X, trust = solve(K_y, right, plan.loop_pivots)
     Psi_b, y_0, Psi = X[:, :6], X[:, 6], X[:, 7:]
     M_yy, M_yb, f = M[6:, 6:], M[6:, :6], b[6:] + dot(M[6:, 6:], y_0)
     A_t = congruence(Psi, M_yy)
@@ -153,7 +153,7 @@ def write_direct(name: str, plan: Plan, options: DirectOptions) -> DirectModule:
     )
 
 
-def read_by_core(plan: Plan) -> tuple[Array, Array]:
+def read_by_core(plan: Plan) -> tuple[Index, Index]:
     """Give the coordinates and freedoms of the spanning tree that a core reads."""
     parts = plan.parts
     out = []
@@ -162,7 +162,7 @@ def read_by_core(plan: Plan) -> tuple[Array, Array]:
     return out[0], out[1]
 
 
-def scattered(name: str, index: Array, width: int) -> tuple[ca.SX, Expression]:
+def scattered(name: str, index: Index, width: int) -> tuple[ca.SX, Expression]:
     """Give symbols for some entries of a vector, and the vector with zeros elsewhere."""
     column, entries = symbols(name, len(index))
     out = zeros(width)
@@ -249,7 +249,7 @@ def _whole(core: Core, body: int, s: Expression) -> Expression:
     return to_child(chain.R0[body], chain.p0[body], dot(motion_map(chain, body), s)) + chain.c[body]
 
 
-def _legs_on_paths(plan: Plan) -> Array:
+def _legs_on_paths(plan: Plan) -> Index:
     """Give the freedoms of legs of groups that lie on paths to wrists."""
     own = {int(col) for col in plan.parts.v if col >= 0}
     wrists = {int(col) for path in plan.paths for col in path.v[path.wrist_v]}
@@ -261,7 +261,6 @@ def _wrists(
     A_base: Expression, V_base: Expression,
 ) -> tuple[list[int], Any]:  # fmt: skip
     """Give the accelerations of all wrists, entered in `known`, and the guard of their pivots."""
-
     cols: list[int] = []
     guard: Any = ca.SX(0.0)
     for path, pivots in zip(plan.paths, plan.wrist_pivots, strict=True):

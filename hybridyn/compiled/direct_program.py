@@ -11,8 +11,8 @@ import numpy as np
 from .choices import Request
 from .core import Plan
 from .direct import DirectModule, DirectOptions, write_direct
-from .expressions import pack, plain, symbols, upper, zeros
 from .efforts import Efforts
+from .expressions import pack, plain, symbols, upper, zeros
 from .legs import PlatformMotion, leg_accelerations, leg_sums, write_leg
 from .parts import Leg
 from .program import Add, Constants, Program, Shared, Source, Target, Worst
@@ -38,6 +38,7 @@ class _ModuleCalls:
     A: dict[int, Shared]
     articulated: dict[int, tuple[Add, Add]]
     sums: dict[tuple[int, str], Add] = field(default_factory=dict)
+    platforms: dict[int, Shared] = field(default_factory=dict)
 
 
 def direct_program(request: Request) -> Program:
@@ -85,11 +86,12 @@ class _Builder:
             "q": w.from_given("q", module.q_index[written.q]),
             "v": w.from_given("v", module.v_index[written.v]),
         }
-        if options.base is None:
-            sources["V_base"] = (
-                modules[module.parent].V[module.parent_output] if module.parent >= 0 else root[0]
-            )  # type: ignore[index]
-        targets: dict[str, Target] = {f"platform {i}": w.shared(18) for i in written.platforms}
+        if module.parent >= 0:
+            sources["V_base"] = modules[module.parent].V[module.parent_output]
+        elif root is not None:
+            sources["V_base"] = root[0]
+        calls.platforms = {i: w.shared(18) for i in written.platforms}
+        targets: dict[str, Target] = {f"platform {i}": place for i, place in calls.platforms.items()}
         for o, carried in enumerate(options.carries):
             if carried:
                 own = upper(inertia_matrix(plain(options.inertias[o]))).astype(float)
@@ -98,7 +100,7 @@ class _Builder:
                 calls.articulated[o] = (w.start(places[0], own), w.start(places[1], np.zeros(6)))
                 targets |= {f"V {o}": calls.V[o], f"bias {o}": calls.articulated[o][1]}
         calls.stages.call(0, sources, targets)
-        self._legs_outwards(k, calls, options, sources, targets)
+        self._legs_outwards(k, calls, options, sources)
         return calls
 
     def _options(self, k: int) -> DirectOptions:
@@ -120,7 +122,6 @@ class _Builder:
         calls: _ModuleCalls,
         options: DirectOptions,
         sources: dict[str, Source],
-        targets: dict[str, Target],
     ) -> None:
         """Write what each group of legs brings, summed by platform."""
         w, module = self.w, self.request.robot.modules[k]
@@ -143,7 +144,7 @@ class _Builder:
                 "numbers": numbers,
                 "q": w.from_given("q", module.q_index[np.array([leg.q for leg in group])]),
                 "v": w.from_given("v", module.v_index[np.array([leg.v for leg in group])]),
-                "platform": targets[f"platform {group[0].platform}"],  # type: ignore[dict-item]
+                "platform": calls.platforms[group[0].platform],
             }
             if forced:
                 given["tau"] = self.efforts.of(k, np.array([leg.tree_v[forced] for leg in group]))

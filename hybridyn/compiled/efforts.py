@@ -48,7 +48,8 @@ class Efforts:
     def _motor_numbers(self, k: int, columns: Index) -> Index:
         """Give the motors' numbers in tau."""
         module = self._request.robot.modules[k]
-        return np.vectorize(lambda c: self._motor_of[id(module), int(c)], otypes=[int])(columns)
+        numbers = [self._motor_of[id(module), int(c)] for c in columns.ravel()]
+        return np.array(numbers, dtype=int).reshape(columns.shape)
 
     def _laws(self, k: int, columns: Index, start: int, stride: int) -> None:
         """Write the sum of motor and laws on one joint after the other."""

@@ -1,8 +1,9 @@
 """When a written-out model hands a sample to the general path.
 
-A guard is at most 1 where the written-out model may be trusted. It rises above 1 where a pivot gets small that was
-large at generic postures, and where positions or rates leave the loops open by more than rounding: there both
-models still agree on what is asked, but no longer to the last digits, and the general one words the error.
+A guard is at most 1 where the written-out model may be trusted. It rises above 1 where a pivot gets small
+that was large at generic postures, and where positions or rates leave the loops open by more than rounding:
+there both models still agree on what is asked, but no longer to the last digits, and the general one words the
+error.
 """
 
 from __future__ import annotations
@@ -56,7 +57,7 @@ def accelerating_apart(values: Expression, size: Any) -> Any:
 
 
 def size_of(joints: Expression, units: Any, motions: list[Expression], length: float) -> Any:
-    """Give the size of a module's rates (or accelerations) without units: joints', and those of 6-D motions."""
+    """Give the size of rates (or accelerations) without units, of joints and of 6-D motions."""
     size: Any = 0.0
     for value, unit in zip(joints, units, strict=True):
         if not is_zero(value):

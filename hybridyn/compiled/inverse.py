@@ -11,7 +11,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from ..spatial import Array
+from ..spatial import Index
 from .actuation import motor_efforts
 from .chains import Chain, Placed, forces, motion_map, sweep
 from .core import Core, Plan, write_core
@@ -62,10 +62,10 @@ class InverseModule:
     """
 
     stages: list[Stage]
-    q: Array
-    v: Array
+    q: Index
+    v: Index
     platforms: tuple[int, ...]
-    laws: Array
+    laws: Index
 
 
 def write_inverse(name: str, plan: Plan, options: InverseOptions, pivots: Pivots) -> InverseModule:
@@ -94,7 +94,7 @@ def write_inverse(name: str, plan: Plan, options: InverseOptions, pivots: Pivots
         inputs[1]["laws"] = law_col
     b[6 + np.array(laws, dtype=int)] = b[6 + np.array(laws, dtype=int)] - law
 
-    X, _, trust = solve(core.rows.K[:, 6:], zeros(len(core.rows.K), 1), plan.loop_pivots)
+    X, trust = solve(core.rows.K[:, 6:], zeros(len(core.rows.K), 1), plan.loop_pivots)
     Psi = X[:, 1:]
     guard = ca.fmax(core.rows.guard, trusted(trust))
     guard = ca.fmax(guard, accelerating_apart(core.rows.apart, _haste(core, plan, a, A_base)))
@@ -170,7 +170,7 @@ def _haste(core: Core, plan: Plan, a: Expression, A_base: Expression) -> Any:
 
 def _slow(core: Core, plan: Plan, given: tuple[Expression, ...]) -> Chain:
     """Give the core's motion with rates that count as zero in inertial forces."""
-    q, v, a, V_base, A_base = given
+    q, _, a, V_base, A_base = given
     parts, chain = plan.parts, core.chain
     placed = {}
     for i in core.platforms:
@@ -222,8 +222,8 @@ def leg_forces(
         length: The module's length.
 
     Returns:
-        "b_base", "b_delta": wrenches on the base and along delta; "motors": wrench along delta of each motor's
-        unit effort; "guard".
+        "b_base", "b_delta": wrenches on the base and along delta; "motors": wrench along delta of each
+        motor's unit effort; "guard".
     """
     q, v, a, V_base, A_base = given
     links = leg.chain.links

@@ -13,13 +13,13 @@ from ..errors import ActuationError
 from ..module import Module
 from ..robot import HybridRobot
 from ..spatial import Array
-from .actuation import motor_pivots
 from .choices import Request
 from .core import Plan
 from .efforts import Efforts
 from .expressions import pack, symbols, zeros
 from .inverse import InverseModule, InverseOptions, leg_forces, write_inverse
 from .legs import PlatformMotion, write_leg
+from .motor_pivots import motor_pivots
 from .program import Add, Constants, Each, Program, Shared, Source, Target, Worst
 from .roots import moving_base
 from .slots import Writer
@@ -43,6 +43,7 @@ class _ModuleCalls:
     received: dict[int, Add] = field(default_factory=dict)
     sums: dict[tuple[int, str], Add] = field(default_factory=dict)
     motors: dict[int, Each] = field(default_factory=dict)
+    platforms: dict[int, Shared] = field(default_factory=dict)
 
 
 def inverse_program(request: Request) -> Program:
@@ -109,7 +110,8 @@ class _Builder:
             sources |= {"V_base": below.V[module.parent_output], "A_base": below.A[module.parent_output]}
         elif root is not None:
             sources |= {"V_base": root[0], "A_base": root[1]}
-        targets: dict[str, Target] = {f"platform {i}": w.shared(24) for i in written.platforms}
+        calls.platforms = {i: w.shared(24) for i in written.platforms}
+        targets: dict[str, Target] = {f"platform {i}": place for i, place in calls.platforms.items()}
         for o, carried in enumerate(options.carries):
             if carried:
                 calls.V[o], calls.A[o] = w.shared(6), w.shared(6)
@@ -117,7 +119,7 @@ class _Builder:
                 targets |= {f"V {o}": calls.V[o], f"A {o}": calls.A[o]}
         calls.stages.call(0, sources, targets)
         for n in range(len(plan.parts.groups)):
-            self._group(k, n, calls, options, sources, targets)
+            self._group(k, n, calls, options, sources)
         return calls
 
     def _sources(self, k: int, written: InverseModule) -> dict[str, Source]:
@@ -131,7 +133,6 @@ class _Builder:
 
     def _group(
         self, k: int, n: int, calls: _ModuleCalls, options: InverseOptions, sources: dict[str, Source],
-        targets: dict[str, Target],
     ) -> None:  # fmt: skip
         """Write what a group of legs needs, summed by platform."""
         w, module = self.w, self.request.robot.modules[k]
@@ -151,7 +152,7 @@ class _Builder:
             ("a", module.v_index, "v"),
         ):
             given[name] = w.from_given(name, index[np.array([getattr(leg, which) for leg in group])])
-        given |= {"numbers": Constants(table), "platform": targets[f"platform {i}"]}
+        given |= {"numbers": Constants(table), "platform": calls.platforms[i]}
         if lawful:
             given["laws"] = self.efforts.of(k, np.array([leg.tree_v[lawful] for leg in group]))
         out: dict[str, Target] = {"guard": Worst()}

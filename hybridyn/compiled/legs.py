@@ -137,7 +137,8 @@ def write_leg(
 
     Args:
         group: The legs.
-        q, v: Positions and rates of the leg.
+        q: Positions of the leg.
+        v: Its rates.
         V_base: Twist of the base, own frame.
         platform: Motion of the platform.
         length: The module's length.
@@ -165,9 +166,12 @@ def write_leg(
     right = np.concatenate([dot(N, _both(R0.T)), k[:, None]], axis=1)
     if pivots is None:
         pivots = Pivots(tuple(range(len(J))), tuple(range(len(J))), (1.0,) * len(J))
-    X, _, trust = solve(J, right, pivots)
+    X, trust = solve(J, right, pivots)
     other = platform.p + dot(platform.R, p_o)
-    open_by = [(other - point, length)] + _turned_apart(rotation, dot(R0, R_s), dot(platform.R, R_o))
+    open_by = [
+        (other - point, length),
+        *_turned_apart(rotation, dot(R0, R_s), dot(platform.R, R_o)),
+    ]
     slipping = [(apart, length)]
     if rotation != "free":
         slipping.append((dot(N[3:, 3:], turning), 1.0))

@@ -68,9 +68,9 @@ def aligned(links: list[Link], fixed: frozenset[int]) -> tuple[list[Link], list[
         turn = _frame_along(link.axis) if along else np.eye(3)
         turns.append(turn)
         back = turns[link.parent].T
-        I = np.array(moved(plain(link.inertia), plain(turn.T), plain(np.zeros(3))), dtype=float)
+        inertia = np.array(moved(plain(link.inertia), plain(turn.T), plain(np.zeros(3))), dtype=float)
         axis = np.array([0.0, 0.0, 1.0]) if along else link.axis
-        out.append(replace(link, R=snap(back @ link.R @ turn), p=back @ link.p, axis=axis, inertia=I))
+        out.append(replace(link, R=snap(back @ link.R @ turn), p=back @ link.p, axis=axis, inertia=inertia))
     return out, turns
 
 

@@ -141,6 +141,6 @@ def _closure(
     )
 
 
-def _along(n: Expression, x: Expression) -> object:
+def _along(n: Expression, x: Expression) -> Any:
     """Give the scalar product."""
     return dot(n, x[:, None])[0]

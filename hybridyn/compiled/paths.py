@@ -101,5 +101,5 @@ def wrist_accelerations(
         Accelerations, shape (wrist's nv,), and the smallest pivot over its usual size.
     """
     miss = target - chain.c[-1]
-    X, _, trust = solve(wrist_jacobian(path, chain), miss[:, None], pivots)
+    X, trust = solve(wrist_jacobian(path, chain), miss[:, None], pivots)
     return dot(X, np.ones(1).astype(object)), trust

@@ -1,8 +1,8 @@
 """What a written-out model consists of: kernels of straight-line arithmetic, and the order of their calls.
 
-A `Program` turns one sample's inputs into its outputs. It is a list of calls of kernels, each a CasADi function
-of scalars. A kernel of legs is called once for several equal legs ("copies"): their own numbers differ, the
-code does not. How copies and samples are spread over the lanes of a vector unit is the printer's business:
+A `Program` turns one sample's inputs into its outputs. It is a list of calls of kernels, each a CasADi
+function of scalars. A kernel of legs is called once for several equal legs ("copies"): their own numbers
+differ, the code does not. How copies and samples are spread over the lanes of a vector unit is the printer's business:
 
     batch    every lane is a sample; copies are called one after the other
     single   every lane is a copy; what is not a copy's own is the same in all lanes
@@ -14,7 +14,7 @@ Numbers live in four places:
     given    the user's inputs, one after the other (`Program.inputs`): read only
     result   the user's outputs (`Program.outputs`): written once, and readable afterwards
     shared   one number per sample, `Program.shared` of them
-    own      one number per sample and copy, `Program.own` of them: what a kernel of legs leaves for a later one
+    own      one number per sample and copy, `Program.own` of them: what legs leave for a later kernel
 """
 
 from __future__ import annotations
@@ -66,7 +66,7 @@ class Result:
 
 @dataclass(frozen=True)
 class Shared:
-    """Reads or writes `size` shared numbers from `start` on, the same for every copy (writers have one copy)."""
+    """Reads or writes `size` shared numbers from `start` on, the same for every copy."""
 
     start: int
     size: int
@@ -98,7 +98,7 @@ class Add:
 
 @dataclass(frozen=True)
 class Worst:
-    """Keeps the largest output of all copies and calls as the sample's guard (one entry; NaN counts as worst)."""
+    """Keeps the largest output of all copies and calls as the sample's guard; NaN counts as worst."""
 
 
 Source = Given | Constants | Result | Shared | Each | Own

@@ -1,6 +1,6 @@
 """Rigid bodies in expressions: ten numbers of an inertia, twists, wrenches, and how they change frames.
 
-An inertia is (m, h, I): mass, first moment m c, and inertia about the frame's origin (xx, xy, xz, yy, yz, zz).
+An inertia is (m, h, I): mass, first moment m c, inertia about the frame's origin (xx, xy, xz, yy, yz, zz).
 Twists and wrenches are linear first. A frame stands in its parent by axes R and origin p.
 """
 
@@ -24,14 +24,14 @@ def ten_numbers(body: Body | None) -> Array:
 
 def moved(inertia: Expression, R: Expression, p: Expression) -> Expression:
     """Give an inertia in the parent's frame."""
-    m, h, I = inertia[0], dot(R, inertia[1:4]), congruence(R.T, symmetric(inertia[4:], 3))
+    m, h, turned = inertia[0], dot(R, inertia[1:4]), congruence(R.T, symmetric(inertia[4:], 3))
     cross_terms = dot(hat(p), hat(h)) + dot(hat(h), hat(p))
     mass_terms = dot(hat(p), hat(p))
     for i in range(3):
         for j in range(3):
             mass_terms[i, j] = times(m, mass_terms[i, j])
     at = np.array([times(m, x) for x in p], dtype=object)
-    return np.concatenate([[m], h + at, upper(I - cross_terms - mass_terms)])
+    return np.concatenate([[m], h + at, upper(turned - cross_terms - mass_terms)])
 
 
 def inertia_matrix(inertia: Expression) -> Expression:

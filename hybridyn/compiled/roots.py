@@ -7,7 +7,7 @@ import numpy as np
 
 from .choices import Request
 from .expressions import dot, pack, plain, symbols
-from .program import Source
+from .program import Source, Target
 from .rigid import quaternion_matrix
 from .slots import Writer
 
@@ -32,7 +32,11 @@ def moving_base(
     outputs = [v_col, pack(A), pack(a)] if report else [v_col, pack(A)]
     kernel = w.kernel("root", ca.Function("root", [q_col, v_col, a_col], outputs), "kinematics")
     twist, at = w.shared(6), w.shared(6)
-    targets = [twist, at, w.result("a", np.arange(6))] if report else [twist, at]
-    sources = [w.from_given("q", np.arange(3, 7)), w.from_given("v", np.arange(6)), acceleration]
+    targets: list[Target] = [twist, at, w.result("a", np.arange(6))] if report else [twist, at]
+    sources: list[Source] = [
+        w.from_given("q", np.arange(3, 7)),
+        w.from_given("v", np.arange(6)),
+        acceleration,
+    ]
     w.call(kernel, 1, sources, targets)
     return twist, at

@@ -75,7 +75,8 @@ def _read(whole: ca.Function, stage_of_input: list[int]) -> _Graph:
             graph.results[outs[0]][outs[1]] = at[ins[0]]
             continue
         operands: tuple[Node, ...] = ()
-        stage, extra = 0, None
+        stage = 0
+        extra: Any = None
         if op == ca.OP_CONST:
             extra = whole.instruction_constant(k)
         elif op == ca.OP_INPUT:
@@ -111,8 +112,8 @@ def _stage(
     s: int,
     graph: _Graph,
     handed: dict[tuple[int, int], list[Node]],
-    given: list[tuple[int, str, ca.SX]],
-    wanted: list[tuple[int, str, ca.SX]],
+    given: list[tuple[int, Any, ca.SX]],
+    wanted: list[tuple[int, Any, ca.SX]],
 ) -> Stage:
     """Build the function of one stage."""
     values: dict[Node, Any] = {}

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from ..spatial import Array
+from ..spatial import Array, Mask
 from .expressions import Expression, dot, is_zero, times, zeros
 
 #: A pivot that is smaller than this part of its usual size leaves the choice of pivots in doubt.
@@ -39,7 +39,7 @@ def choose_pivots(samples: Array, rank: int, row_scale: Array, col_scale: Array)
         col_scale: Unit of each unknown, shape (n,).
     """
     A = samples * row_scale[:, None] * col_scale
-    structure = (np.abs(A) > 1e-13).any(axis=0)
+    structure: Mask = np.asarray((np.abs(A) > 1e-13).any(axis=0))
     left_rows, left_cols = list(range(A.shape[1])), list(range(A.shape[2]))
     rows, cols, sizes = [], [], []
     for _ in range(rank):
@@ -68,7 +68,7 @@ def samples_pivot(pivot: Array, row_scale: float, col_scale: float) -> Array:
     return out
 
 
-def solve(K: Expression, right: Expression, pivots: Pivots) -> tuple[Expression, list[int], ca.SX]:
+def solve(K: Expression, right: Expression, pivots: Pivots) -> tuple[Expression, ca.SX]:
     """Solve K x = right for the pivots' unknowns in terms of the others.
 
     Args:
@@ -77,8 +77,7 @@ def solve(K: Expression, right: Expression, pivots: Pivots) -> tuple[Expression,
         pivots: The choice.
 
     Returns:
-        X: All unknowns over [right-hand sides, free unknowns], shape (n, k + free).
-        free: The unknowns without pivots, in order.
+        X: All unknowns over [right-hand sides, unknowns without pivots in order], shape (n, k + free).
         trust: Smallest pivot over its usual size (1 where there is none).
     """
     n, k = K.shape[1], right.shape[1]
@@ -107,7 +106,7 @@ def solve(K: Expression, right: Expression, pivots: Pivots) -> tuple[Expression,
         X[c] = solved[i]
     for i, c in enumerate(free):
         X[c, k + i] = 1.0
-    return X, free, trust
+    return X, trust
 
 
 def solve_definite(A: Expression, right: Expression, noise: float) -> tuple[Expression, ca.SX]:
