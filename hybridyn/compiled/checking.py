@@ -43,20 +43,27 @@ def check(program: Program) -> None:
     """Refuse a program that would not mean the same with samples in the lanes and with copies in the lanes.
 
     Raises:
-        ValueError: A size that does not fit; a read of what was not written; own numbers read otherwise than
+        ValueError: A size or a place that does not fit; a read of what was not written; own numbers read otherwise than
             they were written; a call of several copies that reads what it sums, or writes shared numbers.
     """
     own: dict[int, tuple[int, int]] = {}
     shared = np.zeros(program.shared, dtype=bool)
     result = np.zeros(sum(size for _, size in program.outputs), dtype=bool)
+    room = {"given": sum(size for _, size in program.inputs), "result": len(result)}
+    room |= {"shared": program.shared, "own": program.own}
     for step in program.steps:
         if isinstance(step, Start):
+            if step.start + len(step.values) > program.shared:
+                raise ValueError(f"program '{program.name}' starts shared numbers that are not there")
             shared[step.start : step.start + len(step.values)] = True
             continue
         where = f"program '{program.name}', kernel '{program.kernels[step.kernel].name}'"
         _check_sizes(program, step, where)
         reads, writes = spans(step, 0), spans(step, 1)
         known = {"shared": shared, "result": result}
+        for place, a, b in [*reads, *writes]:
+            if place and not 0 <= a <= b <= room[place]:
+                raise ValueError(f"{where}: {place} has no numbers {a}..{b}")
         for source, (place, a, b) in zip(step.sources, reads, strict=True):
             if isinstance(source, Result) and not result[source.index].all():
                 raise ValueError(f"{where} reads a result that was not written")

@@ -18,7 +18,7 @@ from ..errors import CompileError
 
 FLAGS = (
     "-std=gnu11",
-    "-O2",
+    "-O3",
     "-fPIC",
     "-fvisibility=hidden",
     "-ffp-contract=off",  # fusing.py decides

@@ -22,7 +22,7 @@ from ..robot import HybridRobot
 from ..spatial import Array
 from .cache import Built, cached
 from .compilers import best_lanes, find_compiler
-from .library import Library, Numbers
+from .library import REFUSED, Library, Numbers
 from .scalars import Scalar
 from .verifying import verify
 
@@ -55,11 +55,11 @@ class CompiledRobot:
         self.robot, self.effects, self.threads = robot, effects, threads
         self.library, self.dtype = library, library.dtype
         self.recomputed = 0
-        self._idm, self._ddm = (library.programs[name] for name in ("idm", "ddm"))
+        self._idm, self._ddm = library.programs["idm"], library.programs["ddm"]
         self._moving = robot.base == "moving"
-        still = np.zeros(6, self.dtype)
-        self._one_ddm = self._ddm.at_once
-        self._still = still
+        self._still = np.zeros(6, self.dtype)
+        self._idm_at_once = self._idm.at_once or _refuse
+        self._ddm_at_once = self._ddm.at_once if self._ddm.at_once and not self._moving else _refuse
 
     def idm(self, q: ArrayLike, v: ArrayLike, a: ArrayLike) -> Numbers:
         """Give motor efforts, as `hybridyn.idm` does.
@@ -75,6 +75,9 @@ class CompiledRobot:
         Raises:
             HybridynError: What `hybridyn.idm` raises, with the same words.
         """
+        out = np.empty(self._idm.size, self.dtype)
+        if self._idm_at_once(id(q), id(v), id(a), id(out)) == 0:  # every tenth of a microsecond counts here
+            return out
         return self._run("idm", {"q": q, "v": v, "a": a})
 
     def ddm(
@@ -95,6 +98,10 @@ class CompiledRobot:
         Raises:
             HybridynError: What `hybridyn.ddm` raises, with the same words.
         """
+        if base_acceleration is None:
+            out = np.empty(self._ddm.size, self.dtype)
+            if self._ddm_at_once(id(q), id(v), id(tau), id(out)) == 0:
+                return out
         given = {"q": q, "v": v, "tau": tau}
         if self._moving or base_acceleration is not None:
             given["base_acceleration"] = self._base(base_acceleration, np.shape(q)[:-1])
@@ -129,10 +136,6 @@ class CompiledRobot:
     def _run(self, name: str, given: dict[str, ArrayLike]) -> Numbers:
         """Run a model for one sample or many."""
         calls = self.library.programs[name]
-        if calls.at_once is not None:
-            out = np.empty(calls.size, calls.dtype)
-            if len(given) == len(calls.inputs) and calls.at_once(*map(id, given.values()), id(out)) == 0:
-                return out
         sizes = dict(calls.inputs)
         if not given.keys() == sizes.keys():  # a base_acceleration for a base that does not move
             return self._general(name, given)
@@ -172,6 +175,11 @@ class CompiledRobot:
         more = {"base_acceleration": inputs.pop("base_acceleration")} if "base_acceleration" in inputs else {}
         result: Array = GENERAL[name](self.robot, *inputs.values(), effects=self.effects, **more)
         return result
+
+
+def _refuse(*_: int) -> int:
+    """Stand for a call at once where there is none."""
+    return REFUSED
 
 
 def as_batches(arrays: dict[str, Array], sizes: dict[str, int]) -> None:

@@ -1,0 +1,108 @@
+"""Small programs with everything a program may have, and a cache folder of the tests' own."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from hybridyn.compiled.program import (
+    Add,
+    Call,
+    Constants,
+    Each,
+    Given,
+    Kernel,
+    Own,
+    Program,
+    Result,
+    Shared,
+    Start,
+    Worst,
+)
+
+KERNEL_SIZE = 40  # operations of a random kernel
+
+
+@pytest.fixture(autouse=True, scope="module")
+def own_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """Let the tests of a file build in a folder of their own."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("HYBRIDYN_CACHE", str(tmp_path_factory.mktemp("cache")))
+        yield
+
+
+def random_function(rng: np.random.Generator, name: str, inputs: list[int], outputs: list[int]) -> ca.Function:
+    """Give a function of random operations whose values stay moderate."""
+    columns = [ca.SX.sym(f"i{k}", size) for k, size in enumerate(inputs)]
+    values: list[Any] = [x[k] for x in columns for k in range(x.numel())] or [ca.SX(0.7)]
+
+    def pick() -> Any:
+        return values[rng.integers(len(values))]
+
+    for _ in range(KERNEL_SIZE):
+        a, b, c = pick(), pick(), pick()
+        values.append(
+            [
+                lambda: a * b + c, lambda: a - b * c, lambda: -a * b, lambda: (a - b) / (1 + c * c),
+                lambda: ca.sin(a), lambda: ca.cos(a), lambda: ca.sqrt(1 + a * a), lambda: ca.tanh(a),
+                lambda: ca.atan2(a, 1.5 + b * b), lambda: ca.if_else(a < b, c, -a), lambda: ca.fmax(a, b),
+                lambda: ca.fabs(a) * 0.25, lambda: ca.sin(2 * a) - ca.cos(2 * a),
+            ][rng.integers(13)]()
+        )  # fmt: skip
+        values[-1] = values[-1] / (1 + ca.fabs(values[-1]) * 0.01)
+    ends = [ca.vertcat(*(pick() for _ in range(size))) if size else ca.SX(0, 1) for size in outputs]
+    return ca.Function(name, columns, ends)
+
+
+def toy(seed: int, copies: int) -> Program:
+    """Give a program of legs, a module and legs again, with every kind of source and target."""
+    rng = np.random.default_rng(seed)
+    legs = Kernel("legs", random_function(rng, "legs", [3, 2, 2], [3, 2, 1, 4]), "legs")
+    module = Kernel("module", random_function(rng, "module", [2, 2, 3], [3, 0, 1]), "module")
+    after = Kernel("after", random_function(rng, "after", [3, 3, 4, 2], [2, 2]), "legs")
+    last = Kernel("last", random_function(rng, "last", [4, 2, 2], [3, 2]), "module")
+    behind = 3 * copies
+    places = rng.permutation(3 * copies).reshape(copies, 3)
+    in_a_row = np.arange(3 * copies).reshape(copies, 3)
+    twos = rng.permutation(2 * copies).reshape(copies, 2)
+    own, each, sums, more = 0, 10, 2, 10 + 4 * copies
+    steps: tuple[Start | Call, ...] = (
+        Start(0, rng.normal(size=2)),
+        Start(sums, rng.normal(size=2)),
+        Call(
+            0, copies,
+            (Given(places if seed % 2 else in_a_row), Constants(rng.normal(size=(copies, 2))), Shared(0, 2)),
+            (Own(own, 3), Add(sums, 2), Worst(), Each(each, 4)),
+        ),
+        Call(
+            1, 1, (Shared(sums, 2), Constants(rng.normal(size=(1, 2))), Given(np.array([[behind, 0, 1]]))),
+            (Shared(4, 3), Shared(0, 0), Worst()),
+        ),
+        Call(2, copies, (Own(own, 3), Shared(4, 3), Each(each, 4), Given(twos)), (Result(twos), Each(more, 2))),
+        Call(
+            3, 1, (Shared(each, 4), Result(np.array([[0, 2 * copies - 1]])), Shared(0, 2)),
+            (Result(2 * copies + np.array([[2, 0, 1]])), Shared(0, 2)),
+        ),
+        Call(1, 1, (Shared(0, 2), Constants(np.ones((1, 2))), Shared(4, 3)), (Add(4, 3), Shared(0, 0), Worst())),
+        Call(3, 1, (Shared(4, 4), Shared(0, 2), Shared(sums, 2)), (Result(2 * copies + np.array([[3, 4, 5]])), Add(7, 2))),
+    )  # fmt: skip
+    steps = (Start(7, np.ones(3)), *steps)
+    return Program(
+        f"toy{seed}_{copies}",
+        (("q", 3 * copies), ("v", 1)),
+        (("a", 2 * copies), ("b", 6)),
+        (legs, module, after, last),
+        steps,
+        more + 2 * copies,
+        3 * copies,
+    )
+
+
+def inputs(program: Program, samples: int, seed: int = 0) -> list[np.ndarray[Any, Any]]:
+    """Give random inputs of a program, shapes (samples, n)."""
+    rng = np.random.default_rng(seed)
+    return [rng.normal(size=(samples, size)) for _, size in program.inputs]

@@ -1,0 +1,193 @@
+"""Compilers, builds and the cache of built models."""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+import os
+import shutil
+import stat
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import hybridyn.compiled.cache as cache_file
+from hybridyn.compiled.building import build
+from hybridyn.compiled.cache import Built, cached, folder
+from hybridyn.compiled.compilers import Compiler, find_compiler
+from hybridyn.compiled.library import Library
+from hybridyn.compiled.scalars import Scalar
+from hybridyn.compiled.sources import Source, library_source
+from hybridyn.errors import CompileError
+from tests.compiled_toys import inputs, toy
+
+TOY = toy(4, 2)
+
+
+@pytest.fixture(autouse=True)
+def empty_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("HYBRIDYN_CACHE", str(tmp_path / "cache"))
+    return tmp_path / "cache"
+
+
+@pytest.fixture
+def fresh_compiler(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("hybridyn.compiled.cache.find_compiler", find_compiler.__wrapped__)
+
+
+def source() -> Source:
+    return library_source([TOY], Scalar("float64", 1))
+
+
+def never() -> Source:
+    raise AssertionError("the source was printed although the model is built")
+
+
+def works(built: Built) -> bool:
+    (a, b), guard = Library(built).batch(TOY.name, *inputs(TOY, 3))
+    return bool(np.isfinite(a).all() and np.isfinite(b).all() and np.isfinite(guard).all())
+
+
+def test_a_model_is_built_once(empty_cache: Path) -> None:
+    first = cached("a robot", source)
+    assert works(first)
+    again = cached("a robot", never)
+    assert again == first
+    other_key = cached("the same robot by another name", source)
+    assert other_key.path == first.path
+    assert len(list((empty_cache / "libraries").iterdir())) == 1
+
+
+def test_another_machine_or_package_builds_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
+    cached("a robot", source)
+    with monkeypatch.context() as patch:
+        patch.setattr(cache_file, "machine", lambda: "another machine")
+        with pytest.raises(AssertionError):
+            cached("a robot", never)
+    with monkeypatch.context() as patch:
+        patch.setattr(cache_file, "package_state", lambda: "another version")
+        with pytest.raises(AssertionError):
+            cached("a robot", never)
+
+
+@pytest.mark.parametrize("damage", ["truncated", "foreign", "gone", "record", "no record", "key", "other record"])
+def test_what_is_damaged_is_built_again(empty_cache: Path, damage: str) -> None:
+    first = cached("a robot", source)
+    (record,) = (empty_cache / "models").iterdir()
+    (key,) = (empty_cache / "keys").iterdir()
+    data = first.path.read_bytes()
+    if damage == "truncated":
+        first.path.write_bytes(data[: len(data) // 2])
+    elif damage == "foreign":
+        first.path.write_bytes(b"\x7fELF" + data[:100:-1])
+    elif damage == "gone":
+        first.path.unlink()
+    elif damage == "record":
+        record.write_text('{"library": 3')
+    elif damage == "no record":
+        record.unlink()
+    elif damage == "key":
+        key.write_text("../../etc/passwd")
+    else:
+        record.write_text(json.dumps({"name": "another", "library": first.path.stem, "about": {}}))
+    assert works(cached("a robot", source))
+    assert works(cached("a robot", never))
+
+
+def test_a_model_that_is_not_accepted_stays_unknown() -> None:
+    def refuse(built: Built) -> None:
+        raise CompileError("it is wrong")
+
+    with pytest.raises(CompileError, match="it is wrong"):
+        cached("a robot", source, accept=refuse)
+    asked = []
+    cached("a robot", source, accept=asked.append)
+    assert len(asked) == 1
+    cached("a robot", never, accept=refuse)
+
+
+BUILDER = """
+import sys
+from hybridyn.compiled.cache import cached
+from tests.test_compiled_building import source, works
+assert works(cached("a robot", source))
+"""
+
+
+def test_processes_may_build_at_the_same_time(empty_cache: Path) -> None:
+    root = str(Path(__file__).parents[1])
+    environment = os.environ | {"PYTHONPATH": root}
+    running = [subprocess.Popen([sys.executable, "-c", BUILDER], env=environment) for _ in range(3)]
+    assert [process.wait(timeout=120) for process in running] == [0, 0, 0]
+    assert works(cached("a robot", source))
+    assert len(list((empty_cache / "models").iterdir())) == 1
+    assert not [path for path in empty_cache.rglob("*") if path.name.startswith(("building", "tmp"))]
+
+
+def test_a_folder_that_cannot_be_written_does_no_harm(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    in_the_way = tmp_path / "file"
+    in_the_way.write_text("")
+    monkeypatch.setenv("HYBRIDYN_CACHE", str(in_the_way / "cache"))
+    assert works(cached("a robot", source))
+
+
+def test_the_users_folder(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("HYBRIDYN_CACHE")
+    monkeypatch.setenv("XDG_CACHE_HOME", "/somewhere")
+    if sys.platform != "darwin":
+        assert folder() == Path("/somewhere/hybridyn/compiled")
+
+
+def test_without_a_compiler_the_message_says_what_to_install(
+    fresh_compiler: None, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setenv("PATH", str(tmp_path))
+    monkeypatch.delenv("CC", raising=False)
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
+    with pytest.raises(CompileError, match=r"install gcc or clang.*pip install ziglang"):
+        cached("a robot", source)
+
+
+def test_a_compiler_that_is_named_must_be_there(fresh_compiler: None, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("CC", "no-such-compiler -v")
+    with pytest.raises(CompileError, match="'no-such-compiler', is not there"):
+        cached("a robot", source)
+
+
+def test_a_compiler_that_fails_is_quoted(tmp_path: Path) -> None:
+    with pytest.raises(CompileError, match="error"):
+        build(("int main( {",), find_compiler(), tmp_path / "library.so")
+    with pytest.raises(CompileError, match="cannot be started"):
+        build(("int x;",), Compiler((str(tmp_path / "none"),), ""), tmp_path / "library.so")
+
+
+def test_the_ziglang_wheel_is_found(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    (tmp_path / "ziglang").mkdir()
+    (tmp_path / "ziglang" / "__init__.py").write_text("")
+    monkeypatch.setenv("PATH", "")
+    monkeypatch.delenv("CC", raising=False)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    assert find_compiler.__wrapped__().command == (sys.executable, "-m", "ziglang", "cc")
+
+
+def test_cc_may_carry_options(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    tool = tmp_path / "mycc"
+    tool.write_text("#!/bin/sh\n")
+    tool.chmod(tool.stat().st_mode | stat.S_IXUSR)
+    monkeypatch.setenv("CC", f"{tool} -pipe")
+    assert find_compiler.__wrapped__().command == (str(tool), "-pipe")
+
+
+@pytest.mark.skipif(shutil.which("clang") is None, reason="there is no clang")
+def test_clang_gives_the_same_bits(tmp_path: Path) -> None:
+    program = toy(5, 6)
+    printed = library_source([program], Scalar("float64", 8))
+    results = []
+    for name in ("clang", "gcc"):
+        path = tmp_path / f"{name}.so"
+        build(printed.units, Compiler((shutil.which(name) or name,), name), path)
+        results.append(Library(Built(path, printed.about)).batch(program.name, *inputs(program, 20)))
+    assert (results[0][0][0] == results[1][0][0]).all()

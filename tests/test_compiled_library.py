@@ -1,0 +1,155 @@
+"""Calls of built programs: the same bits however a sample is computed."""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+
+import numpy as np
+import pytest
+
+from hybridyn.compiled.checking import check
+from hybridyn.compiled.interpreter import function_of
+from hybridyn.compiled.library import BLOCK, Library, load
+from hybridyn.compiled.program import Add, Call, Given, Own, Result, Shared
+from tests.compiled_toys import inputs, own_cache, toy
+
+__all__ = ["own_cache"]
+
+ROUNDING = 1e-12  # some hundred operations on numbers around one, some of them quotients
+
+PROGRAMS = [toy(seed, copies) for seed, copies in enumerate([1, 2, 3, 5, 6, 8, 9, 16, 17, 6, 6, 24])]
+NAMES = [program.name for program in PROGRAMS]
+
+
+@pytest.fixture(scope="module")
+def library(own_cache: None) -> Library:
+    return load(PROGRAMS)
+
+
+@pytest.mark.parametrize("program", PROGRAMS, ids=NAMES)
+def test_results_are_casadis(library: Library, program) -> None:
+    q, v = inputs(program, 20)
+    outputs, guard = library.batch(program.name, q, v)
+    *wanted, worst = (np.array(x).T for x in function_of(program).map(20)(q.T, v.T))
+    for output, reference in zip(outputs, wanted, strict=True):
+        np.testing.assert_allclose(output, reference, rtol=ROUNDING, atol=ROUNDING)
+    np.testing.assert_allclose(guard, worst[:, 0], rtol=ROUNDING, atol=ROUNDING)
+
+
+@pytest.mark.parametrize("program", PROGRAMS, ids=NAMES)
+def test_a_sample_has_the_same_bits_alone_and_in_any_batch(library: Library, program) -> None:
+    q, v = inputs(program, 37)
+    (a, b), guard = library.batch(program.name, q, v)
+    for size in (1, 2, 7, 8, 9, 31):
+        (a2, b2), guard2 = library.batch(program.name, q[-size:], v[-size:])
+        assert (a2 == a[-size:]).all()
+        assert (b2 == b[-size:]).all()
+        assert (guard2 == guard[-size:]).all()
+    for t in range(37):
+        (one, two), worst = library.single(program.name, q[t], v[t])
+        assert (one == a[t]).all()
+        assert (two == b[t]).all()
+        assert worst == guard[t]
+
+
+def test_bits_do_not_depend_on_threads_or_lanes(library: Library) -> None:
+    program = PROGRAMS[4]
+    q, v = inputs(program, 3 * BLOCK + 5)
+    (a, b), guard = library.batch(program.name, q, v)
+    for threads in (2, 3):
+        (a2, b2), guard2 = library.batch(program.name, q, v, threads=threads)
+        assert (a == a2).all()
+        assert (b == b2).all()
+        assert (guard == guard2).all()
+    for lanes in (1, 2, 4, 8):
+        (a2, b2), guard2 = load([program], lanes=lanes).batch(program.name, q, v)
+        assert (a == a2).all()
+        assert (b == b2).all()
+        assert (guard == guard2).all()
+
+
+def test_the_other_samples_of_a_block_do_not_matter(library: Library) -> None:
+    """NaN, infinity and large numbers beside it leave a sample as it is."""
+    program = PROGRAMS[4]
+    q, v = inputs(program, 16)
+    (a, _), _ = library.batch(program.name, q, v)
+    rough = q.copy()
+    rough[1], rough[3], rough[6], rough[9] = np.nan, np.inf, 1e9, 1e300
+    (a2, _), guard = library.batch(program.name, rough, v)
+    same = [t for t in range(16) if t not in (1, 3, 6, 9)]
+    assert (a2[same] == a[same]).all()
+    assert np.isnan(guard[[1, 3]]).all()
+
+
+def test_a_number_that_is_not_finite_spoils_the_guard(library: Library) -> None:
+    program = PROGRAMS[2]
+    q, v = inputs(program, 1)
+    for k in range(q.shape[1]):
+        bad = q.copy()
+        bad[0, k] = np.nan
+        assert np.isnan(library.single(program.name, bad[0], v[0])[1])
+
+
+def test_arrays_of_every_layout_are_taken(library: Library) -> None:
+    program = PROGRAMS[4]
+    q, v = inputs(program, 10)
+    (a, _), _ = library.batch(program.name, q, v)
+    (a2, _), _ = library.batch(program.name, np.asfortranarray(q), v[::-1][::-1])
+    assert (a == a2).all()
+    wide = np.zeros(2 * q.shape[1])
+    wide[::2] = q[0]
+    assert (library.single(program.name, wide[::2], v[0].tolist())[0][0] == a[0]).all()
+    read_only = q[0].copy()
+    read_only.flags.writeable = False
+    assert (library.single(program.name, read_only, v[0])[0][0] == a[0]).all()
+    swapped = q[0].astype(">f8")
+    assert (library.single(program.name, swapped, v[0])[0][0] == a[0]).all()
+
+
+def test_no_samples_give_no_results(library: Library) -> None:
+    program = PROGRAMS[4]
+    q, v = inputs(program, 0)
+    (a, b), guard = library.batch(program.name, q, v)
+    assert (a.shape, b.shape, guard.shape) == ((0, 12), (0, 6), (0,))
+
+
+def test_wrong_shapes_are_refused(library: Library) -> None:
+    program = PROGRAMS[4]
+    q, v = inputs(program, 3)
+    with pytest.raises(ValueError, match=re.escape("q has shape (3, 17)")):
+        library.batch(program.name, q[:, 1:], v)
+    with pytest.raises(ValueError, match=re.escape("v has shape (2,)")):
+        library.single(program.name, q[0], np.zeros(2))
+
+
+def _with(program, number: int, **changes):
+    steps = list(program.steps)
+    steps[number] = dataclasses.replace(steps[number], **changes)
+    return dataclasses.replace(program, steps=tuple(steps))
+
+
+def test_programs_that_would_mean_two_things_are_refused() -> None:
+    program = toy(4, 6)
+    legs = program.steps[3]
+    assert isinstance(legs, Call)
+    check(program)
+    with pytest.raises(ValueError, match="reads what its copies add up"):
+        check(_with(program, 3, sources=(*legs.sources[:2], Shared(2, 2))))
+    with pytest.raises(ValueError, match="writes shared numbers from 6 copies"):
+        check(_with(program, 3, targets=(legs.targets[0], Shared(2, 2), *legs.targets[2:])))
+    with pytest.raises(ValueError, match="otherwise than they were written"):
+        moved = _with(program, 5, sources=(Own(3, 3), *program.steps[5].sources[1:]))
+        check(dataclasses.replace(moved, own=program.own + 3))
+    with pytest.raises(ValueError, match="never written"):
+        check(dataclasses.replace(program, steps=program.steps[:-1]))
+    with pytest.raises(ValueError, match="not of shape"):
+        check(_with(program, 3, sources=(Given(np.zeros((6, 2), dtype=int)), *legs.sources[1:])))
+    with pytest.raises(ValueError, match="not written"):
+        check(dataclasses.replace(program, steps=program.steps[1:]))
+    with pytest.raises(ValueError, match="reads a result that was not written"):
+        check(_with(program, 4, sources=(Result(np.array([[0, 1]])), *program.steps[4].sources[1:])))
+    with pytest.raises(ValueError, match="shared has no numbers"):
+        check(dataclasses.replace(program, shared=program.shared - 1))
+    with pytest.raises(ValueError, match="takes 3 inputs"):
+        check(_with(program, 3, targets=(*legs.targets, Add(2, 2))))
