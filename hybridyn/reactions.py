@@ -16,6 +16,7 @@ from .spatial import Array, Mask, cross, rotate, rotate_back
 if TYPE_CHECKING:
     from .forward import ModuleState
     from .loads import ModuleLoad
+    from .mechanism import Mechanism
 
 
 #: Part of a unit wrench that does nothing from which on it leaves a component undetermined.
@@ -115,8 +116,8 @@ def _multipliers(state: ModuleState, needed: Array) -> tuple[Array, Array]:
         needed: Generalised force along x that closures have to give, shape (T, n).
 
     Returns:
-        The least-norm multipliers, shape (T, rows), and an orthonormal basis of those that do nothing, scaled
-        likewise and filled up with zeros, shape (T, rows, k).
+        The multipliers, of least norm in the author's rows, shape (T, rows), and an orthonormal basis of those
+        that do nothing, scaled likewise and filled up with zeros, shape (T, rows, k).
     """
     reduction = state.mechanism.reduction
     rows, rank = len(reduction.row_scale), reduction.rank
@@ -126,8 +127,21 @@ def _multipliers(state: ModuleState, needed: Array) -> tuple[Array, Array]:
     lam = np.einsum("tij,tj->ti", U[:, :, : s.shape[1]], np.where(keep, y / np.where(keep, s, 1.0), 0.0))
     kept = keep.sum(axis=1)
     first = int(kept.min(initial=rank))
-    idle = np.where(np.arange(first, U.shape[2]) >= kept[:, None], 1.0, 0.0)
-    return lam * reduction.row_scale, U[:, :, first:] * idle[:, None] * reduction.row_scale[:, None]
+    idle = U[:, :, first:] * np.where(np.arange(first, U.shape[2]) >= kept[:, None], 1.0, 0.0)[:, None]
+    carried = _carrying_rows(state.mechanism)
+    if carried.any() and idle.size:
+        change = np.linalg.pinv(idle[:, ~carried], rcond=UNDETERMINED) @ lam[:, ~carried, None]
+        lam -= np.matmul(idle, change)[..., 0]
+    return lam * reduction.row_scale, idle * reduction.row_scale[:, None]
+
+
+def _carrying_rows(mechanism: Mechanism) -> Mask:
+    """Say which rows stand for a joint that carries a platform: none of the author's, shape (rows,)."""
+    closures = mechanism.closures
+    out = np.zeros(closures.rows, dtype=bool)
+    for at in closures.row_slices[len(mechanism.spec.closures) : len(closures.closures)]:
+        out[at] = True
+    return out
 
 
 def _each(function: Callable[[Array], Array], columns: Array) -> Array:

@@ -36,7 +36,7 @@ def n_four_bar(n: int, times: Array, theta: float = np.pi / 2, rate: float = -1.
 
 
 def all_bars(theta: Array, joints: tuple[str, ...]) -> Array:
-    """Give every joint position (or, from rates, every rate) of the N-four-bar mechanism, shape (..., joints).
+    """Give every joint position, or from rates every rate, of the N-four-bar mechanism, shape (..., joints).
 
     Joints `foot<k>` turn the uprights, from their zero at theta = pi/2; joints `top<k>` turn the rods back.
     """

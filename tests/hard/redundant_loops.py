@@ -72,15 +72,16 @@ def pin(
     at_b: tuple[float, float, float],
     rpy_a: str = "0 0 0",
     rpy_b: str = "0 0 0",
-    kind: str = 'type="revolute"',
+    kind: str = "revolute",
     axis: str = "0 0 1",
 ) -> str:
-    """Write a revolute closure about z of its frames."""
+    """Write a closure of two frames, a revolute one about `axis` or, as "rows", what it says."""
+    turn = "" if kind.startswith("rows") else f'<axis xyz="{axis}"/>'
     one, two = (" ".join(repr(float(x)) for x in xyz) for xyz in (at_a, at_b))
     return (
-        f'<loop name="{name}" {kind}>'
+        f'<loop name="{name}" type="{kind}">'
         f'<predecessor link="{a}"><origin xyz="{one}" rpy="{rpy_a}"/></predecessor>'
-        f'<successor link="{b}"><origin xyz="{two}" rpy="{rpy_b}"/></successor><axis xyz="{axis}"/></loop>'
+        f'<successor link="{b}"><origin xyz="{two}" rpy="{rpy_b}"/></successor>{turn}</loop>'
     )
 
 
@@ -117,7 +118,7 @@ def four_bar_law(s: complex) -> dict[str, tuple[complex, complex]]:
     return {"drive": (s, 1.0), "elbow": (beta - s, beta_rate - 1), "swing": (gamma, gamma_rate)}
 
 
-def four_bar(kind: str = 'type="revolute"') -> Linkage:
+def four_bar(kind: str = "revolute") -> Linkage:
     """Crank 0.3, coupler 0.7, rocker 0.6, ground 0.8 m; of the closure's five rows a plane needs two."""
     text = framed(
         "four_bar",
