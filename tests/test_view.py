@@ -13,13 +13,13 @@ from robot_texts import FOUR_BAR, save
 from shipped import ROBOTS
 
 import hybridyn
-from hybridyn.colours import CLOSURE, MOTOR, module_colour, rgb
+from hybridyn.colours import ALARM, CLOSURE, MOTOR, module_colour, rgb
 from hybridyn.description import read
 from hybridyn.robot import build_robot
 from hybridyn.view.camera import Camera, camera_around
 from hybridyn.view.drawing import draw, hull
 from hybridyn.view.measures import Measures
-from hybridyn.view.panel import effort_scale, efforts_html, status_html
+from hybridyn.view.panel import effort_limits, efforts_html, status_html
 from hybridyn.view.placing import extent, place_bodies
 from hybridyn.view.posing import Poser
 from hybridyn.view.raster import Raster
@@ -271,9 +271,10 @@ def test_measures_are_those_of_the_library() -> None:
 
 def test_efforts_over_a_limit_are_marked_and_names_are_escaped() -> None:
     robot = loaded("five_bar")
-    scale = effort_scale(robot, None)
-    html = efforts_html(robot, 2 * scale, scale, "of <a test>")
-    assert html.count("#d02f2f") == 2
+    limits = np.array(effort_limits(robot))
+    html = efforts_html(robot, limits * [2.0, 0.5], limits * [2.0, 0.5], "of <a test>")
+    assert html.count(ALARM) == 1
+    assert html.count("width:50.0%") == 1  # the largest fills its half of the track
     assert "of &lt;a test&gt;" in html
     assert 'data-stopped="1"' in status_html("<b>", 0.0)
     assert "&lt;b&gt;" in status_html("<b>", 0.0)

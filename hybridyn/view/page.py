@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import contextlib
 import io
+import logging
 import threading
 import time
 from collections.abc import Callable
@@ -20,15 +21,17 @@ from ..robot import HybridRobot
 from ..spatial import Array
 from .camera import camera_around
 from .measures import Measures
-from .panel import closeness_html, effort_scale, efforts_html, legend_html, status_html
+from .panel import closeness_html, efforts_html, legend_html, status_html
 from .picture import Picture
 from .placing import place_bodies
-from .posing import Lever, Poser
+from .posing import Poser
 from .run import Run
+from .sliders import Sliders, on_slide, round_step
 from .stage import Stage
 
+_log = logging.getLogger(__name__)
+
 FRAME, BARS = 1 / 30, 1 / 8  # least times between pictures and between updates of the bars while playing [s]
-OPEN_FOLDERS = 1  # modules whose sliders are unfolded at first
 SPEEDS = ("0.1x", "0.25x", "0.5x", "1x", "2x", "5x")
 LIGHT = 0.25  # of the surroundings: more washes the colours out
 ROOM = 1.25  # around the robot at first
@@ -78,8 +81,7 @@ class Page:
         self._lock, self._wake = threading.Lock(), threading.Event()
         self._closed = False
         self._clock = self._bars_at = 0.0
-        self._sliders: dict[str, tuple[Lever, Any]] = {}
-        self._scale = effort_scale(robot, None if run is None else run.tau)
+        self._span = None if run is None else run.tau
         self._look(picture)
         self.stage = Stage(self.server, robot, picture)
         self._panel(picture)
@@ -123,7 +125,9 @@ class Page:
         self._status, self._closeness = gui.add_html(status_html("", 0.0)), gui.add_html("")
         if self.run is not None:
             self._add_motion(self.run)
-        self._add_sliders()
+        if self.poser.levers:
+            gui.add_button("Home").on_click(lambda event: self._wish("home", True))
+        self._sliders = Sliders(gui, self.poser, self.q, lambda joint, to: self._wish(f"move {joint}", to))
         with gui.add_folder("Efforts"):
             self._efforts = gui.add_html("")
         with gui.add_folder("Show", expand_by_default=False):
@@ -142,48 +146,14 @@ class Page:
         with gui.add_folder("Motion"):
             self._button = gui.add_button("Play")
             label = "time [s]" if run.timed else "row"
-            step = _step(run.end - run.begin)
+            step = round_step(run.end - run.begin)
             self._time: Any = gui.add_slider(
                 label, run.begin, max(run.end, run.begin + step), step, run.begin
             )
             self._speed = gui.add_dropdown("speed", SPEEDS, initial_value="1x")
             self._again = gui.add_checkbox("again and again", True)
         self._button.on_click(lambda event: self._wish("play", not self.playing))
-        self._listen(self._time, "time")
-
-    def _add_sliders(self) -> None:
-        """Add a slider per motor, in a folder per module."""
-        gui = self.server.gui
-        levers: dict[int, list[Lever]] = {}
-        for lever in self.poser.levers:
-            levers.setdefault(lever.module, []).append(lever)
-        if levers:
-            gui.add_button("Home").on_click(lambda event: self._wish("home", True))
-        for count, (number, group) in enumerate(levers.items()):
-            what = "motors" if group[0].is_motor else "joints"
-            with gui.add_folder(
-                f"{what} of {self.robot.modules[number].name}", expand_by_default=count < OPEN_FOLDERS
-            ):
-                for lever in group:
-                    self._add_slider(lever)
-
-    def _add_slider(self, lever: Lever) -> None:
-        value = float(np.clip(self.poser.value(self.q, lever.joint), lever.low, lever.high))
-        step = _step(lever.high - lever.low)
-        slider = self.server.gui.add_slider(
-            lever.joint, lever.low, lever.high, step, value, hint=f"{lever.joint} [{lever.unit}]"
-        )
-        self._sliders[lever.joint] = lever, slider
-        self._listen(slider, f"move {lever.joint}")
-
-    def _listen(self, slider: Any, wish: str) -> None:
-        """Note a wish when the user moves a slider, not when we do."""
-
-        def moved(event: Any) -> None:
-            if event.client is not None:
-                self._wish(wish, slider.value)
-
-        slider.on_update(moved)
+        on_slide(self._time, lambda value: self._wish("time", value))
 
     def _tick(self, label: str, value: bool, act: Callable[[bool], None]) -> None:
         box = self.server.gui.add_checkbox(label, value)
@@ -202,10 +172,15 @@ class Page:
             self._wake.clear()
             with self._lock:
                 wishes, self._wishes = self._wishes, {}
-            for name, value in wishes.items():
-                self._fulfil(name, value)
-            if self.playing:
-                self._play_on()
+            try:
+                for name, value in wishes.items():
+                    self._fulfil(name, value)
+                if self.playing:
+                    self._play_on()
+            except Exception as error:  # the page must go on, and its user must know
+                self.playing = False
+                _log.exception("a wish of the page's user failed")
+                self._status.content = status_html(f"{type(error).__name__}: {error}", 0.0)
 
     def _fulfil(self, name: str, value: Any) -> None:
         if name == "play":
@@ -273,8 +248,7 @@ class Page:
 
     def _bars(self, q: Array, sample: int | None) -> None:
         """Bring sliders and bars up to date."""
-        for joint, (lever, slider) in self._sliders.items():
-            slider.value = float(np.clip(self.poser.value(q, joint), lever.low, lever.high))
+        self._sliders.show(q)
         try:
             self._closeness.content = closeness_html(self.measures.closeness(q))
         except HybridynError:  # a posture at which there is nothing to measure
@@ -284,12 +258,6 @@ class Page:
         else:
             tau, origin = self.measures.holding(q)
             origin = origin or "that hold it still"
-        scale = self._scale
-        if tau is not None and not scale.all():
-            scale = np.where(scale > 0, scale, np.abs(tau).max(initial=0.0))
-        self._efforts.content = efforts_html(self.robot, tau, scale, origin)
-
-
-def _step(span: float) -> float:
-    """Give a round step for a slider."""
-    return float(10.0 ** np.floor(np.log10(span / 500))) if span > 0 else 1e-3
+        self._efforts.content = efforts_html(
+            self.robot, tau, self._span if sample is not None else tau, origin
+        )

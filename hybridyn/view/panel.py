@@ -40,17 +40,18 @@ def closeness_html(closeness: Closeness) -> str:
     )
 
 
-def efforts_html(robot: HybridRobot, tau: Array | None, scale: Array, origin: str) -> str:
-    """Draw efforts as bars, grouped by module, each from the middle of its track.
+def efforts_html(robot: HybridRobot, tau: Array | None, span: Array | None, origin: str) -> str:
+    """Draw efforts as bars, grouped by module, each from the middle of its track; red beyond a limit.
 
     Args:
         robot: The robot.
         tau: Efforts, shape (motors,), [N or N m], or None.
-        scale: Efforts of full bars, shape (motors,).
+        span: Efforts among which the largest of a unit is a full bar, shape (..., motors), or None.
         origin: Where the efforts come from, or why there are none.
     """
     parts = [escape(origin)]
-    units = effort_units(robot)
+    units, limits = effort_units(robot), effort_limits(robot)
+    scale = effort_scale(units, span)
     for number, module in enumerate(robot.modules):
         if tau is None or not module.motors:
             continue
@@ -58,9 +59,8 @@ def efforts_html(robot: HybridRobot, tau: Array | None, scale: Array, origin: st
             parts.append(f'<div style="color:{module_colour(number)}"><b>{escape(module.name)}</b></div>')
         for i in module.motor_index:
             part = float(np.clip(tau[i] / scale[i] if scale[i] else 0.0, -1, 1)) / 2
-            over = abs(tau[i]) > scale[i] * (1 + 1e-9) > 0
             text = f"{tau[i]:.4g} {units[i]}"
-            colour = ALARM if over else module_colour(number)
+            colour = ALARM if abs(tau[i]) > limits[i] else module_colour(number)
             parts.append(_bar_row(escape(robot.motors[i]), text, 0.5 + min(part, 0), abs(part), colour))
     return f'<div id="hybridyn-efforts" style="{SMALL}">{"".join(parts)}</div>'
 
@@ -86,20 +86,23 @@ def effort_units(robot: HybridRobot) -> list[str]:
     return ["N" if kinds[name] == "prismatic" else "N m" for name in robot.motors]
 
 
-def effort_scale(robot: HybridRobot, efforts: Array | None) -> Array:
-    """Give the effort of a full bar: the motor's limit, else the largest effort of any like it.
+def effort_limits(robot: HybridRobot) -> list[float]:
+    """Give the limit of each motor's effort, inf where there is none."""
+    limits = {joint.name: joint.effort for joint in robot.description.joints}
+    return [limits[name] for name in robot.motors]
+
+
+def effort_scale(units: Sequence[str], span: Array | None) -> Array:
+    """Give the effort of a full bar for each motor: the largest of any motor of its unit.
 
     Args:
-        robot: The robot.
-        efforts: Efforts of a motion, shape (T, motors), or None.
+        units: Unit of each motor's effort.
+        span: The efforts, shape (..., motors), or None.
     """
-    limits = {joint.name: joint.effort for joint in robot.description.joints}
-    scale = np.array([limits[name] for name in robot.motors])
-    units = effort_units(robot)
-    for i, unit in enumerate(units):
-        if not np.isfinite(scale[i]) or scale[i] <= 0:
-            like = [k for k, other in enumerate(units) if other == unit]
-            scale[i] = 0.0 if efforts is None else float(np.abs(efforts[..., like]).max(initial=0.0))
+    scale = np.zeros(len(units))
+    for unit in set(units) if span is not None else ():
+        like = [i for i, other in enumerate(units) if other == unit]
+        scale[like] = np.abs(np.asarray(span)[..., like]).max(initial=0.0)
     return scale
 
 
