@@ -123,13 +123,13 @@ def carried(description: Description, wrist: str, rod: Any, platform: Any) -> Va
 
 
 def gough_stewart(
-    description: Description, R: Any, p: Any, cross: Mapping[int, Pair] | None = None
+    description: Description, R: Any, p: Any, cross: Mapping[int, Pair] | None = None, module: str = "m1"
 ) -> Values:
     """Give the joints under a platform at (R, p); `cross`: that of a leg whose direction leaves it open."""
     values: Values = {}
-    centres = balls(description, "m1_leg1_wrist")
+    centres = balls(description, f"{module}_leg1_wrist")
     for i in range(1, 7):
-        leg = f"m1_leg{i}"
+        leg = f"{module}_leg{i}"
         Rh, ph = placement(description, f"{leg}_cross_y")
         d = Rh.T @ (p + R @ centres[f"{leg}_rod"] - ph)
         L = length(d)

@@ -78,6 +78,14 @@ def _under_leg(robot: Description, i: int, L: Any, y: Any, x: Any) -> Values:
     return gough_stewart(robot, R, tip - R @ ball, {i: (y, x)})
 
 
+def two_singular_modules(d: Any) -> Place:
+    """Leg and parallel: gimbal lock in the first of two stacked modules, 90 degrees of yaw in the second."""
+    robot = shipped("lx4", modules="2")
+    first = _under_leg(robot, 2, mp.mpf("0.45"), mp.mpf("0.7"), mp.mpf(d) - mp.pi / 2)
+    p = numbers([0.02, -0.01, 0.5])
+    return robot, first | gough_stewart(robot, about(2, mp.pi / 2 - mp.mpf(d)), p, module="m2")
+
+
 # ------------------------------------------------------------------ 3-RPS
 
 
@@ -249,6 +257,7 @@ PLACES: dict[str, Callable[[Any], Place]] = {
     "gough_stewart parallel": hexagons_at_ninety_degrees,
     "gough_stewart leg": universal_joint_in_gimbal_lock,
     "gough_stewart serial": leg_of_no_length,
+    "lx4 leg and parallel": two_singular_modules,
     "rps3 parallel": leg_in_the_platform,
     "rps3 serial": slide_of_no_length,
     "rps3 constraint": platform_upside_down,
