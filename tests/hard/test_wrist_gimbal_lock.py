@@ -30,7 +30,7 @@ FORWARD = 100 * EPS
 WRIST = "m1_leg1_wrist"
 LOCKED = 1e-9  # gimbal_lock.GIMBAL_LOCK: nearer, the hinges' rates are the least-norm ones
 DISTANCES = [1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10, 1e-11, 1e-12, 0.0]
-FEW = {1e-2, 1e-6, 0.0}
+FEW = {1e-6, 0.0}
 
 
 def twin(description: Description) -> Description:
