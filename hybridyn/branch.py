@@ -33,8 +33,9 @@ WEAK = 1e-3
 BROKEN = 1e-2
 #: Least size of the limits: below, branches touch instead of crossing, or a higher derivative would decide.
 CROSSING = 1e-6
-#: A velocity that breaks the limits by this part lies on none of the branches.
-ASTRAY = 1e-4
+#: A velocity that breaks the limits by this part lies on none of the branches, where rows are this weak:
+#: farther away, accelerations have a share in what it breaks.
+ASTRAY, AT_ONCE = 1e-4, 1e-10
 #: Step of the differences of fourth order, in scaled coordinates.
 DIFFERENCE = 1e-3
 
@@ -93,7 +94,7 @@ def branch_of(
     k = rank - strong
     if len(size) < k or size[k - 1] < CROSSING:
         return None
-    if np.abs(limits @ direction).max() > ASTRAY * size[0]:
+    if s[strong] <= AT_ONCE * s[0] and np.abs(limits @ direction).max() > ASTRAY * size[0]:
         raise SingularityError(
             f"module '{name}': its closures lose rank here, and the velocity lies on none of the branches "
             "that meet: no motion goes on with it. Give it the velocity of one branch",

@@ -42,6 +42,8 @@ CLOSED = 1e-11
 MOST_STEPS = 20
 #: A displacement of dependent coordinates beyond this (rad, module lengths) has left the chart.
 FARTHEST = 1.0
+#: Closures are close to losing rank where their least singular value is below this part of what is usual.
+CLOSE = 1.0
 #: Where G's least singular value is below this part of what is usual, another branch may be near.
 NARROW = 0.2
 #: There Newton's second step must be no more than this part of the first.
@@ -262,6 +264,13 @@ class Chart:
     def at_origin(self, u: Array) -> Array:
         """Give the rates at the chart's origin, shape (nv,) or (nv, k)."""
         return self._spread(u, [p.Z @ u[at] for p, at in zip(self._parts, self._at, strict=True)])
+
+    @property
+    def close_to_lost_rank(self) -> bool:
+        """True where the closures are closer to losing rank than they usually are."""
+        return any(
+            part.pivot < CLOSE * part.looped.module.mechanism.reduction.report.kept for part in self._parts
+        )
 
     @property
     def narrow(self) -> bool:

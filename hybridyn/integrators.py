@@ -86,12 +86,15 @@ class System:
         manifold: The assembled postures.
         law: The accelerations.
         bound: False to let the closures drift inside a step (projected afterwards, or never).
+        guarded: Whether they are bound all the same where closures are close to losing rank: there drift
+            leads to another branch.
         baumgarte: Rate of Baumgarte's stabilisation [1/s], or None.
     """
 
     manifold: Manifold
     law: MotionLaw
     bound: bool = True
+    guarded: bool = True
     baumgarte: float | None = None
 
     def acceleration(self, t: float, q: Array, v: Array) -> Array:
@@ -105,6 +108,13 @@ class System:
         if self.baumgarte is not None:
             a += np.array([self.manifold.pull_back(*s, self.baumgarte) for s in zip(q, v, strict=True)])
         return a
+
+    def chart(self, state: State) -> Chart:
+        """Lay the chart of a step."""
+        chart = self.manifold.chart(state.q, state.v, bound=self.bound or self.guarded)
+        if self.bound or (self.guarded and chart.close_to_lost_rank):
+            return chart
+        return self.manifold.chart(state.q, bound=False)
 
     def posture(self, chart: Chart, t: float, y: Array, u: Array, start: State | None = None) -> Posture:
         """Give a chart's posture with a prescribed base in its place.
@@ -174,7 +184,7 @@ class Explicit:
         Raises:
             AssemblyError: A stage is out of reach.
         """
-        chart = system.manifold.chart(state.q, state.v, bound=system.bound)
+        chart = system.chart(state)
         u0 = chart.independent(state.v)
         ky, ku = [u0], [chart.independent(state.a)]
         for row in self.A[1:]:
@@ -218,7 +228,7 @@ class Implicit:
             AssemblyError: A stage is out of reach.
             StepError: A stage did not converge.
         """
-        chart = system.manifold.chart(state.q, state.v, bound=system.bound)
+        chart = system.chart(state)
         N = chart.size
         z0 = np.concatenate([np.zeros(N), chart.independent(state.v)])
         first = np.concatenate([z0[N:], chart.independent(state.a)])

@@ -116,8 +116,8 @@ def _multipliers(state: ModuleState, needed: Array) -> tuple[Array, Array]:
         needed: Generalised force along x that closures have to give, shape (T, n).
 
     Returns:
-        The multipliers, of least norm in the author's rows, shape (T, rows), and an orthonormal basis of those
-        that do nothing, scaled likewise and filled up with zeros, shape (T, rows, k).
+        The multipliers, of least norm in the author's rows, shape (T, rows), and an orthonormal basis of
+        those that do nothing, scaled likewise and filled up with zeros, shape (T, rows, k).
     """
     reduction = state.mechanism.reduction
     rows, rank = len(reduction.row_scale), reduction.rank

@@ -8,7 +8,7 @@ from os import PathLike
 import numpy as np
 
 from .effects.choice import Choice
-from .errors import AssemblyError, TrajectoryError
+from .errors import AssemblyError, SingularityError, TrajectoryError
 from .events import Event
 from .forward import CLOSED, as_batch
 from .integrators import State, System
@@ -21,6 +21,8 @@ from .spatial import Array
 from .stepping import Stepper, build_method, control_of
 
 PROJECTIONS = ("stages", "steps", "never")
+#: Part of the rates that closing the loops may change; elsewhere it is no more than they open loops by.
+TURNED = 1e-3
 
 
 def simulate(
@@ -86,7 +88,8 @@ def simulate(
 
     Raises:
         AssemblyError: The start does not close the loops, in position or velocity.
-        SingularityError: A force acts at the start on a motion without inertia.
+        SingularityError: A force acts at the start on a motion without inertia, or closures lose rank there
+            and the rates are on none of the branches that meet.
         TrajectoryError: Wrong arguments.
         ModelError: The method is not for this robot.
     """
@@ -98,7 +101,7 @@ def simulate(
         wanted = times
     manifold = Manifold(robot)
     law = MotionLaw(robot, effort, wrenches, base_motion, effects)
-    system = System(manifold, law, projection == "stages", baumgarte)
+    system = System(manifold, law, projection == "stages", projection == "steps", baumgarte)
     earlier = Result.load(resume) if isinstance(resume, str | PathLike) else resume
     state = _start(system, q0, v0, float(times[0]), initial_velocity) if earlier is None else earlier.state
     stepper = Stepper(system, build_method(method, system), control, projection, float(times[-1]), state)
@@ -142,6 +145,22 @@ def _check_options(projection: str, baumgarte: float | None, initial_velocity: s
         raise TrajectoryError(f"method '{method}' lives on the closures: projection must be 'stages'")
 
 
+def _refuse_turned(manifold: Manifold, given: Array, v: Array) -> None:
+    """Refuse rates that keep the loops closed to first order only, where closures lose rank next to them.
+
+    Raises:
+        SingularityError: Putting them on the closures changes them.
+    """
+    change, size = (float(np.abs(x / manifold.unit).max(initial=0.0)) for x in (v - given, given))
+    if change > TURNED * size:
+        raise SingularityError(
+            f"v0 is {change / size:.2g} of itself away from what the loops allow: closures lose rank next to "
+            "q0, and these rates are on none of the branches that meet there. Take them from "
+            'hybridyn.assemble, or pass initial_velocity="project"',
+            what="closures", condition=np.inf,
+        )  # fmt: skip
+
+
 def _start(system: System, q0: Array | None, v0: Array | None, t: float, initial_velocity: str) -> State:
     """Give the state at the start, closed to rounding.
 
@@ -172,5 +191,8 @@ def _start(system: System, q0: Array | None, v0: Array | None, t: float, initial
             module=name, residual=opening,
         )  # fmt: skip
     if manifold.looped:
+        given = v
         q, v = manifold.project(q, v)
+        if initial_velocity == "refuse":
+            _refuse_turned(manifold, given, v)
     return State(t, q, v, system.acceleration(t, q, v))

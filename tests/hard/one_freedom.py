@@ -42,6 +42,7 @@ class OneFreedom:
     """A mechanism whose every posture is known.
 
     Attributes:
+        robot: The robot, for tests; only its names, gravity and description are used here.
         description: Its links and joints; revolute, prismatic and fixed ones.
         law: Positions and derivatives of the joints over s; joints not named stay at zero.
         joints: Names of the joints in the order wanted in `state`.
@@ -49,6 +50,7 @@ class OneFreedom:
     """
 
     def __init__(self, robot: HybridRobot, law: Law) -> None:
+        self.robot = robot
         self.description, self.law, self.gravity = robot.description, law, np.array(robot.gravity)
         self.joints = robot.joints
         self._links = {link.name: link for link in self.description.links}

@@ -254,3 +254,35 @@ LINKAGES: dict[str, Callable[[], Linkage]] = {
     "bennett": bennett,
     "sarrus": sarrus,
 }
+
+
+def crossed_bars(long: float = 1.0, short: float = 0.4) -> Linkage:
+    """An antiparallelogram: crank and rocker of one length, coupler and ground of another, crossing over.
+
+    Of the two postures to a crank angle s, tan(gamma / 2) = k tan(s / 2), k = (a + b) / (a - b), is the one
+    that is no parallelogram: from |b + a exp(i gamma) - a exp(i s)| = b. At s = 0 all bars lie in one line,
+    where both meet, and the closures lose rank; gamma runs through smoothly.
+    """
+    a, b = short, long
+    k = (a + b) / (a - b)
+
+    def law(s: complex) -> dict[str, tuple[complex, complex]]:
+        t = np.tan(s / 2)
+        gamma, gamma_rate = 2 * np.arctan(k * t), k * (1 + t * t) / (1 + k * k * t * t)
+        sine = a * (np.sin(gamma) - np.sin(s)) / b
+        cosine = 1 + a * (np.cos(gamma) - np.cos(s)) / b
+        beta = 2 * np.arctan(sine / (1 + cosine))
+        beta_rate = a * (np.cos(gamma) * gamma_rate - np.cos(s)) / (b * cosine)
+        return {"drive": (s, 1.0), "elbow": (beta - s, beta_rate - 1), "swing": (gamma, gamma_rate)}
+
+    text = framed(
+        "crossed_bars",
+        link("crank", 0.5, 0.2),
+        link("coupler", 1.2, 0.45),
+        link("rocker", 0.9, 0.15),
+        hinge("drive", "ground", "crank"),
+        hinge("elbow", "crank", "coupler", (a, 0, 0)),
+        hinge("swing", "ground", "rocker", (b, 0, 0)),
+        pin("pin", "coupler", (b, 0, 0), "rocker", (a, 0, 0)),
+    )
+    return Linkage(text, law, 3, 0.8, ("pin",))

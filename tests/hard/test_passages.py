@@ -1,0 +1,110 @@
+"""Through postures where closures lose rank and several motions part: the one that is smooth is followed.
+
+A row of rhombic loops (linear along its regular motion) and an antiparallelogram (not), started at, near and
+before the posture in which all bars lie in one line, by every method.
+
+Bounds: an adaptive run adds up the errors of some fifty steps; fixed steps have their order's error, which
+the same method has away from such postures. Next to the posture rows are replaced by their limits there,
+which are right to `branch.LOST` at worst; elsewhere rounding over the distance is less than that.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from benchmark_references import all_bars, n_four_bar
+from one_freedom import OneFreedom
+from redundant_loops import crossed_bars, loaded
+
+import hybridyn
+from hybridyn.branch import LOST
+from hybridyn.motion_law import MotionLaw
+
+if TYPE_CHECKING:
+    from conftest import Claim
+
+BARS = Path(__file__).parents[2] / "urdf" / "benchmarks" / "n_four_bar.urdf.xacro"
+DISTANCES = (0.0, 1e-12, 1e-9, 1e-7, 1e-5, 1e-3, 2e-2)
+METHODS = {
+    "dopri5": ({"rtol": 1e-8}, 5e-7),
+    "loose": ({"rtol": 1e-4, "atol": 1e-5}, 5e-3),
+    "rk4": ({"method": "rk4", "step": 0.02}, 1e-5),
+    "conserving": ({"method": "conserving", "step": 0.01}, 1e-3),
+    "implicit": ({"method": "implicit", "rtol": 1e-5, "atol": 1e-6}, 5e-4),
+    "steps": ({"rtol": 1e-8, "projection": "steps"}, 5e-7),
+}
+SPAN = 0.12
+SIDES = 1e-9  # two loops of a row are told apart by rounding over the distance only
+
+
+@pytest.fixture(scope="module")
+def bars() -> hybridyn.HybridRobot:
+    return hybridyn.load(str(BARS), gravity=(0, -9.81, 0), xacro_args={"n": 2})
+
+
+@pytest.fixture(scope="module")
+def crossed(tmp_path_factory: pytest.TempPathFactory) -> OneFreedom:
+    linkage = crossed_bars()
+    return OneFreedom(loaded(tmp_path_factory.mktemp("crossed"), linkage), linkage.law)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_rhombic_loops(claim: Claim, bars: hybridyn.HybridRobot, method: str) -> None:
+    options, bound = METHODS[method]
+    rng = np.random.default_rng(7)
+    worst, apart = 0.0, 0.0
+    for distance in DISTANCES:
+        rate = -rng.uniform(1.0, 5.0)
+        start = all_bars(distance - np.pi / 2, bars.joints), all_bars(rate, bars.joints)
+        result = hybridyn.simulate(bars, *start, (0, SPAN), **options)
+        assert result.status == "finished", (distance, result.message)
+        exact, _ = n_four_bar(2, result.t, distance, rate)
+        feet = result.q * all_bars(1.0, bars.joints)
+        worst = max(worst, np.abs(feet[:, 0] + np.pi / 2 - exact).max())
+        apart = max(apart, np.abs(feet - feet[:, :1]).max())
+    claim(f"row of rhombic loops, {method}", "theta [rad]", worst, bound)
+    claim(f"row of rhombic loops, {method}", "angle between uprights [rad]", apart, SIDES)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_antiparallelogram(claim: Claim, crossed: OneFreedom, method: str) -> None:
+    options, bound = METHODS[method]
+    rng = np.random.default_rng(8)
+    worst = 0.0
+    for distance in DISTANCES:
+        rate = -rng.uniform(1.0, 3.0)
+        q, v, _ = crossed.state(distance, rate)
+        result = hybridyn.simulate(crossed.robot, q, v, (0, SPAN), **options)
+        assert result.status == "finished", (distance, result.message)
+        exact = np.array([crossed.state(*x)[0] for x in crossed.motion(distance, rate, result.t)])
+        worst = max(worst, np.abs(result.q - exact).max())
+    claim(f"antiparallelogram, {method}", "angles [rad]", worst, bound)
+
+
+def test_accelerations_near_and_at_the_posture(claim: Claim, crossed: OneFreedom) -> None:
+    """What the direct model gives the integrator, from 1e-1 to 1e-12 and at the posture."""
+    law = MotionLaw(crossed.robot)
+    worst = 0.0
+    for distance in (0.0, *np.geomspace(1e-12, 1e-1, 23)):
+        s_ddot = crossed.acceleration(distance, -2.0)
+        q, v, a = crossed.state(distance, -2.0, s_ddot)
+        worst = max(worst, np.abs(law.acceleration(0.0, q, v) - a).max() / np.abs(a).max())
+    claim("antiparallelogram", "accelerations, 1e-12 to 1e-1 from the posture", worst, LOST)
+
+
+def test_a_velocity_on_no_branch_is_refused(crossed: OneFreedom) -> None:
+    """Half on one branch, half on the other: it keeps the loops closed to first order, and leads nowhere."""
+    parallel = np.array([1.0, -1.0, 1.0])  # drive, elbow, swing of the parallelogram
+    for distance in (0.0, 1e-9, 1e-8):
+        q, v, _ = crossed.state(distance, 1.0)
+        with pytest.raises(hybridyn.SingularityError, match="on none of the branches"):
+            hybridyn.simulate(crossed.robot, q, (v + parallel) / 2, (0, 0.1), method="rk4", step=0.01)
+
+
+def test_at_rest_there_the_motion_is_not_defined(crossed: OneFreedom) -> None:
+    q, v, _ = crossed.state(0.0, 0.0)
+    with pytest.raises(hybridyn.SingularityError, match="closures lose rank"):
+        hybridyn.simulate(crossed.robot, q, v, (0, 0.1))
