@@ -11,13 +11,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from .branch import along_branch
+from .digits import flag_accelerations
 from .effects.choice import Effects
 from .elimination import least_squares, null_basis
 from .errors import SingularityError
 from .forward import ModuleState
 from .inertia_solve import EPS, InertiaFactor, factor_inertia
 from .loads import Loads, ModuleLoad
-from .lost_rank import refuse_lost_rank
+from .lost_rank import refuse_lost_rank, refuse_untold
 from .module import Module
 from .reduction import Basis
 from .robot import HybridRobot
@@ -58,6 +59,7 @@ class ArticulatedModule:
         Q_0: Generalised force at a base without acceleration, shape (T, N), Eq. (44).
         y: A_t^-1 Q_0, shape (T, N): u_dot at a base without acceleration.
         inertia: The factor of A_t.
+        terms: Size of what y was summed from, shape (T,).
     """
 
     state: ModuleState
@@ -69,6 +71,7 @@ class ArticulatedModule:
     Q_0: Array
     y: Array
     inertia: InertiaFactor
+    terms: Array
 
 
 def articulate(
@@ -92,17 +95,21 @@ def articulate(
     """
     T = len(tau)
     I_star = [np.tile(s.mechanism.inertias, (T, 1, 1, 1)) for s in states]
+    noise = [np.zeros_like(x) for x in I_star]
     beta_star = [_own_bias(s, loads.modules[k], loads.on) for k, s in enumerate(states)]
     out: list[ArticulatedModule] = []
     for k in reversed(range(len(states))):
         s, legs = states[k], _legs(states[k], loads, k)
         wanted = None if prescribed is None else prescribed[:, s.module.v_index]
         motions = _motions(s, wanted, passing)
-        item = _articulate_module(s, legs, I_star[k], beta_star[k], tau[:, s.module.motor_index], motions)
+        noise[k] += _rounding(I_star[k])
+        efforts = tau[:, s.module.motor_index]
+        item = _articulate_module(s, legs, I_star[k], beta_star[k], efforts, motions, noise[k])
         out.insert(0, item)
         if s.module.parent >= 0:
             base, output = s.module.parent, s.module.parent_output
-            inertia, bias = _onto_base(item, legs, I_star[k], beta_star[k])
+            inertia, bias, blur = _onto_base(item, legs, I_star[k], beta_star[k], noise[k])
+            noise[base][:, output] += blur
             I_star[base][:, output] += inertia
             beta_star[base][:, output] += bias
     return out
@@ -125,6 +132,7 @@ def _articulate_module(
     beta_star: Array,
     tau: Array,
     motions: tuple[Basis, list[Array]],
+    blur: Array,
 ) -> ArticulatedModule:
     """Solve one module for u_dot over its base's acceleration, Eqs. (40)-(44).
 
@@ -135,6 +143,7 @@ def _articulate_module(
         beta_star: Their biases, shape (T, outputs, 6).
         tau: Efforts of its motors, shape (T, motors).
         motions: Its motions, and its outputs' accelerations at zero x_ddot, as `_motions` gives them.
+        blur: Rounding of I_star, as inertias that are no smaller, shape (T, outputs, 6, 6).
 
     Raises:
         SingularityError: Its closures lose rank, or a force acts on a motion without inertia.
@@ -145,7 +154,7 @@ def _articulate_module(
     Psi, drift = basis.Psi, basis.drift
     A, D = legs.M[:, 6:, 6:], legs.M[:, 6:, :6]
     A_t = _congruence(Psi, A)  # Eq. (43), the legs' share
-    noise = _congruence(np.abs(Psi), np.abs(A))
+    noise, carried = _congruence(np.abs(Psi), np.abs(A)), np.zeros_like(A_t)
     E = np.einsum("tij,tik->tjk", Psi, D)  # Eq. (42)
     needed = legs.f - legs.h - np.einsum("tij,tj->ti", A, drift)
     needed[:, s.module.motor_columns] += tau
@@ -162,30 +171,51 @@ def _articulate_module(
         b = np.einsum("tij,tj->ti", I_o, c) + beta_star[:, o]
         A_t += _congruence(a_map, I_o)
         noise += _congruence(np.abs(a_map), np.abs(I_o))
+        carried += _congruence(a_map, blur[:, o])
         E += np.einsum("tij,tik,tkl->tjl", a_map, I_o, X, optimize=True)
         Q_0 -= np.einsum("tij,ti->tj", a_map, b)
         size = np.maximum(size, _size(a_map, np.abs(b)))
         a_maps, cs, Xs = [*a_maps, a_map], [*cs, c], [*Xs, X]
-    inertia = factor_inertia(A_t, 4 * n * EPS * np.diagonal(noise, axis1=1, axis2=2))
+    inertia = factor_inertia(A_t, np.diagonal(4 * n * EPS * noise + carried, axis1=1, axis2=2))
     solved, left = inertia.solve(np.concatenate([E, Q_0[..., None]], axis=-1))
     _refuse_forced(s.module, basis, inertia, left, size)
-    return ArticulatedModule(s, basis, a_maps, cs, Xs, solved[..., :6], Q_0, solved[..., 6], inertia)
+    G, y = solved[..., :6], solved[..., 6]
+    resisted = np.square(inertia.R[:, :1, :1].max(axis=(1, 2), initial=0.0))
+    kept = _largest(Q_0)
+    terms = _largest(y) * np.maximum(size / np.where(kept > 0, kept, np.inf), 1.0)
+    terms = np.maximum(terms, size / np.where(resisted > 0, resisted, np.inf))
+    return ArticulatedModule(s, basis, a_maps, cs, Xs, G, Q_0, y, inertia, terms)
 
 
 def _onto_base(
-    item: ArticulatedModule, legs: LegTerms, I_star: Array, beta_star: Array
-) -> tuple[Array, Array]:
-    """Give what a module adds to its base's inertia and bias, Eqs. (45)-(48) in congruence form."""
+    item: ArticulatedModule, legs: LegTerms, I_star: Array, beta_star: Array, blur: Array
+) -> tuple[Array, Array, Array]:
+    """Give what a module adds to its base's inertia and bias, Eqs. (45)-(48) in congruence form.
+
+    The third result is the rounding of the inertias that it hands on, which takes their way.
+    """
     Psi, drift, G = item.basis.Psi, item.basis.drift, item.G
     T = len(G)
     with_base = np.concatenate([np.tile(np.eye(6), (T, 1, 1)), -np.matmul(Psi, G)], axis=1)
-    inertia = _congruence(with_base, legs.M)
+    inertia, handed = _congruence(with_base, legs.M), np.zeros((T, 6, 6))
     beta = np.einsum("tij,ti->tj", legs.M[:, 6:, :6], drift) + legs.p + np.einsum("tij,ti->tj", G, item.Q_0)
     for o, (X, a_map, c) in enumerate(zip(item.X, item.a_maps, item.c, strict=True)):
-        inertia += _congruence(X - np.matmul(a_map, G), I_star[:, o])
+        follows = X - np.matmul(a_map, G)
+        inertia += _congruence(follows, I_star[:, o])
+        handed += _congruence(follows, blur[:, o])
         b = np.einsum("tij,tj->ti", I_star[:, o], c) + beta_star[:, o]
         beta += np.einsum("tij,ti->tj", X, b)
-    return inertia, beta
+    return inertia, beta, handed
+
+
+def _rounding(inertia: Array) -> Array:
+    """Give inertias, shape (T, outputs, 6, 6), no smaller than the rounding of some.
+
+    Entries err by eps sqrt(I_ii I_jj) at most, and six times the diagonal is no smaller than that.
+    """
+    diagonal = np.diagonal(inertia, axis1=2, axis2=3)
+    out: Array = 6 * EPS * np.abs(diagonal)[..., None] * np.eye(6)
+    return out
 
 
 def accelerate(
@@ -202,11 +232,13 @@ def accelerate(
         a: Accelerations, shape (T, nv), filled in place.
     """
     outputs: list[list[Array]] = []
+    gravity = float(np.linalg.norm(robot.gravity))
     for item in modules:
         s, module = item.state, item.state.module
         m = s.mechanism
         V_dot = root if module.parent < 0 else outputs[module.parent][module.parent_output]
-        u_dot = item.y - np.einsum("tij,tj->ti", item.G, V_dot)  # Eq. (51)
+        carried = np.einsum("tij,tj->ti", item.G, V_dot)
+        u_dot = item.y - carried  # Eq. (51)
         _least_norm(item, u_dot)
         outputs.append(
             [
@@ -215,6 +247,7 @@ def accelerate(
             ]
         )
         x_ddot = np.einsum("tij,tj->ti", item.basis.Psi, u_dot) + item.basis.drift
+        flag_accelerations(module, x_ddot, item.terms + _largest(carried), gravity)
         spanning = np.zeros((len(q), m.spanning.nv))
         m.take_legs(x_ddot, spanning)
         if m.spec.wrists:
@@ -253,14 +286,21 @@ def _motions(state: ModuleState, prescribed: Array | None, passing: bool) -> tup
     S_Psi = basis.Psi[:, motors] / unit[:, None]
     miss = (basis.drift[:, motors] - wanted[:, motors]) / unit
     Z, u_dot, pivot = null_basis(S_Psi, miss, min(S_Psi.shape[1:]))
+    refuse_untold(state.module, pivot)
     Psi = np.matmul(basis.Psi, Z)
     drift = basis.drift + np.einsum("tij,tj->ti", basis.Psi, u_dot)
-    return Basis(Psi, drift, np.minimum(basis.pivot, pivot)), bias
+    return Basis(Psi, drift, basis.pivot), bias
 
 
 def _congruence(B: Array, M: Array) -> Array:
     """Give B^T M B, shapes (T, n, N) and (T, n, n)."""
     out: Array = np.matmul(np.swapaxes(B, 1, 2), np.matmul(M, B))
+    return out
+
+
+def _largest(x: Array) -> Array:
+    """Give the largest entry of each sample, shape (T,)."""
+    out: Array = np.abs(x).max(axis=1, initial=0.0)
     return out
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .actuation import Sharing, motor_efforts
+from .digits import flag_efforts, robot_weight
 from .effects.choice import Choice, choose, times
 from .errors import ActuationError, TrajectoryError
 from .forward import ModuleState, as_batch, base_motion, check_closed, forward, same_samples
@@ -152,7 +153,7 @@ def _backward(
     received = [np.zeros((T, len(s.module.outputs), 6)) for s in states]
     summed = [np.zeros((T, len(s.module.outputs))) for s in states]
     root = np.zeros((T, 6))
-    weight = sum(body.mass for body in robot.bodies.bodies) * float(np.linalg.norm(robot.gravity))
+    weight = robot_weight(robot)
     for k in reversed(range(len(states))):
         s, load = states[k], loads.modules[k]
         m = s.mechanism
@@ -179,6 +180,7 @@ def _backward(
             F += wrench_to_base(*s.placement(o), W)
         if sharing is not None:
             refuse_lost_digits(s.module, basis, Q, size, weight * m.length)
+            flag_efforts(s.module, Q, size, weight * m.length)
             tau[:, s.module.motor_index] = motor_efforts(robot, s.module, Psi, Q, size, sharing)  # Eq. (33)
             for t in np.flatnonzero(basis.pivot < LOST) if m.reduction.rank else ():
                 at = slice(t, t + 1)
