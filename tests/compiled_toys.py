@@ -35,7 +35,9 @@ def own_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
         yield
 
 
-def random_function(rng: np.random.Generator, name: str, inputs: list[int], outputs: list[int]) -> ca.Function:
+def random_function(
+    rng: np.random.Generator, name: str, inputs: list[int], outputs: list[int]
+) -> ca.Function:
     """Give a function of random operations whose values stay moderate."""
     columns = [ca.SX.sym(f"i{k}", size) for k, size in enumerate(inputs)]
     values: list[Any] = [x[k] for x in columns for k in range(x.numel())] or [ca.SX(0.7)]

@@ -73,7 +73,9 @@ def test_another_machine_or_package_builds_its_own(monkeypatch: pytest.MonkeyPat
             cached("a robot", never)
 
 
-@pytest.mark.parametrize("damage", ["truncated", "foreign", "gone", "record", "no record", "key", "other record"])
+@pytest.mark.parametrize(
+    "damage", ["truncated", "foreign", "gone", "record", "no record", "key", "other record"]
+)
 def test_what_is_damaged_is_built_again(empty_cache: Path, damage: str) -> None:
     first = cached("a robot", source)
     (record,) = (empty_cache / "models").iterdir()
@@ -127,7 +129,9 @@ def test_processes_may_build_at_the_same_time(empty_cache: Path) -> None:
     assert not [path for path in empty_cache.rglob("*") if path.name.startswith(("building", "tmp"))]
 
 
-def test_a_folder_that_cannot_be_written_does_no_harm(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_folder_that_cannot_be_written_does_no_harm(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     in_the_way = tmp_path / "file"
     in_the_way.write_text("")
     monkeypatch.setenv("HYBRIDYN_CACHE", str(in_the_way / "cache"))
@@ -151,7 +155,9 @@ def test_without_a_compiler_the_message_says_what_to_install(
         cached("a robot", source)
 
 
-def test_a_compiler_that_is_named_must_be_there(fresh_compiler: None, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_compiler_that_is_named_must_be_there(
+    fresh_compiler: None, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setenv("CC", "no-such-compiler -v")
     with pytest.raises(CompileError, match="'no-such-compiler', is not there"):
         cached("a robot", source)

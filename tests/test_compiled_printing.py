@@ -58,7 +58,9 @@ ANGLE = ca.SX.sym("angle")
 SINES = one_kernel("sines", [ANGLE], [ca.sin(ANGLE), ca.cos(ANGLE)])
 
 
-@pytest.fixture(scope="module", params=[("float64", 8), ("float64", 4), ("float64", 2), ("float64", 1)], ids=str)
+@pytest.fixture(
+    scope="module", params=[("float64", 8), ("float64", 4), ("float64", 2), ("float64", 1)], ids=str
+)
 def library(request: pytest.FixtureRequest, own_cache: None) -> Library:
     number, lanes = request.param
     return load([EVERY, SINES], dtype=number, lanes=lanes)
@@ -142,7 +144,9 @@ def test_wider_numbers_are_there_for_reference(own_cache: None, number: str) -> 
 
 def test_complex_steps_give_derivatives(own_cache: None) -> None:
     program = one_kernel(
-        "smooth", [X, Y], [ca.sin(X) * Y, ca.atan2(Y, X), ca.fabs(X) * Y, ca.tanh(X / Y), ca.sqrt(X * X + Y), ca.erf(X)]
+        "smooth",
+        [X, Y],
+        [ca.sin(X) * Y, ca.atan2(Y, X), ca.fabs(X) * Y, ca.tanh(X / Y), ca.sqrt(X * X + Y), ca.erf(X)],
     )
     f = program.kernels[0].function
     jacobian = ca.Function("jacobian", [X, Y], [ca.jacobian(f(X, Y), X)])

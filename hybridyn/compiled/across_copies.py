@@ -10,7 +10,21 @@ import numpy as np
 
 from ..spatial import Array, Index
 from .checking import overlap, spans
-from .program import Add, Call, Constants, Each, Given, Own, Program, Result, Shared, Source, Start, Target, Worst
+from .program import (
+    Add,
+    Call,
+    Constants,
+    Each,
+    Given,
+    Own,
+    Program,
+    Result,
+    Shared,
+    Source,
+    Start,
+    Target,
+    Worst,
+)
 from .tables import Tables, steps_of_one
 
 HEAD = "static void {name}_copies(const S *given, S *result, V *shared, V *own, S *guard) {{"
@@ -70,7 +84,9 @@ class _Alone:
                 if index.size and steps_of_one(index):
                     self.before.append(f"set_all(x{n}, {place} + {index[0, 0]}, {index.size});")
                 elif index.size:
-                    self.before.append(f"gather_all(x{n}, {place}, {self.tables.places(index)}, {index.size});")
+                    self.before.append(
+                        f"gather_all(x{n}, {place}, {self.tables.places(index)}, {index.size});"
+                    )
         return f"x{n}"
 
     def _target(self, n: int, target: Target) -> str:
@@ -145,9 +161,9 @@ class _Together:
                 at = self._lanes(index, pack)
             case Each(start, size):
                 place = "(const S *)shared"
-                at = (start + size * self._lanes(np.arange(self.call.copies)[:, None], pack)) + np.arange(size)[
-                    :, None
-                ]
+                at = (start + size * self._lanes(np.arange(self.call.copies)[:, None], pack)) + np.arange(
+                    size
+                )[:, None]
                 at = at * self.lanes  # the first lane of each
         before.append(f"V x{n}[{max(size, 1)}];")
         if size:

@@ -9,7 +9,21 @@ import numpy as np
 
 from ..spatial import Index
 from .checking import overlap, spans
-from .program import Add, Call, Constants, Each, Given, Own, Program, Result, Shared, Source, Start, Target, Worst
+from .program import (
+    Add,
+    Call,
+    Constants,
+    Each,
+    Given,
+    Own,
+    Program,
+    Result,
+    Shared,
+    Source,
+    Start,
+    Target,
+    Worst,
+)
 from .tables import Tables, steps_of_one
 
 HEAD = "static void {name}_samples(const V *given, V *result, V *shared, V *own, V *guard) {{"
@@ -75,12 +89,16 @@ def _at(call: Call, start: int, size: int) -> str:
 def _source(call: Call, n: int, source: Source, tables: Tables, before: list[str]) -> str:
     """Give an argument that is read; what must be gathered first goes `before`."""
     match source:
+        case Shared(_, 0) | Each(_, 0) | Own(_, 0):
+            return "0"
         case Given(index) | Result(index):
             place = "given" if isinstance(source, Given) else "result"
             if steps_of_one(index):
                 return f"{place} + {_row(call, index, tables)}"
             before.append(f"V x{n}[{max(index.shape[1], 1)}];")
-            before.append(f"gather(x{n}, {place}, {tables.places(index)} + {_at(call, 0, index.shape[1])}, {index.shape[1]});")
+            before.append(
+                f"gather(x{n}, {place}, {tables.places(index)} + {_at(call, 0, index.shape[1])}, {index.shape[1]});"
+            )
         case Constants(values):
             before.append(f"V x{n}[{max(values.shape[1], 1)}];")
             if values.size:
@@ -100,6 +118,8 @@ def _target(
 ) -> str:
     """Give an argument that is written; what must be done with it afterwards goes `after`."""
     match target:
+        case Shared(_, 0) | Each(_, 0) | Own(_, 0) | Add(_, 0):
+            size = 0
         case Worst():
             before.append(f"V y{n}[1];")
             after.append(f"*guard = worst(*guard, y{n}[0]);")
@@ -109,7 +129,7 @@ def _target(
             after.append(f"add(shared + {start}, y{n}, {size});")
             return f"y{n}"
         case Result(index):
-            if free and steps_of_one(index):
+            if free and index.size and steps_of_one(index):
                 return f"result + {_row(call, index, tables)}"
             size = index.shape[1]
             after.append(f"scatter(result, {tables.places(index)} + {_at(call, 0, size)}, y{n}, {size});")
@@ -127,4 +147,3 @@ def _target(
             after.append(f"copy(own + {_at(call, start, size)}, y{n}, {size});")
     before.append(f"V y{n}[{max(size, 1)}];")
     return f"y{n}"
-

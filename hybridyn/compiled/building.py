@@ -49,7 +49,9 @@ def _run(command: list[str]) -> None:
         CompileError: It fails.
     """
     try:
-        done = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, text=True, errors="replace")
+        done = subprocess.run(
+            command, stdin=subprocess.DEVNULL, capture_output=True, text=True, errors="replace"
+        )
     except OSError as error:
         raise CompileError(f"the C compiler '{command[0]}' cannot be started: {error}") from error
     if done.returncode:

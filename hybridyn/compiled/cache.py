@@ -158,5 +158,7 @@ def _writable(at: Path) -> Path:
         try:
             alone = tempfile.mkdtemp(prefix="hybridyn-")
         except OSError:
-            raise CompileError(f"the cache folder '{at}' cannot be written: {error}; name another in {VARIABLE}") from error
+            raise CompileError(
+                f"the cache folder '{at}' cannot be written: {error}; name another in {VARIABLE}"
+            ) from error
         return Path(alone)

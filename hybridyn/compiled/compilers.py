@@ -84,9 +84,7 @@ def machine() -> str:
     cpuinfo = Path("/proc/cpuinfo")
     if cpuinfo.exists():
         wanted = ("flags", "Features", "model name", "CPU part")
-        lines = {
-            line for line in cpuinfo.read_text(errors="replace").splitlines() if line.startswith(wanted)
-        }
+        lines = {line for line in cpuinfo.read_text(errors="replace").splitlines() if line.startswith(wanted)}
         features = "\n".join(sorted(lines))
     digest = hashlib.sha256(features.encode()).hexdigest()[:16]
     return f"{platform.system()} {platform.machine()} {digest}"
@@ -109,5 +107,3 @@ def best_lanes(number: str = "float64") -> int:
     known = features()
     doubles = 8 if "avx512f" in known else 4 if "avx" in known or not known else 2
     return doubles * (2 if number == "float32" else 1)
-
-

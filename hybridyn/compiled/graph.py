@@ -18,7 +18,22 @@ SYMMETRIC = ("add", "fmin", "fmax", "hypot", "eq", "ne", "and", "or")
 ODD = ("sin", "tan", "asin", "atan", "sinh", "tanh", "asinh", "atanh", "erf", "sign")
 EVEN = ("cos", "cosh", "fabs")
 ONE = ("sqrt", "acos", "exp", "log", "log1p", "expm1", "acosh", "floor", "ceil", "not")
-TWO = ("fmin", "fmax", "atan2", "pow", "fmod", "hypot", "copysign", "remainder", "lt", "le", "eq", "ne", "and", "or")
+TWO = (
+    "fmin",
+    "fmax",
+    "atan2",
+    "pow",
+    "fmod",
+    "hypot",
+    "copysign",
+    "remainder",
+    "lt",
+    "le",
+    "eq",
+    "ne",
+    "and",
+    "or",
+)
 TRUTH = ("lt", "le", "eq", "ne", "not", "and", "or")
 """Operations that give true or false."""
 

@@ -32,7 +32,9 @@ BORDER = {
 REFUSED = 1
 """Status of a single call whose arrays are not plain."""
 
-BLOCK = 512  # samples that a thread takes at once: long enough to be worth waking it, a multiple of every width
+BLOCK = (
+    512  # samples that a thread takes at once: long enough to be worth waking it, a multiple of every width
+)
 
 
 class Library:

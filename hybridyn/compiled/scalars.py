@@ -85,7 +85,9 @@ def _sines(scalar: Scalar) -> str:
         lines = ["LANES1(SQRT, SCALAR(sqrt))"]
         if scalar.name != "complex128":
             lines.append("LANES1(FABS, SCALAR(fabs))")
-        return "\n".join([*lines, "INLINE void SINCOS(V x, V *s, V *c) { *s = SCALAR(sin)(x); *c = SCALAR(cos)(x); }"])
+        return "\n".join(
+            [*lines, "INLINE void SINCOS(V x, V *s, V *c) { *s = SCALAR(sin)(x); *c = SCALAR(cos)(x); }"]
+        )
     own = "sines_vector.h" if scalar.lanes > 1 else "sines_scalar.h"
     return text_of(own).replace("/* trigonometry.h */", text_of("trigonometry.h"))
 

@@ -13,6 +13,7 @@ from .printing import kernel_graph, kernel_text
 from .program import Program
 from .scalars import Scalar, text_of
 from .tables import Tables
+from .trimming import trimmed
 
 #: Statements that one compiler process is given before another is started.
 UNIT = 4000
@@ -48,6 +49,7 @@ def library_source(programs: list[Program], scalar: Scalar) -> Source:
     """
     bodies: dict[str, str] = {}
     names: dict[str, list[str]] = {}
+    programs = [trimmed(program) for program in programs]
     for program in programs:
         check(program)
         names[program.name] = []

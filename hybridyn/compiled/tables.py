@@ -23,7 +23,9 @@ class Tables:
 
     def places(self, index: Index) -> str:
         """Give the name of a table of places, of any shape."""
-        return self._named("int {}" + _shape(index) + " = {{" + ", ".join(map(str, index.ravel().tolist())) + "}}")
+        return self._named(
+            "int {}" + _shape(index) + " = {{" + ", ".join(map(str, index.ravel().tolist())) + "}}"
+        )
 
     def numbers(self, values: Array) -> str:
         """Give the name of a table of numbers, of any shape."""

@@ -1,0 +1,53 @@
+"""`hybridyn export`: a robot's models as C for other programs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+import click
+
+from hybridyn.cli.robot_options import RobotCommand, takes_effects, takes_robot
+
+if TYPE_CHECKING:
+    from hybridyn.robot import HybridRobot
+
+
+@click.command("export", cls=RobotCommand, short_help="Dynamic models as dependency-free C.")
+@takes_robot
+@click.option(
+    "-o",
+    "--output",
+    metavar="DIR",
+    type=click.Path(file_okay=False),
+    help="Folder that the files go to.",
+)
+@click.option("--name", metavar="NAME", help="Prefix of files and of names in C; the robot's own by default.")
+@click.option(
+    "--stats", is_flag=True, help="Print how many operations each part takes, and before what saves them."
+)
+@takes_effects("default")
+def command(
+    load: Callable[[], HybridRobot],
+    output: str | None,
+    name: str | None,
+    stats: bool,
+    effects: tuple[str, ...],
+) -> None:
+    """Write the inverse and the direct dynamic model of ROBOT (URDF or xacro) as C99.
+
+    Header, source, a test with reference values, a Makefile and a README: no allocation, nothing of the C
+    library but mathematics, one function per model. ROBOT may be the name of a shipped robot ('hybridyn
+    robots').
+    """
+    if output is None and not stats:
+        raise click.UsageError("say where the files go, -o DIR, or ask for --stats")
+    from hybridyn.compiled.export import export
+    from hybridyn.compiled.variants import statistics
+
+    robot = load()
+    if output is not None:
+        for path in export(robot, output, effects, name=name):
+            click.echo(str(path), err=True)
+    if stats:
+        click.echo(statistics(robot, effects))

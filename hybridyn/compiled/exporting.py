@@ -1,0 +1,109 @@
+"""Programs as C99 that needs nothing: plain numbers, no allocation, nothing of the C library but mathematics."""
+
+from __future__ import annotations
+
+import re
+
+from .across_samples import across_samples
+from .checking import check
+from .printing import kernel_graph, kernel_text
+from .program import Program
+from .scalars import text_of
+from .tables import Tables
+from .trimming import trimmed
+
+FUNCTIONS = (
+    "SQRT FABS TAN ASIN ACOS ATAN SINH COSH TANH ASINH ACOSH ATANH EXP EXPM1 LOG LOG1P FLOOR CEIL ERF ATAN2 FMOD "
+    "REMAINDER HYPOT COPYSIGN POW"
+).split()
+"""Functions of kernels that the C library has under the same name."""
+
+MOVES = {
+    "worst": "static V worst(V a, V b) { return b <= a || a != a ? a : b; }",
+    "set_all": "static void set_all(V *to, const S *from, int n) {\n    int k;\n    for (k = 0; k < n; k++) to[k] = from[k];\n}",
+    "copy": "static void copy(V *to, const V *from, int n) {\n    int k;\n    for (k = 0; k < n; k++) to[k] = from[k];\n}",
+    "gather": "static void gather(V *to, const V *from, const int *at, int n) {\n    int k;\n"
+    "    for (k = 0; k < n; k++) to[k] = from[at[k]];\n}",
+    "scatter": "static void scatter(V *to, const int *at, const V *from, int n) {\n    int k;\n"
+    "    for (k = 0; k < n; k++) to[at[k]] = from[k];\n}",
+    "add": "static void add(V *to, const V *from, int n) {\n    int k;\n    for (k = 0; k < n; k++) to[k] += from[k];\n}",
+    "SINCOS": "static void SINCOS(V x, V *s, V *c) {\n    *s = sin(x);\n    *c = cos(x);\n}",
+}
+"""What drivers and kernels call; only what is used is printed."""
+
+
+def plain_source(programs: list[Program], name: str) -> str:
+    """Give the C file of programs.
+
+    Args:
+        programs: The programs.
+        name: Prefix of every public name.
+    """
+    kernels: dict[str, str] = {}
+    drivers: list[str] = []
+    tables = Tables()
+    for program in map(trimmed, programs):
+        check(program)
+        names = []
+        for kernel in program.kernels:
+            text = kernel_text(kernel_graph(kernel))
+            if text not in kernels:
+                kernels[text] = kernel.name
+            names.append(kernels[text])
+        drivers += [across_samples(program, names, tables), _call(program, name)]
+    bodies = [f"static void {called}{text}" for text, called in kernels.items()]
+    code = "\n\n".join([*bodies, tables.text, *drivers])
+    moves = [text for word, text in MOVES.items() if re.search(rf"\b{word}\(", code)]
+    functions = [f"#define {word} {word.lower()}" for word in FUNCTIONS if re.search(rf"\b{word}\(", code)]
+    return (
+        "\n\n".join(
+            [
+                f'#include <math.h>\n\n#include "{name}.h"',
+                text_of("plain.h").strip(),
+                "\n".join(functions),
+                *moves,
+                code,
+            ]
+        )
+        + "\n"
+    )
+
+
+def prototype(program: Program, name: str) -> str:
+    """Give the declaration of a program's function, without the semicolon."""
+    arguments = [f"const double {n}[{size}]" for n, size in program.inputs]
+    arguments += [f"double {n}[{size}]" for n, size in program.outputs]
+    return f"double {name}_{program.name}({', '.join(arguments)}, {name}_{program.name}_work *work)"
+
+
+def work_type(program: Program, name: str) -> str:
+    """Give the type of the memory that a program's function works in."""
+    return f"typedef struct {{\n    double numbers[{sum(_sizes(program))}];\n}} {name}_{program.name}_work;"
+
+
+def _sizes(program: Program) -> tuple[int, int, int, int]:
+    """Give how many numbers given, result, shared and own need; none is empty."""
+    given, result = (sum(size for _, size in x) for x in (program.inputs, program.outputs))
+    return given, result, max(program.shared, 1), max(program.own, 1)
+
+
+def _call(program: Program, name: str) -> str:
+    """Give the public function of a program."""
+    given, result, shared, _ = _sizes(program)
+    lines = [
+        f"{prototype(program, name)} {{",
+        f"    double *given = work->numbers, *result = given + {given}, *shared = result + {result};",
+        f"    double guard = 0.0, *own = shared + {shared};",
+        "    int k;",
+    ]
+    at = 0
+    for word, size in program.inputs:
+        lines.append(f"    for (k = 0; k < {size}; k++) given[{at} + k] = {word}[k];")
+        at += size
+    lines.append(f"    for (k = 0; k < {given}; k++) guard += given[k] * 0.0; /* not finite: NaN */")
+    lines.append(f"    {program.name}_samples(given, result, shared, own, &guard);")
+    at = 0
+    for word, size in program.outputs:
+        lines.append(f"    for (k = 0; k < {size}; k++) {word}[k] = result[{at} + k];")
+        at += size
+    return "\n".join([*lines, "    return guard;", "}"])

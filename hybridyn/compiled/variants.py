@@ -1,0 +1,35 @@
+"""What the reductions save: operations of a robot's models before and after each."""
+
+from __future__ import annotations
+
+from ..effects.choice import Choice
+from ..robot import HybridRobot
+from .needs import needs_casadi
+from .operations import operations_table
+from .program import Program
+
+
+def statistics(robot: HybridRobot, effects: Choice = None) -> str:
+    """Give the operations of both models, part by part and variant by variant, as a table for people.
+
+    Args:
+        robot: The robot.
+        effects: As `hybridyn.idm` takes them.
+
+    Raises:
+        ModelError: An effect is not for written-out models.
+        CompileError: casadi is not installed.
+    """
+    needs_casadi()
+    from .programs import programs
+
+    variants: dict[str, dict[str, Program]] = {
+        "inertial parameters as described": programs(robot, effects, regroup=False),
+        "base inertial parameters": programs(robot, effects),
+    }
+    titles = {"idm": "Inverse model, operations per sample", "ddm": "Direct model, operations per sample"}
+    tables = [
+        f"{title}\n\n" + operations_table({name: made[model] for name, made in variants.items()})
+        for model, title in titles.items()
+    ]
+    return "\n\n".join(tables)

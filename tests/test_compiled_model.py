@@ -1,0 +1,261 @@
+"""Compiled robots: the general path's numbers, its errors, and its help where a model must not be trusted."""
+
+from __future__ import annotations
+
+import dataclasses
+import logging
+from typing import Any
+
+import numpy as np
+import pytest
+
+import hybridyn
+from hybridyn.compiled.library import Library
+from hybridyn.compiled.model import CompiledRobot, robot_key
+from hybridyn.compiled.states import random_states
+from hybridyn.compiled.verifying import AGREE, difference, verify
+from hybridyn.errors import AssemblyError, CompileError, HybridynError, ModelError, TrajectoryError
+from hybridyn.shipped import shipped_robots
+from tests.compiled_toys import own_cache
+
+__all__ = ["own_cache"]
+
+Arrays = tuple[Any, Any, Any, Any]
+
+
+def shipped(name: str, **options: Any) -> hybridyn.HybridRobot:
+    return hybridyn.load(str(shipped_robots()[name].file), **options)
+
+
+@pytest.fixture(scope="module")
+def lx4(own_cache: None) -> CompiledRobot:
+    return hybridyn.compile(shipped("lx4"))
+
+
+@pytest.fixture(scope="module")
+def states(lx4: CompiledRobot) -> Arrays:
+    return random_states(lx4.robot, 40, seed=5)
+
+
+def test_models_are_those_of_the_general_path(lx4: CompiledRobot, states: Arrays) -> None:
+    q, v, a, tau = states
+    assert (difference(lx4.ddm(q, v, tau), a) <= AGREE["float64"]).all()
+    assert (difference(lx4.idm(q, v, a), hybridyn.idm(lx4.robot, q, v, a)) <= AGREE["float64"]).all()
+    assert lx4.recomputed == 0
+
+
+def test_one_sample_has_the_bits_of_the_batch(lx4: CompiledRobot, states: Arrays) -> None:
+    q, v, a, tau = states
+    efforts, accelerations = lx4.idm(q, v, a), lx4.ddm(q, v, tau)
+    lx4.threads = 2
+    many = [np.tile(x, (30, 1)) for x in states]
+    assert (lx4.ddm(many[0], many[1], many[3]) == np.tile(accelerations, (30, 1))).all()
+    lx4.threads = 1
+    for t in range(10):
+        assert (lx4.idm(q[t], v[t], a[t]) == efforts[t]).all()
+        assert (lx4.ddm(q[t], v[t], tau[t]) == accelerations[t]).all()
+        assert (lx4.ddm(q[t].tolist(), v[t], tau[t]) == accelerations[t]).all()
+
+
+def test_kinematics_are_the_general_paths(lx4: CompiledRobot, states: Arrays) -> None:
+    q, v, a, _ = states
+    (link,) = [output for output in lx4.robot.bodies.place][-1:]
+    ours, theirs = lx4.kinematics(q, v, a, [link]), hybridyn.kinematics(lx4.robot, q, v, a, [link])
+    assert (ours[link].pose == theirs[link].pose).all()
+
+
+def spoiled(states: Arrays, kind: str) -> list[Any]:
+    """Give inputs of `ddm` with something wrong."""
+    q, v, _, tau = (x[:5].copy() for x in states)
+    if kind == "nan":
+        v[3, 7] = np.nan
+    elif kind == "infinite":
+        tau[2, 1] = np.inf
+    elif kind == "width":
+        q = q[:, 1:]
+    elif kind == "samples":
+        v = v[:4]
+    elif kind == "rank":
+        q = q[None]
+    elif kind == "open":
+        q[4, 3] += 0.1
+    elif kind == "opening":
+        v[1] *= np.linspace(1, 2, v.shape[1])
+    elif kind == "text":
+        q = "nonsense"
+    return [q, v, tau]
+
+
+@pytest.mark.parametrize(
+    ("kind", "error"),
+    [
+        ("nan", TrajectoryError), ("infinite", TrajectoryError), ("width", TrajectoryError), ("samples", TrajectoryError),
+        ("rank", TrajectoryError), ("open", AssemblyError), ("opening", AssemblyError), ("text", ValueError),
+    ],
+)  # fmt: skip
+def test_errors_are_the_general_paths(lx4: CompiledRobot, states: Arrays, kind: str, error: type) -> None:
+    given = spoiled(states, kind)
+    with pytest.raises(error) as theirs:
+        hybridyn.ddm(lx4.robot, *given)
+    with pytest.raises(error) as ours:
+        lx4.ddm(*given)
+    assert str(ours.value) == str(theirs.value)
+    one = [x if isinstance(x, str) else x[-1 if kind == "open" else min(3, len(x) - 1)] for x in given]
+    if kind in ("nan", "width", "rank", "text", "open"):
+        with pytest.raises(error) as theirs:
+            hybridyn.ddm(lx4.robot, *one)
+        with pytest.raises(error) as ours:
+            lx4.ddm(*one)
+        assert str(ours.value) == str(theirs.value)
+
+
+def test_a_base_acceleration_needs_a_moving_base(lx4: CompiledRobot, states: Arrays) -> None:
+    q, v, _, tau = states
+    with pytest.raises(TrajectoryError, match="base_acceleration is for base='moving'"):
+        lx4.ddm(q, v, tau, base_acceleration=np.zeros(6))
+
+
+@pytest.mark.parametrize("base", ["moving", "floating"])
+def test_other_bases(own_cache: None, base: Any) -> None:
+    robot = shipped("five_bar", base=base)
+    model = hybridyn.compile(robot)
+    q, v, a, tau = random_states(robot, 10, seed=3)
+    if base == "moving":
+        acceleration = np.random.default_rng(1).normal(size=(10, 6))
+        for given in (None, acceleration, acceleration[3]):
+            a = hybridyn.ddm(robot, q, v, tau, base_acceleration=given)
+            assert (difference(model.ddm(q, v, tau, base_acceleration=given), a) <= AGREE["float64"]).all()
+        one = model.ddm(q[3], v[3], tau[3], base_acceleration=acceleration[3])
+        assert (one == model.ddm(q, v, tau, base_acceleration=acceleration[3])[3]).all()
+        assert (model.ddm(q[3], v[3], tau[3]) == model.ddm(q, v, tau)[3]).all()
+    else:
+        assert (difference(model.ddm(q, v, tau), a) <= AGREE["float64"]).all()
+
+
+def test_only_doubtful_samples_are_computed_again(
+    lx4: CompiledRobot, states: Arrays, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    q, v, _, tau = states
+    before = lx4.recomputed
+    _, guard = lx4.library.batch("ddm", q, v, tau)
+    doubtful = np.flatnonzero(guard > np.median(guard))
+    monkeypatch.setattr(lx4.library.programs["ddm"], "trusted", float(np.median(guard)))
+    with caplog.at_level(logging.INFO, logger="hybridyn.compiled"):
+        mixed = lx4.ddm(q, v, tau)
+    assert 0 < len(doubtful) < len(q)
+    assert lx4.recomputed == before + len(doubtful)
+    assert f"{len(doubtful)} of {len(q)} samples computed by the general path" in caplog.text
+    assert (mixed[doubtful] == hybridyn.ddm(lx4.robot, q[doubtful], v[doubtful], tau[doubtful])).all()
+
+
+def test_a_sample_past_the_guard_is_the_general_paths_alone_too(lx4: CompiledRobot, states: Arrays) -> None:
+    """Closures open by more than rounding, and less than the general path refuses."""
+    q, v, _, tau = (x[:3].copy() for x in states)
+    q[1, 8] += 1e-9
+    before = lx4.recomputed
+    one, many = lx4.ddm(q[1], v[1], tau[1]), lx4.ddm(q, v, tau)
+    assert lx4.recomputed == before + 2
+    assert (one == many[1]).all()
+    assert (one == hybridyn.ddm(lx4.robot, q[1], v[1], tau[1])).all()
+
+
+def test_a_model_that_differs_is_refused(lx4: CompiledRobot, monkeypatch: pytest.MonkeyPatch) -> None:
+    """One part in 1e9 too much in one entry, and nobody gets the model."""
+    verify(lx4)
+
+    def wrong(*given: Any) -> Any:
+        out = hybridyn.ddm(lx4.robot, *given)
+        worst = np.unravel_index(np.abs(out).argmax(), out.shape)
+        out[worst] *= 1 + 1e-9
+        return out
+
+    monkeypatch.setattr(lx4, "ddm", wrong)
+    with pytest.raises(CompileError, match="'ddm' differs from the general path by 1e-09"):
+        verify(lx4)
+    monkeypatch.setattr(lx4, "ddm", lambda *given: np.full_like(hybridyn.ddm(lx4.robot, *given), np.nan))
+    with pytest.raises(CompileError, match="differs"):
+        verify(lx4)
+
+
+def test_a_wrong_program_never_reaches_the_user(own_cache: None, monkeypatch: pytest.MonkeyPatch) -> None:
+    import hybridyn.compiled.programs as file
+
+    robot, right = shipped("five_bar", gravity=(0, 0, -9.80)), file.programs
+
+    def wrong(robot: hybridyn.HybridRobot, effects: Any) -> Any:
+        lighter = dataclasses.replace(robot, gravity=robot.gravity * (1 + 1e-8))
+        return right(lighter, effects)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(file, "programs", wrong)
+        with pytest.raises(CompileError, match="it is not used"):
+            hybridyn.compile(robot)
+    model = hybridyn.compile(robot)
+    q, v, a, tau = random_states(robot, 4, seed=9)
+    assert (difference(model.ddm(q, v, tau), a) <= AGREE["float64"]).all()
+
+
+def test_floats_agree_to_their_digits(own_cache: None) -> None:
+    robot = shipped("five_bar")
+    model = hybridyn.compile(robot, dtype="float32")
+    q, v, a, tau = random_states(robot, 30, seed=3)
+    result = model.ddm(q, v, tau)
+    assert result.dtype == np.float32
+    assert (difference(result, a) <= AGREE["float32"]).all()
+    assert model.recomputed < 30
+    assert (model.ddm(q[2], v[2], tau[2]) == result[2]).all()
+
+
+def test_the_casadi_functions_are_the_models(own_cache: None) -> None:
+    robot = shipped("five_bar")
+    functions = hybridyn.compile(robot).casadi
+    q, v, a, tau = random_states(robot, 3, seed=3)
+    assert functions["ddm"].name_in() == ["q", "v", "tau"]
+    result = np.array(functions["ddm"](q[0], v[0], tau[0])[0])[:, 0]
+    assert (difference(result[None], a[:1]) <= AGREE["float64"]).all()
+
+
+def test_what_cannot_be_written_out_says_so(own_cache: None) -> None:
+    robot = shipped("five_bar")
+    with pytest.raises(ModelError, match="dtype"):
+        hybridyn.compile(robot, dtype="float16")
+    with pytest.raises(ModelError, match="threads"):
+        hybridyn.compile(robot, threads=0)
+    with pytest.raises(HybridynError):
+        hybridyn.compile(robot, effects="none")
+
+
+def test_keys_tell_robots_apart() -> None:
+    """What changes a number changes the key; reading the files again does not."""
+    on = hybridyn.load(str(shipped_robots()["five_bar"].file))
+    default = hybridyn.ddm.__globals__["choose"](on, None)
+    assert robot_key(on, default) == robot_key(shipped("five_bar"), default)
+    keys = {
+        robot_key(robot, default)
+        for robot in (
+            on,
+            shipped("five_bar", gravity=(0, 0, -9.8)),
+            shipped("five_bar", base="floating"),
+            shipped("lx4"),
+        )
+    }
+    assert len(keys) == 4
+
+
+def test_without_casadi_the_message_says_what_to_install(
+    own_cache: None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    import hybridyn.compiled.needs as file
+
+    robot = shipped("five_bar", gravity=(0, 0, -1.0))
+    monkeypatch.setattr(file.importlib.util, "find_spec", lambda name: None)
+    with pytest.raises(CompileError, match="pip install casadi"):
+        hybridyn.compile(robot)
+
+
+def test_a_cached_model_needs_no_source(
+    own_cache: None, lx4: CompiledRobot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("hybridyn.compiled.cache._build", lambda *_: pytest.fail("it is built already"))
+    again = hybridyn.compile(lx4.robot)
+    assert isinstance(again.library, Library)
