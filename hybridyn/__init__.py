@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from .assemblies import Assemblies, assemblies
     from .assembly import assemble
     from .check import check
+    from .compiled.derivatives import ddm_jacobian, idm_jacobian
     from .compiled.model import CompiledRobot, compile
     from .ddm import ddm
     from .effects import with_effects
@@ -55,6 +56,7 @@ _HOME = {
     "compile": "compiled.model",
     "CompiledRobot": "compiled.model",
     "ddm": "ddm",
+    "ddm_jacobian": "compiled.derivatives",
     "energy": "energy",
     "momentum": "energy",
     "power": "energy",
@@ -64,6 +66,7 @@ _HOME = {
     "kinematics": "link_motion",
     "LinkMotion": "link_motion",
     "idm": "idm",
+    "idm_jacobian": "compiled.derivatives",
     "load": "loading",
     "Reactions": "reactions",
     "near_singularity": "events",
@@ -96,8 +99,10 @@ __all__ = [
     "closure_residual",
     "compile",
     "ddm",
+    "ddm_jacobian",
     "energy",
     "idm",
+    "idm_jacobian",
     "kinematics",
     "load",
     "momentum",

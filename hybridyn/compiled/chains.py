@@ -1,8 +1,8 @@
 """Motion and forces of a tree of links in expressions, every body in its own frame (appendices A to C).
 
 The tree hangs from the module's base and from its platforms ("roots"); a platform's motion is given. Twists
-are absolute: the base's own twist is in them. Accelerations are spatial (Pinocchio's). The unknowns over which
-maps and matrices are written are
+are absolute: the base's own twist is in them. Accelerations are spatial (Pinocchio's). The unknowns that maps
+and matrices are written over are
 
     s = [V_dot_base; y]        y = [q_ddot of joints, V_dot of platforms] in the order of the tree's freedoms
 

@@ -5,17 +5,22 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 
+import casadi as ca
 import numpy as np
 
 from ..effects.choice import Choice, Effects, choose
 from ..errors import ModelError
 from ..module import Module
 from ..robot import HybridRobot
-from ..spatial import Array
+from ..spatial import Array, Index
 from .core import Plan, plan_module
+from .expressions import Expression, unpack
 from .parts import parts_of
 from .rigid import ten_numbers
 from .states import generic_positions
+
+#: Where (m, h, Ixx, Ixy, Ixz, Iyy, Iyz, Izz) stand in `pinocchio.Inertia.toDynamicParameters`.
+AS_PINOCCHIO = np.array([0, 1, 2, 3, 4, 5, 7, 6, 8, 9])
 
 
 @dataclass(frozen=True)
@@ -26,11 +31,13 @@ class Request:
         robot: The robot.
         on: The effects.
         regroup: Whether base inertial parameters are used.
+        parameters: Whether the bodies' inertial parameters are inputs of the model.
     """
 
     robot: HybridRobot
     on: Effects
     regroup: bool = True
+    parameters: bool = False
 
     @cached_property
     def plans(self) -> list[Plan]:
@@ -42,7 +49,11 @@ class Request:
             key = (id(module.mechanism), marks)
             if key not in known:
                 parts = parts_of(
-                    module.mechanism, marks, leg_inertia=self.on.leg_inertia is not None, regroup=self.regroup
+                    module.mechanism,
+                    marks,
+                    leg_inertia=self.on.leg_inertia is not None,
+                    regroup=self.regroup,
+                    own=self._own(module) if self.parameters else None,
                 )
                 known[key] = plan_module(parts, self.positions(module))
             out.append(known[key])
@@ -54,6 +65,18 @@ class Request:
         if key not in self._positions:
             self._positions[key] = generic_positions(module)
         return self._positions[key]
+
+    def _own(self, module: Module) -> tuple[Expression, ...]:
+        """Give symbols for the ten numbers of each body of a module's tree after the cuts."""
+        bodies = len(module.mechanism.spec.tree)
+        entries = unpack(ca.SX.sym("parameters", 10 * bodies)).reshape(bodies, 10)
+        return tuple(entries)
+
+    def parameter_index(self, module: Module) -> Index:
+        """Give where the ten numbers of a module's bodies stand among the robot's."""
+        spec = module.mechanism.spec
+        own = [self.robot.body_of_joint[module.joints[body - 1]] for body in spec.tree_body[1:]]
+        return np.concatenate([10 * body + AS_PINOCCHIO for body in own])
 
     @cached_property
     def _positions(self) -> dict[int, Array]:
@@ -110,7 +133,9 @@ class Request:
         return (*(-self.gravity).tolist(), 0.0, 0.0, 0.0)
 
 
-def request(robot: HybridRobot, effects: Choice, *, regroup: bool = True) -> Request:
+def request(
+    robot: HybridRobot, effects: Choice, *, regroup: bool = True, parameters: bool = False
+) -> Request:
     """Check that a model with these effects can be written out.
 
     Raises:
@@ -125,4 +150,4 @@ def request(robot: HybridRobot, effects: Choice, *, regroup: bool = True) -> Req
         )
     if on.inertia is None:
         raise ModelError("models without the effect 'inertia' are not written out", element="inertia")
-    return Request(robot, on, regroup)
+    return Request(robot, on, regroup, parameters)

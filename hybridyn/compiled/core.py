@@ -11,7 +11,7 @@ import numpy as np
 from ..mechanism import Mechanism
 from ..spatial import Array, Index
 from .chains import Chain, Placed, split_positions, sweep
-from .expressions import Expression, dot, pack, symbols, zeros
+from .expressions import Expression, dot, pack, plain, symbols, zeros
 from .guards import size_of
 from .legs import PlatformMotion, leg_pivots
 from .links import units_of
@@ -159,6 +159,13 @@ def write_core(
 def platform_link(plan: Plan, path: Path) -> int:
     """Give the link of the core that stands for the platform at the end of a carrying wrist."""
     return core_body(plan, path.wrist.end) - 1
+
+
+def own_inertia(plan: Plan, constant: tuple[float, ...], output: int) -> Expression:
+    """Give the ten numbers of an output: constants, or inputs of the model."""
+    if plan.parts.own is None:
+        return plain(constant)
+    return plan.parts.own[plan.mechanism.spec.outputs[output] - 1]
 
 
 def core_body(plan: Plan, body: int) -> int:

@@ -15,7 +15,7 @@ import numpy as np
 
 from ..spatial import Index
 from .chains import forces, mass_matrix, motion_map, sweep
-from .core import Core, Plan, core_body, write_core
+from .core import Core, Plan, core_body, own_inertia, write_core
 from .expressions import Expression, congruence, dot, hat, pack, plain, symbols, symmetric, upper, zeros
 from .guards import trusted
 from .paths import wrist_accelerations
@@ -83,7 +83,7 @@ def write_direct(name: str, plan: Plan, options: DirectOptions) -> DirectModule:
     if fixed:
         V_base, A_base = zeros(6), plain(options.base)
     core = write_core(plan, q, v, V_base)
-    inputs: list[dict[str, ca.SX]] = [{"q": q_col, "v": v_col}, {}, {}, {}]
+    inputs: list[dict[str, ca.SX]] = [{"q": q_col, "v": v_col} | parameters_of(plan), {}, {}, {}]
     outputs: list[dict[str, ca.SX]] = [{}, {}, {}, {}]
     if not fixed:
         inputs[0]["V_base"], inputs[2]["A_base"] = V_col, A_col
@@ -94,10 +94,12 @@ def write_direct(name: str, plan: Plan, options: DirectOptions) -> DirectModule:
         motion = core.platforms[i]
         outputs[0][f"platform {i}"] = pack(motion.R, motion.p, motion.V)
     for o, body in enumerate(core.outputs):
-        own, V = plain(options.inertias[o]), core.chain.V[body]
+        own, V = own_inertia(plan, options.inertias[o], o), core.chain.V[body]
         bias = crf(V, momentum(own, V)) if options.velocity else zeros(6)
         if options.carries[o]:
             outputs[0][f"V {o}"], outputs[0][f"bias {o}"] = pack(V), pack(bias)
+            if parts.own is not None:
+                outputs[0][f"own {o}"] = pack(upper(inertia_matrix(own)))
 
     # Inwards.
     mine = [k for k, col in enumerate(parts.tree_v) if col in options.motors]
@@ -162,6 +164,12 @@ def read_by_core(plan: Plan) -> tuple[Index, Index]:
     return out[0], out[1]
 
 
+def parameters_of(plan: Plan) -> dict[str, ca.SX]:
+    """Give the inertial parameters of a module's bodies where they are inputs."""
+    own = plan.parts.own
+    return {} if own is None else {"parameters": ca.vertcat(*[x for numbers in own for x in numbers])}
+
+
 def scattered(name: str, index: Index, width: int) -> tuple[ca.SX, Expression]:
     """Give symbols for some entries of a vector, and the vector with zeros elsewhere."""
     column, entries = symbols(name, len(index))
@@ -198,12 +206,13 @@ def _quadratic_form(
         b[at] = b[at] + b_delta
     M[base, base] = M[base, base] + inertia_matrix(S1)
     for o, body in enumerate(core.outputs):
-        _add_output(core, options, o, body, M, b, inputs)
+        _add_output(core, plan, options, o, body, M, b, inputs)
     return M, b
 
 
 def _add_output(
     core: Core,
+    plan: Plan,
     options: DirectOptions,
     o: int,
     body: int,
@@ -214,7 +223,7 @@ def _add_output(
     """Add an output's inertia and bias, its own or articulated, to M and b."""
     chain = core.chain
     R0, p0, V = chain.R0[body], chain.p0[body], chain.V[body]
-    own = plain(options.inertias[o])
+    own = own_inertia(plan, options.inertias[o], o)
     if options.carries[o]:
         inputs[f"I {o}"], entries = symbols(f"I {o}", 21)
         inputs[f"beta {o}"], beta = symbols(f"beta {o}", 6)

@@ -8,6 +8,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from ..module import Module
 from .choices import Request
 from .core import Plan
 from .direct import DirectModule, DirectOptions, write_direct
@@ -47,6 +48,8 @@ def direct_program(request: Request) -> Program:
     inputs = [("q", robot.nq), ("v", robot.nv), ("tau", len(robot.motors))]
     if robot.base == "moving":
         inputs.append(("base_acceleration", 6))
+    if request.parameters:
+        inputs.append(("parameters", 10 * len(robot.bodies.bodies)))
     w = Writer("ddm", inputs, [("a", robot.nv)])
     builder = _Builder(request, w)
     given = w.from_given("base_acceleration", np.arange(6)) if robot.base == "moving" else None
@@ -86,6 +89,7 @@ class _Builder:
             "q": w.from_given("q", module.q_index[written.q]),
             "v": w.from_given("v", module.v_index[written.v]),
         }
+        sources |= self._parameters(module)
         if module.parent >= 0:
             sources["V_base"] = modules[module.parent].V[module.parent_output]
         elif root is not None:
@@ -95,10 +99,13 @@ class _Builder:
         for o, carried in enumerate(options.carries):
             if carried:
                 own = upper(inertia_matrix(plain(options.inertias[o]))).astype(float)
+                if request.parameters:
+                    own = np.zeros(21)
                 calls.V[o] = w.shared(6)
                 places = w.shared(21), w.shared(6)
                 calls.articulated[o] = (w.start(places[0], own), w.start(places[1], np.zeros(6)))
                 targets |= {f"V {o}": calls.V[o], f"bias {o}": calls.articulated[o][1]}
+                targets[f"own {o}"] = calls.articulated[o][0]
         calls.stages.call(0, sources, targets)
         self._legs_outwards(k, calls, options, sources)
         return calls
@@ -174,13 +181,19 @@ class _Builder:
             targets |= {"I_base": self.w.shared(21), "b_base": self.w.shared(6)}
         calls.stages.call(1, sources, targets)
 
+    def _parameters(self, module: Module) -> dict[str, Source]:
+        """Give the source of a module's inertial parameters, where they are inputs."""
+        if not self.request.parameters:
+            return {}
+        return {"parameters": self.w.from_given("parameters", self.request.parameter_index(module))}
+
     def _positions(self, k: int, calls: _ModuleCalls) -> dict[str, Source]:
         """Give the sources of positions and rates."""
         module = self.request.robot.modules[k]
         return {
             "q": self.w.from_given("q", module.q_index[calls.written.q]),
             "v": self.w.from_given("v", module.v_index[calls.written.v]),
-        }
+        } | self._parameters(module)
 
     def accelerate(self, k: int, modules: list[_ModuleCalls], root: tuple[Source, Source] | None) -> None:
         """Write accelerations outwards: the core, the legs, the wrists."""

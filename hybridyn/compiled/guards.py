@@ -2,8 +2,8 @@
 
 A guard is at most 1 where the written-out model may be trusted. It rises above 1 where a pivot gets small
 that was large at generic postures, and where positions or rates leave the loops open by more than rounding:
-there both models still agree on what is asked, but no longer to the last digits, and the general one words the
-error.
+there both models still agree on what is asked, but no longer to the last digits, and the general one words
+the error.
 """
 
 from __future__ import annotations

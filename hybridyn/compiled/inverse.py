@@ -14,8 +14,8 @@ import numpy as np
 from ..spatial import Index
 from .actuation import motor_efforts
 from .chains import Chain, Placed, forces, motion_map, sweep
-from .core import Core, Plan, write_core
-from .direct import read_by_core, scattered
+from .core import Core, Plan, own_inertia, write_core
+from .direct import parameters_of, read_by_core, scattered
 from .expressions import Expression, cross, dot, pack, plain, symbols, zeros
 from .guards import accelerating_apart, size_of, trusted
 from .legs import PlatformMotion, WrittenLeg
@@ -75,7 +75,7 @@ def write_inverse(name: str, plan: Plan, options: InverseOptions, pivots: Pivots
     q_col, q = scattered("q", at_q, m.spanning.nq)
     (v_col, v), (a_col, a) = scattered("v", at_v, m.spanning.nv), scattered("a", at_v, m.spanning.nv)
     (V_col, V_base), (A_col, A_base) = symbols("V_base", 6), symbols("A_base", 6)
-    inputs: list[dict[str, ca.SX]] = [{"q": q_col, "v": v_col, "a": a_col}, {}]
+    inputs: list[dict[str, ca.SX]] = [{"q": q_col, "v": v_col, "a": a_col} | parameters_of(plan), {}]
     outputs: list[dict[str, ca.SX]] = [{}, {}]
     if options.base is not None:
         V_base, A_base = zeros(6), plain(options.base)
@@ -147,7 +147,7 @@ def _needed(
         b[:6], b[at] = b[:6] + b_base - b_delta, b[at] + b_delta
         terms += [*(b_delta[:3] * length), *b_delta[3:]]
     for o, body in enumerate(core.outputs):
-        own, V, A = plain(options.inertias[o]), chain.V[body], chain.c[body]
+        own, V, A = own_inertia(plan, options.inertias[o], o), chain.V[body], chain.c[body]
         W = momentum(own, A)
         terms += [*(W[:3] * length), *W[3:]]
         if options.velocity:

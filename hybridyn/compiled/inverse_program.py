@@ -49,7 +49,10 @@ class _ModuleCalls:
 def inverse_program(request: Request) -> Program:
     """Write the inverse model of a robot."""
     robot = request.robot
-    w = Writer("idm", [("q", robot.nq), ("v", robot.nv), ("a", robot.nv)], [("tau", len(robot.motors))])
+    inputs = [("q", robot.nq), ("v", robot.nv), ("a", robot.nv)]
+    if request.parameters:
+        inputs.append(("parameters", 10 * len(robot.bodies.bodies)))
+    w = Writer("idm", inputs, [("tau", len(robot.motors))])
     root = moving_base(request, w, w.from_given("a", np.arange(6)), report=False) if robot.nv >= 6 else None
     builder = _Builder(request, w)
     modules: list[_ModuleCalls] = []
@@ -125,11 +128,14 @@ class _Builder:
     def _sources(self, k: int, written: InverseModule) -> dict[str, Source]:
         """Give the sources of positions, rates and accelerations."""
         w, module = self.w, self.request.robot.modules[k]
-        return {
+        sources: dict[str, Source] = {
             "q": w.from_given("q", module.q_index[written.q]),
             "v": w.from_given("v", module.v_index[written.v]),
             "a": w.from_given("a", module.v_index[written.v]),
         }
+        if self.request.parameters:
+            sources["parameters"] = w.from_given("parameters", self.request.parameter_index(module))
+        return sources
 
     def _group(
         self, k: int, n: int, calls: _ModuleCalls, options: InverseOptions, sources: dict[str, Source],

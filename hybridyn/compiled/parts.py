@@ -14,8 +14,9 @@ from ..closure import TreeClosure, TreeCoupling
 from ..joints import NQ
 from ..mechanism import Mechanism
 from ..spatial import Array, Index
+from .expressions import Expression, plain, zeros
 from .links import Link, aligned, links_of, regrouped
-from .rigid import ten_numbers
+from .rigid import moved, ten_numbers
 
 
 @dataclass(frozen=True)
@@ -61,6 +62,7 @@ class Parts:
         groups: Groups of equal legs.
         base: Ten numbers that the links' regrouping hands to the base.
         rank: Independent rows of the core.
+        own: Ten numbers of each body of the tree, where they are inputs.
     """
 
     mechanism: Mechanism
@@ -78,10 +80,16 @@ class Parts:
     groups: tuple[tuple[Leg, ...], ...]
     base: Array
     rank: int
+    own: tuple[Expression, ...] | None = None
 
 
 def parts_of(
-    mechanism: Mechanism, marks: tuple[str, ...], *, leg_inertia: bool = True, regroup: bool = True
+    mechanism: Mechanism,
+    marks: tuple[str, ...],
+    *,
+    leg_inertia: bool = True,
+    regroup: bool = True,
+    own: tuple[Expression, ...] | None = None,
 ) -> Parts:
     """Split a module into its core and its groups of legs.
 
@@ -90,18 +98,25 @@ def parts_of(
         marks: What acts on each freedom of its tree; equal legs have equal marks.
         leg_inertia: Whether legs have mass.
         regroup: Whether base inertial parameters are used.
+        own: For each body of the tree after the cuts (without the base) its ten numbers as expressions, where
+            they are inputs of the model; no legs are grouped then, and nothing is regrouped.
     """
     spec, tree = mechanism.spec, mechanism.tree
     inertias = [ten_numbers(body if leg_inertia else None) for body in spec.leg_bodies]
     links, turns = aligned(links_of(spec.tree, inertias), frozenset(spec.outputs))
     base = np.zeros(10)
-    if regroup:
+    if own is not None:
+        links = [
+            link if body is None else replace(link, inertia=moved(numbers, plain(turn.T), zeros(3)))
+            for link, body, numbers, turn in zip(links, spec.leg_bodies, own, turns[1:], strict=True)
+        ]
+    elif regroup:
         links, base = regrouped(links)
     closures = [_turned(c, turns) for c in spec.cut_closures]
     q_of, v_of = _spanning_columns(mechanism)
     legs: list[Leg] = []
     gone: set[int] = set()
-    for bodies in spec.legs:
+    for bodies in spec.legs if own is None else ():
         at = _closure_of_leg(mechanism, bodies)
         if at is None:
             continue
@@ -109,13 +124,13 @@ def parts_of(
         joints = [b - 1 for b in sorted(bodies)]
         closure = closures[at]
         on_a = closure.body_a in bodies
-        own = tuple(replace(links[j], parent=number[links[j].parent]) for j in joints)
+        inside = tuple(replace(links[j], parent=number[links[j].parent]) for j in joints)
         tq, tv = (
             np.concatenate([np.arange(*s[j].indices(10**9)) for j in joints])
             for s in (tree.q_slices, tree.v_slices)
         )
         end, platform = (closure.body_a, closure.body_b) if on_a else (closure.body_b, closure.body_a)
-        legs.append(Leg(own, closure, on_a, number[end], platform - 1, q_of[tq], v_of[tv], tq, tv))
+        legs.append(Leg(inside, closure, on_a, number[end], platform - 1, q_of[tq], v_of[tv], tq, tv))
         gone |= set(bodies)
     kept = [i for i in range(len(links)) if i + 1 not in gone]
     number = {0: 0} | {j + 1: i + 1 for i, j in enumerate(kept)}
@@ -148,6 +163,7 @@ def parts_of(
         _groups([replace(leg, platform=number[leg.platform + 1] - 1) for leg in legs], marks),
         base,
         mechanism.reduction.rank - sum(len(leg.tree_v) for leg in legs),
+        own,
     )
 
 

@@ -2,7 +2,8 @@
 
 A `Program` turns one sample's inputs into its outputs. It is a list of calls of kernels, each a CasADi
 function of scalars. A kernel of legs is called once for several equal legs ("copies"): their own numbers
-differ, the code does not. How copies and samples are spread over the lanes of a vector unit is the printer's business:
+differ, the code does not. How copies and samples are spread over the lanes of a vector unit is the printer's
+business:
 
     batch    every lane is a sample; copies are called one after the other
     single   every lane is a copy; what is not a copy's own is the same in all lanes

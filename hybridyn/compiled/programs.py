@@ -7,6 +7,7 @@ from ..robot import HybridRobot
 from .choices import request
 from .direct_program import direct_program
 from .inverse_program import inverse_program
+from .kinematics_program import kinematics_program
 from .program import Program
 
 
@@ -14,20 +15,23 @@ def programs(
     robot: HybridRobot,
     effects: Choice = None,
     *,
-    models: tuple[str, ...] = ("idm", "ddm"),
+    models: tuple[str, ...] = ("idm", "ddm", "kinematics"),
     regroup: bool = True,
+    parameters: bool = False,
 ) -> dict[str, Program]:
     """Write a robot's models out.
 
     Args:
         robot: The robot.
         effects: As `hybridyn.idm` takes them.
-        models: Which models: "idm", "ddm".
+        models: Which models: "idm", "ddm", "kinematics".
         regroup: Whether base inertial parameters are used.
+        parameters: Whether the inertial parameters of the bodies are an input ("parameters"), ten for each
+            body of `robot.bodies` in the order and frame of `pinocchio.Inertia.toDynamicParameters`.
 
     Raises:
         ModelError: An effect is not for written-out models.
     """
-    asked = request(robot, effects, regroup=regroup)
-    write = {"idm": inverse_program, "ddm": direct_program}
+    asked = request(robot, effects, regroup=regroup, parameters=parameters)
+    write = {"idm": inverse_program, "ddm": direct_program, "kinematics": kinematics_program}
     return {name: write[name](asked) for name in models}

@@ -1,0 +1,111 @@
+"""Derivatives of the written-out models against finite differences, complex steps and linearity."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from compiled_toys import own_cache
+from shipped import shipped
+
+import hybridyn
+from hybridyn.compiled.derivatives import Derivatives
+from hybridyn.compiled.library import load
+from hybridyn.compiled.programs import programs
+from hybridyn.compiled.states import random_states
+from hybridyn.leg_model import pinocchio_inertia
+from hybridyn.robot import HybridRobot, build_robot
+
+__all__ = ["own_cache"]
+
+STEP = 1e-4  # [s]; central differences of fourth order leave STEP^4 and rounding over STEP, both near 1e-12
+DIFFERENCES = 1e-8
+COMPLEX = 1e-12  # complex steps have no truncation error; both sums are rounded differently
+TINY = 1e-30
+EXACT = 1e-12  # linear in what is changed: rounding alone
+
+
+@pytest.fixture(scope="module", params=["five_bar", "gough_stewart"])
+def robot(request: pytest.FixtureRequest) -> HybridRobot:
+    return build_robot(shipped(request.param))
+
+
+def states_along(robot: HybridRobot, times: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Give closed states along a motion of the motors, smooth in time."""
+    rng = np.random.default_rng(2)
+    motion = {}
+    for name in robot.motors:
+        w, size = rng.uniform(1.0, 2.0), 0.03
+        home = robot.home[robot.q_slices[robot.joint_index[name]].start]
+        x = home + size * np.sin(w * (times + 0.3))
+        motion[name] = (x, size * w * np.cos(w * (times + 0.3)), -size * w**2 * np.sin(w * (times + 0.3)))
+    return hybridyn.assemble(robot, motors=motion)
+
+
+def parameters_of(robot: HybridRobot) -> np.ndarray:
+    """Give ten inertial parameters of each body."""
+    return np.concatenate([pinocchio_inertia(body).toDynamicParameters() for body in robot.bodies.bodies])
+
+
+def rate(values: np.ndarray) -> np.ndarray:
+    """Give the time derivative at the middle of five samples, fourth order."""
+    out: np.ndarray = (values[0] - 8 * values[1] + 8 * values[3] - values[4]) / (12 * STEP)
+    return out
+
+
+def test_along_a_closed_motion(robot: HybridRobot) -> None:
+    times = 0.4 + STEP * np.arange(-2, 3)
+    q, v, a = states_along(robot, times)
+    tau = hybridyn.idm(robot, q, v, a)
+    jerk = rate(a)
+    J = hybridyn.idm_jacobian(robot, q[2], v[2], a[2])
+    found = J["q"] @ v[2] + J["v"] @ a[2] + J["a"] @ jerk
+    np.testing.assert_allclose(found, rate(tau), atol=DIFFERENCES * np.abs(tau).max())
+    J = hybridyn.ddm_jacobian(robot, q[2], v[2], tau[2])
+    found = J["q"] @ v[2] + J["v"] @ a[2] + J["tau"] @ rate(tau)
+    np.testing.assert_allclose(found, jerk, atol=DIFFERENCES * max(np.abs(a).max(), np.abs(jerk).max()))
+
+
+def test_complex_steps(robot: HybridRobot, own_cache: None) -> None:
+    q, v, a, tau = (x[0] for x in random_states(robot, 1))
+    library = load(list(programs(robot, models=("idm", "ddm"), parameters=True).values()), dtype="complex128")
+    parameters = parameters_of(robot)
+    idm, ddm = hybridyn.idm_jacobian(robot, q, v, a), hybridyn.ddm_jacobian(robot, q, v, tau)
+    for name, given, J in (("idm", (q, v, a), idm), ("ddm", (q, v, tau), ddm)):
+        for at, block in ((1, "v"), (2, "a" if name == "idm" else "tau")):
+            steps = np.eye(len(given[at])) * 1j * TINY
+            many = [np.tile(x, (len(steps), 1)).astype(complex) for x in given]
+            many[at] = many[at] + steps
+            ((got,), _) = library.batch(name, *many, np.tile(parameters, (len(steps), 1)))
+            wanted = got.imag.T / TINY
+            np.testing.assert_allclose(J[block], wanted, atol=COMPLEX * np.abs(wanted).max())
+
+
+def test_efforts_are_linear_in_accelerations_and_parameters(robot: HybridRobot) -> None:
+    q, v, a, _ = (x[0] for x in random_states(robot, 1))
+    J = hybridyn.idm_jacobian(robot, q, v, a)
+    tau, still = hybridyn.idm(robot, q, v, a), hybridyn.idm_jacobian(robot, q, v, np.zeros_like(a))["a"]
+    parameters = np.concatenate(
+        [pinocchio_inertia(body).toDynamicParameters() for body in robot.bodies.bodies]
+    )
+    np.testing.assert_allclose(J["parameters"] @ parameters, tau, atol=EXACT * np.abs(tau).max())
+    np.testing.assert_allclose(J["a"], still, atol=EXACT * np.abs(still).max())
+
+
+def test_heavier_bodies_accelerate_less(robot: HybridRobot) -> None:
+    q, v, _, tau = (x[0] for x in random_states(robot, 1))
+    J = hybridyn.ddm_jacobian(robot, q, v, tau)
+    parameters = np.concatenate(
+        [pinocchio_inertia(body).toDynamicParameters() for body in robot.bodies.bodies]
+    )
+    # All inertias times k under efforts times k move alike: d a / d log k = 0.
+    moved = J["parameters"] @ parameters + J["tau"] @ tau
+    np.testing.assert_allclose(moved, 0.0, atol=EXACT * np.abs(J["tau"] @ tau).max())
+
+
+def test_batches_and_casadi(robot: HybridRobot) -> None:
+    q, v, a, _ = random_states(robot, 3)
+    derive = Derivatives(robot, "idm")
+    many = derive(q, v, a)
+    assert many["q"].shape == (3, len(robot.motors), robot.nv)
+    assert (many["q"][1] == derive(q[1], v[1], a[1])["q"]).all()
+    assert derive.casadi.name_in() == ["q", "v", "a", "parameters"]
