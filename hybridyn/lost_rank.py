@@ -20,6 +20,9 @@ from .spatial import Array
 
 #: A smallest pivot below this part of the largest is rounding: the row is lost at that posture.
 LOST = 1e-13
+#: Accelerations of the motors alone tell the motion with the condition of the motors' map, and the motion
+#: their efforts with it again: the limit of both together.
+UNTOLD = 1e-10
 #: From this near on, the digits are counted that a small pivot leaves.
 NEAR = 1e-6
 
@@ -42,6 +45,33 @@ def refuse_lost_rank(module: Module, basis: Basis) -> None:
         'on_singular="least-norm"',
         module=module.name,
         what="closures",
+        condition=condition,
+        sample=t,
+    )
+
+
+def refuse_untold(module: Module, pivot: Array) -> None:
+    """Refuse motors' accelerations that do not tell the motion, at a parallel singularity.
+
+    Args:
+        module: The module.
+        pivot: Smallest pivot of its motors' map over the largest, shape (T,).
+
+    Raises:
+        SingularityError: Naming module, sample and condition number.
+    """
+    lost = np.flatnonzero(pivot**2 < UNTOLD)
+    if not len(lost):
+        return
+    t = int(lost[0])
+    condition = float(pivot[t]) ** -2 if pivot[t] > 0 else np.inf
+    raise SingularityError(
+        f"module '{module.name}': its motors lose a direction at sample {t} (parallel singularity), and "
+        f"their accelerations alone do not tell the motion there (condition number {condition:.1e} together "
+        f'with the efforts, limit {1 / UNTOLD:.0e}). Give all accelerations, passive="given", or move the '
+        "trajectory away",
+        module=module.name,
+        what="motors",
         condition=condition,
         sample=t,
     )

@@ -272,3 +272,34 @@ def test_a_singular_sample_leaves_its_neighbours_alone(place: str) -> None:
     else:
         whole = ddm(robot, q, rest, tau)
         assert np.array_equal(whole[[0, 2]], ddm(robot, q[[0, 2]], rest[:2], tau[:2]))
+
+
+# ------------------------------------------------------------------ motors' accelerations alone
+
+
+@pytest.mark.parametrize("distance", [1e-2, 1e-9, 1e-12, 0.0])
+@pytest.mark.parametrize("place", ["five_bar parallel", "rps3 parallel", "five_bar serial"])
+def test_accelerations_of_the_motors_alone(place: str, distance: float, claim: Claim) -> None:
+    """With passive="solved" the motors' map is solved twice: for the motion, and for the efforts.
+
+    Its condition number counts squared, and that is refused from 1e10 on, whatever is asked for motors that
+    lose a direction: without all accelerations the motion there is not known.
+    """
+    this = case(place, distance, 0)
+    judge = this.judge
+    a = judge.accelerations(this.tau).astype(float)
+
+    def solve(answer: str) -> np.ndarray:
+        return idm(this.robot, judge.q, judge.v, a, passive="solved", on_singular=answer)
+
+    if this.reciprocal > 1e-4:
+        errors = judge.of_idm(a, solve("raise"), this.tau)
+        bound = FORWARD * errors.condition / this.reciprocal
+        claim(this.name, "forward error of idm, passive solved", errors.forward, bound)
+        return
+    for answer in ("raise", "least-norm"):
+        with pytest.raises(SingularityError, match="accelerations alone do not tell the motion") as caught:
+            solve(answer)
+        assert caught.value.what == "motors"
+        assert caught.value.condition is not None
+        assert caught.value.condition > 1e10
