@@ -140,7 +140,7 @@ def _picture(robot: HybridRobot, choice: RobotChoice) -> Picture:
 
     visuals, notes = read_visuals(choice.robot, choice.xacro_args, choice.package_dirs)
     for note in notes:
-        click.echo(f"note: {note}; these links are drawn in primitive shapes", err=True)
+        click.echo(f"note: {note}; links without any are drawn in primitive shapes", err=True)
     return draw(robot, visuals, notes)
 
 

@@ -16,7 +16,6 @@ from .placing import Placement
 from .triangles import ball_transforms, rod_transforms, unit_ball, unit_cylinder
 
 SIDES, RINGS = 24, 12
-FLAT = 400  # triangles: shapes of fewer have edges, and are shaded flat
 ROLES: tuple[Role, ...] = ("link", "motor", "joint", "closure")
 
 
@@ -48,7 +47,7 @@ class Stage:
                 vertices=solid.vertices,
                 faces=solid.faces,
                 color=rgb(solid.colour),
-                flat_shading=len(solid.faces) <= FLAT,
+                flat_shading=True,  # machines have edges, which smooth shading smears
                 side="double",
             )
             self._solids.append(node)
