@@ -100,15 +100,14 @@ def own_inertia(m: Mechanism, Psi: Array) -> Array:
 
 
 def _effects(m: Mechanism) -> Array:
-    """Give what rates do to outputs, or without any to centres of mass, shape (rows, n), scaled."""
+    """Give what rates do to outputs and to centres of mass, shape (rows, n), scaled."""
     motion = m.tree.sweep(m.postures[:1])
     units = np.array([m.length] * 3 + [1.0] * 3)[:, None]
     rows = [m.tree.jacobian(motion, body)[0] / units for body in m.spec.outputs]
-    if not m.spec.outputs:
-        for i, body in enumerate(m.spec.leg_bodies):
-            if body is not None and body.mass:
-                centre = motion.p[:, i + 1] + motion.R[:, i + 1] @ body.com
-                rows.append(m.tree.jacobian(motion, i + 1, centre)[0, :3] / m.length)
+    for i, body in enumerate(m.spec.leg_bodies):
+        if body is not None and body.mass:
+            centre = motion.p[:, i + 1] + motion.R[:, i + 1] @ body.com
+            rows.append(m.tree.jacobian(motion, i + 1, centre)[0, :3] / m.length)
     return np.concatenate(rows) if rows else np.zeros((0, m.tree.nv))
 
 

@@ -34,6 +34,13 @@ def test_a_five_bar_with_one_motor_has_a_passive_motion() -> None:
     ]
 
 
+def test_a_link_with_mass_on_a_leg_is_not_idle() -> None:
+    """The rods of a governor move no platform, but themselves and their balls."""
+    robot = hybridyn.load(ROOT / "urdf/benchmarks/flyball_governor.urdf.xacro")
+    free = free_motions(robot.modules[1])
+    assert (len(free.uncontrolled), free.idle, free.massless) == (3, (), ())
+
+
 @pytest.mark.parametrize("kind", KINDS)
 def test_motions_and_motors_add_up(kind: str) -> None:
     """Motors, the motions they do not drive, and mobility: each module of each random mechanism."""
