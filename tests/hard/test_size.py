@@ -19,7 +19,8 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from conftest import Claim
-from extended import LONG, Stack, multiprecision, needs_long_double
+from extended import LONG, Arithmetic, multiprecision, needs_long_double
+from extended_stack import Stack
 from peers import Peer
 from stacks import DOWN, PLANAR, SPATIAL, State, drawn, module
 
@@ -42,9 +43,9 @@ def apart(actual: np.ndarray, expected: np.ndarray) -> float:
     return float(np.abs(actual - expected).max() / np.abs(expected).max())
 
 
-def reference(kind: str, count: int, state: State, on: object = LONG) -> Stack:
+def reference(kind: str, count: int, state: State, on: Arithmetic = LONG) -> Stack:
     """Give the extended model of a stack in a state."""
-    out = Stack(module(kind), count, on, DOWN[kind], planar=kind == PLANAR)  # type: ignore[arg-type]
+    out = Stack(module(kind), count, on, DOWN[kind], planar=kind == PLANAR)
     out.state(state.joints, state.q, state.v)
     return out
 
