@@ -15,6 +15,7 @@ from ..robot import HybridRobot
 from ..spatial import Array, Index
 from .core import Plan, plan_module
 from .expressions import Expression, unpack
+from .guards import CLOSED
 from .parts import parts_of
 from .rigid import ten_numbers
 from .states import generic_positions
@@ -32,12 +33,14 @@ class Request:
         on: The effects.
         regroup: Whether base inertial parameters are used.
         parameters: Whether the bodies' inertial parameters are inputs of the model.
+        dtype: What the model computes with, "float64" or "float32": how far loops may be open.
     """
 
     robot: HybridRobot
     on: Effects
     regroup: bool = True
     parameters: bool = False
+    dtype: str = "float64"
 
     @cached_property
     def plans(self) -> list[Plan]:
@@ -55,7 +58,7 @@ class Request:
                     regroup=self.regroup,
                     own=self._own(module) if self.parameters else None,
                 )
-                known[key] = plan_module(parts, self.positions(module))
+                known[key] = plan_module(parts, self.positions(module), CLOSED[self.dtype])
             out.append(known[key])
         return out
 
@@ -134,7 +137,12 @@ class Request:
 
 
 def request(
-    robot: HybridRobot, effects: Choice, *, regroup: bool = True, parameters: bool = False
+    robot: HybridRobot,
+    effects: Choice,
+    *,
+    regroup: bool = True,
+    parameters: bool = False,
+    dtype: str = "float64",
 ) -> Request:
     """Check that a model with these effects can be written out.
 
@@ -150,4 +158,4 @@ def request(
         )
     if on.inertia is None:
         raise ModelError("models without the effect 'inertia' are not written out", element="inertia")
-    return Request(robot, on, regroup, parameters)
+    return Request(robot, on, regroup, parameters, dtype)

@@ -12,7 +12,7 @@ from ..mechanism import Mechanism
 from ..spatial import Array, Index
 from .chains import Chain, Placed, split_positions, sweep
 from .expressions import Expression, dot, pack, plain, symbols, zeros
-from .guards import size_of
+from .guards import Scale, size_of
 from .legs import PlatformMotion, leg_pivots
 from .links import units_of
 from .loops import Rows, write_rows
@@ -32,6 +32,7 @@ class Plan:
         loop_pivots: Pivots of the core's closures.
         leg_pivots: Pivots of each group's closures.
         wrist_pivots: Pivots of each wrist's rates.
+        scale: What its closures are measured by.
     """
 
     parts: Parts
@@ -39,6 +40,7 @@ class Plan:
     loop_pivots: Pivots
     leg_pivots: tuple[Pivots, ...]
     wrist_pivots: tuple[Pivots, ...]
+    scale: Scale
 
     @property
     def mechanism(self) -> Mechanism:
@@ -46,12 +48,13 @@ class Plan:
         return self.parts.mechanism
 
 
-def plan_module(parts: Parts, positions: Array) -> Plan:
+def plan_module(parts: Parts, positions: Array, closed: float) -> Plan:
     """Choose all pivots of a module.
 
     Args:
         parts: Its core and its legs.
         positions: Positions of its spanning tree at generic assembled postures, shape (samples, nq).
+        closed: How far loops may be open (`guards.CLOSED`).
     """
     m = parts.mechanism
     paths = tuple(path_of(m, wrist) for wrist in m.spec.wrists)
@@ -64,7 +67,7 @@ def plan_module(parts: Parts, positions: Array) -> Plan:
         groups.append(leg_pivots(group, postures, (rows, col_scale[leg.tree_v])))
     loops = _loop_pivots(parts, m.postures, row_scale[list(parts.closure_rows)], col_scale[parts.tree_v])
     wrists = [wrist_pivots(path, positions[:, path.q], m.length) for path in paths]
-    return Plan(parts, paths, loops, tuple(groups), tuple(wrists))
+    return Plan(parts, paths, loops, tuple(groups), tuple(wrists), Scale(m.length, closed))
 
 
 def _loop_pivots(parts: Parts, postures: Array, rows: Array, cols: Array) -> Pivots:
@@ -78,9 +81,8 @@ def _loop_pivots(parts: Parts, postures: Array, rows: Array, cols: Array) -> Piv
         at = split_positions(list(parts.links), q)[i]
         placed[i] = Placed(quaternion_matrix(at[3:]), at[:3], zeros(6), zeros(6))
     chain = sweep(list(parts.links), q, zeros(nv), zeros(6), placed=placed)
-    written = write_rows(
-        chain, parts.closures, parts.couplings, split_positions(list(parts.links), q), 1.0, 1.0
-    )
+    positions = split_positions(list(parts.links), q)
+    written = write_rows(chain, parts.closures, parts.couplings, positions, Scale(1.0, 1.0), 1.0)
     function = ca.Function("K", [column], [pack(written.K[:, 6:])])
     shape = written.K[:, 6:].shape
     samples = np.array([np.array(function(x[parts.tree_q])).reshape(shape) for x in postures])
@@ -150,7 +152,7 @@ def write_core(
     units = np.concatenate([np.zeros(0), *(units_of(link, length) for link in parts.links)])
     speed = size_of(tree_v, units, [V_base, *(p.V for p in platforms.values())], length)
     rows = write_rows(
-        chain, parts.closures, parts.couplings, split_positions(list(parts.links), tree_q), length, speed
+        chain, parts.closures, parts.couplings, split_positions(list(parts.links), tree_q), plan.scale, speed
     )
     outputs = [parts.bodies.index(o) for o in plan.mechanism.spec.outputs]
     return Core(chain, platforms, rows, paths, outputs, tree_v, units, speed)

@@ -237,7 +237,7 @@ def _write_group(
     tau = zeros(len(leg.v))
     tau[forced] = given
     platform = PlatformMotion(p[:9].reshape(3, 3), p[9:12], p[12:])
-    written = write_leg(group, q, v, V_base, platform, plan.mechanism.length, plan.leg_pivots[n])
+    written = write_leg(group, q, v, V_base, platform, plan.scale, plan.leg_pivots[n])
     sums = leg_sums(written, tau, options.velocity, written.folding.array(list(rotor)))
     inputs = {"numbers": written.folding.symbol(), "q": q_col, "v": v_col, "platform": p_col}
     if options.base is None:

@@ -8,6 +8,7 @@ the error.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import casadi as ca
@@ -15,8 +16,24 @@ import casadi as ca
 from .expressions import Expression, is_zero
 from .static_elimination import TRUSTED
 
-#: Loops may be open by this part of the module's length (or a radian), and rates slip by this part of theirs.
-CLOSED = 1e-11
+#: Loops may be open by this part of the module's length (or a radian), and rates slip by this part of theirs:
+#: ten thousand roundings of the numbers that a model computes with.
+CLOSED = {"float64": 1e-11, "float32": 3e-3}
+
+
+@dataclass(frozen=True)
+class Scale:
+    """What closures are measured by.
+
+    Attributes:
+        length: The module's length, [m].
+        closed: One of `CLOSED`.
+    """
+
+    length: float
+    closed: float
+
+
 #: Keeps 0 / 0 from being asked; smaller than any rate that matters.
 NOTHING = 1e-290
 
@@ -26,8 +43,11 @@ def trusted(trust: ca.SX) -> Any:
     return 2.0 - trust / TRUSTED
 
 
-def closed(
-    positions: list[tuple[Expression, float]], rates: list[tuple[Expression, float]], speed: Any
+def loops_closed(
+    positions: list[tuple[Expression, float]],
+    rates: list[tuple[Expression, float]],
+    speed: Any,
+    closed: float,
 ) -> Any:
     """Give the guard of closures.
 
@@ -35,25 +55,27 @@ def closed(
         positions: What must vanish, and its unit.
         rates: What must vanish, and its unit.
         speed: Size of the module's rates (`size_of`).
+        closed: `CLOSED`.
     """
     worst: Any = ca.SX(0.0)
     for values, unit in positions:
-        worst = ca.fmax(worst, largest(values) / (CLOSED * unit))
+        worst = ca.fmax(worst, largest(values) / (closed * unit))
     for values, unit in rates:
-        worst = ca.fmax(worst, largest(values) / (CLOSED * unit * (speed + NOTHING)))
+        worst = ca.fmax(worst, largest(values) / (closed * unit * (speed + NOTHING)))
     return worst
 
 
-def accelerating_apart(values: Expression, size: Any) -> Any:
+def accelerating_apart(values: Expression, size: Any, closed: float) -> Any:
     """Give the guard of accelerations that must agree.
 
     Args:
         values: What must vanish, without units.
         size: Size of the module's accelerations, speed squared among it.
+        closed: `CLOSED`.
     """
     if all(is_zero(x) for x in values):
         return ca.SX(0.0)
-    return largest(values) / (CLOSED * (size + NOTHING))
+    return largest(values) / (closed * (size + NOTHING))
 
 
 def size_of(joints: Expression, units: Any, motions: list[Expression], length: float) -> Any:

@@ -17,7 +17,7 @@ from .chains import Chain, Placed, forces, motion_map, sweep
 from .core import Core, Plan, own_inertia, write_core
 from .direct import parameters_of, read_by_core, scattered
 from .expressions import Expression, cross, dot, pack, plain, symbols, zeros
-from .guards import accelerating_apart, size_of, trusted
+from .guards import Scale, accelerating_apart, size_of, trusted
 from .legs import PlatformMotion, WrittenLeg
 from .links import units_of
 from .rigid import crf, momentum, motion_to_parent, to_child, to_parent
@@ -97,7 +97,9 @@ def write_inverse(name: str, plan: Plan, options: InverseOptions, pivots: Pivots
     X, trust = solve(core.rows.K[:, 6:], zeros(len(core.rows.K), 1), plan.loop_pivots)
     Psi = X[:, 1:]
     guard = ca.fmax(core.rows.guard, trusted(trust))
-    guard = ca.fmax(guard, accelerating_apart(core.rows.apart, _haste(core, plan, a, A_base)))
+    guard = ca.fmax(
+        guard, accelerating_apart(core.rows.apart, _haste(core, plan, a, A_base), plan.scale.closed)
+    )
     B = _motor_map(core, plan, options, Psi, inputs[1])
     size = ca.SX(0.0)
     for value in terms if len(options.motors) < B.shape[0] else ():
@@ -207,7 +209,7 @@ def _motor_map(
 
 def leg_forces(
     leg: WrittenLeg, given: tuple[Expression, ...], platform: tuple[PlatformMotion, Expression],
-    law: Expression, rotor: Expression, driven: list[int], velocity: bool, length: float,
+    law: Expression, rotor: Expression, driven: list[int], velocity: bool, scale: Scale,
 ) -> dict[str, Any]:  # fmt: skip
     """Give what a leg needs for a motion.
 
@@ -219,7 +221,7 @@ def leg_forces(
         rotor: Rotor inertias of its freedoms.
         driven: Its freedoms with motors.
         velocity: Whether velocity terms are on.
-        length: The module's length.
+        scale: What closures are measured by.
 
     Returns:
         "b_base", "b_delta": wrenches on the base and along delta; "motors": wrench along delta of each
@@ -236,8 +238,8 @@ def leg_forces(
     out: dict[str, Any] = {"b_base": b[:6], "b_delta": leg.wrench(dot(leg.X.T, H))}
     out["motors"] = np.concatenate([zeros(0), *(leg.wrench(leg.X[k]) for k in driven)])
     A = platform[1]
-    unit = np.concatenate([units_of(link, length) for link in links])
+    unit = np.concatenate([units_of(link, scale.length) for link in links])
     apart = leg.accelerating_apart(a, A - A_base) / unit
-    haste = size_of(a, unit, [A, A_base], length) + leg.speed * leg.speed
-    out["guard"] = ca.fmax(leg.guard, accelerating_apart(apart, haste))
+    haste = size_of(a, unit, [A, A_base], scale.length) + leg.speed * leg.speed
+    out["guard"] = ca.fmax(leg.guard, accelerating_apart(apart, haste, scale.closed))
     return out

@@ -194,7 +194,7 @@ def _write_group(
 ) -> tuple[list[Stage], Any]:
     """Write what a group of legs needs for a motion."""
     group = plan.parts.groups[n]
-    leg, length = group[0], plan.mechanism.length
+    leg = group[0]
     (q_col, q), (v_col, v), (a_col, a) = (
         symbols("q", len(leg.q)),
         symbols("v", len(leg.v)),
@@ -213,10 +213,17 @@ def _write_group(
     if lawful:
         inputs["laws"] = law_col
     platform = PlatformMotion(p[:9].reshape(3, 3), p[9:12], p[12:18])
-    written = write_leg(group, q, v, V_base, platform, length, plan.leg_pivots[n])
+    written = write_leg(group, q, v, V_base, platform, plan.scale, plan.leg_pivots[n])
     rotor = written.folding.array([np.array([options.rotor[c] for c in leg.tree_v]) for leg in group])
     out = leg_forces(
-        written, (q, v, a, V_base, A_base), (platform, p[18:]), law, rotor, driven, options.velocity, length
+        written,
+        (q, v, a, V_base, A_base),
+        (platform, p[18:]),
+        law,
+        rotor,
+        driven,
+        options.velocity,
+        plan.scale,
     )
     outputs = {name: pack(out[name]) for name, _ in SUMS} | {"guard": ca.SX(out["guard"])}
     if driven:

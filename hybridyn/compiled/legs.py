@@ -19,7 +19,7 @@ from ..spatial import Array
 from .chains import Chain, forces, mass_matrix, numbers, point_acceleration, point_velocity, sweep
 from .expressions import Expression, congruence, cross, dot, hat, pack, symbols, upper, zeros
 from .folding import Folding
-from .guards import closed, size_of, trusted
+from .guards import Scale, loops_closed, size_of, trusted
 from .links import Link, units_of
 from .parts import Leg, width_of
 from .rigid import matrix_moved, to_child, to_parent
@@ -129,7 +129,7 @@ def write_leg(
     v: Expression,
     V_base: Expression,
     platform: PlatformMotion,
-    length: float,
+    scale: Scale,
     pivots: Pivots | None,
     folding: Folding | None = None,
 ) -> WrittenLeg:
@@ -141,7 +141,7 @@ def write_leg(
         v: Its rates.
         V_base: Twist of the base, own frame.
         platform: Motion of the platform.
-        length: The module's length.
+        scale: What closures are measured by.
         pivots: Pivots of the leg's closure.
         folding: Where the legs' numbers go.
     """
@@ -149,7 +149,7 @@ def write_leg(
     links = fold_links(folding, [list(leg.links) for leg in group])
     R_s, p_s, R_o, p_o = _frames(folding, group)
     leg = group[0]
-    units = np.concatenate([units_of(link, length) for link in links])
+    units = np.concatenate([units_of(link, scale.length) for link in links])
     chain = sweep(links, q, v, V_base)
     R0, V, c = chain.R0[leg.end], chain.V[leg.end], chain.c[leg.end]
     point = chain.p0[leg.end] + dot(R0, p_s)
@@ -169,14 +169,14 @@ def write_leg(
     X, trust = solve(J, right, pivots)
     other = platform.p + dot(platform.R, p_o)
     open_by = [
-        (other - point, length),
+        (other - point, scale.length),
         *_turned_apart(rotation, dot(R0, R_s), dot(platform.R, R_o)),
     ]
-    slipping = [(apart, length)]
+    slipping = [(apart, scale.length)]
     if rotation != "free":
         slipping.append((dot(N[3:, 3:], turning), 1.0))
-    speed = size_of(v, units, [platform.V, V_base], length)
-    guard = ca.fmax(trusted(trust), closed(open_by, slipping, speed))
+    speed = size_of(v, units, [platform.V, V_base], scale.length)
+    guard = ca.fmax(trusted(trust), loops_closed(open_by, slipping, speed, scale.closed))
     return WrittenLeg(folding, chain, point, X[:, :6], X[:, 6], speed, guard)
 
 

@@ -112,15 +112,16 @@ class Calls:
         self._batch.restype = None
         self._batch.argtypes = [ctypes.c_longlong] * 2 + [ctypes.c_void_p] * 4
         self._memory = threading.local()
-        self.trusted = TRUSTED.get(number, 1.0)
+        self.trusted = TRUSTED
         self.at_once: Callable[..., int] | None = None
         self._guard = np.zeros(1, dtype)
         if plain:
-            memory = ctypes.c_char * dtype.itemsize
-            self._guard = np.frombuffer(memory.in_dll(held, f"{name}_guard"), dtype)
-            self.at_once = getattr(held, f"{name}_single")
-            self.at_once.restype = ctypes.c_int  # type: ignore[attr-defined]
-            self.at_once.argtypes = [ctypes.c_void_p] * (len(self.inputs) + 1)  # type: ignore[attr-defined]
+            memory: Any = (ctypes.c_char * dtype.itemsize).in_dll(held, f"{name}_guard")
+            self._guard = np.frombuffer(memory, dtype)
+            one: Any = getattr(held, f"{name}_single")
+            one.restype = ctypes.c_int
+            one.argtypes = [ctypes.c_void_p] * (len(self.inputs) + 1)
+            self.at_once = one
 
     @property
     def guard(self) -> float:

@@ -11,7 +11,7 @@ import numpy as np
 from ..closure import TreeClosure, TreeCoupling
 from .chains import Chain, motion_map, numbers, point_acceleration, point_velocity
 from .expressions import Expression, cross, dot, zeros
-from .guards import closed
+from .guards import Scale, loops_closed
 from .rigid import to_parent
 
 
@@ -64,7 +64,7 @@ def write_rows(
     closures: tuple[TreeClosure, ...],
     couplings: tuple[TreeCoupling, ...],
     q: list[Expression],
-    length: float,
+    scale: Scale,
     speed: Any,
 ) -> Rows:
     """Write the rows of closures and couplings.
@@ -74,7 +74,7 @@ def write_rows(
         closures: The closures.
         couplings: The couplings.
         q: Positions of each joint.
-        length: The module's length.
+        scale: What closures are measured by.
         speed: Size of the module's rates.
     """
     K, gamma, apart = [zeros(0, 6 + chain.nv)], [zeros(0)], [zeros(0)]
@@ -82,9 +82,9 @@ def write_rows(
     for c in closures:
         a = _side(chain, c.body_a, numbers(c.R_a), numbers(c.p_a))
         b = _side(chain, c.body_b, numbers(c.R_b), numbers(c.p_b))
-        rows, drift, measure = _closure(c, a, b, length, speed)
+        rows, drift, measure = _closure(c, a, b, scale, speed)
         K, gamma = [*K, rows], [*gamma, drift]
-        unit = np.array([length] * len(c.translations) + [1.0] * (c.rows - len(c.translations)))
+        unit = np.array([scale.length] * len(c.translations) + [1.0] * (c.rows - len(c.translations)))
         apart = [*apart, drift / unit]
         guard = ca.fmax(guard, measure)
     for coupling in couplings:
@@ -97,7 +97,7 @@ def write_rows(
 
 
 def _closure(
-    c: TreeClosure, a: _Side, b: _Side, length: float, speed: Any
+    c: TreeClosure, a: _Side, b: _Side, scale: Scale, speed: Any
 ) -> tuple[Expression, Expression, ca.SX]:
     """Give rows, drift and guard of one closure."""
     r, relative = b.p - a.p, b.J - a.J
@@ -111,8 +111,8 @@ def _closure(
     normals = [to_parent(numbers(np.eye(3)), b.p, np.concatenate([n, zeros(3)])) for n in axes]
     gamma = [_along(n, apart) for n in axes]
     opened = b.p - a.p
-    positions = [(np.array([_along(a.A[:, i], opened) for i in c.translations], dtype=object), length)]
-    rates = [(np.array([_along(n, slide) for n in axes], dtype=object), length)]
+    positions = [(np.array([_along(a.A[:, i], opened) for i in c.translations], dtype=object), scale.length)]
+    rates = [(np.array([_along(n, slide) for n in axes], dtype=object), scale.length)]
     z = b.A[:, 2]
     turning: list[tuple[Expression, Expression]] = []
     if c.rotation == "fixed":
@@ -137,7 +137,7 @@ def _closure(
     return (
         np.array(rows, dtype=object).reshape(len(rows), a.J.shape[1]),
         drift,
-        closed(positions, rates, speed),
+        loops_closed(positions, rates, speed, scale.closed),
     )
 
 

@@ -32,7 +32,7 @@ def motor_pivots(plan: Plan, positions: Array, motors: tuple[int, ...]) -> Pivot
         for leg in group:
             platform = core.platforms[leg.platform]
             written = write_leg(
-                (leg,), q[leg.q], zeros(len(leg.v)), zeros(6), platform, m.length, plan.leg_pivots[n]
+                (leg,), q[leg.q], zeros(len(leg.v)), zeros(6), platform, plan.scale, plan.leg_pivots[n]
             )
             at = core.chain.columns_of(leg.platform + 1)
             P = motion_map(core.chain, leg.platform + 1)[:, at]

@@ -18,6 +18,7 @@ def programs(
     models: tuple[str, ...] = ("idm", "ddm", "kinematics"),
     regroup: bool = True,
     parameters: bool = False,
+    dtype: str = "float64",
 ) -> dict[str, Program]:
     """Write a robot's models out.
 
@@ -28,10 +29,12 @@ def programs(
         regroup: Whether base inertial parameters are used.
         parameters: Whether the inertial parameters of the bodies are an input ("parameters"), ten for each
             body of `robot.bodies` in the order and frame of `pinocchio.Inertia.toDynamicParameters`.
+        dtype: What they compute with, "float64" or "float32": samples whose loops are open by more than its
+            rounding go to the general path.
 
     Raises:
         ModelError: An effect is not for written-out models.
     """
-    asked = request(robot, effects, regroup=regroup, parameters=parameters)
+    asked = request(robot, effects, regroup=regroup, parameters=parameters, dtype=dtype)
     write = {"idm": inverse_program, "ddm": direct_program, "kinematics": kinematics_program}
     return {name: write[name](asked) for name in models}

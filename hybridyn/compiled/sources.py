@@ -18,8 +18,8 @@ from .trimming import trimmed
 #: Statements that one compiler process is given before another is started.
 UNIT = 4000
 
-#: Guards up to this are trusted, where it is not 1: with floats closures are open by their rounding.
-TRUSTED = {"float32": 100.0}
+#: Guards up to this are trusted.
+TRUSTED = 1.0
 
 
 @dataclass(frozen=True)
@@ -119,7 +119,7 @@ def driver_prelude(bodies: dict[str, str], scalar: Scalar) -> str:
     lines = [
         scalar.prelude(),
         f"#define B {border}",
-        f"#define TRUSTED {TRUSTED.get(scalar.name, 1.0)}",
+        f"#define TRUSTED {TRUSTED}",
         '#define EXPORT __attribute__((visibility("default")))',
         "#include <string.h>",
         text_of("driver.h"),
