@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Container, Iterable, Sequence
+from collections.abc import Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -52,15 +52,31 @@ def kinematics(
     q, single = as_batch(q, robot.nq, "q")
     v = as_batch(v, robot.nv, "v")[0]
     a = np.zeros_like(v) if a is None else as_batch(a, robot.nv, "a")[0]
+    wanted = named_links(robot, links)
+    return motions_of(robot, body_motions(robot, q, v, a), wanted, single)
+
+
+def named_links(robot: HybridRobot, links: Sequence[str] | None) -> Iterable[str]:
+    """Give the links that are asked for: every one for None.
+
+    Raises:
+        TrajectoryError: An unknown link.
+    """
     for link in links or ():
         if link not in robot.bodies.place:
             near = difflib.get_close_matches(link, robot.bodies.place, 1)
             raise TrajectoryError(f"unknown link '{link}'" + (f"; did you mean '{near[0]}'?" if near else ""))
-    bodies = body_motions(robot, q, v, a)
+    return robot.bodies.place if links is None else links
+
+
+def motions_of(
+    robot: HybridRobot, bodies: Mapping[int, RigidMotion], links: Iterable[str], single: bool
+) -> dict[str, LinkMotion]:
+    """Give the motion of links from that of bodies; for a single sample without the axis of samples."""
     out = {}
-    for link in robot.bodies.place if links is None else links:
+    for link in links:
         body, R, p = robot.bodies.place[link]
-        m = bodies[body].then(RigidMotion.at_rest(len(q), R, p))
+        m = bodies[body].then(RigidMotion.at_rest(len(bodies[body].p), R, p))
         arrays = (
             np.concatenate([m.p, quaternion_from_rotation(m.R)], axis=1),
             np.concatenate([m.pd, m.w], axis=1),

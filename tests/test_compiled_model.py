@@ -59,9 +59,21 @@ def test_one_sample_has_the_bits_of_the_batch(lx4: CompiledRobot, states: Arrays
 
 def test_kinematics_are_the_general_paths(lx4: CompiledRobot, states: Arrays) -> None:
     q, v, a, _ = states
-    (link,) = [output for output in lx4.robot.bodies.place][-1:]
-    ours, theirs = lx4.kinematics(q, v, a, [link]), hybridyn.kinematics(lx4.robot, q, v, a, [link])
-    assert (ours[link].pose == theirs[link].pose).all()
+    ours, theirs = lx4.kinematics(q, v, a), hybridyn.kinematics(lx4.robot, q, v, a)
+    assert list(ours) == list(theirs)
+    for link, motion in theirs.items():
+        for name in ("pose", "twist", "acceleration"):
+            result, reference = getattr(ours[link], name), getattr(motion, name)
+            np.testing.assert_allclose(
+                result, reference, rtol=0, atol=1e-12 * max(1.0, np.abs(reference).max())
+            )
+    one = lx4.kinematics(q[3], v[3], links=[link])[link]
+    assert one.pose.shape == (7,)
+    assert (one.pose == ours[link].pose[3]).all()
+    with pytest.raises(TrajectoryError, match="unknown link"):
+        lx4.kinematics(q, v, a, ["none"])
+    with pytest.raises(TrajectoryError, match="v is not finite at sample 3"):
+        lx4.kinematics(*spoiled(states, "nan")[:2])
 
 
 def spoiled(states: Arrays, kind: str) -> list[Any]:

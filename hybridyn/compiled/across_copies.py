@@ -39,7 +39,7 @@ def across_copies(program: Program, names: list[str], lanes: int, tables: Tables
         lanes: Number of lanes.
         tables: Where its tables go.
     """
-    lines = [HEAD.format(name=program.name), "    (void)given, (void)result, (void)shared, (void)own;"]
+    lines = [HEAD.format(name=program.name), "    (void)given, (void)result, (void)shared, (void)own, (void)guard;"]
     for step in program.steps:
         if isinstance(step, Start):
             if len(step.values):
@@ -154,7 +154,7 @@ class _Together:
             case Own(start, size):
                 return f"own + {start + pack * size}"
             case Constants(values):
-                return f"(const V *){self.tables.numbers(self._lanes(values, pack))}"
+                return f"(const V *){self.tables.numbers(np.asarray(self._lanes(values, pack), dtype=float))}"
             case Given(index) | Result(index):
                 place = "given" if isinstance(source, Given) else "result"
                 size = index.shape[1]

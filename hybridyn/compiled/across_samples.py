@@ -37,7 +37,7 @@ def across_samples(program: Program, names: list[str], tables: Tables) -> str:
         names: Name in C of each kernel.
         tables: Where its tables go.
     """
-    lines = [HEAD.format(name=program.name), "    (void)given, (void)result, (void)shared, (void)own;"]
+    lines = [HEAD.format(name=program.name), "    (void)given, (void)result, (void)shared, (void)own, (void)guard;"]
     for step in program.steps:
         if isinstance(step, Start):
             if len(step.values):

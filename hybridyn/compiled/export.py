@@ -15,6 +15,7 @@ from ..errors import HybridynError, ModelError
 from ..idm import idm
 from ..robot import HybridRobot
 from ..spatial import Array
+from .bodies import body_rows
 from .exporting import plain_source, prototype, work_type
 from .model import write_programs
 from .printing import literal
@@ -29,6 +30,8 @@ AGREE = 1e-9
 WHAT = {
     "idm": "Inverse dynamic model: motor efforts tau [N, N m] from positions q, rates v and accelerations a.",
     "ddm": "Direct dynamic model: accelerations a from positions q, rates v and motor efforts tau.",
+    "kinematics": "Motion of every body in the world, 24 numbers each: axes row by row, origin, velocity, angular "
+    "velocity, acceleration (classical), angular acceleration.",
 }
 
 
@@ -76,6 +79,14 @@ def c_name(text: str) -> str:
     return name if not name[0].isdigit() else f"robot_{name}"
 
 
+def _body_names(robot: HybridRobot) -> list[str]:
+    """Give each body a name: that of the first link that is part of it and stands in its frame."""
+    names = [""] * len(robot.bodies.bodies)
+    for link, (body, _, _) in robot.bodies.place.items():
+        names[body] = names[body] or link
+    return names
+
+
 def _places(names: Sequence[str], places: Sequence[slice]) -> list[str]:
     """Give lines that say where each name's numbers are."""
     return [f"     {at.start}..{at.stop - 1}  {name}" for name, at in zip(names, places, strict=True)]
@@ -84,12 +95,14 @@ def _places(names: Sequence[str], places: Sequence[slice]) -> list[str]:
 def _header(robot: HybridRobot, programs: list[Program], name: str) -> str:
     """Give the header."""
     motors = [f"     {i}  {motor}" for i, motor in enumerate(robot.motors)]
+    bodies = [f"     {24 * i}..{24 * i + 23}  {link}" for i, link in enumerate(_body_names(robot))]
     about = [
         f"/* Dynamics of the robot '{robot.description.name}', base {robot.base}, written by hybridyn.",
         "   SI units; positions and rates in the order and the coordinates of Pinocchio:",
         "   q", *_places(robot.joints, robot.q_slices),
         "   v, a", *_places(robot.joints, robot.v_slices),
         "   tau", *motors,
+        "   bodies", *bodies,
         "",
         "   Each function gives a guard: at most 1 where its results may be trusted. Above 1 or NaN, positions and",
         "   rates do not close the loops, or the robot is near a posture where the pivots of the elimination vanish:",
@@ -108,7 +121,7 @@ def _test(robot: HybridRobot, effects: Any, programs: list[Program], name: str) 
 
     q, v, _, tau = random_states(robot, SAMPLES, seed=1)
     a = ddm(robot, q, v, tau, effects=effects)
-    known = {"q": q, "v": v, "tau": tau, "a": a, "base_acceleration": a[:, :6]}
+    known = {"q": q, "v": v, "tau": tau, "a": a, "base_acceleration": a[:, :6], "bodies": body_rows(robot, q, v, a)}
     lines = [
         f'#include <math.h>\n#include <stdio.h>\n\n#include "{name}.h"',
         "/* Largest difference, relative to the largest entry of what was expected. */\n"

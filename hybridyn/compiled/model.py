@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import logging
 import pickle
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -17,9 +17,10 @@ from ..effects.choice import Choice, Effects, choose
 from ..errors import HybridynError, ModelError
 from ..forward import as_batch, same_samples
 from ..idm import idm
-from ..link_motion import LinkMotion, kinematics
+from ..link_motion import LinkMotion, motions_of, named_links
 from ..robot import HybridRobot
 from ..spatial import Array
+from .bodies import body_motion, body_rows
 from .cache import Built, cached
 from .compilers import best_lanes, find_compiler
 from .library import REFUSED, Library, Numbers
@@ -34,7 +35,7 @@ if TYPE_CHECKING:
 
 log = logging.getLogger("hybridyn.compiled")
 
-GENERAL = {"idm": idm, "ddm": ddm}
+GENERAL: dict[str, Callable[..., Any]] = {"idm": idm, "ddm": ddm}
 
 
 class CompiledRobot:
@@ -110,8 +111,13 @@ class CompiledRobot:
     def kinematics(
         self, q: Array, v: Array, a: Array | None = None, links: Sequence[str] | None = None
     ) -> dict[str, LinkMotion]:
-        """Give poses, twists and accelerations of links: `hybridyn.kinematics` itself."""
-        return kinematics(self.robot, q, v, a, links)
+        """Give poses, twists and accelerations of links, as `hybridyn.kinematics` does, with its arguments."""
+        a = np.zeros(np.shape(v)) if a is None else a
+        rows = self._run("kinematics", {"q": q, "v": v, "a": a})
+        places = self.robot.bodies.place
+        wanted = list(named_links(self.robot, links))
+        bodies = {body: body_motion(np.atleast_2d(rows), body) for body in {places[x][0] for x in wanted}}
+        return motions_of(self.robot, bodies, wanted, rows.ndim == 1)
 
     @property
     def casadi(self) -> dict[str, ca.Function]:
@@ -173,8 +179,10 @@ class CompiledRobot:
         """Call the general path."""
         inputs = dict(given)
         more = {"base_acceleration": inputs.pop("base_acceleration")} if "base_acceleration" in inputs else {}
-        result: Array = GENERAL[name](self.robot, *inputs.values(), effects=self.effects, **more)
-        return result
+        if name == "kinematics":
+            return body_rows(self.robot, *inputs.values())
+        general: Callable[..., Array] = GENERAL[name]
+        return general(self.robot, *inputs.values(), effects=self.effects, **more)
 
 
 def _refuse(*_: int) -> int:
@@ -241,10 +249,10 @@ def source_of(robot: HybridRobot, effects: Effects, scalar: Scalar) -> Source:
     """Print the models of a robot."""
     from .sources import library_source
 
-    return library_source(list(write_programs(robot, effects).values()), scalar)
+    return library_source(list(write_programs(robot, effects, scalar.name).values()), scalar)
 
 
-def write_programs(robot: HybridRobot, effects: Effects) -> dict[str, Program]:
+def write_programs(robot: HybridRobot, effects: Effects, dtype: str = "float64") -> dict[str, Program]:
     """Write a robot's models out.
 
     Raises:
@@ -255,4 +263,4 @@ def write_programs(robot: HybridRobot, effects: Effects) -> dict[str, Program]:
     needs_casadi()
     from .programs import programs
 
-    return {name: replace(program, name=name) for name, program in programs(robot, effects).items()}
+    return {name: replace(program, name=name) for name, program in programs(robot, effects, dtype=dtype).items()}

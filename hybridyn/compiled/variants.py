@@ -8,6 +8,8 @@ from .needs import needs_casadi
 from .operations import operations_table
 from .program import Program
 
+MODELS = ("idm", "ddm")
+
 
 def statistics(robot: HybridRobot, effects: Choice = None) -> str:
     """Give the operations of both models, part by part and variant by variant, as a table for people.
@@ -24,8 +26,8 @@ def statistics(robot: HybridRobot, effects: Choice = None) -> str:
     from .programs import programs
 
     variants: dict[str, dict[str, Program]] = {
-        "inertial parameters as described": programs(robot, effects, regroup=False),
-        "base inertial parameters": programs(robot, effects),
+        "inertial parameters as described": programs(robot, effects, models=MODELS, regroup=False),
+        "base inertial parameters": programs(robot, effects, models=MODELS),
     }
     titles = {"idm": "Inverse model, operations per sample", "ddm": "Direct model, operations per sample"}
     tables = [

@@ -10,6 +10,7 @@ from ..ddm import ddm
 from ..errors import CompileError, HybridynError
 from ..idm import idm
 from ..spatial import Array
+from .bodies import body_rows
 from .library import Numbers
 
 if TYPE_CHECKING:
@@ -35,6 +36,8 @@ def verify(model: CompiledRobot) -> None:
     q, v, _, tau = random_states(robot, SAMPLES)
     with_general = ddm(robot, q, v, tau, effects=effects)
     _compare(model, "ddm", model.ddm(q, v, tau), with_general)
+    rows = model.library.batch("kinematics", q, v, with_general)[0][0]
+    _compare(model, "kinematics", rows, body_rows(robot, q, v, with_general))
     try:
         efforts = idm(robot, q, v, with_general, effects=effects)
     except HybridynError:  # motors that cannot do it: there is nothing to compare
