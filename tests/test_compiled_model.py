@@ -194,9 +194,9 @@ def test_a_wrong_program_never_reaches_the_user(own_cache: None, monkeypatch: py
 
     robot, right = shipped("five_bar", gravity=(0, 0, -9.80)), file.programs
 
-    def wrong(robot: hybridyn.HybridRobot, effects: Any) -> Any:
+    def wrong(robot: hybridyn.HybridRobot, effects: Any, **more: Any) -> Any:
         lighter = dataclasses.replace(robot, gravity=robot.gravity * (1 + 1e-8))
-        return right(lighter, effects)
+        return right(lighter, effects, **more)
 
     with monkeypatch.context() as patch:
         patch.setattr(file, "programs", wrong)
