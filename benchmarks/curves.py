@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from benchmarks.labels import CROWDED, Box, around, beside, spread
+
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
@@ -21,7 +23,7 @@ CELL = (MARGIN[0] + PANEL[0] + 2.25, MARGIN[1] + PANEL[1] + 0.45)  # with the na
 HEAD = 0.55  # above the panels
 DECADES = 2.2  # least range of an axis
 DOTS = 100
-CROWDED = 12.0  # least vertical distance of two labels [points]
+MARKER = 3.0  # half the room that a point takes [points]
 SEED = "hybridyn"  # of the names inside an SVG, so that equal figures are equal files
 
 
@@ -35,6 +37,7 @@ class Curve:
         x, y: Its points.
         all_x, all_y: Points of a sweep behind it.
         filled: False for open markers.
+        first_open: True where the first marker is open.
     """
 
     label: str
@@ -44,6 +47,7 @@ class Curve:
     all_x: Sequence[float] = ()
     all_y: Sequence[float] = ()
     filled: bool = True
+    first_open: bool = False
 
 
 @dataclass(frozen=True)
@@ -55,6 +59,8 @@ class Panel:
         x, y: Names of the axes.
         curves: The curves.
         reverse: True where x falls to the right.
+        inside: True to name curves beside their ends where there is room.
+        counts: True where x counts something: every number that occurs is written.
     """
 
     title: str
@@ -62,6 +68,8 @@ class Panel:
     y: str
     curves: list[Curve] = field(default_factory=list)
     reverse: bool = False
+    inside: bool = False
+    counts: bool = False
 
 
 def draw(title: str, remark: str, rows: Sequence[Sequence[Panel]], path: Path) -> None:
@@ -94,12 +102,17 @@ def _panel(ax: Axes, panel: Panel) -> None:
         ax.plot(
             curve.x, curve.y, "-o", color=curve.colour, markerfacecolor=face, markersize=4.2, lw=1.4, zorder=3
         )
+        if curve.first_open:
+            ax.plot(curve.x[:1], curve.y[:1], "o", color=curve.colour, mfc="white", markersize=4.2, zorder=4)
     if panel.reverse:
         ax.invert_xaxis()
     ax.set_title(panel.title, loc="left", color=INK)
     ax.set_xlabel(panel.x, color=INK)
     ax.set_ylabel(panel.y, color=INK)
     ax.grid(True, which="major", color=GRID, lw=0.7, zorder=0)
+    if panel.counts:
+        counted = sorted({int(x) for curve in panel.curves for x in curve.x})
+        ax.set_xticks(counted, [str(x) for x in counted])
     ax.minorticks_off()
     for side in ("top", "right"):
         ax.spines[side].set_visible(False)
@@ -110,34 +123,54 @@ def _panel(ax: Axes, panel: Panel) -> None:
 
 
 def _names(ax: Axes, panel: Panel) -> None:
-    """Write the curves' names right of the panel, near the heights of their ends, with thin lines to them."""
-    if not panel.curves:
-        return
-    box = ax.get_window_extent()
-    to_points = 72.0 / ax.get_figure(root=True).dpi  # type: ignore[union-attr]
-    ends = [ax.transData.transform(_end(curve, panel.reverse)) for curve in panel.curves]
-    wanted = np.array([end[1] for end in ends]) * to_points
-    heights = spread(wanted, CROWDED, box.y0 * to_points, box.y1 * to_points)
-    for curve, end, height in zip(panel.curves, ends, heights, strict=True):
-        ax.annotate(
-            curve.label,
-            xy=tuple(ax.transData.inverted().transform(end)),
-            xycoords="data",
-            xytext=(box.x1 * to_points + 14.0, float(height)),
-            textcoords="figure points",
-            color=curve.colour,
-            fontsize=8,
-            va="center",
-            annotation_clip=False,
-            arrowprops={
-                "arrowstyle": "-",
-                "color": curve.colour,
-                "lw": 0.5,
-                "alpha": 0.55,
-                "shrinkB": 3,
-                "relpos": (0, 0.5),
-            },
-        )
+    """Write the curves' names: beside lone points, or right of the panel with thin lines to the curves."""
+    scale = 72.0 / ax.get_figure(root=True).dpi  # type: ignore[union-attr]
+    edge = ax.get_window_extent()
+    box = Box(scale * edge.x0, scale * edge.y0, scale * edge.x1, scale * edge.y1)
+
+    def at(x: Sequence[float], y: Sequence[float]) -> list[tuple[float, float]]:
+        points = ax.transData.transform(np.column_stack([x, y])) * scale if len(x) else []
+        return [(float(a), float(b)) for a, b in points]
+
+    taken = [around(*p, MARKER) for c in panel.curves for p in at(c.all_x, c.all_y) + at(c.x, c.y)]
+    for c in panel.curves:  # lines, as squares along them
+        for (x0, y0), (x1, y1) in pairwise(at(c.x, c.y)):
+            steps = np.linspace(0.0, 1.0, int(np.hypot(x1 - x0, y1 - y0) // MARKER) + 2)
+            taken += [around(x0 + t * (x1 - x0), y0 + t * (y1 - y0), MARKER / 2) for t in steps]
+    far = []
+    for curve in panel.curves:
+        (point,) = at(*([v] for v in _end(curve, panel.reverse)))
+        (other,) = at(curve.x[:1], curve.y[:1])
+        places = (beside(end, curve.label, taken, box) for end in (point, other) if panel.inside)
+        place = next((found for found in places if found is not None), None)
+        if place is None:
+            far.append((curve, point))
+            continue
+        taken.append(place)
+        middle = (place.low + place.high) / 2
+        _write(ax, curve, point, (place.left, middle), None)
+    heights = spread([y for _, (_, y) in far], CROWDED, box.low, box.high)
+    for (curve, point), height in zip(far, heights, strict=True):
+        line = {"arrowstyle": "-", "color": curve.colour, "lw": 0.5, "alpha": 0.55, "shrinkB": 3}
+        _write(ax, curve, point, (box.right + 14.0, float(height)), line | {"relpos": (0, 0.5)})
+
+
+def _write(
+    ax: Axes, curve: Curve, point: tuple[float, float], at: tuple[float, float], line: dict[str, Any] | None
+) -> None:
+    """Write a curve's name at a place [points of the figure], with a line to a point or without."""
+    ax.annotate(
+        curve.label,
+        xy=point,
+        xycoords="figure points",
+        xytext=at,
+        textcoords="figure points",
+        color=curve.colour,
+        fontsize=8,
+        va="center",
+        annotation_clip=False,
+        arrowprops=line,
+    )
 
 
 def widened(low: float, high: float) -> tuple[float, float]:
@@ -151,17 +184,3 @@ def _end(curve: Curve, reverse: bool) -> tuple[float, float]:
     """Give the point that a curve's name belongs to, the rightmost."""
     at = int(np.argmin(curve.x) if reverse else np.argmax(curve.x))
     return float(curve.x[at]), float(curve.y[at])
-
-
-def spread(wanted: Any, apart: float, low: float, high: float) -> Any:
-    """Move heights as little as it takes to keep them apart, within a range where they fit."""
-    order = np.argsort(wanted)
-    out = np.array(wanted, dtype=float)
-    for before, at in pairwise(order):
-        out[at] = max(out[at], out[before] + apart)
-    excess = out[order[-1]] - max(high, low + apart * (len(out) - 1)) if len(out) else 0.0
-    if excess > 0:
-        out[order[-1]] -= excess
-        for after, at in pairwise(order[::-1]):
-            out[at] = min(out[at], out[after] - apart)
-    return out

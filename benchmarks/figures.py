@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -27,6 +28,7 @@ COLOURS = {
     "pin.rnea": "#7a3fa0",
 }
 FALLBACK = "#555555"
+ERROR = "error, relative to the largest entry"
 LEAST_ERROR = 1e-17  # what an error of nothing is drawn at
 
 
@@ -52,6 +54,14 @@ def colour(method: str) -> str:
     return COLOURS[max(found, key=len)] if found else FALLBACK
 
 
+def named(method: str, batch: int = 0) -> str:
+    """Name a curve: hybridyn's engine (and batch), or the method without its setting."""
+    if not method.startswith("hybridyn"):
+        return method.split(", mu")[0].split(", impedance")[0]
+    engine = f"hybridyn {method.rpartition(', ')[2]}"
+    return f"{engine}, batch of {batch:,}" if batch > 1 else f"{engine}, one call" if batch else engine
+
+
 def work_precision(points: Sequence[Point], model: str, cases: Sequence[str]) -> Figure | None:
     """Draw error against time per sample, one panel a robot; the front of every sweep is the line."""
     panels = []
@@ -59,24 +69,24 @@ def work_precision(points: Sequence[Point], model: str, cases: Sequence[str]) ->
         own = [p for p in points if p.case == case and p.model == model and math.isfinite(p.us)]
         own = [p for p in own if p.error < 3.0]
         curves = []
-        for (method, batch), group in grouped(own, "method", "batch").items():
+        for method, group in grouped(own, "method").items():
+            batches = method.startswith("hybridyn")
             best = front(group, lambda p: p.us, lambda p: p.error)
-            label = f"{method}, {batch:,} a call" if method.startswith("hybridyn") else method
-            curves.append(
-                Curve(
-                    label, colour(method), [p.us for p in best], [max(p.error, LEAST_ERROR) for p in best],
-                    [p.us for p in group], [max(p.error, LEAST_ERROR) for p in group],
-                    filled=batch == 1,
-                )
-            )  # fmt: skip
+            if batches:  # in a batch, one call: joined by a line
+                best = sorted(group, key=lambda p: -p.batch)
+            x, y = work_and_error(best)
+            curve = Curve(named(method), colour(method), x, y, *work_and_error(group))
+            curves.append(replace(curve, first_open=batches and len(best) > 1))
         if curves:
-            panels.append(Panel(case, "time per sample [us]", "error, relative to the largest entry", curves))
+            panels.append(Panel(case, "time per sample [us]", ERROR, curves, inside=True))
     if not panels:
         return None
     name = {"ddm": "Direct model: efforts to accelerations", "idm": "Inverse model: accelerations to efforts"}
     width = min(3, len(panels))
     rows = [panels[i : i + width] for i in range(0, len(panels), width)]
-    remark = "Lower left is better. Pale: every setting; line: the best of them. Open: many samples a call."
+    remark = (
+        "Lower left is better. Pale: all settings; line: the best. hybridyn: filled one call, open a batch."
+    )
     return Figure(model, name[model], remark, rows)
 
 
@@ -95,15 +105,33 @@ def scaling(sizes: Sequence[Size]) -> Figure | None:
             for (method, batch), group in grouped(
                 [s for s in own if s.model == model and math.isfinite(value(s))], "method", "batch"
             ).items():
-                label = f"{method}, {batch:,} a call" if method.startswith("hybridyn") else method
+                label = named(method, batch)
                 at, values = [s.modules for s in group], [max(value(s), 0.1) for s in group]
-                curves.append(Curve(_short(label), colour(method), at, values, filled=batch == 1))
+                curves.append(Curve(label, colour(method), at, values, filled=batch == 1))
             if curves:
-                panels.append(Panel(f"{title}, {family}s", "modules", unit, curves))
+                panels.append(Panel(f"{title}, {family}s", "modules", unit, curves, counts=True))
         if panels:
             rows.append(panels)
-    remark = "Lower is better. Every point in a process of its own. Open: many samples a call."
+    remark = "Lower is better. Every point in a process of its own. Open: in batches."
     return Figure("scaling", "Cost against the number of modules", remark, rows) if rows else None
+
+
+def work_and_error(points: Sequence[Point]) -> tuple[list[float], list[float]]:
+    """Give times and errors, none of them zero."""
+    return [p.us for p in points], [max(p.error, LEAST_ERROR) for p in points]
+
+
+def overview(points: Sequence[Point], sizes: Sequence[Size]) -> Figure | None:
+    """Draw what the README shows: the direct model of the LX4, and of stacks of more modules."""
+    precision, grown = (
+        work_precision(points, "ddm", ["lx4"]),
+        scaling([s for s in sizes if s.family == "stack"]),
+    )
+    if precision is None or grown is None:
+        return None
+    left = replace(precision.panels[0][0], title="LX4: four Gough-Stewart modules, direct model")
+    right = replace(grown.panels[0][0], title="stacks of such modules, direct model")
+    return Figure("overview", "Efforts to accelerations", precision.remark, [[left, right]])
 
 
 def simulation(flights: Sequence[Flight]) -> Figure | None:
@@ -180,7 +208,7 @@ def singular(rows: Sequence[Near]) -> Figure | None:
                 curves.append(Curve(method, colour(method), list(x), list(y)))
         if curves:
             unit = "distance from the singular posture [rad]"
-            panels.append(Panel(case, unit, "error, relative to the largest entry", curves, reverse=True))
+            panels.append(Panel(case, unit, ERROR, curves, reverse=True))
     remark = "Lower is better. Every method at its best setting for each distance."
     return Figure("singular", "Close to singular postures", remark, [panels]) if panels else None
 
@@ -193,6 +221,7 @@ def figures(results: dict[str, list[Any]]) -> list[Figure]:
     )
     cases = [case for case in chosen if any(p.case == case for p in points)]
     found = [
+        overview(points, results["scaling"]),
         work_precision(points, "ddm", [*cases, "ur5"]),
         work_precision(points, "idm", [*cases, "ur5"]),
         scaling(results["scaling"]),
@@ -214,8 +243,3 @@ def write_figures(folder: Path, results: dict[str, list[Any]], suffix: str = ".s
     for figure in drawn:
         draw(figure.title, figure.remark, figure.panels, folder / f"{figure.name}{suffix}")
     return drawn
-
-
-def _short(label: str) -> str:
-    """Leave a setting out of a label."""
-    return label.split(", mu")[0].split(", impedance")[0]

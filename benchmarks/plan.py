@@ -26,6 +26,7 @@ OUTPUT = {
     "figures.py",
     "fronts.py",
     "curves.py",
+    "labels.py",
     "goals.py",
     "__main__.py",
     "slow.py",

@@ -13,9 +13,9 @@ every figure.
 """
 
 STANDING = """\
-hybridyn's fastest engine against the fastest peer that answers the same question to 1e-10, or to ten times
-hybridyn's own error where that is more: one sample per call, then in a batch (the peer in a loop). Below 1,
-hybridyn is faster; **above 1 it loses**.
+hybridyn's fastest engine against the fastest peer that answers the same question to 1e-10, or the most exact
+one where none does: one sample per call, then in a batch (the peer in a loop). Below 1, hybridyn is faster;
+**above 1 it loses**.
 """
 
 METHODS = """\

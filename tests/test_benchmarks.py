@@ -19,11 +19,11 @@ from benchmarks import accuracy, peers
 from benchmarks.__main__ import COMMITTED, store
 from benchmarks.callgrind import by_library
 from benchmarks.cases import LX4_TRAJECTORY, case_of, stack_motion, write_long_trajectory
-from benchmarks.curves import spread
 from benchmarks.figures import write_figures
 from benchmarks.fronts import cheapest, exponent, front
 from benchmarks.gate import DDM_LIMIT, WrongModelError, refuse, relative
 from benchmarks.goals import goals
+from benchmarks.labels import Box, around, beside, spread
 from benchmarks.methods import NotMeasuredError, grid, written
 from benchmarks.peers import rk4
 from benchmarks.peers.mujoco import Translated
@@ -324,6 +324,17 @@ def test_names_are_kept_apart() -> None:
     assert np.diff(np.sort(found)).min() >= 10.0
     assert found.max() <= 100.0
     assert found[4] == 40.0
+
+
+def test_names_stand_beside_points_where_there_is_room() -> None:
+    panel, point = Box(0, 0, 200, 100), (100.0, 50.0)
+    right = beside(point, "name", [around(*point, 3)], panel)
+    assert right is not None
+    assert right.left > 100
+    left = beside(point, "name", [right], panel)
+    assert left is not None
+    assert left.right < 100
+    assert beside(point, "n" * 100, [], panel) is None
 
 
 @pytest.mark.parametrize("section", list(SECTIONS))
