@@ -63,7 +63,13 @@ OUTPUTS = {
 
 
 @pytest.mark.parametrize(
-    "place", ["five_bar serial", "delta serial", "gough_stewart serial", "gough_stewart leg"]
+    "place",
+    [
+        "five_bar serial",
+        "gough_stewart serial",
+        pytest.param("delta serial", marks=pytest.mark.slow),
+        pytest.param("gough_stewart leg", marks=pytest.mark.slow),
+    ],
 )
 def test_a_platform_motion_cannot_be_followed_where_a_leg_is_singular(place: str) -> None:
     """At the singularity `assemble` says so; the posture at rest is fine, and so are motors in its place."""
