@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 
-from .description.names import did_you_mean
 from .errors import ModelError
 
 PACKAGE = Path(__file__).parent
@@ -103,6 +102,8 @@ def no_such_robot(word: str) -> str:
     Args:
         word: The name.
     """
+    from .description.names import did_you_mean  # numpy comes with it: too slow for a press of the tab key
+
     known = shipped_robots()
     hint = did_you_mean(word, known)
     listing = f"; the shipped robots are {', '.join(main_names())}" if known and not hint else ""

@@ -20,7 +20,10 @@ import click
 from hybridyn import __version__
 from hybridyn.errors import HybridynError
 
-COMMANDS = ("idm", "ddm", "simulate", "effects", "export", "plot", "view", "info", "check", "workspace", "size", "robots")
+COMMANDS = (
+    "idm", "ddm", "simulate", "effects", "export", "plot", "view", "info", "check", "workspace", "size",
+    "robots", "completion",
+)  # fmt: skip
 """Commands in the order of `--help`; each is `command` in the module of its name."""
 
 OPTIONS = {

@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 if TYPE_CHECKING:
+    from click.shell_completion import CompletionItem
+
     from hybridyn.robot import Base, HybridRobot
 
 XACRO_WORD = re.compile(r"([A-Za-z_]\w*):=(.*)", re.DOTALL)
@@ -64,6 +66,32 @@ def robot_file(ctx: click.Context, param: click.Parameter, value: str) -> str:
     if value not in shipped_robots():
         raise click.BadParameter(no_such_robot(value), ctx, param)
     return shown(shipped_robots()[value].file)
+
+
+def complete_robot(ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
+    """Offer the shipped robots and files."""
+    from click.shell_completion import CompletionItem
+
+    from hybridyn.shipped import shipped_robots
+
+    names = [
+        CompletionItem(name, help=robot.what)
+        for name, robot in shipped_robots().items()
+        if name.startswith(incomplete)
+    ]
+    return [CompletionItem(incomplete, type="file"), *names]  # bash forgets what comes before a file
+
+
+def complete_data(ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
+    """Offer files, and those of shipped robots once one is named: "lx4/traj.csv"."""
+    from click.shell_completion import CompletionItem
+
+    from hybridyn.shipped import shipped_robots
+
+    robot = shipped_robots().get(incomplete.partition("/")[0])
+    files = [] if robot is None else [*robot.scenes, *filter(None, [robot.trajectory])]
+    words = [f"{robot.name}/{file.name}" for file in files] if robot else []
+    return [CompletionItem(incomplete, type="file"), *map(CompletionItem, words)]
 
 
 def scene_file(ctx: click.Context, param: click.Parameter, value: str) -> str:
@@ -125,6 +153,8 @@ def _xacro_arguments(ctx: click.Context, param: click.Parameter, values: tuple[s
 
 def _effect_names(ctx: click.Context, param: click.Parameter, value: str) -> tuple[str, ...]:
     """Split the names of effects at commas, and refuse unknown ones before any work is done."""
+    if ctx.resilient_parsing:  # a press of the tab key: nothing is computed, so nothing heavy is imported
+        return ()
     from hybridyn.description.names import did_you_mean
     from hybridyn.effects.choice import UNITS, WORDS
 
@@ -157,7 +187,7 @@ def takes_effects(default: str) -> Callable[[Callable[..., Any]], Callable[..., 
 
 
 _OPTIONS = (
-    click.argument("robot", callback=robot_file),
+    click.argument("robot", callback=robot_file, shell_complete=complete_robot),
     click.option(
         "--base",
         type=click.Choice(["fixed", "moving", "floating"]),

@@ -14,7 +14,7 @@ import click
 
 from hybridyn.cli.figures import save_chart, takes_plot
 from hybridyn.cli.progress import Progress
-from hybridyn.cli.robot_options import existing_file, result_file, scene_file
+from hybridyn.cli.robot_options import complete_robot, existing_file, result_file, scene_file
 from hybridyn.cli.summary import counted, effects_line
 
 if TYPE_CHECKING:
@@ -25,7 +25,7 @@ FAILED = ("unreachable", "unsolved", "singular")
 
 
 @click.command("simulate", short_help="A scene: motion in time under a controller and effects.")
-@click.argument("scene", callback=scene_file)
+@click.argument("scene", callback=scene_file, shell_complete=complete_robot)
 @click.option(
     "-o",
     "--output",

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from hybridyn.cli.figures import save, takes_plot
-from hybridyn.cli.robot_options import RobotCommand, takes_effects, takes_robot
+from hybridyn.cli.robot_options import RobotCommand, complete_data, takes_effects, takes_robot
 from hybridyn.cli.summary import aligned_rows, counted, effects_line, fitted_rates
 from hybridyn.cli.tables import Plan, Tables, own_table, run
 
@@ -43,7 +43,9 @@ def _report_file(ctx: click.Context, param: click.Parameter, value: str | None) 
 
 @click.command("size", cls=RobotCommand, short_help="What a motion asks of each motor: effort, speed, power.")
 @takes_robot
-@click.argument("source", metavar="[TRAJECTORY]", required=False, callback=own_table)
+@click.argument(
+    "source", metavar="[TRAJECTORY]", required=False, callback=own_table, shell_complete=complete_data
+)
 @click.option("-o", "--output", metavar="FILE", callback=_report_file, help="All numbers, .csv or .json")
 @takes_plot("effort over speed for every motor, with its limits")
 @takes_effects("model")

@@ -16,7 +16,7 @@ from hybridyn.cli.blocks import LONG_TABLE, Model, Work, blocks, in_order, rows_
 from hybridyn.cli.figures import Drawing, takes_plot
 from hybridyn.cli.memory import keep_freed_memory
 from hybridyn.cli.progress import Progress
-from hybridyn.cli.robot_options import existing_file, result_file
+from hybridyn.cli.robot_options import complete_data, existing_file, result_file
 from hybridyn.cli.workers import Workers
 
 if TYPE_CHECKING:
@@ -111,6 +111,7 @@ def takes_table(
             metavar=f"[{metavar}]" if own else metavar,
             required=not own,
             callback=own_table if own else existing_file,
+            shell_complete=complete_data,
         ),
         click.option(
             "-o",

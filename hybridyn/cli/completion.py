@@ -1,0 +1,37 @@
+"""`hybridyn completion`: the script that lets a shell complete commands, options and robots' names."""
+
+from __future__ import annotations
+
+import os
+
+import click
+
+VARIABLE = "_HYBRIDYN_COMPLETE"
+SHELLS = ("bash", "zsh", "fish")
+WHERE = {
+    "bash": 'eval "$(hybridyn completion bash)" in ~/.bashrc',
+    "zsh": 'eval "$(hybridyn completion zsh)" in ~/.zshrc, after compinit',
+    "fish": "hybridyn completion fish > ~/.config/fish/completions/hybridyn.fish",
+}
+
+
+@click.command("completion", short_help="The script that lets your shell complete what you type.")
+@click.argument("shell", type=click.Choice(SHELLS), required=False)
+def command(shell: str | None) -> None:
+    """Print the completion script of SHELL (that of $SHELL where left out): bash, zsh or fish.
+
+    \b
+    bash  eval "$(hybridyn completion bash)" in ~/.bashrc
+    zsh   eval "$(hybridyn completion zsh)" in ~/.zshrc, after compinit
+    fish  hybridyn completion fish > ~/.config/fish/completions/hybridyn.fish
+    """  # noqa: D301 - click's mark for lines that are not to be wrapped
+    from click.shell_completion import get_completion_class
+
+    from hybridyn.cli import commands
+
+    shell = shell or os.path.basename(os.environ.get("SHELL", ""))
+    script = get_completion_class(shell) if shell in SHELLS else None
+    if script is None:
+        raise click.UsageError(f"name a shell: {', '.join(SHELLS)}")
+    click.echo(f"# {WHERE[shell]}")
+    click.echo(script(commands, {}, "hybridyn", VARIABLE).source())

@@ -1,0 +1,95 @@
+"""Shell completion: the scripts, and what they offer."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from command_line import call
+from snippets import ROOT
+
+from hybridyn.cli import COMMANDS
+from hybridyn.cli.completion import SHELLS, VARIABLE
+from hybridyn.shipped import main_names
+
+
+def offered(line: str) -> list[str]:
+    """Ask the program what it offers for the last word of a line, as bash does."""
+    words = line.split(" ")
+    environment = os.environ | {
+        VARIABLE: "bash_complete",
+        "COMP_WORDS": line,
+        "COMP_CWORD": str(len(words) - 1),
+        "PYTHONPATH": str(ROOT),
+    }
+    code = "import sys; from hybridyn.cli import main; sys.exit(main())"
+    done = subprocess.run(
+        [sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True
+    )
+    return [item.partition(",")[2] for item in done.stdout.splitlines() if item.startswith("plain,")]
+
+
+@pytest.mark.parametrize("shell", SHELLS)
+def test_a_script_per_shell(shell: str, capsys: pytest.CaptureFixture[str]) -> None:
+    said = call(capsys, "completion", shell)
+    assert said.status == 0
+    assert f"{VARIABLE}={shell}_complete" in said.out
+    program = shutil.which(shell)
+    if program:  # the shell itself finds nothing wrong with it
+        subprocess.run([program, "-n"], input=said.out, text=True, check=True)
+
+
+def test_the_shell_is_that_of_the_user(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("SHELL", "/bin/zsh")
+    assert "zsh_complete" in call(capsys, "completion").out
+    monkeypatch.setenv("SHELL", "/bin/tcsh")
+    assert call(capsys, "completion").status == 2
+
+
+def test_commands_options_and_robots_are_offered() -> None:
+    assert offered("hybridyn ") == list(COMMANDS)
+    assert "--fail-on" in offered("hybridyn check --fa")
+    assert offered("hybridyn check --fail-on w") == ["warning"]
+    assert offered("hybridyn idm sca") == ["scara_delta"]
+    assert set(main_names()) <= set(offered("hybridyn info "))
+    assert offered("hybridyn idm lx4 lx4/") == ["lx4/sag.toml", "lx4/traj.csv"]
+
+
+@pytest.mark.skipif(shutil.which("bash") is None, reason="needs bash")
+def test_bash_completes_by_the_script(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Source the script in bash and call the function that it registers, as a press of the tab key does."""
+    script = tmp_path / "completion.bash"
+    script.write_text(call(capsys, "completion", "bash").out)
+    program = tmp_path / "hybridyn"
+    program.write_text(f'#!/bin/sh\nPYTHONPATH={ROOT} exec {sys.executable} -m hybridyn "$@"\n')
+    program.chmod(0o755)
+    ask = (
+        f"compopt() {{ :; }}; source {script}; COMP_WORDS=(hybridyn idm goug); COMP_CWORD=2;"
+        " _hybridyn_completion hybridyn;"
+        ' printf "%s\\n" "${COMPREPLY[@]}"'
+    )
+    environment = os.environ | {"PATH": f"{tmp_path}{os.pathsep}{os.environ['PATH']}"}
+    done = subprocess.run(["bash", "-c", ask], env=environment, capture_output=True, text=True)
+    assert "gough_stewart" in done.stdout.split()
+
+
+def test_completing_imports_nothing_heavy() -> None:
+    code = (
+        "import sys; from hybridyn.cli import main; import atexit;"
+        "atexit.register(lambda: print([m for m in ('numpy', 'pinocchio', 'scipy') if m in sys.modules]));"
+        "sys.exit(main())"
+    )
+    environment = os.environ | {
+        VARIABLE: "bash_complete",
+        "COMP_WORDS": "hybridyn idm ",
+        "COMP_CWORD": "2",
+        "PYTHONPATH": str(ROOT),
+    }
+    done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True)
+    assert done.stdout.splitlines()[-1] == "[]"
