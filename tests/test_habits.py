@@ -1,0 +1,76 @@
+"""Habits of the ecosystem: a quiet library, a quick start, types, hooks, a CI that a fork can run."""
+
+from __future__ import annotations
+
+import ast
+import os
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+import yaml
+from snippets import ROOT
+
+PACKAGE = ROOT / "hybridyn"
+HEAVY = ("numpy", "scipy", "pinocchio", "pydantic", "lxml", "polars", "matplotlib", "yourdfpy", "trimesh")
+OWN_PROGRAM = {"description/xacro_child.py"}  # its standard output is how it answers
+
+
+def library_files() -> list[Path]:
+    files = [path for path in PACKAGE.rglob("*.py") if path.relative_to(PACKAGE).parts[0] != "cli"]
+    return [path for path in files if str(path.relative_to(PACKAGE)) not in OWN_PROGRAM]
+
+
+def test_the_library_prints_nothing() -> None:
+    """What it has to say goes through `logging` or `warnings`; only the command line prints."""
+    printing = [
+        f"{path.name}:{node.lineno}"
+        for path in library_files()
+        for node in ast.walk(ast.parse(path.read_text()))
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "print"
+    ]
+    assert printing == []
+
+
+@pytest.mark.parametrize("words", [["--help"], ["--version"], ["robots", "--help"], ["check", "--help"]])
+def test_help_imports_nothing_heavy(words: list[str]) -> None:
+    code = (
+        "import sys; from hybridyn.cli import main; main(sys.argv[1:]);"
+        f"print([name for name in {HEAVY!r} if name in sys.modules])"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code, *words],
+        env=os.environ | {"PYTHONPATH": str(ROOT)},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert done.stdout.splitlines()[-1] == "[]"
+
+
+def test_types_are_shipped() -> None:
+    assert (PACKAGE / "py.typed").is_file()
+    facts = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    assert "Typing :: Typed" in facts["classifiers"]
+
+
+def test_hooks_call_the_tools_of_the_environment() -> None:
+    hooks = yaml.safe_load((ROOT / ".pre-commit-config.yaml").read_text())["repos"][0]["hooks"]
+    assert {hook["entry"].split()[0] for hook in hooks} == {"ruff", "mypy"}
+    assert all(hook["language"] == "system" for hook in hooks)
+
+
+def test_the_workflow_of_a_fork_runs_what_has_to_pass() -> None:
+    text = (ROOT / ".github" / "workflows" / "ci.yml").read_text()
+    workflow = yaml.safe_load(text)
+    runs = [step.get("run", "") for step in workflow["jobs"]["ci"]["steps"]]
+    assert runs[-1] == ".ci/run"
+    assert os.access(ROOT / ".ci" / "run", os.X_OK)
+    assert "secrets." not in text
+    for job in workflow["jobs"].values():
+        for step in job["steps"]:
+            for word in step.get("run", "").split():
+                if word.startswith("tests/"):
+                    assert (ROOT / word).is_file()
