@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.cases import ROOT
+from benchmarks.hard import run_hard
 from benchmarks.plan import CACHE, Cache, Task, fingerprint, full, measured, short
 from benchmarks.report import write_report
 from benchmarks.results import SECTIONS, Check, read_machines, read_rows, write_machines, write_rows
@@ -25,6 +26,8 @@ Collected = dict[str, tuple[list[Any], dict[str, str]]]
 def main() -> int:
     """Run what the command line asks for; gives the exit status."""
     options = _options()
+    if options.hard:
+        return run_hard(COMMITTED)
     if options.slow:
         return run_slow(COMMITTED / "results" / "slow.csv")
     if options.report:
@@ -95,6 +98,7 @@ def _options() -> argparse.Namespace:
     group.add_argument("--short", action="store_true", help="under a minute, into build/benchmarks/")
     group.add_argument("--full", action="store_true", help="tens of minutes, into benchmarks/")
     group.add_argument("--report", action="store_true", help="only the report, from the committed results")
+    group.add_argument("--hard", action="store_true", help="the hard cases, into benchmarks/hard.md")
     group.add_argument("--slow", action="store_true", help="the slow tests, into benchmarks/results/slow.csv")
     parser.add_argument("--only", nargs="+", choices=list(SECTIONS), help="these sections")
     parser.add_argument("--case", nargs="+", help="these jobs of them, into the cache alone")

@@ -36,6 +36,8 @@ from benchmarks.simulation import MOTIONS, ours, start
 from benchmarks.singular import APPROACHES, load
 from benchmarks.slow import table
 from benchmarks.timing import interleaved
+from hybridyn.compiled.model import write_programs
+from hybridyn.effects.choice import choose
 from hybridyn.robot import build_robot
 
 FIT = 1e-12  # a power law is fitted exactly
@@ -190,6 +192,11 @@ def test_states_near_singular_postures_are_closed(name: str) -> None:
         before, (q, v, _), after = (approach.state(distance + h) for h in (-1e-6, 0.0, 1e-6))
         assert hybridyn.closure_residual(robot, q).max() < 1e-15
         assert np.abs((after[0] - before[0]) / 2e-6 - v).max() < 1e-8
+
+
+def test_pivots_are_not_chosen_by_a_singular_home() -> None:
+    robot = load(APPROACHES["parallelogram, flat"])
+    assert set(write_programs(robot, choose(robot, None))) >= {"ddm", "idm"}
 
 
 # ------------------------------------------------------------------ motions

@@ -44,6 +44,7 @@ def motor_pivots(plan: Plan, positions: Array, motors: tuple[int, ...]) -> Pivot
         return Pivots((), (), ())
     function = ca.Function("B", [column], [pack(B)])
     samples = np.array([np.array(function(x)).reshape(B.shape) for x in positions])
+    samples = samples[np.isfinite(samples).all(axis=(1, 2))]  # home may be singular
     size = np.abs(samples).max(axis=(0, 2))
     unit = np.abs(samples / np.where(size > 0, size, 1.0)[:, None]).max(axis=(0, 1))
     return choose_pivots(
