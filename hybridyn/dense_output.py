@@ -68,8 +68,9 @@ class Between:
 
     def _turning(self, xi: Array, rate: Array, v: Array) -> Array:
         """Give d(T^-1)/dt v."""
-        pull = self._system.manifold.retraction.pull
-        size = DIFFERENCE / max(1.0, float(np.abs(rate).max(initial=0.0)))
+        manifold = self._system.manifold
+        pull = manifold.retraction.pull
+        size = DIFFERENCE / max(1.0, float(np.abs(rate / manifold.unit).max(initial=0.0)))
         out: Array = (pull(xi + size * rate, v) - pull(xi - size * rate, v)) / (2 * size)
         return out
 

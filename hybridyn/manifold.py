@@ -32,15 +32,12 @@ class Manifold:
     def __init__(self, robot: HybridRobot) -> None:
         self.robot = robot
         self.retraction = Retraction(robot.kinds, robot.q_slices, robot.v_slices)
-        self.unit = np.ones(robot.nv)
-        if robot.base == "moving":
-            self.unit[:3] = 2.0 ** np.round(np.log2(robot.bodies.size))
+        self.unit = robot.unit
         self.looped: list[LoopedModule] = []
         self._shared: dict[int, LoopRows] = {}
         free = []
         for module in robot.modules:
             m = module.mechanism
-            self.unit[module.v_index] = m.spanning_col_scale
             if m.spanning_closures.rows:
                 self.looped.append(LoopedModule(module, self._rows(m), _retraction(m)))
             else:

@@ -121,6 +121,16 @@ class HybridRobot:
         return out
 
     @cached_property
+    def unit(self) -> Array:
+        """Unit of each freedom, shape (nv,): its module's length where it is one of metres, else a radian."""
+        out = np.ones(self.nv)
+        if self.base == "moving":
+            out[:3] = 2.0 ** np.round(np.log2(self.bodies.size))
+        for module in self.modules:
+            out[module.v_index] = module.mechanism.spanning_col_scale
+        return out
+
+    @cached_property
     def root_inertia(self) -> Array:
         """6-D inertia of the root body, shape (6, 6), body frame."""
         root = self.bodies.bodies[0]

@@ -76,11 +76,12 @@ def _check_rates(source: SceneFile, robot: HybridRobot, v: Array) -> None:
         ModelError: Naming the joint whose rate cannot be.
     """
     rates = source.scene.initial.rates.joints
-    found = {name: float(v[robot.v_slices[robot.joint_index[name]].start]) for name in rates}
-    largest = max((abs(rate) for rate in rates.values()), default=0.0)
+    at = {name: robot.v_slices[robot.joint_index[name]].start for name in rates}
+    found = {name: float(v[i]) for name, i in at.items()}
+    largest = max((abs(rates[name]) / robot.unit[i] for name, i in at.items()), default=0.0)
     for name in sorted(rates, key=lambda name: name in robot.motors):  # a passive one is named first
         rate = rates[name]
-        if abs(found[name] - rate) > RATES * largest:
+        if abs(found[name] - rate) > RATES * largest * robot.unit[at[name]]:
             raise source.error(
                 ("initial", "rates", "joints", name),
                 f"the rates would open loops: {rate:g} for this joint, of which closed loops allow "

@@ -9,6 +9,8 @@ same bits; any rounding that differs betrays a sum of metres and radians, of new
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import nullcontext
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -21,9 +23,10 @@ from shipped import ROBOTS, shipped, states_near_home
 
 from hybridyn import HybridynError, assemble, ddm, idm, simulate
 from hybridyn.description import Description
-from hybridyn.errors import AssemblyError
+from hybridyn.errors import AssemblyError, ModelError
 from hybridyn.findings import findings
 from hybridyn.oracle import Base
+from hybridyn.scene_start import _check_rates
 
 SAME = 1e-12  # the issue's number; measured: not one bit differs
 BIG, SMALL = 2.0**20, 2.0**-20
@@ -192,9 +195,10 @@ def simulated(name: str, base: Base, method: str, scale: Scale, at_rest: bool = 
         states = states_near_home if name in ROBOTS else random_states
         q, v = (x[0] for x in states(description, base, 0, 1)[:2])
     step = 1e-3 if method == "conserving" else None
-    run = simulate(robot, q * of_q, v * of_v, (0.0, 0.02), method=method, step=step)
+    between = (0.0033, 0.0133, 0.02)
+    run = simulate(robot, q * of_q, v * of_v, (0.0, 0.02), method=method, step=step, output_times=between)
     return {
-        "q": run.q[-1] / of_q, "v": run.v[-1] / of_v, "status": str(run.status),
+        "q": run.q / of_q, "v": run.v / of_v, "status": str(run.status),
         "spent": str([run.counters.steps, run.counters.rejected, run.counters.iterations]),
     }  # fmt: skip
 
@@ -214,3 +218,20 @@ def test_scaled_robots_move_alike(name: str, base: Base, method: str, at_rest: b
     plain = simulated(name, base, method, Scale(), at_rest)
     pairs = [(simulated(name, base, method, scale, at_rest), plain) for scale in EXTREMES]
     held(claim, f"{name}, {base} base, {method}", "simulate", pairs)
+
+
+def test_rates_that_open_loops_are_refused_at_every_scale() -> None:
+    """A slide of a robot of micrometres that is asked for a wrong rate, beside a turn."""
+    description = shipped("gough_stewart")
+    for scale in (Scale(), *EXTREMES):
+        robot = scale.robot(description)
+        v = states_near_home(description, "fixed", 0, 1)[1][0] * scale.of_v(robot)
+        right = {name: v[robot.joint_index[name]] for name in ("m1_leg1_slide", "m1_leg2_cross_y")}
+        wrong = right | {"m1_leg1_slide": right["m1_leg1_slide"] * (1 + 1e-3)}
+        for rates, expected in ((right, False), (wrong, True)):
+            initial = SimpleNamespace(rates=SimpleNamespace(joints=rates))
+            source = SimpleNamespace(
+                scene=SimpleNamespace(initial=initial), error=lambda _, words: ModelError(words)
+            )
+            with pytest.raises(ModelError, match="open loops") if expected else nullcontext():
+                _check_rates(source, robot, v)  # type: ignore[arg-type]
