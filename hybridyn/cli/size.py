@@ -77,7 +77,7 @@ def command(
     a motor's load.
     """
 
-    def plan(robot: HybridRobot) -> Plan:
+    def plan(robot: HybridRobot, *_: object) -> Plan:
         from hybridyn.effects import choose
 
         chosen = choose(robot, effects)
