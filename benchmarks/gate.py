@@ -8,7 +8,8 @@ import hybridyn
 from hybridyn.spatial import Array
 
 DDM_LIMIT = 1e-10  # of the largest acceleration
-ROUND_TRIP_LIMIT = 1e-8  # ddm(idm(a)) against a: what the conditioning of a long stack leaves
+#: ddm(idm(a)) against a: the condition of a stack grows with the cube of its height.
+ROUND_TRIP, LEAST_ROUND_TRIP = 4e-14, 1e-12
 
 
 class WrongModelError(Exception):
@@ -20,6 +21,11 @@ def relative(found: Array, expected: Array) -> float:
     return float(np.abs(found - expected).max() / np.abs(expected).max())
 
 
+def round_trip_limit(modules: int) -> float:
+    """Give what ddm(idm(a)) may differ from a by, relative to its largest entry."""
+    return max(LEAST_ROUND_TRIP, ROUND_TRIP * modules**3)
+
+
 def round_trip(robot: hybridyn.HybridRobot, q: Array, v: Array, a: Array) -> float:
     """Compare ddm(idm(a)) with a.
 
@@ -27,7 +33,7 @@ def round_trip(robot: hybridyn.HybridRobot, q: Array, v: Array, a: Array) -> flo
         WrongModelError: They differ.
     """
     error = relative(hybridyn.ddm(robot, q, v, hybridyn.idm(robot, q, v, a)), a)
-    refuse(error, ROUND_TRIP_LIMIT, f"ddm(idm(a)) of {len(robot.modules)} modules")
+    refuse(error, round_trip_limit(len(robot.modules)), f"ddm(idm(a)) of {len(robot.modules)} modules")
     return error
 
 

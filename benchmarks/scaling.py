@@ -14,7 +14,7 @@ import numpy as np
 
 import hybridyn
 from benchmarks.cases import case_of, stack_motion
-from benchmarks.gate import ROUND_TRIP_LIMIT, round_trip
+from benchmarks.gate import round_trip, round_trip_limit
 from benchmarks.methods import Method, NotMeasuredError, Setting, written
 from benchmarks.peers import METHODS, compiled
 from benchmarks.processes import MIB, forget_peak, in_own_process, peak, resident
@@ -61,7 +61,7 @@ def measure(
     with tempfile.TemporaryDirectory() as folder:
         motion = Path(folder) / "motion.npz"
         error, nv = in_own_process(write_motion, case, samples, motion)
-        out: list[Size | Check] = [Check(case, "ddm(idm(a)) against a", error, ROUND_TRIP_LIMIT)]
+        out: list[Size | Check] = [Check(case, "ddm(idm(a)) against a", error, round_trip_limit(modules))]
         if not only:
             out.append(_compilation(family, modules))
         for line in lines():
