@@ -196,14 +196,12 @@ class _Part:
         )
 
     def close(self) -> Array:
-        """Give the closed positions next to the origin; what cannot be told there is left as it is.
+        """Give the closed positions next to the origin; weak rows are left alone, if that closes the loops.
 
         Raises:
             AssemblyError: There are none.
         """
-        try:
-            return self.lift(np.zeros(self.Z.shape[1]), np.zeros(len(self.unit)))[1]
-        except AmbiguousBranchError:
+        if self.pivot <= HELD:
             q = self.q
             for _ in range(MOST_STEPS):
                 residual, K = self.looped.rows.at(q)
@@ -211,9 +209,9 @@ class _Part:
                 q = self.looped.retraction.move(q, -self.unit * step)
                 if np.abs(step).max() <= LAST_STEP:
                     break
-            if np.abs(residual).max() > self.looped.closed:
-                raise
-            return q
+            if np.abs(residual).max() <= self.looped.closed:
+                return q
+        return self.lift(np.zeros(self.Z.shape[1]), np.zeros(len(self.unit)))[1]
 
     def rates(self, u: Array) -> Array:
         """Give the scaled rates at the posture that `lift` gave last, u of shape (N,) or (N, k).

@@ -4,8 +4,9 @@ A row of rhombic loops (linear along its regular motion) and an antiparallelogra
 before the posture in which all bars lie in one line, by every method.
 
 Bounds: an adaptive run adds up the errors of some fifty steps; fixed steps have their order's error, which
-the same method has away from such postures. Next to the posture rows are replaced by their limits there,
-which are right to `branch.LOST` at worst; elsewhere rounding over the distance is less than that.
+the same method has away from such postures. Accelerations are those of the integrated limits, to the
+square of the distance, within `branch.NEAR`. Rates between steps are projected, which loses two powers of the
+distance down to `branch.LOST`.
 """
 
 from __future__ import annotations
@@ -16,11 +17,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 from benchmark_references import all_bars, n_four_bar
-from one_freedom import OneFreedom
+from one_freedom import REFERENCE, OneFreedom
 from redundant_loops import crossed_bars, loaded
+from scipy.integrate import solve_ivp
 
 import hybridyn
-from hybridyn.branch import LOST
+from hybridyn.branch import LOST, NEAR
 from hybridyn.motion_law import MotionLaw
 
 if TYPE_CHECKING:
@@ -37,6 +39,7 @@ METHODS = {
     "steps": ({"rtol": 1e-8, "projection": "steps"}, 5e-7),
 }
 SPAN = 0.12
+PROJECTED = np.finfo(float).eps / LOST**2
 SIDES = 1e-9  # two loops of a row are told apart by rounding over the distance only
 
 
@@ -92,7 +95,34 @@ def test_accelerations_near_and_at_the_posture(claim: Claim, crossed: OneFreedom
         s_ddot = crossed.acceleration(distance, -2.0)
         q, v, a = crossed.state(distance, -2.0, s_ddot)
         worst = max(worst, np.abs(law.acceleration(0.0, q, v) - a).max() / np.abs(a).max())
-    claim("antiparallelogram", "accelerations, 1e-12 to 1e-1 from the posture", worst, LOST)
+    claim("antiparallelogram", "accelerations, 1e-12 to 1e-1 from the posture", worst, NEAR**2)
+
+
+@pytest.mark.parametrize("method", ["dopri5", "steps"])
+def test_output_times_at_and_next_to_the_posture(claim: Claim, crossed: OneFreedom, method: str) -> None:
+    """Rows of a result are states like any other, wherever their times fall."""
+    start = (0.06, -2.0)
+    past = solve_ivp(
+        lambda t, x: [x[1], crossed.acceleration(*x)], (0, 0.1), start, events=lambda t, x: x[0], **REFERENCE
+    ).t_events[0]
+    off = np.geomspace(1e-10, 1e-3, 8)
+    times = np.concatenate([past - off[::-1], past, past + off])
+    q, v, _ = crossed.state(*start)
+    options, bound = METHODS[method]
+    result = hybridyn.simulate(crossed.robot, q, v, (0, 0.1), output_times=times, **options)
+    assert result.status == "finished"
+    path = crossed.motion(*start, np.concatenate([[0.0], times]))[1:]
+    exact = [crossed.state(*x, crossed.acceleration(*x)) for x in path]
+    for name, got, wanted, most in zip(
+        "qva", (result.q, result.v, result.a), map(np.array, zip(*exact, strict=True)),
+        (bound, PROJECTED, PROJECTED), strict=True,
+    ):  # fmt: skip
+        claim(
+            f"antiparallelogram, rows, {method}",
+            name,
+            np.abs(got - wanted).max() / np.abs(wanted).max(),
+            most,
+        )
 
 
 def test_a_velocity_on_no_branch_is_refused(crossed: OneFreedom) -> None:
