@@ -158,7 +158,7 @@ def postures(description: Description, scale: Scale, base: Base = "fixed") -> Re
 
 def test_scaled_robots_are_assembled_and_followed_alike(claim: Claim) -> None:
     """Motors along a path, a whole pose, too small a part of one, motors out of reach: same words too."""
-    for name in ("rps3", "delta", "tanev"):
+    for name in ("rps3", "tanev"):
         description = shipped(name)
         plain = postures(description, Scale())
         pairs = [(postures(description, scale), plain) for scale in EXTREMES]
