@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import hybridyn
+import hybridyn.effects
 from hybridyn.compiled.library import Library
 from hybridyn.compiled.model import CompiledRobot, robot_key
 from hybridyn.compiled.states import random_states
@@ -271,3 +272,28 @@ def test_a_cached_model_needs_no_source(
     monkeypatch.setattr("hybridyn.compiled.cache._build", lambda *_: pytest.fail("it is built already"))
     again = hybridyn.compile(lx4.robot)
     assert isinstance(again.library, Library)
+
+
+def test_effort_limits_hold(own_cache: None) -> None:
+    """They are no part of the C: efforts are clipped before it, and checked after it."""
+    robot = shipped("five_bar")
+    q, v, a, tau = random_states(robot, 20, seed=3)
+    bound = float(np.median(np.abs(tau)))
+    effects = ["default", hybridyn.effects.Limits(dict.fromkeys(robot.motors, bound))]
+    model = hybridyn.compile(robot, effects)
+    wanted = hybridyn.ddm(robot, q, v, tau, effects=effects)
+    assert (difference(model.ddm(q, v, tau), wanted) <= AGREE["float64"]).all()
+    assert (model.ddm(q[4], v[4], tau[4]) == model.ddm(q, v, tau)[4]).all()
+    with pytest.raises(HybridynError) as theirs:
+        hybridyn.idm(robot, q, v, a, effects=effects)
+    with pytest.raises(HybridynError) as ours:
+        model.idm(q, v, a)
+    assert type(ours.value) is type(theirs.value)
+
+
+def test_a_model_travels_to_another_process(lx4: CompiledRobot, states: Arrays) -> None:
+    import pickle
+
+    q, v, _, tau = states
+    again = pickle.loads(pickle.dumps(lx4))
+    assert (again.ddm(q, v, tau) == lx4.ddm(q, v, tau)).all()

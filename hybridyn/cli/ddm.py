@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from hybridyn.cli.engine import choose_engine, takes_engine
 from hybridyn.cli.reactions import reaction_rows
 from hybridyn.cli.robot_options import RobotCommand, takes_effects, takes_robot
 from hybridyn.cli.summary import Summary, effects_line
@@ -15,6 +16,8 @@ from hybridyn.cli.tables import Plan, Tables, run, takes_table
 
 if TYPE_CHECKING:
     from hybridyn.cli.postures import Postures
+    from hybridyn.compiled.model import CompiledRobot
+    from hybridyn.description.columns import Layout
     from hybridyn.description.records import Array
     from hybridyn.effects import Effects
     from hybridyn.robot import HybridRobot
@@ -26,7 +29,10 @@ if TYPE_CHECKING:
 @takes_robot
 @takes_table("STATES", plot="the motors' accelerations, grouped by module")
 @takes_effects("default")
-def command(load: Callable[[], HybridRobot], tables: Tables, effects: tuple[str, ...]) -> None:
+@takes_engine("rows")
+def command(
+    load: Callable[[], HybridRobot], tables: Tables, effects: tuple[str, ...], engine: str | None
+) -> None:
     """Give the accelerations of ROBOT (URDF or xacro) under the efforts and in the states of STATES.
 
     The table has named columns, in SI units: '<motor>/effort' for every motor; 'time'; positions and
@@ -39,12 +45,17 @@ def command(load: Callable[[], HybridRobot], tables: Tables, effects: tuple[str,
     '<root link>/acceleration/x' .. 'wz' as well.
     """
 
-    def plan(robot: HybridRobot) -> Plan:
+    def plan(robot: HybridRobot, layout: Layout, rows: int | None) -> Plan:
         from hybridyn.description.columns import acceleration_columns
         from hybridyn.effects import choose
         from hybridyn.free_motions import free_motions_of
 
         chosen = choose(robot, effects)
+        obstacles = {
+            "--reactions": tables.reactions is not None,
+            "wrenches in the table": bool(layout.wrenches),
+        }
+        chosen_engine = choose_engine(engine, robot, chosen, rows, obstacles)
         columns = acceleration_columns(robot.description, robot.joints, robot.base)
         kinds = {joint.name: joint.kind for joint in robot.description.joints}
         units = ["m/s^2" if kinds[name] == "prismatic" else "rad/s^2" for name in robot.motors]
@@ -56,10 +67,15 @@ def command(load: Callable[[], HybridRobot], tables: Tables, effects: tuple[str,
             units,
             at,
             columns,
-            [*effects_line(chosen), *free_motions_of(robot)],
+            [*effects_line(chosen), *free_motions_of(robot), chosen_engine],
         )
         return Plan(
-            functools.partial(accelerations, effects=chosen, reactions=tables.reactions is not None),
+            functools.partial(
+                accelerations,
+                effects=chosen,
+                reactions=tables.reactions is not None,
+                compiled=chosen_engine.model,
+            ),
             columns,
             summary,
         )
@@ -68,7 +84,12 @@ def command(load: Callable[[], HybridRobot], tables: Tables, effects: tuple[str,
 
 
 def accelerations(
-    robot: HybridRobot, block: Postures, *, effects: Effects, reactions: bool
+    robot: HybridRobot,
+    block: Postures,
+    *,
+    effects: Effects,
+    reactions: bool,
+    compiled: CompiledRobot | None = None,
 ) -> tuple[Array, Array | None]:
     """Give the accelerations of a block as rows of the result, and the reactions' rows where they are wanted.
 
@@ -77,6 +98,7 @@ def accelerations(
         block: The states; of its accelerations only those of a moving base count.
         effects: What is computed.
         reactions: Whether reactions are wanted.
+        compiled: The robot's compiled models, where they do it.
     """
     import numpy as np
 
@@ -89,17 +111,20 @@ def accelerations(
         if robot.motors
         else np.zeros((len(block.q), 0))
     )
+    base = block.a[:, :6] if robot.base == "moving" else None
     model = functools.partial(
         hybridyn.ddm,
         robot,
         block.q,
         block.v,
         tau,
-        base_acceleration=block.a[:, :6] if robot.base == "moving" else None,
+        base_acceleration=base,
         wrenches=block.motion.wrenches or None,
         effects=effects,
         time=block.motion.time,
     )
+    if compiled is not None:
+        model = functools.partial(compiled.ddm, block.q, block.v, tau, base_acceleration=base)
     a, inner = model(reactions=True) if reactions else (model(), None)
     rows = a if robot.base == "fixed" else a[:, 6:]
     if robot.base == "floating":

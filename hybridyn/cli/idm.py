@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from hybridyn.cli.engine import choose_engine, takes_engine
 from hybridyn.cli.reactions import reaction_rows
 from hybridyn.cli.robot_options import RobotCommand, takes_effects, takes_robot
 from hybridyn.cli.summary import Summary, effects_line
@@ -15,6 +16,8 @@ from hybridyn.cli.tables import Plan, Tables, run, takes_table
 
 if TYPE_CHECKING:
     from hybridyn.cli.postures import Postures
+    from hybridyn.compiled.model import CompiledRobot
+    from hybridyn.description.columns import Layout
     from hybridyn.description.records import Array
     from hybridyn.effects import Effects
     from hybridyn.robot import HybridRobot
@@ -44,6 +47,7 @@ if TYPE_CHECKING:
     "the motors' names and one row.",
 )
 @takes_effects("default")
+@takes_engine("rows")
 def command(
     load: Callable[[], HybridRobot],
     tables: Tables,
@@ -51,6 +55,7 @@ def command(
     on_singular: str,
     weights: tuple[str, ...],
     effects: tuple[str, ...],
+    engine: str | None,
 ) -> None:
     """Give the motor efforts that move ROBOT (URDF or xacro) as TRAJECTORY (CSV or Parquet) says.
 
@@ -65,10 +70,18 @@ def command(
     One row per sample comes out, with 'time' and a column '<motor>/effort' per motor.
     """
 
-    def plan(robot: HybridRobot) -> Plan:
+    def plan(robot: HybridRobot, layout: Layout, rows: int | None) -> Plan:
         from hybridyn.effects import choose
 
         shares, chosen = read_weights(weights, robot.motors), choose(robot, effects)
+        obstacles = {
+            "--reactions": tables.reactions is not None,
+            "--passive solved": passive != "given",
+            "--on-singular least-norm": on_singular != "raise",
+            "--weights": shares is not None,
+            "wrenches in the table": bool(layout.wrenches),
+        }
+        chosen_engine = choose_engine(engine, robot, chosen, rows, obstacles)
         model = functools.partial(
             efforts,
             passive=passive,
@@ -76,6 +89,7 @@ def command(
             weights=shares,
             effects=chosen,
             reactions=tables.reactions is not None,
+            compiled=chosen_engine.model,
         )
         kinds = {joint.name: joint.kind for joint in robot.description.joints}
         units = ["N" if kinds[name] == "prismatic" else "N m" for name in robot.motors]
@@ -85,7 +99,7 @@ def command(
             list(robot.motors),
             units,
             list(range(len(robot.motors))),
-            remarks=effects_line(chosen),
+            remarks=[*effects_line(chosen), chosen_engine],
         )
         return Plan(model, [f"{name}/effort" for name in robot.motors], summary)
 
@@ -101,6 +115,7 @@ def efforts(
     weights: Mapping[str, float] | None,
     effects: Effects,
     reactions: bool,
+    compiled: CompiledRobot | None = None,
 ) -> tuple[Array, Array | None]:
     """Give the efforts of a block, shape (T, motors), and the reactions' rows where they are wanted.
 
@@ -112,8 +127,12 @@ def efforts(
         weights: How redundant motors share.
         effects: What is computed.
         reactions: Whether reactions are wanted.
+        compiled: The robot's compiled models, where they do it.
     """
     import hybridyn
+
+    if compiled is not None:
+        return compiled.idm(block.q, block.v, block.a), None
 
     model = functools.partial(
         hybridyn.idm,

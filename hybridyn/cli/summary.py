@@ -28,7 +28,7 @@ class Summary:
         units: Sequence[str],
         at: Sequence[int],
         others: Sequence[str] = (),
-        remarks: Sequence[str] = (),
+        remarks: Sequence[object] = (),
     ) -> None:
         """Start with nothing gathered.
 
@@ -39,7 +39,7 @@ class Summary:
             units: Their units.
             at: Their columns.
             others: Every column by name, where the largest of the rest is told as well.
-            remarks: Lines that the summary ends with.
+            remarks: Lines that the summary ends with, or what turns into them when it is shown.
         """
         self.robot, self.quantity, self.remarks = robot, quantity, remarks
         self.names, self.units, self.at = [*names], [*units], [*at]
@@ -83,7 +83,7 @@ class Summary:
         click.echo(f"{self.robot.name}: {counted(len(self.robot.motors), 'motor')}", err=True)
         for line in self._lines():
             click.echo(f"  {line}", err=True)
-        for line in (*fitted_rates(layout), *self.remarks):
+        for line in map(str, (*fitted_rates(layout), *self.remarks)):
             click.echo(line, err=True)
         if self.robot.description.closures or self.robot.description.couplings:
             click.echo(f"worst closure residual: {self.residual:.2g} of the module's size", err=True)

@@ -164,7 +164,7 @@ def takes_table(
 def run(
     tables: Tables,
     load: Callable[[], HybridRobot],
-    plan: Callable[[HybridRobot], Plan],
+    plan: Callable[[HybridRobot, Layout, int | None], Plan],
     *,
     efforts: bool = False,
 ) -> None:
@@ -173,7 +173,7 @@ def run(
     Args:
         tables: The files.
         load: Gives the robot.
-        plan: Gives what to compute for it.
+        plan: Gives what to compute for it, from the table's layout and about how many rows it has.
         efforts: Whether the table holds efforts.
 
     Raises:
@@ -195,7 +195,7 @@ def run(
             file=table.file,
             efforts=efforts,
         )
-        planned = plan(robot)
+        planned = plan(robot, layout, table.rows)
         work = Work(robot, layout, planned.model)
         workers.prepare(work)
         rows = rows_at_once(robot, len(workers), table.rows)

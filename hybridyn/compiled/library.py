@@ -41,6 +41,7 @@ class Library:
     """Built programs.
 
     Attributes:
+        built: Where they are.
         about: What they are (`Source.about`).
         dtype: Type of arrays in and out.
         programs: The programs by name.
@@ -52,7 +53,7 @@ class Library:
         Args:
             built: Its file and what it offers.
         """
-        self.about = built.about
+        self.built, self.about = built, built.about
         self.dtype = np.dtype(BORDER[built.about["number"]])
         free = ctypes.CDLL(str(built.path))  # lets other threads of Python run meanwhile
         held = ctypes.PyDLL(str(built.path))  # does not: a microsecond is not worth it

@@ -59,8 +59,13 @@ class CompiledRobot:
         self._idm, self._ddm = library.programs["idm"], library.programs["ddm"]
         self._moving = robot.base == "moving"
         self._still = np.zeros(6, self.dtype)
-        self._idm_at_once = self._idm.at_once or _refuse
-        self._ddm_at_once = self._ddm.at_once if self._ddm.at_once and not self._moving else _refuse
+        plain = effects.limits is None
+        self._idm_at_once = self._idm.at_once if self._idm.at_once and plain else _refuse
+        self._ddm_at_once = self._ddm.at_once if self._ddm.at_once and plain and not self._moving else _refuse
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Travel to another process as the library's file."""
+        return _revived, (self.robot, self.effects, self.library.built, self.threads)
 
     def idm(self, q: ArrayLike, v: ArrayLike, a: ArrayLike) -> Numbers:
         """Give motor efforts, as `hybridyn.idm` does.
@@ -153,12 +158,17 @@ class CompiledRobot:
         if any(array.shape[1] != sizes[key] for key, array in many.items()):
             as_batches(arrays, sizes)
         same_samples(**many)
+        limits = self.effects.limits
+        if limits is not None and name == "ddm":
+            many["tau"] = limits.clip(self.robot, many["tau"])
         outputs, guard = calls.batch(list(many.values()), self.threads)
         doubtful = np.flatnonzero(~(guard <= calls.trusted))
         result = outputs[0]
         if len(doubtful):
             as_batches(arrays, sizes)
             result[doubtful] = self._again(name, many, doubtful)
+        if limits is not None and name == "idm":
+            limits.check(self.robot, result)
         return result[0] if arrays["q"].ndim == 1 else result
 
     def _again(self, name: str, given: dict[str, Array], doubtful: np.ndarray[Any, Any]) -> Array:
@@ -183,6 +193,11 @@ class CompiledRobot:
             return body_rows(self.robot, *inputs.values())
         general: Callable[..., Array] = GENERAL[name]
         return general(self.robot, *inputs.values(), effects=self.effects, **more)
+
+
+def _revived(robot: HybridRobot, effects: Effects, built: Built, threads: int) -> CompiledRobot:
+    """Give a compiled robot that came from another process."""
+    return CompiledRobot(robot, effects, Library(built), threads)
 
 
 def _refuse(*_: int) -> int:

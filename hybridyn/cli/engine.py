@@ -1,0 +1,92 @@
+"""Which engine computes: the general path, or the robot's models written out as C."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from hybridyn.errors import HybridynError, ModelError
+
+if TYPE_CHECKING:
+    from hybridyn.compiled.model import CompiledRobot
+    from hybridyn.effects import Effects
+    from hybridyn.robot import HybridRobot
+
+WORTH = 3_000_000
+"""Samples times freedoms from which on building a model pays: some seven seconds by the general path."""
+
+ENGINES = ("general", "compiled")
+
+
+def takes_engine(samples: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """Give a command `engine`, the engine that the user names, or None.
+
+    Args:
+        samples: What the help calls the samples.
+    """
+    return click.option(
+        "--engine",
+        type=click.Choice(ENGINES),
+        help="'general', or 'compiled': the robot's models written out as C, built once and kept; results agree "
+        f"to rounding.  [default: compiled where {samples} times freedoms of the robot's joints are {WORTH:,} or "
+        "more, and the compiled models can do what is asked]",
+    )
+
+
+class Engine:
+    """The engine of a command, and what is told of it at the end.
+
+    Attributes:
+        model: The compiled models, or None for the general path.
+    """
+
+    def __init__(self, model: CompiledRobot | None, reason: str) -> None:
+        self.model, self._reason = model, reason
+
+    def __str__(self) -> str:
+        """Say which engine computed, and why."""
+        if self.model is None:
+            return f"engine: general ({self._reason})"
+        again = self.model.recomputed
+        more = f"; {again:,} samples near lost rank by the general path" if again else ""
+        return f"engine: compiled ({self._reason}){more}"
+
+
+def choose_engine(
+    asked: str | None, robot: HybridRobot, effects: Effects, samples: int | None, obstacles: dict[str, bool]
+) -> Engine:
+    """Choose the engine: what the user asks for, else by the robot and the number of samples alone.
+
+    Args:
+        asked: "general", "compiled" or None.
+        robot: The robot.
+        effects: What is computed.
+        samples: Number of samples, or None where nobody knows.
+        obstacles: What compiled models cannot do, by name: whether it is asked for.
+
+    Raises:
+        ModelError: "compiled" is asked for together with something that it cannot do.
+        CompileError: "compiled" is asked for and cannot be built.
+    """
+    if asked == "general":
+        return Engine(None, "as asked")
+    size = (samples or 0) * robot.nv
+    if asked is None and size < WORTH:
+        return Engine(None, f"{size:,} samples times freedoms; compiled from {WORTH:,} on")
+    wanted = [name for name, there in obstacles.items() if there]
+    if wanted:
+        reason = f"compiled models cannot do: {', '.join(wanted)}"
+        if asked:
+            raise ModelError(f"--engine compiled: {reason}; use --engine general")
+        return Engine(None, reason)
+    try:
+        import hybridyn
+
+        model = hybridyn.compile(robot, effects)
+    except HybridynError as error:
+        if asked:
+            raise
+        return Engine(None, f"not compiled: {error}")
+    return Engine(model, "as asked" if asked else f"{size:,} samples times freedoms")
