@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import multiprocessing
 import os
+import threading
 import traceback
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
@@ -49,12 +50,21 @@ def in_own_process(task: Callable[..., Any], *arguments: object, patience: float
 
 
 def _child(there: Connection, task: Callable[..., Any], *arguments: object) -> None:
-    """Run a task, send what it gives."""
+    """Run a task, send what it gives; die with the process that asked for it."""
+    threading.Thread(target=_follow, daemon=True).start()
     try:
         there.send((True, task(*arguments)))
     except Exception as error:
         error.add_note(traceback.format_exc())
         there.send((False, error))
+
+
+def _follow() -> None:
+    """End this process when its parent has ended."""
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)
 
 
 def resident() -> float:
