@@ -193,7 +193,7 @@ def _summary(found: Workspace, seconds: float) -> list[str]:
     ]
     rows = [["coordinate", "from", "to", "step", "unit"]]
     for i, name in enumerate(sweep.names):
-        values, linear = found.coordinates[:, i], name in "xyz"
+        values, linear = np.round(found.coordinates[:, i], 12) + 0.0, name in "xyz"  # no -0, no 6e-17
         step = f"{found.steps[sweep.axes.index(name)]:.4g}" if name in sweep.axes else "held"
         rows.append([name, f"{values.min():.4g}", f"{values.max():.4g}", step, "m" if linear else "rad"])
     lines += [f"  {line}" for line in aligned_rows(rows, right=(1, 2, 3))]

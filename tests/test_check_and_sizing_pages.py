@@ -1,0 +1,39 @@
+"""The pages on checking, workspaces and sizing: commands print what is shown, tables are complete."""
+
+from __future__ import annotations
+
+import re
+import shlex
+from pathlib import Path
+
+import pytest
+from snippets import ROOT, blocks, stand_where_a_user_does
+from test_readme import same_line
+
+from hybridyn.check import CODES
+from hybridyn.cli import main
+
+PAGES = ("check.md", "workspace-and-sizing.md")
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_commands_print_what_is_shown(
+    page: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    stand_where_a_user_does(tmp_path, monkeypatch)
+    monkeypatch.setenv("COLUMNS", "90")
+    parts = [part for block in blocks(ROOT / "docs" / page, "console") for part in block.text.split("$ ")[1:]]
+    assert parts
+    for part in parts:
+        command, _, expected = part.partition("\n")
+        program, *words = shlex.split(command)
+        assert (program, main(words)) == ("hybridyn", 0), command
+        out, err = capsys.readouterr()
+        for found, wanted in zip((out + err).splitlines(), expected.splitlines(), strict=True):
+            assert same_line(found, wanted), (command, found, wanted)
+
+
+def test_the_table_of_codes_is_complete() -> None:
+    text = (ROOT / "docs" / "check.md").read_text()
+    rows = re.findall(r"^\| `([\w-]+)` \| (\w+) \| (.*) \|$", text, re.MULTILINE)
+    assert {code: (severity, title) for code, severity, title in rows} == CODES
