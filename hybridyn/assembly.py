@@ -208,8 +208,8 @@ def spanning_positions(module: Module, x: Array, target: Motion, guess: Array) -
         blocks = [Block(np.arange(6), np.arange(tree.nv))]
         problem = LoopProblem(none, np.zeros(0), m.spanning_col_scale[cols], free, [goal], tree.nv, blocks)
         name = f"wrist of '{module.joints[wrist.joints[-1]]}'"
-        task = Task(problem, np.zeros((len(x), tree.nq)), (), 1e-6, module.name, [name] * 6)
         at = m.wrist_positions(number)
+        task = Task(problem, q[:, at], (), 1e-6, module.name, [name] * 6)
         if guess.ndim == 1:
             q[:, at] = follow(task, guess[at], keep_branch=False)
         else:
