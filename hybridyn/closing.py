@@ -23,6 +23,8 @@ from .targets import Target
 
 #: Longest step of one iteration in scaled coordinates [rad, module lengths].
 LONGEST_STEP = 0.5
+#: Scaled singular values are taken to be no less, so that quotients stay finite.
+LOST = 1e-100
 #: Residuals below this are rounding: at a singular posture damped steps may end there.
 ROUNDING = 1e-12
 #: Newton has converged after a step this small: the next one would be its square.
@@ -112,6 +114,22 @@ class LoopProblem:
             )
         return out
 
+    def turned(self, before: Array, after: Array) -> Array:
+        """Give by how much rows have turned, |J^-1 (J' - J)| over the free freedoms, shape (T,).
+
+        Args:
+            before: J, scaled rows over all freedoms, shape (T, rows, nv).
+            after: J', the same elsewhere.
+        """
+        out = np.zeros(len(before))
+        cols = np.flatnonzero(self.free)
+        whole = Block(np.arange(before.shape[1]), cols, len(cols) if self.rank is None else self.rank)
+        for block in self.blocks or [whole]:
+            rank = len(block.cols) if self.blocks else block.rank
+            J, J_after = (x[:, block.rows[:, None], block.cols] for x in (before, after))
+            out = np.maximum(out, _turned(J, J_after - J, rank))
+        return out
+
     def _solve_blocks(self, K: Array, rhs: Array, out: Array) -> Index:
         """Solve block by block into `out`; give the samples where some block is close to singular."""
         T = len(K)
@@ -128,6 +146,17 @@ class LoopProblem:
             out[:, cols] = x.reshape(T, len(group), c)
             easy &= pivot_ratio(R, c).reshape(T, -1).min(axis=1) > RANK_TOLERANCE
         return np.flatnonzero(~easy)
+
+
+def _turned(J: Array, change: Array, rank: int) -> Array:
+    """Give |J^-1 change| on the leading singular values (2-norm), shape (T,)."""
+    if 0 in J.shape:
+        return np.zeros(len(J))
+    U, s, Vt = np.linalg.svd(J, full_matrices=False)
+    top = np.maximum(s[:, :rank, None], LOST)
+    part = np.swapaxes(U[:, :, :rank], 1, 2) @ change @ np.swapaxes(Vt[:, :rank], 1, 2) / top
+    out: Array = np.linalg.norm(part, 2, axis=(1, 2))
+    return out
 
 
 def _truncated(K: Array, rhs: Array, damping: Array, rank: int | None) -> Array:

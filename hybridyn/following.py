@@ -19,10 +19,13 @@ from .spatial import Array, Index, Mask
 #: A step between samples may differ from the predicted one by this part of it, plus `SMALL`.
 SAME_BRANCH = 0.25
 SMALL = 1e-7
+#: The rows' derivative may turn by this part of itself along a step: two solutions across a fold lie where
+#: |J^-1 (J(x) - J)| comes to 1, however short the way between them is beside the step.
+TURNED = 0.5
 #: Every so many samples are solved first, then all.
 STRIDES = (8, 1)
 #: Smallest part of a step that is walked.
-FINEST = 256
+FINEST = 4096
 #: The same where Newton does not reach the end of the step at all.
 COARSEST = 16
 
@@ -65,14 +68,13 @@ class Task:
         out: Mask = settled & (result.residual <= self.tolerance)
         return out
 
-    def between(self, sample: int, parts: int) -> Task:
-        """Give the task on the way from a sample (its own sample 0) to the next (sample `parts`)."""
+    def between(self, sample: int, fractions: Array) -> Task:
+        """Give the task at fractions of the way from a sample to the next, shape (n,), its own samples."""
         tree = self.problem.tree
-        fractions = np.arange(parts + 1) / parts
-        start = np.tile(self.known[sample], (parts + 1, 1))
+        start = np.tile(self.known[sample], (len(fractions), 1))
         whole = tree.difference(self.known[sample : sample + 1], self.known[sample + 1 : sample + 2])
         known = tree.integrate(start, fractions[:, None] * whole)
-        known[-1] = self.known[sample + 1]
+        known[fractions == 1.0] = self.known[sample + 1]
         targets = [t.between(sample, fractions) for t in self.problem.targets]
         return replace(self, problem=replace(self.problem, targets=targets), known=known)
 
@@ -223,40 +225,43 @@ def _interpolated(task: Task, q: Array, have: Index, todo: Index, before: Index)
 
 def _steps_as_predicted(task: Task, q: Array, samples: Index) -> Mask:
     """Say for each sample whether the step to the next is the one that the rows' derivative predicts."""
-    problem = task.problem
+    problem, tree = task.problem, task.problem.tree
     start = task.with_known(q[samples], samples + 1)
-    motion = problem.tree.sweep(start)
-    dx = problem.solve(problem.matrix(motion, every=False), -problem.residual(start, samples + 1, motion))
-    predicted = problem.tree.integrate(start, dx * problem.col_scale)
-    off = problem.tree.difference(predicted, q[samples + 1]) / problem.col_scale
+    motion = tree.sweep(start)
+    here = problem.matrix(motion, every=False)
+    dx = problem.solve(here, -problem.residual(start, samples + 1, motion))
+    predicted = tree.integrate(start, dx * problem.col_scale)
+    off = tree.difference(predicted, q[samples + 1]) / problem.col_scale
     size = np.abs(dx).max(axis=1, initial=0.0)
     out: Mask = np.abs(off).max(axis=1, initial=0.0) <= SAME_BRANCH * size + SMALL
+    rest = np.flatnonzero(out & (size > SMALL))
+    if len(rest):
+        there = problem.matrix(tree.sweep(q[samples[rest] + 1]), every=False)
+        out[rest] = problem.turned(here[rest], there) <= TURNED
     return out
 
 
 def _walk(task: Task, q: Array, sample: int) -> Array:
-    """Walk from a sample to the next in small steps, each as predicted; give the posture reached.
+    """Walk from a sample to the next, in steps as long as predictions hold; give the posture reached.
 
     Raises:
         AssemblyError: A target on the way is out of reach, or the branch ends.
     """
-    parts = 4
     there = task.solve(q[None], np.array([sample + 1]))
-    finest = FINEST if task.closed(there)[0] else COARSEST
-    while parts <= finest:
-        way = task.between(sample, parts)
-        path = np.tile(q, (parts + 1, 1))
-        for i in range(1, parts + 1):
-            result = way.solve(path[i - 1 : i], np.array([i]))
-            if not way.closed(result)[0]:
-                break
-            path[i] = result.q[0]
+    shortest = 1 / (FINEST if task.closed(there)[0] else COARSEST)
+    done, step = 0.0, 0.25
+    while done < 1.0:
+        step = min(step, 1.0 - done)
+        way = task.between(sample, np.array([done, done + step]))
+        result = way.solve(q[None], np.array([1]))
+        path = np.stack([q, result.q[0]])
+        if way.closed(result)[0] and _steps_as_predicted(way, path, np.zeros(1, dtype=int))[0]:
+            q, done, step = result.q[0], done + step, 2 * step
+        elif step <= shortest:
+            raise _lost(task, path[0], sample)
         else:
-            if _steps_as_predicted(way, path, np.arange(parts)).all():
-                reached: Array = path[-1]
-                return reached
-        parts *= 4
-    raise _lost(task, q, sample)
+            step /= 2
+    return q
 
 
 def _at_once(task: Task, q: Array, sample: int) -> Array:
