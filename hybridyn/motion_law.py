@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,6 +15,9 @@ from .forward import forward
 from .loads import all_loads
 from .robot import HybridRobot
 from .spatial import Array
+
+if TYPE_CHECKING:
+    from .compiled.model import CompiledRobot
 
 Effort = Callable[[float, Array, Array], Array]
 Wrenches = Callable[[float, Array, Array], Mapping[str, Array]]
@@ -40,11 +44,13 @@ class MotionLaw:
         wrenches: Wrenches | Mapping[str, Array] | None = None,
         base_motion: BaseMotion | None = None,
         effects: Choice = None,
+        compiled: CompiledRobot | None = None,
     ) -> None:
         """Collect what acts; see `simulate` for the arguments.
 
         Raises:
-            ModelError: Effects that are unknown, without numbers or contradict each other; no inertia.
+            ModelError: Effects that are unknown, without numbers or contradict each other; no inertia;
+                compiled models of another robot, or of other effects, or wrenches, which they do not know.
             TrajectoryError: Efforts of the wrong shape; a base motion missing, or given to a base that has
                 none.
         """
@@ -52,7 +58,9 @@ class MotionLaw:
         self.on = choose(robot, effects)
         if self.on.inertia is None:
             raise ModelError("nothing moves without the effect 'inertia'", element="inertia")
-        self._wrenches, self._base = wrenches, base_motion
+        self._wrenches, self._base, self._compiled = wrenches, base_motion, compiled
+        if compiled is not None:
+            self._refuse_others(compiled)
         moves = (base_motion is not None) + (self.on.base is not None)
         if moves != (robot.base == "moving"):
             raise TrajectoryError(
@@ -67,6 +75,19 @@ class MotionLaw:
                 raise TrajectoryError(
                     f"effort must be {len(robot.motors)} finite numbers, or a callable of (t, q, v)"
                 )
+
+    def _refuse_others(self, compiled: CompiledRobot) -> None:
+        """Refuse compiled models that are not of this robot and these effects.
+
+        Raises:
+            ModelError: They are not.
+        """
+        if compiled.robot is not self.robot:
+            raise ModelError(f"compiled: these models are of another robot object, '{compiled.robot.name}'")
+        if compiled.effects.names != self.on.names:
+            raise ModelError("compiled: these models were compiled with other effects")
+        if self._wrenches is not None:
+            raise ModelError("compiled: compiled models know no wrenches; simulate without compiled=")
 
     @property
     def conserves(self) -> bool:
@@ -118,8 +139,12 @@ class MotionLaw:
         tau = np.array([self.effort(*s) for s in zip(t, q, v, strict=True)]).reshape(len(t), -1)
         if self.on.limits is not None:
             tau = self.on.limits.clip(self.robot, tau)
-        loads = all_loads(self.robot, self.on, q, v, t, self._gather(t, q, v))
         self.evaluations += len(t)
+        if self._compiled is not None:
+            quick = self._compiled.accelerations(q, v, tau, base)
+            if quick is not None:
+                return quick
+        loads = all_loads(self.robot, self.on, q, v, t, self._gather(t, q, v))
         a = np.zeros_like(v)
         if self.robot.base == "moving":
             a[:, :6] = base

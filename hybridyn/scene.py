@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -29,6 +30,9 @@ from .simulate import simulate
 from .simulation_result import Result
 from .simulation_run import Progress
 from .spatial import Array
+
+if TYPE_CHECKING:
+    from .compiled.model import CompiledRobot
 
 
 @dataclass(frozen=True)
@@ -99,7 +103,7 @@ def stage(
 
 def play(
     ready: Stage, *, progress: Progress | None = None, checkpoint: str | PathLike[str] | None = None,
-    resume: Result | str | PathLike[str] | None = None,
+    resume: Result | str | PathLike[str] | None = None, compiled: CompiledRobot | None = None,
 ) -> Result:  # fmt: skip
     """Simulate a scene to its end.
 
@@ -108,6 +112,7 @@ def play(
         progress: As `simulate` takes it.
         checkpoint: As `simulate` takes it.
         resume: As `simulate` takes it.
+        compiled: As `simulate` takes it.
 
     Raises:
         HybridynError: The start is impossible.
@@ -129,6 +134,7 @@ def play(
             method=solver.method, step=solver.step, rtol=solver.rtol, atol=solver.atol,
             projection=solver.projection, baumgarte=solver.baumgarte, events=ready.events,
             output_times=ready.output_times, progress=progress, checkpoint=checkpoint, resume=resume,
+            compiled=compiled,
         )  # fmt: skip
 
 

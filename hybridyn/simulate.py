@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from os import PathLike
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -19,6 +20,9 @@ from .simulation_result import Result
 from .simulation_run import Progress, Run
 from .spatial import Array
 from .stepping import Stepper, build_method, control_of
+
+if TYPE_CHECKING:
+    from .compiled.model import CompiledRobot
 
 PROJECTIONS = ("stages", "steps", "never")
 #: Part of the rates that closing the loops may change; elsewhere it is no more than they open loops by.
@@ -47,6 +51,7 @@ def simulate(
     progress: Progress | None = None,
     checkpoint: str | PathLike[str] | None = None,
     resume: Result | str | PathLike[str] | None = None,
+    compiled: CompiledRobot | None = None,
 ) -> Result:
     """Integrate a robot's motion.
 
@@ -81,6 +86,8 @@ def simulate(
         checkpoint: File that holds the run's result so far, written every 1,000 steps and at the end.
         resume: An earlier result, or its file, whose run goes on; the same arguments give the same bits as
             one run.
+        compiled: `hybridyn.compile(robot, effects)`, which then gives the accelerations; its results agree to
+            rounding, and the general path takes over where it cannot be trusted.
 
     Returns:
         The motion; `status` and `message` say how it ended. Postures that the loops cannot reach, and a
@@ -100,7 +107,7 @@ def simulate(
     if wanted is None and len(times) > 2:
         wanted = times
     manifold = Manifold(robot)
-    law = MotionLaw(robot, effort, wrenches, base_motion, effects)
+    law = MotionLaw(robot, effort, wrenches, base_motion, effects, compiled)
     system = System(manifold, law, projection == "stages", projection == "steps", baumgarte)
     earlier = Result.load(resume) if isinstance(resume, str | PathLike) else resume
     state = _start(system, q0, v0, float(times[0]), initial_velocity) if earlier is None else earlier.state

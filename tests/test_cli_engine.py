@@ -10,6 +10,7 @@ import pytest
 
 import hybridyn.cli.engine as engine
 from hybridyn.cli import main
+from hybridyn.shipped import shipped_robots
 from tests.compiled_toys import own_cache
 
 __all__ = ["own_cache"]
@@ -93,9 +94,7 @@ def test_the_direct_model_too(own_cache: None, tmp_path: Path, capsys: Any) -> N
     """A motion's own states and efforts give its accelerations back, by both engines."""
     efforts, states = tmp_path / "efforts.csv", tmp_path / "states.csv"
     run(capsys, "idm", "tanev", "-o", str(efforts))
-    from hybridyn.shipped import own_trajectory
-
-    trajectory = own_trajectory("tanev")
+    trajectory = shipped_robots()["tanev"].trajectory
     assert trajectory
     left = Path(trajectory).read_text().splitlines()
     right = [line.split(",", 1)[1] for line in efforts.read_text().splitlines()]
@@ -105,3 +104,22 @@ def test_the_direct_model_too(own_cache: None, tmp_path: Path, capsys: Any) -> N
         said = run(capsys, "ddm", "tanev", str(states), "--engine", name, "-o", str(table))
         assert f"engine: {name} (as asked)" in said
     assert same(tables["general"], tables["compiled"])
+
+
+def test_simulations_too(own_cache: None, tmp_path: Path, capsys: Any) -> None:
+    scene = tmp_path / "fall.toml"
+    scene.write_text(
+        f'duration = 0.2\n[robot]\nfile = "{shipped_robots()["five_bar"].file}"\n'
+        "[initial]\njoints = { m1_left_drive = 0.5, m1_right_drive = 0.2 }\n"
+        '[solver]\nmethod = "rk4"\nstep = 1e-2\n'
+    )
+    tables = {name: tmp_path / f"{name}.csv" for name in ("general", "compiled")}
+    for name, table in tables.items():
+        said = run(capsys, "simulate", str(scene), "--engine", name, "-o", str(table))
+        assert f"engine: {name} (as asked)" in said
+        head = [line for line in table.read_text().splitlines() if line.startswith("#")]
+        assert f"# engine: {name} (as asked)" in head
+    a, b = (np.genfromtxt(table, delimiter=",", comments="#", skip_header=5) for table in tables.values())
+    assert np.nanmax(np.abs(a - b)) <= AGREE * np.nanmax(np.abs(a))
+    said = run(capsys, "simulate", str(scene), "-o", str(tables["general"]))
+    assert "engine: general (320 samples times freedoms; compiled from 200,000 on)" in said

@@ -297,3 +297,20 @@ def test_a_model_travels_to_another_process(lx4: CompiledRobot, states: Arrays) 
     q, v, _, tau = states
     again = pickle.loads(pickle.dumps(lx4))
     assert (again.ddm(q, v, tau) == lx4.ddm(q, v, tau)).all()
+
+
+def test_simulations_use_the_models(lx4: CompiledRobot, states: Arrays) -> None:
+    q, v, _, tau = states
+    options = {"effort": tau[0] * 0.1, "method": "rk4", "step": 1e-3}
+    ours = hybridyn.simulate(lx4.robot, q[0], 0 * v[0], [0, 3e-3], compiled=lx4, **options)
+    theirs = hybridyn.simulate(lx4.robot, q[0], 0 * v[0], [0, 3e-3], **options)
+    np.testing.assert_allclose(ours.q, theirs.q, rtol=0, atol=1e-13)
+    np.testing.assert_allclose(ours.a, theirs.a, rtol=0, atol=1e-10 * np.abs(theirs.a).max())
+    for other, words in (
+        ({"effects": "model"}, "other effects"),
+        ({"wrenches": {"m4_platform": np.zeros(6)}}, "know no wrenches"),
+    ):
+        with pytest.raises(ModelError, match=words):
+            hybridyn.simulate(lx4.robot, q[0], v[0], [0, 1e-3], compiled=lx4, **options, **other)
+    with pytest.raises(ModelError, match="another robot"):
+        hybridyn.simulate(shipped("lx4"), q[0], v[0], [0, 1e-3], compiled=lx4, **options)

@@ -17,21 +17,25 @@ if TYPE_CHECKING:
 WORTH = 3_000_000
 """Samples times freedoms from which on building a model pays: some seven seconds by the general path."""
 
+WORTH_IN_TIME = 200_000
+"""The same where samples come one after the other, as in `simulate`: one by one the general path is slow."""
+
 ENGINES = ("general", "compiled")
 
 
-def takes_engine(samples: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+def takes_engine(samples: str, worth: int = WORTH) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
     """Give a command `engine`, the engine that the user names, or None.
 
     Args:
         samples: What the help calls the samples.
+        worth: Samples times freedoms from which on building a model pays.
     """
     return click.option(
         "--engine",
         type=click.Choice(ENGINES),
-        help="'general', or 'compiled': the robot's models written out as C, built once and kept; results agree "
-        f"to rounding.  [default: compiled where {samples} times freedoms of the robot's joints are {WORTH:,} or "
-        "more, and the compiled models can do what is asked]",
+        help="'general', or 'compiled': the robot's models written out as C, built once and kept; results "
+        f"agree to rounding.  [default: compiled where {samples} times freedoms of the robot's joints are "
+        f"{worth:,} or more, and the compiled models can do what is asked]",
     )
 
 
@@ -55,7 +59,12 @@ class Engine:
 
 
 def choose_engine(
-    asked: str | None, robot: HybridRobot, effects: Effects, samples: int | None, obstacles: dict[str, bool]
+    asked: str | None,
+    robot: HybridRobot,
+    effects: Effects,
+    samples: int | None,
+    obstacles: dict[str, bool],
+    worth: int | None = None,
 ) -> Engine:
     """Choose the engine: what the user asks for, else by the robot and the number of samples alone.
 
@@ -65,6 +74,7 @@ def choose_engine(
         effects: What is computed.
         samples: Number of samples, or None where nobody knows.
         obstacles: What compiled models cannot do, by name: whether it is asked for.
+        worth: Samples times freedoms from which on building a model pays; `WORTH` where left out.
 
     Raises:
         ModelError: "compiled" is asked for together with something that it cannot do.
@@ -72,9 +82,9 @@ def choose_engine(
     """
     if asked == "general":
         return Engine(None, "as asked")
-    size = (samples or 0) * robot.nv
-    if asked is None and size < WORTH:
-        return Engine(None, f"{size:,} samples times freedoms; compiled from {WORTH:,} on")
+    size, least = (samples or 0) * robot.nv, WORTH if worth is None else worth
+    if asked is None and size < least:
+        return Engine(None, f"{size:,} samples times freedoms; compiled from {least:,} on")
     wanted = [name for name, there in obstacles.items() if there]
     if wanted:
         reason = f"compiled models cannot do: {', '.join(wanted)}"

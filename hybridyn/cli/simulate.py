@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import math
 import os
 import signal
 import time
@@ -12,6 +13,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from hybridyn.cli.engine import WORTH_IN_TIME, Engine, choose_engine, takes_engine
 from hybridyn.cli.figures import save_chart, takes_plot
 from hybridyn.cli.progress import Progress
 from hybridyn.cli.robot_options import complete_robot, existing_file, result_file, scene_file
@@ -43,6 +45,7 @@ FAILED = ("unreachable", "unsolved", "singular")
     help="Go on with a run that was stopped: its result file, or the '.state' file beside it.",
 )
 @click.option("--allow-python", is_flag=True, help="Let the scene run the Python controller that it names.")
+@takes_engine("evaluations (of 'rk4', whose steps are known beforehand: four a step)", WORTH_IN_TIME)
 @takes_plot("efforts by module, power, energy and residuals", page=True)
 @click.option("-q", "--quiet", is_flag=True, help="No summary.")
 def command(
@@ -51,6 +54,7 @@ def command(
     until: float | None,
     resume: str | None,
     allow_python: bool,
+    engine: str | None,
     plot: str | None,
     quiet: bool,
 ) -> int:
@@ -70,6 +74,7 @@ def command(
     ready = stage(scene, allow_python=allow_python)
     target = output or _own_target(ready)
     state = None if target is None or target == "-" or ready.motion is not None else f"{target}.state"
+    chosen = _engine(ready, engine)
     earlier = None if resume is None else _earlier(ready, resume, identity(ready.source))
     with Progress("steps") as bar, _between_steps() as stop:
         steps = [0]
@@ -80,9 +85,9 @@ def command(
             if stop or (until is not None and t >= until):
                 raise KeyboardInterrupt
 
-        result = play(ready, progress=after_step, checkpoint=state, resume=earlier)
+        result = play(ready, progress=after_step, checkpoint=state, resume=earlier, compiled=chosen.model)
     finished = result.status in ("finished", "event")
-    _write(ready, result, target)
+    _write(ready, result, target, chosen)
     if plot and len(result.t):
         _draw(ready, result, plot)
     if state is not None:
@@ -91,9 +96,18 @@ def command(
         else:
             _sign(state, identity(ready.source))
     if not quiet:
-        for line in _summary(ready, result, time.perf_counter() - started):
+        for line in _summary(ready, result, chosen, time.perf_counter() - started):
             click.echo(line, err=True)
     return _farewell(result, scene, target, state, stopped=bool(stop))
+
+
+def _engine(ready: Stage, asked: str | None) -> Engine:
+    """Choose what gives the accelerations."""
+    scene = ready.source.scene
+    fixed = scene.solver.method == "rk4" and scene.solver.step
+    evaluations = math.ceil(4 * scene.duration / scene.solver.step) if fixed else 0
+    obstacles = {"a prescribed motion": ready.motion is not None}
+    return choose_engine(asked, ready.robot, ready.effects, evaluations, obstacles, WORTH_IN_TIME)
 
 
 def _own_target(ready: Stage) -> str | None:
@@ -171,7 +185,7 @@ def _sign(state: str, scene: str) -> None:
         file.writestr("scene.npy", text.getvalue())
 
 
-def _write(ready: Stage, result: Result, target: str | None) -> None:
+def _write(ready: Stage, result: Result, target: str | None, engine: Engine) -> None:
     """Write the table."""
     from hybridyn.description.results import open_results
     from hybridyn.errors import TrajectoryError
@@ -182,7 +196,7 @@ def _write(ready: Stage, result: Result, target: str | None) -> None:
         chosen = picked(columns, ready.source.scene.output.columns)
     except TrajectoryError as error:
         raise ready.source.error(("output", "columns"), str(error)) from None
-    head = remarks(ready.robot, result.method, ready.effects)
+    head = [*remarks(ready.robot, result.method, ready.effects), str(engine)]
     with open_results(target, [columns[i] for i in chosen], head) as write:
         write(rows_of(ready.robot, result)[:, chosen])
 
@@ -199,7 +213,7 @@ def _draw(ready: Stage, result: Result, plot: str) -> None:
     save_chart(chart_of_rows(ready.robot, columns_of(ready.robot), *kept.lines(), title=title), plot)
 
 
-def _summary(ready: Stage, result: Result, wall: float) -> list[str]:
+def _summary(ready: Stage, result: Result, engine: Engine, wall: float) -> list[str]:
     """Say how the run went."""
     counters = result.counters
     reached = result.t[-1] if ready.motion is not None and len(result.t) else result.state.t
@@ -216,7 +230,7 @@ def _summary(ready: Stage, result: Result, wall: float) -> list[str]:
         )
         if ready.robot.description.closures or ready.robot.description.couplings:
             lines.append(f"worst closure residual: {float(result.residual.max()):.2g} of the module's size")
-    lines += effects_line(ready.effects)
+    lines += [*effects_line(ready.effects), str(engine)]
     steps = f"{counted(counters.steps, 'step')} ({counters.rejected:,} rejected), "
     done = "" if ready.motion is not None else f"{steps}{counted(counters.evaluations, 'evaluation')}, "
     return [*lines, f"{done}{counted(len(result.t), 'row')}, wall time {wall:.2f} s"]

@@ -113,6 +113,29 @@ class CompiledRobot:
             given["base_acceleration"] = self._base(base_acceleration, np.shape(q)[:-1])
         return self._run("ddm", given)
 
+    def accelerations(self, q: Array, v: Array, tau: Array, base: Array) -> Array | None:
+        """Give accelerations for `simulate`: of closed states, within effort limits.
+
+        Args:
+            q: Positions, shape (T, nq).
+            v: Rates, shape (T, nv).
+            tau: Efforts, shape (T, motors).
+            base: Accelerations of a moving base, shape (T, 6); not read for another base.
+
+        Returns:
+            Accelerations, shape (T, nv), or None where some sample is for the general path.
+        """
+        calls = self._ddm
+        if len(q) == 1 and calls.at_once is not None and not self._moving:
+            x, x_dot, effort = q[0], v[0], tau[0]
+            out = np.empty(calls.size, self.dtype)
+            if calls.at_once(id(x), id(x_dot), id(effort), id(out)) == 0:
+                return out[None]
+        (result,), guard = calls.batch([q, v, tau, base][: len(calls.inputs)], self.threads)
+        doubtful = np.count_nonzero(~(guard <= calls.trusted))
+        self.recomputed += len(q) if doubtful else 0
+        return None if doubtful else result
+
     def kinematics(
         self, q: Array, v: Array, a: Array | None = None, links: Sequence[str] | None = None
     ) -> dict[str, LinkMotion]:
@@ -278,4 +301,6 @@ def write_programs(robot: HybridRobot, effects: Effects, dtype: str = "float64")
     needs_casadi()
     from .programs import programs
 
-    return {name: replace(program, name=name) for name, program in programs(robot, effects, dtype=dtype).items()}
+    return {
+        name: replace(program, name=name) for name, program in programs(robot, effects, dtype=dtype).items()
+    }
