@@ -1,0 +1,34 @@
+"""How Sphinx builds these pages: `python -m sphinx -W docs build/docs`."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parent / "extensions"))
+sys.path.insert(0, str(Path(__file__).parents[1]))
+
+import hybridyn
+
+project = "hybridyn"
+copyright = "the hybridyn maintainers"
+version = release = hybridyn.__version__
+
+extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "command_reference", "public_names"]
+myst_heading_anchors = 3
+
+html_theme = "furo"
+html_title = f"hybridyn {version}"
+html_show_copyright = False
+
+default_role = "code"
+pygments_style = "friendly"
+autodoc_typehints = "signature"
+autodoc_typehints_format = "short"
+autodoc_type_aliases = {
+    name: name for name in ("Array", "ArrayLike", "Choice", "Index", "Mask", "Jacobians", "Gains")
+}
+autodoc_member_order = "bysource"
+python_display_short_literal_types = True
+napoleon_numpy_docstring = False
+napoleon_use_ivar = True
