@@ -11,7 +11,14 @@ import click
 
 from hybridyn.cli.figures import figure_file
 from hybridyn.cli.progress import Progress
-from hybridyn.cli.robot_options import existing_file, result_file
+from hybridyn.cli.robot_options import (
+    complete_data,
+    complete_robot,
+    existing_file,
+    result_file,
+    robot_file,
+    scene_file,
+)
 from hybridyn.cli.summary import aligned_rows
 
 if TYPE_CHECKING:
@@ -20,9 +27,19 @@ if TYPE_CHECKING:
 COLUMNS = ("line", "setting", "error", "seconds", "on_front", "asked_for_by", "failure")
 
 
+def _source(ctx: click.Context, param: click.Parameter, value: str) -> str:
+    """Give the file of a scene, or of a robot, which may be named."""
+    return (scene_file if value.endswith(".toml") else robot_file)(ctx, param, value)
+
+
 @click.command("cost", short_help="What accuracy costs in time, for your robot and motion.")
-@click.argument("source", callback=existing_file, metavar="ROBOT|SCENE")
-@click.argument("trajectory", required=False, callback=lambda c, p, v: v and existing_file(c, p, v))
+@click.argument("source", callback=_source, metavar="ROBOT|SCENE", shell_complete=complete_robot)
+@click.argument(
+    "trajectory",
+    required=False,
+    callback=lambda c, p, v: v and existing_file(c, p, v),
+    shell_complete=complete_data,
+)
 @click.option(
     "--target", type=click.FloatRange(0, min_open=True), help="Print only the cheapest way to this error."
 )
