@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import json
+import random
 from importlib.metadata import files
 from pathlib import Path
 
 import pytest
 from command_line import call
+from mutations import TREE
+from test_check import WRONG as WRONG_ROBOTS
 from test_check import arm, boxed
 
 import hybridyn
-from hybridyn.check import CODES
+from hybridyn.check import CODES, is_readable
 from hybridyn.shipped import main_names, shipped_robots
 
 OTHERS = sorted(
@@ -22,6 +25,7 @@ OTHERS = sorted(
     }
 )
 SAMPLE = ("ur5_robot", "panda", "romeo_laas_small", "pr2", "double_pendulum", "quadrotor_base", "baxter")
+MUTATIONS = 300  # 9,000 were run once
 KNOWN = {"stewart_ur5": {"inertia-too-large", "unused-link"}, "five_bar": {"redundant-closures"}}
 """What is true of the shipped robots: the UR5 has placeholders, the five-bar's hinge closes a plane."""
 
@@ -55,6 +59,21 @@ def test_robots_of_others(file: str) -> None:
 @pytest.mark.parametrize("file", OTHERS, ids=lambda file: "/".join(Path(file).parts[-2:]))
 def test_all_robots_of_others(file: str) -> None:
     judged(file)
+
+
+def test_no_mutation_of_a_file_ends_in_a_traceback(tmp_path: Path) -> None:
+    """Seeded mutations of robots that are wrong already; warnings of numpy are errors here."""
+    texts = [text for text, _ in WRONG_ROBOTS.values() if text and "xacro" not in text]
+    readable = 0
+    for seed in range(MUTATIONS):
+        draw = random.Random(seed)
+        mutated = draw.choice([*TREE])(draw.choice(texts), draw)
+        path = tmp_path / "mutated.urdf"
+        path.write_bytes(mutated)
+        findings = hybridyn.check(path)
+        assert all(finding.code in CODES for finding in findings)
+        readable += is_readable(findings)
+    assert readable > MUTATIONS / 20
 
 
 def test_the_arm_with_placeholders_is_known() -> None:

@@ -13,6 +13,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from os import PathLike, fspath
 
+import numpy as np
+
 from ..description import Description, read
 from ..description.reading import open_robot
 from ..description.xml_node import Node
@@ -70,9 +72,10 @@ def check(
         description = read(file, motors=motors, xacro_args=xacro_args, package_dirs=package_dirs)
     except HybridynError as error:
         return found or [_unreadable(error, file)]
-    robot, problem = _built(root, description, rank_tolerance, closure_tolerance)
-    found += problem
-    found += _all(root, description, robot, package_dirs, meshes)
+    with np.errstate(all="ignore"):  # numbers too large or too small for sums are findings, not warnings
+        robot, problem = _built(root, description, rank_tolerance, closure_tolerance)
+        found += problem
+        found += _all(root, description, robot, package_dirs, meshes)
     return sorted(found, key=lambda finding: (SEVERITIES.index(finding.severity), finding.line or 0))
 
 

@@ -26,7 +26,7 @@ def check_modules(subject: Subject) -> Iterator[Finding]:
         yield Finding(
             "no-motors",
             "",
-            f"no motor for {robot.mobility} freedoms ({subject.description.motors_from})",
+            f"no motor for {_counted(robot.mobility, 'freedom')} ({subject.description.motors_from})",
             "inverse dynamics has nothing to give, and simulations fall freely",
             "write motors = [...] in model.toml, <transmission> in the URDF or name_mot in robot.yaml",
             subject.description.source,
@@ -37,6 +37,10 @@ def check_modules(subject: Subject) -> Iterator[Finding]:
             continue  # a free base is no joint of the file
         told.add(id(module.mechanism))
         yield from _Judge(subject, robot, module, open_by).findings()
+
+
+def _counted(number: int, thing: str) -> str:
+    return f"{number} {thing}" + ("" if number == 1 else "s")
 
 
 def _named(motions: tuple[str, ...]) -> str:
@@ -116,7 +120,7 @@ class _Judge:
             )
             return
         opposed = len(module.motors) - module.mobility + len(free.uncontrolled) + len(free.idle)
-        counts = f"{len(module.motors)} motors for {module.mobility} freedoms"
+        counts = f"{_counted(len(module.motors), 'motor')} for {_counted(module.mobility, 'freedom')}"
         if free.uncontrolled and module.motors and opposed > 0:
             yield self._about(
                 "motors-opposed",
