@@ -20,8 +20,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .chart import AmbiguousBranchError, Chart, Posture
-from .errors import HybridynError
+from .chart import HELD, AmbiguousBranchError, Chart, Posture
+from .errors import AssemblyError, HybridynError
 from .manifold import Manifold
 from .motion_law import MotionLaw
 from .spatial import Array
@@ -34,6 +34,8 @@ STAGE_TOLERANCE = 1e-12
 STAGE_ITERATIONS = 25
 #: Step of the one-sided differences of the Jacobian, in scaled coordinates.
 DIFFERENCE = 1e-7
+#: The same where closures lose rank: positions there are known to less.
+WIDE_DIFFERENCE = 1e-5
 #: Part of the speed by which rates may differ from those foretold where another branch is near.
 TURN = 0.3
 
@@ -226,6 +228,7 @@ class Implicit:
 
         Raises:
             AssemblyError: A stage is out of reach.
+            AmbiguousBranchError: A stage falls where closures lose rank.
             StepError: A stage did not converge.
         """
         chart = system.chart(state)
@@ -241,7 +244,12 @@ class Implicit:
         for row in self.A:
             t = state.t + h * float(row.sum())
             known = z0 + h * _sum(row[: len(k)], k)
-            guess, end, a, more = self._stage(system, chart, t, known, guess, h, W)
+            try:
+                guess, end, a, more = self._stage(system, chart, t, known, guess, h, W)
+            except (AssemblyError, StepError) as error:
+                if chart.pivot > HELD:
+                    raise
+                raise AmbiguousBranchError(str(error)) from None  # the Jacobian there is good for short steps
             k.append(guess)
             spent += more
         error = np.asarray(
@@ -268,6 +276,11 @@ class Implicit:
             if not np.isfinite(change):
                 break
             k, before = k + dk, change
+        if chart.narrow:
+            raise AmbiguousBranchError(
+                f"the implicit stage at t = {t:g} s falls where closures lose rank, and rounding there keeps "
+                "it from converging"
+            )
         raise StepError(
             f"the implicit stage at t = {t:g} s did not converge in {STAGE_ITERATIONS} iterations "
             f"(last change {change:.2g}); take a shorter step"
@@ -276,12 +289,12 @@ class Implicit:
     def _jacobian(self, system: System, chart: Chart, state: State, z0: Array, f0: Array) -> Array:
         """Give d(y_dot, u_dot)/d(y, u) at the start of the step, shape (2 N, 2 N)."""
         N = chart.size
-        size = DIFFERENCE * np.maximum(1.0, np.abs(z0))
+        size = (DIFFERENCE if chart.pivot > HELD else WIDE_DIFFERENCE) * np.maximum(1.0, np.abs(z0))
         postures = []
         for i in range(2 * N):
             z = z0.copy()
             z[i] += size[i]
-            postures.append(system.posture(chart, state.t, z[:N], z[N:]))
+            postures.append(system.posture(chart, state.t, z[:N], z[N:], state))
         if not postures:
             return np.zeros((0, 0))
         y_dot, u_dot, _ = system.rates(chart, np.full(2 * N, state.t), postures)

@@ -98,6 +98,25 @@ def test_accelerations_near_and_at_the_posture(claim: Claim, crossed: OneFreedom
     claim("antiparallelogram", "accelerations, 1e-12 to 1e-1 from the posture", worst, NEAR**2)
 
 
+@pytest.mark.parametrize("method", ["rk4", "conserving", "implicit"])
+@pytest.mark.parametrize("part", [0.0, 0.5], ids=["end", "stage"])
+def test_steps_that_end_at_or_next_to_the_posture(
+    claim: Claim, crossed: OneFreedom, method: str, part: float
+) -> None:
+    """Fixed steps whose ends, or stages halfway, fall on it or miss it by 1e-9 to 1e-3 to either side."""
+    step, bound = 0.02, METHODS[method][1]
+    worst = 0.0
+    for miss in (0.0, 1e-9, -1e-6, 1e-5, -1e-3):
+        back, rate = crossed.motion(miss, 2.0, np.array([0.0, (1 + part) * step]))[-1]
+        start = back, -rate
+        q, v, _ = crossed.state(*start)
+        result = hybridyn.simulate(crossed.robot, q, v, (0, 3 * step), method=method, step=step)
+        assert result.status == "finished", (miss, result.message)
+        exact = crossed.motion(*start, np.array([0.0, 3 * step]))[-1]
+        worst = max(worst, np.abs(result.q[-1] - crossed.state(*exact)[0]).max())
+    claim(f"antiparallelogram, {method}, {part:g} of a step", "angles [rad]", worst, bound)
+
+
 @pytest.mark.parametrize("method", ["dopri5", "steps"])
 def test_output_times_at_and_next_to_the_posture(claim: Claim, crossed: OneFreedom, method: str) -> None:
     """Rows of a result are states like any other, wherever their times fall."""
