@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import inspect
 import os
 import re
 import subprocess
 import sys
 from html import unescape
+from importlib import import_module
 from pathlib import Path
 
 import click
@@ -74,3 +76,30 @@ def test_every_page_is_in_the_table_of_contents() -> None:
     pages = {page.stem for page in [*DOCS.glob("*.md"), *DOCS.glob("*.rst")]} - {"index"}
     assert pages <= named
     assert named - pages == {"examples/index"}
+
+
+def equations() -> list[tuple[str, str, str]]:
+    """Give equations, function and file of each row of the theory page's table."""
+    text = (DOCS / "theory.md").read_text()
+    return re.findall(
+        r"^\| (\([^|]+) \| [^|]+ \| `hybridyn\.([\w.]+)` \| `([\w/.]+)` \|$", text, re.MULTILINE
+    )
+
+
+@pytest.mark.parametrize(("numbers", "name", "file"), equations())
+def test_equations_are_where_the_theory_says(numbers: str, name: str, file: str) -> None:
+    module, _, path = name.partition(".")
+    function: object = import_module(f"hybridyn.{module}")
+    for attribute in path.split("."):
+        function = getattr(function, attribute)
+    assert callable(function)
+    assert Path(inspect.getsourcefile(inspect.unwrap(function)) or "") == ROOT / file
+
+
+def test_every_equation_of_the_paper_has_its_row() -> None:
+    found: set[int] = set()
+    for numbers, _, _ in equations():
+        for first, last in re.findall(r"\((\d+)\)(?:-\((\d+)\))?", numbers):
+            found |= set(range(int(first), int(last or first) + 1))
+    assert {2, 6, *range(8, 12), 13, *range(15, 18), *range(24, 27), *range(28, 34), *range(38, 49)} <= found
+    assert {51, 53, *range(54, 76)} <= found
