@@ -22,10 +22,12 @@ SMALL = 1e-7
 #: The rows' derivative may turn by this part of itself along a step: two solutions across a fold lie where
 #: |J^-1 (J(x) - J)| comes to 1, however short the way between them is beside the step.
 TURNED = 0.5
+#: Rows that contradict one another within the tolerance are believed where they keep their rank this well.
+LOST = 1e-9
 #: Every so many samples are solved first, then all.
 STRIDES = (8, 1)
 #: Smallest part of a step that is walked.
-FINEST = 4096
+FINEST = 2**24
 #: The same where Newton does not reach the end of the step at all.
 COARSEST = 16
 
@@ -66,6 +68,12 @@ class Task:
         """Say which samples converged and closed, shape (T,)."""
         settled = (result.step <= SMALLEST_STEP) | (result.residual <= ROUNDING)
         out: Mask = settled & (result.residual <= self.tolerance)
+        doubtful = np.flatnonzero(out & (result.residual > ROUNDING))
+        if len(doubtful) and self.problem.rank:
+            # Where rows lose rank, a step of zero says nothing: the target may be just out of reach.
+            K = self.problem.matrix(self.problem.tree.sweep(result.q[doubtful]))[:, :, self.problem.free]
+            s = np.linalg.svd(K, compute_uv=False)
+            out[doubtful] = s[:, self.problem.rank - 1] > LOST * s[:, 0]
         return out
 
     def between(self, sample: int, fractions: Array) -> Task:

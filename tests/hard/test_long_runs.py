@@ -1,0 +1,69 @@
+"""Long runs without friction: energy, closures and quaternions stay, as far as each method promises."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from conftest import Claim
+from posing import position
+from shipped import shipped
+
+from hybridyn import HybridRobot, closure_residual, simulate
+from hybridyn.effects import Spring
+from hybridyn.robot import build_robot
+from hybridyn.simulation_result import Result
+
+STEP = 0.004  # [s], of the conserving method: 20 steps in the fastest swing
+KEPT = (
+    1e-9  # energy, of the peak kinetic energy, over any number of steps: what the conserving method promises
+)
+CLOSED = 1e-10  # closure residual, of the module's size: 10 times what Newton leaves on four modules
+UNIT = 1e-12  # of quaternions and cosines from unit length, renewed at every step
+RTOL = 1e-8  # of the adaptive method
+STIFFNESS = 60e3  # of the slides' springs [N/m], those of the shipped scene's controller
+
+
+def undamped() -> tuple[HybridRobot, list[object]]:
+    """Give the LX4 with springs instead of motors, without friction."""
+    robot = build_robot(shipped("lx4"))
+    rest = {motor: float(position(robot, motor, robot.home)) for motor in robot.motors}
+    return robot, ["default", Spring(dict.fromkeys(robot.motors, STIFFNESS), rest)]
+
+
+def judged(claim: Claim, case: str, robot: HybridRobot, result: Result, drift: float) -> None:
+    """Hold a run to its claims."""
+    assert result.status == "finished", result.message
+    change = np.abs(result.energy - result.energy[0]).max() / result.kinetic.max()
+    claim(case, "change of energy over peak kinetic energy", change, drift)
+    claim(case, "closure residual", closure_residual(robot, result.q).max(), CLOSED)
+    off = [0.0]
+    for kind, at in zip(robot.kinds, robot.q_slices, strict=True):
+        if kind in ("continuous", "spherical", "floating"):
+            part = result.q[:, at][:, -4:]
+            off.append(np.abs(np.linalg.norm(part, axis=1) - 1).max())
+    claim(case, "quaternions and cosines from unit length", max(off), UNIT)
+
+
+@pytest.mark.parametrize(
+    ("method", "end"),
+    [
+        ("conserving", 0.2),
+        ("dopri5", 0.02),
+        pytest.param("conserving", 20.0, marks=pytest.mark.slow),
+        pytest.param("dopri5", 1.0, marks=pytest.mark.slow),
+    ],
+)
+def test_undamped_lx4(claim: Claim, method: str, end: float) -> None:
+    """Springs in the place of motors, released at home: it swings and never rests.
+
+    Closures and quaternions hold at any time. Energy: the conserving method promises it over any number of
+    steps; the adaptive one promises rtol a step, held to 100 rtol over the run. The slow runs are what a few
+    minutes allow of the hour (20 s are 5,000 steps).
+    """
+    robot, effects = undamped()
+    step = STEP if method == "conserving" else None
+    times = np.linspace(0, end, 11)
+    result = simulate(
+        robot, robot.home, np.zeros(robot.nv), times, method=method, step=step, effects=effects, rtol=RTOL
+    )
+    judged(claim, f"undamped LX4, {end:g} s, {method}", robot, result, KEPT if step else 100 * RTOL)

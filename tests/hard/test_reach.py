@@ -1,0 +1,134 @@
+"""Targets at and beyond the edge of reach, ways that brush it: the right posture, or a message with the mend."""
+
+from __future__ import annotations
+
+import dietmaier
+import numpy as np
+import pytest
+from conftest import Claim
+from posing import of_link, position
+from shipped import shipped
+from test_idm import symmetric_five_bar
+
+import hybridyn
+from hybridyn import AssemblyError, HybridRobot, closure_residual
+from hybridyn.robot import build_robot
+
+CRANK, ROD, BASE = 0.4, 0.55, 0.5  # of the five-bar [m]
+CLOSED = 1e-13  # closure residual, of the module's size: the suite's general claim for one module
+EPS = float(np.finfo(float).eps)
+FORWARD = 100.0  # eps times the condition number, likewise
+MEND = "out of reach, or contradicts another one; move it, give a better guess"
+
+
+def stretched(excess: float | np.ndarray) -> dict[str, object]:
+    """Give crank angles that hold the elbows two rods and an excess apart."""
+    t = np.arccos((ROD + np.asarray(excess) / 2 - BASE / 2) / CRANK)
+    return {"left": np.pi - t, "right": t}
+
+
+@pytest.mark.parametrize("excess", [1e-9, 1e-6, 1.0])
+def test_five_bar_out_of_reach(claim: Claim, excess: float) -> None:
+    """By 1e-9 m, under the file's closure tolerance of 1e-4, and by as far as cranks reach: an error each.
+
+    The residual it reports is what is missing: half the excess at each rod's end, over the module's length.
+    """
+    robot = build_robot(symmetric_five_bar())
+    excess = min(excess, 2 * (CRANK + BASE / 2 - ROD) * (1 - 1e-6))
+    with pytest.raises(AssemblyError, match=MEND) as error:
+        hybridyn.assemble(robot, motors=stretched(excess))
+    missing = excess / robot.modules[0].mechanism.length
+    case = f"five-bar out of reach by {excess:.2g} m"
+    claim(
+        case, "reported residual over what is missing", float(error.value.residual or 0) / missing, 1 + 1e-6
+    )
+    claim(case, "what is missing over reported residual", missing / float(error.value.residual or 0), 4.0)
+
+
+@pytest.mark.parametrize("left", [1e-3, 1e-6, 1e-9, 1e-12])
+def test_five_bar_just_within_reach(claim: Claim, left: float) -> None:
+    """Down to 1e-12 m from the edge postures close, on the guess's side; the height is the exact one.
+
+    Forward error: the height is the root of what is left, so eps counts 1 / root(left) times.
+    """
+    robot = build_robot(symmetric_five_bar())
+    found = hybridyn.assemble(robot, motors=stretched(-left))[0]
+    claim(f"five-bar {left:g} m within reach", "closure residual", closure_residual(robot, found), CLOSED)
+    up = [position(robot, joint, found) for joint in ("left", "left_elbow")]
+    B = CRANK * np.array([np.cos(up[0]), np.sin(up[0])])
+    tip = B + ROD * np.array([np.cos(sum(up)), np.sin(sum(up))])
+    half = (BASE - 2 * CRANK * np.cos(up[0])) / 2
+    height = np.sqrt(max(ROD**2 - half**2, 0.0))
+    condition = 1 + ROD / np.sqrt(ROD * left)
+    error = abs(abs(tip[1] - B[1]) - height) / (EPS * condition * ROD)
+    claim(f"five-bar {left:g} m within reach", "error of the height over eps times condition", error, FORWARD)
+
+
+@pytest.mark.slow
+def test_dietmaier_out_of_reach(claim: Claim) -> None:
+    """A leg a metre longer than base, first leg and platform in line: no posture passes for one.
+
+    Restarts find nothing either: where rows lose rank a step of zero is no convergence.
+    """
+    robot = dietmaier.robot()
+    start = hybridyn.assemblies(robot, motors=dietmaier.motors()).q[0]
+    lengths = np.tile(dietmaier.LENGTHS, (2, 1))
+    lengths[1, 1] = dietmaier.BASE[1, 0] + dietmaier.LENGTHS[0] + dietmaier.PLATFORM[1, 0] + 1.0
+    with pytest.raises(AssemblyError, match=MEND) as error:
+        hybridyn.assemble(robot, motors=dietmaier.motors(lengths), guess=start)
+    claim("Dietmaier, a leg 1 m too long", "samples from the error's", abs(1 - (error.value.sample or 0)), 0)
+
+
+@pytest.mark.parametrize("name", ["rps3", "delta", "gough_stewart", "lx4"])
+def test_platforms_one_metre_out_of_reach(claim: Claim, name: str) -> None:
+    """The motors' joints a metre beyond, where they are slides, or the platform: module, sample, mend."""
+    robot = build_robot(shipped(name))
+    with pytest.raises(AssemblyError) as error:
+        hybridyn.assemble(robot, **far(robot))
+    text = str(error.value)
+    named = (
+        error.value.module in {m.name for m in robot.modules}
+        and "sample 1" in text
+        and "better guess" in text
+    )
+    claim(f"{name}, one metre out of reach", "things that the message does not name", int(not named), 0)
+
+
+def far(robot: HybridRobot) -> dict[str, dict[str, object]]:
+    """Give a platform's pose at home and a metre further, or a partial one where it has few freedoms."""
+    module = robot.modules[0]
+    zero, platform = np.zeros((1, robot.nv)), module.outputs[0]
+    pose = of_link(robot, robot.home[None], zero, zero, platform, robot.description.root)[0]
+    if robot.name.startswith(("delta", "rps3")):
+        return {"platforms": {platform: np.concatenate([pose, pose + np.eye(7)[0]])}}
+    slides = {m: np.tile(position(robot, m, robot.home), 2) for m in robot.motors}
+    slides[module.motors[0]] = slides[module.motors[0]] + np.array([0.0, 5.0])
+    return {"motors": slides}
+
+
+@pytest.mark.parametrize("left", [1e-2, 1e-4, 1e-6, 1e-8])
+@pytest.mark.parametrize("steps", [200, 20])
+def test_five_bar_brushes_its_edge(claim: Claim, left: float, steps: int) -> None:
+    """Cranks spread until the rods are stretched but for some distance, and come back: the side is kept.
+
+    Finely and in steps ten times too long.
+    """
+    robot = build_robot(symmetric_five_bar())
+    time = np.linspace(-1, 1, steps + 1)
+    q = hybridyn.assemble(robot, motors=stretched(-(left + 0.1 * time**2)))[0]
+    case = f"five-bar brushing its edge by {left:g} m, {steps} steps"
+    claim(case, "closure residual", closure_residual(robot, q).max(), CLOSED)
+    side = np.sin(position(robot, "left", q) + position(robot, "left_elbow", q))
+    claim(case, "samples on the other side", (np.sign(side) != np.sign(side[0])).sum(), 0)
+
+
+def test_five_bar_driven_through_its_edge(claim: Claim) -> None:
+    """The same, past the edge by 1e-6 m between two samples that are within reach themselves: not judged.
+
+    A sample that is beyond is an error at that sample.
+    """
+    robot = build_robot(symmetric_five_bar())
+    time = np.linspace(-1, 1, 21)
+    with pytest.raises(AssemblyError, match=MEND) as error:
+        hybridyn.assemble(robot, motors=stretched(1e-6 - 0.1 * time**2))
+    claim("five-bar driven past its edge", "samples from the error's", abs(10 - (error.value.sample or 0)), 0)
