@@ -17,19 +17,15 @@ from typing import Any
 
 import numpy as np
 
-from .assembly import assemble, module_task, settled, spanning_positions
-from .closing import close
+from .assembly import assemble
 from .errors import AssemblyError, ModelError, TrajectoryError
-from .following import SAME_BRANCH, SMALL
 from .forward import closure_residual
-from .module_request import module_request
-from .requests import gather_requests
-from .rigid_motion import RigidMotion
 from .robot import HybridRobot
-from .spatial import Array, Index, Mask
+from .spatial import Array, Index
 from .targets import COORDINATES
 from .workspace_measures import Measures
-from .workspace_targets import Sweep, find_sweep, pose_of, values_at
+from .workspace_steps import OUT_OF_REACH, REACHED, Closing
+from .workspace_targets import Sweep, find_sweep, values_at
 
 #: Lattice points along the module's length, and steps of an angle [rad], by number of swept coordinates.
 POINTS = {1: 200, 2: 50, 3: 24, 4: 8, 5: 5, 6: 4}
@@ -38,15 +34,10 @@ TURNS = {1: 0.02, 2: 0.05, 3: 0.1, 4: 0.2, 5: 0.3, 6: 0.4}
 PARTS = (1, 4, 16)
 #: Parts of the way from home to an origin elsewhere.
 WALK = (8, 32, 128)
-#: Newton's steps from one pose to the next; where more are needed the pose is at the end of what is reached.
-ITERATIONS = 25
 #: Poses that are closed at once; fixed, so that no result depends on the number of processes.
 CHUNK = 256
 #: More poses than this are a mistake.
 MOST = 200_000
-#: A joint may pass its limit by this [m, rad]: rounding.
-ROUNDING = 1e-9
-REACHED, OUT_OF_REACH = -1, -2  # else the number of the joint that is at its limit
 
 Spread = Callable[[Callable[..., Any], Iterable[tuple[Any, ...]]], Iterator[Any]]
 """Applies a function, always the same, to tuples of arguments, in order; perhaps in other processes."""
@@ -233,94 +224,6 @@ class Work:
     def __call__(self, what: str, *arguments: Any) -> Any:
         """Do one of the two, "close" or "measure"."""
         return self.closing(*arguments) if what == "close" else self.measures(*arguments)
-
-
-class JointLimits:
-    """Position limits of a module's joints with one freedom."""
-
-    def __init__(self, robot: HybridRobot, module: int, respected: bool) -> None:
-        chosen = robot.modules[module]
-        records = {joint.name: joint for joint in robot.description.joints}
-        tree = chosen.mechanism.spanning
-        rows = []
-        for number, (name, at) in enumerate(zip(chosen.joints, tree.q_slices, strict=True)):
-            joint = records.get(name)
-            if joint is not None and joint.kind in ("revolute", "prismatic") and joint.lower < joint.upper:
-                rows.append((number, at.start, joint.lower, joint.upper))
-        rows = rows if respected else []
-        self.joints = np.array([row[0] for row in rows], dtype=int)
-        self.columns = np.array([row[1] for row in rows], dtype=int)
-        self.lower = np.array([row[2] for row in rows])
-        self.upper = np.array([row[3] for row in rows])
-
-    def broken(self, q: Array) -> Index:
-        """Give for each posture of the module, shape (T, its nq), the joint farthest outside, or REACHED."""
-        if not len(self.joints):
-            return np.full(len(q), REACHED)
-        positions = q[:, self.columns]
-        outside = np.maximum(self.lower - positions, positions - self.upper)
-        worst = outside.argmax(axis=1)
-        out: Index = np.where(outside.max(axis=1) > ROUNDING, self.joints[worst], REACHED)
-        return out
-
-
-class Closing:
-    """Closes the loops of a module for poses near postures at hand; it travels to other processes."""
-
-    def __init__(self, robot: HybridRobot, sweep: Sweep, limits: bool) -> None:
-        self.robot, self.sweep = robot, sweep
-        self.limits = JointLimits(robot, sweep.module, limits)
-
-    def __call__(self, parts: int, before: Array, after: Array, q: Array) -> tuple[Array, Index]:
-        """Go from poses to neighbouring ones.
-
-        Args:
-            parts: In how many steps.
-            before: Coordinates at hand, shape (T, names).
-            after: Those that are wanted.
-            q: Postures of the module at hand, shape (T, its nq).
-
-        Returns:
-            Postures reached, and for each REACHED, OUT_OF_REACH or the number of the joint at its limit.
-        """
-        out, alive = q.copy(), np.ones(len(q), dtype=bool)
-        for i in range(1, parts + 1):
-            left = np.flatnonzero(alive)
-            if not len(left):
-                break
-            way = before[left] + i / parts * (after - before)[left]
-            out[left], alive[left] = self._once(way, out[left])
-        state = np.full(len(q), OUT_OF_REACH)
-        state[alive] = self.limits.broken(out[alive])
-        return out, state
-
-    def _once(self, values: Array, q: Array) -> tuple[Array, Mask]:
-        """Close for coordinates near postures; say where that worked and the step was as predicted."""
-        robot, module = self.robot, self.robot.modules[self.sweep.module]
-        m = module.mechanism
-        requests = gather_requests(robot, {}, {self.sweep.key: pose_of(self.sweep, values)})
-        base = robot.bodies.place[module.base][0]
-        still = {base: RigidMotion.at_rest(len(values))}
-        request = module_request(requests, robot, self.sweep.module, base, still)
-        task = module_task(robot, module, request)
-        start = m.cut(q, None, None, m.spanning.sweep(q))[0]
-        samples = np.arange(len(q))
-        known = task.with_known(start, samples)
-        motion = m.tree.sweep(known)
-        problem = task.problem
-        dx = problem.solve(problem.matrix(motion, every=False), -problem.residual(known, samples, motion))
-        predicted = m.tree.integrate(known, dx * problem.col_scale)
-        result = close(problem, known, samples, iterations=ITERATIONS)
-        off = np.abs(m.tree.difference(predicted, result.q) / problem.col_scale).max(axis=1, initial=0.0)
-        good = task.closed(result) & (off <= SAME_BRANCH * np.abs(dx).max(axis=1, initial=0.0) + SMALL)
-        out = q.copy()
-        if good.any():
-            x = settled(m, result.q[good])
-            out[good] = spanning_positions(module, x, m.tree.sweep(x), q[good])
-            residual = m.spanning_closures.residual(out[good], m.spanning.sweep(out[good]))
-            closed = np.abs(residual * m.spanning_row_scale).max(axis=1, initial=0.0) <= task.tolerance
-            good[np.flatnonzero(good)] = closed
-        return out, good
 
 
 Point = tuple[int, ...]

@@ -11,7 +11,8 @@ from scipy.ndimage import label
 
 import hybridyn
 from hybridyn.spatial import Array
-from hybridyn.workspace import OUT_OF_REACH, Closing, Workspace, workspace
+from hybridyn.workspace import Workspace, workspace
+from hybridyn.workspace_steps import OUT_OF_REACH, Closing
 from hybridyn.workspace_targets import find_sweep
 
 UPPER, LOWER, HALF_SPACING, LEAN = 0.25, 0.40, 0.12, np.radians(25.0)  # models/five_bar/README.md
