@@ -69,6 +69,19 @@ def test_motors_are_grouped_by_module_and_serial_ones_together() -> None:
     assert tuple(line.name for panel in panels for line in panel.lines) == robot.motors
 
 
+def test_branches_are_drawn_apart(tmp_path: Path) -> None:
+    links = "".join(f'<link name="{name}"/>' for name in ("trunk", "a", "b", "c"))
+    joints = "".join(
+        f'<joint name="{name}_joint" type="revolute"><parent link="{parent}"/><child link="{name}"/>'
+        '<axis xyz="0 0 1"/><limit lower="-1" upper="1" effort="1" velocity="1"/></joint>'
+        for name, parent in (("a", "trunk"), ("b", "a"), ("c", "trunk"))
+    )
+    path = tmp_path / "tree.urdf"
+    path.write_text(f'<robot name="tree">{links}{joints}</robot>')
+    robot = hybridyn.load(path)
+    assert [panel.title for panel in chart(robot, np.ones((3, 3))).panels] == ["a ... b", "c"]
+
+
 def test_limits_are_drawn_where_efforts_come_near_and_told_where_not() -> None:
     robot = hybridyn.load(ROOT / "urdf/stewart_ur5.urdf.xacro")
     limits = [next(j.effort for j in robot.description.joints if j.name == motor) for motor in robot.motors]

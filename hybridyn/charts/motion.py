@@ -53,8 +53,8 @@ def groups(robot: HybridRobot, quantity: str) -> list[Group]:
     for number, module in enumerate(robot.modules):
         if not module.motors:
             continue
-        serial = not module.closures
-        if runs and serial and not robot.modules[runs[-1][-1]].closures:
+        before = runs[-1][-1] if runs else -1
+        if runs and module.parent == before and not (module.closures or robot.modules[before].closures):
             runs[-1].append(number)
         else:
             runs.append([number])

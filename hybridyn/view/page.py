@@ -244,7 +244,10 @@ class Page:
             return
         self._bars_at = now
         self._bars(q, sample)
-        self._status.content = status_html(message, float(closure_residual(self.robot, q)))
+        looped = any(module.closures for module in self.robot.modules)
+        self._status.content = status_html(
+            message, float(closure_residual(self.robot, q)) if looped else None
+        )
 
     def _bars(self, q: Array, sample: int | None) -> None:
         """Bring sliders and bars up to date."""

@@ -17,9 +17,15 @@ DECADES = 4  # that the bar of a distance spans
 TRACK = "#e9ecef"
 
 
-def status_html(message: str, residual: float) -> str:
-    """Say whether the loops are closed, or what stopped a drag."""
-    colour, text = (ALARM, escape(message)) if message else (GOOD, f"loops closed to {residual:.0e}")
+def status_html(message: str, residual: float | None) -> str:
+    """Say whether the loops are closed, or what stopped a drag.
+
+    Args:
+        message: What stopped a drag, or an empty text.
+        residual: How far the loops are open, over the module's size; None where there are no loops.
+    """
+    closed = "no loops to close" if residual is None else f"loops closed to {residual:.0e}"
+    colour, text = (ALARM, escape(message)) if message else (GOOD, closed)
     return (
         f'<div id="hybridyn-status" data-stopped="{int(bool(message))}" style="{SMALL};color:{colour}">'
         f"{text}</div>"

@@ -38,10 +38,11 @@ class Sliders:
     def _groups(self) -> list[list[Lever]]:
         """Give the levers module by module, joints in series together."""
         groups: list[list[Lever]] = []
-        looped = [bool(module.closures) for module in self._poser.robot.modules]
+        modules = self._poser.robot.modules
         for lever in sorted(self._poser.levers, key=lambda lever: lever.module):
             last = groups[-1][-1].module if groups else -1
-            if groups and (last == lever.module or not (looped[last] or looped[lever.module])):
+            follows = modules[lever.module].parent == last and not modules[lever.module].closures
+            if groups and (last == lever.module or (follows and not modules[last].closures)):
                 groups[-1].append(lever)
             else:
                 groups.append([lever])
