@@ -115,6 +115,22 @@ def _within_limits(robot: HybridRobot, q: Array) -> Mask:
     return within
 
 
+def postures_at_home(robot: HybridRobot, number: int, starts: int, seed: int = 0) -> Found:
+    """Find the postures of one module with its motors as at home.
+
+    Raises:
+        AssemblyError: Its motors do not fix its posture.
+    """
+    module, joints = robot.modules[number], {}
+    for motor in module.motors:
+        x = robot.home[robot.q_slices[robot.joint_index[motor]]]
+        joints[motor] = float(np.arctan2(x[1], x[0]) if len(x) == 2 else x[0])
+    requests = gather_requests(robot, joints, {})
+    base = robot.bodies.place[module.base][0]
+    task = module_task(robot, module, module_request(requests, robot, number, base, {}))
+    return postures(robot, module, task, starts, seed)
+
+
 @dataclass(frozen=True)
 class Found:
     """What the starts of one module came to.

@@ -39,6 +39,13 @@ LETTERS = {
 
 
 @click.command("info", cls=RobotCommand, short_help="Modules, legs, closures, motors, and what looks wrong.")
+@click.option(
+    "--assemblies",
+    "starts",
+    type=click.IntRange(1),
+    metavar="STARTS",
+    help="Also search the postures of each module, its motors as at home, from so many random starts.",
+)
 @takes_robot
 @click.option(
     "--graph",
@@ -46,7 +53,7 @@ LETTERS = {
     callback=drawing_file,
     help="Also draw the tree of modules: .svg, .png, .pdf, or .dot for Graphviz",
 )
-def command(load: Callable[[], HybridRobot], graph: str | None) -> None:
+def command(load: Callable[[], HybridRobot], starts: int | None, graph: str | None) -> None:
     """Show ROBOT (URDF or xacro) as the tree of its modules.
 
     For each module: its mobility and motors, platforms, legs with their joints (motors marked *), closures by
@@ -64,11 +71,33 @@ def command(load: Callable[[], HybridRobot], graph: str | None) -> None:
     click.echo()
     for line in _Tree(robot, home_residuals(robot), width).lines():
         click.echo(line)
+    for line in _assemblies(robot, starts) if starts else ():
+        click.echo("\n".join(textwrap.wrap(line, width, subsequent_indent="    ")))
     click.echo("\nR revolute or continuous, P prismatic, S spherical, E planar, F floating; * motor")
     found = findings(robot)
     click.echo("nothing looks wrong" if not found else "to look at:")
     for text in found:
         click.echo("\n".join(textwrap.wrap(text, width, initial_indent="  - ", subsequent_indent="    ")))
+
+
+def _assemblies(robot: HybridRobot, starts: int) -> Iterator[str]:
+    """Say how many postures each kind of module has with its motors as at home."""
+    from hybridyn.assemblies import postures_at_home
+    from hybridyn.errors import AssemblyError
+
+    yield ""
+    yield f"postures with the motors as at home, from {counted(starts, 'random start')} each:"
+    told: set[int] = set()
+    for number, module in enumerate(robot.modules):
+        if not module.closures or id(module.mechanism) in told:
+            continue
+        told.add(id(module.mechanism))
+        try:
+            found = postures_at_home(robot, number, starts).counts
+            rare = f"the rarest from {counted(int(found.min()), 'start')}"
+            yield f"  {module.name}: {counted(len(found), 'posture')}, {rare}"
+        except AssemblyError as error:
+            yield f"  {error}"
 
 
 def _head(robot: HybridRobot) -> Iterator[str]:

@@ -6,6 +6,7 @@ import dietmaier
 import mpmath
 import numpy as np
 import pytest
+from command_line import ROOT, call
 from conftest import Claim
 from posing import of_link, position
 from shipped import shipped
@@ -159,3 +160,9 @@ def test_wrong_arguments_are_named() -> None:
         hybridyn.assemblies(robot, motors=dietmaier.motors(), starts=0)
     with pytest.raises(AssemblyError, match="freedoms open"):
         hybridyn.assemblies(robot)
+
+
+def test_the_command_line_counts_postures_by_module(capsys: pytest.CaptureFixture[str]) -> None:
+    out = call(capsys, "info", ROOT / "urdf/rps3.urdf.xacro", "--assemblies", "500").out
+    assert "postures with the motors as at home, from 500 random starts each:" in out
+    assert "m1_platform: 16 postures, the rarest from 5 starts" in out
