@@ -246,10 +246,10 @@ class Implicit:
             known = z0 + h * _sum(row[: len(k)], k)
             try:
                 guess, end, a, more = self._stage(system, chart, t, known, guess, h, W)
-            except (AssemblyError, StepError) as error:
+            except (AssemblyError, StepError) as failure:
                 if chart.pivot > HELD:
                     raise
-                raise AmbiguousBranchError(str(error)) from None  # the Jacobian there is good for short steps
+                raise AmbiguousBranchError(str(failure)) from None  # the Jacobian there is good for short steps
             k.append(guess)
             spent += more
         error = np.asarray(
