@@ -161,14 +161,14 @@ def simulation(flights: Sequence[Flight]) -> Figure | None:
 
 
 METHOD_STYLES = {
-    "hybridyn, rk4, closed in stages": ("#3d9be9", "rk4, closed in stages"),
-    "hybridyn, rk4, closed after steps": ("#86c3f5", "rk4, closed after steps"),
-    "hybridyn, rk4, not closed": ("#9db4c8", "rk4, not closed"),
-    "hybridyn, dopri5": ("#0b4f9e", "dopri5"),
-    "hybridyn, conserving": ("#00868b", "conserving"),
-    "hybridyn, implicit": ("#5a6fd6", "implicit"),
-    "hybridyn, compiled, rk4": ("#062c5a", "rk4, compiled"),
-    "rk4 on constraintDynamics, held by nothing": ("#f2b36b", "constraintDynamics rk4"),
+    "hybridyn, rk4, closed in stages": ("#3d9be9", "hybridyn rk4, closed in stages"),
+    "hybridyn, rk4, closed after steps": ("#86c3f5", "hybridyn rk4, closed after steps"),
+    "hybridyn, rk4, not closed": ("#9db4c8", "hybridyn rk4, not closed"),
+    "hybridyn, dopri5": ("#0b4f9e", "hybridyn dopri5"),
+    "hybridyn, conserving": ("#00868b", "hybridyn conserving"),
+    "hybridyn, implicit": ("#5a6fd6", "hybridyn implicit"),
+    "hybridyn, compiled, rk4": ("#062c5a", "hybridyn rk4, compiled"),
+    "rk4 on constraintDynamics, held by nothing": ("#f2b36b", "rk4 on constraintDynamics"),
     "rk4 on constraintDynamics, held by baumgarte": ("#e07b00", "... with Baumgarte"),
     "rk4 on constraintDynamics, held by projection": ("#9c5400", "... with projection"),
     "MuJoCo, Euler": ("#8cc59a", "MuJoCo, Euler"),

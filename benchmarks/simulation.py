@@ -72,7 +72,7 @@ class Steps:
     """
 
     rk4: tuple[float, ...] = (1e-2, 5e-3, 2e-3, 1e-3)
-    peers: tuple[float, ...] = (1e-2, 5e-3, 2e-3, 1e-3, 5e-4)
+    peers: tuple[float, ...] = (1e-2, 5e-3, 2e-3, 1e-3, 5e-4, 2e-4, 1e-4)
     rtol: tuple[float, ...] = (1e-3, 1e-5, 1e-7, 1e-9, 1e-11)
     conserving: tuple[float, ...] = (1e-2, 5e-3, 2e-3, 1e-3)
     implicit: tuple[float, ...] = (1e-2, 5e-3, 2e-3)
