@@ -249,7 +249,8 @@ class Implicit:
             except (AssemblyError, StepError) as failure:
                 if chart.pivot > HELD:
                     raise
-                raise AmbiguousBranchError(str(failure)) from None  # the Jacobian there is good for short steps
+                # The Jacobian there is good for short steps only.
+                raise AmbiguousBranchError(str(failure)) from None
             k.append(guess)
             spent += more
         error = np.asarray(
