@@ -24,6 +24,21 @@ from hybridyn.compiled.program import (
     Worst,
 )
 
+OPERATIONS = (
+    lambda a, b, c: a * b + c,
+    lambda a, b, c: a - b * c,
+    lambda a, b, c: -a * b,
+    lambda a, b, c: (a - b) / (1 + c * c),
+    lambda a, b, c: ca.sin(a),
+    lambda a, b, c: ca.cos(a),
+    lambda a, b, c: ca.sqrt(1 + a * a),
+    lambda a, b, c: ca.tanh(a),
+    lambda a, b, c: ca.atan2(a, 1.5 + b * b),
+    lambda a, b, c: ca.if_else(a < b, c, -a),
+    lambda a, b, c: ca.fmax(a, b),
+    lambda a, b, c: ca.fabs(a) * 0.25,
+    lambda a, b, c: ca.sin(2 * a) - ca.cos(2 * a),
+)
 KERNEL_SIZE = 40  # operations of a random kernel
 
 
@@ -46,16 +61,8 @@ def random_function(
         return values[rng.integers(len(values))]
 
     for _ in range(KERNEL_SIZE):
-        a, b, c = pick(), pick(), pick()
-        values.append(
-            [
-                lambda: a * b + c, lambda: a - b * c, lambda: -a * b, lambda: (a - b) / (1 + c * c),
-                lambda: ca.sin(a), lambda: ca.cos(a), lambda: ca.sqrt(1 + a * a), lambda: ca.tanh(a),
-                lambda: ca.atan2(a, 1.5 + b * b), lambda: ca.if_else(a < b, c, -a), lambda: ca.fmax(a, b),
-                lambda: ca.fabs(a) * 0.25, lambda: ca.sin(2 * a) - ca.cos(2 * a),
-            ][rng.integers(13)]()
-        )  # fmt: skip
-        values[-1] = values[-1] / (1 + ca.fabs(values[-1]) * 0.01)
+        value = OPERATIONS[rng.integers(len(OPERATIONS))](pick(), pick(), pick())
+        values.append(value / (1 + ca.fabs(value) * 0.01))
     ends = [ca.vertcat(*(pick() for _ in range(size))) if size else ca.SX(0, 1) for size in outputs]
     return ca.Function(name, columns, ends)
 
@@ -76,22 +83,36 @@ def toy(seed: int, copies: int) -> Program:
         Start(0, rng.normal(size=2)),
         Start(sums, rng.normal(size=2)),
         Call(
-            0, copies,
+            0,
+            copies,
             (Given(places if seed % 2 else in_a_row), Constants(rng.normal(size=(copies, 2))), Shared(0, 2)),
             (Own(own, 3), Add(sums, 2), Worst(), Each(each, 4)),
         ),
         Call(
-            1, 1, (Shared(sums, 2), Constants(rng.normal(size=(1, 2))), Given(np.array([[behind, 0, 1]]))),
+            1,
+            1,
+            (Shared(sums, 2), Constants(rng.normal(size=(1, 2))), Given(np.array([[behind, 0, 1]]))),
             (Shared(4, 3), Shared(0, 0), Worst()),
         ),
-        Call(2, copies, (Own(own, 3), Shared(4, 3), Each(each, 4), Given(twos)), (Result(twos), Each(more, 2))),
         Call(
-            3, 1, (Shared(each, 4), Result(np.array([[0, 2 * copies - 1]])), Shared(0, 2)),
+            2, copies, (Own(own, 3), Shared(4, 3), Each(each, 4), Given(twos)), (Result(twos), Each(more, 2))
+        ),
+        Call(
+            3,
+            1,
+            (Shared(each, 4), Result(np.array([[0, 2 * copies - 1]])), Shared(0, 2)),
             (Result(2 * copies + np.array([[2, 0, 1]])), Shared(0, 2)),
         ),
-        Call(1, 1, (Shared(0, 2), Constants(np.ones((1, 2))), Shared(4, 3)), (Add(4, 3), Shared(0, 0), Worst())),
-        Call(3, 1, (Shared(4, 4), Shared(0, 2), Shared(sums, 2)), (Result(2 * copies + np.array([[3, 4, 5]])), Add(7, 2))),
-    )  # fmt: skip
+        Call(
+            1, 1, (Shared(0, 2), Constants(np.ones((1, 2))), Shared(4, 3)), (Add(4, 3), Shared(0, 0), Worst())
+        ),
+        Call(
+            3,
+            1,
+            (Shared(4, 4), Shared(0, 2), Shared(sums, 2)),
+            (Result(2 * copies + np.array([[3, 4, 5]])), Add(7, 2)),
+        ),
+    )
     steps = (Start(7, np.ones(3)), *steps)
     return Program(
         f"toy{seed}_{copies}",

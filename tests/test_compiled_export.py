@@ -1,4 +1,4 @@
-"""Models as C for other programs: the files compile without a warning, run, and give the general path's numbers."""
+"""Models as C for other programs: the files compile without a warning and give the general path's numbers."""
 
 from __future__ import annotations
 

@@ -138,8 +138,8 @@ def test_programs_that_would_mean_two_things_are_refused() -> None:
         check(_with(program, 3, sources=(*legs.sources[:2], Shared(2, 2))))
     with pytest.raises(ValueError, match="writes shared numbers from 6 copies"):
         check(_with(program, 3, targets=(legs.targets[0], Shared(2, 2), *legs.targets[2:])))
+    moved = _with(program, 5, sources=(Own(3, 3), *program.steps[5].sources[1:]))
     with pytest.raises(ValueError, match="otherwise than they were written"):
-        moved = _with(program, 5, sources=(Own(3, 3), *program.steps[5].sources[1:]))
         check(dataclasses.replace(moved, own=program.own + 3))
     with pytest.raises(ValueError, match="never written"):
         check(dataclasses.replace(program, steps=program.steps[:-1]))

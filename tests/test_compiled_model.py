@@ -102,10 +102,16 @@ def spoiled(states: Arrays, kind: str) -> list[Any]:
 @pytest.mark.parametrize(
     ("kind", "error"),
     [
-        ("nan", TrajectoryError), ("infinite", TrajectoryError), ("width", TrajectoryError), ("samples", TrajectoryError),
-        ("rank", TrajectoryError), ("open", AssemblyError), ("opening", AssemblyError), ("text", ValueError),
+        ("nan", TrajectoryError),
+        ("infinite", TrajectoryError),
+        ("width", TrajectoryError),
+        ("samples", TrajectoryError),
+        ("rank", TrajectoryError),
+        ("open", AssemblyError),
+        ("opening", AssemblyError),
+        ("text", ValueError),
     ],
-)  # fmt: skip
+)
 def test_errors_are_the_general_paths(lx4: CompiledRobot, states: Arrays, kind: str, error: type) -> None:
     given = spoiled(states, kind)
     with pytest.raises(error) as theirs:

@@ -40,18 +40,69 @@ def one_kernel(name: str, columns: list[ca.SX], outputs: list[ca.SX]) -> Program
 X, Y = ca.SX.sym("x"), ca.SX.sym("y")
 
 EXACT = [
-    X + Y, X - Y, Y - X, X * Y, X / Y, -X, -(X * Y), -X - Y, X**2, 2 * X, 1 / X, ca.sqrt(X * X), ca.fabs(X), X * 0.1,
-    ca.fmin(X, Y), ca.fmax(X, Y), ca.sign(X), ca.if_else(X < Y, X, Y), ca.if_else(X <= 0, 1, Y), X < Y, X <= Y,
-    ca.eq(X, Y), ca.ne(X, X), ca.logic_not(X < Y), ca.logic_and(X < Y, Y > 0), ca.logic_or(X < Y, Y > 0),
-    ca.if_else(ca.logic_and(X, Y), X, -Y), (X < Y) * 3 + Y, ca.floor(X), ca.ceil(X), ca.copysign(X, Y), -ca.fabs(Y),
-    ca.if_else(X < Y, -X, 0), 3.0 * (X >= Y), ca.logic_not(X), ca.fmin(X, 0.5) - 1,
-]  # fmt: skip
+    X + Y,
+    X - Y,
+    Y - X,
+    X * Y,
+    X / Y,
+    -X,
+    -(X * Y),
+    -X - Y,
+    X**2,
+    2 * X,
+    1 / X,
+    ca.sqrt(X * X),
+    ca.fabs(X),
+    X * 0.1,
+    ca.fmin(X, Y),
+    ca.fmax(X, Y),
+    ca.sign(X),
+    ca.if_else(X < Y, X, Y),
+    ca.if_else(X <= 0, 1, Y),
+    X < Y,
+    X <= Y,
+    ca.eq(X, Y),
+    ca.ne(X, X),
+    ca.logic_not(X < Y),
+    ca.logic_and(X < Y, Y > 0),
+    ca.logic_or(X < Y, Y > 0),
+    ca.if_else(ca.logic_and(X, Y), X, -Y),
+    (X < Y) * 3 + Y,
+    ca.floor(X),
+    ca.ceil(X),
+    ca.copysign(X, Y),
+    -ca.fabs(Y),
+    ca.if_else(X < Y, -X, 0),
+    3.0 * (X >= Y),
+    ca.logic_not(X),
+    ca.fmin(X, 0.5) - 1,
+]
 CALLED = [
-    ca.tan(X), ca.asin(X / 9), ca.acos(X / 9), ca.atan(X), ca.atan2(Y, X), ca.sinh(X), ca.cosh(X), ca.tanh(X),
-    ca.asinh(X), ca.acosh(1 + X * X), ca.atanh(X / 9), ca.exp(X), ca.log(1 + X * X), ca.erf(X), ca.sin(-X),
-    ca.cos(-X), ca.sin(X) - ca.cos(X), ca.fabs(X) ** Y, ca.fmod(X, Y), ca.expm1(X), ca.log1p(X * X), ca.hypot(X, Y),
-    ca.remainder(X, Y), ca.fabs(X) ** 1.5,
-]  # fmt: skip
+    ca.tan(X),
+    ca.asin(X / 9),
+    ca.acos(X / 9),
+    ca.atan(X),
+    ca.atan2(Y, X),
+    ca.sinh(X),
+    ca.cosh(X),
+    ca.tanh(X),
+    ca.asinh(X),
+    ca.acosh(1 + X * X),
+    ca.atanh(X / 9),
+    ca.exp(X),
+    ca.log(1 + X * X),
+    ca.erf(X),
+    ca.sin(-X),
+    ca.cos(-X),
+    ca.sin(X) - ca.cos(X),
+    ca.fabs(X) ** Y,
+    ca.fmod(X, Y),
+    ca.expm1(X),
+    ca.log1p(X * X),
+    ca.hypot(X, Y),
+    ca.remainder(X, Y),
+    ca.fabs(X) ** 1.5,
+]
 EVERY = one_kernel("every", [X, Y], EXACT + CALLED)
 
 ANGLE = ca.SX.sym("angle")
@@ -87,10 +138,16 @@ def angles() -> np.ndarray:
     rng = np.random.default_rng(2)
     near = rng.integers(-60000, 60000, size=300) * (math.pi / 2)
     some = [
-        rng.uniform(-4, 4, 600), rng.uniform(-1e5, 1e5, 600), near, np.nextafter(near, 1e9),
-        near + rng.normal(size=300) * 1e-9, 10.0 ** rng.uniform(-300, 0, 50), np.arange(-12, 12) * math.pi / 4,
-        rng.uniform(-1e6, 1e6, 200), [0.0, 5e-324, 1e6, -1e6, 6381956970095103 * 2.0**-33],
-    ]  # fmt: skip
+        rng.uniform(-4, 4, 600),
+        rng.uniform(-1e5, 1e5, 600),
+        near,
+        np.nextafter(near, 1e9),
+        near + rng.normal(size=300) * 1e-9,
+        10.0 ** rng.uniform(-300, 0, 50),
+        np.arange(-12, 12) * math.pi / 4,
+        rng.uniform(-1e6, 1e6, 200),
+        [0.0, 5e-324, 1e6, -1e6, 6381956970095103 * 2.0**-33],
+    ]
     return np.concatenate(some)
 
 

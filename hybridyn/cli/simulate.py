@@ -104,8 +104,8 @@ def command(
 def _engine(ready: Stage, asked: str | None) -> Engine:
     """Choose what gives the accelerations."""
     scene = ready.source.scene
-    fixed = scene.solver.method == "rk4" and scene.solver.step
-    evaluations = math.ceil(4 * scene.duration / scene.solver.step) if fixed else 0
+    step = scene.solver.step if scene.solver.method == "rk4" else None
+    evaluations = math.ceil(4 * scene.duration / step) if step else 0
     obstacles = {"a prescribed motion": ready.motion is not None}
     return choose_engine(asked, ready.robot, ready.effects, evaluations, obstacles, WORTH_IN_TIME)
 

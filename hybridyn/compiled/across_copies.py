@@ -39,7 +39,10 @@ def across_copies(program: Program, names: list[str], lanes: int, tables: Tables
         lanes: Number of lanes.
         tables: Where its tables go.
     """
-    lines = [HEAD.format(name=program.name), "    (void)given, (void)result, (void)shared, (void)own, (void)guard;"]
+    lines = [
+        HEAD.format(name=program.name),
+        "    (void)given, (void)result, (void)shared, (void)own, (void)guard;",
+    ]
     for step in program.steps:
         if isinstance(step, Start):
             if len(step.values):

@@ -37,7 +37,10 @@ def across_samples(program: Program, names: list[str], tables: Tables) -> str:
         names: Name in C of each kernel.
         tables: Where its tables go.
     """
-    lines = [HEAD.format(name=program.name), "    (void)given, (void)result, (void)shared, (void)own, (void)guard;"]
+    lines = [
+        HEAD.format(name=program.name),
+        "    (void)given, (void)result, (void)shared, (void)own, (void)guard;",
+    ]
     for step in program.steps:
         if isinstance(step, Start):
             if len(step.values):
@@ -95,10 +98,9 @@ def _source(call: Call, n: int, source: Source, tables: Tables, before: list[str
             place = "given" if isinstance(source, Given) else "result"
             if steps_of_one(index):
                 return f"{place} + {_row(call, index, tables)}"
-            before.append(f"V x{n}[{max(index.shape[1], 1)}];")
-            before.append(
-                f"gather(x{n}, {place}, {tables.places(index)} + {_at(call, 0, index.shape[1])}, {index.shape[1]});"
-            )
+            size = index.shape[1]
+            before.append(f"V x{n}[{max(size, 1)}];")
+            before.append(f"gather(x{n}, {place}, {tables.places(index)} + {_at(call, 0, size)}, {size});")
         case Constants(values):
             before.append(f"V x{n}[{max(values.shape[1], 1)}];")
             if values.size:

@@ -10,7 +10,7 @@ from ..robot import HybridRobot
 from ..spatial import Array
 
 WIDTH = 24
-"""Numbers of a body: axes row by row, origin, velocity, angular velocity, acceleration (classical), angular."""
+"""Numbers of a body: axes row by row, origin, velocity, angular velocity, accelerations (classical)."""
 
 
 def body_rows(robot: HybridRobot, q: Array, v: Array, a: Array) -> Array:

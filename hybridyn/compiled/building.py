@@ -57,6 +57,6 @@ def _run(command: list[str]) -> None:
     if done.returncode:
         said = " ".join((done.stderr or done.stdout).split())[:600]
         raise CompileError(
-            f"the C compiler '{' '.join(command[:1])}' failed (status {done.returncode}): {said or 'it says nothing'}. "
+            f"the C compiler '{command[0]}' failed (status {done.returncode}): {said or 'it says nothing'}. "
             "Name another one in the environment variable CC; the general path works without one"
         )

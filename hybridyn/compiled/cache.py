@@ -20,12 +20,14 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ..errors import CompileError
 from .building import NATIVE, build
 from .compilers import FLAGS, find_compiler, machine
-from .sources import Source
+
+if TYPE_CHECKING:
+    from .sources import Source
 
 VARIABLE = "HYBRIDYN_CACHE"
 """Environment variable that names another folder."""

@@ -10,7 +10,7 @@ Span = tuple[str, int, int]
 
 
 def spans(call: Call, given: int) -> list[Span]:
-    """Give the memory that the sources (or, for given = 1, the targets) of a call cover: (place, from, to)."""
+    """Give the memory that the sources of a call cover (for given = 1 the targets): place, from, to."""
     out: list[Span] = []
     for end in call.targets if given else call.sources:
         match end:
@@ -43,8 +43,9 @@ def check(program: Program) -> None:
     """Refuse a program that would not mean the same with samples in the lanes and with copies in the lanes.
 
     Raises:
-        ValueError: A size or a place that does not fit; a read of what was not written; own numbers read otherwise than
-            they were written; a call of several copies that reads what it sums, or writes shared numbers.
+        ValueError: A size or a place that does not fit; a read of what was not written; own numbers read
+            otherwise than they were written; a call of several copies that reads what it sums, or writes
+            shared numbers.
     """
     own: dict[int, tuple[int, int]] = {}
     shared = np.zeros(program.shared, dtype=bool)

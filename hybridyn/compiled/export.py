@@ -7,8 +7,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from ..ddm import ddm
 from ..effects.choice import Choice, choose
 from ..errors import HybridynError, ModelError
@@ -30,8 +28,8 @@ AGREE = 1e-9
 WHAT = {
     "idm": "Inverse dynamic model: motor efforts tau [N, N m] from positions q, rates v and accelerations a.",
     "ddm": "Direct dynamic model: accelerations a from positions q, rates v and motor efforts tau.",
-    "kinematics": "Motion of every body in the world, 24 numbers each: axes row by row, origin, velocity, angular "
-    "velocity, acceleration (classical), angular acceleration.",
+    "kinematics": "Motion of every body in the world, 24 numbers each: axes row by row, origin, velocity, "
+    "angular velocity, acceleration (classical), angular acceleration.",
 }
 
 
@@ -104,9 +102,10 @@ def _header(robot: HybridRobot, programs: list[Program], name: str) -> str:
         "   tau", *motors,
         "   bodies", *bodies,
         "",
-        "   Each function gives a guard: at most 1 where its results may be trusted. Above 1 or NaN, positions and",
-        "   rates do not close the loops, or the robot is near a posture where the pivots of the elimination vanish:",
-        "   do not use the results. `work` is memory of yours; nothing in it is kept between calls. */",
+        "   Each function gives a guard: at most 1 where its results may be trusted. Above 1 or NaN,",
+        "   positions and rates do not close the loops, or the robot is near a posture where the pivots of",
+        "   the elimination vanish: do not use the results. `work` is memory of yours;",
+        "   nothing in it is kept between calls. */",
     ]  # fmt: skip
     guard = f"{name.upper()}_H"
     lines = ["\n".join(about), f"#ifndef {guard}\n#define {guard}"]
@@ -121,7 +120,14 @@ def _test(robot: HybridRobot, effects: Any, programs: list[Program], name: str) 
 
     q, v, _, tau = random_states(robot, SAMPLES, seed=1)
     a = ddm(robot, q, v, tau, effects=effects)
-    known = {"q": q, "v": v, "tau": tau, "a": a, "base_acceleration": a[:, :6], "bodies": body_rows(robot, q, v, a)}
+    known = {
+        "q": q,
+        "v": v,
+        "tau": tau,
+        "a": a,
+        "base_acceleration": a[:, :6],
+        "bodies": body_rows(robot, q, v, a),
+    }
     lines = [
         f'#include <math.h>\n#include <stdio.h>\n\n#include "{name}.h"',
         "/* Largest difference, relative to the largest entry of what was expected. */\n"
@@ -193,12 +199,13 @@ def _readme(robot: HybridRobot, effects: Sequence[str], programs: list[Program],
     return f"""# Dynamics of '{robot.description.name}' in C
 
 Written by hybridyn. C99, no allocation, no library but the C library's mathematics. Base: {robot.base}.
-Effects: {", ".join(effects) or "none"}. What each number of `q`, `v`, `a` and `tau` means stands in `{name}.h`.
+Effects: {", ".join(effects) or "none"}.
+What each number of `q`, `v`, `a` and `tau` means stands in `{name}.h`.
 
 {functions}
 
 Each gives a guard: use the results where it is at most 1. `work` is memory of the caller; one per thread.
 
-`make test` compares with {SAMPLES} states computed by hybridyn's general path. `make` passes `CFLAGS` on; with a
-processor that has fused multiplication and addition, `-march=native` lets the compiler use it.
+`make test` compares with {SAMPLES} states computed by hybridyn's general path. `make` passes `CFLAGS` on;
+with a processor that has fused multiplication and addition, `-march=native` lets the compiler use it.
 """

@@ -1,4 +1,4 @@
-"""Programs as C99 that needs nothing: plain numbers, no allocation, nothing of the C library but mathematics."""
+"""Programs as C99 that needs nothing: plain numbers, no allocation, of the C library only mathematics."""
 
 from __future__ import annotations
 
@@ -13,20 +13,23 @@ from .tables import Tables
 from .trimming import trimmed
 
 FUNCTIONS = (
-    "SQRT FABS TAN ASIN ACOS ATAN SINH COSH TANH ASINH ACOSH ATANH EXP EXPM1 LOG LOG1P FLOOR CEIL ERF ATAN2 FMOD "
-    "REMAINDER HYPOT COPYSIGN POW"
-).split()
+    "SQRT", "FABS", "TAN", "ASIN", "ACOS", "ATAN", "SINH", "COSH", "TANH", "ASINH", "ACOSH", "ATANH", "EXP",
+    "EXPM1", "LOG", "LOG1P", "FLOOR", "CEIL", "ERF", "ATAN2", "FMOD", "REMAINDER", "HYPOT", "COPYSIGN", "POW",
+)  # fmt: skip
 """Functions of kernels that the C library has under the same name."""
 
 MOVES = {
     "worst": "static V worst(V a, V b) { return b <= a || a != a ? a : b; }",
-    "set_all": "static void set_all(V *to, const S *from, int n) {\n    int k;\n    for (k = 0; k < n; k++) to[k] = from[k];\n}",
-    "copy": "static void copy(V *to, const V *from, int n) {\n    int k;\n    for (k = 0; k < n; k++) to[k] = from[k];\n}",
-    "gather": "static void gather(V *to, const V *from, const int *at, int n) {\n    int k;\n"
-    "    for (k = 0; k < n; k++) to[k] = from[at[k]];\n}",
-    "scatter": "static void scatter(V *to, const int *at, const V *from, int n) {\n    int k;\n"
-    "    for (k = 0; k < n; k++) to[at[k]] = from[k];\n}",
-    "add": "static void add(V *to, const V *from, int n) {\n    int k;\n    for (k = 0; k < n; k++) to[k] += from[k];\n}",
+    **{
+        name: f"static void {name}({given}, int n) {{\n    int k;\n    for (k = 0; k < n; k++) {move};\n}}"
+        for name, given, move in (
+            ("set_all", "V *to, const S *from", "to[k] = from[k]"),
+            ("copy", "V *to, const V *from", "to[k] = from[k]"),
+            ("gather", "V *to, const V *from, const int *at", "to[k] = from[at[k]]"),
+            ("scatter", "V *to, const int *at, const V *from", "to[at[k]] = from[k]"),
+            ("add", "V *to, const V *from", "to[k] += from[k]"),
+        )
+    },
     "SINCOS": "static void SINCOS(V x, V *s, V *c) {\n    *s = sin(x);\n    *c = cos(x);\n}",
 }
 """What drivers and kernels call; only what is used is printed."""

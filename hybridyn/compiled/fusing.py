@@ -19,8 +19,8 @@ def fused(graph: Graph) -> Graph:
         graph: Without fused products.
 
     Returns:
-        The same numbers but for roundings. "fma" has arguments (a, b, c): a b + c, where a carries the sign of
-        the product and c its own.
+        The same numbers but for roundings. "fma" has arguments (a, b, c): a b + c, where a carries the
+        sign of the product and c its own.
     """
     uses = _uses(graph)
     partner = _choices(graph, uses)

@@ -7,16 +7,17 @@ import threading
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .cache import Built, cached
 from .compilers import best_lanes
-from .program import Program
-from .scalars import Scalar
-from .sources import TRUSTED, library_source
+from .scalars import TRUSTED, Scalar
+
+if TYPE_CHECKING:
+    from .program import Program
 
 Numbers = NDArray[Any]
 
@@ -245,6 +246,8 @@ def load(
         lanes: Numbers side by side; None for what suits this machine.
         key: Text that says everything the programs depend on; None looks at their source.
     """
+    from .sources import library_source
+
     if lanes is None:
         lanes = best_lanes(dtype) if dtype in ("float64", "float32") else 1
     scalar = Scalar(dtype, lanes)

@@ -139,7 +139,7 @@ class CompiledRobot:
     def kinematics(
         self, q: Array, v: Array, a: Array | None = None, links: Sequence[str] | None = None
     ) -> dict[str, LinkMotion]:
-        """Give poses, twists and accelerations of links, as `hybridyn.kinematics` does, with its arguments."""
+        """Give poses, twists and accelerations of links, as `hybridyn.kinematics` does."""
         a = np.zeros(np.shape(v)) if a is None else a
         rows = self._run("kinematics", {"q": q, "v": v, "a": a})
         places = self.robot.bodies.place
@@ -171,7 +171,7 @@ class CompiledRobot:
         """Run a model for one sample or many."""
         calls = self.library.programs[name]
         sizes = dict(calls.inputs)
-        if not given.keys() == sizes.keys():  # a base_acceleration for a base that does not move
+        if given.keys() != sizes.keys():  # a base_acceleration for a base that does not move
             return self._general(name, given)
         arrays = {key: np.asarray(value, dtype=float) for key, value in given.items()}
         ranks = {array.ndim for array in arrays.values()}
@@ -238,7 +238,7 @@ def as_batches(arrays: dict[str, Array], sizes: dict[str, int]) -> None:
         as_batch(array, sizes[key], key)
 
 
-def compile(  # noqa: A001 - the verb of the public interface
+def compile(
     robot: HybridRobot, effects: Choice = None, *, threads: int = 1, dtype: str = "float64"
 ) -> CompiledRobot:
     """Write a robot's models out as C, build them, and check them against the general path.

@@ -18,7 +18,7 @@ Counts = dict[str, dict[str, int]]
 
 
 def operations(program: Program) -> Counts:
-    """Count operations by part (`Kernel.part`) and kind, every call and copy counted; sums of copies are adds.
+    """Count operations by part (`Kernel.part`) and kind, every call and copy counted.
 
     Args:
         program: The program.

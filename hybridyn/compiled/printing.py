@@ -21,7 +21,7 @@ def kernel_graph(kernel: Kernel) -> Graph:
 
 
 def kernel_text(graph: Graph) -> str:
-    """Give the body of a kernel in C, with its arguments but without a name: `(const V *restrict x0, ...) {...}`.
+    """Give the body of a kernel in C, with arguments but without a name: `(const V *restrict x0, ...) {...}`.
 
     Args:
         graph: Its operations.

@@ -1,4 +1,4 @@
-"""What a number is in printed code: its type, how many lie side by side, and the arithmetic that comes with it."""
+"""What a number is in printed code: its type, how many lie side by side, and their arithmetic."""
 
 from __future__ import annotations
 
@@ -23,6 +23,9 @@ IN_LIBRARY = {
     "complex128": "c##name",
 }
 """How the C library calls a function for a type."""
+
+#: Guards up to this are trusted.
+TRUSTED = 1.0
 
 
 @dataclass(frozen=True)

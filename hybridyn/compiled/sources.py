@@ -11,15 +11,12 @@ from .across_samples import across_samples
 from .checking import check
 from .printing import kernel_graph, kernel_text
 from .program import Program
-from .scalars import Scalar, text_of
+from .scalars import TRUSTED, Scalar, text_of
 from .tables import Tables
 from .trimming import trimmed
 
 #: Statements that one compiler process is given before another is started.
 UNIT = 4000
-
-#: Guards up to this are trusted.
-TRUSTED = 1.0
 
 
 @dataclass(frozen=True)
@@ -58,7 +55,7 @@ def library_source(programs: list[Program], scalar: Scalar) -> Source:
             name = f"k{hashlib.sha256(text.encode()).hexdigest()[:12]}"
             bodies[name] = text
             names[program.name].append(name)
-    units = _kernel_units(bodies, scalar) + [_driver_unit(programs, names, bodies, scalar)]
+    units = [*_kernel_units(bodies, scalar), _driver_unit(programs, names, bodies, scalar)]
     about = {
         "number": scalar.name,
         "lanes": scalar.lanes,
@@ -148,8 +145,8 @@ def _batch(program: Program) -> str:
         at += size
     return "\n".join(
         [
-            f"EXPORT void {program.name}_batch(Long from, Long to, const B *const *in, B *const *out, B *guard,",
-            "                             V *work) {",
+            f"EXPORT void {program.name}_batch(Long from, Long to, const B *const *in, B *const *out,",
+            "                                  B *guard, V *work) {",
             f"    V *given = work, *result = work + {given}, *shared = result + {result};",
             f"    V *own = shared + {shared};",
             "    for (Long s = from; s < to; s += W) {",

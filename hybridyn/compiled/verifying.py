@@ -16,7 +16,7 @@ from .library import Numbers
 if TYPE_CHECKING:
     from .model import CompiledRobot
 
-#: Largest difference from the general path, relative to the largest entry of each sample's result. For floats:
+#: Largest difference from the general path, relative to the largest entry of each sample's result; for floats
 #: their rounding, 6e-8, times what conditioning makes of it.
 AGREE = {"float64": 1e-10, "float32": 1e-2}
 
@@ -63,7 +63,7 @@ def _compare(model: CompiledRobot, name: str, result: Numbers, reference: Array)
     if not (off <= allowed).all():
         worst = int(np.argmax(np.where(np.isnan(off), np.inf, off)))
         raise CompileError(
-            f"the written-out '{name}' differs from the general path by {off[worst]:.2g} of its largest entry "
-            f"(limit {allowed:g}) at random state {worst}: it is not used. This is a bug: report it with the "
-            "robot's files; the general path is right"
+            f"the written-out '{name}' differs from the general path by {off[worst]:.2g} of its largest "
+            f"entry (limit {allowed:g}) at random state {worst}: it is not used. This is a bug: "
+            "report it with the robot's files; the general path is right"
         )
