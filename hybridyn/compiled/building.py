@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import platform
 import subprocess
 import tempfile
 from concurrent.futures import ThreadPoolExecutor
@@ -11,7 +12,8 @@ from pathlib import Path
 from ..errors import CompileError
 from .compilers import FLAGS, Compiler
 
-NATIVE = ("-march=native",)
+NATIVE = ("-mcpu=native",) if platform.machine() in ("aarch64", "arm64") else ("-march=native",)
+"""Code for this very processor."""
 
 
 def build(units: tuple[str, ...], compiler: Compiler, target: Path, libraries: tuple[str, ...] = ()) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import sys
 import threading
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -58,7 +59,8 @@ class Library:
         self.dtype = np.dtype(BORDER[built.about["number"]])
         free = ctypes.CDLL(str(built.path))  # lets other threads of Python run meanwhile
         held = ctypes.PyDLL(str(built.path))  # does not: a microsecond is not worth it
-        plain = built.about["lanes"] > 1 and _knows_arrays(held, self.dtype)
+        alone = getattr(sys, "_is_gil_enabled", lambda: True)()  # single calls share their memory
+        plain = alone and built.about["lanes"] > 1 and _knows_arrays(held, self.dtype)
         self.programs = {
             name: Calls(name, about, built.about["number"], free, held, plain)
             for name, about in built.about["programs"].items()
