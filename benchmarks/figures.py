@@ -183,7 +183,7 @@ def throughput(points: Sequence[Point], case: str) -> Figure | None:
         own = [p for p in points if p.case == case and p.model == model and math.isfinite(p.us)]
         curves = []
         for (method, threads), group in grouped(own, "method", "threads").items():
-            label = f"{method}, {threads} thread{'s' * (threads > 1)}" if method.startswith(OURS) else method
+            label = named(method) + f", {threads} thread{'s' * (threads > 1)}" * method.startswith(OURS)
             curves.append(Curve(label, colour(method), [p.batch for p in group], [p.us for p in group]))
         if curves:
             panels.append(Panel(f"{case}, {title}", "samples per call", "time per sample [us]", curves))

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from benchmarks.accuracy import Effort, Problem, posed, together
+from benchmarks.accuracy import Effort, Problem, one_by_one, posed, together
 from benchmarks.gate import refuse
 from benchmarks.methods import Method, Model, NotMeasuredError, Setting, Solver, written
 from benchmarks.peers import methods_of
@@ -83,7 +83,8 @@ def loads_of(
             if ours:
                 error = problem.reference.off(solve(*problem.states)[problem.judged])
                 refuse(error, method.limit, f"{problem.model} by {method.name} on {threads} threads")
-                call = together(solve, (states[0], states[1], states[2]))
+                shared = (states[0], states[1], states[2])
+                call = one_by_one(solve, problem.singles[:1]) if batch == 1 else together(solve, shared)
             else:
                 error = problem.reference.off(np.array([solve(*state) for state in problem.singles]))
                 call = looped(solve, (states[0], states[1], states[2]))
