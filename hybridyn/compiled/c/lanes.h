@@ -29,12 +29,54 @@ INLINE S worst_of_lanes(S guard, V y, int valid) {
         if (!(y[l] <= guard) && guard == guard) guard = y[l];
     return guard;
 }
+
+#if defined(__has_builtin) && W == 8 && defined(DOUBLE)
+#if __has_builtin(__builtin_shufflevector)
+#define TRANSPOSE
+#define MIX __builtin_shufflevector
+/* Eight rows to eight columns: pairs of rows, then of pairs, then halves. */
+INLINE void transpose(const V *r, V *c) {
+    V a[8];
+    for (int i = 0; i < 8; i += 2) {
+        a[i] = MIX(r[i], r[i + 1], 0, 8, 2, 10, 4, 12, 6, 14);
+        a[i + 1] = MIX(r[i], r[i + 1], 1, 9, 3, 11, 5, 13, 7, 15);
+    }
+    for (int j = 0; j < 2; j++) {
+        const V low = MIX(a[j], a[j + 2], 0, 1, 8, 9, 4, 5, 12, 13);
+        const V high = MIX(a[j], a[j + 2], 2, 3, 10, 11, 6, 7, 14, 15);
+        const V low2 = MIX(a[j + 4], a[j + 6], 0, 1, 8, 9, 4, 5, 12, 13);
+        const V high2 = MIX(a[j + 4], a[j + 6], 2, 3, 10, 11, 6, 7, 14, 15);
+        c[j] = MIX(low, low2, 0, 1, 2, 3, 8, 9, 10, 11);
+        c[j + 2] = MIX(high, high2, 0, 1, 2, 3, 8, 9, 10, 11);
+        c[j + 4] = MIX(low, low2, 4, 5, 6, 7, 12, 13, 14, 15);
+        c[j + 6] = MIX(high, high2, 4, 5, 6, 7, 12, 13, 14, 15);
+    }
+}
+#endif
+#endif
+
 INLINE void from_rows(V *to, const S *from, Long width, int valid) {
     const S *row[W];
+    Long k = 0;
     for (int l = 0; l < W; l++) row[l] = from + (l < valid ? l : valid - 1) * width;
-    for (Long k = 0; k < width; k++) to[k] = (V){ROWS(row, k)};
+#ifdef TRANSPOSE
+    for (; k + W <= width; k += W) {
+        V r[W];
+        for (int l = 0; l < W; l++) memcpy(&r[l], row[l] + k, sizeof(V));
+        transpose(r, to + k);
+    }
+#endif
+    for (; k < width; k++) to[k] = (V){ROWS(row, k)};
 }
 INLINE void to_rows(S *to, const V *from, Long width, int valid) {
+    Long done = 0;
+#ifdef TRANSPOSE
+    for (; done + W <= width; done += W) {
+        V r[W];
+        transpose(from + done, r);
+        for (int l = 0; l < valid; l++) memcpy(to + l * width + done, &r[l], sizeof(V));
+    }
+#endif
     for (int l = 0; l < valid; l++)
-        for (Long k = 0; k < width; k++) to[l * width + k] = from[k][l];
+        for (Long k = done; k < width; k++) to[l * width + k] = from[k][l];
 }
