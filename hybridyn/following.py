@@ -27,7 +27,7 @@ LOST = 1e-9
 #: Every so many samples are solved first, then all.
 STRIDES = (8, 1)
 #: Smallest part of a step that is walked.
-FINEST = 2**24
+FINEST = 4096
 #: The same where Newton does not reach the end of the step at all.
 COARSEST = 16
 
