@@ -1,4 +1,4 @@
-"""Targets at and beyond the edge of reach, ways that brush it: the right posture or a message with its mend."""
+"""Targets at and beyond the edge of reach, ways that brush it: the right posture, or a message that helps."""
 
 from __future__ import annotations
 
