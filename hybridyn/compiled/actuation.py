@@ -76,6 +76,5 @@ def _least_norm(B: Expression, Q: Expression, share: Array) -> tuple[Expression,
     big: Any = ca.SX(0.0)
     for k in range(N):
         small, big = ca.fmin(small, ca.fabs(R[k, k])), ca.fmax(big, ca.fabs(R[k, k]))
-    return np.array([times(float(s), x) for s, x in zip(share, y, strict=True)], dtype=object), trusted(
-        small / big
-    )
+    tau = np.array([times(float(s), x) for s, x in zip(share, y, strict=True)], dtype=object)
+    return tau, trusted(ca.if_else(big > 0, small / big, 0.0))  # 0 / 0 would be left out by fmax

@@ -77,7 +77,7 @@ def cached(
     at = _writable(folder())
     tools = _tools(libraries)
     pointer = at / "keys" / _hash(key, package_state(), tools)
-    with contextlib.suppress(OSError):
+    with contextlib.suppress(OSError, ValueError):  # not there, or not text
         if (known := _load(at, pointer.read_text())) is not None:
             return known
     source = make_source()

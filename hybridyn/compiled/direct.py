@@ -19,7 +19,17 @@ from .core import Core, Plan, core_body, own_inertia, write_core
 from .expressions import Expression, congruence, dot, hat, pack, plain, symbols, symmetric, upper, zeros
 from .guards import trusted
 from .paths import wrist_accelerations
-from .rigid import crf, inertia_matrix, matrix_moved, momentum, moved, to_child, to_parent
+from .rigid import (
+    classical,
+    crf,
+    inertia_matrix,
+    matrix_moved,
+    momentum,
+    moved,
+    resting,
+    to_child,
+    to_parent,
+)
 from .staging import Stage, cut
 from .static_elimination import solve, solve_definite
 
@@ -78,7 +88,7 @@ def write_direct(name: str, plan: Plan, options: DirectOptions) -> DirectModule:
     at_q, at_v = read_by_core(plan)
     (q_col, q), (v_col, v) = scattered("q", at_q, m.spanning.nq), scattered("v", at_v, m.spanning.nv)
     fixed = options.base is not None
-    V_col, V_base = symbols("V_base", 6)
+    V_col, V_base = base_twist(options.velocity)
     A_col, A_base = symbols("A_base", 6)
     if fixed:
         V_base, A_base = zeros(6), plain(options.base)
@@ -95,9 +105,9 @@ def write_direct(name: str, plan: Plan, options: DirectOptions) -> DirectModule:
         outputs[0][f"platform {i}"] = pack(motion.R, motion.p, motion.V)
     for o, body in enumerate(core.outputs):
         own, V = own_inertia(plan, options.inertias[o], o), core.chain.V[body]
-        bias = crf(V, momentum(own, V)) if options.velocity else zeros(6)
+        bias = crf(resting(V), momentum(own, resting(V))) if options.velocity else zeros(6)
         if options.carries[o]:
-            outputs[0][f"V {o}"], outputs[0][f"bias {o}"] = pack(V), pack(bias)
+            outputs[0][f"V {o}"], outputs[0][f"bias {o}"] = pack(V[-V_col.numel() :]), pack(bias)
             if parts.own is not None:
                 outputs[0][f"own {o}"] = pack(upper(inertia_matrix(own)))
 
@@ -136,7 +146,8 @@ def write_direct(name: str, plan: Plan, options: DirectOptions) -> DirectModule:
         outputs[2][f"delta {i}"] = pack(s[at(i + 1)] - A_base)
     for o, body in enumerate(core.outputs):
         if options.carries[o]:
-            outputs[2][f"A {o}"] = pack(_whole(core, body, s))
+            A = _whole(core, body, s)
+            outputs[2][f"A {o}"] = pack(classical(core.chain.V[body], A) if options.velocity else A)
 
     # Wrists.
     legs = _legs_on_paths(plan)
@@ -153,6 +164,18 @@ def write_direct(name: str, plan: Plan, options: DirectOptions) -> DirectModule:
     return DirectModule(
         stages, at_q, at_v, parts.v[joints], np.array(wrists, dtype=int), legs, parts.tree_v[mine], order
     )
+
+
+def base_twist(velocity: bool) -> tuple[ca.SX, Expression]:
+    """Give symbols for the twist of a module's base, and the twist.
+
+    Every module is written as an observer sees it who moves with its base's origin, so that only the base's
+    rotation counts, and no digit is spent on a velocity that all share. Without velocity terms the model is
+    not the same for all observers, and the whole twist is taken.
+    """
+    width = 3 if velocity else 6
+    column, entries = symbols("V_base", width)
+    return column, np.concatenate([zeros(6 - width), entries])
 
 
 def read_by_core(plan: Plan) -> tuple[Index, Index]:
@@ -230,8 +253,10 @@ def _add_output(
         inertia = matrix_moved(symmetric(entries, 6), R0, p0)
     else:
         inertia = inertia_matrix(moved(own, R0, p0))
-        beta = crf(V, momentum(own, V)) if options.velocity else zeros(6)
+        beta = crf(resting(V), momentum(own, resting(V))) if options.velocity else zeros(6)
     J, c = motion_map(chain, body), chain.c[body]
+    if options.velocity:
+        c = classical(V, c)
     at_zero = np.concatenate([dot(R0, c[:3]), dot(R0, c[3:])])
     at_zero[:3] = at_zero[:3] + dot(hat(p0), at_zero[3:])
     M[:] = M + congruence(J, inertia)

@@ -11,7 +11,7 @@ import numpy as np
 from ..module import Module
 from .choices import Request
 from .core import Plan
-from .direct import DirectModule, DirectOptions, write_direct
+from .direct import DirectModule, DirectOptions, base_twist, write_direct
 from .efforts import Efforts
 from .expressions import pack, plain, symbols, upper, zeros
 from .legs import PlatformMotion, leg_accelerations, leg_sums, write_leg
@@ -101,7 +101,7 @@ class _Builder:
                 own = upper(inertia_matrix(plain(options.inertias[o]))).astype(float)
                 if request.parameters:
                     own = np.zeros(21)
-                calls.V[o] = w.shared(6)
+                calls.V[o] = w.shared(3 if options.velocity else 6)
                 places = w.shared(21), w.shared(6)
                 calls.articulated[o] = (w.start(places[0], own), w.start(places[1], np.zeros(6)))
                 targets |= {f"V {o}": calls.V[o], f"bias {o}": calls.articulated[o][1]}
@@ -228,7 +228,7 @@ def _write_group(
     group = plan.parts.groups[n]
     leg = group[0]
     (q_col, q), (v_col, v) = symbols("q", len(leg.q)), symbols("v", len(leg.v))
-    V_col, V_base = symbols("V_base", 6)
+    V_col, V_base = base_twist(options.velocity)
     if options.base is not None:
         V_base = zeros(6)
     p_col, p = symbols("platform", 18)

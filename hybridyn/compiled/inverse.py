@@ -15,12 +15,12 @@ from ..spatial import Index
 from .actuation import motor_efforts
 from .chains import Chain, Placed, forces, motion_map, sweep
 from .core import Core, Plan, own_inertia, write_core
-from .direct import parameters_of, read_by_core, scattered
+from .direct import base_twist, parameters_of, read_by_core, scattered
 from .expressions import Expression, cross, dot, pack, plain, symbols, zeros
 from .guards import Scale, accelerating_apart, size_of, trusted
 from .legs import PlatformMotion, WrittenLeg
 from .links import units_of
-from .rigid import crf, momentum, motion_to_parent, to_child, to_parent
+from .rigid import classical, crf, momentum, motion_to_parent, resting, to_child, to_parent
 from .staging import Stage, cut
 from .static_elimination import Pivots, solve
 
@@ -74,7 +74,7 @@ def write_inverse(name: str, plan: Plan, options: InverseOptions, pivots: Pivots
     at_q, at_v = read_by_core(plan)
     q_col, q = scattered("q", at_q, m.spanning.nq)
     (v_col, v), (a_col, a) = scattered("v", at_v, m.spanning.nv), scattered("a", at_v, m.spanning.nv)
-    (V_col, V_base), (A_col, A_base) = symbols("V_base", 6), symbols("A_base", 6)
+    (V_col, V_base), (A_col, A_base) = base_twist(options.velocity), symbols("A_base", 6)
     inputs: list[dict[str, ca.SX]] = [{"q": q_col, "v": v_col, "a": a_col} | parameters_of(plan), {}]
     outputs: list[dict[str, ca.SX]] = [{}, {}]
     if options.base is not None:
@@ -150,13 +150,15 @@ def _needed(
         terms += [*(b_delta[:3] * length), *b_delta[3:]]
     for o, body in enumerate(core.outputs):
         own, V, A = own_inertia(plan, options.inertias[o], o), chain.V[body], chain.c[body]
+        if options.velocity:
+            A, V = classical(V, A), resting(V)
         W = momentum(own, A)
         terms += [*(W[:3] * length), *W[3:]]
         if options.velocity:
             W = W + crf(V, momentum(own, V))
         if options.carries[o]:
             inputs[f"F {o}"], F = symbols(f"F {o}", 6)
-            outputs[f"V {o}"], outputs[f"A {o}"] = pack(V), pack(A)
+            outputs[f"V {o}"], outputs[f"A {o}"] = pack(V[3:] if options.velocity else V), pack(A)
             W = W + F
             terms += [*(F[:3] * length), *F[3:]]
         b = b + dot(motion_map(chain, body).T, to_parent(chain.R0[body], chain.p0[body], W))

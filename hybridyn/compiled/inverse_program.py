@@ -15,6 +15,7 @@ from ..robot import HybridRobot
 from ..spatial import Array
 from .choices import Request
 from .core import Plan
+from .direct import base_twist
 from .efforts import Efforts
 from .expressions import pack, symbols, zeros
 from .inverse import InverseModule, InverseOptions, leg_forces, write_inverse
@@ -117,7 +118,7 @@ class _Builder:
         targets: dict[str, Target] = {f"platform {i}": place for i, place in calls.platforms.items()}
         for o, carried in enumerate(options.carries):
             if carried:
-                calls.V[o], calls.A[o] = w.shared(6), w.shared(6)
+                calls.V[o], calls.A[o] = w.shared(3 if options.velocity else 6), w.shared(6)
                 calls.received[o] = w.start(w.shared(6), np.zeros(6))
                 targets |= {f"V {o}": calls.V[o], f"A {o}": calls.A[o]}
         calls.stages.call(0, sources, targets)
@@ -200,7 +201,7 @@ def _write_group(
         symbols("v", len(leg.v)),
         symbols("a", len(leg.v)),
     )
-    (V_col, V_base), (A_col, A_base) = symbols("V_base", 6), symbols("A_base", 6)
+    (V_col, V_base), (A_col, A_base) = base_twist(options.velocity), symbols("A_base", 6)
     inputs = {"q": q_col, "v": v_col, "a": a_col}
     if options.base is not None:
         V_base, A_base = zeros(6), np.array(options.base, dtype=float).astype(object)

@@ -284,7 +284,14 @@ def robot_key(robot: HybridRobot, effects: Effects) -> str:
 
 
 def source_of(robot: HybridRobot, effects: Effects, scalar: Scalar) -> Source:
-    """Print the models of a robot."""
+    """Print the models of a robot.
+
+    Raises:
+        CompileError: casadi is not installed.
+    """
+    from .needs import needs_casadi
+
+    needs_casadi()
     from .sources import library_source
 
     return library_source(list(write_programs(robot, effects, scalar.name).values()), scalar)

@@ -95,6 +95,16 @@ def matrix_moved(M: Expression, R: Expression, p: Expression) -> Expression:
     return out
 
 
+def resting(V: Expression) -> Expression:
+    """Give a twist as an observer sees it who moves with the frame's origin: the rotation alone."""
+    return np.concatenate([zeros(3), V[3:]])
+
+
+def classical(V: Expression, A: Expression) -> Expression:
+    """Give an acceleration as that observer sees it: of the origin itself, not of what passes there."""
+    return np.concatenate([A[:3] + cross(V[3:], V[:3]), A[3:]])
+
+
 def quaternion_matrix(q: Expression) -> Expression:
     """Give the rotation of a unit quaternion (x, y, z, w)."""
     x, y, z, w = q

@@ -8,14 +8,14 @@ import numpy as np
 from .choices import Request
 from .expressions import dot, pack, plain, symbols
 from .program import Source, Target
-from .rigid import quaternion_matrix
+from .rigid import classical, quaternion_matrix
 from .slots import Writer
 
 
 def moving_base(
     request: Request, w: Writer, acceleration: Source, *, report: bool
 ) -> tuple[Source, Source] | None:
-    """Give twist and acceleration (less gravity) of a moving base; None for a base at rest.
+    """Give twist (as `direct.base_twist`) and acceleration (less gravity) of a moving base; None at rest.
 
     Args:
         request: The robot.
@@ -25,13 +25,14 @@ def moving_base(
     """
     if request.robot.base != "moving":
         return None
-    (q_col, q), (a_col, a) = symbols("q", 4), symbols("a", 6)
-    A = a.copy()
+    (q_col, q), (v_col, v), (a_col, a) = symbols("q", 4), symbols("v", 6), symbols("a", 6)
+    velocity = request.on.velocity is not None
+    A = classical(v, a) if velocity else a.copy()
     A[:3] = A[:3] - dot(quaternion_matrix(q).T, plain(request.gravity))
-    v_col = ca.SX.sym("v", 6)
-    outputs = [v_col, pack(A), pack(a)] if report else [v_col, pack(A)]
+    V = pack(v[3:]) if velocity else v_col
+    outputs = [V, pack(A), pack(a)] if report else [V, pack(A)]
     kernel = w.kernel("root", ca.Function("root", [q_col, v_col, a_col], outputs), "kinematics")
-    twist, at = w.shared(6), w.shared(6)
+    twist, at = w.shared(3 if velocity else 6), w.shared(6)
     targets: list[Target] = [twist, at, w.result("a", np.arange(6))] if report else [twist, at]
     sources: list[Source] = [
         w.from_given("q", np.arange(3, 7)),

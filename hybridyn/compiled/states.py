@@ -36,7 +36,7 @@ def random_states(robot: HybridRobot, count: int, seed: int = 0) -> tuple[Array,
         m = module.mechanism
         if module.base == "world":
             continue
-        own = generic_positions(module)[rng.integers(0, 1 + len(m.postures), size=count)]
+        own = generic_positions(module)[rng.integers(1, 1 + len(m.postures), size=count)]
         q[:, module.q_index] = own
         x, _, _ = m.cut(own, None, None, m.spanning.sweep(own))
         motion = m.tree.sweep(x)

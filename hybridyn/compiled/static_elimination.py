@@ -125,7 +125,8 @@ def solve_definite(A: Expression, right: Expression, noise: float) -> tuple[Expr
     W, B = A.copy(), right.copy()
     for i in range(n):
         nothing = is_zero(W[i, i])
-        trust = ca.fmin(trust, -np.inf if nothing else W[i, i] / (noise * A[i, i]))
+        usual = noise * A[i, i]  # 0 / 0 would be no number, which fmin leaves out
+        trust = ca.fmin(trust, -np.inf if nothing else ca.if_else(usual > 0, W[i, i] / usual, -np.inf))
         inverse.append(0.0 if nothing else 1.0 / W[i, i])
         for j in range(i + 1, n):
             if is_zero(W[j, i]):
