@@ -9,42 +9,44 @@ import numpy as np
 
 from ..spatial import Array
 from .expressions import Expression, dot, is_zero, times, zeros
-from .guards import largest, trusted
+from .guards import NOTHING, largest, trusted
 from .static_elimination import Pivots, solve
 
-#: Part of the largest term that a motion without a motor may be left with: rounding, no more.
-UNDRIVEN = 1e-11
+#: Part of the largest term that a motion without a motor may be left with, at most: the general path's limit.
+#: With float64 it is `guards.CLOSED`, rounding and no more.
+UNDRIVEN = 1e-6
 
 
 def motor_efforts(
-    B: Expression, Q: Expression, size: Any, share: Array, pivots: Pivots
+    B: Expression, Q: Expression, terms: tuple[Any, Array, float], share: Array, pivots: Pivots
 ) -> tuple[Expression, Any]:
     """Give the efforts of a module's motors and the guard of their map.
 
     Args:
         B: Work of each motor along each motion, shape (N, motors).
         Q: Generalised force needed, shape (N,).
-        size: Largest term that Q was summed from.
+        terms: What Q was summed from: the size of its terms as work per scaled coordinate [N m], the unit of
+            each motion, shape (N,), and how far loops may be open (`guards.CLOSED`).
         share: Each motor's share of the load, where there are more motors than motions, shape (motors,).
         pivots: Pivots of B, or of its transpose where there are more motors.
     """
     N, motors = B.shape
     if not motors:
-        return zeros(0), _undriven(Q, size)
+        return zeros(0), _undriven(Q, *terms)
     if motors > N:
         return _least_norm(B, Q, share)
     X, trust = solve(B, Q[:, None], pivots)
     guard = trusted(trust)
     if motors < N:
-        guard = ca.fmax(guard, _undriven(Q - dot(B, X[:, 0]), size))
+        guard = ca.fmax(guard, _undriven(Q - dot(B, X[:, 0]), *terms))
     return X[:, 0], guard
 
 
-def _undriven(left: Expression, size: Any) -> Any:
+def _undriven(left: Expression, size: Any, units: Array, closed: float) -> Any:
     """Give the guard of forces that no motor gives."""
     if all(is_zero(x) for x in left):
         return ca.SX(0.0)
-    return largest(left) / (UNDRIVEN * (size + 1e-290))
+    return largest(left * units) / (min(closed, UNDRIVEN) * (size + NOTHING))
 
 
 def _least_norm(B: Expression, Q: Expression, share: Array) -> tuple[Expression, Any]:

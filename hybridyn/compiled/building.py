@@ -15,6 +15,8 @@ from .compilers import FLAGS, Compiler
 NATIVE = ("-mcpu=native",) if platform.machine() in ("aarch64", "arm64") else ("-march=native",)
 """Code for this very processor."""
 
+ADVICE = "Name another one in the environment variable CC; the general path works without one"
+
 
 def build(units: tuple[str, ...], compiler: Compiler, target: Path, libraries: tuple[str, ...] = ()) -> None:
     """Compile sources into a library.
@@ -42,6 +44,10 @@ def build(units: tuple[str, ...], compiler: Compiler, target: Path, libraries: t
         with ThreadPoolExecutor(os.cpu_count()) as pool:
             objects = list(pool.map(compiled, longest_first))
         _run([*compiler.command, "-shared", "-o", str(target), *objects, *libraries, "-lm"])
+    if not target.exists():
+        raise CompileError(
+            f"the C compiler '{compiler.command[0]}' says that all is well, but there is no library. {ADVICE}"
+        )
 
 
 def _run(command: list[str]) -> None:
@@ -60,5 +66,5 @@ def _run(command: list[str]) -> None:
         said = " ".join((done.stderr or done.stdout).split())[:600]
         raise CompileError(
             f"the C compiler '{command[0]}' failed (status {done.returncode}): {said or 'it says nothing'}. "
-            "Name another one in the environment variable CC; the general path works without one"
+            f"{ADVICE}"
         )

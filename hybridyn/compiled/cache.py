@@ -82,9 +82,14 @@ def cached(
             return known
     source = make_source()
     name = _hash(*source.units, json.dumps(source.about, sort_keys=True), tools)
-    found = _load(at, name) or _build(at, name, source, libraries)
-    accept(found)
-    _write(pointer, name.encode())
+    try:
+        found = _load(at, name) or _build(at, name, source, libraries)
+        accept(found)
+        _write(pointer, name.encode())
+    except OSError as error:  # a full disk, a folder where a file should be
+        raise CompileError(
+            f"the cache folder '{at}' cannot be used: {error}; mend it, or name another in {VARIABLE}"
+        ) from error
     return found
 
 

@@ -10,19 +10,26 @@ from __future__ import annotations
 
 from typing import Any
 
-import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ..effects.choice import Choice
+from ..errors import CompileError
 from ..joints import NV
 from ..leg_model import pinocchio_inertia
 from ..robot import HybridRobot
 from ..spatial import Array
-from .expressions import unpack
-from .interpreter import function_of
-from .programs import programs
-from .rigid import quaternion_matrix
+from .needs import WITHOUT_CASADI
+
+try:
+    import casadi as ca
+
+    from .expressions import unpack
+    from .interpreter import function_of
+    from .programs import programs
+    from .rigid import quaternion_matrix
+except ModuleNotFoundError as error:
+    raise CompileError(WITHOUT_CASADI) from error
 
 Jacobians = dict[str, Array]
 

@@ -107,7 +107,9 @@ def write_inverse(name: str, plan: Plan, options: InverseOptions, pivots: Pivots
     if len(options.motors) > B.shape[0] and not options.share:
         tau, measure = zeros(0), ca.SX(np.inf)  # the general path says what is missing
     else:
-        tau, measure = motor_efforts(B, dot(Psi.T, b[6:]), size, np.array(options.share), pivots)
+        free = [k for k in range(len(parts.tree_v)) if k not in plan.loop_pivots.cols]
+        summed = (size, m.reduction.col_scale[parts.tree_v[free]], plan.scale.closed)
+        tau, measure = motor_efforts(B, dot(Psi.T, b[6:]), summed, np.array(options.share), pivots)
     outputs[1]["guard"] = ca.SX(ca.fmax(guard, measure))
     if len(tau):
         outputs[1]["tau"] = pack(tau)

@@ -6,6 +6,11 @@ import importlib.util
 
 from ..errors import CompileError
 
+WITHOUT_CASADI = (
+    "writing a model out needs CasADi: `pip install casadi` (the extra 'hybridyn[compiled]'); the general "
+    "path works without it"
+)
+
 
 def needs_casadi() -> None:
     """Say what to install where CasADi is not.
@@ -14,7 +19,4 @@ def needs_casadi() -> None:
         CompileError: It is not installed.
     """
     if importlib.util.find_spec("casadi") is None:
-        raise CompileError(
-            "writing a model out needs CasADi: `pip install casadi` (the extra 'hybridyn[compiled]'); the "
-            "general path works without it"
-        )
+        raise CompileError(WITHOUT_CASADI)

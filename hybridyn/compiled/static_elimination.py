@@ -14,8 +14,10 @@ import numpy as np
 from ..spatial import Array, Mask
 from .expressions import Expression, dot, is_zero, times, zeros
 
-#: A pivot that is smaller than this part of its usual size leaves the choice of pivots in doubt.
-TRUSTED = 1e-3
+#: A pivot that is smaller than this part of its usual size leaves the choice of pivots in doubt. Rounding
+#: grows with the square of that part (inertias are congruences): 5e-16 / part^2 was measured, so that a part
+#: of 2e-3 is as far as 1e-10 goes; what two small pivots multiply to wants the rest.
+TRUSTED = 1e-2
 #: Pivots this much smaller than the best are taken where they keep the rows sparse.
 SPARSE = 0.1
 
@@ -125,8 +127,8 @@ def solve_definite(A: Expression, right: Expression, noise: float) -> tuple[Expr
     W, B = A.copy(), right.copy()
     for i in range(n):
         nothing = is_zero(W[i, i])
-        usual = noise * A[i, i]  # 0 / 0 would be no number, which fmin leaves out
-        trust = ca.fmin(trust, -np.inf if nothing else ca.if_else(usual > 0, W[i, i] / usual, -np.inf))
+        usual = noise * A[i, i]  # where it is 0, 0 / 0 is no number, and fmin would leave it out
+        trust = ca.fmin(trust, 0.0 if nothing else ca.if_else(usual > 0, W[i, i] / usual, 0.0))
         inverse.append(0.0 if nothing else 1.0 / W[i, i])
         for j in range(i + 1, n):
             if is_zero(W[j, i]):

@@ -18,3 +18,15 @@ INLINE void scatter(V *to, const int *at, const V *from, int n) {
 INLINE void add(V *to, const V *from, int n) {
     for (int k = 0; k < n; k++) to[k] += from[k];
 }
+
+/* Zero where all numbers are finite, else a NaN; four sums, so that they need not wait for each other. */
+INLINE V none(const V *x, int n) {
+    V sum[4] = {C(0), C(0), C(0), C(0)};
+    for (int k = 0; k < n; k++) sum[k % 4] += x[k] * C(0);
+    return (sum[0] + sum[1]) + (sum[2] + sum[3]);
+}
+INLINE S none_of(const S *x, int n) {
+    S sum[4] = {0, 0, 0, 0};
+    for (int k = 0; k < n; k++) sum[k % 4] += x[k] * 0;
+    return (sum[0] + sum[1]) + (sum[2] + sum[3]);
+}
