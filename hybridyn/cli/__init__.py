@@ -21,8 +21,8 @@ from hybridyn import __version__
 from hybridyn.errors import HybridynError
 
 COMMANDS = (
-    "idm", "ddm", "simulate", "effects", "cost", "export", "plot", "view", "info", "check", "workspace", "size",
-    "robots", "completion",
+    "idm", "ddm", "simulate", "effects", "cost", "export", "plot", "view", "info", "check", "workspace",
+    "size", "robots", "completion",
 )  # fmt: skip
 """Commands in the order of `--help`; each is `command` in the module of its name."""
 
