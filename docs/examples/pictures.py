@@ -15,6 +15,7 @@ from hybridyn.view.camera import camera_around
 from hybridyn.view.drawing import draw
 from hybridyn.view.placing import extent, place_bodies
 from hybridyn.view.render import render
+from hybridyn.view.visuals import read_visuals
 
 HERE = Path(__file__).parent
 INK = "#30353c"
@@ -49,6 +50,7 @@ def snapshots(
     *,
     turn: float = -0.9,
     lift: float = 0.3,
+    meshes: bool = False,
 ) -> None:
     """Draw a robot in several postures, all from one place.
 
@@ -58,8 +60,10 @@ def snapshots(
         postures: Its positions, shape (nq,) each.
         turn: Direction from which it is seen, about the vertical [rad].
         lift: Height from which it is seen, as an angle [rad].
+        meshes: Whether links look as the robot's files say, where rods would do.
     """
-    picture = draw(robot)
+    shapes, notes = read_visuals(robot.description.source or "", {}, []) if meshes else ([], [])
+    picture = draw(robot, shapes, notes)
     places = [place_bodies(robot, q) for q in postures]
     boxes = np.array([extent(picture, place) for place in places])
     corners = np.array([boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)])

@@ -59,7 +59,7 @@ def main(words: list[str] | None = None) -> None:
     picture = figure(8.4, 5.6)
     moments = [0, len(times) // 3, len(times) - 1]
     views = row(picture, 3, 0.46, 0.5, views=True)
-    snapshots(views, robot, [run.q[i] for i in moments])
+    snapshots(views, robot, [run.q[i] for i in moments], meshes=True)
     for axis, i in zip(views, moments, strict=True):
         axis.set_title(f"{run.t[i]:.2f} s", fontsize=9, color=INK)
     legs, arm, load = row(picture, 3, 0.09, 0.32)
