@@ -35,6 +35,8 @@ from .static_elimination import solve, solve_definite
 
 #: A pivot of an inertia below this part of its diagonal entry: a motion that is all but without inertia.
 WITHOUT_INERTIA = 1e-9
+#: The same for a diagonal entry, of the mass that is carried: an articulated inertia may be rounding alone.
+OF_CARRIED = 1e-13
 
 
 @dataclass(frozen=True)
@@ -48,6 +50,7 @@ class DirectOptions:
         velocity: Whether velocity terms are on.
         rotor: Rotor inertias over the freedoms of the tree after the cuts, as a tuple.
         motors: Freedoms of the tree after the cuts that have an effort.
+        carried: Mass of the modules on a module whose base rests [kg].
     """
 
     base: tuple[float, ...] | None
@@ -56,6 +59,7 @@ class DirectOptions:
     velocity: bool
     rotor: tuple[float, ...]
     motors: tuple[int, ...]
+    carried: float
 
 
 @dataclass(frozen=True)
@@ -129,6 +133,10 @@ def write_direct(name: str, plan: Plan, options: DirectOptions) -> DirectModule:
     G, y = solved[:, :6], solved[:, 6]
     guard = ca.fmax(core.rows.guard, trusted(trust))
     guard = ca.fmax(guard, 2.0 - ca.fmin(definite, 2.0))
+    free = [k for k in range(len(parts.tree_v)) if k not in plan.loop_pivots.cols]
+    for k, i in enumerate(free if options.carried else ()):
+        least = OF_CARRIED * options.carried * (m.length / m.reduction.col_scale[parts.tree_v[i]]) ** 2
+        guard = ca.fmax(guard, 2.0 - ca.fmin(A_t[k, k] / least, 2.0))
     outputs[1]["guard"] = ca.SX(guard)
     if not fixed:
         onto = M[:6, :6] + _added(dot(M_yb.T, Psi_b)) + congruence(Psi_b, M_yy) - _product(E, G)

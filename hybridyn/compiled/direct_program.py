@@ -121,7 +121,22 @@ class _Builder:
             velocity=request.on.velocity is not None,
             rotor=request.rotor(module),
             motors=tuple(i for i, mark in enumerate(request.marks(module)) if mark),
+            carried=self._carried(k),
         )
+
+    def _carried(self, k: int) -> float:
+        """Give the mass that a module carries where its base rests, else zero."""
+        if self.request.root(self.request.robot.modules[k]) is None:
+            return 0.0
+        outputs = range(len(self.request.robot.modules[k].mechanism.spec.outputs))
+        above = [i for o in outputs for i in self.request.children(k, o)]
+        mass = 0.0
+        while above:
+            i = above.pop()
+            spec = self.request.robot.modules[i].mechanism.spec
+            mass += sum(body.mass for body in (*spec.outputs_inertia, *spec.leg_bodies) if body is not None)
+            above += [j for o in range(len(spec.outputs)) for j in self.request.children(i, o)]
+        return mass
 
     def _legs_outwards(
         self,
