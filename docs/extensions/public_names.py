@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import inspect
-from typing import TYPE_CHECKING
+import re
+from typing import TYPE_CHECKING, Any
 
 from sphinx.util.docutils import SphinxDirective
 
@@ -44,7 +45,16 @@ class PublicNames(SphinxDirective):
         return self.parse_text_to_nodes("\n".join(lines), allow_section_headings=True)
 
 
+def plain_names(*event: Any) -> tuple[str | None, str | None]:
+    """Give a signature in which types that have a name (`Array`) go by it, inside other types too."""
+    arguments, result = (
+        text and re.sub(r"TypeAliasForwardRef\('(\w+)'\)", r"\1", text) for text in event[-2:]
+    )
+    return arguments, result
+
+
 def setup(app: Sphinx) -> dict[str, bool]:
     """Add the directive."""
     app.add_directive("public-names", PublicNames)
+    app.connect("autodoc-process-signature", plain_names)
     return {"parallel_read_safe": True, "parallel_write_safe": True}
