@@ -19,6 +19,7 @@ myst_heading_anchors = 3
 
 html_theme = "furo"
 html_title = f"hybridyn {version}"
+html_theme_options = {"light_css_variables": {"code-font-size": "75%"}}  # lines of 100 characters fit
 html_show_copyright = False
 
 default_role = "code"

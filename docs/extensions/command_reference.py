@@ -13,7 +13,7 @@ from hybridyn.cli import COMMANDS, commands
 if TYPE_CHECKING:
     from sphinx.application import Sphinx
 
-WIDTH = 100  # of the lines of help
+WIDTH = 90  # of the lines of help
 
 
 def help_of(name: str) -> str:
