@@ -35,8 +35,9 @@ from .static_elimination import solve, solve_definite
 
 #: A pivot of an inertia below this part of its diagonal entry: a motion that is all but without inertia.
 WITHOUT_INERTIA = 1e-9
-#: The same for a diagonal entry, of the mass that is carried: an articulated inertia may be rounding alone.
-OF_CARRIED = 1e-13
+#: The same for a diagonal entry, of what is moved with all joints locked: an articulated inertia is a
+#: difference, and may be rounding alone (the first axis of a gimbal-locked wrist of light links).
+OF_LOCKED = 1e-5
 
 
 @dataclass(frozen=True)
@@ -50,7 +51,8 @@ class DirectOptions:
         velocity: Whether velocity terms are on.
         rotor: Rotor inertias over the freedoms of the tree after the cuts, as a tuple.
         motors: Freedoms of the tree after the cuts that have an effort.
-        carried: Mass of the modules on a module whose base rests [kg].
+        usual: For each freedom of a module without loops that carries others what it moves at most, all
+            joints behind it locked, without units of its own; else nothing.
     """
 
     base: tuple[float, ...] | None
@@ -59,7 +61,7 @@ class DirectOptions:
     velocity: bool
     rotor: tuple[float, ...]
     motors: tuple[int, ...]
-    carried: float
+    usual: tuple[float, ...]
 
 
 @dataclass(frozen=True)
@@ -133,10 +135,9 @@ def write_direct(name: str, plan: Plan, options: DirectOptions) -> DirectModule:
     G, y = solved[:, :6], solved[:, 6]
     guard = ca.fmax(core.rows.guard, trusted(trust))
     guard = ca.fmax(guard, 2.0 - ca.fmin(definite, 2.0))
-    free = [k for k in range(len(parts.tree_v)) if k not in plan.loop_pivots.cols]
-    for k, i in enumerate(free if options.carried else ()):
-        least = OF_CARRIED * options.carried * (m.length / m.reduction.col_scale[parts.tree_v[i]]) ** 2
-        guard = ca.fmax(guard, 2.0 - ca.fmin(A_t[k, k] / least, 2.0))
+    for k, usual in enumerate(options.usual):
+        if usual > 0:
+            guard = ca.fmax(guard, 2.0 - ca.fmin(A_t[k, k] / (OF_LOCKED * usual), 2.0))
     outputs[1]["guard"] = ca.SX(guard)
     if not fixed:
         onto = M[:6, :6] + _added(dot(M_yb.T, Psi_b)) + congruence(Psi_b, M_yy) - _product(E, G)

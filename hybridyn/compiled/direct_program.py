@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import casadi as ca
 import numpy as np
+import pinocchio as pin
 
 from ..module import Module
+from ..spatial import Array
 from .choices import Request
 from .core import Plan
 from .direct import DirectModule, DirectOptions, base_twist, write_direct
@@ -121,22 +124,31 @@ class _Builder:
             velocity=request.on.velocity is not None,
             rotor=request.rotor(module),
             motors=tuple(i for i, mark in enumerate(request.marks(module)) if mark),
-            carried=self._carried(k),
+            usual=self._usual(k),
         )
 
-    def _carried(self, k: int) -> float:
-        """Give the mass that a module carries where its base rests, else zero."""
-        if self.request.root(self.request.robot.modules[k]) is None:
-            return 0.0
-        outputs = range(len(self.request.robot.modules[k].mechanism.spec.outputs))
-        above = [i for o in outputs for i in self.request.children(k, o)]
-        mass = 0.0
-        while above:
-            i = above.pop()
-            spec = self.request.robot.modules[i].mechanism.spec
-            mass += sum(body.mass for body in (*spec.outputs_inertia, *spec.leg_bodies) if body is not None)
-            above += [j for o in range(len(spec.outputs)) for j in self.request.children(i, o)]
-        return mass
+    def _usual(self, k: int) -> tuple[float, ...]:
+        """Give what each freedom of a module without loops that carries others moves, its joints locked."""
+        module = self.request.robot.modules[k]
+        m = module.mechanism
+        outputs = range(len(m.spec.outputs))
+        if (
+            len(m.closures.row_slices)
+            or m.spec.wrists
+            or not any(self.request.children(k, o) for o in outputs)
+        ):
+            return ()
+        return tuple(self._locked[module.v_index].tolist())
+
+    @cached_property
+    def _locked(self) -> Array:
+        """What each freedom moves at most, all other joints locked, at some postures, shape (nv,)."""
+        robot, data = self.request.robot, self.request.robot.model.createData()
+        rng = np.random.default_rng(0)
+        postures = [robot.home] + [
+            pin.integrate(robot.model, robot.home, rng.normal(size=robot.nv)) for _ in range(7)
+        ]
+        return np.max([np.diag(pin.crba(robot.model, data, q)) for q in postures], axis=0)
 
     def _legs_outwards(
         self,
