@@ -19,7 +19,7 @@ myst_heading_anchors = 3
 
 html_theme = "furo"
 html_title = f"hybridyn {version}"
-html_theme_options = {"light_css_variables": {"code-font-size": "75%"}}  # lines of 100 characters fit
+html_theme_options = {"light_css_variables": {"code-font-size": "75%"}}  # lines of help fit
 html_show_copyright = False
 
 default_role = "code"
@@ -33,3 +33,4 @@ autodoc_member_order = "bysource"
 python_display_short_literal_types = True
 napoleon_numpy_docstring = False
 napoleon_use_ivar = True
+napoleon_use_rtype = False  # what comes back is named in words, not by its type
