@@ -148,7 +148,8 @@ class _Builder:
         postures = [robot.home] + [
             pin.integrate(robot.model, robot.home, rng.normal(size=robot.nv)) for _ in range(7)
         ]
-        return np.max([np.diag(pin.crba(robot.model, data, q)) for q in postures], axis=0)
+        out: Array = np.max([np.diag(pin.crba(robot.model, data, q)) for q in postures], axis=0)
+        return out
 
     def _legs_outwards(
         self,
