@@ -198,7 +198,7 @@ def _by_closing(
             f"{tolerance:.0e}",
             error(tau),
             seconds / len(q),
-            f"tolerance {tolerance:.0e}",
+            f"# in a controller: close loops to {tolerance:.0e}, then hybridyn.compile(robot).idm",
         )
 
 
@@ -279,4 +279,10 @@ def _by_rates(robot: HybridRobot, trajectory: Trajectory, effects: Effects) -> I
             yield Point("rates of the trajectory", words, np.inf, np.inf, "", str(failure))
             continue
         off = float((np.abs(tau - wanted) / np.where(peak > 0, peak, 1.0)).max(initial=0.0))
-        yield Point("rates of the trajectory", words, off, seconds / len(time), f"rates by {words}")
+        yield Point(
+            "rates of the trajectory",
+            words,
+            off,
+            seconds / len(time),
+            f"# rates by {words} of the motors' positions",
+        )
