@@ -51,7 +51,7 @@ def judged(claim: Claim, case: str, robot: HybridRobot, result: Result, drift: f
         ("conserving", 0.2),
         ("dopri5", 0.02),
         pytest.param("conserving", 20.0, marks=pytest.mark.slow),
-        pytest.param("dopri5", 1.0, marks=pytest.mark.slow),
+        pytest.param("dopri5", 0.2, marks=pytest.mark.slow),
     ],
 )
 def test_undamped_lx4(claim: Claim, method: str, end: float) -> None:
