@@ -68,3 +68,20 @@ def test_undamped_lx4(claim: Claim, method: str, end: float) -> None:
         robot, robot.home, np.zeros(robot.nv), times, method=method, step=step, effects=effects, rtol=RTOL
     )
     judged(claim, f"undamped LX4, {end:g} s, {method}", robot, result, KEPT if step else 100 * RTOL)
+
+
+@pytest.mark.parametrize("end", [0.4, pytest.param(20.0, marks=pytest.mark.slow)])
+def test_a_platform_afloat(claim: Claim, end: float) -> None:
+    """The same on a free base without weight: its quaternion is kept at unit length by the retraction.
+
+    Energy is the conserving method's promise; the base starts turning at 1 rad/s, so its quaternion moves.
+    """
+    robot = build_robot(shipped("gough_stewart"), base="floating", gravity=(0.0, 0.0, 0.0))
+    rest = {motor: float(position(robot, motor, robot.home)) + 0.01 for motor in robot.motors}
+    effects = ["default", Spring(dict.fromkeys(robot.motors, STIFFNESS), rest)]
+    v = np.zeros(robot.nv)
+    v[3:6] = 0.6, -0.5, 0.6
+    times = np.linspace(0, end, 11)
+    result = simulate(robot, robot.home, v, times, method="conserving", step=STEP, effects=effects)
+    assert np.abs(result.q[-1, 3:7] - robot.home[3:7]).max() > 0.1
+    judged(claim, f"gough_stewart afloat on springs, {end:g} s, conserving", robot, result, KEPT)
