@@ -132,9 +132,17 @@ def test_ways_that_brush_a_fold(claim: Claim, left: float, steps: int) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("left", "steps"), [(1e-2, 100), (1e-3, 100), (1e-3, 3), (1e-4, 10)])
-def test_ways_from_all_postures_that_brush_a_fold(claim: Claim, left: float, steps: int) -> None:
-    """The same from all forty postures, nearer still."""
+@pytest.mark.parametrize(
+    ("left", "steps", "refused"), [(1e-2, 100, 0.0), (1e-3, 100, 0.0), (1e-3, 3, 1.0), (1e-4, 10, 0.0)]
+)
+def test_ways_from_all_postures_that_brush_a_fold(
+    claim: Claim, left: float, steps: int, refused: float
+) -> None:
+    """The same from all forty postures, nearer still.
+
+    Three steps to a thousandth of a fold are far too long: there a way may be refused, with the mend, but
+    none may end on another branch.
+    """
     ways = [(n, way) for n in range(dietmaier.REAL) if (way := brushing(n, 2, left, steps)) is not None]
     case = f"Dietmaier, {len(ways)} ways to {left:g} from a fold, {steps} steps a side"
-    answers(claim, case, ways, 0.0)
+    answers(claim, case, ways, refused)
