@@ -88,11 +88,7 @@ class _Builder:
             self._written[key] = write_direct(f"module_{len(self._written)}", plan, options)
         written = self._written[key]
         calls = _ModuleCalls(plan, written, Stages(w, key, written.stages, PARTS), [], {}, {}, {})
-        sources: dict[str, Source] = {
-            "q": w.from_given("q", module.q_index[written.q]),
-            "v": w.from_given("v", module.v_index[written.v]),
-        }
-        sources |= self._parameters(module)
+        sources = self._positions(k, calls)
         if module.parent >= 0:
             sources["V_base"] = modules[module.parent].V[module.parent_output]
         elif root is not None:
@@ -232,8 +228,6 @@ class _Builder:
             sources |= {"A_base": below.A[module.parent_output], "V_base": below.V[module.parent_output]}
         elif root is not None:
             sources |= {"V_base": root[0], "A_base": root[1]}
-        if "V_base" in sources and module.parent < 0 and root is None:
-            del sources["V_base"]
         deltas = {i: w.shared(6) for i in calls.written.platforms}
         calls.A = {o: w.shared(6) for o in calls.V}
         targets: dict[str, Target] = {f"delta {i}": place for i, place in deltas.items()}

@@ -21,7 +21,7 @@ Numbers live in four places:
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     import casadi as ca
@@ -156,6 +156,3 @@ class Program:
     shared: int
     own: int
     notes: tuple[str, ...] = field(default=())
-
-
-Kind = Literal["idm", "ddm", "kinematics"]
