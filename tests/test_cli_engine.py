@@ -8,15 +8,25 @@ from typing import Any
 import numpy as np
 import pytest
 
+import hybridyn
+import hybridyn.cli.blocks as blocks
 import hybridyn.cli.engine as engine
 from hybridyn.cli import main
 from hybridyn.shipped import shipped_robots
+from tests.command_line import table_text
 from tests.compiled_toys import own_cache
 
 __all__ = ["own_cache"]
 
 #: Both engines are exact to rounding; the table's numbers have 17 digits.
 AGREE = 1e-10
+
+#: How far from the singular posture the motion turns back [rad]: pivots are a hundredth of their usual size
+#: some samples earlier.
+GAP = 1e-3
+
+#: What is added to joints [rad]: more than rounding, less than what counts as open.
+SLIGHTLY_OPEN = 1e-8
 
 
 def run(capsys: pytest.CaptureFixture[str], *words: str) -> str:
@@ -50,6 +60,57 @@ def test_several_processes_share_what_was_built(own_cache: None, tmp_path: Path,
     said = run(capsys, "idm", "tanev", "--engine", "compiled", "-j", "2", "-o", str(two))
     assert "in 2 processes" in said
     assert same(one, two)
+
+
+def near_singular(table: Path) -> Any:
+    """Write a motion of the five-bar that comes four times to where the lower links lie on each other.
+
+    There the left upper link has turned by the angle from home to the middle between the motors, and the
+    right one by as much the other way.
+
+    Returns:
+        Positions, rates and accelerations of the drives, by name.
+    """
+    upper, spacing, home = 0.25, 0.12, 0.436332  # [m, m, rad from the vertical], as the file has them
+    t = np.linspace(0.0, 4.0, 241)
+    turn = np.arcsin(spacing / upper) + home - GAP
+    rates = (
+        turn * np.sin(np.pi * t) ** 2,
+        turn * np.pi * np.sin(2 * np.pi * t),
+        turn * 2 * np.pi**2 * np.cos(2 * np.pi * t),
+    )
+    words = ("position", "velocity", "acceleration")
+    motors = {"m1_left_drive": [-x for x in rates], "m1_right_drive": list(rates)}
+    header = ["time", *(f"{motor}/{word}" for motor in motors for word in words)]
+    table.write_text(table_text(header, np.column_stack([t, *(x for row in motors.values() for x in row)])))
+    return motors
+
+
+@pytest.mark.parametrize("command", ["idm", "ddm"])
+def test_samples_by_the_general_path_are_counted_in_every_process(
+    own_cache: None, tmp_path: Path, capsys: Any, monkeypatch: pytest.MonkeyPatch, command: str
+) -> None:
+    table = tmp_path / "motion.csv"
+    robot = hybridyn.load("five_bar")
+    q, v, a = hybridyn.assemble(robot, motors=near_singular(table))
+    compiled = hybridyn.compile(robot)
+    tau = compiled.idm(q, v, a)
+    if command == "ddm":
+        q[::20] += SLIGHTLY_OPEN  # what motors cannot hold is no obstacle for the direct model
+        compiled.recomputed = 0
+        compiled.ddm(q, v, tau)
+        assert compiled.recomputed == len(q[::20])
+        words = [f"{joint}/{word}" for word in ("position", "velocity") for joint in robot.joints]
+        efforts = [f"{motor}/effort" for motor in robot.motors]
+        table.write_text(table_text([*words, *efforts], np.column_stack([q, v, tau])))
+    assert 4 <= compiled.recomputed < len(q) / 4
+    monkeypatch.setattr(blocks, "MOST_ROWS", 50)
+    for jobs in "123":
+        output = str(tmp_path / f"{jobs}.csv")
+        said = run(capsys, command, "five_bar", str(table), "--engine", "compiled", "-j", jobs, "-o", output)
+        assert (f"in {jobs} processes" in said) == (jobs != "1")
+        told = f"; {compiled.recomputed} samples by the general path (near "
+        assert f"{told}lost rank, or loops open by more than rounding)\n" in said in said
 
 
 def test_small_tables_are_not_worth_it(own_cache: None, tmp_path: Path, capsys: Any) -> None:

@@ -213,7 +213,8 @@ class Walk:
         if self.fail_at is not None and (x == self.fail_at).any():
             raise TrajectoryError("no", row=self.fail_at)
         q = (x + branch)[:, None]
-        return Done(int(x[block.lead]), x[block.lead :], q[block.lead :], None, 0 * x, q[0], q[-1])
+        own = len(x) - block.lead
+        return Done(int(x[block.lead]), x[block.lead :], q[block.lead :], None, 0 * x, q[0], q[-1], own)
 
 
 class SameProcess:
@@ -244,8 +245,10 @@ class SameProcess:
 def test_a_block_on_another_branch_is_done_again(elsewhere: float) -> None:
     workers = SameProcess(lambda block, guess: Walk(elsewhere if block.lead else 0.0)(block, guess), 3)
     given = blocks([motion(1, 50)], 4, True)
-    rows = np.vstack([done.rows for done in in_order(Walk(), given, workers)])
+    found = list(in_order(Walk(), given, workers))
+    rows = np.vstack([done.rows for done in found])
     assert rows[:, 0].tolist() == list(range(1, 51))
+    assert sum(done.handed_over for done in found) == 50
     assert workers.most == 3
     assert not workers.results
 

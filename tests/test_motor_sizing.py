@@ -52,7 +52,8 @@ def sized(
     folder: Path, capsys: pytest.CaptureFixture[str], kind: str, table: np.ndarray, *words: str
 ) -> dict[str, float]:
     report = folder / "report.json"
-    said = call(capsys, "size", *write(folder, kind, table), "-o", report, *words)
+    robot, motion = write(folder, kind, table)
+    said = call(capsys, "size", robot, motion, "-o", report, "--fail-on", "never", *words)
     assert said.status == 0, said.err
     (facts,) = json.loads(report.read_text())
     return facts
@@ -109,8 +110,20 @@ def test_limits_are_compared_and_named(tmp_path: Path, capsys: pytest.CaptureFix
     assert "motor 'drive': speed of 2.1 m/s is 2.1 times its limit of 1 m/s, exceeded in " in said.out
     count = int((np.abs(swing(A, w, 1, 101)[:, 2]) > SPEED_LIMIT).sum())
     assert f"1 m/s, exceeded in {count} samples" in said.out
+    assert said.status == 1
+    assert call(capsys, "size", robot, motion, "--fail-on", "never") == (0, said.out, said.err)
     gentle = call(capsys, "size", *write(tmp_path, "prismatic", swing(0.1, 2.0, 1, 101)))
     assert "no effort and no speed is over a limit" in gentle.out
+    assert gentle.status == 0
+
+
+def test_all_is_written_where_limits_are_exceeded(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    report, figure = tmp_path / "report.json", tmp_path / "cloud.svg"
+    robot, motion = write(tmp_path, "prismatic", swing(0.3, 7.0, 1, 101))
+    assert call(capsys, "size", robot, motion, "-o", report, "--plot", figure).status == 1
+    (facts,) = json.loads(report.read_text())
+    assert abs(facts["peak_effort"]) == pytest.approx(MASS * 0.3 * 7.0**2, rel=EXACT)
+    assert figure.exists()
 
 
 def test_a_motion_that_touches_a_limit_does_not_exceed_it(tmp_path: Path) -> None:
@@ -187,7 +200,7 @@ def test_a_table_without_time_has_no_energy(tmp_path: Path, capsys: pytest.Captu
     table = swing(0.3, 7.0, 1, 101)
     robot, motion = write(tmp_path, "prismatic", table[:, 1:], HEADER[1:])
     report = tmp_path / "report.json"
-    said = call(capsys, "size", robot, motion, "-o", report)
+    said = call(capsys, "size", robot, motion, "-o", report, "--fail-on", "never")
     assert said.status == 0, said.err
     (facts,) = json.loads(report.read_text())
     assert facts["energy_given"] is None

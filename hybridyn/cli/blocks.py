@@ -30,8 +30,22 @@ MOST_ROWS = 2_000  # in a block
 ROUNDING_UP = 1.05  # the number of rows is estimated: better a last block that is short than one more
 BLIND = 2  # blocks in a row that were done again: more guesses are not worth making
 
-Model = Callable[["HybridRobot", Postures], tuple["Array", "Array | None"]]
-"""Gives the rows of the result, shape (T, columns), and those of the reactions where they are wanted."""
+
+class Rows(NamedTuple):
+    """What a model makes of postures.
+
+    Attributes:
+        result: Rows of the result, shape (T, columns).
+        reactions: Rows of the reactions, shape (T, columns), or None.
+        handed_over: Samples that compiled models handed to the general path.
+    """
+
+    result: Array
+    reactions: Array | None = None
+    handed_over: int = 0
+
+
+Model = Callable[["HybridRobot", Postures], Rows]
 
 
 class Block(NamedTuple):
@@ -57,6 +71,7 @@ class Done(NamedTuple):
         residual: Relative closure residuals, shape (T,).
         first: Posture of its first row, that of the lead if there is one, shape (nq,).
         last: Posture of its last row, shape (nq,).
+        handed_over: Samples that compiled models handed to the general path.
     """
 
     first_row: int
@@ -66,6 +81,7 @@ class Done(NamedTuple):
     residual: Array
     first: Array
     last: Array
+    handed_over: int = 0
 
 
 @dataclass(frozen=True)
@@ -102,14 +118,14 @@ class Work:
             whole = postures(self.robot, block.motion, self.layout, guess)
             own = whole.after(block.lead) if block.lead else whole
             with rows_named(self.layout, own.motion):
-                rows, reactions = self.model(self.robot, own)
+                rows, reactions, handed_over = self.model(self.robot, own)
             residual = hybridyn.closure_residual(self.robot, own.q)
         wrong = np.flatnonzero(~np.isfinite(rows).all(axis=1))
         row = own.motion.first_row
         if len(wrong):
             message = "the results are not finite: the numbers of this row are too large"
             raise TrajectoryError(message, file=self.layout.file, row=row + int(wrong[0]))
-        return Done(row, own.motion.time, rows, reactions, residual, whole.q[0], whole.q[-1])
+        return Done(row, own.motion.time, rows, reactions, residual, whole.q[0], whole.q[-1], handed_over)
 
 
 def blocks(motions: Iterable[Motion], rows: int, connected: bool) -> Iterator[Block]:

@@ -15,10 +15,10 @@ from hybridyn.cli.summary import Summary, effects_line
 from hybridyn.cli.tables import Plan, Tables, run, takes_table
 
 if TYPE_CHECKING:
+    from hybridyn.cli.blocks import Rows
     from hybridyn.cli.postures import Postures
     from hybridyn.compiled.model import CompiledRobot
     from hybridyn.description.columns import Layout
-    from hybridyn.description.records import Array
     from hybridyn.effects import Effects
     from hybridyn.robot import HybridRobot
 
@@ -67,7 +67,8 @@ def command(
             units,
             at,
             columns,
-            [*effects_line(chosen), *free_motions_of(robot), chosen_engine],
+            remarks=[*effects_line(chosen), *free_motions_of(robot)],
+            engine=chosen_engine,
         )
         return Plan(
             functools.partial(
@@ -90,7 +91,7 @@ def accelerations(
     effects: Effects,
     reactions: bool,
     compiled: CompiledRobot | None = None,
-) -> tuple[Array, Array | None]:
+) -> Rows:
     """Give the accelerations of a block as rows of the result, and the reactions' rows where they are wanted.
 
     Args:
@@ -103,6 +104,7 @@ def accelerations(
     import numpy as np
 
     import hybridyn
+    from hybridyn.cli.blocks import Rows
     from hybridyn.description.trajectory import base_acceleration
 
     given = block.motion.efforts
@@ -125,8 +127,10 @@ def accelerations(
     )
     if compiled is not None:
         model = functools.partial(compiled.ddm, block.q, block.v, tau, base_acceleration=base)
+    before = compiled.recomputed if compiled is not None else 0
     a, inner = model(reactions=True) if reactions else (model(), None)
     rows = a if robot.base == "fixed" else a[:, 6:]
     if robot.base == "floating":
         rows = np.hstack([base_acceleration(block.q, block.v, a), rows])
-    return rows, None if inner is None else reaction_rows(robot, inner)
+    handed_over = compiled.recomputed - before if compiled is not None else 0
+    return Rows(rows, None if inner is None else reaction_rows(robot, inner), handed_over)

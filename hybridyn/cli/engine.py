@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from hybridyn.cli.summary import counted
 from hybridyn.errors import HybridynError, ModelError
 
 if TYPE_CHECKING:
@@ -21,6 +22,8 @@ WORTH_IN_TIME = 200_000
 """The same where samples come one after the other, as in `simulate`: one by one the general path is slow."""
 
 ENGINES = ("general", "compiled")
+
+HANDED_OVER = "near lost rank, or loops open by more than rounding"
 
 
 def takes_engine(samples: str, worth: int = WORTH) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
@@ -44,17 +47,24 @@ class Engine:
 
     Attributes:
         model: The compiled models, or None for the general path.
+        handed_over: Samples that they handed to the general path, told block by block, for blocks may be
+            done in other processes; None where the models work here alone and count for themselves.
     """
 
     def __init__(self, model: CompiledRobot | None, reason: str) -> None:
         self.model, self._reason = model, reason
+        self.handed_over: int | None = None
+
+    def add(self, handed_over: int) -> None:
+        """Take in what a block handed over."""
+        self.handed_over = (self.handed_over or 0) + handed_over
 
     def __str__(self) -> str:
         """Say which engine computed, and why."""
         if self.model is None:
             return f"engine: general ({self._reason})"
-        again = self.model.recomputed
-        more = f"; {again:,} samples near lost rank by the general path" if again else ""
+        again = self.model.recomputed if self.handed_over is None else self.handed_over
+        more = f"; {counted(again, 'sample')} by the general path ({HANDED_OVER})" if again else ""
         return f"engine: compiled ({self._reason}){more}"
 
 

@@ -15,24 +15,27 @@ from hybridyn.cli.summary import Summary, effects_line
 from hybridyn.cli.tables import Plan, Tables, run, takes_table
 
 if TYPE_CHECKING:
+    from hybridyn.cli.blocks import Rows
     from hybridyn.cli.postures import Postures
     from hybridyn.compiled.model import CompiledRobot
     from hybridyn.description.columns import Layout
-    from hybridyn.description.records import Array
     from hybridyn.effects import Effects
     from hybridyn.robot import HybridRobot
 
 
-@click.command("idm", cls=RobotCommand, short_help="Motor efforts for a motion (inverse dynamic model).")
-@takes_robot
-@takes_table("TRAJECTORY", own=True, plot="the efforts, motors grouped by module")
-@click.option(
+takes_passive = click.option(
     "--passive",
     type=click.Choice(["given", "solved"]),
     default="given",
     show_default=True,
     help="Accelerations of joints without a motor: as the table says, or those of zero effort.",
 )
+
+
+@click.command("idm", cls=RobotCommand, short_help="Motor efforts for a motion (inverse dynamic model).")
+@takes_robot
+@takes_table("TRAJECTORY", own=True, plot="the efforts, motors grouped by module")
+@takes_passive
 @click.option(
     "--on-singular",
     type=click.Choice(["raise", "least-norm"]),
@@ -99,7 +102,8 @@ def command(
             list(robot.motors),
             units,
             list(range(len(robot.motors))),
-            remarks=[*effects_line(chosen), chosen_engine],
+            remarks=effects_line(chosen),
+            engine=chosen_engine,
         )
         return Plan(model, [f"{name}/effort" for name in robot.motors], summary)
 
@@ -110,30 +114,31 @@ def efforts(
     robot: HybridRobot,
     block: Postures,
     *,
-    passive: str,
-    on_singular: str,
-    weights: Mapping[str, float] | None,
     effects: Effects,
-    reactions: bool,
+    passive: str,
+    on_singular: str = "raise",
+    weights: Mapping[str, float] | None = None,
+    reactions: bool = False,
     compiled: CompiledRobot | None = None,
-) -> tuple[Array, Array | None]:
+) -> Rows:
     """Give the efforts of a block, shape (T, motors), and the reactions' rows where they are wanted.
 
     Args:
         robot: The robot.
         block: The motion.
-        passive: As `hybridyn.idm` takes it, as all that follow.
+        effects: As `hybridyn.idm` takes them, as all that follow.
+        passive: Whether the passive joints' accelerations count.
         on_singular: What to do at singular postures.
         weights: How redundant motors share.
-        effects: What is computed.
         reactions: Whether reactions are wanted.
         compiled: The robot's compiled models, where they do it.
     """
     import hybridyn
+    from hybridyn.cli.blocks import Rows
 
     if compiled is not None:
-        return compiled.idm(block.q, block.v, block.a), None
-
+        before = compiled.recomputed
+        return Rows(compiled.idm(block.q, block.v, block.a), handed_over=compiled.recomputed - before)
     model = functools.partial(
         hybridyn.idm,
         robot,
@@ -148,9 +153,9 @@ def efforts(
         time=block.motion.time,
     )
     if not reactions:
-        return model(), None
+        return Rows(model())
     tau, inner = model(reactions=True)
-    return tau, reaction_rows(robot, inner)
+    return Rows(tau, reaction_rows(robot, inner))
 
 
 def read_weights(words: tuple[str, ...], motors: Sequence[str]) -> dict[str, float] | None:

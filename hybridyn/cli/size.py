@@ -16,18 +16,20 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from hybridyn.cli.figures import save, takes_plot
-from hybridyn.cli.robot_options import RobotCommand, complete_data, takes_effects, takes_robot
+from hybridyn.cli.idm import efforts, takes_passive
+from hybridyn.cli.robot_options import RobotCommand, takes_effects, takes_robot
 from hybridyn.cli.summary import aligned_rows, counted, effects_line, fitted_rates
-from hybridyn.cli.tables import Plan, Tables, own_table, run
+from hybridyn.cli.tables import Plan, Tables, run, takes_jobs, takes_source
 
 if TYPE_CHECKING:
-    from hybridyn.cli.blocks import Done
+    from hybridyn.cli.blocks import Done, Rows
     from hybridyn.cli.postures import Postures
     from hybridyn.description.columns import Layout
-    from hybridyn.description.records import Array
     from hybridyn.effects import Effects
     from hybridyn.robot import HybridRobot
     from hybridyn.sizing import MotorLoad
+
+EXCEEDED = 1  # exit status
 
 
 def _report_file(ctx: click.Context, param: click.Parameter, value: str | None) -> str | None:
@@ -43,22 +45,19 @@ def _report_file(ctx: click.Context, param: click.Parameter, value: str | None) 
 
 @click.command("size", cls=RobotCommand, short_help="What a motion asks of each motor: effort, speed, power.")
 @takes_robot
-@click.argument(
-    "source", metavar="[TRAJECTORY]", required=False, callback=own_table, shell_complete=complete_data
-)
+@takes_source("TRAJECTORY", own=True)
 @click.option("-o", "--output", metavar="FILE", callback=_report_file, help="All numbers, .csv or .json")
 @takes_plot("effort over speed for every motor, with its limits")
 @takes_effects("model")
+@takes_passive
 @click.option(
-    "--passive",
-    type=click.Choice(["given", "solved"]),
-    default="given",
+    "--fail-on",
+    type=click.Choice(["limit", "never"]),
+    default="limit",
     show_default=True,
-    help="Accelerations of joints without a motor: as the table says, or those of zero effort.",
+    help="Exit with status 1 where a motor exceeds a limit of its effort or speed.",
 )
-@click.option(
-    "-j", "--jobs", type=click.IntRange(1, 256), help="Processes.  [default: as 'hybridyn idm' chooses]"
-)
+@takes_jobs
 def command(
     load: Callable[[], HybridRobot],
     source: str,
@@ -66,8 +65,9 @@ def command(
     plot: str | None,
     effects: tuple[str, ...],
     passive: str,
+    fail_on: str,
     jobs: int | None,
-) -> None:
+) -> int:
     """Say what moving ROBOT as TRAJECTORY says asks of each motor: what an engineer needs to pick one.
 
     The table is that of 'hybridyn idm'; long ones are read in blocks. Per motor: peak and RMS effort, peak
@@ -75,7 +75,11 @@ def command(
     gear ratio, torque and speed of the rotor too. Efforts and speeds over the limits of the robot's file are
     named. Unlike 'idm', all effects that the robot's files state count here: rotors and friction are part of
     a motor's load.
+
+    Exit status: 0 no limit is exceeded, or --fail-on never; 1 one is (all is printed and written), or a file
+    is wrong; 2 wrong usage.
     """
+    reports: list[_Report] = []
 
     def plan(robot: HybridRobot, *_: object) -> Plan:
         from hybridyn.effects import choose
@@ -83,14 +87,14 @@ def command(
         chosen = choose(robot, effects)
         chosen = chosen.only([name for name in chosen.names if name != "limits"])  # they are reported here
         model = functools.partial(motor_states, passive=passive, effects=chosen)
-        return Plan(model, [], _Report(robot, source, output, plot, chosen), written=False)
+        reports.append(_Report(robot, source, output, plot, chosen))
+        return Plan(model, [], reports[0], written=False)
 
     run(Tables(source, None, None, jobs, quiet=False), load, plan)
+    return EXCEEDED if reports[0].violations and fail_on == "limit" else 0
 
 
-def motor_states(
-    robot: HybridRobot, block: Postures, *, passive: str, effects: Effects
-) -> tuple[Array, Array | None]:
+def motor_states(robot: HybridRobot, block: Postures, *, passive: str, effects: Effects) -> Rows:
     """Give rates, efforts and positions of the motors, shape (T, 3 motors); no position of continuous joints.
 
     Args:
@@ -101,14 +105,12 @@ def motor_states(
     """
     import numpy as np
 
-    from hybridyn.cli.idm import efforts
+    from hybridyn.cli.blocks import Rows
     from hybridyn.sizing import motor_rows
 
-    tau, _ = efforts(
-        robot, block, passive=passive, on_singular="raise", weights=None, effects=effects, reactions=False
-    )
+    tau = efforts(robot, block, passive=passive, effects=effects).result
     position, speed = motor_rows(robot, block.q, block.v)
-    return np.concatenate([speed, tau, np.nan_to_num(position)], axis=1), None
+    return Rows(np.concatenate([speed, tau, np.nan_to_num(position)], axis=1))
 
 
 class _Report:
@@ -123,6 +125,7 @@ class _Report:
         self.effects = effects
         self.sizing = Sizing(robot)
         self.samples = 0
+        self.violations: list[str] = []
 
     def add(self, done: Done) -> None:
         """Take in a block."""
@@ -151,8 +154,8 @@ class _Report:
         over = f" over {self.sizing.duration:.6g} s" if timed else ""
         click.echo(f"{name}: {counted(len(loads), 'motor')}, {counted(self.samples, 'sample')}{over}")
         click.echo("\n".join(_table(loads, timed)))
-        found = violations(loads)
-        for line in found or ["no effort and no speed is over a limit of the robot's file"]:
+        self.violations = violations(loads)
+        for line in self.violations or ["no effort and no speed is over a limit of the robot's file"]:
             click.echo(line)
         for line in (*fitted_rates(layout), *effects_line(self.effects)):
             click.echo(line, err=True)

@@ -9,6 +9,7 @@ import click
 
 if TYPE_CHECKING:
     from hybridyn.cli.blocks import Done
+    from hybridyn.cli.engine import Engine
     from hybridyn.description.columns import Layout
     from hybridyn.effects import Effects
     from hybridyn.robot import HybridRobot
@@ -28,7 +29,9 @@ class Summary:
         units: Sequence[str],
         at: Sequence[int],
         others: Sequence[str] = (),
-        remarks: Sequence[object] = (),
+        *,
+        remarks: Sequence[str],
+        engine: Engine,
     ) -> None:
         """Start with nothing gathered.
 
@@ -39,9 +42,10 @@ class Summary:
             units: Their units.
             at: Their columns.
             others: Every column by name, where the largest of the rest is told as well.
-            remarks: Lines that the summary ends with, or what turns into them when it is shown.
+            remarks: Lines that the summary ends with.
+            engine: What computes; it learns how many samples the general path took over.
         """
-        self.robot, self.quantity, self.remarks = robot, quantity, remarks
+        self.robot, self.quantity, self.remarks, self.engine = robot, quantity, remarks, engine
         self.names, self.units, self.at = [*names], [*units], [*at]
         self.samples = 0
         self.residual = 0.0
@@ -60,6 +64,7 @@ class Summary:
             done: What it came to.
         """
         self.samples += len(done.rows)
+        self.engine.add(done.handed_over)
         self.residual = max(self.residual, float(done.residual.max(initial=0.0)))
         for i, column in enumerate(self.at):
             values = done.rows[:, column]
@@ -83,7 +88,7 @@ class Summary:
         click.echo(f"{self.robot.name}: {counted(len(self.robot.motors), 'motor')}", err=True)
         for line in self._lines():
             click.echo(f"  {line}", err=True)
-        for line in map(str, (*fitted_rates(layout), *self.remarks)):
+        for line in (*fitted_rates(layout), *self.remarks, str(self.engine)):
             click.echo(line, err=True)
         if self.robot.description.closures or self.robot.description.couplings:
             click.echo(f"worst closure residual: {self.residual:.2g} of the module's size", err=True)

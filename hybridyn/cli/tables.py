@@ -92,6 +92,31 @@ def own_table(ctx: click.Context, param: click.Parameter, value: str | None) -> 
     return table
 
 
+def takes_source(metavar: str, *, own: bool) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """Give a command `source`, the table that it reads.
+
+    Args:
+        metavar: What the help calls the table.
+        own: Whether a shipped robot's own trajectory is taken where the user names no table.
+    """
+    return click.argument(
+        "source",
+        metavar=f"[{metavar}]" if own else metavar,
+        required=not own,
+        callback=own_table if own else existing_file,
+        shell_complete=complete_data,
+    )
+
+
+takes_jobs = click.option(
+    "-j",
+    "--jobs",
+    type=click.IntRange(1, 256),
+    help="Processes to share the work.  [default: 1; one per core where the table has more than "
+    f"{LONG_TABLE:,} numbers]",
+)
+
+
 def takes_table(
     metavar: str, *, own: bool = False, plot: str = ""
 ) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
@@ -106,13 +131,7 @@ def takes_table(
         A decorator for the command's body.
     """
     options = (
-        click.argument(
-            "source",
-            metavar=f"[{metavar}]" if own else metavar,
-            required=not own,
-            callback=own_table if own else existing_file,
-            shell_complete=complete_data,
-        ),
+        takes_source(metavar, own=own),
         click.option(
             "-o",
             "--output",
@@ -129,13 +148,7 @@ def takes_table(
             "body's origin in its axes; '<closure>/wrench/...' of a closure on its successor, at the "
             "successor's closure frame in the axes of the predecessor's; '<coupling>/multiplier'.",
         ),
-        click.option(
-            "-j",
-            "--jobs",
-            type=click.IntRange(1, 256),
-            help="Processes to share the work.  [default: 1; one per core where the table has more than "
-            f"{LONG_TABLE:,} numbers]",
-        ),
+        takes_jobs,
         takes_plot(plot, page=True),
         click.option("-q", "--quiet", is_flag=True, help="No summary."),
     )
