@@ -2,7 +2,8 @@
 
     keys/<key>            hash of a source: what a cheap description of the model led to last time
     models/<source>.json  what the library of a source offers, and the hash of the library's file
-    libraries/<hash>.so   libraries by their own hash
+    libraries/<hash>.so   libraries by their own hash; `keeping` removes those not used for longest
+    lock                  held by who hands out a library, and by who removes some
 
 Everything is written beside and moved into place, so that processes may build at the same time; what is
 truncated, or not what its name says, is built anew.
@@ -25,6 +26,7 @@ from typing import TYPE_CHECKING, Any
 from ..errors import CompileError
 from .building import NATIVE, build
 from .compilers import FLAGS, find_compiler, machine
+from .keeping import handing_out, remove_unused
 
 if TYPE_CHECKING:
     from .sources import Source
@@ -125,7 +127,8 @@ def _load(at: Path, name: str) -> Built | None:
     try:
         record = json.loads((at / "models" / f"{name}.json").read_bytes())
         path = at / "libraries" / f"{record['library']}.so"
-        whole = hashlib.sha256(path.read_bytes()).hexdigest() == record["library"]
+        with handing_out(at, path):
+            whole = hashlib.sha256(path.read_bytes()).hexdigest() == record["library"]
         return Built(path, record["about"]) if whole and record["name"] == name else None
     except (OSError, ValueError, KeyError, TypeError):
         return None
@@ -142,6 +145,7 @@ def _build(at: Path, name: str, source: Source, libraries: tuple[str, ...]) -> B
         os.replace(target, path)
     record = {"name": name, "library": digest, "about": source.about}
     _write(at / "models" / f"{name}.json", json.dumps(record).encode())
+    remove_unused(at)
     return Built(path, source.about)
 
 

@@ -1,0 +1,222 @@
+"""The cache of built libraries does not grow for ever, and nothing in use is taken from anybody."""
+
+from __future__ import annotations
+
+import ctypes
+import fcntl
+import hashlib
+import json
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+import hybridyn.compiled.cache as cache_file
+import hybridyn.compiled.keeping as keeping
+from hybridyn.compiled.cache import Built, cached
+from hybridyn.compiled.keeping import ABANDONED, IN_USE, remove_unused
+from hybridyn.compiled.sources import Source
+
+ROOT = Path(__file__).parents[1]
+HOUR = 3600.0
+
+
+@pytest.fixture(autouse=True)
+def at(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("HYBRIDYN_CACHE", str(tmp_path / "cache"))
+    return tmp_path / "cache"
+
+
+def source(number: int) -> Source:
+    """Give a library that knows its number."""
+    visible = '__attribute__((visibility("default")))'
+    return Source((f"{visible} int number(void) {{ return {number}; }}\n",), {"number": number})
+
+
+def built(number: int) -> Built:
+    return cached(f"key {number}", lambda: source(number))
+
+
+def never() -> Source:
+    raise AssertionError("it is there, and need not be built")
+
+
+def known(number: int) -> bool:
+    """Tell whether a library is found without building."""
+    try:
+        return cached(f"key {number}", never).about == {"number": number}
+    except AssertionError:
+        return False
+
+
+def used(one: Built, ago: float) -> None:
+    """Pretend that a library was used some seconds ago."""
+    os.utime(one.path, (time.time() - ago,) * 2)
+
+
+def limit(monkeypatch: pytest.MonkeyPatch, libraries: float) -> None:
+    """Keep as much as some libraries of these tests take."""
+    size = built(0).path.stat().st_size
+    monkeypatch.setattr(keeping, "LIMIT", int(size * (libraries + 0.5)))
+
+
+def count(at: Path) -> tuple[int, int, int]:
+    """Give how many keys, records and libraries there are."""
+    keys, models, libraries = (len(list((at / name).iterdir())) for name in ("keys", "models", "libraries"))
+    return keys, models, libraries
+
+
+def test_those_not_used_for_longest_go_first(at: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    limit(monkeypatch, 4)
+    for number, ago in ((0, 20), (1, 40), (2, 30), (3, 10)):
+        used(built(number), ago * HOUR)
+    assert count(at) == (4, 4, 4)
+    assert known(1)  # which is use
+    used(built(4), 5 * HOUR)
+    assert count(at) == (4, 4, 4)
+    built(5)
+    assert count(at) == (4, 4, 4)
+    assert [known(number) for number in range(6)] == [False, True, False, True, True, True]
+
+
+def test_what_was_used_within_the_hour_stays(at: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    limit(monkeypatch, 1)
+    for number in range(4):
+        used(built(number), IN_USE - 60)
+    assert count(at) == (4, 4, 4)
+    used(built(1), IN_USE + 60)  # found, then left
+    remove_unused(at)
+    assert [known(number) for number in range(4)] == [True, False, True, True]
+
+
+def test_a_large_library_may_stand_alone(at: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    used(built(0), 2 * HOUR)
+    monkeypatch.setattr(keeping, "LIMIT", 1)
+    assert built(1).path.exists()
+    assert count(at) == (1, 1, 1)
+
+
+def test_below_the_limit_nothing_goes(at: Path) -> None:
+    for number in range(3):
+        used(built(number), 1e4 * HOUR)
+    remove_unused(at)
+    assert count(at) == (3, 3, 3)
+
+
+def test_an_open_library_works_on(at: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    one = built(7)
+    library = ctypes.CDLL(str(one.path))
+    used(one, 2 * HOUR)
+    monkeypatch.setattr(keeping, "LIMIT", 0)
+    remove_unused(at)
+    assert not one.path.exists()
+    assert library.number() == 7
+    assert ctypes.CDLL(str(built(7).path)).number() == 7  # built again
+
+
+def test_only_what_was_abandoned_is_removed_of_what_is_being_built(at: Path) -> None:
+    built(0)
+    drafts = [at / "building-old", at / "building-new", at / "keys" / "tmp_old", at / "models" / "tmp_new"]
+    for draft in drafts:
+        if draft.name.startswith("building"):
+            draft.mkdir()
+            (draft / "library.so").write_text("")
+        else:
+            draft.write_text("")
+        if draft.name.endswith("old"):
+            os.utime(draft, (time.time() - ABANDONED - 60,) * 2)
+    remove_unused(at)
+    assert [draft.exists() for draft in drafts] == [False, True, False, True]
+    assert known(0)
+
+
+def test_foreign_and_damaged_files_do_no_harm(at: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    used(built(0), 2 * HOUR)
+    (at / "models" / "damaged.json").write_text('{"library": 3')
+    (at / "models" / "list.json").write_text("[]")
+    (at / "keys" / "abc").write_bytes(b"\xff\xfe")
+    (at / "keys" / "def").write_text("../models/list")
+    (at / "libraries" / "folder.so").mkdir()
+    (at / "mine.txt").write_text("mine")
+    monkeypatch.setattr(keeping, "LIMIT", 0)
+    remove_unused(at)
+    assert count(at) == (0, 0, 1)
+    assert (at / "mine.txt").exists()
+
+
+@pytest.fixture
+def held(at: Path) -> Iterator[None]:
+    """Let somebody else hand out a library meanwhile."""
+    at.mkdir()
+    with open(at / "lock", "w") as other:
+        fcntl.flock(other, fcntl.LOCK_SH)
+        yield
+
+
+def test_nothing_is_removed_while_somebody_hands_out(
+    at: Path, monkeypatch: pytest.MonkeyPatch, held: None
+) -> None:
+    monkeypatch.setattr(keeping, "PATIENCE", 0.05)
+    monkeypatch.setattr(keeping, "LIMIT", 0)
+    used(built(0), 2 * HOUR)
+    remove_unused(at)
+    assert known(0)  # two may hand out at once
+
+
+def test_a_lock_that_is_never_given_back_stops_nobody(at: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(keeping, "PATIENCE", 0.05)
+    built(0)
+    with open(at / "lock", "w") as other:
+        fcntl.flock(other, fcntl.LOCK_EX)
+        assert known(0)
+        assert built(1).path.exists()
+
+
+WORKER = """
+import ctypes, sys, time
+import hybridyn.compiled.keeping as keeping
+from tests.test_compiled_cache_size import built
+keeping.LIMIT, keeping.IN_USE = int(sys.argv[1]), 2.0
+until, turn = time.monotonic() + 5.0, 0
+while time.monotonic() < until:
+    number = 10 * turn + int(sys.argv[2]) if turn % 2 else turn // 2 % 4
+    assert ctypes.CDLL(str(built(number).path)).number() == number
+    turn += 1
+    time.sleep(0.05)
+"""
+
+
+def test_processes_may_build_use_and_remove_at_once(at: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Three libraries fit; everybody wants the same four, and others of their own in between."""
+    environment = os.environ | {"PYTHONPATH": str(ROOT)}
+    room = 3 * built(0).path.stat().st_size
+    running = [
+        subprocess.Popen([sys.executable, "-c", WORKER, str(room), str(own)], env=environment)
+        for own in (4, 5, 6)
+    ]
+    assert [process.wait(timeout=120) for process in running] == [0, 0, 0]
+    monkeypatch.setattr(keeping, "IN_USE", 0.0)
+    monkeypatch.setattr(keeping, "LIMIT", room)
+    remove_unused(at)
+    assert 1 <= count(at)[2] <= 3
+    for path in (at / "libraries").iterdir():
+        assert hashlib.sha256(path.read_bytes()).hexdigest() == path.stem
+    for record in (at / "models").iterdir():
+        assert (at / "libraries" / f"{json.loads(record.read_text())['library']}.so").exists()
+
+
+def test_a_read_only_file_is_used_all_the_same(at: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Another user's cache: the time of use cannot be set, nor the lock be taken."""
+    built(0)
+
+    def refuse(*_: object, **__: object) -> None:
+        raise PermissionError("not yours")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(keeping.os, "utime", refuse)
+        patch.setattr(keeping.os, "open", refuse)
+        assert cache_file._load(at, next((at / "models").iterdir()).stem) is not None
