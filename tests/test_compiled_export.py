@@ -14,7 +14,7 @@ import pytest
 import hybridyn
 from hybridyn.cli import main
 from hybridyn.compiled.compilers import find_compiler
-from hybridyn.compiled.export import c_name, export
+from hybridyn.compiled.export import _comment, c_name, export
 from hybridyn.compiled.exporting import plain_source
 from hybridyn.compiled.operations import operations, operations_table
 from hybridyn.errors import ModelError
@@ -47,6 +47,7 @@ def run_test(folder: Path, name: str) -> str:
     ("robot", "options"),
     [
         ("five_bar", {}),
+        ("five_bar", {"dtype": "float32"}),
         ("gough_stewart", {}),
         ("five_bar", {"base": "moving"}),
         ("five_bar", {"base": "floating"}),
@@ -56,7 +57,8 @@ def run_test(folder: Path, name: str) -> str:
 def test_exported_models_compile_and_give_the_reference(
     tmp_path: Path, robot: str, options: dict[str, Any]
 ) -> None:
-    paths = export(shipped(robot, **options), tmp_path / "made", name="machine")
+    dtype = options.pop("dtype", "float64")
+    paths = export(shipped(robot, **options), tmp_path / "made", name="machine", dtype=dtype)
     assert {path.name for path in paths} == {
         "machine.c",
         "machine.h",
@@ -72,6 +74,7 @@ def test_exported_models_compile_and_give_the_reference(
     source = (tmp_path / "made" / "machine.c").read_text()
     assert set(re.findall(r"#include (\S+)", source)) == {"<math.h>", '"machine.h"'}
     assert not re.search(r"\b(malloc|memcpy|printf)\b", source)
+    assert bool(re.search(r"\bfloat q\[", source)) == (dtype == "float32")
 
 
 def test_the_exported_test_can_fail(tmp_path: Path) -> None:
@@ -84,6 +87,92 @@ def test_the_exported_test_can_fail(tmp_path: Path) -> None:
     file.write_text(text[: number.start()] + "1234.5" + text[number.end() :])
     with pytest.raises(AssertionError, match="largest difference"):
         run_test(tmp_path, "bar")
+
+
+def test_the_exported_test_fails_where_nothing_is_compared(tmp_path: Path) -> None:
+    export(shipped("five_bar"), tmp_path, name="bar")
+    file = tmp_path / "bar.c"
+    text = file.read_text()
+    assert text.count("return guard;") == 3
+    for guard in ("2.0", "0.0"):  # never trusted; always, also where a number is not finite
+        file.write_text(text.replace("return guard;", f"return guard * 0.0 == 0.0 ? {guard} : {guard};"))
+        with pytest.raises(AssertionError, match="no state is trusted, or what is not finite is"):
+            run_test(tmp_path, "bar")
+
+
+IN_CPP = """#include "bar.h"
+#include <cmath>
+#include <cstdio>
+int main() {
+    bar_ddm_work work;
+    const double q[4] = {0, 0, 0, 0}, v[4] = {0, 0, 0, 0};
+    double a[4], tau[2] = {1.0, 0.0};
+    const bool right = bar_ddm(q, v, tau, a, &work) <= 1.0;
+    tau[0] = 1e308;
+    const double over = bar_ddm(q, v, tau, a, &work);
+    tau[0] = NAN;
+    const double none = bar_ddm(q, v, tau, a, &work);
+    std::printf("%d %d %d", right, over <= 1.0, none <= 1.0);
+}
+"""
+
+
+@pytest.mark.skipif(shutil.which("g++") is None, reason="there is no C++ compiler")
+def test_c_plus_plus_calls_it_and_what_overflows_is_refused(tmp_path: Path) -> None:
+    export(shipped("five_bar"), tmp_path, name="bar")
+    (tmp_path / "main.cpp").write_text(IN_CPP)
+    for command in (
+        [*find_compiler().command, "-std=c99", "-O1", "-c", "bar.c", "-o", "bar.o"],
+        ["g++", "-Wall", "-Wextra", "-Werror", "main.cpp", "bar.o", "-lm", "-o", "main"],
+    ):
+        built = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
+        assert (built.returncode, built.stderr) == (0, "")
+    assert subprocess.run([tmp_path / "main"], capture_output=True, text=True).stdout == "1 0 0"
+
+
+def test_fast_math_is_refused_when_it_is_compiled(tmp_path: Path) -> None:
+    export(shipped("five_bar"), tmp_path, name="bar")
+    command = [*find_compiler().command, "-std=c99", "-ffast-math", "-fsyntax-only", str(tmp_path / "bar.c")]
+    built = subprocess.run(command, capture_output=True, text=True)
+    assert built.returncode != 0
+    assert "build without -ffast-math" in built.stderr
+
+
+def test_models_of_two_robots_go_into_one_program(tmp_path: Path) -> None:
+    objects = []
+    for name in ("left", "right"):
+        export(shipped("five_bar"), tmp_path / name, name=name)
+        objects.append(str(tmp_path / f"{name}.o"))
+        source = str(tmp_path / name / f"{name}.c")
+        subprocess.run([*find_compiler().command, "-fPIC", "-c", source, "-o", objects[-1]], check=True)
+    built = subprocess.run(
+        [*find_compiler().command, "-shared", "-o", str(tmp_path / "both.so"), *objects],
+        capture_output=True, text=True,
+    )  # fmt: skip
+    assert (built.returncode, built.stderr) == (0, "")
+
+
+def test_no_other_file_is_written_over(tmp_path: Path) -> None:
+    robot = shipped("five_bar")
+    (tmp_path / "README.md").write_text("# My controller\n")
+    with pytest.raises(ModelError, match=r"README\.md' is there and was not written by hybridyn"):
+        export(robot, tmp_path, name="bar")
+    assert [path.name for path in tmp_path.iterdir()] == ["README.md"]
+    (tmp_path / "README.md").unlink()
+    export(robot, tmp_path, name="bar")
+    export(robot, tmp_path, name="bar")
+
+
+def test_names_cannot_end_a_comment() -> None:
+    comment = _comment(["leg*/ int x; /*", "a//*b", "new\nline", "* /"])
+    assert comment.count("*/") == comment.count("/*") == 1
+    assert "\nline" not in comment
+
+
+def test_limits_are_not_exported(tmp_path: Path) -> None:
+    with pytest.raises(ModelError, match="'limits' is not exported: clip the efforts"):
+        export(shipped("five_bar"), tmp_path / "made", ["default", "limits"])
+    assert not (tmp_path / "made").exists()
 
 
 @pytest.mark.skipif(shutil.which("make") is None, reason="there is no make")
@@ -134,5 +223,7 @@ def test_the_command_line_exports(tmp_path: Path, capsys: pytest.CaptureFixture[
     assert "base inertial parameters" in out
     assert "inertial parameters as described" in out
     assert "README.md" in err
+    assert main(["export", file, "-o", str(tmp_path / "single"), "--float32"]) == 0
+    assert "float numbers[" in (tmp_path / "single" / "five_bar.h").read_text()
     assert main(["export", file]) == 2
     assert "-o DIR" in capsys.readouterr().err

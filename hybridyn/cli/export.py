@@ -26,12 +26,14 @@ if TYPE_CHECKING:
 @click.option(
     "--stats", is_flag=True, help="Print how many operations each part takes, and before what saves them."
 )
+@click.option("--float32", is_flag=True, help="Single precision, for processors that have no other.")
 @takes_effects("default")
 def command(
     load: Callable[[], HybridRobot],
     output: str | None,
     name: str | None,
     stats: bool,
+    float32: bool,
     effects: tuple[str, ...],
 ) -> None:
     """Write the inverse and the direct dynamic model of ROBOT (URDF or xacro) as C99.
@@ -46,8 +48,9 @@ def command(
     from hybridyn.compiled.variants import statistics
 
     robot = load()
+    dtype = "float32" if float32 else "float64"
     if output is not None:
-        for path in export(robot, output, effects, name=name):
+        for path in export(robot, output, effects, name=name, dtype=dtype):
             click.echo(str(path), err=True)
     if stats:
         click.echo(statistics(robot, effects))

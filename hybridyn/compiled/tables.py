@@ -13,8 +13,14 @@ from .printing import literal
 class Tables:
     """Collects tables; `text` declares them."""
 
-    def __init__(self) -> None:
+    def __init__(self, dtype: str = "float64") -> None:
+        """Begin without any.
+
+        Args:
+            dtype: What numbers are rounded to here, so that the compiler need not.
+        """
         self._known: dict[str, str] = {}
+        self._dtype = dtype
 
     @property
     def text(self) -> str:
@@ -29,7 +35,7 @@ class Tables:
 
     def numbers(self, values: Array) -> str:
         """Give the name of a table of numbers, of any shape."""
-        body = ", ".join(map(literal, values.ravel().tolist()))
+        body = ", ".join(map(literal, values.astype(self._dtype).ravel().tolist()))
         return self._named("S {} " + _shape(values) + " ALIGNED = {{" + body + "}}")
 
     def _named(self, head: str) -> str:

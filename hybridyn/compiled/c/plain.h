@@ -1,11 +1,27 @@
-typedef double V;
+#if (defined(__FINITE_MATH_ONLY__) && __FINITE_MATH_ONLY__ > 0) || defined(_M_FP_FAST)
+#error "guards must see what is not finite: build without -ffast-math and -ffinite-math-only"
+#endif
+
+#ifdef SINGLE
+typedef float S;
+#define FUNCTION(name) name##f
+#ifdef FP_FAST_FMAF
+#define FAST_FMA
+#endif
+#else
 typedef double S;
+#define FUNCTION(name) name
+#ifdef FP_FAST_FMA
+#define FAST_FMA
+#endif
+#endif
+typedef S V;
 typedef int M;
 
-#define C(x) (x)
+#define C(x) ((V)(x))
 #define ALIGNED
-#ifdef FP_FAST_FMA
-#define FMA(a, b, c) fma(a, b, c)
+#ifdef FAST_FMA
+#define FMA(a, b, c) FUNCTION(fma)(a, b, c)
 #else
 #define FMA(a, b, c) ((a) * (b) + (c))
 #endif
@@ -19,9 +35,9 @@ typedef int M;
 #define NOT(m) (!(m))
 #define AND(a, b) ((a) && (b))
 #define OR(a, b) ((a) || (b))
-#define TRUE(x) ((x) != 0.0)
-#define NUMBER(m) ((m) ? 1.0 : 0.0)
-#define CHOOSE(m, x) ((m) ? (x) : 0.0)
-#define FMIN(a, b) fmin(a, b)
-#define FMAX(a, b) fmax(a, b)
-#define SIGN(x) ((double)(((x) > 0.0) - ((x) < 0.0)))
+#define TRUE(x) ((x) != 0)
+#define NUMBER(m) ((m) ? C(1) : C(0))
+#define CHOOSE(m, x) ((m) ? (x) : C(0))
+#define FMIN(a, b) FUNCTION(fmin)(a, b)
+#define FMAX(a, b) FUNCTION(fmax)(a, b)
+#define SIGN(x) C(((x) > 0) - ((x) < 0))
