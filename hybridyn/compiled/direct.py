@@ -14,23 +14,24 @@ import casadi as ca
 import numpy as np
 
 from ..spatial import Index
-from .chains import forces, mass_matrix, motion_map, sweep
-from .core import Core, Plan, core_body, own_inertia, write_core
-from .expressions import Expression, congruence, dot, hat, pack, plain, symbols, symmetric, upper, zeros
+from .chains import motion_map, sweep
+from .core import Core, Plan, core_body, own_inertia, whole, write_core
+from .expressions import Expression, congruence, dot, pack, plain, symbols, upper, zeros
 from .guards import trusted
-from .paths import wrist_accelerations
-from .rigid import (
-    classical,
-    crf,
-    inertia_matrix,
-    matrix_moved,
-    momentum,
-    moved,
-    resting,
-    to_child,
-    to_parent,
+from .module_graph import (
+    BaseMotion,
+    WrittenModule,
+    base_motion,
+    parameters_of,
+    read_by_core,
+    scattered,
+    twist_width,
 )
-from .staging import Stage, cut
+from .options import DirectOptions
+from .paths import wrist_accelerations
+from .quadratic_form import bias_of, quadratic_form
+from .rigid import classical, inertia_matrix, to_child
+from .staging import cut
 from .static_elimination import solve, solve_definite
 
 #: A pivot of an inertia below this part of its diagonal entry: a motion that is all but without inertia.
@@ -41,240 +42,139 @@ OF_LOCKED = 1e-5
 
 
 @dataclass(frozen=True)
-class DirectOptions:
-    """What the code of a module depends on beside the module.
+class DirectModule(WrittenModule):
+    """One module's direct model: outwards, inwards, outwards, wrists.
 
     Attributes:
-        base: The base's acceleration (less gravity) where it is a constant and the base rests, else None.
-        carries: For each output whether another module stands on it.
-        inertias: For each output its own ten numbers with those that its modules' legs hand to it.
-        velocity: Whether velocity terms are on.
-        rotor: Rotor inertias over the freedoms of the tree after the cuts, as a tuple.
-        motors: Freedoms of the tree after the cuts that have an effort.
-        usual: For each freedom of a module without loops that carries others what it moves at most, all
-            joints behind it locked, without units of its own; else nothing.
-    """
-
-    base: tuple[float, ...] | None
-    carries: tuple[bool, ...]
-    inertias: tuple[tuple[float, ...], ...]
-    velocity: bool
-    rotor: tuple[float, ...]
-    motors: tuple[int, ...]
-    usual: tuple[float, ...]
-
-
-@dataclass(frozen=True)
-class DirectModule:
-    """The stages of one module's direct model, and which entries of q, v, a they read and write.
-
-    Attributes:
-        stages: Outwards, inwards, outwards, wrists.
-        q, v: Coordinates of the spanning tree that the inputs "q", "v" hold.
         joints: Freedoms of the spanning tree that the output "a_core" holds.
         wrists: Those that "a_wrists" holds.
         legs: Those that the input "a_legs" holds.
         tau: Freedoms of the tree after the cuts that the input "tau" holds.
-        platforms: Links of the core that are platforms, in the order of the outputs "platform i".
     """
 
-    stages: list[Stage]
-    q: Index
-    v: Index
     joints: Index
     wrists: Index
     legs: Index
     tau: Index
-    platforms: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class _Solved:
+    """One module solved for y = Psi u_dot + Psi_b V_dot_base + y_0 and u_dot = u_0 - G V_dot_base.
+
+    Attributes:
+        Psi, Psi_b, y_0: Motions that keep the core's loops closed.
+        E, G: Eq. (42), and A_t^-1 E.
+        f: Generalised force along y that y_0 and the bias take.
+        u_0: A_t^-1 Q_0.
+        guard: Worst of all pivots.
+    """
+
+    Psi: Expression
+    Psi_b: Expression
+    y_0: Expression
+    E: Expression
+    G: Expression
+    f: Expression
+    u_0: Expression
+    guard: Any
+
+    def y(self, A_base: Expression) -> Expression:
+        """Give the core's accelerations for its base's, Eq. (51)."""
+        return dot(self.Psi, self.u_0 - dot(self.G, A_base)) + dot(self.Psi_b, A_base) + self.y_0
 
 
 def write_direct(name: str, plan: Plan, options: DirectOptions) -> DirectModule:
     """Write a module's direct model and cut it into its stages."""
-    parts, m = plan.parts, plan.mechanism
+    parts, spanning = plan.parts, plan.mechanism.spanning
     at_q, at_v = read_by_core(plan)
-    (q_col, q), (v_col, v) = scattered("q", at_q, m.spanning.nq), scattered("v", at_v, m.spanning.nv)
-    fixed = options.base is not None
-    V_col, V_base = base_twist(options.velocity)
-    A_col, A_base = symbols("A_base", 6)
-    if fixed:
-        V_base, A_base = zeros(6), plain(options.base)
-    core = write_core(plan, q, v, V_base)
-    inputs: list[dict[str, ca.SX]] = [{"q": q_col, "v": v_col} | parameters_of(plan), {}, {}, {}]
-    outputs: list[dict[str, ca.SX]] = [{}, {}, {}, {}]
-    if not fixed:
-        inputs[0]["V_base"], inputs[2]["A_base"] = V_col, A_col
-
-    # Outwards: platforms for the legs, twists and biases of the outputs.
-    order = tuple(sorted(core.platforms))
-    for i in order:
-        motion = core.platforms[i]
-        outputs[0][f"platform {i}"] = pack(motion.R, motion.p, motion.V)
-    for o, body in enumerate(core.outputs):
-        own, V = own_inertia(plan, options.inertias[o], o), core.chain.V[body]
-        bias = crf(resting(V), momentum(own, resting(V))) if options.velocity else zeros(6)
-        if options.carries[o]:
-            outputs[0][f"V {o}"], outputs[0][f"bias {o}"] = pack(V[-V_col.numel() :]), pack(bias)
-            if parts.own is not None:
-                outputs[0][f"own {o}"] = pack(upper(inertia_matrix(own)))
-
+    (q_column, q), (v_column, v) = scattered("q", at_q, spanning.nq), scattered("v", at_v, spanning.nv)
+    base = base_motion(options.base, options.velocity)
+    core = write_core(plan, q, v, base.V)
+    inputs = [{"q": q_column, "v": v_column} | parameters_of(plan) | base.V_column, {}, base.A_column, {}]
+    outputs = [_motion_outwards(core, plan, options), {}, {}, {}]
     # Inwards.
-    mine = [k for k, col in enumerate(parts.tree_v) if col in options.motors]
-    tau_col, tau = symbols("tau", len(mine))
-    if mine:
-        inputs[1]["tau"] = tau_col
-    M, b = _quadratic_form(core, plan, options, inputs[1])
-    b[6 + np.array(mine, dtype=int)] = b[6 + np.array(mine, dtype=int)] - tau
-    K_y, right = core.rows.K[:, 6:], np.concatenate([-core.rows.K[:, :6], -core.rows.gamma[:, None]], axis=1)
-    X, trust = solve(K_y, right, plan.loop_pivots)
+    forced = [k for k, col in enumerate(parts.tree_v) if col in options.motors]
+    M, b = quadratic_form(core, plan, options, forced, inputs[1])
+    solved = _solve(core, plan, options, M, b)
+    outputs[1]["guard"] = ca.SX(solved.guard)
+    if options.base is None:
+        outputs[1] |= _onto_base(solved, M, b)
+    # Outwards.
+    s = np.concatenate([base.A, solved.y(base.A)])
+    joints = [k for k, col in enumerate(parts.v) if col >= 0]
+    outputs[2] |= _accelerations_outwards(core, options, s, joints)
+    # Wrists.
+    legs = _legs_on_paths(plan)
+    legs_column, a_legs = symbols("a_legs", len(legs))
+    known = dict(zip(legs.tolist(), a_legs, strict=True)) | {int(parts.v[k]): s[6 + k] for k in joints}
+    wrists, guard = _wrists(core, plan, (q, v), base, s, known)
+    inputs[3] |= {"a_legs": legs_column} if len(legs) else {}
+    outputs[3] |= {"a_wrists": pack(list(wrists.values())), "guard": ca.SX(guard)} if wrists else {}
+    return DirectModule(
+        cut(name, inputs, outputs), at_q, at_v, tuple(sorted(core.platforms)),
+        parts.v[joints], np.array(list(wrists), dtype=int), legs, parts.tree_v[forced],
+    )  # fmt: skip
+
+
+def _motion_outwards(core: Core, plan: Plan, options: DirectOptions) -> dict[str, ca.SX]:
+    """Give the platforms' motion for the legs, and twists and biases of outputs that carry, Eq. (38)."""
+    out: dict[str, ca.SX] = {}
+    for i, motion in sorted(core.platforms.items()):
+        out[f"platform {i}"] = pack(motion.R, motion.p, motion.V)
+    for o, body in enumerate(core.outputs):
+        if not options.carries[o]:
+            continue
+        own, V = own_inertia(plan, options.inertias[o], o), core.chain.V[body]
+        out[f"V {o}"] = pack(V[-twist_width(options.velocity) :])
+        out[f"bias {o}"] = pack(bias_of(own, V, options.velocity))
+        if plan.parts.own is not None:
+            out[f"own {o}"] = pack(upper(inertia_matrix(own)))
+    return out
+
+
+def _solve(core: Core, plan: Plan, options: DirectOptions, M: Expression, b: Expression) -> _Solved:
+    """Solve a module for y over its base's acceleration."""
+    right = np.concatenate([-core.rows.K[:, :6], -core.rows.gamma[:, None]], axis=1)
+    X, trust = solve(core.rows.K[:, 6:], right, plan.loop_pivots)
     Psi_b, y_0, Psi = X[:, :6], X[:, 6], X[:, 7:]
-    M_yy, M_yb, f = M[6:, 6:], M[6:, :6], b[6:] + dot(M[6:, 6:], y_0)
-    A_t = congruence(Psi, M_yy)
-    E = dot(Psi.T, M_yb + dot(M_yy, Psi_b))
-    Q_0 = -dot(Psi.T, f)
+    M_yy, M_yb = M[6:, 6:], M[6:, :6]
+    f = b[6:] + dot(M_yy, y_0)
+    A_t = congruence(Psi, M_yy)  # Eq. (43)
+    E = dot(Psi.T, M_yb + dot(M_yy, Psi_b))  # Eq. (42)
+    Q_0 = -dot(Psi.T, f)  # Eq. (44) and the motors
     solved, definite = solve_definite(A_t, np.concatenate([E, Q_0[:, None]], axis=1), WITHOUT_INERTIA)
-    G, y = solved[:, :6], solved[:, 6]
     guard = ca.fmax(core.rows.guard, trusted(trust))
     guard = ca.fmax(guard, 2.0 - ca.fmin(definite, 2.0))
     for k, usual in enumerate(options.usual):
         if usual > 0:
             guard = ca.fmax(guard, 2.0 - ca.fmin(A_t[k, k] / (OF_LOCKED * usual), 2.0))
-    outputs[1]["guard"] = ca.SX(guard)
-    if not fixed:
-        onto = M[:6, :6] + _added(dot(M_yb.T, Psi_b)) + congruence(Psi_b, M_yy) - _product(E, G)
-        bias = b[:6] + dot(M_yb.T, y_0) + dot(Psi_b.T, f) + dot(E.T, y)
-        outputs[1]["I_base"], outputs[1]["b_base"] = pack(upper(onto)), pack(bias)
+    return _Solved(Psi, Psi_b, y_0, E, solved[:, :6], f, solved[:, 6], guard)
 
-    # Outwards.
-    s_y = dot(Psi, y - dot(G, A_base)) + dot(Psi_b, A_base) + y_0
-    s = np.concatenate([A_base, s_y])
-    joints = [k for k, col in enumerate(parts.v) if col >= 0]
+
+def _onto_base(x: _Solved, M: Expression, b: Expression) -> dict[str, ca.SX]:
+    """Give what a module adds to its base's inertia and bias, Eqs. (45)-(48) in congruence form."""
+    M_yb = M[6:, :6]
+    across = dot(M_yb.T, x.Psi_b)
+    inertia = M[:6, :6] + (across + across.T) + congruence(x.Psi_b, M[6:, 6:]) - _product(x.E, x.G)
+    bias = b[:6] + dot(M_yb.T, x.y_0) + dot(x.Psi_b.T, x.f) + dot(x.E.T, x.u_0)
+    return {"I_base": pack(upper(inertia)), "b_base": pack(bias)}
+
+
+def _accelerations_outwards(
+    core: Core, options: DirectOptions, s: Expression, joints: list[int]
+) -> dict[str, ca.SX]:
+    """Give the accelerations of the core's joints, of platforms less the base's, and of outputs, Eq. (53)."""
+    out: dict[str, ca.SX] = {}
     if joints:
-        outputs[2]["a_core"] = pack(s_y[joints])
-    at = core.chain.columns_of
-    for i in order:
-        outputs[2][f"delta {i}"] = pack(s[at(i + 1)] - A_base)
+        out["a_core"] = pack(s[6:][joints])
+    for i in sorted(core.platforms):
+        out[f"delta {i}"] = pack(s[core.chain.columns_of(i + 1)] - s[:6])
     for o, body in enumerate(core.outputs):
         if options.carries[o]:
-            A = _whole(core, body, s)
-            outputs[2][f"A {o}"] = pack(classical(core.chain.V[body], A) if options.velocity else A)
-
-    # Wrists.
-    legs = _legs_on_paths(plan)
-    a_col, a_legs = symbols("a_legs", len(legs))
-    if len(legs):
-        inputs[3]["a_legs"] = a_col
-    known: dict[int, Any] = dict(zip(legs.tolist(), a_legs, strict=True))
-    known |= {int(parts.v[k]): s_y[k] for k in joints}
-    wrists, guard = _wrists(core, plan, q, v, known, s, A_base, V_base)
-    if wrists:
-        outputs[3]["a_wrists"] = pack([known[col] for col in wrists])
-        outputs[3]["guard"] = ca.SX(guard)
-    stages = cut(name, inputs, outputs)
-    return DirectModule(
-        stages, at_q, at_v, parts.v[joints], np.array(wrists, dtype=int), legs, parts.tree_v[mine], order
-    )
-
-
-def base_twist(velocity: bool) -> tuple[ca.SX, Expression]:
-    """Give symbols for the twist of a module's base, and the twist.
-
-    Every module is written as an observer sees it who moves with its base's origin, so that only the base's
-    rotation counts, and no digit is spent on a velocity that all share. Without velocity terms the model is
-    not the same for all observers, and the whole twist is taken.
-    """
-    width = 3 if velocity else 6
-    column, entries = symbols("V_base", width)
-    return column, np.concatenate([zeros(6 - width), entries])
-
-
-def read_by_core(plan: Plan) -> tuple[Index, Index]:
-    """Give the coordinates and freedoms of the spanning tree that a core reads."""
-    parts = plan.parts
-    out = []
-    for own, paths in ((parts.q, [p.q for p in plan.paths]), (parts.v, [p.v for p in plan.paths])):
-        out.append(np.unique(np.concatenate([own[own >= 0], *paths]).astype(int)))
-    return out[0], out[1]
-
-
-def parameters_of(plan: Plan) -> dict[str, ca.SX]:
-    """Give the inertial parameters of a module's bodies where they are inputs."""
-    own = plan.parts.own
-    return {} if own is None else {"parameters": ca.vertcat(*[x for numbers in own for x in numbers])}
-
-
-def scattered(name: str, index: Index, width: int) -> tuple[ca.SX, Expression]:
-    """Give symbols for some entries of a vector, and the vector with zeros elsewhere."""
-    column, entries = symbols(name, len(index))
-    out = zeros(width)
-    out[index] = entries
-    return column, out
-
-
-def _quadratic_form(
-    core: Core, plan: Plan, options: DirectOptions, inputs: dict[str, ca.SX]
-) -> tuple[Expression, Expression]:
-    """Give M and b over s of legs and outputs; what comes from elsewhere becomes inputs."""
-    chain, parts = core.chain, plan.parts
-    M, S1 = mass_matrix(chain)
-    b = forces(chain) if options.velocity else zeros(6 + chain.nv)
-    base = slice(0, 6)
-    for k, col in enumerate(parts.tree_v):
-        M[6 + k, 6 + k] = M[6 + k, 6 + k] + options.rotor[col]
-    for i in sorted({group[0].platform for group in parts.groups}):
-        columns = {
-            n: symbols(f"{n} {i}", w)
-            for n, w in (("S1", 10), ("B", 36), ("L", 21), ("b_base", 6), ("b_delta", 6))
-        }
-        inputs |= {f"{n} {i}": column for n, (column, _) in columns.items()}
-        B, L = columns["B"][1].reshape(6, 6), symmetric(columns["L"][1], 6)
-        b_base, b_delta = columns["b_base"][1], columns["b_delta"][1]
-        at = chain.columns_of(i + 1)
-        S1 = S1 + columns["S1"][1]
-        M[base, base] = M[base, base] + (L - B - B.T)
-        M[np.ix_(at, range(6))] = M[np.ix_(at, range(6))] + B.T - L
-        M[np.ix_(range(6), at)] = M[np.ix_(range(6), at)] + B - L
-        M[np.ix_(at, at)] = M[np.ix_(at, at)] + L
-        b[base] = b[base] + b_base - b_delta
-        b[at] = b[at] + b_delta
-    M[base, base] = M[base, base] + inertia_matrix(S1)
-    for o, body in enumerate(core.outputs):
-        _add_output(core, plan, options, o, body, M, b, inputs)
-    return M, b
-
-
-def _add_output(
-    core: Core,
-    plan: Plan,
-    options: DirectOptions,
-    o: int,
-    body: int,
-    M: Expression,
-    b: Expression,
-    inputs: dict[str, ca.SX],
-) -> None:
-    """Add an output's inertia and bias, its own or articulated, to M and b."""
-    chain = core.chain
-    R0, p0, V = chain.R0[body], chain.p0[body], chain.V[body]
-    own = own_inertia(plan, options.inertias[o], o)
-    if options.carries[o]:
-        inputs[f"I {o}"], entries = symbols(f"I {o}", 21)
-        inputs[f"beta {o}"], beta = symbols(f"beta {o}", 6)
-        inertia = matrix_moved(symmetric(entries, 6), R0, p0)
-    else:
-        inertia = inertia_matrix(moved(own, R0, p0))
-        beta = crf(resting(V), momentum(own, resting(V))) if options.velocity else zeros(6)
-    J, c = motion_map(chain, body), chain.c[body]
-    if options.velocity:
-        c = classical(V, c)
-    at_zero = np.concatenate([dot(R0, c[:3]), dot(R0, c[3:])])
-    at_zero[:3] = at_zero[:3] + dot(hat(p0), at_zero[3:])
-    M[:] = M + congruence(J, inertia)
-    b[:] = b + dot(J.T, dot(inertia, at_zero) + to_parent(R0, p0, beta))
-
-
-def _added(X: Expression) -> Expression:
-    """Give X + X^T."""
-    return X + X.T
+            A = whole(core.chain, body, s, motion_map(core.chain, body))
+            out[f"A {o}"] = pack(classical(core.chain.V[body], A) if options.velocity else A)
+    return out
 
 
 def _product(E: Expression, G: Expression) -> Expression:
@@ -286,12 +186,6 @@ def _product(E: Expression, G: Expression) -> Expression:
     return out
 
 
-def _whole(core: Core, body: int, s: Expression) -> Expression:
-    """Give a body's acceleration, own frame."""
-    chain = core.chain
-    return to_child(chain.R0[body], chain.p0[body], dot(motion_map(chain, body), s)) + chain.c[body]
-
-
 def _legs_on_paths(plan: Plan) -> Index:
     """Give the freedoms of legs of groups that lie on paths to wrists."""
     own = {int(col) for col in plan.parts.v if col >= 0}
@@ -300,21 +194,30 @@ def _legs_on_paths(plan: Plan) -> Index:
 
 
 def _wrists(
-    core: Core, plan: Plan, q: Expression, v: Expression, known: dict[int, Any], s: Expression,
-    A_base: Expression, V_base: Expression,
-) -> tuple[list[int], Any]:  # fmt: skip
-    """Give the accelerations of all wrists, entered in `known`, and the guard of their pivots."""
-    cols: list[int] = []
+    core: Core, plan: Plan, given: tuple[Expression, Expression], base: BaseMotion, s: Expression,
+    known: dict[int, Any],
+) -> tuple[dict[int, Any], Any]:  # fmt: skip
+    """Give the accelerations of all wrists by freedom of the spanning tree, and the guard of their pivots.
+
+    Args:
+        core: The core.
+        plan: The module.
+        given: Positions and rates of the spanning tree.
+        base: Motion of the base.
+        s: Accelerations [V_dot_base; y].
+        known: Accelerations of the spanning tree's other freedoms.
+    """
+    q, v = given
+    out: dict[int, Any] = {}
     guard: Any = ca.SX(0.0)
     for path, pivots in zip(plan.paths, plan.wrist_pivots, strict=True):
-        a = np.array([known.get(int(col), 0.0) for col in path.v], dtype=object)
-        own = path.v[path.wrist_v]
+        a = np.array([(known | out).get(int(col), 0.0) for col in path.v], dtype=object)
         a[path.wrist_v] = 0.0
-        chain = sweep(list(path.links), q[path.q], v[path.v], V_base, a, A_base)
-        target = _whole(core, core_body(plan, path.wrist.target), s)
+        chain = sweep(list(path.links), q[path.q], v[path.v], base.V, a, base.A)
+        body = core_body(plan, path.wrist.target)
+        target = whole(core.chain, body, s, motion_map(core.chain, body))
         target = to_child(plain(path.wrist.R), plain(path.wrist.p), target)
         solved, trust = wrist_accelerations(path, chain, target, pivots)
-        known |= {int(col): value for col, value in zip(own, solved, strict=True)}
-        cols += own.tolist()
+        out |= {int(col): value for col, value in zip(path.v[path.wrist_v], solved, strict=True)}
         guard = ca.fmax(guard, trusted(trust))
-    return cols, guard
+    return out, guard
