@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 import dataclasses
+import os
 import re
+import subprocess
+import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -105,6 +109,47 @@ def test_arrays_of_every_layout_are_taken(library: Library) -> None:
     assert (library.single(program.name, read_only, v[0])[0][0] == a[0]).all()
     swapped = q[0].astype(">f8")
     assert (library.single(program.name, swapped, v[0])[0][0] == a[0]).all()
+
+
+def test_a_batch_of_one_runs_as_a_single_call(library: Library, monkeypatch: pytest.MonkeyPatch) -> None:
+    program = PROGRAMS[0]
+    calls = library.programs[program.name]
+    q, v = inputs(program, 40)
+    (a, b), guard = library.batch(program.name, q, v)
+    trusted = int(np.argmin(guard))
+    assert guard[trusted] <= calls.trusted
+    monkeypatch.setattr(calls, "_batch", None)
+    at = slice(trusted, trusted + 1)
+    (a1, b1), guard1 = library.batch(program.name, q[at], v[at])
+    assert (a1 == a[at]).all()
+    assert (b1 == b[at]).all()
+    assert (guard1 == guard[at]).all()
+
+
+FORK = """
+import os, signal
+import numpy as np
+from hybridyn.compiled.library import BLOCK, load
+from tests.compiled_toys import inputs, toy
+
+program = toy(0, 1)
+library = load([program])
+given = inputs(program, 3 * BLOCK)
+(a, _), _ = library.batch(program.name, *given, threads=2)
+child = os.fork()
+if not child:
+    signal.alarm(20)  # a child that waits for its parent's threads ends here
+    (again, _), _ = library.batch(program.name, *given, threads=2)
+    os._exit(0 if (again == a).all() else 1)
+assert os.waitpid(child, 0)[1] == 0
+"""
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="processes do not fork here")
+def test_a_forked_process_has_threads_of_its_own(library: Library) -> None:
+    environment = os.environ | {"PYTHONPATH": str(Path(__file__).parents[1])}
+    done = subprocess.run([sys.executable, "-c", FORK], env=environment, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
 
 
 def test_no_samples_give_no_results(library: Library) -> None:
