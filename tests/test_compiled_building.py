@@ -9,6 +9,7 @@ import shutil
 import stat
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
 
 import numpy as np
@@ -161,6 +162,26 @@ def test_a_compiler_that_is_named_must_be_there(
     monkeypatch.setenv("CC", "no-such-compiler -v")
     with pytest.raises(CompileError, match="'no-such-compiler', is not there"):
         cached("a robot", source)
+
+
+def test_a_compiler_named_with_an_open_quotation(
+    fresh_compiler: None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("CC", 'gcc "-O2')
+    with pytest.raises(CompileError, match=r"CC names cannot be read: 'gcc \"-O2': No closing quotation"):
+        cached("a robot", source)
+
+
+def test_a_full_folder_of_the_system_does_not_matter(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, empty_cache: Path
+) -> None:
+    """What is written lies in the cache folder, which is the one that messages name."""
+    made = []
+    folder_of = tempfile.TemporaryDirectory
+    monkeypatch.setattr(tempfile, "TemporaryDirectory", lambda **k: made.append(k["dir"]) or folder_of(**k))
+    cached("a robot", source)
+    assert made
+    assert all(Path(folder).is_relative_to(empty_cache) for folder in made)
 
 
 def test_a_compiler_that_fails_is_quoted(tmp_path: Path) -> None:

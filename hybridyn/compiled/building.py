@@ -24,13 +24,13 @@ def build(units: tuple[str, ...], compiler: Compiler, target: Path, libraries: t
     Args:
         units: C sources.
         compiler: The compiler.
-        target: The library that is written.
+        target: The library that is written; sources lie beside it meanwhile.
         libraries: Libraries it needs besides the C library's mathematics.
 
     Raises:
         CompileError: The compiler refuses, with what it says.
     """
-    with tempfile.TemporaryDirectory(prefix="hybridyn-") as folder:
+    with tempfile.TemporaryDirectory(prefix="hybridyn-", dir=target.parent) as folder:
         sources = [Path(folder, f"unit{i}.c") for i in range(len(units))]
         for path, text in zip(sources, units, strict=True):
             path.write_text(text)

@@ -55,7 +55,7 @@ def find_compiler() -> Compiler:
     Raises:
         CompileError: There is none; the message says what to install.
     """
-    if words := shlex.split(os.environ.get("CC", "")):
+    if words := _words(os.environ.get("CC", "")):
         path = shutil.which(words[0])
         if path is None:
             raise CompileError(f"the compiler that CC names, '{words[0]}', is not there")
@@ -67,6 +67,18 @@ def find_compiler() -> Compiler:
     if spec is not None and spec.origin:
         return Compiler((sys.executable, "-m", "ziglang", "cc"), _identity(spec.origin))
     raise CompileError(ADVICE)
+
+
+def _words(command: str) -> list[str]:
+    """Cut a command into words, as a shell does.
+
+    Raises:
+        CompileError: It has an open quotation.
+    """
+    try:
+        return shlex.split(command)
+    except ValueError as error:
+        raise CompileError(f"the compiler that CC names cannot be read: {command!r}: {error}") from error
 
 
 def _identity(path: str) -> str:
