@@ -37,17 +37,13 @@ def refuse_lost_rank(module: Module, basis: Basis) -> None:
     if not len(lost) or not module.mechanism.reduction.rank:
         return
     t = int(lost[0])
-    condition = float(1 / basis.pivot[t]) if basis.pivot[t] > 0 else np.inf
-    raise SingularityError(
-        f"module '{module.name}': its closures lose rank at sample {t} (constraint singularity; condition "
-        f"number {condition:.1e}, limit {1 / LOST:.0e}): more than its {module.mobility} freedoms are "
-        "possible there for an instant. Move the posture away from it, or, for the inverse model, pass "
-        'on_singular="least-norm"',
-        module=module.name,
-        what="closures",
-        condition=condition,
-        sample=t,
-    )
+    condition = _condition(basis.pivot[t])
+    raise _refusal(
+        module, "closures", t, condition,
+        f"its closures lose rank at sample {t} (constraint singularity; condition number {condition:.1e}, "
+        f"limit {1 / LOST:.0e}): more than its {module.mobility} freedoms are possible there for an instant. "
+        'Move the posture away from it, or, for the inverse model, pass on_singular="least-norm"',
+    )  # fmt: skip
 
 
 def refuse_untold(module: Module, pivot: Array) -> None:
@@ -64,17 +60,13 @@ def refuse_untold(module: Module, pivot: Array) -> None:
     if not len(lost):
         return
     t = int(lost[0])
-    condition = float(pivot[t]) ** -2 if pivot[t] > 0 else np.inf
-    raise SingularityError(
-        f"module '{module.name}': its motors lose a direction at sample {t} (parallel singularity), and "
-        f"their accelerations alone do not tell the motion there (condition number {condition:.1e} together "
-        f'with the efforts, limit {1 / UNTOLD:.0e}). Give all accelerations, passive="given", or move the '
-        "trajectory away",
-        module=module.name,
-        what="motors",
-        condition=condition,
-        sample=t,
-    )
+    condition = _condition(pivot[t] ** 2)
+    raise _refusal(
+        module, "motors", t, condition,
+        f"its motors lose a direction at sample {t} (parallel singularity), and their accelerations alone do "
+        f"not tell the motion there (condition number {condition:.1e} together with the efforts, limit "
+        f'{1 / UNTOLD:.0e}). Give all accelerations, passive="given", or move the trajectory away',
+    )  # fmt: skip
 
 
 def refuse_lost_digits(module: Module, basis: Basis, Q: Array, size: Array, weight: float) -> None:
@@ -99,16 +91,24 @@ def refuse_lost_digits(module: Module, basis: Basis, Q: Array, size: Array, weig
     if not len(bad) or not module.motors:
         return
     t = int(bad[0])
-    condition = float(1 / basis.pivot[t]) if basis.pivot[t] > 0 else np.inf
-    raise SingularityError(
-        f"module '{module.name}': no digit of its efforts is left at sample {t}, next to a constraint "
-        f"singularity (condition number {condition:.1e}): terms of {size[t]:.1e} N m cancel. Such "
-        "accelerations are not those of a smooth motion there; take q, v, a of one that is, or move the "
-        "posture away",
-        module=module.name,
-        what="closures",
-        condition=condition,
-        sample=t,
+    condition = _condition(basis.pivot[t])
+    raise _refusal(
+        module, "closures", t, condition,
+        f"no digit of its efforts is left at sample {t}, next to a constraint singularity (condition number "
+        f"{condition:.1e}): terms of {size[t]:.1e} N m cancel. Such accelerations are not those of a smooth "
+        "motion there; take q, v, a of one that is, or move the posture away",
+    )  # fmt: skip
+
+
+def _condition(pivot: float) -> float:
+    """Give the condition number that a smallest pivot, as a part of the largest, stands for."""
+    return 1 / float(pivot) if pivot > 0 else np.inf
+
+
+def _refusal(module: Module, what: str, sample: int, condition: float, says: str) -> SingularityError:
+    """Give the error for a sample at which a module lost rank."""
+    return SingularityError(
+        f"module '{module.name}': {says}", module=module.name, what=what, condition=condition, sample=sample
     )
 
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import hybridyn
+from hybridyn.lost_rank import refuse_untold
 
 TOLERANCE = 1e-13  # rounding of a closed form with terms of order twenty
 
@@ -60,3 +61,14 @@ def test_the_change_point_itself(tmp_path: Path) -> None:
         hybridyn.ddm(robot, q, v, np.zeros(1))
     tau = hybridyn.idm(robot, q, v, a, on_singular="least-norm")
     assert tau == pytest.approx(effort(0.0, 0.5), rel=TOLERANCE)
+
+
+@pytest.mark.parametrize(("pivot", "condition"), [(1e-6, 1e12), (1e-200, np.inf), (0.0, np.inf)])
+def test_motors_that_tell_nothing_are_refused_however_small_the_pivot(
+    tmp_path: Path, pivot: float, condition: float
+) -> None:
+    module = parallelogram(tmp_path).modules[0]
+    with pytest.raises(hybridyn.SingularityError, match="motors lose a direction at sample 1") as caught:
+        refuse_untold(module, np.array([1.0, pivot]))
+    assert (caught.value.what, caught.value.sample) == ("motors", 1)
+    assert caught.value.condition == pytest.approx(condition)
