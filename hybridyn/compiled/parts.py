@@ -13,10 +13,14 @@ import numpy as np
 from ..closure import TreeClosure, TreeCoupling
 from ..joints import NQ
 from ..mechanism import Mechanism
+from ..modulespec import ModuleSpec
 from ..spatial import Array, Index
 from .expressions import Expression, plain, zeros
 from .links import Link, aligned, links_of, regrouped
 from .rigid import moved, ten_numbers
+
+#: A closure tells a leg's joints where, at most generic postures, its rows are better conditioned than this.
+TOLD = 1e-4
 
 
 @dataclass(frozen=True)
@@ -101,10 +105,43 @@ def parts_of(
         own: For each body of the tree after the cuts (without the base) its ten numbers as expressions, where
             they are inputs of the model; no legs are grouped then, and nothing is regrouped.
     """
-    spec, tree = mechanism.spec, mechanism.tree
+    spec = mechanism.spec
+    links, turns, base = _links(mechanism, leg_inertia, regroup, own)
+    closures = [_turned(c, turns) for c in spec.cut_closures]
+    held = _held_legs(mechanism) if own is None else {}
+    kept = [i for i in range(len(links)) if not any(i + 1 in bodies for bodies in held)]
+    number = {0: 0} | {j + 1: i + 1 for i, j in enumerate(kept)}
+    legs = [_leg(mechanism, bodies, links, closures[at], number) for bodies, at in held.items()]
+    used = [i for i, c in enumerate(closures) if c.body_a in number and c.body_b in number]
+    return Parts(
+        mechanism=mechanism,
+        links=_renumbered(links, kept, number),
+        turns=tuple(turns[body] for body in number),
+        bodies=tuple(number),
+        platforms=frozenset(number[j + 1] - 1 for j in spec.platforms),
+        closures=tuple(
+            replace(closures[i], body_a=number[closures[i].body_a], body_b=number[closures[i].body_b])
+            for i in used
+        ),
+        couplings=tuple(
+            replace(c, terms=tuple((number[j + 1] - 1, k) for j, k in c.terms)) for c in spec.cut_couplings
+        ),
+        closure_rows=_rows(mechanism, used),
+        **_columns(mechanism, kept),
+        groups=_groups(legs, marks),
+        base=base,
+        rank=mechanism.reduction.rank - sum(len(leg.tree_v) for leg in legs),
+        own=own,
+    )
+
+
+def _links(
+    mechanism: Mechanism, leg_inertia: bool, regroup: bool, own: tuple[Expression, ...] | None
+) -> tuple[list[Link], list[Array], Array]:
+    """Give the links of the tree, the turns of its bodies' axes, and what regrouping hands to the base."""
+    spec, base = mechanism.spec, np.zeros(10)
     inertias = [ten_numbers(body if leg_inertia else None) for body in spec.leg_bodies]
     links, turns = aligned(links_of(spec.tree, inertias), frozenset(spec.outputs))
-    base = np.zeros(10)
     if own is not None:
         links = [
             link if body is None else replace(link, inertia=moved(numbers, plain(turn.T), zeros(3)))
@@ -112,59 +149,54 @@ def parts_of(
         ]
     elif regroup:
         links, base = regrouped(links)
-    closures = [_turned(c, turns) for c in spec.cut_closures]
-    q_of, v_of = _spanning_columns(mechanism)
-    legs: list[Leg] = []
-    gone: set[int] = set()
-    for bodies in spec.legs if own is None else ():
-        at = _closure_of_leg(mechanism, bodies)
-        if at is None:
-            continue
-        number = {0: 0} | {b: i + 1 for i, b in enumerate(sorted(bodies))}
-        joints = [b - 1 for b in sorted(bodies)]
-        closure = closures[at]
-        on_a = closure.body_a in bodies
-        inside = tuple(replace(links[j], parent=number[links[j].parent]) for j in joints)
-        tq, tv = (
-            np.concatenate([np.arange(*s[j].indices(10**9)) for j in joints])
-            for s in (tree.q_slices, tree.v_slices)
-        )
-        end, platform = (closure.body_a, closure.body_b) if on_a else (closure.body_b, closure.body_a)
-        legs.append(Leg(inside, closure, on_a, number[end], platform - 1, q_of[tq], v_of[tv], tq, tv))
-        gone |= set(bodies)
-    kept = [i for i in range(len(links)) if i + 1 not in gone]
-    number = {0: 0} | {j + 1: i + 1 for i, j in enumerate(kept)}
-    core = tuple(replace(links[j], parent=number[links[j].parent]) for j in kept)
-    used = [i for i, c in enumerate(closures) if c.body_a in number and c.body_b in number]
-    tq, tv = (
-        np.concatenate([np.zeros(0, dtype=int), *(np.arange(*s[j].indices(10**9)) for j in kept)])
-        for s in (tree.q_slices, tree.v_slices)
+    return links, turns, base
+
+
+def _held_legs(mechanism: Mechanism) -> dict[tuple[int, ...], int]:
+    """Give the legs that may be grouped, as bodies of the tree, each with the closure that holds its end."""
+    found = {bodies: _closure_of_leg(mechanism, bodies) for bodies in mechanism.spec.legs}
+    return {bodies: at for bodies, at in found.items() if at is not None}
+
+
+def _leg(
+    mechanism: Mechanism, bodies: tuple[int, ...], links: list[Link], closure: TreeClosure,
+    core: dict[int, int],
+) -> Leg:  # fmt: skip
+    """Give a leg; `core` numbers the bodies of the core."""
+    joints = [b - 1 for b in sorted(bodies)]
+    number = {0: 0} | {j + 1: i + 1 for i, j in enumerate(joints)}
+    on_a = closure.body_a in bodies
+    end, platform = (closure.body_a, closure.body_b) if on_a else (closure.body_b, closure.body_a)
+    return Leg(
+        links=_renumbered(links, joints, number),
+        closure=closure,
+        on_a=on_a,
+        end=number[end],
+        platform=core[platform] - 1,
+        **_columns(mechanism, joints),
     )
+
+
+def _renumbered(links: list[Link], joints: list[int], number: dict[int, int]) -> tuple[Link, ...]:
+    """Give some links, their parents numbered anew."""
+    return tuple(replace(links[j], parent=number[links[j].parent]) for j in joints)
+
+
+def _columns(mechanism: Mechanism, joints: list[int]) -> dict[str, Index]:
+    """Give coordinates and freedoms of joints of the tree: `tree_q`, `tree_v`, and `q`, `v` (`Parts`)."""
+    nothing = np.zeros(0, dtype=int)
+    tree, (q_of, v_of) = mechanism.tree, _spanning_columns(mechanism)
+    tree_q = np.concatenate([nothing, *(np.arange(tree.nq)[tree.q_slices[j]] for j in joints)])
+    tree_v = np.concatenate([nothing, *(np.arange(tree.nv)[tree.v_slices[j]] for j in joints)])
+    return {"tree_q": tree_q, "tree_v": tree_v, "q": q_of[tree_q], "v": v_of[tree_v]}
+
+
+def _rows(mechanism: Mechanism, used: list[int]) -> tuple[int, ...]:
+    """Give the closures' rows of those that the core uses, and of all couplings."""
     rows = mechanism.closures.row_slices
-    coupled = [rows[len(closures) + i].start for i in range(len(spec.cut_couplings))]
-    return Parts(
-        mechanism,
-        core,
-        tuple(turns[b] for b in number),
-        tuple(number),
-        frozenset(number[j + 1] - 1 for j in spec.platforms),
-        tuple(
-            replace(closures[i], body_a=number[closures[i].body_a], body_b=number[closures[i].body_b])
-            for i in used
-        ),
-        tuple(
-            replace(c, terms=tuple((number[j + 1] - 1, k) for j, k in c.terms)) for c in spec.cut_couplings
-        ),
-        tuple([r for i in used for r in range(rows[i].start, rows[i].stop)] + coupled),
-        tq,
-        tv,
-        q_of[tq],
-        v_of[tv],
-        _groups([replace(leg, platform=number[leg.platform + 1] - 1) for leg in legs], marks),
-        base,
-        mechanism.reduction.rank - sum(len(leg.tree_v) for leg in legs),
-        own,
-    )
+    of_closures = [r for i in used for r in range(rows[i].start, rows[i].stop)]
+    coupled = [at.start for at in rows[len(mechanism.spec.cut_closures) :]]
+    return (*of_closures, *coupled)
 
 
 def _turned(c: TreeClosure, turns: list[Array]) -> TreeClosure:
@@ -188,29 +220,28 @@ def _spanning_columns(mechanism: Mechanism) -> tuple[Index, Index]:
 
 def _closure_of_leg(mechanism: Mechanism, bodies: tuple[int, ...]) -> int | None:
     """Give the one closure that ties a leg to a platform and tells its joints, or None."""
-    spec = mechanism.spec
-    platforms = {j + 1 for j in spec.platforms}
-    inside = set(bodies)
-    if inside & set(spec.outputs) or any(spec.tree[b - 1].parent not in inside | {0} for b in bodies):
-        return None
-    if any(j + 1 in inside for c in spec.cut_couplings for j, _ in c.terms):
-        return None
+    spec, tree, inside = mechanism.spec, mechanism.tree, set(bodies)
     touching = [i for i, c in enumerate(spec.cut_closures) if {c.body_a, c.body_b} & inside]
-    if len(touching) != 1:
+    if len(touching) != 1 or not _hangs_alone(spec, inside):
         return None
-    c = spec.cut_closures[touching[0]]
+    at = touching[0]
+    c = spec.cut_closures[at]
     other = c.body_b if c.body_a in inside else c.body_a
-    freedoms = sum(mechanism.tree.v_slices[b - 1].stop - mechanism.tree.v_slices[b - 1].start for b in bodies)
     whole = len(c.translations) == 3 and c.rotation in ("free", "fixed", "parallel")
-    hanging = {spec.tree[i].parent for i in range(len(spec.tree)) if i + 1 not in inside}
-    if other not in platforms or not whole or c.rows != freedoms or hanging & inside:
+    cols = np.concatenate([np.arange(tree.nv)[tree.v_slices[b - 1]] for b in bodies])
+    if other - 1 not in spec.platforms or not whole or c.rows != len(cols):
         return None
-    rows, cols = mechanism.closures.row_slices[touching[0]], np.concatenate(
-        [np.arange(mechanism.tree.v_slices[b - 1].start, mechanism.tree.v_slices[b - 1].stop) for b in bodies]
-    )  # fmt: skip
-    K = mechanism.reduction.scaled(mechanism.generic_K)[:, rows][:, :, cols]
+    K = mechanism.reduction.scaled(mechanism.generic_K)[:, mechanism.closures.row_slices[at]][:, :, cols]
     s = np.linalg.svd(K, compute_uv=False)
-    return touching[0] if np.median(s[:, -1] / s[:, 0]) > 1e-4 else None
+    return at if np.median(s[:, -1] / s[:, 0]) > TOLD else None
+
+
+def _hangs_alone(spec: ModuleSpec, inside: set[int]) -> bool:
+    """Say whether bodies hang from the base alone, and nothing from them: no body, no output, no coupling."""
+    parents = {spec.tree[b - 1].parent for b in inside}
+    hanging = {joint.parent for i, joint in enumerate(spec.tree) if i + 1 not in inside}
+    coupled = {j + 1 for c in spec.cut_couplings for j, _ in c.terms}
+    return parents <= inside | {0} and not inside & (hanging | coupled | set(spec.outputs))
 
 
 def _groups(legs: list[Leg], marks: tuple[str, ...]) -> tuple[tuple[Leg, ...], ...]:
