@@ -49,6 +49,7 @@ def main() -> int:
     else:
         store(folder / "results", collected)
         print(f"{write_report(folder)} after {time.perf_counter() - started:.0f} s")
+    print(summary(tasks, collected))
     for line in failed:
         print(line, file=sys.stderr)
     return 1 if failed else 0
@@ -75,6 +76,22 @@ def collect(tasks: list[Task], cache: Cache | None) -> tuple[Collected, list[str
         print(f"[{number}/{len(tasks)}] {task.section}, {task.name}: {len(rows)} rows, {how}", flush=True)
         out.setdefault(task.section, ([], facts))[0].extend(rows)
     return {name: found for name, found in out.items() if name not in failed}, list(failed.values())
+
+
+def summary(tasks: list[Task], collected: Collected) -> str:
+    """Say in a line for each section what was measured, and what was not."""
+    lines = []
+    for section in dict.fromkeys(task.section for task in tasks):
+        jobs = sum(task.section == section for task in tasks)
+        if section not in collected:
+            lines.append(f"{section}: failed, its earlier results stay")
+            continue
+        rows = [row for row in collected[section][0] if not isinstance(row, Check)]
+        missing = sum(bool(getattr(row, "note", "")) for row in rows)
+        lines.append(f"{section}: {jobs} jobs, {len(rows) - missing} rows measured")
+        if missing:
+            lines[-1] += f", {missing} not (the report says why)"
+    return "\n".join(lines)
 
 
 def store(folder: Path, collected: Collected) -> None:

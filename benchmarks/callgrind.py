@@ -1,93 +1,142 @@
-"""Instructions per call, counted by valgrind's callgrind: repeatable on a noisy machine.
+"""Instructions per sample, counted by valgrind's callgrind: repeatable on a noisy machine.
 
-A Python process loads the robot, calls each method a few times, has counting switched on from outside
-(`callgrind_control`), and goes on. So the counts are those of a user's call, Python included; those inside
-libraries that were compiled for one robot are given apart.
+A Python process loads the robot and warms a method up; counting is on while it is called again. So the counts
+are those of a user's call, Python included; those inside the library that was compiled for the robot are
+given apart. Valgrind knows no AVX-512: there, compiled models are written for four lanes of AVX2.
 """
 
 from __future__ import annotations
 
+import ctypes
+import gc
 import math
 import os
+import shlex
 import shutil
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from unittest.mock import patch
+
+import numpy as np
 
 from benchmarks.cases import ROOT, case_of
-from benchmarks.methods import Model, NotMeasuredError, Setting
-from benchmarks.peers import METHODS, compiled
+from benchmarks.methods import Method, Model, NotMeasuredError, written
+from benchmarks.peers import compiled, methods_of, oracle, serial
 from benchmarks.results import Count
 from benchmarks.scaling import SETTINGS
-from hybridyn.spatial import Array
+from benchmarks.timing import ONE_THREAD
+from hybridyn.compiled import compilers
+from hybridyn.compiled.cache import folder as cache_folder
+from hybridyn.errors import CompileError
 
-CALLS = 20
-NOTHING = "nothing"
-PATIENCE = 900  # for one process [s]
+BATCH = 200  # samples of one call in a batch, and in a row of single ones: a tenth of them
+PATIENCE = 300  # for one process [s]
+REASON = "not measured: "
+LEFT_OUT = (
+    compiled.SINGLE,
+    *(method.name for method in (*serial.METHODS, *oracle.METHODS)),
+)
+"""Robots with loops alone are counted; the oracle takes minutes in valgrind."""
+
+SWITCH = """\
+#include <valgrind/callgrind.h>
+void counting_on(void) { CALLGRIND_START_INSTRUMENTATION; }
+void counting_off(void) { CALLGRIND_STOP_INSTRUMENTATION; }
+"""
 
 
 def measure(case: str, model: Model) -> list[Count]:
-    """Count every method of a model on one robot, one sample per call."""
-    out = []
-    try:
-        idle = counted(case, model, NOTHING, {})[0]
-    except NotMeasuredError as why:
-        return [Count(case, model, "every method", math.nan, str(why))]
-    for method in METHODS:
-        if method.model != model or method.name in ("pin.aba", "pin.rnea", compiled.SINGLE):
-            continue
+    """Count every method of a model on one robot: one sample per call, the compiled one in a batch too."""
+    methods = [method for method in methods_of(model) if method.name not in LEFT_OUT]
+    jobs = [(method, 1) for method in methods]
+    jobs += [(method, BATCH) for method in methods if method.name == compiled.NAME]
+    with tempfile.TemporaryDirectory() as name, ThreadPoolExecutor(os.cpu_count()) as pool:
+        folder = Path(name)
         try:
-            total, own = counted(case, model, method.name, SETTINGS.get(method.name, {}))
-            out.append(Count(case, model, method.name, total - idle, ""))
-            if own:
-                out.append(Count(case, model, f"{method.name}, in its own library", own, ""))
+            prepare(case, model, folder)
         except NotMeasuredError as why:
-            out.append(Count(case, model, method.name, math.nan, str(why)))
-    return out
+            return [Count(case, model, "every method", "", 0, math.nan, math.nan, str(why))]
+        return list(pool.map(lambda job: _row(case, job[0], job[1], folder), jobs))
 
 
-def counted(case: str, model: Model, method: str, setting: Setting) -> tuple[float, float]:
-    """Give the instructions of one call, and those of them in a library made for the robot.
+def _row(case: str, method: Method, batch: int, folder: Path) -> Count:
+    """Count one method, or say why not."""
+    total, own, note = math.nan, math.nan, ""
+    try:
+        total, own = counted(case, method, batch, folder)
+    except NotMeasuredError as why:
+        note = str(why)
+    setting = written(SETTINGS.get(method.name, {}))
+    return Count(case, method.model, method.name, setting, batch, total, own, note)
+
+
+def prepare(case: str, model: Model, folder: Path) -> None:
+    """Write states, build the switch, and the compiled model: nothing is compiled within valgrind.
 
     Raises:
-        NotMeasuredError: There is no valgrind, the method cannot do the robot, or the process died.
+        NotMeasuredError: There is no valgrind, or no compiler.
     """
-    if shutil.which("valgrind") is None or shutil.which("callgrind_control") is None:
+    if shutil.which("valgrind") is None:
         raise NotMeasuredError("valgrind is not installed")
-    with tempfile.TemporaryDirectory() as folder:
-        target = Path(folder) / "counts"
-        words = ["valgrind", "--tool=callgrind", "--instr-atstart=no", f"--callgrind-out-file={target}", "-q"]
-        words += [sys.executable, "-m", "benchmarks.callgrind", case, model, method]
-        words += [f"{name}={value!r}" for name, value in setting.items()]
-        environment = {
-            **os.environ,
-            "PYTHONHASHSEED": "0",
-            "OMP_NUM_THREADS": "1",
-            "OPENBLAS_NUM_THREADS": "1",
-        }
-        try:
-            done = subprocess.run(
-                words, cwd=ROOT, env=environment, capture_output=True, text=True, timeout=PATIENCE
-            )
-        except subprocess.TimeoutExpired:
-            raise NotMeasuredError(f"given up after {PATIENCE} s") from None
-        said = done.stdout.strip().splitlines()
-        if done.returncode:
-            why = (
-                said[-1] if said and said[-1].startswith("not measured: ") else "the process died in valgrind"
-            )
-            raise NotMeasuredError(why.removeprefix("not measured: "))
-        costs = by_library(target.read_text())
-    return sum(costs.values()) / CALLS, sum(
-        cost for name, cost in costs.items() if compiled_here(name)
-    ) / CALLS
+    try:
+        compiler = compilers.find_compiler()
+        source, target = folder / "switch.c", folder / "switch.so"
+        source.write_text(SWITCH)
+        subprocess.run(
+            [*compiler.command, "-shared", "-fPIC", str(source), "-o", str(target)],
+            check=True,
+            capture_output=True,
+        )
+    except (CompileError, subprocess.CalledProcessError):
+        raise NotMeasuredError("no C compiler that finds valgrind/callgrind.h") from None
+    _process([], [case, model, "", str(BATCH), str(folder)])
 
 
-def compiled_here(library: str) -> bool:
-    """Tell whether a library was compiled for a robot: it lies in hybridyn's cache."""
-    return "hybridyn" in library and library.endswith(".so")
+def counted(case: str, method: Method, batch: int, folder: Path) -> tuple[float, float]:
+    """Give the instructions per sample, and those of them in the library made for the robot.
+
+    Raises:
+        NotMeasuredError: The method cannot do the robot, or the process died.
+    """
+    target = folder / f"{method.name}, {batch}"
+    tool = ["valgrind", "--tool=callgrind", "--instr-atstart=no", f"--callgrind-out-file={target}", "-q"]
+    _process(tool, [case, method.model, method.name, str(batch), str(folder)])
+    costs = by_library(target.read_text())
+    if not costs:
+        raise NotMeasuredError("valgrind counted nothing")
+    samples, own = (BATCH if batch > 1 else BATCH // 10), str(cache_folder().resolve())
+    inside = sum(cost for name, cost in costs.items() if name.startswith(own))
+    return sum(costs.values()) / samples, inside / samples
+
+
+def _process(tool: list[str], words: list[str]) -> None:
+    """Run `main` in a process, within a tool or not.
+
+    Raises:
+        NotMeasuredError: It failed, or took too long.
+    """
+    environment = {**os.environ, **dict.fromkeys(ONE_THREAD, "1"), "PYTHONHASHSEED": "0"}
+    if wide():
+        environment["CC"] = shlex.join([*compilers.find_compiler().command, "-mno-avx512f"])
+    command = [*tool, sys.executable, "-m", "benchmarks.callgrind", *words]
+    try:
+        done = subprocess.run(
+            command, cwd=ROOT, env=environment, capture_output=True, text=True, timeout=PATIENCE
+        )
+    except subprocess.TimeoutExpired:
+        raise NotMeasuredError(f"given up after {PATIENCE} s") from None
+    if done.returncode:
+        said = [line for line in done.stdout.splitlines() if line.startswith(REASON)]
+        why = said[-1].removeprefix(REASON) if said else f"the process died (exit status {done.returncode})"
+        raise NotMeasuredError(why)
+
+
+def wide() -> bool:
+    """Tell whether this machine has vectors that valgrind does not know."""
+    return "avx512f" in compilers.features()
 
 
 def by_library(text: str) -> dict[str, float]:
@@ -112,42 +161,34 @@ def by_library(text: str) -> dict[str, float]:
     return costs
 
 
-def main(case: str, model: str, name: str, *options: str) -> int:
-    """Be the process that is counted; gives the exit status."""
+def main(case: str, model: Model, name: str, batch: str, folder: str) -> int:
+    """Be the process that is counted, or without a method the one that prepares; gives the exit status."""
     import hybridyn
 
-    setting = {key: float(value) for key, value in (option.split("=") for option in options)}
-    own = case_of(case)
-    robot = own.load()
-    q, v, a = own.states(robot, CALLS)
-    given = a if model == "idm" else hybridyn.idm(robot, q, v, a)
-    method = next((m for m in METHODS if (m.model, m.name) == (model, name)), None)
-    try:
-        solve = method.prepare(robot)(setting) if method else nothing
-    except NotMeasuredError as why:
-        print(f"not measured: {why}")
-        return 1
-    states = list(zip(q, v, given, strict=True))
-    for state in states:
-        solve(*state)
-    for _ in switched_on():
-        for state in states:
-            solve(*state)
+    robot, path = case_of(case).load(), Path(folder, "states.npz")
+    with patch.object(compilers, "features", lambda: frozenset({"avx", "avx2", "fma"})):
+        if not name:
+            q, v, a = case_of(case).states(robot, BATCH)
+            np.savez(path, q=q, v=v, given=a if model == "idm" else hybridyn.idm(robot, q, v, a))
+        method = next(m for m in methods_of(model) if m.name == (name or compiled.NAME))
+        try:
+            solve = method.prepare(robot)(SETTINGS.get(name, {}))
+        except NotMeasuredError as why:
+            print(f"{REASON}{why}")
+            return 1 if name else 0
+    with np.load(path) as file:
+        arrays = [file[key] for key in ("q", "v", "given")]
+    calls = [arrays] if int(batch) > 1 else [[x[i].copy() for x in arrays] for i in range(BATCH // 10)]
+    switch = ctypes.CDLL(str(Path(folder, "switch.so")))
+    gc.disable()
+    for call in calls:
+        solve(*call)
+    switch.counting_on()
+    for call in calls:
+        solve(*call)
+    switch.counting_off()
     return 0
 
 
-def nothing(q: Array, v: Array, given: Array) -> Array:
-    """Do nothing: what switching the counting costs is taken off the other counts."""
-    return given
-
-
-def switched_on() -> Iterator[None]:
-    """Count while the body runs."""
-    for word in ("on", "off"):
-        subprocess.run(["callgrind_control", "-i", word, str(os.getpid())], capture_output=True, check=True)
-        if word == "on":
-            yield
-
-
 if __name__ == "__main__":
-    sys.exit(main(*sys.argv[1:]))
+    sys.exit(main(*sys.argv[1:]))  # type: ignore[arg-type]

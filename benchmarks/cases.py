@@ -20,6 +20,7 @@ ROOT = Path(__file__).parents[1]
 LX4 = ROOT / "urdf" / "lx4.urdf.xacro"
 LX4_TRAJECTORY = ROOT / "models" / "lx4" / "traj.csv"
 
+DOWNWARD, UPWARD = (0.0, 0.0, -9.81), (0.0, 0.0, 9.81)  # gravity, of a robot that stands, that hangs
 HOME_HEIGHT = 0.5  # of a platform above the joints of the one below [m]
 PLATE = 0.025  # from a platform's frame to the joints of the module that it carries [m]
 STEP = 0.005  # between samples, as in the shipped trajectories [s]
@@ -55,6 +56,8 @@ def case_of(name: str) -> Case:
     modules = int(number or 0)
     if name == "lx4":
         return Case(name, "shipped", 4, partial(stack, 4), stack_states)
+    if name == "hanging_lx4":
+        return Case(name, "shipped", 4, partial(stack, 4, gravity=UPWARD), stack_states)
     if family == "stack":
         return Case(name, family, modules, partial(stack, modules), stack_states)
     if family == "snake" and modules:
@@ -102,9 +105,9 @@ def swinging(robot: hybridyn.HybridRobot, samples: int, slide: float = SWING["pr
     return hybridyn.assemble(robot, motors=motors, guess=robot.home)
 
 
-def stack(modules: int) -> hybridyn.HybridRobot:
+def stack(modules: int, gravity: tuple[float, float, float] = DOWNWARD) -> hybridyn.HybridRobot:
     """Load a stack of equal 6-UPS modules, those of the LX4."""
-    return hybridyn.load(LX4, xacro_args={"modules": str(modules)})
+    return hybridyn.load(LX4, xacro_args={"modules": str(modules)}, gravity=gravity)
 
 
 def stack_motion(modules: int, samples: int) -> dict[str, tuple[Array, Array, Array]]:

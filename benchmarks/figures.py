@@ -161,16 +161,18 @@ def simulation(flights: Sequence[Flight]) -> Figure | None:
 
 
 METHOD_STYLES = {
-    "hybridyn, rk4, closed in stages": ("#3d9be9", "hybridyn rk4, closed in stages"),
-    "hybridyn, rk4, closed after steps": ("#86c3f5", "hybridyn rk4, closed after steps"),
-    "hybridyn, rk4, not closed": ("#9db4c8", "hybridyn rk4, not closed"),
-    "hybridyn, dopri5": ("#0b4f9e", "hybridyn dopri5"),
-    "hybridyn, conserving": ("#00868b", "hybridyn conserving"),
-    "hybridyn, implicit": ("#5a6fd6", "hybridyn implicit"),
-    "hybridyn, compiled, rk4": ("#062c5a", "hybridyn rk4, compiled"),
-    "rk4 on constraintDynamics, held by nothing": ("#f2b36b", "rk4 on constraintDynamics"),
+    "hybridyn, general, rk4, closed in stages": ("#3d9be9", "general, rk4, closed in stages"),
+    "hybridyn, general, rk4, closed after steps": ("#86c3f5", "general, rk4, closed after steps"),
+    "hybridyn, general, rk4, not closed": ("#9db4c8", "general, rk4, not closed"),
+    "hybridyn, compiled, rk4, closed in stages": ("#0b4f9e", "compiled, rk4, closed in stages"),
+    "hybridyn, general, dopri5": ("#00a5ab", "general, dopri5"),
+    "hybridyn, compiled, dopri5": ("#00676b", "compiled, dopri5"),
+    "hybridyn, general, conserving": ("#7b68c8", "general, conserving"),
+    "hybridyn, general, implicit": ("#5a6fd6", "general, implicit"),
+    "rk4 on constraintDynamics, held by nothing": ("#f2b36b", "constraintDynamics, rk4"),
     "rk4 on constraintDynamics, held by baumgarte": ("#e07b00", "... with Baumgarte"),
     "rk4 on constraintDynamics, held by projection": ("#9c5400", "... with projection"),
+    "rk4 on lcaba, held by nothing": ("#c22f1f", "lcaba, rk4"),
     "MuJoCo, Euler": ("#8cc59a", "MuJoCo, Euler"),
     "MuJoCo, RK4": ("#3f8f4f", "MuJoCo, RK4"),
 }

@@ -35,7 +35,8 @@ class Method:
         settings: The settings that are swept.
         batches: True where one call takes many samples, (T, n); others are called in a loop.
         threads: True where `setup` takes a number of threads, `setup(robot, threads=2)`.
-        most: Most velocities of a robot for which it is tried: beyond, it takes gigabytes or seconds a call.
+        most: Most velocities of a robot for which it is tried.
+        beyond: What it takes beyond.
         limit: Largest error of one of hybridyn's own methods; beyond, nothing is timed.
     """
 
@@ -46,6 +47,7 @@ class Method:
     batches: bool = False
     threads: bool = False
     most: float = math.inf
+    beyond: str = "gigabytes, or seconds a call"
     limit: float = 1e-10
 
     def prepare(self, robot: HybridRobot, threads: int = 1) -> Callable[[Setting], Solver]:
@@ -64,7 +66,7 @@ class Method:
             NotMeasuredError: It has too many velocities.
         """
         if nv > self.most:
-            raise NotMeasuredError(f"not tried above {self.most:g} velocities: gigabytes, or seconds a call")
+            raise NotMeasuredError(f"not tried above {self.most:,.0f} velocities: {self.beyond}")
 
 
 def written(setting: Setting) -> str:

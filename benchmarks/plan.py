@@ -22,6 +22,8 @@ from benchmarks.results import SECTIONS, Check, machine
 CACHE = ROOT / "build" / "benchmarks" / "cache"
 OUTPUT = {
     "report.py",
+    "standing.py",
+    "tables.py",
     "texts.py",
     "figures.py",
     "fronts.py",
@@ -37,6 +39,9 @@ OUTPUT = {
 SHIPPED = ("gough_stewart", "rps3", "five_bar", "delta", "tanev", "stewart_ur5", "scara_delta", "lx4")
 STACKS = (1, 2, 4, 8, 16)
 SNAKES = (4, 8, 16)
+LONG = simulation.Steps(
+    rk4=(), projected=(1e-2, 1e-3), general=(), implicit=(), mujoco=(1e-3, 1e-4)
+)  # the general path would take a quarter of an hour for 10,000 steps
 DISTANCES = tuple(10.0 ** (-k / 2) for k in range(17))
 
 
@@ -70,7 +75,18 @@ def short() -> list[Task]:
     """Give the jobs of the short run: every section, in under a minute on two cores."""
     effort = accuracy.Effort(judged=2, batch=32, rounds=2, sweep=9)
     load = throughput.Load((1, 32), (1, 2), 1)
-    steps = simulation.Steps((1e-2,), (1e-2,), (1e-3,), (1e-2,), (), (2e-3,), 0.1)
+    steps = simulation.Steps(
+        rk4=(1e-2,),
+        compiled=(1e-3,),
+        peers=(1e-2,),
+        projected=(1e-2,),
+        rtol=(1e-3,),
+        general=(1e-3,),
+        conserving=(1e-2,),
+        implicit=(),
+        mujoco=(2e-3,),
+        part=0.1,
+    )
     return [
         Task("ddm", "five_bar", accuracy.measure, ("ddm", "five_bar", effort)),
         Task("idm", "gough_stewart", accuracy.measure, ("idm", "gough_stewart", effort)),
@@ -101,7 +117,8 @@ def full() -> list[Task]:
             samples = scaling.BATCH if n <= 64 else 100
             out.append(Task("scaling", f"{family} {n}", scaling.measure, (family, n, samples), False))
     for name in simulation.MOTIONS:
-        out.append(Task("simulation", name, simulation.measure, (name, simulation.Steps())))
+        steps = LONG if name == simulation.LONG else simulation.Steps()
+        out.append(Task("simulation", name, simulation.measure, (name, steps)))
     for case in ("lx4", "five_bar"):
         for model in ("ddm", "idm"):
             out.append(

@@ -10,13 +10,13 @@ from typing import Any
 from benchmarks.fronts import cheapest, exponent, grouped
 from benchmarks.goals import Goal, goals
 from benchmarks.results import SECTIONS, Check, read_machines, read_rows
-from benchmarks.texts import CALLGRIND, HEAD, JOB, LIMITS, METHODS, SINGULAR, STANDING
+from benchmarks.standing import flown, losses, standing
+from benchmarks.tables import number, table
+from benchmarks.texts import CALLGRIND, HEAD, JOB, LIMITS, METHODS, SINGULAR, THROUGHPUT
 
 Results = dict[str, list[Any]]
 
 MOST_NAMED = 6  # cases of one reason that are written out
-OWN = ("hybridyn", "dense null space")
-"""What is hybridyn's own, its oracle included."""
 
 
 def write_report(folder: Path) -> Path:
@@ -61,7 +61,7 @@ def report(results: Results, machines: dict[str, dict[str, str]], drawn: Sequenc
         ("callgrind", "Instructions", _callgrind),
         ("job", "The main job", _job),
     ]
-    parts = [HEAD, *_standing(results), *_goals(results), METHODS]
+    parts = [HEAD, *standing(results), *losses(results), *_goals(results), METHODS]
     for name, title, body in titles:
         if results[name]:
             parts.append(f"## {title}\n")
@@ -70,59 +70,6 @@ def report(results: Results, machines: dict[str, dict[str, str]], drawn: Sequenc
             parts += body(results)
     parts += [*_gate(results), *_missing(results), LIMITS, *_machines(machines)]
     return "\n".join(parts)
-
-
-def table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """Write a Markdown table."""
-    lines = [header, ["---"] * len(header), *rows]
-    return "\n".join(f"| {' | '.join(line)} |" for line in lines) + "\n"
-
-
-def number(value: float) -> str:
-    """Write a number with three digits."""
-    if math.isnan(value):
-        return "not measured"
-    if value == 0:
-        return "0"
-    return f"{value:.1e}" if abs(value) < 1e-3 else f"{value:,.0f}" if abs(value) >= 100 else f"{value:.3g}"
-
-
-def _standing(results: Results) -> Iterator[str]:
-    """Say case by case who is faster, at an error of 1e-10 or better."""
-    yield "## Where hybridyn stands\n"
-    yield STANDING
-    rows = []
-    for model in ("ddm", "idm"):
-        for case, own in grouped(results[model], "case").items():
-            peer = cheapest(p for p in own if not p.method.startswith(OWN))
-            if peer is None:
-                continue
-            name = f"{peer.method}, {peer.setting}" if peer.setting else peer.method
-            row = [model, case, name, number(peer.error), number(peer.us)]
-            for single in (True, False):
-                ours = cheapest(
-                    p for p in own if p.method.startswith("hybridyn") and (p.batch == 1) == single
-                )
-                row += [number(ours.us), _against(ours.us / peer.us)] if ours else ["not measured", ""]
-            rows.append(row)
-    yield table(
-        [
-            "model",
-            "robot",
-            "fastest peer",
-            "error",
-            "us",
-            "hybridyn, one call, us",
-            "ratio",
-            "hybridyn, batch, us",
-            "ratio",
-        ],
-        rows,
-    )
-
-
-def _against(ratio: float) -> str:
-    return f"**{ratio:.3g}**" if ratio > 1 else f"{ratio:.3g}"
 
 
 def _goals(results: Results) -> Iterator[str]:
@@ -200,10 +147,11 @@ def _simulation(results: Results) -> Iterator[str]:
             if math.isfinite(f.seconds)
         ]
         yield table(["method", "setting", "time [s]", "final state", "energy", "closures", ""], rows)
+        yield from flown(own)
 
 
 def _throughput(results: Results) -> Iterator[str]:
-    yield "Time per sample [us]; peers are called in a loop.\n"
+    yield THROUGHPUT
     own = [p for p in results["throughput"] if math.isfinite(p.us)]
     sizes = sorted({p.batch for p in own})
     rows = []
@@ -230,8 +178,20 @@ def _singular(results: Results) -> Iterator[str]:
 
 def _callgrind(results: Results) -> Iterator[str]:
     yield CALLGRIND
-    rows = [[c.case, c.model, c.method, number(c.instructions), c.note] for c in results["callgrind"]]
-    yield table(["robot", "model", "method", "instructions", ""], rows)
+    times = {
+        (p.case, p.model, p.method, p.setting, p.batch > 1): p.us
+        for p in results["ddm"] + results["idm"]
+        if math.isfinite(p.us)
+    }
+    rows = []
+    for c in results["callgrind"]:
+        if math.isfinite(c.instructions):
+            us = times.get((c.case, c.model, c.method, c.setting, c.batch > 1), math.nan)
+            name = f"{c.method}, {c.setting}" if c.setting else c.method
+            own = number(c.own) if c.own else ""
+            rows.append([c.case, c.model, name, str(c.batch), number(c.instructions), own, number(us)])
+    head = ["robot", "model", "method", "batch", "instructions", "in its own library", "time [us]"]
+    yield table(head, rows)
 
 
 def _job(results: Results) -> Iterator[str]:

@@ -155,14 +155,20 @@ class Count(NamedTuple):
         case: Robot.
         model: "ddm" or "idm".
         method: Method.
+        setting: Setting, in words.
+        batch: Samples per call.
         instructions: Per sample; NaN where not measured.
+        own: Those of them in the library that was compiled for the robot.
         note: Why it was not measured.
     """
 
     case: str
     model: str
     method: str
+    setting: str
+    batch: int
     instructions: float
+    own: float
     note: str
 
 

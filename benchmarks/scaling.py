@@ -9,6 +9,7 @@ import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import NamedTuple
+from unittest.mock import patch
 
 import numpy as np
 
@@ -21,6 +22,7 @@ from benchmarks.processes import MIB, forget_peak, in_own_process, peak, residen
 from benchmarks.results import Check, Size
 from benchmarks.timing import interleaved
 from hybridyn import HybridRobot
+from hybridyn.compiled.cache import VARIABLE
 from hybridyn.spatial import Array
 
 BATCH = 500
@@ -58,17 +60,18 @@ def measure(
 ) -> list[Size | Check]:
     """Measure all methods on one robot, or only the direct model by some."""
     case = f"{family} {modules}"
-    with tempfile.TemporaryDirectory() as folder:
+    with tempfile.TemporaryDirectory() as folder, patch.dict(os.environ, {VARIABLE: folder}):
         motion = Path(folder) / "motion.npz"
         error, nv = in_own_process(write_motion, case, samples, motion)
         out: list[Size | Check] = [Check(case, "ddm(idm(a)) against a", error, round_trip_limit(modules))]
-        if not only:
-            out.append(_compilation(family, modules))
+        if not only:  # into an empty cache; what is built serves the other points
+            us, mib, note = _tried(Line("ddm", compiled.NAME, 1), nv, compilation, case)
+            out.append(Size(family, modules, "compile", compiled.NAME, 1, us, mib, note))
         for line in lines():
             if only and (line.model != "ddm" or line.method not in only):
                 continue
             line = line._replace(batch=min(line.batch, samples))
-            us, mib, note = _tried(point, case, line, motion, nv=nv)
+            us, mib, note = _tried(line, nv, point, case, line, motion)
             setting = written(SETTINGS.get(line.method, {}))
             name = f"{line.method}, {setting}" if setting else line.method
             out.append(Size(family, modules, line.model, name, line.batch, us, mib, note))
@@ -76,11 +79,11 @@ def measure(
 
 
 def _tried(
-    task: Callable[..., tuple[float, float]], *arguments: object, nv: int = 0
+    line: Line, nv: int, task: Callable[..., tuple[float, float]], *arguments: object
 ) -> tuple[float, float, str]:
     """Give time and memory of a task in a process of its own, or why there are none."""
     try:
-        for line in (x for x in arguments if isinstance(x, Line) and x.model in ("ddm", "idm")):
+        if line.model != "assemble":
             _method(line).check_size(nv)
         return (*in_own_process(task, *arguments, patience=PATIENCE), "")
     except NotMeasuredError as why:
@@ -100,24 +103,12 @@ def write_motion(case: str, samples: int, path: Path) -> tuple[float, int]:
     return round_trip(robot, q[:8], v[:8], a[:8]), robot.nv
 
 
-def _compilation(family: str, modules: int) -> Size:
-    """Measure a compilation into an empty cache, and fill the usual one for the other points."""
-    case = f"{family} {modules}"
-    with tempfile.TemporaryDirectory() as folder:
-        us, mib, note = _tried(compilation, case, folder)
-    if not note:
-        _tried(compilation, case, None)
-    return Size(family, modules, "compile", compiled.NAME, 1, us, mib, note)
-
-
-def compilation(case: str, cache: str | None) -> tuple[float, float]:
+def compilation(case: str) -> tuple[float, float]:
     """Give the time [us] and the memory [MiB] of compiling a robot.
 
     Raises:
         NotMeasuredError: It cannot be.
     """
-    if cache is not None:
-        os.environ["XDG_CACHE_HOME"] = cache
     robot = case_of(case).load()
     before = resident()
     forget_peak()

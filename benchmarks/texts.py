@@ -18,6 +18,20 @@ one where none does: one sample per call, then in a batch (the peer in a loop). 
 **above 1 it loses**.
 """
 
+LOSSES = """\
+Each engine against the fastest peer of the table above, the peer one call per sample. The general path is
+for arrays: one sample per call it pays milliseconds of Python, whatever the robot. In simulations the
+general path loses to everybody; see there. `hybridyn.compile` itself takes seconds, once for a robot.
+"""
+
+FLOWN = """\
+The fastest run whose final state is as good as asked, at whatever step or tolerance:
+"""
+
+THROUGHPUT = """\
+Time per sample [us]; peers are called in a loop. The best of many rounds counts, for everybody.
+"""
+
 METHODS = """\
 ## What is compared
 
@@ -52,15 +66,18 @@ assembly included, from start to end of the program. Goal: 10,000 rows in 5 s on
 """
 
 CALLGRIND = """\
-Instructions of one call, counted by valgrind's callgrind, Python included: they repeat on a noisy
-machine.
+Instructions per sample, counted by valgrind's callgrind (optional: `apt-get install valgrind`), with all of
+Python's; beside them those in the library that was compiled for the robot, which repeat to the instruction
+(Python's move by 0.1 %). Valgrind knows no AVX-512, so for the counts compiled models are written for four
+lanes of AVX2; the times are those of this machine's own width, from the sections above. Swept peers stand
+here at one setting.
 """
 
 LIMITS = """\
 ## Read with care
 
 - The machine is virtual and shared: times differ by 10 to 20 % from run to run, ratios by less, because
-  calls are interleaved.
+  calls are interleaved. "Load before" below says how busy it was.
 - Errors are the worst over two to four states of a smooth motion near home, relative to the largest entry
   of the answer. Other motions have other errors; the section on singular postures shows how far that can
   go.
@@ -79,6 +96,10 @@ LIMITS = """\
   interleaved, and swept peers stand there at one setting. Memory is what the process grows by, from the
   loaded robot to the end of the calls.
 - Simulations of peers are RK4 written in Python around one call per stage; hybridyn's include its checks
-  and outputs.
+  and outputs. Pinocchio's solvers stand there at one setting, the fastest that is good to 1e-10 on these
+  robots.
+- A compiled model simulates with closures closed in every stage; where they may open, accelerations are
+  those of the general path, so there is no such row.
+- The LX4 is the stack of four modules; it is not measured twice.
 - Snakes have their tail held, so that every peer can take part.
 """

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+import shutil
 import sys
 import time
 from pathlib import Path
@@ -15,8 +16,8 @@ import pytest
 from shipped import shipped
 
 import hybridyn
-from benchmarks import accuracy, peers
-from benchmarks.__main__ import COMMITTED, store
+from benchmarks import accuracy, callgrind, peers
+from benchmarks.__main__ import COMMITTED, store, summary
 from benchmarks.callgrind import by_library
 from benchmarks.cases import LX4_TRAJECTORY, case_of, stack_motion, write_long_trajectory
 from benchmarks.figures import write_figures
@@ -31,10 +32,11 @@ from benchmarks.plan import Cache, Task
 from benchmarks.processes import in_own_process
 from benchmarks.reference import Reference, digits, extended, floor, refer
 from benchmarks.report import read_results, report
-from benchmarks.results import SECTIONS, Check, Flight, Point, read_machines, read_rows, write_rows
-from benchmarks.simulation import MOTIONS, ours, start
+from benchmarks.results import SECTIONS, Check, Count, Flight, Point, read_machines, read_rows, write_rows
+from benchmarks.simulation import LONG, MOTIONS, ours, start
 from benchmarks.singular import APPROACHES, load
 from benchmarks.slow import table
+from benchmarks.standing import flown, losses
 from benchmarks.timing import interleaved
 from hybridyn.compiled.model import write_programs
 from hybridyn.effects.choice import choose
@@ -48,6 +50,7 @@ REACHED = {  # soft closures; another robot's efforts; seven digits
 AGREES = 1e-11  # every other method, at its best setting, on robots of condition 1e3
 FINER = 1e-17  # long double against 40 digits, on one module
 STEPS = 1e-5  # RK4 at 2 ms in two coordinates of the same motion, 10 ms
+PYTHONS = 0.01  # what the interpreter's own count moves by from run to run, tenfold
 NAN = math.nan
 
 
@@ -163,10 +166,12 @@ def test_compiled_peer_passes_the_threads_on(monkeypatch: pytest.MonkeyPatch) ->
     ]  # fmt: skip
 
 
-@pytest.mark.parametrize("hold", rk4.HOLDS)
-def test_rk4_on_constraint_dynamics_flies_the_same_motion(hold: str) -> None:
+@pytest.mark.parametrize(
+    ("solver", "hold"), [*(("constraintDynamics", hold) for hold in rk4.HOLDS), ("lcaba", "nothing")]
+)
+def test_rk4_on_pinocchios_solvers_flies_the_same_motion(solver: str, hold: str) -> None:
     at = start(MOTIONS["five_bar, let go, 1 s"], 0.01)
-    q, v = rk4.prepare(at.robot, at.q, at.v, at.tau, at.duration, 2e-3, hold)()
+    q, v = rk4.prepare(at.robot, at.q, at.v, at.tau, at.duration, 2e-3, solver, hold)()
     expected_q, expected_v = ours(at, {"method": "rk4", "step": 2e-3})
     assert np.abs(q - expected_q).max() < STEPS
     assert np.abs(v - expected_v).max() < STEPS * np.abs(v).max()
@@ -261,6 +266,23 @@ def test_jobs_are_remembered_as_long_as_nothing_changed(tmp_path: Path) -> None:
     assert cache.get(task) is None
 
 
+@pytest.mark.slow
+@pytest.mark.skipif(shutil.which("valgrind") is None, reason="valgrind is not installed")
+def test_instructions_in_a_compiled_library_repeat(tmp_path: Path) -> None:
+    callgrind.prepare("five_bar", "idm", tmp_path)
+    method = next(m for m in peers.methods_of("idm") if m.name == "hybridyn, compiled")
+    (total, own), (again, same) = (callgrind.counted("five_bar", method, 1, tmp_path) for _ in range(2))
+    assert 0 < own == same < total
+    assert abs(again - total) < PYTHONS * total
+
+
+def test_without_valgrind_counts_are_not_measured(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(callgrind.shutil, "which", lambda _: None)
+    (row,) = callgrind.measure("five_bar", "idm")
+    assert (row.method, row.note) == ("every method", "valgrind is not installed")
+    assert math.isnan(row.instructions)
+
+
 def test_callgrind_costs_by_library() -> None:
     text = """events: Ir
 ob=(1) /usr/bin/python3
@@ -313,8 +335,11 @@ def test_goals_are_met_or_missed() -> None:
         for n, us in ((1, 4), (4, 2))
     ]
     flights = [
-        Flight("lx4, pushed off, 0.2 s", name, "step 0.001", s, 0, 0, 0, "")
-        for name, s in (("hybridyn, compiled, rk4", 0.1), ("rk4 on constraintDynamics, held by nothing", 1.0))
+        Flight(LONG, name, "step 0.0001", s, 0, 0, 0, "")
+        for name, s in (
+            ("hybridyn, compiled, rk4, closed in stages", 0.1),
+            ("rk4 on constraintDynamics, held by nothing", 1.0),
+        )
     ]
     rows = {name: [] for name in SECTIONS} | {"ddm": ddm, "throughput": batch, "simulation": flights}
     found = {(g.case.partition(",")[0], g.against): g for g in goals(rows)}
@@ -324,6 +349,60 @@ def test_goals_are_met_or_missed() -> None:
     assert found["ddm", "itself, one thread"].verdict(0) == "missed"
     assert found["simulate", "the same on pin.constraintDynamics"].verdict(0) == "met"
     assert found["idm", "pin.rnea, loops open"].verdict(0) == "not measured"
+
+
+def test_losses_are_said() -> None:
+    def point(case: str, method: str, batch: int, us: float) -> Point:
+        return Point("ddm", case, method, "", batch, 1, 1e-13, us, us, "")
+
+    rows = [point(case, "pin.lcaba", 1, 10.0) for case in ("a", "b")]
+    rows += [point("a", "hybridyn, compiled", 1, 15.0), point("b", "hybridyn, compiled", 1, 5.0)]
+    rows += [point(case, "hybridyn, general", 1, 1000.0) for case in ("a", "b")]
+    rows += [point("a", "hybridyn, compiled", 100, 2.0)]
+    said = "\n".join(losses({"ddm": rows, "idm": []}))
+    assert "| hybridyn, compiled | ddm | one call | 1 of 2: a | **1.5** (a) |" in said
+    assert "| hybridyn, compiled | ddm | batch | nowhere | 0.2 (a) |" in said
+    assert "| hybridyn, general | ddm | one call | all 2 robots | **100** (a) |" in said
+
+
+def test_the_first_at_an_error_is_named() -> None:
+    flights = [
+        Flight("a", name, "step 1", seconds, error, 0, 0, "")
+        for name, seconds, error in (
+            ("hybridyn, general, rk4", 3.0, 1e-7),
+            ("MuJoCo, RK4", 1.0, 1e-4),
+            ("rk4 on lcaba", 6.0, 1e-8),
+        )
+    ]
+    said = "\n".join(flown(flights))
+    assert "| 1e-03 | hybridyn, general, rk4, step 1 | 3 | MuJoCo, RK4, step 1 | 1 | **3** |" in said
+    assert "| 1e-06 | hybridyn, general, rk4, step 1 | 3 | rk4 on lcaba, step 1 | 6 | 0.5 |" in said
+    assert "| 1e-09 | nobody |  | nobody |  |  |" in said
+
+
+def test_counts_stand_beside_times() -> None:
+    rows = {name: [] for name in SECTIONS} | {
+        "ddm": [
+            Point("ddm", "lx4", "hybridyn, compiled", "", batch, 1, 1e-13, us, us, "")
+            for batch, us in ((1, 3.5), (1_000, 0.8))
+        ],
+        "callgrind": [
+            Count("lx4", "ddm", "hybridyn, compiled", "", 1, 41_000.0, 31_000.0, ""),
+            Count("lx4", "ddm", "hybridyn, compiled", "", 200, 16_000.0, 14_000.0, ""),
+        ],
+    }
+    said = report(rows | {"gate": []}, {}, [])
+    assert "| lx4 | ddm | hybridyn, compiled | 1 | 41,000 | 31,000 | 3.5 |" in said
+    assert "| lx4 | ddm | hybridyn, compiled | 200 | 16,000 | 14,000 | 0.8 |" in said
+
+
+def test_a_run_says_what_it_measured() -> None:
+    tasks = [Task(section, "a", accuracy.measure, ()) for section in ("ddm", "ddm", "idm")]
+    rows = [*points((1, 1e-3)), points((1, 1e-3))[0]._replace(note="too large"), Check("a", "x", 0.0, NAN)]
+    assert summary(tasks, {"ddm": (rows, {})}).splitlines() == [
+        "ddm: 2 jobs, 1 rows measured, 1 not (the report says why)",
+        "idm: failed, its earlier results stay",
+    ]
 
 
 def test_names_are_kept_apart() -> None:

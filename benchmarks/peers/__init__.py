@@ -9,11 +9,10 @@ from __future__ import annotations
 from benchmarks.methods import Method, Model
 from benchmarks.peers import (
     compiled,
-    constraint_dynamics,
     general,
-    lcaba,
     mujoco,
     oracle,
+    proximal,
     rnea_projection,
     serial,
 )
@@ -21,8 +20,7 @@ from benchmarks.peers import (
 METHODS: tuple[Method, ...] = (
     *general.METHODS,
     *compiled.METHODS,
-    *constraint_dynamics.METHODS,
-    *lcaba.METHODS,
+    *proximal.METHODS,
     *rnea_projection.METHODS,
     *mujoco.METHODS,
     *oracle.METHODS,

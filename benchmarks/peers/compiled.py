@@ -12,6 +12,7 @@ from hybridyn import HybridRobot, HybridynError
 
 NAME = "hybridyn, compiled"
 SINGLE = f"{NAME}, float32"
+MOST = 1_600  # velocities: 64 stacked modules compile in a minute, and as long again for four times as many
 SINGLE_LIMIT = 1e-2  # seven digits, less what a stack of 16 modules loses
 
 
@@ -42,9 +43,12 @@ def idm(robot: HybridRobot, threads: int = 1, dtype: str = "float64") -> Callabl
     return lambda setting: model.idm
 
 
+double = partial(Method, batches=True, threads=True, most=MOST, beyond="minutes of compilation")
+single = partial(double, limit=SINGLE_LIMIT)
+
 METHODS = (
-    Method(NAME, "ddm", ddm, batches=True, threads=True),
-    Method(NAME, "idm", idm, batches=True, threads=True),
-    Method(SINGLE, "ddm", partial(ddm, dtype="float32"), batches=True, threads=True, limit=SINGLE_LIMIT),
-    Method(SINGLE, "idm", partial(idm, dtype="float32"), batches=True, threads=True, limit=SINGLE_LIMIT),
+    double(NAME, "ddm", ddm),
+    double(NAME, "idm", idm),
+    single(SINGLE, "ddm", partial(ddm, dtype="float32")),
+    single(SINGLE, "idm", partial(idm, dtype="float32")),
 )

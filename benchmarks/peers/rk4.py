@@ -1,4 +1,4 @@
-"""RK4 on the spanning tree with `pin.constraintDynamics`, as one writes it: closures drift, unless held.
+"""RK4 on the spanning tree with one of Pinocchio's solvers, as one writes it: closures drift, unless held.
 
 `hold` says how: "nothing"; "baumgarte", Pinocchio's own correction terms; "projection", Newton steps back to
 the closures after every step, and the velocity projected.
@@ -7,17 +7,18 @@ the closures after every step, and the velocity projected.
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
 
 from benchmarks.methods import NotMeasuredError
+from benchmarks.peers import proximal
 from benchmarks.peers.pinocchio_loops import Loops, loops
 from benchmarks.peers.rnea_projection import closure_rows
 from hybridyn import HybridRobot
 from hybridyn.spatial import Array
 
-MU, ITERATIONS = 1e-8, 2  # 1e-13 to 1e-11 on the robots simulated
 BAUMGARTE = 0.1  # of the largest rate that the step allows, critically damped
 CLOSED = 1e-12  # [m]
 MOST_STEPS = 5
@@ -26,8 +27,22 @@ HOLDS = ("nothing", "baumgarte", "projection")
 Acceleration = Callable[[Array, Array], Array]
 
 
+class Solver(NamedTuple):
+    """One of Pinocchio's solvers at its fastest setting that is good to 1e-10 on the robots flown."""
+
+    prepare: Callable[[Loops], Callable[..., Array]]
+    mu: float
+    iterations: int
+
+
+SOLVERS = {
+    "constraintDynamics": Solver(proximal.sparse, 1e-14, 1),
+    "lcaba": Solver(proximal.articulated, 1e-3, 4),
+}
+
+
 def prepare(
-    robot: HybridRobot, q: Array, v: Array, tau: Array, duration: float, step: float, hold: str
+    robot: HybridRobot, q: Array, v: Array, tau: Array, duration: float, step: float, solver: str, hold: str
 ) -> Callable[[], tuple[Array, Array]]:
     """Prepare a run, which gives q and v after every step, shapes (steps + 1, nq), (steps + 1, nv).
 
@@ -41,15 +56,12 @@ def prepare(
         rate = BAUMGARTE / step
         for constraint in own.constraints:
             constraint.setBaumgarteCorrectorParameters(pin.BaumgarteCorrectorParameters(rate**2, 2 * rate))
-    settings = pin.ProximalSettings(1e-15, MU, ITERATIONS)
-    pin.initConstraintDynamics(own.model, own.data, own.constraints, own.constraint_data)
-    effort = own.efforts(tau)
+    chosen = SOLVERS[solver]
+    settings = pin.ProximalSettings(proximal.ACCURACY, chosen.mu, chosen.iterations)
+    call, effort = chosen.prepare(own), own.efforts(tau)
 
     def acceleration(q: Array, v: Array) -> Array:
-        a: Array = pin.constraintDynamics(
-            own.model, own.data, q, v, effort, own.constraints, own.constraint_data, settings
-        )
-        return a.copy()
+        return call(own.model, own.data, q, v, effort, own.constraints, own.constraint_data, settings).copy()
 
     judge = loops(robot)  # constraint data of its own: they keep state
     steps = round(duration / step)

@@ -1,0 +1,104 @@
+"""Who is faster, said plainly: where hybridyn stands, and where it loses."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+from benchmarks.fronts import cheapest, grouped
+from benchmarks.results import Flight, Point
+from benchmarks.tables import number, table
+from benchmarks.texts import FLOWN, LOSSES, STANDING
+
+Results = dict[str, list[Any]]
+
+OWN = ("hybridyn", "dense null space")
+"""What is hybridyn's own, its oracle included."""
+
+ENGINES = ("hybridyn, compiled", "hybridyn, general")
+WANTED = (1e-3, 1e-6, 1e-9)  # errors of a simulation's final state
+
+
+def standing(results: Results) -> Iterator[str]:
+    """Say case by case who is faster, at an error of 1e-10 or better."""
+    yield "## Where hybridyn stands\n"
+    yield STANDING
+    rows = []
+    for model, case, peer, own in _compared(results):
+        name = f"{peer.method}, {peer.setting}" if peer.setting else peer.method
+        row = [model, case, name, number(peer.error), number(peer.us)]
+        for batch in (False, True):
+            ours = _ours(own, "hybridyn", batch)
+            row += [number(ours.us), _ratio(ours.us / peer.us)] if ours else ["not measured", ""]
+        rows.append(row)
+    one, many = ("hybridyn, one call, us", "ratio"), ("hybridyn, batch, us", "ratio")
+    yield table(["model", "robot", "fastest peer", "error", "us", *one, *many], rows)
+
+
+def losses(results: Results) -> Iterator[str]:
+    """Say how often, where and by how much each engine is slower than the fastest peer."""
+    rows = []
+    for engine in ENGINES:
+        for model in ("ddm", "idm"):
+            for batch, words in ((False, "one call"), (True, "batch")):
+                ratios = {
+                    case: ours.us / peer.us
+                    for _, case, peer, own in _compared({"ddm": [], "idm": [], model: results[model]})
+                    if (ours := _ours(own, engine, batch))
+                }
+                if ratios:
+                    rows.append([engine, model, words, *_lost(ratios)])
+    if rows:
+        yield "## Where hybridyn loses\n"
+        yield LOSSES
+        yield table(["engine", "model", "", "slower than the fastest peer", "at worst, times as long"], rows)
+
+
+def flown(flights: Sequence[Flight]) -> Iterator[str]:
+    """Say who reaches an error of the final state first."""
+    rows = []
+    for wanted in WANTED:
+        good = [f for f in flights if f.state <= wanted and math.isfinite(f.seconds)]
+        sides = ([f for f in good if f.method.startswith("hybridyn") == own] for own in (True, False))
+        ours, peer = (min(side, key=lambda f: f.seconds, default=None) for side in sides)
+        ratio = _ratio(ours.seconds / peer.seconds) if ours and peer else ""
+        rows.append([f"{wanted:.0e}", *_flight(ours), *_flight(peer), ratio])
+    yield FLOWN
+    yield table(["error", "hybridyn", "time [s]", "fastest peer", "time [s]", "ratio"], rows)
+
+
+def _compared(results: Results) -> Iterator[tuple[str, str, Point, list[Point]]]:
+    """Give model, robot, the fastest peer and everything measured of each robot that a peer can do."""
+    for model in ("ddm", "idm"):
+        for case, own in grouped(results[model], "case").items():
+            peer = cheapest(p for p in own if not p.method.startswith(OWN))
+            if peer is not None:
+                yield model, case, peer, own
+
+
+def _ours(points: Sequence[Point], engine: str, batch: bool) -> Point | None:
+    """Give the fastest of an engine, one sample per call or in a batch."""
+    return cheapest(p for p in points if p.method.startswith(engine) and (p.batch > 1) == batch)
+
+
+def _lost(ratios: dict[str, float]) -> list[str]:
+    """Say on how many robots, and the worst."""
+    worst = max(ratios, key=ratios.__getitem__)
+    lost = [case for case, ratio in ratios.items() if ratio > 1]
+    where = "nowhere" if not lost else f"{len(lost)} of {len(ratios)}: {', '.join(lost)}"
+    if len(lost) == len(ratios):
+        where = f"all {len(lost)} robots"
+    return [where, f"{_ratio(ratios[worst])} ({worst})"]
+
+
+def _ratio(ratio: float) -> str:
+    """Write a ratio of times, where hybridyn loses in bold."""
+    return f"**{ratio:.3g}**" if ratio > 1 else f"{ratio:.3g}"
+
+
+def _flight(flight: Flight | None) -> list[str]:
+    """Write who, and how long."""
+    if flight is None:
+        return ["nobody", ""]
+    return [f"{flight.method}, {flight.setting}", number(flight.seconds)]
