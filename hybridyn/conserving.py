@@ -33,7 +33,7 @@ import numpy as np
 import pinocchio as pin
 
 from .chart import AmbiguousBranchError, Chart
-from .energy import leg_bodies
+from .energy import effective_model
 from .errors import ModelError, SingularityError
 from .integrators import State, StepError, Stepped, System
 from .motion_law import MotionLaw
@@ -113,7 +113,7 @@ class Conserving:
                 f"many (limit {MOST_FREEDOMS}); use 'rk4', 'dopri5' or 'implicit'"
             )
         self._law = law
-        self._model = _model_of(law)
+        self._model = effective_model(law.robot, law.on)
         self._data = self._model.createData()
         rotors = law.on.rotor_diagonal(robot)
         self._rotors = np.zeros(robot.nv) if rotors is None else rotors
@@ -248,19 +248,6 @@ class Conserving:
         force = pin.rnea(self._model, self._data, end.q, end.v, drift) + self._rotors * drift - end.elastic
         out: Array = B.T @ force
         return out
-
-
-def _model_of(law: MotionLaw) -> pin.Model:
-    """Give Pinocchio's model with the weights and inertias that the effects leave."""
-    model = pin.Model(law.robot.model)
-    if law.on.gravity is None:
-        model.gravity.linear = np.zeros(3)
-    if law.on.leg_inertia is None:
-        legs = leg_bodies(law.robot)
-        for joint in law.robot.bodies.joints:
-            if joint.child in legs:
-                model.inertias[model.getJointId(joint.joint.name)] = pin.Inertia.Zero()
-    return model
 
 
 def _mean_basis(B0: Array, B1: Array) -> Array:

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
+import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from .bodies import Body
@@ -71,17 +72,7 @@ def energy(robot: HybridRobot, q: Array, v: Array, *, effects: Choice = None) ->
     """
     q, v, single = _state(robot, q, v)
     on = choose(robot, effects)
-    kinetic, potential = np.zeros((2, len(q)))
-    for body, m in _moving_bodies(robot, q, v, on):
-        centre = rotate(m.R, np.tile(body.com, (len(q), 1)))
-        speed = m.pd + cross(m.w, centre)
-        spin = rotate_back(m.R, m.w)
-        if on.inertia is not None:
-            kinetic += 0.5 * (
-                body.mass * np.sum(speed**2, axis=1) + np.sum(spin @ body.inertia * spin, axis=1)
-            )
-        if on.gravity is not None:
-            potential -= body.mass * ((m.p + centre) @ robot.gravity)
+    kinetic, potential = _of_bodies(robot, q, v, on)
     for rotor in on.rotors:
         kinetic += 0.5 * np.sum(rotor.p[0] * v[:, rotor.columns] ** 2, axis=1)
     for joint_law in on.joints:
@@ -90,6 +81,30 @@ def energy(robot: HybridRobot, q: Array, v: Array, *, effects: Choice = None) ->
     for link_law in on.links:
         potential += link_law.energy(motions)
     return Energy(kinetic[0], potential[0]) if single else Energy(kinetic, potential)
+
+
+def _of_bodies(robot: HybridRobot, q: Array, v: Array, on: Effects) -> tuple[Array, Array]:
+    """Give kinetic and potential energy of the bodies, shapes (T,)."""
+    model = effective_model(robot, on)
+    data = model.createData()
+    out = np.zeros((2, len(q)))
+    for t in range(len(q)):
+        pin.computeMechanicalEnergy(model, data, q[t], v[t])
+        out[:, t] = data.kinetic_energy if on.inertia is not None else 0.0, data.potential_energy
+    return out[0], out[1]
+
+
+def effective_model(robot: HybridRobot, on: Effects) -> pin.Model:
+    """Give Pinocchio's model with the weights and inertias that the effects leave."""
+    model = pin.Model(robot.model)
+    if on.gravity is None:
+        model.gravity.linear = np.zeros(3)
+    if on.leg_inertia is None:
+        legs = leg_bodies(robot)
+        for joint in robot.bodies.joints:
+            if joint.child in legs:
+                model.inertias[model.getJointId(joint.joint.name)] = pin.Inertia.Zero()
+    return model
 
 
 def power(
@@ -148,7 +163,7 @@ def momentum(robot: HybridRobot, q: Array, v: Array) -> Array:
     q, v, single = _state(robot, q, v)
     centre = _centre(robot, q)
     out = np.zeros((len(q), 6))
-    for body, m in _moving_bodies(robot, q, v, choose(robot, None)):
+    for body, m in _moving_bodies(robot, q, v):
         arm = rotate(m.R, np.tile(body.com, (len(q), 1)))
         linear = body.mass * (m.pd + cross(m.w, arm))
         out[:, :3] += linear
@@ -173,7 +188,7 @@ def centre_of_mass(robot: HybridRobot, q: Array) -> Array:
 
 def _centre(robot: HybridRobot, q: Array) -> Array:
     total, moment = 0.0, np.zeros((len(q), 3))
-    for body, m in _moving_bodies(robot, q, np.zeros((len(q), robot.nv)), choose(robot, None)):
+    for body, m in _moving_bodies(robot, q, np.zeros((len(q), robot.nv))):
         total += body.mass
         moment += body.mass * (m.p + rotate(m.R, np.tile(body.com, (len(q), 1))))
     if not total:
@@ -189,12 +204,11 @@ def _state(robot: HybridRobot, q: Array, v: Array) -> tuple[Array, Array, bool]:
     return q, v, single
 
 
-def _moving_bodies(robot: HybridRobot, q: Array, v: Array, on: Effects) -> Iterator[tuple[Body, RigidMotion]]:
-    """Give the bodies with mass that can move and their motions; legs only where they have inertia."""
-    massless = set() if on.leg_inertia is not None else leg_bodies(robot)
+def _moving_bodies(robot: HybridRobot, q: Array, v: Array) -> Iterator[tuple[Body, RigidMotion]]:
+    """Give the bodies with mass that can move and their motions."""
     for number, motion in body_motions(robot, q, v, np.zeros_like(v)).items():
         body = robot.bodies.bodies[number]
-        if (number or robot.base != "fixed") and not body.massless and number not in massless:
+        if (number or robot.base != "fixed") and not body.massless:
             yield body, motion
 
 

@@ -16,7 +16,9 @@ Source:
 
 from __future__ import annotations
 
+import contextlib
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
@@ -25,6 +27,9 @@ from .errors import AssemblyError, HybridynError
 from .manifold import Manifold
 from .motion_law import MotionLaw
 from .spatial import Array
+
+if TYPE_CHECKING:
+    from .compiled.steps import JointChart
 
 #: Diagonal of Alexander's L-stable SDIRK of order 3: the root of x^3 - 3 x^2 + 3/2 x - 1/6 near 0.44.
 GAMMA = 0.435866521508458999416019451194
@@ -80,6 +85,32 @@ class Stepped:
     pivot: float
 
 
+class Coordinates(Protocol):
+    """Coordinates of the manifold about a posture: a `Chart`, or one of the compiled path."""
+
+    @property
+    def narrow(self) -> bool:
+        """True where another branch may be near the posture that `lift` gave last."""
+        ...
+
+    @property
+    def pivot(self) -> float:
+        """How far closures are from losing rank."""
+        ...
+
+    def independent(self, x: Array) -> Array:
+        """Give the coordinates' share of rates, accelerations or displacements."""
+        ...
+
+    def lift(self, y: Array, u: Array, near: Array | None = None) -> Posture:
+        """Give posture and rates at coordinates and velocities."""
+        ...
+
+    def rates(self, u: Array) -> Array:
+        """Give the rates of u at the posture that `lift` gave last."""
+        ...
+
+
 @dataclass(frozen=True)
 class System:
     """What is integrated.
@@ -118,7 +149,14 @@ class System:
             return chart
         return self.manifold.chart(state.q, bound=False)
 
-    def posture(self, chart: Chart, t: float, y: Array, u: Array, start: State | None = None) -> Posture:
+    def joint_chart(self, state: State) -> JointChart | None:
+        """Give the compiled path's chart for a step, None where there is none."""
+        steps = self.law.steps
+        return None if steps is None or not self.bound else steps.chart(state.q)
+
+    def posture(
+        self, chart: Coordinates, t: float, y: Array, u: Array, start: State | None = None
+    ) -> Posture:
         """Give a chart's posture with a prescribed base in its place.
 
         Args:
@@ -156,7 +194,7 @@ class System:
                 "where it was heading: that is another branch, or the step is too long"
             )
 
-    def rates(self, chart: Chart, t: Array, postures: list[Posture]) -> tuple[Array, Array, Array]:
+    def rates(self, chart: Coordinates, t: Array, postures: list[Posture]) -> tuple[Array, Array, Array]:
         """Give y_dot, u_dot and the accelerations of postures, shapes (T, N), (T, N), (T, nv)."""
         a = self.accelerations(t, np.array([p.q for p in postures]), np.array([p.v for p in postures]))
         pull = self.manifold.retraction.pull
@@ -180,13 +218,42 @@ class Explicit:
     b: Array
     e: Array | None
 
+    def steps(self, system: System, state: State, h: float, count: int) -> list[Stepped]:
+        """Advance by h as often as the compiled path can be trusted to, `count` times at most.
+
+        Its charts are those of joints that are independent everywhere else (`compiled.lift_program`), not of
+        the tangent space at each step's start: results agree to the method's error.
+        """
+        law = system.law
+        tau = law.constant_effort
+        if law.steps is None or tau is None or not system.bound:
+            return []
+        taken = law.steps.take((self.A, self.b, self.e), (state.q, state.v, state.a), tau, h, count)
+        law.evaluations += len(self.b) * len(taken.q)
+        return [
+            Stepped(State(state.t + (k + 1) * h, q, v, a), taken.error_q, taken.error_v, 0, float(pivot))
+            for k, (q, v, a, pivot) in enumerate(zip(taken.q, taken.v, taken.a, taken.pivot, strict=True))
+        ]
+
     def step(self, system: System, state: State, h: float) -> Stepped:
-        """Advance by h.
+        """Advance by h, on the compiled path as far as it can be trusted.
 
         Raises:
             AssemblyError: A stage is out of reach.
         """
-        chart = system.chart(state)
+        if taken := self.steps(system, state, h, 1):
+            return taken[0]
+        if (chart := system.joint_chart(state)) is not None:
+            with contextlib.suppress(AmbiguousBranchError):
+                return self._step(system, state, h, chart)
+        return self._step(system, state, h, system.chart(state))
+
+    def _step(self, system: System, state: State, h: float, chart: Coordinates) -> Stepped:
+        """Advance by h in a chart.
+
+        Raises:
+            AssemblyError: A stage is out of reach.
+        """
         u0 = chart.independent(state.v)
         ky, ku = [u0], [chart.independent(state.a)]
         for row in self.A[1:]:

@@ -11,13 +11,14 @@ from .articulation import accelerate, articulate
 from .effects.choice import Choice, choose
 from .errors import ModelError, TrajectoryError
 from .forward import base_motion as base_of
-from .forward import forward
+from .forward import closure_residual, forward
 from .loads import all_loads
 from .robot import HybridRobot
 from .spatial import Array
 
 if TYPE_CHECKING:
     from .compiled.model import CompiledRobot
+    from .compiled.steps import Steps
 
 Effort = Callable[[float, Array, Array], Array]
 Wrenches = Callable[[float, Array, Array], Mapping[str, Array]]
@@ -95,6 +96,24 @@ class MotionLaw:
         names = set(self.on.names)
         quiet = names - CONSERVATIVE == {"inertia", "velocity"} and self.robot.base != "moving"
         return quiet and self._law is None and not self._effort.any() and not self._wrenches
+
+    @property
+    def steps(self) -> Steps | None:
+        """What takes steps in time in C, None where nothing does."""
+        return None if self._compiled is None else self._compiled.library.steps
+
+    @property
+    def constant_effort(self) -> Array | None:
+        """The motor efforts within their limits, shape (motors,), where they are the same at all times."""
+        if self._law is not None:
+            return None
+        limits = self.on.limits
+        return self._effort if limits is None else limits.clip(self.robot, self._effort[None])[0]
+
+    def closure_residual(self, q: Array) -> Array:
+        """Give the worst closure residual of assembled postures, shape (T, nq), relative to lengths, (T,)."""
+        quick = None if self._compiled is None else self._compiled.closure_residual(q)
+        return np.asarray(closure_residual(self.robot, q)) if quick is None else quick
 
     def effort(self, t: float, q: Array, v: Array) -> Array:
         """Give the motor efforts, shape (motors,).

@@ -86,8 +86,10 @@ def simulate(
         checkpoint: File that holds the run's result so far, written every 1,000 steps and at the end.
         resume: An earlier result, or its file, whose run goes on; the same arguments give the same bits as
             one run.
-        compiled: `hybridyn.compile(robot, effects)`, which then gives the accelerations; its results agree to
-            rounding, and the general path takes over where it cannot be trusted.
+        compiled: `hybridyn.compile(robot, effects)`, which then gives the accelerations, and takes steps of
+            "rk4" and "dopri5" in C. Accelerations agree to rounding; a step's error is the method's, in
+            coordinates of independent joints instead of those of the tangent space. The general path takes
+            over where the compiled one cannot be trusted.
 
     Returns:
         The motion; `status` and `message` say how it ended. Postures that the loops cannot reach, and a

@@ -54,7 +54,8 @@ class Result:
         kinetic: Kinetic energy, shape (T,), [J].
         potential: Potential energy under the effects that are on, shape (T,), [J].
         residual: Worst closure residual relative to the module's length, shape (T,).
-        pivot: Least relative singular value of the closures at the start of every step, shape (steps,).
+        pivot: How far closures are from losing rank in every step, shape (steps,): their least relative
+            singular value at its start, or, where it was taken in C, the least pivot met over its usual size.
         events: What was watched for and happened.
         status: "finished", "event", "unreachable", "unsolved", "singular" or "interrupted".
         message: What the status means, empty where finished.

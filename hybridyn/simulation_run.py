@@ -157,9 +157,12 @@ class Run:
         if law.on.limits is not None:
             tau = law.on.limits.clip(robot, tau)
         law.evaluations = spent
-        residual = closure_residual(robot, q) if len(t) else np.zeros(0)
+        residual = np.zeros(0)
+        if len(t):
+            closed = self._system.bound
+            residual = law.closure_residual(q) if closed else np.asarray(closure_residual(robot, q))
         stored = energy(robot, q, v, effects=law.on) if len(t) else Energy(np.zeros(0), np.zeros(0))
         return {
             "t": t, "q": q, "v": v, "a": a, "tau": tau, "kinetic": stored.kinetic,
-            "potential": stored.potential, "residual": np.asarray(residual),
+            "potential": stored.potential, "residual": residual,
         }  # fmt: skip

@@ -24,6 +24,8 @@ SAME_POINT = 1e-9
 PART = 0.38
 #: Most times that a step is parted.
 PARTINGS = 8
+#: Steps of the grid that the compiled path takes in one go.
+AHEAD = 64
 
 
 class Method(Protocol):
@@ -101,6 +103,8 @@ class Stepper:
         self.counters = Counters()
         self.on_grid, self.start = 0, begin.t
         self.next_step = self.sign * (control.fixed or control.first or self._first(begin))
+        self._ahead: list[Stepped] = []
+        self._reached: State | None = None
 
     def resume(self, next_step: float, on_grid: int, start: float) -> None:
         """Go on as an earlier run would have."""
@@ -131,10 +135,22 @@ class Stepper:
         beyond = self.sign * (target - self._end)
         if beyond > -SAME_POINT * abs(h):
             target = self._end
-        length = h if abs(beyond) <= SAME_POINT * abs(h) or beyond < 0 else target - state.t
-        stepped = self._in_parts(state, length, PARTINGS)
+        whole = abs(beyond) <= SAME_POINT * abs(h) or beyond < 0
+        stepped = self._taken_ahead(state, h) if whole else None
+        stepped = stepped or self._in_parts(state, h if whole else target - state.t, PARTINGS)
         self.on_grid += 1
-        return replace(stepped, state=replace(stepped.state, t=target))
+        at = stepped.state
+        self._reached = State(target, at.q, at.v, at.a)
+        return replace(stepped, state=self._reached)
+
+    def _taken_ahead(self, state: State, h: float) -> Stepped | None:
+        """Give the next of the steps that the compiled path took in one go; None where it took none."""
+        if state is not self._reached:
+            self._ahead = []
+        if not self._ahead and isinstance(self.method, Explicit):
+            left = int(abs(self._end - state.t) / abs(h) + SAME_POINT)
+            self._ahead = self.method.steps(self._system, state, h, min(left, AHEAD))[::-1]
+        return self._ahead.pop() if self._ahead else None
 
     def _in_parts(self, state: State, h: float, partings: int) -> Stepped:
         """Step by h, in unequal parts where a stage would come too near to another branch.

@@ -310,8 +310,9 @@ def test_simulations_use_the_models(lx4: CompiledRobot, states: Arrays) -> None:
     options = {"effort": tau[0] * 0.1, "method": "rk4", "step": 1e-3}
     ours = hybridyn.simulate(lx4.robot, q[0], 0 * v[0], [0, 3e-3], compiled=lx4, **options)
     theirs = hybridyn.simulate(lx4.robot, q[0], 0 * v[0], [0, 3e-3], **options)
-    np.testing.assert_allclose(ours.q, theirs.q, rtol=0, atol=1e-13)
-    np.testing.assert_allclose(ours.a, theirs.a, rtol=0, atol=1e-10 * np.abs(theirs.a).max())
+    np.testing.assert_allclose(ours.q, theirs.q, rtol=0, atol=1e-9)  # other charts: the method's own error
+    a = hybridyn.ddm(lx4.robot, ours.q, ours.v, ours.tau)
+    np.testing.assert_allclose(ours.a, a, rtol=0, atol=AGREE["float64"] * np.abs(a).max())
     for other, words in (
         ({"effects": "model"}, "other effects"),
         ({"wrenches": {"m4_platform": np.zeros(6)}}, "know no wrenches"),

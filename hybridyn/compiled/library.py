@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from .cache import Built, cached
 from .compilers import best_lanes
 from .scalars import TRUSTED, Scalar
+from .steps import Steps
 
 if TYPE_CHECKING:
     from .program import Program
@@ -48,6 +49,7 @@ class Library:
         about: What they are (`Source.about`).
         dtype: Type of arrays in and out.
         programs: The programs by name.
+        steps: Whole steps in time, or None where the library takes none.
     """
 
     def __init__(self, built: Built) -> None:
@@ -66,6 +68,8 @@ class Library:
             name: Calls(name, about, built.about["number"], free, held, plain)
             for name, about in built.about["programs"].items()
         }
+        steps = alone and built.about["steps"]
+        self.steps = Steps(held, self.programs["lift"].outputs) if steps else None
 
     def single(self, name: str, *inputs: ArrayLike) -> tuple[tuple[Numbers, ...], float]:
         """Run a program for one sample.

@@ -136,6 +136,22 @@ class CompiledRobot:
         self.recomputed += len(q) if doubtful else 0
         return None if doubtful else result
 
+    def closure_residual(self, q: Array) -> Array | None:
+        """Give the worst closure residual of postures next to assembled ones, as `hybridyn.closure_residual`.
+
+        Args:
+            q: Positions, shape (T, nq).
+
+        Returns:
+            Residuals relative to the module's length, shape (T,), or None where postures are not lifted in C.
+        """
+        lift = self.library.programs.get("lift")
+        if lift is None:
+            return None
+        still = np.zeros((len(q), self.robot.nv))
+        residuals = lift.batch([q, still, still], self.threads)[0][-1]
+        return np.asarray(residuals.max(axis=1), dtype=float)
+
     def kinematics(
         self, q: Array, v: Array, a: Array | None = None, links: Sequence[str] | None = None
     ) -> dict[str, LinkMotion]:

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from ..effects.choice import Choice
 from ..robot import HybridRobot
-from .choices import request
+from .choices import Request, request
 from .direct_program import direct_program
 from .inverse_program import inverse_program
 from .kinematics_program import kinematics_program
+from .lift_program import lift_program
 from .program import Program
 
 
@@ -15,7 +18,7 @@ def programs(
     robot: HybridRobot,
     effects: Choice = None,
     *,
-    models: tuple[str, ...] = ("idm", "ddm", "kinematics"),
+    models: tuple[str, ...] = ("idm", "ddm", "kinematics", "lift"),
     regroup: bool = True,
     parameters: bool = False,
     dtype: str = "float64",
@@ -25,7 +28,8 @@ def programs(
     Args:
         robot: The robot.
         effects: As `hybridyn.idm` takes them.
-        models: Which models: "idm", "ddm", "kinematics".
+        models: Which models: "idm", "ddm", "kinematics"; "lift", onto the assembled postures, where it can be
+            written.
         regroup: Whether base inertial parameters are used.
         parameters: Whether the inertial parameters of the bodies are an input ("parameters"), ten for each
             body of `robot.bodies` in the order and frame of `pinocchio.Inertia.toDynamicParameters`.
@@ -36,5 +40,11 @@ def programs(
         ModelError: An effect is not for written-out models.
     """
     asked = request(robot, effects, regroup=regroup, parameters=parameters, dtype=dtype)
-    write = {"idm": inverse_program, "ddm": direct_program, "kinematics": kinematics_program}
-    return {name: write[name](asked) for name in models}
+    write: dict[str, Callable[[Request], Program | None]] = {
+        "idm": inverse_program,
+        "ddm": direct_program,
+        "kinematics": kinematics_program,
+        "lift": lift_program,
+    }
+    written = {name: write[name](asked) for name in models}
+    return {name: program for name, program in written.items() if program is not None}

@@ -60,6 +60,7 @@ def library_source(programs: list[Program], scalar: Scalar) -> Source:
         "number": scalar.name,
         "lanes": scalar.lanes,
         "programs": {p.name: _about(p, scalar) for p in programs},
+        "steps": steps_in_c(programs, scalar),
     }
     return Source(tuple(units), about)
 
@@ -107,7 +108,21 @@ def _driver_unit(
         if scalar.lanes > 1:
             drivers.append(across_copies(program, names[program.name], scalar.lanes, tables))
             drivers.append(_single(program))
+    if steps_in_c(programs, scalar):
+        drivers.append(_steps(programs))
     return "\n\n".join([driver_prelude(bodies, scalar), tables.text, *drivers]) + "\n"
+
+
+def steps_in_c(programs: list[Program], scalar: Scalar) -> bool:
+    """Say whether a library takes whole steps in time: double precision, and every posture can be lifted."""
+    return scalar.name == "float64" and scalar.lanes > 1 and {"lift", "ddm"} <= {p.name for p in programs}
+
+
+def _steps(programs: list[Program]) -> str:
+    """Give the function that takes steps in time."""
+    sizes = dict(next(p for p in programs if p.name == "lift").outputs)
+    names = {"NQ": "q", "NV": "xi_dot", "MODULES": "step"}
+    return "\n".join([*(f"#define {name} {sizes[key]}" for name, key in names.items()), text_of("steps.h")])
 
 
 def driver_prelude(bodies: dict[str, str], scalar: Scalar) -> str:

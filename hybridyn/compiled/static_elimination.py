@@ -31,7 +31,9 @@ class Pivots:
     sizes: tuple[float, ...]
 
 
-def choose_pivots(samples: Array, rank: int, row_scale: Array, col_scale: Array) -> Pivots:
+def choose_pivots(
+    samples: Array, rank: int, row_scale: Array, col_scale: Array, sparse: float = SPARSE
+) -> Pivots:
     """Choose pivots that are large at every sample.
 
     Args:
@@ -39,6 +41,7 @@ def choose_pivots(samples: Array, rank: int, row_scale: Array, col_scale: Array)
         rank: Number of pivots.
         row_scale: Factor that takes the unit off each row, shape (m,).
         col_scale: Unit of each unknown, shape (n,).
+        sparse: Pivots this much smaller than the best are taken where they keep the rows sparse.
     """
     A = samples * row_scale[:, None] * col_scale
     structure: Mask = np.asarray((np.abs(A) > 1e-13).any(axis=0))
@@ -50,7 +53,7 @@ def choose_pivots(samples: Array, rank: int, row_scale: Array, col_scale: Array)
         score = (block / np.where(largest > 0, largest, 1.0)).min(axis=0)
         pattern = structure[np.ix_(left_rows, left_cols)]
         fill = np.outer(pattern.sum(axis=1) - 1, pattern.sum(axis=0) - 1)
-        good = score >= SPARSE * score.max()
+        good = score >= sparse * score.max()
         i, j = min(np.argwhere(good).tolist(), key=lambda ij: (fill[ij[0], ij[1]], -score[ij[0], ij[1]]))
         r, c = left_rows.pop(i), left_cols.pop(j)
         pivot = A[:, r, c]

@@ -9,6 +9,7 @@ import numpy as np
 from ..ddm import ddm
 from ..errors import CompileError, HybridynError
 from ..idm import idm
+from ..manifold import Manifold
 from ..spatial import Array
 from .bodies import body_rows
 from .library import Numbers
@@ -26,6 +27,12 @@ ROUNDINGS = 100
 SAMPLES = 12
 """Random states on which both are compared."""
 
+AWAY = 1e-3
+"""By how much (rad, module lengths) postures are left before Newton's steps are looked at."""
+
+NEWTON_STEPS = 8
+"""More than Newton needs from there."""
+
 
 def verify(model: CompiledRobot) -> None:
     """Compare a model with the general path on random states.
@@ -41,6 +48,8 @@ def verify(model: CompiledRobot) -> None:
     _compare(model, "ddm", model.ddm(q, v, tau), with_general)
     rows = model.library.batch("kinematics", q, v, with_general)[0][0]
     _compare(model, "kinematics", rows, body_rows(robot, q, v, with_general))
+    if "lift" in model.library.programs:
+        _lift(model, q, v)
     try:
         efforts = idm(robot, q, v, with_general, effects=effects)
     except HybridynError:  # motors that cannot do it: there is nothing to compare
@@ -48,6 +57,35 @@ def verify(model: CompiledRobot) -> None:
     _compare(
         model, "idm", model.idm(q, v, with_general), efforts, _rounding(model, q, v, with_general, efforts)
     )
+
+
+def _lift(model: CompiledRobot, q: Array, v: Array) -> None:
+    """See that Newton's steps close loops that are open by a little, and that the rates keep them closed.
+
+    Raises:
+        CompileError: They do not.
+    """
+    manifold = Manifold(model.robot)
+    xi = AWAY * manifold.unit * np.random.default_rng(0).choice([-1.0, 1.0], size=v.shape)
+    for _ in range(NEWTON_STEPS):
+        before = xi
+        (moved, xi, rates, pulled, step, *_), _ = model.library.batch("lift", q, before, v)
+    pull, opening = manifold.retraction.pull, manifold.opening
+    off = [
+        max(
+            manifold.residual(moved[t]),
+            opening(moved[t], rates[t])[0],
+            float(np.abs(manifold.retraction.move(q[t], xi[t]) - moved[t]).max()),
+            float(np.abs(pull(before[t], rates[t]) - pulled[t]).max() / np.abs(rates[t]).max()),
+        )
+        for t in np.flatnonzero(step.max(axis=1) <= AGREE[str(model.dtype)])
+    ]
+    if not off or not max(off) <= AGREE[str(model.dtype)]:
+        raise CompileError(
+            f"the written-out Newton step does not close the loops (off by {max(off, default=np.inf):.2g}, "
+            f"limit {AGREE[str(model.dtype)]:g}): it is not used. This is a bug: report it with the robot's "
+            "files"
+        )
 
 
 def _rounding(model: CompiledRobot, q: Array, v: Array, a: Array, efforts: Array) -> float:

@@ -1,0 +1,197 @@
+"""Steps in time in C: the general path's motion within the method's error, on loops that stay closed."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from mechanisms import KINDS, random_mechanism
+
+import hybridyn
+from hybridyn import stepping
+from hybridyn.compiled.interpreter import function_of
+from hybridyn.compiled.model import CompiledRobot
+from hybridyn.compiled.programs import programs
+from hybridyn.compiled.states import random_states as assembled_states
+from hybridyn.effects import Limits
+from hybridyn.errors import AssemblyError
+from hybridyn.manifold import Manifold
+from hybridyn.oracle import Base
+from hybridyn.robot import HybridRobot, build_robot
+from hybridyn.shipped import shipped_robots
+from tests.compiled_toys import own_cache
+
+__all__ = ["own_cache"]
+
+AWAY = 1e-3  # rad, module lengths: Newton is quadratic there
+CLOSED = 1e-12  # residuals and slips after Newton's last step
+ROUNDING = 1e-13  # of displacements and their rates
+COORDINATES = 5.0  # independent joints are no tangent space: what that costs in accuracy
+HALVED = 16.0  # what an error of order 4 falls by when the step is halved
+LIMIT = 1e3  # N m: above what the five-bar needs
+FAST = 8.0  # m/s, rad/s
+FRAME: dict[str, Any] = {"method": "rk4", "step": 1e-3}
+
+
+def robot_of(kind: str, base: Base) -> HybridRobot:
+    return build_robot(random_mechanism(1, kind=kind, base=base), base=base)
+
+
+def lifted(robot: HybridRobot, seed: int) -> float:
+    """Leave an assembled posture, follow Newton's steps, and give what is off."""
+    program = programs(robot, models=("lift",)).get("lift")
+    if program is None:
+        assert robot.base == "moving" or any(m.mechanism.rounding > CLOSED for m in robot.modules)
+        return 0.0
+    function, manifold = function_of(program), Manifold(robot)
+    rng = np.random.default_rng(seed)
+    q_0, v, _, _ = (x[0] for x in assembled_states(robot, 1, seed))
+    xi = AWAY * manifold.unit * rng.normal(size=robot.nv)
+    for _ in range(6):
+        before = xi
+        q, xi, rates, pulled, _, pivot, _, _ = (np.array(x).ravel() for x in function(q_0, before, v))
+    retraction, speed = manifold.retraction, np.abs(v).max()
+    assert pivot.min() > 1e-3
+    off = [
+        manifold.residual(q) / CLOSED,
+        manifold.opening(q, rates)[0] / CLOSED,
+        np.abs(retraction.move(q_0, xi) - q).max() / ROUNDING,
+        np.abs(retraction.pull(before, rates) - pulled).max() / speed / ROUNDING,
+    ]
+    return float(max(off))
+
+
+@pytest.mark.parametrize("kind", ["gough", "gear_across", "loop_planar", "loop_fixed", "serial_all"])
+def test_newton_steps_close_the_loops(kind: str) -> None:
+    assert lifted(robot_of(kind, "floating"), 0) <= 1.0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("base", ["fixed", "moving", "floating"])
+@pytest.mark.parametrize("kind", sorted(KINDS))
+def test_newton_steps_close_the_loops_of_every_kind(kind: str, base: Base) -> None:
+    assert lifted(robot_of(kind, base), 0) <= 1.0
+
+
+@pytest.fixture(scope="module")
+def five_bar(own_cache: None) -> CompiledRobot:
+    robot = hybridyn.load(str(shipped_robots()["five_bar"].file))
+    limits = Limits(dict.fromkeys(robot.motors, LIMIT))
+    return hybridyn.compile(robot, effects=["default", limits])
+
+
+@pytest.fixture(scope="module")
+def gough(own_cache: None) -> CompiledRobot:
+    return hybridyn.compile(robot_of("gough", "floating"))
+
+
+def pushed(model: CompiledRobot, seed: int = 3) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Give a fast state, and efforts that hold a slow one but for a bit."""
+    q, v, _, _ = (x[0] for x in assembled_states(model.robot, 1, seed))
+    v *= FAST / np.abs(v).max()
+    still = np.zeros_like(v)
+    tau = hybridyn.idm(model.robot, q, still, still) if model.robot.base == "fixed" else 0.1
+    return q, v, np.full(len(model.robot.motors), tau) * 1.1
+
+
+def flown(model: CompiledRobot, compiled: bool = True, end: float = 0.02, **options: Any) -> hybridyn.Result:
+    q, v, tau = pushed(model)
+    given = FRAME | {"effort": tau, "effects": model.effects} | options
+    return hybridyn.simulate(model.robot, q, v, (0, end), compiled=model if compiled else None, **given)
+
+
+@pytest.mark.parametrize("name", ["five_bar", "gough"])
+def test_steps_have_order_four_and_keep_the_loops_closed(name: str, request: pytest.FixtureRequest) -> None:
+    model = request.getfixturevalue(name)
+    exact = flown(model, compiled=False, method="dopri5", rtol=1e-12, atol=1e-14)
+    steps = (4e-3, 2e-3)
+    runs = [flown(model, step=h) for h in steps]
+    errors = np.array([np.abs(run.v[-1] - exact.v[-1]).max() for run in runs])
+    assert (errors[:-1] / errors[1:] > 0.75 * HALVED).all()
+    others = flown(model, compiled=False, step=steps[0])
+    assert errors[0] < COORDINATES * np.abs(others.v[-1] - exact.v[-1]).max()
+    for run in runs:
+        assert run.status == "finished"
+        assert run.residual.max() < CLOSED
+        np.testing.assert_allclose(
+            run.residual, hybridyn.closure_residual(model.robot, run.q), rtol=0, atol=1e-15
+        )
+        a = hybridyn.ddm(model.robot, run.q, run.v, run.tau, effects=model.effects)
+        np.testing.assert_allclose(run.a, a, rtol=0, atol=1e-10 * np.abs(a).max())
+    assert runs[0].counters == others.counters
+
+
+@pytest.mark.parametrize("method", ["rk4", "dopri5"])
+def test_a_law_of_efforts_goes_the_way_of_constant_ones(five_bar: CompiledRobot, method: str) -> None:
+    _, _, tau = pushed(five_bar)
+    law, constant = (flown(five_bar, effort=x, method=method) for x in (lambda t, q, v: tau, tau))
+    agree = ROUNDING if method == "rk4" else 1e-8  # rounding of small error estimates chooses other steps
+    np.testing.assert_allclose(law.q, constant.q, rtol=0, atol=agree)
+    assert law.counters == constant.counters
+
+
+def test_adaptive_steps_meet_their_tolerance(gough: CompiledRobot) -> None:
+    exact = flown(gough, compiled=False, method="dopri5", rtol=1e-12, atol=1e-14)
+    ours = flown(gough, method="dopri5", rtol=1e-8, atol=1e-10)
+    assert np.abs(ours.q[-1] - exact.q[-1]).max() < 1e-7
+    assert 1 < ours.counters.steps < exact.counters.steps
+
+
+def test_the_bits_do_not_depend_on_how_many_steps_are_taken_in_one_go(
+    five_bar: CompiledRobot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    whole = flown(five_bar)
+    monkeypatch.setattr(stepping, "AHEAD", 3)
+    parts = flown(five_bar)
+    half = flown(five_bar, end=0.01)
+    _, _, tau = pushed(five_bar)
+    rest = hybridyn.simulate(
+        five_bar.robot, None, None, (0, 0.02), compiled=five_bar, resume=half, effects=five_bar.effects,
+        effort=tau, **FRAME,
+    )  # fmt: skip
+    for other in (parts, rest):
+        assert (whole.q == other.q).all()
+        assert (whole.energy == other.energy).all()
+    assert whole.counters == rest.counters
+
+
+def test_events_outputs_and_backward_runs(five_bar: CompiledRobot) -> None:
+    times = [0.0, 0.00312, 0.0111]
+    sampled = flown(five_bar, output_times=times)
+    general = flown(five_bar, compiled=False, output_times=times)
+    np.testing.assert_allclose(sampled.q, general.q, rtol=0, atol=1e-9)
+    last = sampled.q[-1][0]
+    event = hybridyn.Event("there", lambda t, q, v: q[0] - last, terminal=True)
+    stopped = flown(five_bar, events=[event])
+    assert (stopped.status, stopped.events[0].t) == ("event", pytest.approx(times[-1], abs=1e-9))
+    whole = flown(five_bar)
+    _, _, tau = pushed(five_bar)
+    back = hybridyn.simulate(
+        five_bar.robot, whole.q[-1], whole.v[-1], (0.02, 0), compiled=five_bar, effort=tau,
+        effects=five_bar.effects, **FRAME,
+    )  # fmt: skip
+    np.testing.assert_allclose(back.q[-1], whole.q[0], rtol=0, atol=1e-7)
+
+
+def test_limits_hold_in_steps_too(five_bar: CompiledRobot) -> None:
+    many = 1e6 * np.ones(len(five_bar.robot.motors))
+    ours, theirs = (flown(five_bar, compiled=x, end=3e-3, effort=many) for x in (True, False))
+    assert (ours.tau == theirs.tau).all()
+    np.testing.assert_allclose(ours.q, theirs.q, rtol=0, atol=1e-6)
+
+
+def test_a_way_out_of_reach_ends_as_on_the_general_path(five_bar: CompiledRobot) -> None:
+    """The general path takes over where dependent joints lose hold, and says what it says."""
+    q, v, _ = pushed(five_bar)
+    fast = 200 * v / np.abs(v).max()
+    ends = []
+    for model in (five_bar, None):
+        try:
+            run = hybridyn.simulate(
+                five_bar.robot, q, fast, (0, 0.1), compiled=model, effects=five_bar.effects, **FRAME
+            )
+            ends.append((run.status, len(run.t)))
+        except AssemblyError as error:
+            ends.append((type(error).__name__, 0))
+    assert ends[0][0] == ends[1][0]
