@@ -23,8 +23,9 @@ from .gimbal_lock import GIMBAL_LOCK, flag_gimbal_lock
 from .joints import TreeJoint
 from .kinematics import Motion, Tree
 from .leg_model import LegModel
+from .module_scaling import freedom_units, leg_by_leg, module_length, row_factors
 from .modulespec import ModuleSpec
-from .reduction import RANK_TOLERANCE, Basis, Block, Reduction
+from .reduction import RANK_TOLERANCE, Basis
 from .spatial import Array, Index, cross, quaternion_from_rotation, select, spatial_inertia
 
 #: Where its axes span less than this, a carrying wrist does not tell its platform's motion: rates grow there.
@@ -62,12 +63,12 @@ class Mechanism:
         self.spanning, self.tree = Tree(list(spec.spanning)), Tree(list(spec.tree))
         self.spanning_closures = Closures(self.spanning, list(spec.closures), list(spec.couplings))
         self.closures = Closures(self.tree, list(spec.cut_closures), list(spec.cut_couplings))
-        self.length = self._length(robot_size)
+        self.length = module_length(spec, self.spanning, robot_size)
         self.inertias = np.array([spatial_inertia(b.mass, b.com, b.inertia) for b in spec.outputs_inertia])
         self.inertias = self.inertias.reshape(-1, 6, 6)
         self.legs = LegModel(self.tree, list(spec.leg_bodies))
         self._map_coordinates()
-        self.reduction = self._new_reduction()
+        self.reduction = leg_by_leg(spec, self.tree, self.closures, self.length)
         home = self.cut(spec.home[None], None, None, self.spanning.sweep(spec.home[None]))[0]
         self.home = home[0]
         scales = (self.reduction.row_scale, self.reduction.col_scale)
@@ -76,8 +77,8 @@ class Mechanism:
             self.postures, self.best_residual = generic_postures(
                 self.closures, self.home, *scales, closure_tolerance
             )
-        self.spanning_col_scale = self._col_scale(self.spanning)
-        self.spanning_row_scale = self._row_scale(self.spanning, self.spanning_closures)
+        self.spanning_col_scale = freedom_units(self.spanning, self.length)
+        self.spanning_row_scale = row_factors(self.spanning, self.spanning_closures, self.length)
         self.rounding = 0.0
         self.generic_K = self.closures.matrix(self.tree.sweep(self.postures))
         if len(self.postures):
@@ -91,18 +92,6 @@ class Mechanism:
     def mobility(self) -> int:
         """The paper's N_k."""
         return self.reduction.mobility
-
-    def _length(self, robot_size: float) -> float:
-        """Give the extent of the module at home, rounded to a power of two so that scaling is exact."""
-        motion = self.spanning.sweep(self.spec.home[None])
-        points = [motion.p[0, b] for b in range(len(self.spanning.joints) + 1)]
-        points = points[1:] or points
-        for c in self.spec.closures:
-            points.append(motion.p[0, c.body_a] + motion.R[0, c.body_a] @ c.p_a)
-            points.append(motion.p[0, c.body_b] + motion.R[0, c.body_b] @ c.p_b)
-        extent = float(np.linalg.norm(np.ptp(np.array(points), axis=0)))
-        extent = extent or float(np.linalg.norm(points[0])) or robot_size
-        return float(2.0 ** np.round(np.log2(extent)))
 
     def _map_coordinates(self) -> None:
         """Index arrays between the spanning tree and the tree after the cuts."""
@@ -118,47 +107,6 @@ class Mechanism:
             self._v_from += range(*self.spanning.v_slices[source].indices(self.spanning.nv))
             self._v_to += range(*self.tree.v_slices[i].indices(self.tree.nv))
         self.bodies = np.array(self.spec.tree_body)
-
-    def _col_scale(self, tree: Tree) -> Array:
-        """Give the unit of each freedom: the length for translations, a radian for rotations."""
-        linear = np.abs(tree.S_linear).max(axis=1, initial=0.0) > 0
-        return np.where(linear, self.length, 1.0)
-
-    def _row_scale(self, tree: Tree, closures: Closures) -> Array:
-        """Give the factor that takes the unit off each closure row."""
-        out = np.where(closures.is_angle, 1.0, 1.0 / self.length)
-        unit = self._col_scale(tree)
-        for i, coupling in enumerate(closures.couplings):
-            at = closures.row_slices[len(closures.closures) + i]
-            sizes = [abs(k) * unit[tree.v_slices[j].start] for j, k in coupling.terms]
-            out[at] = 1.0 / 2.0 ** np.round(np.log2(max(sizes)))
-        return out
-
-    def _new_reduction(self) -> Reduction:
-        """Give the elimination of the closures, its ranks not fixed yet."""
-        scales = self._row_scale(self.tree, self.closures), self._col_scale(self.tree)
-        slices = [self.tree.v_slices[i] for i in self.spec.platforms]
-        shared = np.array([c for s in slices for c in range(s.start, s.stop)], dtype=int)
-        return Reduction(*scales, self._blocks(), shared)
-
-    def _blocks(self) -> list[Block]:
-        """Give each leg's rows and columns; a row belongs to the leg that it touches."""
-        leg_of = {body: i for i, leg in enumerate(self.spec.legs) for body in leg}
-        rows: list[list[int]] = [[] for _ in self.spec.legs]
-        for c, at in zip(self.closures.closures, self.closures.row_slices, strict=False):
-            leg = leg_of.get(c.body_a, leg_of.get(c.body_b))
-            if leg is not None:
-                rows[leg] += range(at.start, at.stop)
-        for i, coupling in enumerate(self.closures.couplings):
-            at = self.closures.row_slices[len(self.closures.closures) + i]
-            rows[leg_of[coupling.terms[0][0] + 1]] += range(at.start, at.stop)
-        cols = [
-            [c for b in leg for c in range(*self.tree.v_slices[b - 1].indices(self.tree.nv))]
-            for leg in self.spec.legs
-        ]
-        return [
-            Block(np.array(r, dtype=int), np.array(c, dtype=int)) for r, c in zip(rows, cols, strict=True)
-        ]
 
     def cut(self, q: Array, v: Array | None, a: Array | None, motion: Motion) -> tuple[Array, Array, Array]:
         """Give positions, rates, accelerations of `tree` from those of the spanning tree and its motion."""

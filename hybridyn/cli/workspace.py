@@ -128,7 +128,7 @@ def command(
 @contextlib.contextmanager
 def _spread(jobs: int) -> Iterator[Any]:
     """Give a function that applies another one to many tasks, here or in other processes."""
-    from hybridyn.workspace import in_this_process
+    from hybridyn.workspace_flood import in_this_process
 
     if jobs == 1:
         yield in_this_process
