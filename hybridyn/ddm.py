@@ -15,12 +15,13 @@ from numpy.typing import ArrayLike
 from .articulation import accelerate, articulate
 from .effects.choice import Choice, Effects, choose, times
 from .errors import ModelError, TrajectoryError
-from .forward import as_batch, base_motion, check_closed, forward, same_samples
+from .forward import as_batch, base_motion, forward, same_samples
 from .idm import reactions_of
 from .loads import Loads, all_loads
 from .reactions import Reactions
 from .robot import HybridRobot
 from .spatial import Array
+from .state_checks import check_closed
 
 
 @overload
@@ -94,7 +95,7 @@ def ddm(
     loads = all_loads(robot, on, q, v, time, wrenches)
     whole = on.velocity is not None  # without velocity terms the forces are no longer any observer's
     states = forward(robot, q, v, None, on.gravity, classical=whole)
-    check_closed(robot, states, q, accelerations=False)
+    check_closed(states, q, accelerations=False)
     modules = articulate(robot, states, loads, tau, None)
     accelerate(robot, modules, base_motion(robot, q, v, a, on.gravity, classical=whole)[1], q, v, a)
     if not reactions:
@@ -147,7 +148,7 @@ def solve_passive(robot: HybridRobot, q: Array, v: Array, a: Array, loads: Loads
     _needs_inertia(loads.on)
     whole = loads.on.velocity is not None
     states = forward(robot, q, v, None, loads.on.gravity, classical=whole)
-    check_closed(robot, states, q, accelerations=False)
+    check_closed(states, q, accelerations=False)
     modules = articulate(robot, states, loads, np.zeros((len(q), len(robot.motors))), a)
     out = np.zeros_like(a)
     if robot.base == "moving":

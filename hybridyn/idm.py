@@ -12,12 +12,13 @@ from .actuation import Sharing, motor_efforts
 from .digits import flag_efforts, robot_weight
 from .effects.choice import Choice, choose, times
 from .errors import ActuationError, TrajectoryError
-from .forward import ModuleState, as_batch, base_motion, check_closed, forward, same_samples
+from .forward import ModuleState, as_batch, base_motion, forward, same_samples
 from .loads import Loads, all_loads
 from .lost_rank import LOST, along_motion, possible_motions, refuse_lost_digits, refuse_lost_rank
 from .reactions import Reactions, module_reactions
 from .robot import HybridRobot
 from .spatial import Array, wrench_to_base
+from .state_checks import check_closed
 
 #: What to advise where a passive motion would need an effort.
 HINT = 'Give the accelerations that need no effort there, or pass passive="solved"'
@@ -105,7 +106,7 @@ def idm(
         a = solve_passive(robot, q, v, a, loads)
     v, a = on.inertia.motion(v, a) if on.inertia else (np.zeros_like(v), np.zeros_like(a))
     states = forward(robot, q, v, a, on.gravity, classical=on.velocity is not None)
-    check_closed(robot, states, q, accelerations=True)
+    check_closed(states, q, accelerations=True)
     sharing = Sharing(_weights(robot, weights), on_singular, HINT if passive == "given" else "")
     result = Reactions.empty(len(q)) if reactions else None
     tau = np.zeros((len(q), len(robot.motors)))

@@ -11,7 +11,7 @@ import numpy as np
 from .effects.choice import Choice
 from .errors import AssemblyError, SingularityError, TrajectoryError
 from .events import Event
-from .forward import CLOSED, as_batch
+from .forward import as_batch
 from .integrators import State, System
 from .manifold import Manifold
 from .motion_law import BaseMotion, Effort, MotionLaw, Wrenches
@@ -19,6 +19,7 @@ from .robot import HybridRobot
 from .simulation_result import Result
 from .simulation_run import Progress, Run
 from .spatial import Array
+from .state_checks import CLOSED
 from .stepping import Stepper, build_method, control_of
 
 if TYPE_CHECKING:
