@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..spatial import Array, Index
-from .checking import overlap, spans
+from .drivers import Block, driver, in_place
 from .program import (
     Add,
     Call,
@@ -21,7 +21,6 @@ from .program import (
     Result,
     Shared,
     Source,
-    Start,
     Target,
     Worst,
 )
@@ -39,161 +38,137 @@ def across_copies(program: Program, names: list[str], lanes: int, tables: Tables
         lanes: Number of lanes.
         tables: Where its tables go.
     """
-    lines = [
-        HEAD.format(name=program.name),
-        "    (void)given, (void)result, (void)shared, (void)own, (void)guard;",
-    ]
-    for step in program.steps:
-        if isinstance(step, Start):
-            if len(step.values):
-                table = tables.numbers(step.values)
-                lines.append(f"    set_all(shared + {step.start}, {table}, {len(step.values)});")
-        elif step.copies == 1:
-            lines += _Alone(step, tables).text(names[step.kernel])
-        else:
-            lines += _Together(step, lanes, tables).text(names[step.kernel])
-    return "\n".join([*lines, "}"])
+
+    def call(step: Call, name: str) -> list[str]:
+        if step.copies == 1:
+            return _alone(step, name, tables)
+        packs = range(-(-step.copies // lanes))
+        return [line for pack in packs for line in _Pack(step, pack, lanes, tables).text(name)]
+
+    return driver(program, HEAD.format(name=program.name), names, tables, call)
 
 
-class _Alone:
-    """A call of one copy: every lane the same."""
+def _alone(call: Call, name: str, tables: Tables) -> list[str]:
+    """Give a call of one copy: every lane the same."""
+    block = Block()
+    for n, source in enumerate(call.sources):
+        block.arguments.append(_alone_source(n, source, tables, block))
+    for n, (target, free) in enumerate(zip(call.targets, in_place(call), strict=True)):
+        block.arguments.append(_alone_target(n, target, free, tables, block))
+    return block.lines(name)
 
-    def __init__(self, call: Call, tables: Tables) -> None:
-        self.call, self.tables = call, tables
-        self.before: list[str] = []
-        self.after: list[str] = []
-        self.reads, self.writes = spans(call, 0), spans(call, 1)
+
+def _alone_source(n: int, source: Source, tables: Tables, block: Block) -> str:
+    """Give an argument that is read; numbers that are not in lanes are spread over them first."""
+    match source:
+        case Shared(start, _) | Each(start, _):
+            return f"shared + {start}"
+        case Own(start, _):
+            return f"own + {start}"
+        case Constants(values):
+            x = block.vector(f"x{n}", values.size)
+            if values.size:
+                block.before.append(f"set_all({x}, {tables.numbers(values)}, {values.size});")
+            return x
+        case Given(index) | Result(index):
+            place = "given" if isinstance(source, Given) else "result"
+            x = block.vector(f"x{n}", index.size)
+            if index.size and steps_of_one(index):
+                block.before.append(f"set_all({x}, {place} + {index[0, 0]}, {index.size});")
+            elif index.size:
+                block.before.append(f"gather_all({x}, {place}, {tables.places(index)}, {index.size});")
+            return x
+
+
+def _alone_target(n: int, target: Target, free: bool, tables: Tables, block: Block) -> str:
+    """Give an argument that is written; results and the guard take the first lane."""
+    y = f"y{n}"
+    match target:
+        case Shared(start, size) | Each(start, size) | Own(start, size):
+            place = f"{'own' if isinstance(target, Own) else 'shared'} + {start}"
+            if free:
+                return place
+            block.after.append(f"copy({place}, {y}, {size});")
+        case Add(start, size):
+            block.after.append(f"add(shared + {start}, {y}, {size});")
+        case Result(index):
+            size = index.size
+            if size:
+                block.after.append(f"scatter_first(result, {tables.places(index)}, {y}, {size});")
+        case Worst():
+            size = 1
+            block.after.append(f"*guard = worst_of_lanes(*guard, {y}[0], 1);")
+    return block.vector(y, size)
+
+
+class _Pack:
+    """A call of as many copies as there are lanes, among those of one call."""
+
+    def __init__(self, call: Call, pack: int, lanes: int, tables: Tables) -> None:
+        self.call, self.pack, self.lanes, self.tables = call, pack, lanes, tables
+        self.first = pack * lanes
+        self.valid = min(lanes, call.copies - self.first)  # lanes with a copy of their own
+        self.copies = np.arange(self.first, self.first + lanes)
+        self.copies[self.valid :] = 0
 
     def text(self, name: str) -> list[str]:
         """Give the call."""
-        arguments = [self._source(n, source) for n, source in enumerate(self.call.sources)]
-        arguments += [self._target(n, target) for n, target in enumerate(self.call.targets)]
-        body = [*self.before, f"{name}({', '.join(arguments)});", *self.after]
-        return ["    {", *(f"        {line}" for line in body), "    }"]
+        block = Block()
+        for n, source in enumerate(self.call.sources):
+            block.arguments.append(self._source(n, source, block))
+        for n, (target, free) in enumerate(zip(self.call.targets, in_place(self.call), strict=True)):
+            block.arguments.append(self._target(n, target, free, block))
+        return block.lines(name)
 
-    def _source(self, n: int, source: Source) -> str:
-        match source:
-            case Shared(start, _) | Each(start, _):
-                return f"shared + {start}"
-            case Own(start, _):
-                return f"own + {start}"
-            case Constants(values):
-                self.before.append(f"V x{n}[{max(values.size, 1)}];")
-                if values.size:
-                    self.before.append(f"set_all(x{n}, {self.tables.numbers(values)}, {values.size});")
-            case Given(index) | Result(index):
-                place = "given" if isinstance(source, Given) else "result"
-                self.before.append(f"V x{n}[{max(index.size, 1)}];")
-                if index.size and steps_of_one(index):
-                    self.before.append(f"set_all(x{n}, {place} + {index[0, 0]}, {index.size});")
-                elif index.size:
-                    self.before.append(
-                        f"gather_all(x{n}, {place}, {self.tables.places(index)}, {index.size});"
-                    )
-        return f"x{n}"
-
-    def _target(self, n: int, target: Target) -> str:
-        others = [*self.reads, *self.writes[:n], *self.writes[n + 1 :]]
-        free = not any(overlap(self.writes[n], other) for other in others)
-        match target:
-            case Shared(start, size) | Each(start, size):
-                if free:
-                    return f"shared + {start}"
-                self.after.append(f"copy(shared + {start}, y{n}, {size});")
-            case Own(start, size):
-                if free:
-                    return f"own + {start}"
-                self.after.append(f"copy(own + {start}, y{n}, {size});")
-            case Add(start, size):
-                self.after.append(f"add(shared + {start}, y{n}, {size});")
-            case Result(index):
-                size = index.size
-                if size:
-                    self.after.append(f"scatter_first(result, {self.tables.places(index)}, y{n}, {size});")
-            case Worst():
-                size = 1
-                self.after.append(f"*guard = worst_of_lanes(*guard, y{n}[0], 1);")
-        self.before.append(f"V y{n}[{max(size, 1)}];")
-        return f"y{n}"
-
-
-class _Together:
-    """A call of several copies: packs of as many as there are lanes."""
-
-    def __init__(self, call: Call, lanes: int, tables: Tables) -> None:
-        self.call, self.lanes, self.tables = call, lanes, tables
-        self.packs = -(-call.copies // lanes)
-        self.copy = np.arange(self.packs * lanes)
-        self.copy[call.copies :] = 0
-        self.reads, self.writes = spans(call, 0), spans(call, 1)
-
-    def text(self, name: str) -> list[str]:
-        """Give the calls, pack after pack."""
-        lines: list[str] = []
-        for pack in range(self.packs):
-            before: list[str] = []
-            after: list[str] = []
-            arguments = [self._source(n, source, pack, before) for n, source in enumerate(self.call.sources)]
-            arguments += [
-                self._target(n, target, pack, before, after) for n, target in enumerate(self.call.targets)
-            ]
-            body = [*before, f"{name}({', '.join(arguments)});", *after]
-            lines += ["    {", *(f"        {line}" for line in body), "    }"]
-        return lines
-
-    def _lanes(self, values: Array | Index, pack: int) -> Array | Index:
-        """Give rows of the copies of a pack, side by side: (entries, lanes)."""
-        rows: Array | Index = values[self.copy[pack * self.lanes : (pack + 1) * self.lanes]].T
+    def _lanes(self, values: Array | Index) -> Array | Index:
+        """Give rows of the copies, side by side: (entries, lanes)."""
+        rows: Array | Index = values[self.copies].T
         return rows
 
-    def _valid(self, pack: int) -> int:
-        """Give the number of lanes with a copy of their own."""
-        return min(self.lanes, self.call.copies - pack * self.lanes)
-
-    def _source(self, n: int, source: Source, pack: int, before: list[str]) -> str:
+    def _source(self, n: int, source: Source, block: Block) -> str:
+        """Give an argument that is read; numbers of the copies are gathered into their lanes first."""
         match source:
             case Shared(start, _):
                 return f"shared + {start}"
             case Own(start, size):
-                return f"own + {start + pack * size}"
+                return f"own + {start + self.pack * size}"
             case Constants(values):
-                return f"(const V *){self.tables.numbers(np.asarray(self._lanes(values, pack), dtype=float))}"
+                return f"(const V *){self.tables.numbers(np.asarray(self._lanes(values), dtype=float))}"
             case Given(index) | Result(index):
                 place = "given" if isinstance(source, Given) else "result"
                 size = index.shape[1]
-                at = self._lanes(index, pack)
+                at = self._lanes(index)
             case Each(start, size):
                 place = "(const S *)shared"
-                at = (start + size * self._lanes(np.arange(self.call.copies)[:, None], pack)) + np.arange(
-                    size
-                )[:, None]
-                at = at * self.lanes  # the first lane of each
-        before.append(f"V x{n}[{max(size, 1)}];")
+                at = (
+                    start + size * self.copies + np.arange(size)[:, None]
+                ) * self.lanes  # first lane of each
+        x = block.vector(f"x{n}", size)
         if size:
-            before.append(f"gather_lanes(x{n}, {place}, {self.tables.places(at.astype(int))}, {size});")
-        return f"x{n}"
+            block.before.append(f"gather_lanes({x}, {place}, {self.tables.places(at.astype(int))}, {size});")
+        return x
 
-    def _target(self, n: int, target: Target, pack: int, before: list[str], after: list[str]) -> str:
-        valid, first = self._valid(pack), pack * self.lanes
+    def _target(self, n: int, target: Target, free: bool, block: Block) -> str:
+        """Give an argument that is written; what is not the copies' own is spread or summed afterwards."""
+        y, first, valid = f"y{n}", self.first, self.valid
         match target:
             case Own(start, size):
-                others = [*self.reads, *self.writes[:n], *self.writes[n + 1 :]]
-                if not any(overlap(self.writes[n], other) for other in others):
-                    return f"own + {start + pack * size}"
-                after.append(f"copy(own + {start + pack * size}, y{n}, {size});")
+                place = f"own + {start + self.pack * size}"
+                if free:
+                    return place
+                block.after.append(f"copy({place}, {y}, {size});")
             case Add(start, size):
-                after.append(f"add_lanes(shared + {start}, y{n}, {size}, {valid});")
+                block.after.append(f"add_lanes(shared + {start}, {y}, {size}, {valid});")
             case Each(start, size):
-                after.append(f"spread_lanes(shared + {start + first * size}, y{n}, {size}, {valid});")
+                block.after.append(f"spread_lanes(shared + {start + first * size}, {y}, {size}, {valid});")
             case Result(index):
                 size = index.shape[1]
                 if size:
                     at = self.tables.places(index[first : first + valid])
-                    after.append(f"scatter_lanes(result, {at}, y{n}, {size}, {valid});")
+                    block.after.append(f"scatter_lanes(result, {at}, {y}, {size}, {valid});")
             case Worst():
                 size = 1
-                after.append(f"*guard = worst_of_lanes(*guard, y{n}[0], {valid});")
+                block.after.append(f"*guard = worst_of_lanes(*guard, {y}[0], {valid});")
             case Shared():
                 raise ValueError("several copies write shared numbers")
-        before.append(f"V y{n}[{max(size, 1)}];")
-        return f"y{n}"
+        return block.vector(y, size)

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..spatial import Index
-from .checking import overlap, spans
+from .drivers import Block, driver, in_place
 from .program import (
     Add,
     Call,
@@ -20,7 +20,6 @@ from .program import (
     Result,
     Shared,
     Source,
-    Start,
     Target,
     Worst,
 )
@@ -37,45 +36,19 @@ def across_samples(program: Program, names: list[str], tables: Tables) -> str:
         names: Name in C of each kernel.
         tables: Where its tables go.
     """
-    lines = [
-        HEAD.format(name=program.name),
-        "    (void)given, (void)result, (void)shared, (void)own, (void)guard;",
-    ]
-    for step in program.steps:
-        if isinstance(step, Start):
-            if len(step.values):
-                table = tables.numbers(step.values)
-                lines.append(f"    set_all(shared + {step.start}, {table}, {len(step.values)});")
-        else:
-            lines += _call(step, names[step.kernel], tables)
-    return "\n".join([*lines, "}"])
+    head = HEAD.format(name=program.name)
+    return driver(program, head, names, tables, lambda call, name: _call(call, name, tables))
 
 
 def _call(call: Call, name: str, tables: Tables) -> list[str]:
     """Give a call of a kernel for each copy."""
-    before: list[str] = []
-    after: list[str] = []
-    arguments: list[str] = []
-    reads = [span for source, span in zip(call.sources, spans(call, 0), strict=True) if _direct(source)]
+    block = Block()
     for n, source in enumerate(call.sources):
-        arguments.append(_source(call, n, source, tables, before))
-    written = spans(call, 1)
-    for n, target in enumerate(call.targets):
-        free = not any(overlap(written[n], other) for other in [*reads, *written[:n], *written[n + 1 :]])
-        arguments.append(_target(call, n, target, free, tables, before, after))
-    body = [*before, f"{name}({', '.join(arguments)});", *after]
-    head = "    {" if call.copies == 1 else f"    for (int i = 0; i < {call.copies}; i++) {{"
-    return [head, *(f"        {line}" for line in body), "    }"]
-
-
-def _direct(end: Source | Target) -> bool:
-    """Say whether a kernel is handed the place itself and no copy of it."""
-    match end:
-        case Given(index) | Result(index):
-            return steps_of_one(index)
-        case Constants() | Worst() | Add():
-            return False
-    return True
+        block.arguments.append(_source(call, n, source, tables, block))
+    for n, (target, free) in enumerate(zip(call.targets, in_place(call), strict=True)):
+        block.arguments.append(_target(call, n, target, free, tables, block))
+    head = "{" if call.copies == 1 else f"for (int i = 0; i < {call.copies}; i++) {{"
+    return block.lines(name, head)
 
 
 def _row(call: Call, index: Index, tables: Tables) -> str:
@@ -89,8 +62,8 @@ def _at(call: Call, start: int, size: int) -> str:
     return str(start) if call.copies == 1 else f"{start} + i * {size}"
 
 
-def _source(call: Call, n: int, source: Source, tables: Tables, before: list[str]) -> str:
-    """Give an argument that is read; what must be gathered first goes `before`."""
+def _source(call: Call, n: int, source: Source, tables: Tables, block: Block) -> str:
+    """Give an argument that is read; what is not there as a row is gathered first."""
     match source:
         case Shared(_, 0) | Each(_, 0) | Own(_, 0):
             return "0"
@@ -99,53 +72,52 @@ def _source(call: Call, n: int, source: Source, tables: Tables, before: list[str
             if steps_of_one(index):
                 return f"{place} + {_row(call, index, tables)}"
             size = index.shape[1]
-            before.append(f"V x{n}[{max(size, 1)}];")
-            before.append(f"gather(x{n}, {place}, {tables.places(index)} + {_at(call, 0, size)}, {size});")
+            x = block.vector(f"x{n}", size)
+            block.before.append(
+                f"gather({x}, {place}, {tables.places(index)} + {_at(call, 0, size)}, {size});"
+            )
+            return x
         case Constants(values):
-            before.append(f"V x{n}[{max(values.shape[1], 1)}];")
+            size = values.shape[1]
+            x = block.vector(f"x{n}", size)
             if values.size:
-                at = f"{tables.numbers(values)} + {_at(call, 0, values.shape[1])}"
-                before.append(f"set_all(x{n}, {at}, {values.shape[1]});")
+                at = f"{tables.numbers(values)} + {_at(call, 0, size)}"
+                block.before.append(f"set_all({x}, {at}, {size});")
+            return x
         case Shared(start, _):
             return f"shared + {start}"
         case Each(start, size):
             return f"shared + {_at(call, start, size)}"
         case Own(start, size):
             return f"own + {_at(call, start, size)}"
-    return f"x{n}"
 
 
-def _target(
-    call: Call, n: int, target: Target, free: bool, tables: Tables, before: list[str], after: list[str]
-) -> str:
-    """Give an argument that is written; what must be done with it afterwards goes `after`."""
+def _target(call: Call, n: int, target: Target, free: bool, tables: Tables, block: Block) -> str:
+    """Give an argument that is written; what cannot be written in place goes there afterwards."""
+    y = f"y{n}"
     match target:
         case Shared(_, 0) | Each(_, 0) | Own(_, 0) | Add(_, 0):
-            size = 0
+            return block.vector(y, 0)
         case Worst():
-            before.append(f"V y{n}[1];")
-            after.append(f"*guard = worst(*guard, y{n}[0]);")
-            return f"y{n}"
+            block.after.append(f"*guard = worst(*guard, {y}[0]);")
+            return block.vector(y, 1)
         case Add(start, size):
-            before.append(f"V y{n}[{max(size, 1)}];")
-            after.append(f"add(shared + {start}, y{n}, {size});")
-            return f"y{n}"
+            block.after.append(f"add(shared + {start}, {y}, {size});")
+            return block.vector(y, size)
         case Result(index):
+            size = index.shape[1]
             if free and index.size and steps_of_one(index):
                 return f"result + {_row(call, index, tables)}"
-            size = index.shape[1]
-            after.append(f"scatter(result, {tables.places(index)} + {_at(call, 0, size)}, y{n}, {size});")
+            at = f"{tables.places(index)} + {_at(call, 0, size)}"
+            block.after.append(f"scatter(result, {at}, {y}, {size});")
+            return block.vector(y, size)
         case Shared(start, size):
-            if free:
-                return f"shared + {start}"
-            after.append(f"copy(shared + {start}, y{n}, {size});")
+            place = f"shared + {start}"
         case Each(start, size):
-            if free:
-                return f"shared + {_at(call, start, size)}"
-            after.append(f"copy(shared + {_at(call, start, size)}, y{n}, {size});")
+            place = f"shared + {_at(call, start, size)}"
         case Own(start, size):
-            if free:
-                return f"own + {_at(call, start, size)}"
-            after.append(f"copy(own + {_at(call, start, size)}, y{n}, {size});")
-    before.append(f"V y{n}[{max(size, 1)}];")
-    return f"y{n}"
+            place = f"own + {_at(call, start, size)}"
+    if free:
+        return place
+    block.after.append(f"copy({place}, {y}, {size});")
+    return block.vector(y, size)
