@@ -40,7 +40,7 @@ SHIPPED = ("gough_stewart", "rps3", "five_bar", "delta", "tanev", "stewart_ur5",
 STACKS = (1, 2, 4, 8, 16)
 SNAKES = (4, 8, 16)
 LONG = simulation.Steps(
-    rk4=(), projected=(1e-2, 1e-3), general=(), implicit=(), mujoco=(1e-3, 1e-4)
+    rk4=(), projected=(1e-2, 1e-3), general=(), implicit=(), mujoco=(1e-3, 2e-4)
 )  # the general path would take a quarter of an hour for 10,000 steps
 DISTANCES = tuple(10.0 ** (-k / 2) for k in range(17))
 

@@ -34,7 +34,7 @@ class Load:
 
     batches: tuple[int, ...] = (1, 10, 100, 1_000, 10_000)
     threads: tuple[int, ...] = (1, 2, 4)
-    rounds: int = 15
+    rounds: int = 11
 
 
 def measure(model: Model, case: str, load: Load) -> list[Point]:
@@ -79,16 +79,19 @@ def loads_of(
         at = method.prepare(problem.robot, threads)
         setting = {} if ours else cheapest(at, method.settings, problem)
         solve = at(setting)
+        if ours:
+            error = problem.reference.off(solve(*problem.states)[problem.judged])
+            refuse(error, method.limit, f"{problem.model} by {method.name} on {threads} threads")
+        else:
+            error = problem.reference.off(np.array([solve(*state) for state in problem.singles]))
         for batch in load.batches:
-            states = tuple(np.ascontiguousarray(x[:batch]) for x in problem.states)
-            if ours:
-                error = problem.reference.off(solve(*problem.states)[problem.judged])
-                refuse(error, method.limit, f"{problem.model} by {method.name} on {threads} threads")
-                shared = (states[0], states[1], states[2])
-                call = one_by_one(solve, problem.singles[:1]) if batch == 1 else together(solve, shared)
+            q, v, given = (np.ascontiguousarray(x[:batch]) for x in problem.states)
+            if not ours:
+                call: Callable[[], object] = looped(solve, (q, v, given))
+            elif batch == 1:
+                call = one_by_one(solve, problem.singles[:1])
             else:
-                error = problem.reference.off(np.array([solve(*state) for state in problem.singles]))
-                call = looped(solve, (states[0], states[1], states[2]))
+                call = together(solve, (q, v, given))
             yield (method.name, written(setting), batch, threads, error), call
 
 
