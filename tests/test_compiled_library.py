@@ -12,9 +12,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import hybridyn
 from hybridyn.compiled.checking import check
 from hybridyn.compiled.interpreter import function_of
-from hybridyn.compiled.library import BLOCK, Library, load
+from hybridyn.compiled.library import BLOCK, REFUSED, Library, load
 from hybridyn.compiled.program import Add, Call, Given, Own, Result, Shared
 from tests.compiled_toys import inputs, own_cache, toy
 
@@ -198,3 +199,25 @@ def test_programs_that_would_mean_two_things_are_refused() -> None:
         check(dataclasses.replace(program, shared=program.shared - 1))
     with pytest.raises(ValueError, match="takes 3 inputs"):
         check(_with(program, 3, targets=(*legs.targets, Add(2, 2))))
+
+
+def test_a_single_call_looks_at_what_it_is_handed(own_cache: None) -> None:
+    model = hybridyn.compile(hybridyn.load("five_bar"))
+    at_once = model.library.programs["idm"].at_once
+    if at_once is None:
+        pytest.skip("arrays look otherwise in this Python")
+    q = model.robot.home
+    v, out = np.zeros(model.robot.nv), np.empty(len(model.robot.motors))
+    before = [sys.getrefcount(x) for x in (q, v, out)]
+    assert at_once(q, v, v, out) == 0
+    refused = [(q, v, v), (q, v, v, out, out), (), (q, v, None, out), (q, v, 1.0, out), (q, v, "v", out)]
+    refused += [
+        (q, v, v[None], out),
+        (q, v[:-1], v, out),
+        (q, v.astype(np.float32), v, out),
+        ([*q], v, v, out),
+    ]
+    for handed in refused:
+        assert at_once(*handed) == REFUSED
+    del refused, handed
+    assert before == [sys.getrefcount(x) for x in (q, v, out)]

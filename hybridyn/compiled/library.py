@@ -36,6 +36,12 @@ BORDER = {
 REFUSED = 1
 """Status of a single call whose arrays are not plain."""
 
+METH_FASTCALL = 0x0080
+"""Python's word for a C function that is handed all its arguments in one array."""
+
+ANSWERS = (0, REFUSED, 2)
+"""What a single call answers: done, refused, or done but for the general path to do again."""
+
 BLOCK = (
     512  # samples that a thread takes at once: long enough to be worth waking it, a multiple of every width
 )
@@ -63,7 +69,8 @@ class Library:
         free = ctypes.CDLL(str(built.path))  # lets other threads of Python run meanwhile
         held = ctypes.PyDLL(str(built.path))  # does not: a microsecond is not worth it
         alone = getattr(sys, "_is_gil_enabled", lambda: True)()  # single calls share their memory
-        plain = alone and built.about["lanes"] > 1 and _knows_arrays(held, self.dtype)
+        cpython = sys.implementation.name == "cpython"
+        plain = alone and cpython and built.about["lanes"] > 1 and _knows_arrays(held, self.dtype)
         self.programs = {
             name: Calls(name, about, built.about["number"], free, held, plain)
             for name, about in built.about["programs"].items()
@@ -99,6 +106,27 @@ class Library:
         return self.programs[name].batch(inputs, threads)
 
 
+class Method(ctypes.Structure):
+    """Python's `PyMethodDef`: a C function that Python calls without a detour through ctypes."""
+
+    _fields_ = (
+        ("name", ctypes.c_char_p),
+        ("address", ctypes.c_void_p),
+        ("flags", ctypes.c_int),
+        ("doc", ctypes.c_char_p),
+    )
+
+    def function(self) -> Callable[..., int]:
+        """Give the function; it needs this structure as long as it lives."""
+        new = ctypes.pythonapi.PyCFunction_NewEx
+        new.restype, new.argtypes = (
+            ctypes.py_object,
+            [ctypes.POINTER(Method), ctypes.c_void_p, ctypes.c_void_p],
+        )
+        made: Callable[..., int] = new(ctypes.byref(self), None, None)
+        return made
+
+
 class Calls:
     """The calls of one program."""
 
@@ -127,10 +155,9 @@ class Calls:
         if plain:
             memory: Any = (ctypes.c_char * dtype.itemsize).in_dll(held, f"{name}_guard")
             self._guard = np.frombuffer(memory, dtype)
-            one: Any = getattr(held, f"{name}_single")
-            one.restype = ctypes.c_int
-            one.argtypes = [ctypes.c_void_p] * (len(self.inputs) + 1)
-            self.at_once = one
+            address = ctypes.cast(getattr(held, f"{name}_call"), ctypes.c_void_p)
+            self._method = Method(name.encode(), address, METH_FASTCALL)
+            self.at_once = self._method.function()
 
     @property
     def guard(self) -> float:
@@ -148,7 +175,7 @@ class Calls:
         """
         out = np.empty(self.size, self.dtype)
         if self.at_once is not None and len(inputs) == len(self.inputs):
-            status = self.at_once(*map(id, inputs), id(out))
+            status = self.at_once(*inputs, out)
             if status != REFUSED:
                 return out, status
         return self._converted(inputs, out)
@@ -160,7 +187,7 @@ class Calls:
             if array.shape != (size,):
                 raise ValueError(f"{name} has shape {array.shape}; wanted ({size},)")
         if self.at_once is not None:
-            return out, self.at_once(*map(id, arrays), id(out))
+            return out, self.at_once(*arrays, out)
         parts, guard = self.batch([array[None] for array in arrays], 1)
         self._guard[0] = guard[0]
         np.concatenate([part[0] for part in parts], out=out)
@@ -191,7 +218,7 @@ class Calls:
                 raise ValueError(f"{name} has shape {array.shape}; wanted ({samples}, {size})")
         if samples == 1 and self.at_once is not None:  # the same bits, without lanes that nobody asked for
             rows, out = [array[0] for array in arrays], np.empty(self.size, self.dtype)
-            if self.at_once(*map(id, rows), id(out)) == 0:
+            if self.at_once(*rows, out) == 0:
                 return tuple(part[None] for part in self.split(out)), np.fmin(self._guard, self.trusted)
         outs = tuple(np.empty((samples, size), self.dtype) for _, size in self.outputs)
         guard = np.empty(samples, self.dtype)
@@ -232,9 +259,11 @@ if hasattr(os, "register_at_fork"):  # threads stay behind: a child that waited 
 
 def _knows_arrays(held: ctypes.PyDLL, dtype: np.dtype[Any]) -> bool:
     """Set up the reading of arrays in C, and say whether an array looks there as it does here."""
-    held.hybridyn_setup.argtypes = [ctypes.c_void_p] * 2
+    held.hybridyn_setup.argtypes = [ctypes.c_void_p] * 4
     held.hybridyn_setup.restype = None
-    held.hybridyn_setup(id(np.ndarray), id(dtype))
+    answers = (ctypes.c_void_p * len(ANSWERS))(*map(id, ANSWERS))
+    increment = ctypes.cast(ctypes.pythonapi.Py_IncRef, ctypes.c_void_p)
+    held.hybridyn_setup(id(np.ndarray), id(dtype), answers, increment)
     held.hybridyn_layout.argtypes = [ctypes.py_object, ctypes.c_void_p, ctypes.c_longlong, ctypes.c_longlong]
     held.hybridyn_layout.restype = ctypes.c_int
     for shape in ((3, 5), (7, 2)):

@@ -82,7 +82,7 @@ class CompiledRobot:
             HybridynError: What `hybridyn.idm` raises, with the same words.
         """
         out = np.empty(self._idm.size, self.dtype)
-        if self._idm_at_once(id(q), id(v), id(a), id(out)) == 0:  # every tenth of a microsecond counts here
+        if self._idm_at_once(q, v, a, out) == 0:  # every tenth of a microsecond counts here
             return out
         return self._run("idm", {"q": q, "v": v, "a": a})
 
@@ -106,7 +106,7 @@ class CompiledRobot:
         """
         if base_acceleration is None:
             out = np.empty(self._ddm.size, self.dtype)
-            if self._ddm_at_once(id(q), id(v), id(tau), id(out)) == 0:
+            if self._ddm_at_once(q, v, tau, out) == 0:
                 return out
         given = {"q": q, "v": v, "tau": tau}
         if self._moving or base_acceleration is not None:
@@ -129,7 +129,7 @@ class CompiledRobot:
         if len(q) == 1 and calls.at_once is not None and not self._moving:
             x, x_dot, effort = q[0], v[0], tau[0]
             out = np.empty(calls.size, self.dtype)
-            if calls.at_once(id(x), id(x_dot), id(effort), id(out)) == 0:
+            if calls.at_once(x, x_dot, effort, out) == 0:
                 return out[None]
         (result,), guard = calls.batch([q, v, tau, base][: len(calls.inputs)], self.threads)
         doubtful = np.count_nonzero(~(guard <= calls.trusted))
@@ -239,7 +239,7 @@ def _revived(robot: HybridRobot, effects: Effects, built: Built, threads: int) -
     return CompiledRobot(robot, effects, Library(built), threads)
 
 
-def _refuse(*_: int) -> int:
+def _refuse(*_: object) -> int:
     """Stand for a call at once where there is none."""
     return REFUSED
 

@@ -190,6 +190,7 @@ def _single(program: Program) -> str:
         copies.append(f"    memcpy({program.name}_given + {at}, in{n}, sizeof(S[{size}]));")
         moves.append(f"    memcpy({program.name}_given + {at}, in[{n}], sizeof(S[{size}]));")
         at += size
+    handed = [f"a[{n}]" for n in range(len(program.inputs) + 1)]
     all_there = " && ".join([f"in{n}" for n, _ in enumerate(program.inputs)] + ["out"])
     name = program.name
     return "\n".join(
@@ -215,6 +216,11 @@ def _single(program: Program) -> str:
             f"EXPORT int {name}_single_at(const S *const *in, S *out) {{",
             *moves,
             f"    return {name}_run(out);",
+            "}",
+            f"EXPORT const void *{name}_call(const void *self, const Array *const *a, Long count) {{",
+            "    (void)self; /* a function of Python, METH_FASTCALL */",
+            f"    if (count != {len(handed)}) return answered(1);",
+            f"    return answered({name}_single({', '.join(handed)}));",
             "}",
         ]
     )
