@@ -10,39 +10,19 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from .balance import LegTerms, balance_of_legs, congruence, largest, leg_terms, size_of_solution
 from .branch import along_branch
 from .digits import flag_accelerations
 from .effects.choice import Effects
-from .elimination import least_squares, null_basis
-from .errors import SingularityError
+from .elimination import null_basis
 from .forward import ModuleState
 from .inertia_solve import EPS, InertiaFactor, factor_inertia
 from .loads import Loads, ModuleLoad
 from .lost_rank import refuse_lost_rank, refuse_untold
-from .module import Module
+from .massless import refuse_forced, shorten
 from .reduction import Basis
 from .robot import HybridRobot
 from .spatial import Array, motion_matrix
-
-#: Part of the largest term that a massless motion may be forced by before it is an error.
-FORCED = 1e-9
-
-
-@dataclass(frozen=True)
-class LegTerms:
-    """What a module's legs bring, with their rotors and the loads on them.
-
-    Attributes:
-        M: Inertia over [V_dot_base; x_ddot], shape (T, 6 + n, 6 + n): A and D among it, Eqs. (63)-(75).
-        p: Wrench on the base at zero accelerations less the loads', shape (T, 6), Eqs. (71)-(73).
-        h: Generalised force along x at zero accelerations, shape (T, n).
-        f: Generalised force of the loads along x, shape (T, n).
-    """
-
-    M: Array
-    p: Array
-    h: Array
-    f: Array
 
 
 @dataclass
@@ -99,7 +79,7 @@ def articulate(
     beta_star = [_own_bias(s, loads.modules[k], loads.on) for k, s in enumerate(states)]
     out: list[ArticulatedModule] = []
     for k in reversed(range(len(states))):
-        s, legs = states[k], _legs(states[k], loads, k)
+        s, legs = states[k], leg_terms(states[k], loads, k)
         wanted = None if prescribed is None else prescribed[:, s.module.v_index]
         motions = _motions(s, wanted, passing)
         noise[k] += _rounding(I_star[k])
@@ -113,16 +93,6 @@ def articulate(
             I_star[base][:, output] += inertia
             beta_star[base][:, output] += bias
     return out
-
-
-def _legs(state: ModuleState, loads: Loads, k: int) -> LegTerms:
-    """Give what the legs of module k bring."""
-    M = loads.on.leg_matrix(state)
-    if (rotor := loads.rotor_diagonal(state)) is not None:
-        M[:, 6:, 6:] += np.diag(rotor)
-    p, h = loads.on.leg_bias(state)
-    f_base, f = loads.on_legs(k, state)
-    return LegTerms(M, p - f_base, h, f)
 
 
 def _articulate_module(
@@ -148,43 +118,25 @@ def _articulate_module(
     Raises:
         SingularityError: Its closures lose rank, or a force acts on a motion without inertia.
     """
-    m, n = s.mechanism, s.mechanism.tree.nv
     basis, bias = motions
     refuse_lost_rank(s.module, basis)
-    Psi, drift = basis.Psi, basis.drift
-    A, D = legs.M[:, 6:, 6:], legs.M[:, 6:, :6]
-    A_t = _congruence(Psi, A)  # Eq. (43), the legs' share
-    noise, carried = _congruence(np.abs(Psi), np.abs(A)), np.zeros_like(A_t)
-    E = np.einsum("tij,tik->tjk", Psi, D)  # Eq. (42)
-    needed = legs.f - legs.h - np.einsum("tij,tj->ti", A, drift)
-    needed[:, s.module.motor_columns] += tau
-    Q_0 = np.einsum("tij,ti->tj", Psi, needed)  # Eq. (44) and the motors
-    size = _size(Psi, np.abs(needed) + np.abs(legs.h) + np.abs(legs.f))
+    x = balance_of_legs(s, legs, basis, tau)
     a_maps: list[Array] = []
     cs: list[Array] = []
     Xs: list[Array] = []
-    for o, body in enumerate(m.spec.outputs):
-        J = m.jacobian(s.motion, body)
-        a_map, X = np.matmul(J, Psi), motion_matrix(*s.placement(o))
-        c = np.einsum("tij,tj->ti", J, drift) + bias[o] + s.convective[:, o]
-        I_o = I_star[:, o]
-        b = np.einsum("tij,tj->ti", I_o, c) + beta_star[:, o]
-        A_t += _congruence(a_map, I_o)
-        noise += _congruence(np.abs(a_map), np.abs(I_o))
-        carried += _congruence(a_map, blur[:, o])
-        E += np.einsum("tij,tik,tkl->tjl", a_map, I_o, X, optimize=True)
-        Q_0 -= np.einsum("tij,ti->tj", a_map, b)
-        size = np.maximum(size, _size(a_map, np.abs(b)))
+    for o, body in enumerate(s.mechanism.spec.outputs):
+        J = s.mechanism.jacobian(s.motion, body)
+        a_map, X = np.matmul(J, basis.Psi), motion_matrix(*s.placement(o))
+        c = np.einsum("tij,tj->ti", J, basis.drift) + bias[o] + s.convective[:, o]
+        b = np.einsum("tij,tj->ti", I_star[:, o], c) + beta_star[:, o]
+        x.add_output(a_map, X, I_star[:, o], b, blur[:, o])
         a_maps, cs, Xs = [*a_maps, a_map], [*cs, c], [*Xs, X]
-    inertia = factor_inertia(A_t, np.diagonal(4 * n * EPS * noise + carried, axis1=1, axis2=2))
-    solved, left = inertia.solve(np.concatenate([E, Q_0[..., None]], axis=-1))
-    _refuse_forced(s.module, basis, inertia, left, size)
+    noise = 4 * s.mechanism.tree.nv * EPS * x.noise + x.carried
+    inertia = factor_inertia(x.A_t, np.diagonal(noise, axis1=1, axis2=2))
+    solved, left = inertia.solve(np.concatenate([x.E, x.Q_0[..., None]], axis=-1))
+    refuse_forced(s.module, basis, left[..., 6], x.size)
     G, y = solved[..., :6], solved[..., 6]
-    resisted = np.square(inertia.R[:, :1, :1].max(axis=(1, 2), initial=0.0))
-    kept = _largest(Q_0)
-    terms = _largest(y) * np.maximum(size / np.where(kept > 0, kept, np.inf), 1.0)
-    terms = np.maximum(terms, size / np.where(resisted > 0, resisted, np.inf))
-    return ArticulatedModule(s, basis, a_maps, cs, Xs, G, Q_0, y, inertia, terms)
+    return ArticulatedModule(s, basis, a_maps, cs, Xs, G, x.Q_0, y, inertia, size_of_solution(x, inertia, y))
 
 
 def _onto_base(
@@ -197,12 +149,12 @@ def _onto_base(
     Psi, drift, G = item.basis.Psi, item.basis.drift, item.G
     T = len(G)
     with_base = np.concatenate([np.tile(np.eye(6), (T, 1, 1)), -np.matmul(Psi, G)], axis=1)
-    inertia, handed = _congruence(with_base, legs.M), np.zeros((T, 6, 6))
+    inertia, handed = congruence(with_base, legs.M), np.zeros((T, 6, 6))
     beta = np.einsum("tij,ti->tj", legs.M[:, 6:, :6], drift) + legs.p + np.einsum("tij,ti->tj", G, item.Q_0)
     for o, (X, a_map, c) in enumerate(zip(item.X, item.a_maps, item.c, strict=True)):
         follows = X - np.matmul(a_map, G)
-        inertia += _congruence(follows, I_star[:, o])
-        handed += _congruence(follows, blur[:, o])
+        inertia += congruence(follows, I_star[:, o])
+        handed += congruence(follows, blur[:, o])
         b = np.einsum("tij,tj->ti", I_star[:, o], c) + beta_star[:, o]
         beta += np.einsum("tij,ti->tj", X, b)
     return inertia, beta, handed
@@ -239,7 +191,7 @@ def accelerate(
         V_dot = root if module.parent < 0 else outputs[module.parent][module.parent_output]
         carried = np.einsum("tij,tj->ti", item.G, V_dot)
         u_dot = item.y - carried  # Eq. (51)
-        _least_norm(item, u_dot)
+        shorten(module, item.basis, item.inertia, u_dot)
         outputs.append(
             [
                 np.einsum("tij,tj->ti", X, V_dot) + np.einsum("tij,tj->ti", a_map, u_dot) + c  # Eq. (53)
@@ -247,7 +199,7 @@ def accelerate(
             ]
         )
         x_ddot = np.einsum("tij,tj->ti", item.basis.Psi, u_dot) + item.basis.drift
-        flag_accelerations(module, x_ddot, item.terms + _largest(carried), gravity)
+        flag_accelerations(module, x_ddot, item.terms + largest(carried), gravity)
         spanning = np.zeros((len(q), m.spanning.nv))
         m.take_legs(x_ddot, spanning)
         if m.spec.wrists:
@@ -290,55 +242,3 @@ def _motions(state: ModuleState, prescribed: Array | None, passing: bool) -> tup
     Psi = np.matmul(basis.Psi, Z)
     drift = basis.drift + np.einsum("tij,tj->ti", basis.Psi, u_dot)
     return Basis(Psi, drift, basis.pivot), bias
-
-
-def _congruence(B: Array, M: Array) -> Array:
-    """Give B^T M B, shapes (T, n, N) and (T, n, n)."""
-    out: Array = np.matmul(np.swapaxes(B, 1, 2), np.matmul(M, B))
-    return out
-
-
-def _largest(x: Array) -> Array:
-    """Give the largest entry of each sample, shape (T,)."""
-    out: Array = np.abs(x).max(axis=1, initial=0.0)
-    return out
-
-
-def _size(B: Array, force: Array) -> Array:
-    """Give the largest term of B^T force, shape (T,)."""
-    out: Array = np.einsum("tij,ti->tj", np.abs(B), np.abs(force)).max(axis=1, initial=0.0)
-    return out
-
-
-def _least_norm(item: ArticulatedModule, u_dot: Array) -> None:
-    """Take the massless motions out of u_dot as far as they only make it longer."""
-    unit = item.state.mechanism.reduction.col_scale
-    for t in np.flatnonzero(item.inertia.massless):
-        Psi = item.basis.Psi[t] / unit[:, None]
-        null = item.inertia.null_space(int(t))
-        x = Psi @ u_dot[t] + item.basis.drift[t] / unit
-        u_dot[t] -= null @ least_squares((Psi @ null)[None], x[None])[0]
-
-
-def _refuse_forced(module: Module, basis: Basis, inertia: InertiaFactor, left: Array, size: Array) -> None:
-    """Refuse a force on a motion without inertia.
-
-    Raises:
-        SingularityError: Naming the motion.
-    """
-    force = np.abs(left[..., 6]).max(axis=1, initial=0.0)
-    bad = np.flatnonzero(force > FORCED * size)
-    if not len(bad):
-        return
-    t = int(bad[np.argmax(force[bad])])
-    motion = basis.Psi[t, :, int(np.argmax(np.abs(left[t, :, 6])))] / module.mechanism.reduction.col_scale
-    name = module.freedom_names()[int(np.argmax(np.abs(motion)))]
-    raise SingularityError(
-        f"module '{module.name}': the motion of {name} has no inertia, and a force of {force[t]:.3g} N m "
-        f"acts on it at sample {t}: its acceleration is not defined. Give the bodies it moves a mass, or "
-        "drive it by position",
-        module=module.name,
-        what="inertia",
-        condition=np.inf,
-        sample=t,
-    )
