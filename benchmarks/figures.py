@@ -27,6 +27,9 @@ COLOURS = {
     "pin.aba": "#7a3fa0",
     "pin.rnea": "#7a3fa0",
 }
+THREADS = {1: "#6f9fd8", 2: "#2f6fc0", 3: "#0b4f9e", 4: "#062c5a"}
+"""Shades of the compiled model's colour, by the number of threads; more are as dark as four."""
+
 FALLBACK = "#555555"
 ERROR = "error, relative to the largest entry"
 LEAST_ERROR = 1e-17  # what an error of nothing is drawn at
@@ -185,8 +188,13 @@ def throughput(points: Sequence[Point], case: str) -> Figure | None:
         own = [p for p in points if p.case == case and p.model == model and math.isfinite(p.us)]
         curves = []
         for (method, threads), group in grouped(own, "method", "threads").items():
-            label = named(method) + f", {threads} thread{'s' * (threads > 1)}" * method.startswith(OURS)
-            curves.append(Curve(label, colour(method), [p.batch for p in group], [p.us for p in group]))
+            label, shade = named(method), colour(method)
+            if method == OURS:
+                label += f", {threads} thread{'s' * (threads > 1)}"
+                shade = THREADS[min(threads, max(THREADS))]
+            elif threads > 1:  # float32 scales alike: the table has it
+                continue
+            curves.append(Curve(label, shade, [p.batch for p in group], [p.us for p in group]))
         if curves:
             panels.append(Panel(f"{case}, {title}", "samples per call", "time per sample [us]", curves))
     remark = "Lower is better. Peers are called in a loop."

@@ -26,7 +26,7 @@ from hybridyn.compiled.cache import VARIABLE
 from hybridyn.spatial import Array
 
 BATCH = 500
-ROUNDS = 5
+ROUNDS = 3
 PATIENCE = 900.0  # for one point, compilation included [s]
 #: One setting for each peer that is swept: what reaches 1e-10 up to 16 modules, or comes nearest.
 SETTINGS: dict[str, Setting] = {

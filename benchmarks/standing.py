@@ -86,9 +86,15 @@ def _lost(ratios: dict[str, float]) -> list[str]:
     """Say on how many robots, and the worst."""
     worst = max(ratios, key=ratios.__getitem__)
     lost = [case for case, ratio in ratios.items() if ratio > 1]
-    where = "nowhere" if not lost else f"{len(lost)} of {len(ratios)}: {', '.join(lost)}"
-    if len(lost) == len(ratios):
+    won = [case for case in ratios if case not in lost]
+    if not won:
         where = f"all {len(lost)} robots"
+    elif not lost:
+        where = f"none of {len(won)} robots"
+    elif len(lost) > len(won):
+        where = f"all but {', '.join(won)}"
+    else:
+        where = ", ".join(lost)
     return [where, f"{_ratio(ratios[worst])} ({worst})"]
 
 

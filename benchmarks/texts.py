@@ -20,8 +20,8 @@ one where none does: one sample per call, then in a batch (the peer in a loop). 
 
 LOSSES = """\
 Each engine against the fastest peer of the table above, the peer one call per sample. The general path is
-for arrays: one sample per call it pays milliseconds of Python, whatever the robot. In simulations the
-general path loses to everybody; see there. `hybridyn.compile` itself takes seconds, once for a robot.
+for arrays: one sample per call it pays milliseconds of Python, whatever the robot. Who is first in a
+simulation stands there. `hybridyn.compile` itself takes seconds, once for a robot.
 """
 
 FLOWN = """\

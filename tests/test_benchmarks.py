@@ -360,8 +360,8 @@ def test_losses_are_said() -> None:
     rows += [point(case, "hybridyn, general", 1, 1000.0) for case in ("a", "b")]
     rows += [point("a", "hybridyn, compiled", 100, 2.0)]
     said = "\n".join(losses({"ddm": rows, "idm": []}))
-    assert "| hybridyn, compiled | ddm | one call | 1 of 2: a | **1.5** (a) |" in said
-    assert "| hybridyn, compiled | ddm | batch | nowhere | 0.2 (a) |" in said
+    assert "| hybridyn, compiled | ddm | one call | a | **1.5** (a) |" in said
+    assert "| hybridyn, compiled | ddm | batch | none of 1 robots | 0.2 (a) |" in said
     assert "| hybridyn, general | ddm | one call | all 2 robots | **100** (a) |" in said
 
 
