@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
@@ -62,55 +62,70 @@ def test_several_processes_share_what_was_built(own_cache: None, tmp_path: Path,
     assert same(one, two)
 
 
-def near_singular(table: Path) -> Any:
-    """Write a motion of the five-bar that comes four times to where the lower links lie on each other.
+class Motion(NamedTuple):
+    """A motion of a robot's whole tree."""
+
+    robot: hybridyn.HybridRobot
+    q: Any
+    v: Any
+    a: Any
+
+    def table(self, file: Path, *words: str, efforts: Any = None) -> str:
+        """Write it, with some of "position", "velocity", "acceleration" for every joint, and efforts."""
+        header = [f"{joint}/{word}" for word in words for joint in self.robot.joints]
+        columns = list(self[1 : 1 + len(words)])
+        if efforts is not None:
+            header += [f"{motor}/effort" for motor in self.robot.motors]
+            columns.append(efforts)
+        file.write_text(table_text(header, np.column_stack(columns)))
+        return str(file)
+
+
+@pytest.fixture(scope="module")
+def near_singular() -> Motion:
+    """Give a motion of the five-bar that comes twice to where the lower links lie on each other.
 
     There the left upper link has turned by the angle from home to the middle between the motors, and the
     right one by as much the other way.
-
-    Returns:
-        Positions, rates and accelerations of the drives, by name.
     """
+    robot = hybridyn.load("five_bar")
     upper, spacing, home = 0.25, 0.12, 0.436332  # [m, m, rad from the vertical], as the file has them
-    t = np.linspace(0.0, 4.0, 241)
+    t = np.linspace(0.0, 2.0, 121)
+    cos, sin = np.cos(np.pi * t), np.sin(np.pi * t)
     turn = np.arcsin(spacing / upper) + home - GAP
     rates = (
-        turn * np.sin(np.pi * t) ** 2,
-        turn * np.pi * np.sin(2 * np.pi * t),
-        turn * 2 * np.pi**2 * np.cos(2 * np.pi * t),
+        turn * (1 - cos**4),
+        turn * 4 * np.pi * cos**3 * sin,
+        turn * 4 * np.pi**2 * (cos**4 - 3 * cos**2 * sin**2),
     )
-    words = ("position", "velocity", "acceleration")
     motors = {"m1_left_drive": [-x for x in rates], "m1_right_drive": list(rates)}
-    header = ["time", *(f"{motor}/{word}" for motor in motors for word in words)]
-    table.write_text(table_text(header, np.column_stack([t, *(x for row in motors.values() for x in row)])))
-    return motors
+    return Motion(robot, *hybridyn.assemble(robot, motors=motors))
 
 
 @pytest.mark.parametrize("command", ["idm", "ddm"])
 def test_samples_by_the_general_path_are_counted_in_every_process(
-    own_cache: None, tmp_path: Path, capsys: Any, monkeypatch: pytest.MonkeyPatch, command: str
+    own_cache: None, near_singular: Motion, tmp_path: Path, capsys: Any, monkeypatch: Any, command: str
 ) -> None:
-    table = tmp_path / "motion.csv"
-    robot = hybridyn.load("five_bar")
-    q, v, a = hybridyn.assemble(robot, motors=near_singular(table))
+    robot, q, v, a = near_singular
     compiled = hybridyn.compile(robot)
     tau = compiled.idm(q, v, a)
+    table = near_singular.table(tmp_path / "motion.csv", "position", "velocity", "acceleration")
     if command == "ddm":
+        q = q.copy()
         q[::20] += SLIGHTLY_OPEN  # what motors cannot hold is no obstacle for the direct model
         compiled.recomputed = 0
         compiled.ddm(q, v, tau)
         assert compiled.recomputed == len(q[::20])
-        words = [f"{joint}/{word}" for word in ("position", "velocity") for joint in robot.joints]
-        efforts = [f"{motor}/effort" for motor in robot.motors]
-        table.write_text(table_text([*words, *efforts], np.column_stack([q, v, tau])))
+        open_loops = near_singular._replace(q=q)
+        table = open_loops.table(tmp_path / "states.csv", "position", "velocity", efforts=tau)
     assert 4 <= compiled.recomputed < len(q) / 4
-    monkeypatch.setattr(blocks, "MOST_ROWS", 50)
-    for jobs in "123":
+    monkeypatch.setattr(blocks, "MOST_ROWS", 25)
+    for jobs in "13":
         output = str(tmp_path / f"{jobs}.csv")
-        said = run(capsys, command, "five_bar", str(table), "--engine", "compiled", "-j", jobs, "-o", output)
+        said = run(capsys, command, "five_bar", table, "--engine", "compiled", "-j", jobs, "-o", output)
         assert (f"in {jobs} processes" in said) == (jobs != "1")
         told = f"; {compiled.recomputed} samples by the general path (near "
-        assert f"{told}lost rank, or loops open by more than rounding)\n" in said in said
+        assert f"{told}lost rank, or loops open by more than rounding)\n" in said
 
 
 def test_small_tables_are_not_worth_it(own_cache: None, tmp_path: Path, capsys: Any) -> None:
@@ -165,6 +180,45 @@ def test_the_direct_model_too(own_cache: None, tmp_path: Path, capsys: Any) -> N
         said = run(capsys, "ddm", "tanev", str(states), "--engine", name, "-o", str(table))
         assert f"engine: {name} (as asked)" in said
     assert same(tables["general"], tables["compiled"])
+
+
+def test_effects_too(
+    own_cache: None, near_singular: Motion, tmp_path: Path, capsys: Any, monkeypatch: Any
+) -> None:
+    """What they add is the same, to all digits that are printed; samples count in each of four runs."""
+    robot, q, v, a = near_singular
+    compiled, out = hybridyn.compile(robot), {}
+    compiled.idm(q, v, a)
+    table = near_singular.table(tmp_path / "motion.csv", "position", "velocity", "acceleration")
+    asked = ["effects", "five_bar", table, "--effects", "default,rotor_inertia"]
+    said = run(capsys, *asked)
+    assert "engine: general (484 samples times freedoms; compiled from 2,000,000 on)\n" in said
+    monkeypatch.setattr("hybridyn.cli.effects.WORTH_OF_EFFECTS", 400)
+    for words in ([], ["--engine", "general"]):
+        assert main([*asked, *words]) == 0
+        told, said = capsys.readouterr()
+        out[not words] = told.split("time per sample")[0]
+        why = "as asked" if words else "484 samples times freedoms"
+        assert f"engine: {'general' if words else 'compiled'} ({why})" in said
+        if not words:
+            assert f"; {4 * compiled.recomputed} samples by the general path (near lost rank" in said
+            assert "3 sets of effects compiled, each of which counts its samples\n" in said
+            assert "1 set of effects left to the general path; gravity, inertia, velocity" in said
+    assert out[True] == out[False]
+
+
+def test_effects_tell_what_compiled_models_cannot_do(own_cache: None, tmp_path: Path, capsys: Any) -> None:
+    trajectory = shipped_robots()["five_bar"].trajectory
+    assert trajectory
+    header, *rows = Path(trajectory).read_text().splitlines()
+    table = tmp_path / "pushed.csv"
+    wrench = ",".join(f"m1_tool/wrench/{word}" for word in ("fx", "fy", "fz", "mx", "my", "mz"))
+    table.write_text("\n".join([f"{header},{wrench}", *(f"{row},1,0,0,0,0,0" for row in rows[:20])]) + "\n")
+    assert main(["effects", "five_bar", str(table), "--engine", "compiled"]) == 1
+    assert "cannot do: wrenches in the table; use --engine general" in capsys.readouterr().err
+    statics = ["effects", "five_bar", str(trajectory), "--effects", "gravity,leg_inertia"]
+    assert main([*statics, "--engine", "compiled"]) == 1
+    assert "models without the effect 'inertia' are not written out" in capsys.readouterr().err
 
 
 def test_simulations_too(own_cache: None, tmp_path: Path, capsys: Any) -> None:

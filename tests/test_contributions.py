@@ -14,9 +14,14 @@ from shipped import shipped, states_near_home
 import hybridyn
 from hybridyn import effects as fx
 from hybridyn.cli import main
+from hybridyn.compiled.effect_sets import EffectSets
 from hybridyn.effects.choice import choose
 from hybridyn.effects.contributions import Selection, Worth, subsets
+from hybridyn.errors import AssemblyError
 from hybridyn.robot import build_robot
+from tests.compiled_toys import own_cache
+
+__all__ = ["own_cache"]
 
 ROOT = Path(__file__).parents[1]
 FIVE_BAR = [str(ROOT / "urdf/five_bar.urdf.xacro"), str(ROOT / "models/five_bar/traj.csv")]
@@ -67,6 +72,51 @@ def test_the_cheapest_set_stays_within(worth: Worth) -> None:
     assert len(worth.cheapest(1e9).names) < len(worth.names) / 2
 
 
+def test_compiled_models_give_the_same(own_cache: None) -> None:
+    """The legs carry all mass of the five-bar: without theirs nothing resists, and no model is checked."""
+    description = shipped("five_bar")
+    robot = build_robot(description)
+    q, v, a = states_near_home(description, "fixed", 0, 5)
+    on = choose(robot, ["default", fx.Spring(dict.fromkeys(robot.motors, 40.0)), fx.Limits({})])
+    sets = EffectSets(hybridyn.compile(robot, on))
+    general, compiled = Worth(robot, q, v, a, on), Worth(robot, q, v, a, on, compiled=sets)
+    for names in subsets(general.names):
+        if "inertia" in names or "velocity" not in names:
+            expected = general.run(names)
+            assert np.abs(compiled.of(names) - expected).max() < LINEAR * np.abs(general.full).max()
+    assert len(sets) == 3  # all, without the spring, without velocity too
+    assert set(sets.refused) == {("gravity", "inertia", "velocity"), ("gravity", "inertia")}
+    assert not any("sample" in reason for reason in sets.refused.values())
+    assert sets.recomputed == 0
+
+
+CART_POLE = """<robot name="cart_pole"><link name="rail"/><link name="cart"><inertial><mass value="2"/>
+<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<link name="pole"><inertial><origin xyz="0 0 -0.5"/><mass value="1"/>
+<inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<joint name="slide" type="prismatic"><parent link="rail"/><child link="cart"/><axis xyz="1 0 0"/>
+<limit lower="-9" upper="9" effort="99" velocity="9"/></joint><joint name="swing" type="continuous">
+<parent link="cart"/><child link="pole"/><axis xyz="0 1 0"/></joint></robot>"""
+
+
+def test_compiled_models_too_say_what_a_passive_motion_needs(own_cache: None, tmp_path: Path) -> None:
+    """The pole swings by gravity, inertia and velocity together; legs there are none."""
+    (tmp_path / "cart_pole.urdf").write_text(CART_POLE)
+    robot = hybridyn.load(tmp_path / "cart_pole.urdf", motors=["slide"])
+    rng = np.random.default_rng(3)
+    q, v, tau = (rng.normal(size=(5, n)) for n in (robot.nq, robot.nv, 1))
+    q[:, 1:] /= np.linalg.norm(q[:, 1:], axis=1, keepdims=True)
+    a, on = hybridyn.ddm(robot, q, v, tau), choose(robot, None)
+    sets = EffectSets(hybridyn.compile(robot))
+    general, compiled = Worth(robot, q, v, a, on), Worth(robot, q, v, a, on, compiled=sets)
+    for found in (general, compiled):
+        parts = {part.name: part.peak for part in found.contributions()[0]}
+        needed = {name for name, peak in parts.items() if np.isnan(peak).all()}
+        assert needed == {"gravity", "inertia", "velocity"}
+        assert np.array_equal(parts["leg_inertia"], [0.0])
+    assert len(sets) > 1
+
+
 def test_an_effect_that_a_passive_motion_needs_is_kept() -> None:
     description = random_mechanism(0, kind="star_few")
     robot = build_robot(description)
@@ -90,6 +140,22 @@ def test_the_command(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.Mon
     assert main(["effects", *FIVE_BAR, "--effects", "default", "--within", "0.3"]) == 0
     last = capsys.readouterr().out.splitlines()[-1]
     assert "--effects gravity; largest departure 0.25 (motor m1_right_drive); 1.0 us" in last
+
+
+def test_errors_name_the_sample_of_the_motion(monkeypatch: pytest.MonkeyPatch) -> None:
+    """However it is cut into blocks."""
+    description = shipped("five_bar")
+    robot = build_robot(description)
+    q, v, a = states_near_home(description, "fixed", 0, 5)
+    weight = np.abs(hybridyn.idm(robot, q, 0 * v, 0 * a, effects=["gravity", "leg_inertia"])).max()
+    whole = Worth(robot, q, v, a, choose(robot, None))
+    monkeypatch.setattr("hybridyn.effects.in_blocks.NUMBERS_AT_ONCE", 2 * robot.nq)
+    parts = Worth(robot, q, v, a, choose(robot, None))
+    assert np.abs(parts.full - whole.full).max() < LINEAR * weight
+    q[3, 1] += 0.5
+    with pytest.raises(AssemblyError, match="at sample 3") as caught:
+        Worth(robot, q, v, a, choose(robot, None))
+    assert caught.value.sample == 3
 
 
 @pytest.mark.parametrize(

@@ -8,11 +8,13 @@ from typing import TYPE_CHECKING
 
 import click
 
+from hybridyn.cli.engine import WORTH_OF_EFFECTS, Engine, choose_engine, takes_engine
 from hybridyn.cli.figures import save_chart, takes_plot
 from hybridyn.cli.robot_options import RobotCommand, existing_file, takes_effects, takes_robot
-from hybridyn.cli.summary import aligned_rows, effects_line
+from hybridyn.cli.summary import aligned_rows, counted, effects_line
 
 if TYPE_CHECKING:
+    from hybridyn.compiled.effect_sets import EffectSets
     from hybridyn.effects import Effects
     from hybridyn.effects.contributions import Contribution, Selection, Worth
     from hybridyn.robot import HybridRobot
@@ -37,6 +39,7 @@ def _part(ctx: click.Context, param: click.Parameter, value: str | None) -> floa
 @takes_robot
 @click.argument("trajectory", callback=existing_file)
 @takes_effects("model")
+@takes_engine("rows", WORTH_OF_EFFECTS)
 @takes_plot("what each effect adds to each motor's effort", page=True)
 @click.option(
     "--within",
@@ -49,6 +52,7 @@ def command(
     load: Callable[[], HybridRobot],
     trajectory: str,
     effects: tuple[str, ...],
+    engine: str | None,
     plot: str | None,
     within: float | None,
 ) -> None:
@@ -57,7 +61,8 @@ def command(
     The table is that of 'hybridyn idm'. For each effect and motor: the largest addition, its RMS, and its
     share (RMS over the RMS of the motor's whole effort; shares need not sum to 100 %). What an effect adds is
     the difference between all effects and all but it; leaving inertia out leaves out what needs it (velocity,
-    rotor_inertia). Times are measured here and now.
+    rotor_inertia). Times are those of the general path, measured here and now ('hybridyn cost' knows those of
+    compiled models, of which one is built for each set of effects that the numbers need).
 
     Effects: gravity, inertia, leg_inertia (the legs' mass), velocity (centrifugal and gyroscopic forces),
     rotor_inertia, viscous_friction, coulomb_friction, stribeck_friction, spring, damper, stop,
@@ -67,7 +72,7 @@ def command(
 
     robot = load()
     chosen = choose(robot, effects)
-    worth = weigh(robot, trajectory, chosen)
+    worth, tell = weigh(robot, trajectory, chosen, engine)
     added, seconds = worth.contributions()
     for line in (*contribution_lines(robot, added), *cost_lines(added, seconds)):
         click.echo(line)
@@ -79,17 +84,23 @@ def command(
 
         title = f"{robot.name}, {os.path.basename(trajectory)}: what each effect adds"
         save_chart(chart_of_effects(robot, added, title=title), plot)
-    for line in effects_line(chosen):
+    for line in (*effects_line(chosen), *tell()):
         click.echo(line, err=True)
 
 
-def weigh(robot: HybridRobot, trajectory: str, effects: Effects) -> Worth:
+def weigh(
+    robot: HybridRobot, trajectory: str, effects: Effects, engine: str | None
+) -> tuple[Worth, Callable[[], list[str]]]:
     """Read a motion and run the inverse model on it.
 
     Args:
         robot: The robot.
         trajectory: The table's file.
         effects: The effects that are weighed.
+        engine: The engine that the user names, or None.
+
+    Returns:
+        What the effects are worth; and what tells, once that is asked, which engine computed.
 
     Raises:
         HybridynError: The table is wrong, or cannot be followed.
@@ -106,8 +117,30 @@ def weigh(robot: HybridRobot, trajectory: str, effects: Effects) -> Worth:
         link: np.concatenate([block.motion.wrenches[link] for block in found])
         for link in found[0].motion.wrenches or ()
     }
+    obstacles = {"wrenches in the table": bool(wrenches)}
+    chosen = choose_engine(engine, robot, effects, len(q), obstacles, WORTH_OF_EFFECTS)
+    sets = None
+    if chosen.model is not None:
+        from hybridyn.compiled.effect_sets import EffectSets
+
+        sets = EffectSets(chosen.model)
     with rows_named(layout, found[0].motion):
-        return Worth(robot, q, v, a, effects, wrenches=wrenches, time=time)
+        worth = Worth(robot, q, v, a, effects, wrenches=wrenches, time=time, compiled=sets)
+    return worth, lambda: engine_lines(chosen, sets)
+
+
+def engine_lines(engine: Engine, sets: EffectSets | None) -> list[str]:
+    """Say which engine computed, and what of it."""
+    if sets is None:
+        return [str(engine)]
+    engine.add(sets.recomputed)
+    each = ", each of which counts its samples" if sets.recomputed else ""
+    lines = [str(engine), f"{counted(len(sets), 'set')} of effects compiled{each}"]
+    if sets.refused:
+        names, reason = next(iter(sets.refused.items()))
+        left = f"{counted(len(sets.refused), 'set')} of effects left to the general path"
+        lines.append(f"{left}; {', '.join(names)}: {reason}")
+    return lines
 
 
 def contribution_lines(robot: HybridRobot, contributions: Sequence[Contribution]) -> list[str]:

@@ -1,34 +1,46 @@
 """What each effect is worth on a motion: its part of the efforts, its cost in time, what can be left out.
 
-Efforts are linear in every effect but where leg_inertia meets gravity, inertia and velocity. So twelve runs
-of the inverse model (the subsets of these four) and one per other effect give the efforts of every set.
+Efforts are linear in every effect but where leg_inertia meets gravity, inertia and velocity. So seven runs of
+the inverse model (with and without leg_inertia: gravity; with inertia; with velocity; and once nothing at
+all) and one per other effect give the efforts of every set. Only where some of these are impossible, for a
+motor that is missing would have to act, other sets are run by themselves.
 """
 
 from __future__ import annotations
 
+import contextlib
 import itertools
 import time as clock
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, reduce
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..errors import ActuationError
+from ..sizing import TIE
 from ..spatial import Array
 from .choice import DEFAULT, Effects
 
 if TYPE_CHECKING:
+    from ..compiled.effect_sets import EffectSets
     from ..robot import HybridRobot
 
+Names = frozenset[str]
+
 NEEDS_INERTIA = ("velocity", "rotor_inertia")
-KEPT = ("payload", "base_motion", "limits")
+KEPT = ("payload", "base_motion")
 """Effects that make another robot or another task, and are never weighed."""
 
-TIMED_SAMPLES, ROUNDS = 200, 7
+LIMITS = "limits"
+"""Kept too, for all the effects together: what is left out of a model would not spare a motor."""
 
-Names = frozenset[str]
+NOTHING: Names = frozenset()
+GRAVITY: Names = frozenset({"gravity"})
+LEGS: Names = frozenset({"leg_inertia"})
+
+TIMED_SAMPLES, ROUNDS = 200, 7
 
 
 @dataclass(frozen=True)
@@ -80,8 +92,9 @@ class Worth:
     def __init__(
         self, robot: HybridRobot, q: Array, v: Array, a: Array, on: Effects, *,
         wrenches: Mapping[str, Array] | None = None, time: Array | None = None,
+        compiled: EffectSets | None = None,
     ) -> None:  # fmt: skip
-        """Run the inverse model as often as needed.
+        """Run the inverse model with all effects; other sets are run where they are asked for.
 
         Args:
             robot: The robot.
@@ -91,46 +104,76 @@ class Worth:
             on: The effects, from `choose`.
             wrenches: As `hybridyn.idm` takes them.
             time: Times, shape (T,), or None.
+            compiled: Written-out models that give the efforts; they take no wrenches. Times are measured by
+                the general path all the same.
 
         Raises:
             HybridynError: As `hybridyn.idm`, for all the effects together.
         """
-        from ..idm import idm
+        from .in_blocks import efforts_in_blocks
 
-        def efforts(names: Names, samples: slice) -> Array:
-            outer = {link: W[samples] if np.ndim(W) == 2 else W for link, W in (wrenches or {}).items()}
-            at = None if time is None else time[samples]
-            return idm(
-                robot, q[samples], v[samples], a[samples], wrenches=outer, time=at, effects=on.only(names)
-            )
+        def general(names: Names, count: int) -> Array:
+            outer = {link: W[:count] if np.ndim(W) == 2 else W for link, W in (wrenches or {}).items()}
+            at = None if time is None else time[:count]
+            moved = q[:count], v[:count], a[:count]
+            return efforts_in_blocks(robot, *moved, on.only(names), wrenches=outer, time=at)
 
-        self.names = tuple(name for name in on.names if name not in KEPT)
+        def whole(names: Names) -> Array:
+            if compiled is None:
+                return general(names, len(q))
+            return compiled.idm(q, v, a, on.only(names))
+
+        self.names = tuple(name for name in on.names if name not in (*KEPT, LIMITS))
         self._always = frozenset(on.names) & frozenset(KEPT)
-        self._efforts, self._samples = efforts, len(q)
-        self.full = self.run(frozenset(self.names))
-        core = [name for name in self.names if name in DEFAULT]
-        everything = self._possible(frozenset(core))
-        self._core = {names: self._try(names) for names in subsets(core) if names == self._possible(names)}
-        base = self._core[everything]
-        self._added: dict[str, Array] = {}
-        for name in self.names:
-            if name in core:
-                continue
-            with_it = self._try(everything | {name})
-            self._added[name] = (
-                np.full_like(self.full, np.nan) if base is None or with_it is None else with_it - base
-            )
+        self._general, self._whole, self._samples = general, whole, len(q)
+        self._everything = frozenset(self.names)
+        self.full = whole(frozenset(on.names))
+        self._basis = self._possible(frozenset(name for name in self.names if name in DEFAULT))
+        self._cores: dict[Names, Array | None] = {self._everything: self.full}
+        self._additions: dict[str, Array] = {}
 
     def run(self, names: Names) -> Array:
         """Give the efforts of a set of effects from the inverse model itself, shape (T, motors)."""
-        return self._efforts(names | self._always, slice(None))
+        return self._whole(names | self._always)
 
     def of(self, names: Names) -> Array | None:
         """Give the efforts of a set of effects, shape (T, motors); None where no motor can produce them."""
-        core = self._core[frozenset(name for name in names if name in DEFAULT)]
+        if names == self._everything:
+            return self.full
+        core = self._core(frozenset(name for name in names if name in DEFAULT))
         if core is None:
             return None
-        return core + sum((self._added[name] for name in names if name in self._added), start=np.zeros(()))
+        return reduce(np.add, (self._added(name) for name in names if name not in DEFAULT), core)
+
+    def _core(self, names: Names) -> Array | None:
+        """Give the efforts of some of the four effects that are not linear in each other."""
+        if names not in self._cores:
+            self._cores[names] = self._derived(names)
+        return self._cores[names]
+
+    def _derived(self, names: Names) -> Array | None:
+        """Give the efforts of some of the four: as a difference where that spares a run, or a model."""
+        legs = names & LEGS
+        if legs and not names - legs:  # they have no weight and do not resist
+            return self._core(NOTHING)
+        if "gravity" in self.names and "gravity" not in names and "inertia" in names:
+            heavy, weight, rest = (self._core(x) for x in (names | GRAVITY, legs | GRAVITY, NOTHING))
+            if heavy is not None and weight is not None and rest is not None:
+                return heavy - weight + rest
+        return self._try(names)
+
+    def _added(self, name: str) -> Array:
+        """Give what another effect adds to the efforts; not a number where some motor is missing."""
+        if name not in self._additions:
+            base, with_it = self._core(self._basis), self._with(name)
+            found = np.full_like(self.full, np.nan) if base is None or with_it is None else with_it - base
+            self._additions[name] = found
+        return self._additions[name]
+
+    def _with(self, name: str) -> Array | None:
+        """Give the efforts of the four effects and one more."""
+        names = self._basis | {name}
+        return self.full if names == self._everything else self._try(names)
 
     def contributions(self) -> tuple[list[Contribution], float]:
         """Give what each effect adds to the efforts of all the others (inertia: with all that needs it).
@@ -139,15 +182,14 @@ class Worth:
             One entry per effect, and the time per sample with all of them [s].
         """
         out = []
-        everything = frozenset(self.names)
+        everything = self._everything
         whole = np.sqrt(np.mean(self.full**2, axis=0))
         rests = {name: self._possible(everything - {name}) for name in self.names}
-        runs = [rest for rest in rests.values() if self._try(rest) is not None]
-        seconds = self.seconds([everything, *runs])
+        seconds = self.seconds([everything, *rests.values()])
         for name in self.names:
             without = self.of(rests[name])
             added = np.full_like(self.full, np.nan) if without is None else self.full - without
-            peak = np.take_along_axis(added, np.argmax(np.abs(added), axis=0)[None], axis=0)[0]
+            peak = _peaks(added)
             rms = np.sqrt(np.mean(added**2, axis=0))
             share = np.divide(rms, whole, out=np.zeros_like(rms), where=whole > 0)
             cost = seconds[everything] - seconds.get(rests[name], 0.0)
@@ -170,36 +212,47 @@ class Worth:
                 continue
             good.append((self._priced(names), len(names), names))
         names = min(good, key=lambda entry: entry[:2])[2] if good else frozenset(self.names)
-        deviation, motor = _departure(self.run(names) - self.full, peaks)
+        efforts = self.of(names)
+        assert efforts is not None
+        deviation, motor = _departure(efforts - self.full, peaks)
         ordered = tuple(name for name in self.names if name in names)
-        everything = frozenset(self.names)
-        seconds = self.seconds([names, everything])
-        return Selection(ordered, deviation, motor, seconds[names], seconds[everything])
+        seconds = self.seconds([names, self._everything])
+        return Selection(ordered, deviation, motor, seconds[names], seconds[self._everything])
 
     def seconds(self, sets: Iterable[Names]) -> dict[Names, float]:
-        """Measure the time that sets of effects take per sample [s]: the best of a few rounds through all."""
-        samples = slice(0, min(TIMED_SAMPLES, self._samples))
-        best = dict.fromkeys(sets, np.inf)
+        """Measure the time per sample [s] that sets of effects take by the general path.
+
+        Returns:
+            The best of a few rounds through all sets, but those that no motor can produce.
+        """
+        samples = min(TIMED_SAMPLES, self._samples)
+        best: dict[Names, float] = {}
+        for names in dict.fromkeys(sets):
+            with contextlib.suppress(ActuationError):
+                self._general(names | self._always, samples)
+                best[names] = np.inf
         for names in list(best) * ROUNDS:
             started = clock.perf_counter()
-            self._efforts(names | self._always, samples)
+            self._general(names | self._always, samples)
             best[names] = min(best[names], clock.perf_counter() - started)
-        return {names: float(value) / max(samples.stop, 1) for names, value in best.items()}
+        return {names: float(value) / max(samples, 1) for names, value in best.items()}
 
     def _priced(self, names: Names) -> float:
         """Give the time of a set from those of its parts [s]."""
         cores, extra = self._prices
         core = frozenset(name for name in names if name in DEFAULT)
-        return cores[core] + sum(extra[name] for name in names if name in extra)
+        return cores.get(core, np.inf) + sum(extra[name] for name in names if name in extra)
 
     @cached_property
     def _prices(self) -> tuple[dict[Names, float], dict[str, float]]:
         """Time of each subset of the four, and what every other effect adds [s]."""
-        base = self._possible(frozenset(name for name in self.names if name in DEFAULT))
-        cores = [core for core, efforts in self._core.items() if efforts is not None]
-        times = self.seconds([*cores, *(base | {name} for name in self._added)])
-        extra = {name: max(times[base | {name}] - times[base], 0.0) for name in self._added}
-        return {core: times[core] for core in cores}, extra
+        base, others = self._basis, [name for name in self.names if name not in DEFAULT]
+        four = [name for name in self.names if name in DEFAULT]
+        cores = [names for names in subsets(four) if names == self._possible(names)]
+        times = self.seconds([*cores, *(base | {name} for name in others)])
+        whole = times.get(base, 0.0)
+        extra = {name: max(times.get(base | {name}, np.inf) - whole, 0.0) for name in others}
+        return {core: times[core] for core in cores if core in times}, extra
 
     def _possible(self, names: Names) -> Names:
         """Take out of a set what cannot be without inertia."""
@@ -216,6 +269,13 @@ class Worth:
 def subsets(names: list[str] | tuple[str, ...]) -> list[Names]:
     """Give every subset of some names."""
     return [frozenset(chosen) for n in range(len(names) + 1) for chosen in itertools.combinations(names, n)]
+
+
+def _peaks(added: Array) -> Array:
+    """Give each motor's largest value, with its sign; of equal ones the first."""
+    size = np.abs(added)
+    first = np.argmax(~(size < size.max(axis=0, initial=0.0) * (1 - TIE)), axis=0)
+    return np.asarray(np.take_along_axis(added, first[None], axis=0)[0])
 
 
 def _departure(error: Array, peaks: Array) -> tuple[float, int]:
