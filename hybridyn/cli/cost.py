@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import csv
+import io
+import math
 import os
+import textwrap
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import click
 
-from hybridyn.cli.figures import figure_file
+from hybridyn.cli.figures import figure_file, save
 from hybridyn.cli.progress import Progress
 from hybridyn.cli.robot_options import (
     complete_data,
@@ -22,14 +25,36 @@ from hybridyn.cli.robot_options import (
 from hybridyn.cli.summary import aligned_rows
 
 if TYPE_CHECKING:
-    from hybridyn.cost.points import Point, Study
+    from hybridyn.cost.points import Study
 
-COLUMNS = ("line", "setting", "error", "seconds", "on_front", "asked_for_by", "failure")
+COLUMNS = (
+    "line", "setting", "error", "seconds", "own_seconds", "on_front", "use", "asked_for_by", "failure",
+)  # fmt: skip
+
+WIDTH = 120
+"""Letters of a failure that are printed; the CSV has all."""
+
+SENTENCE = 1e-3
+"""The error that the sentence at the end is about, where nobody asks for another."""
 
 
 def _source(ctx: click.Context, param: click.Parameter, value: str) -> str:
     """Give the file of a scene, or of a robot, which may be named."""
     return (scene_file if value.endswith(".toml") else robot_file)(ctx, param, value)
+
+
+def _target(ctx: click.Context, param: click.Parameter, value: float | None) -> float | None:
+    """Refuse targets that no error can meet or miss."""
+    if value is not None and not (math.isfinite(value) and value > 0):
+        raise click.BadParameter(f"{value:g} is no error: give a number above zero, as 1e-3", ctx, param)
+    return value
+
+
+def _table(ctx: click.Context, param: click.Parameter, value: str | None) -> str | None:
+    """Refuse a file that is not written as CSV."""
+    if value is not None and value != "-" and not value.lower().endswith(".csv"):
+        raise click.BadParameter(f"'{value}' must end in .csv", ctx, param)
+    return result_file(ctx, param, value)
 
 
 @click.command("cost", short_help="What accuracy costs in time, for your robot and motion.")
@@ -41,12 +66,27 @@ def _source(ctx: click.Context, param: click.Parameter, value: str) -> str:
     shell_complete=complete_data,
 )
 @click.option(
-    "--target", type=click.FloatRange(0, min_open=True), help="Print only the cheapest way to this error."
+    "--target",
+    type=float,
+    callback=_target,
+    help="Print only the cheapest way to this error, as lines for a scene; exit status 1 if there is none.",
 )
 @click.option(
     "--until", type=click.FloatRange(0, min_open=True), help="Simulate a scene to this time [s] only."
 )
-@click.option("-o", "--output", metavar="FILE", callback=result_file, help="All that was measured, as CSV.")
+@click.option(
+    "--limit",
+    type=click.FloatRange(0, min_open=True),
+    help="Give up runs of a scene that take longer [s]  [default: 10, or three times the scene's own solver]",
+)
+@click.option("--allow-python", is_flag=True, help="Let the scene run the Python controller that it names.")
+@click.option(
+    "-o",
+    "--output",
+    metavar="FILE",
+    callback=_table,
+    help="All that was measured, as CSV; '-' is standard output, the rest then goes to standard error.",
+)
 @click.option(
     "--plot", metavar="FILE", callback=figure_file, help="Error against time as a figure: .png, .svg or .pdf."
 )
@@ -55,18 +95,23 @@ def command(
     trajectory: str | None,
     target: float | None,
     until: float | None,
+    limit: float | None,
+    allow_python: bool,
     output: str | None,
     plot: str | None,
-) -> None:
+) -> int:
     """Measure what accuracy costs in time: 'cost ROBOT TRAJECTORY' or 'cost SCENE'.
 
     For a robot and a trajectory: which effects are on, general path or written-out C, float32 or float64, how
-    far loops are closed, where rates come from. For a scene: methods, steps, tolerances, projection. Errors
-    are against a reference whose own error is shown; times are measured here and now.
+    far loops are closed, where rates come from. For a scene: methods, steps, tolerances, projection, general
+    path or C, effects. Errors are against a reference whose own error is shown; times are measured here and
+    now.
     """
     scene = source.endswith(".toml")
     if scene == (trajectory is not None):
         raise click.UsageError("give a robot and a trajectory, or a scene alone (a .toml file)")
+    if not scene and (until or limit or allow_python):
+        raise click.UsageError("--until, --limit and --allow-python are for scenes")
     with Progress("configurations") as bar:
         done = [0]
 
@@ -75,15 +120,17 @@ def command(
             bar.show(done[0], None)
             del what
 
-        study = _scene(source, until, progress) if scene else _robot(source, str(trajectory), progress)
+        if scene:
+            study = _scene(source, until, limit, allow_python, progress)
+        else:
+            study = _robot(source, str(trajectory), progress)
     if output:
         _write(study, output)
     if plot:
         from hybridyn.cost.drawing import figure_of
 
-        figure_of(study, f"{os.path.basename(source)}: {study.question}").savefig(plot, dpi=120)
-    for line in _report(study, target):
-        click.echo(line)
+        save(figure_of(study, os.path.basename(source)), plot)
+    return _tell(study, target, to_stderr=output == "-")
 
 
 def _robot(source: str, trajectory: str, progress: Callable[[str], None]) -> Study:
@@ -102,61 +149,98 @@ def _robot(source: str, trajectory: str, progress: Callable[[str], None]) -> Stu
     return study_models(robot, Trajectory(q, v, a, times), choose(robot, "model"), progress)
 
 
-def _scene(source: str, until: float | None, progress: Callable[[str], None]) -> Study:
+def _scene(
+    source: str,
+    until: float | None,
+    limit: float | None,
+    allow_python: bool,
+    progress: Callable[[str], None],
+) -> Study:
     """Measure a scene."""
-    from hybridyn.cost.runs import study_runs
+    from hybridyn.cost.runs import LIMIT, study_runs
     from hybridyn.errors import TrajectoryError
     from hybridyn.scene import stage
 
-    ready = stage(source)
+    ready = stage(source, allow_python=allow_python)
     if ready.motion is not None:
-        raise TrajectoryError("the scene's motion is given: nothing is integrated", file=source)
+        raise TrajectoryError(
+            "the scene's motion is given: nothing is integrated. Try 'hybridyn cost ROBOT TRAJECTORY'",
+            file=source,
+        )
     duration = ready.source.scene.duration
-    return study_runs(ready, min(duration, until or duration), progress)
+    return study_runs(ready, min(duration, until or duration), progress, limit or LIMIT)
 
 
-def _report(study: Study, target: float | None) -> list[str]:
+def _tell(study: Study, target: float | None, *, to_stderr: bool) -> int:
+    """Print the table or, with a target, the lines to paste, and give the exit status."""
+    from hybridyn.cost.points import advice, cheapest
+
+    if target is None:
+        for line in _report(study):
+            click.echo(line, err=to_stderr)
+        return 0
+    sentence, best = advice(study, target), cheapest(study, target)
+    if best is None:
+        click.echo(f"error: {sentence}", err=True)
+        return 1
+    click.echo(f"# {sentence}\n{best.fragment}", err=to_stderr)
+    return 0
+
+
+def _report(study: Study) -> list[str]:
     """Give the lines to print."""
-    from hybridyn.cost.points import advice, cheapest, front
+    from hybridyn.cost.points import advice, error_words, front
 
-    if target is not None:
-        best = cheapest(study.points, target)
-        return [advice(study, target)] if best is None else [f"# {advice(study, target)}", best.fragment]
-    worth = front(study.points)
-    rows = [["", "knob", "setting", "error", f"time {study.time_unit}"]]
+    worth = front(study.points, study.own_error)
+    per_sample = study.time_unit == "per sample"
+    rows = [["", "knob", "setting", "error", f"time {study.time_unit}", "of it this knob"][: 5 + per_sample]]
     for point in study.points:
-        mark = "*" if point in worth else ""
-        rows.append([mark, point.line, point.setting, *_numbers(point)])
-    lines = [study.question, "", *aligned_rows(rows, right=(3, 4)), ""]
+        if point.failure:
+            continue
+        mark = "*" if point in worth else "-" if point.use == "comparison" else ""
+        cells = [mark, point.line, point.setting, error_words(point, study), _time(point.seconds)]
+        rows.append([*cells, _time(point.own)][: 5 + per_sample])
+    lines = [study.question, "", *aligned_rows(rows, right=(3, 4, 5)), ""]
+    lines += _failures(study)
     lines.append("* worth having: nothing else is both faster and more accurate")
+    if any(point.use == "comparison" for point in study.points):
+        lines.append("- for comparison only: its loops are open")
     lines.append(f"errors are against {study.reference} (its own error: {study.own_error:.0e})")
-    return [*lines, advice(study, 1e-3)]
+    return [*lines, advice(study, SENTENCE)]
 
 
-def _numbers(point: Point) -> list[str]:
-    """Give error and time as words."""
-    if point.failure:
-        return ["-", point.failure[:60]]
-    unit, factor = ("us", 1e6) if point.seconds < 1e-2 else ("s", 1.0)
-    return [f"{point.error:.1e}", f"{point.seconds * factor:.3g} {unit}"]
+def _failures(study: Study) -> list[str]:
+    """Say what has no result and why, settings with the same reason together."""
+    found: dict[tuple[str, str], list[str]] = {}
+    for p in study.points:
+        if p.failure:
+            why = textwrap.shorten(p.failure, WIDTH, placeholder=" ...")
+            found.setdefault((p.line, why), []).append(p.setting)
+    lines = [f"no result: {line}, {'; '.join(settings)}: {why}" for (line, why), settings in found.items()]
+    return [*lines, ""] if lines else []
+
+
+def _time(seconds: float) -> str:
+    """Give a time as words."""
+    unit, factor = ("us", 1e6) if seconds < 1e-2 else ("s", 1.0)
+    return f"{seconds * factor:.3g} {unit}"
 
 
 def _write(study: Study, output: str) -> None:
     """Write everything as CSV."""
     from hybridyn.cost.points import front
 
-    worth = front(study.points)
-    with open(output, "w", newline="") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(COLUMNS)
-        for p in study.points:
-            row = [
-                p.line,
-                p.setting,
-                p.error,
-                p.seconds,
-                int(p in worth),
-                p.fragment.replace("\n", "; "),
-                p.failure,
-            ]
-            writer.writerow(row)
+    worth = front(study.points, study.own_error)
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(COLUMNS)
+    for p in study.points:
+        lines = p.fragment.replace("\n", "; ")
+        writer.writerow(
+            [p.line, p.setting, p.error, p.seconds, p.own, int(p in worth), p.use, lines, p.failure]
+        )
+    if output == "-":
+        click.echo(text.getvalue(), nl=False)
+        return
+    with open(output, "w", encoding="utf-8", newline="") as file:
+        file.write(text.getvalue())

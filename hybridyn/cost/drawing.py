@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import cycle, product
 from typing import TYPE_CHECKING
 
 from .points import Study, front
@@ -12,8 +13,20 @@ if TYPE_CHECKING:
 COLOURS = ("#0b6e99", "#c8553d", "#3f8f5f", "#7a5195", "#d99a1c", "#555f6b", "#1c9ba6", "#a63d6f")
 
 
-def figure_of(study: Study, title: str) -> Figure:
-    """Draw a study."""
+LEAST = 1e-17
+"""What is drawn for no error at all."""
+
+UNORDERED = ("effects", "C in float64", "C in float32", "rates of the trajectory", "as the scene says")
+"""Families whose settings do not run from coarse to fine: no line joins them."""
+
+
+def figure_of(study: Study, source: str) -> Figure:
+    """Draw a study.
+
+    Args:
+        study: What was measured.
+        source: Name of the robot's or scene's file.
+    """
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(9, 5.6), layout="constrained")
@@ -22,11 +35,13 @@ def figure_of(study: Study, title: str) -> Figure:
     lines: dict[str, list[tuple[float, float]]] = {}
     for point in study.points:
         if not point.failure and point.seconds > 0:
-            lines.setdefault(point.line, []).append((point.seconds * scale, max(point.error, 1e-17)))
-    for (name, places), colour in zip(lines.items(), COLOURS * 3, strict=False):
+            name = point.line + " (comparison)" * (point.use == "comparison")
+            lines.setdefault(name, []).append((point.seconds * scale, max(point.error, LEAST)))
+    for (name, places), (marker, colour) in zip(lines.items(), cycle(product("osv", COLOURS)), strict=False):
         x, y = zip(*sorted(places), strict=True)
-        ax.plot(x, y, "o", color=colour, ms=5, label=name, ls="-" if study.time_unit == "per run" else "none")
-    best = [(p.seconds * scale, max(p.error, 1e-17)) for p in front(study.points)]
+        style = "none" if name in UNORDERED else "--" if "comparison" in name else "-"
+        ax.plot(x, y, marker, color=colour, ms=5, label=name, ls=style)
+    best = [(p.seconds * scale, max(p.error, LEAST)) for p in front(study.points, study.own_error)]
     if best:
         ax.step(*zip(*best, strict=True), where="post", color="#888888", lw=1, ls=":", label="worth having")
     if study.own_error > 0:
@@ -43,9 +58,9 @@ def figure_of(study: Study, title: str) -> Figure:
     ax.set(
         xscale="log",
         yscale="log",
-        xlabel=f"time {study.time_unit} [{'us' if scale > 1 else 's'}]",
+        xlabel=f"time {study.time_unit} [{'µs' if scale > 1 else 's'}]",
         ylabel="relative error",
-        title=title,
+        title=f"{source}: {study.question}",
     )
     ax.grid(color="#eeeeee")
     ax.spines[["top", "right"]].set_visible(False)

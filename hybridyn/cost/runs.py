@@ -1,9 +1,11 @@
-"""What time integration costs for a scene: method, step or tolerance, projection."""
+"""What time integration costs for a scene: method, step or tolerance, projection, arithmetic, effects."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from typing import Any, NamedTuple
+import time as clock
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -13,92 +15,234 @@ from ..robot import HybridRobot
 from ..scene import Stage
 from ..simulate import simulate
 from ..spatial import Array
-from .points import Point, Study, timed
+from .fragments import effects_fragment, solver_fragment
+from .points import Point, Study
+from .settings import Setting, of_effects, of_integration, own_options, usual_setting
 
-STEPS = (16e-3, 8e-3, 4e-3, 2e-3, 1e-3)
-"""Steps of the methods with a fixed step [s]."""
+if TYPE_CHECKING:
+    from ..compiled.model import CompiledRobot
 
-TOLERANCES = (1e-3, 1e-5, 1e-7, 1e-9)
-"""Relative tolerances of the method that chooses its steps."""
+LIMIT = 10.0
+"""Longest time of a run [s], unless the scene's own solver takes a third of that or more."""
 
-TIGHT = 1e-12
+LADDER = (1e-6, 1e-8, 1e-10, 1e-11, 1e-12)
+"""Relative tolerances on the way to a reference."""
 
+PATIENCE = 10
+"""How much longer than any other run the reference may take."""
 
-class _Setting(NamedTuple):
-    """One configuration of the integrator: its line, its words, and `simulate`'s arguments."""
-
-    line: str
-    words: str
-    options: dict[str, Any]
-
-
-def settings() -> Iterator[_Setting]:
-    """Give the configurations that are tried."""
-    for projection in ("stages", "steps", "never"):
-        suffix = "" if projection == "stages" else f", projected {projection}"
-        for rtol in TOLERANCES:
-            options = {"method": "dopri5", "rtol": rtol, "atol": rtol * 1e-2, "projection": projection}
-            usual = " (usual)" if rtol == 1e-7 and not suffix else ""
-            yield _Setting(f"dopri5{suffix}", f"rtol {rtol:.0e}{usual}", options)
-        for step in STEPS:
-            options = {"method": "rk4", "step": step, "projection": projection}
-            yield _Setting(f"rk4{suffix}", f"step {step:g} s", options)
-    for method in ("implicit", "conserving"):
-        for step in STEPS:
-            yield _Setting(method, f"step {step:g} s", {"method": method, "step": step})
+ROUNDS = 3
+"""Measurements of a short run."""
 
 
-def study_runs(ready: Stage, duration: float, progress: Callable[[str], None]) -> Study:
+class Run(NamedTuple):
+    """What came of a run.
+
+    Attributes:
+        q: The last posture, shape (nq,).
+        seconds: Its time [s].
+        t: Time reached in the scene [s].
+        steps: Steps taken.
+    """
+
+    q: Array
+    seconds: float
+    t: float
+    steps: int
+
+
+class TooLongError(HybridynError):
+    """A run was given up."""
+
+
+class Runner:
+    """Runs one scene with any setting.
+
+    Attributes:
+        ready: The scene.
+        duration: Time to simulate [s].
+        limit: Longest time of a run [s].
+    """
+
+    def __init__(self, ready: Stage, duration: float, limit: float) -> None:
+        self.ready, self.duration, self.limit = ready, duration, limit
+        self._compiled: dict[str, CompiledRobot | HybridynError] = {}
+
+    def compiled(self, dtype: str) -> CompiledRobot | None:
+        """Give the scene's model written out as C, or None for the general path ("").
+
+        Raises:
+            HybridynError: It cannot be built.
+        """
+        if not dtype:
+            return None
+        if dtype not in self._compiled:
+            from ..compiled.model import compile
+
+            try:
+                self._compiled[dtype] = compile(self.ready.robot, self.ready.effects, dtype=dtype)
+            except HybridynError as error:
+                self._compiled[dtype] = error
+        model = self._compiled[dtype]
+        if isinstance(model, HybridynError):
+            raise model
+        return model
+
+    def run(self, setting: Setting, limit: float | None = None, *, watch: bool = False) -> Run:
+        """Run once.
+
+        Args:
+            setting: How.
+            limit: Longest time [s]; `self.limit` where left out.
+            watch: Whether the scene's events may end the run.
+
+        Raises:
+            TooLongError: It takes longer.
+            HybridynError: It did not reach its end.
+        """
+        ready, most = self.ready, self.limit if limit is None else limit
+        model = self.compiled(setting.dtype)
+        effects = ready.effects if setting.effects is None else ready.effects.only(setting.effects)
+        late = [0.0]
+        start = clock.perf_counter()
+
+        def after_step(t: float, end: float) -> None:
+            if clock.perf_counter() - start > most:
+                late[0] = t / end
+                raise KeyboardInterrupt
+
+        result = simulate(
+            ready.robot, ready.q0, ready.v0, np.array([0.0, self.duration]), effort=ready.effort,
+            effects=effects, compiled=model, events=ready.events if watch else (),
+            output_times=None if watch else np.array([self.duration]), progress=after_step, **setting.options,
+        )  # fmt: skip
+        seconds = clock.perf_counter() - start
+        if result.status == "interrupted":
+            if not late[0]:
+                raise KeyboardInterrupt
+            raise TooLongError(f"given up after {most:.3g} s, at {100 * late[0]:.0f} % of the scene")
+        if result.status not in ("finished", "event"):
+            raise HybridynError(f"the run ended: {result.status} {result.message}".strip())
+        t = float(result.state.t)
+        return Run(np.array(result.state.q), seconds, t, result.counters.steps)
+
+    def measured(self, setting: Setting) -> Run:
+        """Run, more than once where that is quick, and give the least time.
+
+        Raises:
+            HybridynError: As `run`.
+        """
+        runs = [self.run(setting)]
+        while len(runs) < ROUNDS and runs[0].seconds < 1.0:
+            runs.append(self.run(setting))
+        return runs[0]._replace(seconds=min(run.seconds for run in runs))
+
+
+def study_runs(ready: Stage, duration: float, progress: Callable[[str], None], limit: float = LIMIT) -> Study:
     """Measure integrators on a scene.
 
     The error of a run is the distance of its last posture from the reference's: the largest displacement of a
-    joint, in radians or module lengths. The reference is dopri5 at a relative tolerance of 1e-12; its own
-    error is its distance from a run a hundred times as loose.
+    joint, in radians or module lengths. The reference is the tightest run that can be had in some time; its
+    own error is its distance from the next looser one.
 
     Args:
         ready: The scene.
-        duration: Time to simulate [s].
+        duration: Time to simulate [s]; an event that stops the scene ends every run there.
         progress: Told what is measured next.
+        limit: Longest time of a run [s], if the scene's own solver takes no more than a third of it.
 
     Raises:
         HybridynError: The scene cannot be simulated at all.
     """
+    runner = Runner(ready, duration, np.inf)
+    usual = usual_setting(own_options(ready))
+    progress("as the scene says")
+    first = runner.run(usual, watch=True)
+    runner.duration, runner.limit = first.t, max(limit, 3 * first.seconds)
     progress("reference")
-    robot = ready.robot
-    exact = _run(ready, duration, {"method": "dopri5", "rtol": TIGHT, "atol": TIGHT * 1e-2})
-    loose = _run(ready, duration, {"method": "dopri5", "rtol": 100 * TIGHT, "atol": TIGHT})
-    points = []
-    for setting in settings():
+    exact, own_error, words = _reference(runner)
+    settings = [
+        usual,
+        *of_integration(float(f"{first.t / first.steps:.1g}")),
+        *of_effects(ready.effects.names, own_options(ready)),
+    ]
+    points = list(_points(runner, settings, exact, progress))
+    ended = "" if first.t >= duration * (1 - 1e-12) else ", where an event ends it"
+    question = f"error of the last posture (after {first.t:.6g} s{ended}) against time of the run"
+    return Study(question, points, words, own_error, "per run", "the last posture", "what the scene says")
+
+
+def _points(
+    runner: Runner, settings: Sequence[Setting], exact: Array, progress: Callable[[str], None]
+) -> Iterator[Point]:
+    """Measure settings; what is finer than a run that took too long is not tried."""
+    given_up: dict[str, str] = {}
+    for setting in settings:
         progress(f"{setting.line}, {setting.words}")
-        fragment = "\n".join(["[solver]", *(f"{k} = {_toml(x)}" for k, x in setting.options.items())])
+        point = _point_of(runner.ready, setting)
+        if setting.line in given_up:
+            yield replace(point, failure=f"not tried: the one before was {given_up[setting.line]}")
+            continue
         try:
-            q, seconds = timed(lambda options=setting.options: _run(ready, duration, options), 1)  # type: ignore[misc]
-            points.append(Point(setting.line, setting.words, distance(robot, q, exact), seconds, fragment))
+            run = runner.measured(setting)
+        except TooLongError as failure:
+            given_up[setting.line] = str(failure)
+            yield replace(point, failure=str(failure))
+            continue
         except HybridynError as failure:
-            points.append(Point(setting.line, setting.words, np.inf, np.inf, fragment, str(failure)))
-    words = f"dopri5 at a relative tolerance of {TIGHT:g}"
-    question = f"error of the last posture (after {duration:g} s) against time of the run"
-    return Study(question, points, words, distance(robot, loose, exact), "per run")
+            yield replace(point, failure=str(failure))
+            continue
+        error = distance(runner.ready.robot, run.q, exact)
+        yield replace(point, error=error, seconds=run.seconds, own=run.seconds)
 
 
-def _run(ready: Stage, duration: float, options: dict[str, Any]) -> Array:
-    """Give the last posture of a run, shape (nq,).
+def _point_of(ready: Stage, setting: Setting) -> Point:
+    """Give the point of a setting, not measured yet."""
+    if setting.effects is None:
+        fragment = solver_fragment(setting.options, setting.dtype)
+        what = f"take {setting.line}, {setting.words}".removesuffix(" (usual)")
+    else:
+        fragment = effects_fragment(ready.source, setting.effects)
+        what = setting.words.replace("without", "drop", 1)
+    if setting.use == "usual":
+        what = "keep what the scene says"
+    return Point(setting.line, setting.words, np.inf, np.inf, fragment, use=setting.use, what=what)
+
+
+def _reference(runner: Runner) -> tuple[Array, float, str]:
+    """Give the last posture as well as it can be had, its own error, and what it is.
+
+    The ladder of tolerances is climbed by dopri5, and by the implicit method where dopri5 takes too long.
 
     Raises:
-        HybridynError: The run did not reach its end.
+        HybridynError: Not even two runs of either method reach the end.
     """
-    result = simulate(
-        ready.robot,
-        ready.q0,
-        ready.v0,
-        np.array([0.0, duration]),
-        effort=ready.effort,
-        effects=ready.effects,
-        **options,
+    dtype = "float64"
+    try:
+        runner.compiled(dtype)
+    except HybridynError:
+        dtype = ""
+    reason: HybridynError | None = None
+    for method in ("dopri5", "implicit"):
+        found: list[tuple[float, Array]] = []
+        left = PATIENCE * runner.limit
+        for rtol in LADDER:
+            options = {"method": method, "rtol": rtol, "atol": rtol * 1e-2}
+            try:
+                run = runner.run(Setting("", "", options, dtype=dtype), min(left, 3 * runner.limit))
+            except HybridynError as error:
+                reason = error
+                break
+            left -= run.seconds
+            found.append((rtol, run.q))
+        if len(found) > 1:
+            own = max(distance(runner.ready.robot, found[-2][1], found[-1][1]), 2.0**-53)
+            engine = ", accelerations in C" if dtype else ""
+            return found[-1][1], own, f"{method} at a relative tolerance of {found[-1][0]:g}{engine}"
+    raise HybridynError(
+        f"no reference: two runs by dopri5 or the implicit method are needed ({reason}). Look at the "
+        "beginning only, --until, or give runs more time, --limit"
     )
-    if result.status != "finished":
-        raise HybridynError(f"the run ended at {result.t[-1]:g} s: {result.status}")
-    return np.asarray(result.q[-1])
 
 
 def distance(robot: HybridRobot, q0: Array, q1: Array) -> float:
@@ -114,8 +258,3 @@ def distance(robot: HybridRobot, q0: Array, q1: Array) -> float:
             worst, np.abs(move[:sliding]).max(initial=0.0) / length, np.abs(move[sliding:]).max(initial=0.0)
         )
     return float(worst)
-
-
-def _toml(value: object) -> str:
-    """Write a value as TOML does."""
-    return f'"{value}"' if isinstance(value, str) else f"{value:g}"
