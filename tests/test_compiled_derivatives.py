@@ -8,10 +8,12 @@ from compiled_toys import own_cache
 from shipped import shipped
 
 import hybridyn
-from hybridyn.compiled.derivatives import Derivatives
+from hybridyn.compiled.derivatives import AGREE, Derivatives
 from hybridyn.compiled.library import load
 from hybridyn.compiled.programs import programs
+from hybridyn.compiled.scalars import TRUSTED
 from hybridyn.compiled.states import random_states
+from hybridyn.errors import HybridynError, ModelError, SingularityError, TrajectoryError
 from hybridyn.leg_model import pinocchio_inertia
 from hybridyn.robot import HybridRobot, build_robot
 
@@ -81,9 +83,11 @@ def test_complex_steps(robot: HybridRobot, own_cache: None) -> None:
 
 
 def test_efforts_are_linear_in_accelerations_and_parameters(robot: HybridRobot) -> None:
-    q, v, a, _ = (x[0] for x in random_states(robot, 1))
+    q, v, a, given = (x[0] for x in random_states(robot, 1))
     J = hybridyn.idm_jacobian(robot, q, v, a)
-    tau, still = hybridyn.idm(robot, q, v, a), hybridyn.idm_jacobian(robot, q, v, np.zeros_like(a))["a"]
+    tau = hybridyn.idm(robot, q, v, a)
+    other = hybridyn.ddm(robot, q, v, 2 * given)
+    still = hybridyn.idm_jacobian(robot, q, v, other)["a"]
     parameters = np.concatenate(
         [pinocchio_inertia(body).toDynamicParameters() for body in robot.bodies.bodies]
     )
@@ -102,6 +106,47 @@ def test_heavier_bodies_accelerate_less(robot: HybridRobot) -> None:
     np.testing.assert_allclose(moved, 0.0, atol=EXACT * np.abs(J["tau"] @ tau).max())
 
 
+def test_states_without_derivatives_are_refused(robot: HybridRobot) -> None:
+    q, v, a, tau = random_states(robot, 3)
+    derive, forward = Derivatives(robot, "idm"), Derivatives(robot, "ddm")
+    for bad, message in (
+        (q[:, 1:], "q has shape"),
+        (q[:, :1], "q has shape"),
+        (q[:2], "have 2, 3, 3 samples"),
+    ):
+        with pytest.raises(TrajectoryError, match=message):
+            derive(bad, v, a)
+    for given, message in (
+        (np.nan, "q is not finite at sample 1"),
+        (0.3, "do not close the loops at sample 1"),
+    ):
+        bad = q.copy()
+        bad[1, 0] = given
+        with pytest.raises(HybridynError, match=message):
+            derive(bad, v, a)
+        with pytest.raises(HybridynError, match=message):
+            forward(bad, v, tau)
+    with pytest.raises(ModelError, match="'limits' has no derivative"):
+        hybridyn.ddm_jacobian(robot, q, v, tau, effects=["default", "limits"])
+    with pytest.raises(ModelError, match="not of 'kinematics'"):
+        Derivatives(robot, "kinematics")
+    assert derive(q[:0], v[:0], a[:0])["q"].shape == (0, len(robot.motors), robot.nv)
+
+
+def test_where_pivots_vanish_the_general_path_judges(monkeypatch: pytest.MonkeyPatch) -> None:
+    robot = build_robot(shipped("five_bar"))
+    motors = dict(zip(robot.motors, np.array([[-1.0703831736303813], [0.88]]), strict=True))
+    q = hybridyn.assemble(robot, motors=motors)
+    v, tau = np.zeros(robot.nv), np.array([0.3, -0.2])
+    derive = Derivatives(robot, "ddm")
+    assert float(derive.casadi.call([q[0], v, tau, parameters_of(robot)])[-1]) > TRUSTED
+    linear = hybridyn.ddm(robot, q[0], v, 2 * tau) - hybridyn.ddm(robot, q[0], v, tau)
+    np.testing.assert_allclose(derive(q[0], v, tau)["tau"] @ tau, linear, atol=AGREE * np.abs(linear).max())
+    monkeypatch.setattr("hybridyn.compiled.derivatives.AGREE", 1e-16)
+    with pytest.raises(SingularityError, match=r"not to be trusted at sample 0: the pivots .* vanish there"):
+        derive(q[0], v, tau)
+
+
 def test_batches_and_casadi(robot: HybridRobot) -> None:
     q, v, a, _ = random_states(robot, 3)
     derive = Derivatives(robot, "idm")
@@ -109,3 +154,4 @@ def test_batches_and_casadi(robot: HybridRobot) -> None:
     assert many["q"].shape == (3, len(robot.motors), robot.nv)
     assert (many["q"][1] == derive(q[1], v[1], a[1])["q"]).all()
     assert derive.casadi.name_in() == ["q", "v", "a", "parameters"]
+    assert derive.casadi.name_out() == ["d_q", "d_v", "d_a", "d_parameters", "guard"]

@@ -8,18 +8,22 @@ those of the models; taken column by column they also depend on which closing ro
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..effects.choice import Choice
-from ..errors import CompileError
+from ..ddm import ddm
+from ..effects.choice import Choice, choose
+from ..errors import CompileError, ModelError, SingularityError, TrajectoryError
+from ..forward import as_batch, same_samples
+from ..idm import idm
 from ..joints import NV
 from ..leg_model import pinocchio_inertia
 from ..robot import HybridRobot
 from ..spatial import Array
 from .needs import WITHOUT_CASADI
+from .scalars import TRUSTED
 
 try:
     import casadi as ca
@@ -32,6 +36,11 @@ except ModuleNotFoundError as error:
     raise CompileError(WITHOUT_CASADI) from error
 
 Jacobians = dict[str, Array]
+
+GENERAL: dict[str, Callable[..., Array]] = {"idm": idm, "ddm": ddm}
+
+AGREE = 1e-6
+"""How far a model whose guard warns may be from the general path, relative to the largest entry."""
 
 
 def idm_jacobian(
@@ -51,7 +60,8 @@ def idm_jacobian(
         "parameters": over ten inertial parameters of each body of `robot.bodies`, shape (motors, 10 bodies).
 
     Raises:
-        ModelError: An effect is not for written-out models.
+        ModelError: An effect is not for written-out models, or has no derivative.
+        HybridynError: What `Derivatives` says of the samples.
     """
     return Derivatives(robot, "idm", effects)(q, v, a)
 
@@ -73,7 +83,8 @@ def ddm_jacobian(
         "parameters": over ten inertial parameters of each body of `robot.bodies`, shape (nv, 10 bodies).
 
     Raises:
-        ModelError: An effect is not for written-out models.
+        ModelError: An effect is not for written-out models, or has no derivative.
+        HybridynError: What `Derivatives` says of the samples.
     """
     return Derivatives(robot, "ddm", effects)(q, v, tau)
 
@@ -88,42 +99,95 @@ class Derivatives:
             robot: The robot.
             model: "idm" or "ddm".
             effects: As `hybridyn.idm` takes them.
+
+        Raises:
+            ModelError: Another model, or an effect that is not for written-out models or has no derivative.
         """
-        program = programs(robot, effects, models=(model,), parameters=True)[model]
-        self._function = function_of(program)
-        names = [name for name, _ in program.inputs]
+        if model not in GENERAL:
+            raise ModelError(f"there are derivatives of 'idm' and 'ddm', not of '{model}'")
+        self._effects = choose(robot, effects)
+        if self._effects.limits is not None:
+            raise ModelError(
+                "the effect 'limits' has no derivative: clip the efforts before the call", element="limits"
+            )
+        self._robot, self._model = robot, model
+        program = programs(robot, self._effects, models=(model,), parameters=True)[model]
+        self._value = function_of(program)
+        self._sizes = dict(program.inputs)
         columns = [ca.SX.sym(name, size) for name, size in program.inputs]
-        out = self._function.call(columns)[0]
+        out, guard = self._value.call(columns)
         blocks = []
-        for name, column in zip(names, columns, strict=True):
+        for name, column in zip(self._sizes, columns, strict=True):
             J = ca.jacobian(out, column)
             blocks.append(J @ _tangent(robot, column) if name == "q" else J)
         self._jacobian = ca.Function(
-            f"{model}_jacobian", columns, blocks, names, [f"d_{name}" for name in names]
-        )
-        self._names = names
+            f"{model}_jacobian", columns, [*blocks, guard], list(self._sizes),
+            [*(f"d_{name}" for name in self._sizes), "guard"],
+        )  # fmt: skip
         self._parameters = np.concatenate(
             [pinocchio_inertia(body).toDynamicParameters() for body in robot.bodies.bodies]
         )
 
     @property
     def casadi(self) -> ca.Function:
-        """The derivatives as a CasADi function, inputs and outputs named."""
+        """The derivatives as a CasADi function, inputs and outputs named, and "guard" last."""
         return self._jacobian
 
     def __call__(self, *given: ArrayLike) -> Jacobians:
-        """Evaluate at one sample or many; arguments as the model's, shapes (n,) or (T, n)."""
-        arrays = [np.asarray(x, dtype=float) for x in given]
-        single = arrays[0].ndim == 1
-        rows = zip(*(np.atleast_2d(x) for x in arrays), strict=True)
-        samples = [self._one(list(row)) for row in rows]
-        out = {name: np.array([sample[i] for sample in samples]) for i, name in enumerate(self._names)}
-        return {name: value[0] for name, value in out.items()} if single else out
+        """Evaluate at one sample or many.
 
-    def _one(self, given: list[Array]) -> list[Array]:
-        """Evaluate at one sample."""
-        still: list[Any] = [np.zeros(6)] if "base_acceleration" in self._names and len(given) == 3 else []
-        return [np.array(J) for J in self._jacobian.call([*given, *still, self._parameters])]
+        Args:
+            given: The model's arguments, shapes (n,) or (T, n); the base acceleration of a "moving" base
+                may be left out and is zero then.
+
+        Raises:
+            TrajectoryError: A wrong shape, or a number that is not finite.
+            HybridynError: What the general path says of a state with open loops or lost rank.
+            SingularityError: The pivots of the elimination vanish at a state, and with them the digits.
+        """
+        wanted = {name: size for name, size in self._sizes.items() if name != "parameters"}
+        if len(given) == 3 and "base_acceleration" in wanted:
+            given = (*given, np.zeros((*np.shape(given[0])[:-1], 6)))
+        if len(given) != len(wanted):
+            raise TrajectoryError(f"wanted {', '.join(wanted)}; {len(given)} arrays were given")
+        pairs = zip(given, wanted.items(), strict=True)
+        checked = {name: as_batch(array, size, name) for array, (name, size) in pairs}
+        arrays = {name: array for name, (array, _) in checked.items()}
+        same_samples(**arrays)
+        samples = len(arrays["q"])
+        shapes = [self._jacobian.size_out(i) for i in range(len(self._sizes))]
+        blocks = [np.empty((samples, *shape)) for shape in shapes]
+        guard = np.empty(samples)
+        for t in range(samples):
+            *J, worst = self._jacobian.call([*(x[t] for x in arrays.values()), self._parameters])
+            guard[t] = float(worst)
+            for block, value in zip(blocks, J, strict=True):
+                block[t] = value
+        doubtful = np.flatnonzero(~(guard <= TRUSTED))
+        if len(doubtful):
+            self._judge(arrays, doubtful.tolist())
+        out = dict(zip(self._sizes, blocks, strict=True))
+        return {name: block[0] for name, block in out.items()} if checked["q"][1] else out
+
+    def _judge(self, arrays: dict[str, Array], doubtful: list[int]) -> None:
+        """Let the general path judge samples that are not to be trusted.
+
+        Raises:
+            HybridynError: It cannot compute them either, or the written-out model differs there.
+        """
+        more = dict(arrays)
+        base = {"base_acceleration": more.pop("base_acceleration")} if len(more) == 4 else {}
+        general = GENERAL[self._model](self._robot, *more.values(), effects=self._effects, **base)
+        for t in doubtful:
+            value = self._value.call([*(x[t] for x in arrays.values()), self._parameters])[0]
+            off = np.abs(np.array(value).ravel() - general[t]).max() / np.abs(general[t]).max(initial=1e-300)
+            if not off <= AGREE:
+                raise SingularityError(
+                    f"derivatives of '{self._model}' are not to be trusted at sample {t}: the pivots of the "
+                    f"written-out model vanish there, it differs from the general path by {off:.2g} of the "
+                    f"largest entry (limit {AGREE:g}). Move away from that posture",
+                    sample=t,
+                )
 
 
 def _tangent(robot: HybridRobot, q: ca.SX) -> ca.SX:
