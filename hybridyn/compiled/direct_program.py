@@ -86,7 +86,7 @@ class _Sweeps:
                 calls.articulated[o] = own, bias
                 targets |= {f"V {o}": calls.V[o], f"bias {o}": bias, f"own {o}": own}
         calls.stages.call(0, calls.sources(), targets)
-        for i in sorted({group[0].platform for group in calls.groups}):
+        for i in sorted({group[0].platform for group in calls.groups}):  # sums stand in the platforms' order
             calls.sums_of(i, LEG_SUMS)
         for n in range(len(calls.groups)):
             self._legs_outwards(calls, n)
