@@ -80,7 +80,7 @@ def stage(
     scene = source.scene
     with naming(source, ("robot", "file")):
         robot = load(
-            source.beside(scene.robot.file), base=scene.robot.base, motors=scene.robot.motors,
+            source.robot, base=scene.robot.base, motors=scene.robot.motors,
             gravity=(scene.robot.gravity[0], scene.robot.gravity[1], scene.robot.gravity[2]),
             xacro_args={name: _xacro(value) for name, value in scene.robot.xacro.items()} or None,
             package_dirs=[source.beside(folder) for folder in scene.robot.package_dirs],
@@ -143,7 +143,7 @@ def identity(source: SceneFile) -> str:
     said = source.scene.model_dump(mode="json", exclude={"duration": True, "output": {"file", "columns"}})
     digest = hashlib.sha256(json.dumps(said, sort_keys=True).encode())
     for name in sorted(set(_files(said))):
-        path = Path(source.beside(name))
+        path = Path(source.robot if name == source.scene.robot.file else source.beside(name))
         digest.update(path.read_bytes() if path.is_file() else b"")
     return digest.hexdigest()
 

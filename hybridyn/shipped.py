@@ -75,11 +75,12 @@ def shipped_robots() -> dict[str, ShippedRobot]:
     return {name: _record(folder, name, file, stated.get(name, {})) for name, file in files.items()}
 
 
-def find_robot(path: str | os.PathLike[str]) -> str:
+def find_robot(path: str | os.PathLike[str], folder: str | os.PathLike[str] = "") -> str:
     """Give the file of a robot: a path that exists, else the shipped robot of that name.
 
     Args:
         path: A path, or a name.
+        folder: What a path is relative to; the working directory where left out.
 
     Returns:
         The path; as it was given where no shipped robot has that name and it looks like a path.
@@ -88,8 +89,9 @@ def find_robot(path: str | os.PathLike[str]) -> str:
         ModelError: It is a bare name that no shipped robot has.
     """
     word = os.fspath(path)
-    if os.path.exists(word) or not BARE_NAME.fullmatch(word):
-        return word
+    place = str(Path(folder, word)) if os.fspath(folder) else word
+    if os.path.exists(place) or not BARE_NAME.fullmatch(word):
+        return place
     robots = shipped_robots()
     if word in robots:
         return shown(robots[word].file)

@@ -10,6 +10,7 @@ from command_line import ROOT
 from shipped import ROBOTS
 
 import hybridyn
+from hybridyn.description.scene_file import SceneFile, read_scene
 from hybridyn.run_table import columns_of, rows_of
 from hybridyn.scene import identity, play, stage
 from hybridyn.scene_effects import units
@@ -255,3 +256,12 @@ def test_identity_knows_what_matters(tmp_path: Path) -> None:
     assert identity(stage(written(tmp_path, text + "[output]\nrate = 5\n")).source) != first
     table.write_text(table.read_text() + "\n")
     assert identity(stage(written(tmp_path, text)).source) != first
+
+
+def test_identity_knows_a_robot_that_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    scene, robot = tmp_path / "scene.toml", tmp_path / "robot.urdf"
+    scene.write_text('duration = 1.0\n[robot]\nfile = "five_bar"\n')
+    first = identity(read_scene(scene))
+    robot.write_text("another")
+    monkeypatch.setattr(SceneFile, "robot", str(robot))
+    assert identity(read_scene(scene)) != first

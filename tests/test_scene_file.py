@@ -121,6 +121,25 @@ def test_no_toml_no_robot_no_text(tmp_path: Path) -> None:
         stage(path)
 
 
+def test_a_shipped_robot_by_its_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A file beside the scene wins, whatever lies in the working directory."""
+    folder, elsewhere = tmp_path / "scenes", tmp_path / "elsewhere"
+    folder.mkdir()
+    elsewhere.mkdir()
+    (elsewhere / "five_bar").write_text("no robot")
+    monkeypatch.chdir(elsewhere)
+    path = folder / "scene.toml"
+    path.write_text('duration = 1.0\n[robot]\nfile = "five_bar"\n')
+    ready = stage(path)
+    assert Path(ready.source.robot).samefile(ROOT / "urdf/five_bar.urdf.xacro")
+    assert ready.robot.name == "five_bar"
+    (folder / "five_bar").write_text((ROOT / "urdf/delta.urdf.xacro").read_text())
+    assert read_scene(path).robot == str(folder / "five_bar")
+    path.write_text('duration = 1.0\n[robot]\nfile = "fivebar"\n')
+    with pytest.raises(ModelError, match=r"scene.toml:3: 'robot.file': .*no shipped robot.*'five_bar'"):
+        stage(path)
+
+
 def test_lines_of_arrays_of_tables() -> None:
     text = '[[a.b]]\nx = 1\n[[a.b]]\n"x" = 2\n[a.b.c]\ny = 3\n[d]\nz = [\n  1,\n]\n'
     places = {("a", "b", 0, "x"): 2, ("a", "b", 1, "x"): 4, ("a", "b", 1, "c", "y"): 6, ("d", "z", 0): 8}

@@ -10,8 +10,9 @@
     [output]
     rate = 100.0
 
-Every key stands in docs/scenes.md. Paths are relative to the scene's folder. A scene is data: it runs no code
-of its own; a controller in Python is named here and allowed by whoever starts the scene.
+Every key stands in docs/scenes.md. Paths are relative to the scene's folder; a shipped robot needs only its
+name. A scene is data: it runs no code of its own; a controller in Python is named here and allowed by whoever
+starts the scene.
 """
 
 from __future__ import annotations
@@ -29,6 +30,7 @@ from hybridyn.description.reading import read_bytes
 from hybridyn.description.scene_tables import CONTROLLERS, Scene, keys_at
 from hybridyn.description.toml_file import Keys, line_of, parse_toml
 from hybridyn.errors import HybridynError, ModelError
+from hybridyn.shipped import find_robot
 
 
 @dataclass(frozen=True)
@@ -53,6 +55,15 @@ class SceneFile:
     def beside(self, path: str) -> str:
         """Give a path that the scene names, seen from here."""
         return str(Path(self.file).parent / path)
+
+    @property
+    def robot(self) -> str:
+        """The robot's file: one that the scene names, or that of a shipped robot.
+
+        Raises:
+            ModelError: It is a bare name that no file and no shipped robot has.
+        """
+        return find_robot(self.scene.robot.file, Path(self.file).parent)
 
 
 def read_scene(path: str | Path) -> SceneFile:
