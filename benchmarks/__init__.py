@@ -9,8 +9,12 @@ Files in the order of use: `cases` (robots and motions), `methods` (the one inte
 is compared), `peers/` (one file each), `reference` (answers with their own error), `gate` (are the models
 right?), `timing`, `processes`; the sections `accuracy`, `scaling`, `simulation`, `throughput`,
 `singular`, `callgrind`, `job`; `plan` (what is measured, and what is remembered), `results` (CSV),
-`fronts` and `goals` (what they say), `curves` and `figures` (SVG), `texts` and `report` (Markdown, from
-the results alone).
+`fronts`, `standing` and `goals` (what they say), `curves` and `figures` (SVG), `tables`, `texts` and `report`
+(Markdown, from the results alone).
+
+Optional: the packages of the extra `bench`, and valgrind (`apt-get install valgrind`) for counting
+instructions. What is absent is reported as not measured. A full run takes some forty minutes on a quiet
+machine with four cores; one that was stopped goes on where it was.
 
 A new method is a file in `peers/` with its `METHODS`, and a line in `peers/__init__.py`.
 """

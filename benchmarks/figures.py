@@ -150,9 +150,8 @@ def simulation(flights: Sequence[Flight]) -> Figure | None:
         for value, name in wanted:
             curves = []
             for method, group in grouped([f for f in own if math.isfinite(value(f))], "method").items():
-                best = sorted(group, key=lambda f: f.seconds)
-                if method.startswith("MuJoCo"):
-                    best = front(group, lambda f: f.seconds, value)
+                swept = method.startswith("MuJoCo")  # over two settings; the others' points follow one
+                best = front(group, lambda f: f.seconds, value) if swept else group
                 values = [max(value(f), LEAST_ERROR) for f in best]
                 style = METHOD_STYLES.get(method, (FALLBACK, method))
                 curves.append(Curve(style[1], style[0], [f.seconds for f in best], values))
