@@ -17,6 +17,7 @@ Source:
 from __future__ import annotations
 
 import contextlib
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
@@ -87,6 +88,11 @@ class Stepped:
 
 class Coordinates(Protocol):
     """Coordinates of the manifold about a posture: a `Chart`, or one of the compiled path."""
+
+    @property
+    def size(self) -> int:
+        """Number of coordinates."""
+        ...
 
     @property
     def narrow(self) -> bool:
@@ -243,10 +249,7 @@ class Explicit:
         """
         if taken := self.steps(system, state, h, 1):
             return taken[0]
-        if (chart := system.joint_chart(state)) is not None:
-            with contextlib.suppress(AmbiguousBranchError):
-                return self._step(system, state, h, chart)
-        return self._step(system, state, h, system.chart(state))
+        return _in_quickest_chart(system, state, lambda chart: self._step(system, state, h, chart))
 
     def _step(self, system: System, state: State, h: float, chart: Coordinates) -> Stepped:
         """Advance by h in a chart.
@@ -298,7 +301,10 @@ class Implicit:
             AmbiguousBranchError: A stage falls where closures lose rank.
             StepError: A stage did not converge.
         """
-        chart = system.chart(state)
+        return _in_quickest_chart(system, state, lambda chart: self._step(system, state, h, chart))
+
+    def _step(self, system: System, state: State, h: float, chart: Coordinates) -> Stepped:
+        """Advance by h in a chart, as `step`."""
         N = chart.size
         z0 = np.concatenate([np.zeros(N), chart.independent(state.v)])
         first = np.concatenate([z0[N:], chart.independent(state.a)])
@@ -327,7 +333,7 @@ class Implicit:
                        spent, chart.pivot)  # fmt: skip
 
     def _stage(
-        self, system: System, chart: Chart, t: float, known: Array, guess: Array, h: float, W: Array
+        self, system: System, chart: Coordinates, t: float, known: Array, guess: Array, h: float, W: Array
     ) -> tuple[Array, Posture, Array, int]:
         """Solve k = f(known + h gamma k) by simplified Newton."""
         N, k, before = chart.size, guess, np.inf
@@ -354,7 +360,7 @@ class Implicit:
             f"(last change {change:.2g}); take a shorter step"
         )
 
-    def _jacobian(self, system: System, chart: Chart, state: State, z0: Array, f0: Array) -> Array:
+    def _jacobian(self, system: System, chart: Coordinates, state: State, z0: Array, f0: Array) -> Array:
         """Give d(y_dot, u_dot)/d(y, u) at the start of the step, shape (2 N, 2 N)."""
         N = chart.size
         size = (DIFFERENCE if chart.pivot > HELD else WIDE_DIFFERENCE) * np.maximum(1.0, np.abs(z0))
@@ -367,6 +373,18 @@ class Implicit:
             return np.zeros((0, 0))
         y_dot, u_dot, _ = system.rates(chart, np.full(2 * N, state.t), postures)
         return (np.concatenate([y_dot, u_dot], axis=1) - f0).T / size
+
+
+def _in_quickest_chart(system: System, state: State, step: Callable[[Coordinates], Stepped]) -> Stepped:
+    """Take a step in the compiled path's chart where that can be trusted, else in the tangent space's.
+
+    Raises:
+        AssemblyError, StepError: What `step` raises in the latter.
+    """
+    if (chart := system.joint_chart(state)) is not None:
+        with contextlib.suppress(AmbiguousBranchError):
+            return step(chart)
+    return step(system.chart(state))
 
 
 def _sum(weights: Array, k: list[Array]) -> Array:

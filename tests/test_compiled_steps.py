@@ -50,7 +50,7 @@ def lifted(robot: HybridRobot, seed: int) -> float:
     xi = AWAY * manifold.unit * rng.normal(size=robot.nv)
     for _ in range(6):
         before = xi
-        q, xi, rates, pulled, _, pivot, _, _ = (np.array(x).ravel() for x in function(q_0, before, v))
+        q, xi, rates, pulled, _, _, pivot, _, _ = (np.array(x).ravel() for x in function(q_0, before, v))
     retraction, speed = manifold.retraction, np.abs(v).max()
     assert pivot.min() > 1e-3
     off = [
@@ -136,6 +136,15 @@ def test_adaptive_steps_meet_their_tolerance(gough: CompiledRobot) -> None:
     ours = flown(gough, method="dopri5", rtol=1e-8, atol=1e-10)
     assert np.abs(ours.q[-1] - exact.q[-1]).max() < 1e-7
     assert 1 < ours.counters.steps < exact.counters.steps
+
+
+def test_implicit_steps_are_those_of_the_general_path_but_for_its_error(gough: CompiledRobot) -> None:
+    exact = flown(gough, compiled=False, method="dopri5", rtol=1e-12, atol=1e-14)
+    ours, theirs = (flown(gough, x, method="implicit", step=5e-3) for x in (True, False))
+    errors = [np.abs(run.v[-1] - exact.v[-1]).max() for run in (ours, theirs)]
+    assert errors[0] < COORDINATES * errors[1]
+    assert ours.residual.max() < CLOSED
+    assert gough.recomputed == 0
 
 
 def test_the_bits_do_not_depend_on_how_many_steps_are_taken_in_one_go(

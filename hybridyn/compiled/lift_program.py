@@ -46,8 +46,9 @@ def lift_program(request: Request) -> Program | None:
 
     Inputs are the posture "q_0", the displacement "xi" from it, and rates "v" of which the independent ones
     are read. Outputs are position "q" and displacement "xi_next" after the step, the closed rates "v_closed"
-    and the rate "xi_dot" before it, and `MEASURES` for each module: how far the step went (rad, module
-    lengths), the least pivot over its usual size, the worst residual before the step.
+    and the rate "xi_dot" before it, 1 for each "independent" freedom and 0 for the others, and `MEASURES` for
+    each module: how far the step went (rad, module lengths), the least pivot over its usual size, the worst
+    residual before the step.
     """
     robot = request.robot
     if robot.base == "moving" or any(m.mechanism.rounding > ROUNDING for m in robot.modules):
@@ -56,7 +57,8 @@ def lift_program(request: Request) -> Program | None:
     for k, module in enumerate(robot.modules):
         shapes.setdefault(_shape(module), []).append(k)
     sizes = [("q_0", robot.nq), ("xi", robot.nv), ("v", robot.nv)]
-    results = [("q", robot.nq), ("xi_next", robot.nv), ("v_closed", robot.nv), ("xi_dot", robot.nv)]
+    results = [("q", robot.nq)]
+    results += [(name, robot.nv) for name in ("xi_next", "v_closed", "xi_dot", "independent")]
     results += [(name, len(robot.modules)) for name in MEASURES]
     w = Writer("lift", sizes, results)
     for shape, numbers in shapes.items():
@@ -72,6 +74,7 @@ def lift_program(request: Request) -> Program | None:
                 w.result("xi_next", v),
                 w.result("v_closed", v),
                 w.result("xi_dot", v),
+                w.result("independent", v),
                 *(w.result(name, np.array(numbers)[:, None]) for name in MEASURES),
             ],
         )
@@ -104,10 +107,12 @@ def _write(modules: list[Module]) -> tuple[ca.Function, Array]:
         ]
 
     step, rates, size, pivot, open_by = zeros(tree.nv), v, ca.SX(0.0), ca.SX(1.0), ca.SX(0.0)
+    independent = np.ones(tree.nv)
     folding = Folding()
     if m.spanning_closures.rows:
         pivots = _pivots(modules)
         K, residual = _closures(modules, folding, move(xi))
+        independent[list(pivots.cols)] = 0.0
         known = v.copy()
         known[list(pivots.cols)] = 0.0
         right = np.stack([-residual, -dot(K, known)], axis=1)
@@ -123,6 +128,7 @@ def _write(modules: list[Module]) -> tuple[ca.Function, Array]:
         pack(xi + step),
         pack(rates),
         pack(*rate),
+        pack(independent),
         *map(ca.SX, (size, pivot, open_by)),
     ]
     function = ca.Function("lift", [q_col, xi_col, v_col, folding.symbol()], outputs)

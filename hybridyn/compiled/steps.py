@@ -30,7 +30,12 @@ class Taken:
 
 
 class Steps:
-    """The functions of `c/steps.h`; they keep the interpreter's lock, and so their own memory."""
+    """The functions of `c/steps.h`; they keep the interpreter's lock, and so their own memory.
+
+    Attributes:
+        freedoms: Number of the robot's freedoms.
+        independent: Those that the closures leave independent.
+    """
 
     def __init__(self, held: ctypes.PyDLL, lifted: list[tuple[str, int]]) -> None:
         """Find the functions.
@@ -45,6 +50,12 @@ class Steps:
         self._lift.restype = ctypes.c_int
         self._lift.argtypes = [ctypes.c_void_p] * 5
         self._ends = np.cumsum([size for _, size in lifted])
+        nq, nv = lifted[0][1], lifted[1][1]
+        out, pivot = np.empty(self._ends[-1]), np.ones(1)
+        nowhere = np.zeros(nq), np.zeros(nv), np.zeros(nv)
+        self._lift(*(x.ctypes.data for x in (*nowhere, out, pivot)))  # whether closed or not: it is the same
+        self.freedoms = nv
+        self.independent = np.flatnonzero(out[self._ends[3] : self._ends[4]])
 
     def lift(self, q_0: Array, xi: Array, v: Array) -> tuple[list[Array], float] | None:
         """Close the loops from a displacement on, with the independent rates of v.
@@ -101,9 +112,8 @@ class Steps:
 class JointChart:
     """A chart like `chart.Chart` whose coordinates are the independent joints.
 
-    All freedoms stand in its coordinates; those that depend on others are where Newton begins.
-
     Attributes:
+        size: Number of coordinates.
         pivot: Least pivot met so far, over its usual size.
         narrow: Never true: where another branch is near, nothing is lifted.
     """
@@ -111,12 +121,14 @@ class JointChart:
     narrow = False
 
     def __init__(self, steps: Steps, q: Array) -> None:
-        self._steps, self._q, self._xi = steps, q, np.zeros(0)
-        self.pivot = 1.0
+        self._steps, self._q = steps, q
+        self._independent, self._xi = steps.independent, np.zeros(steps.freedoms)
+        self.size, self.pivot = len(steps.independent), 1.0
 
     def independent(self, x: Array) -> Array:
-        """Give the coordinates' share of rates, accelerations or displacements: all of it."""
-        return x
+        """Give the coordinates' share of rates, accelerations or displacements, shape (nv,) or (nv, k)."""
+        out: Array = x[self._independent]
+        return out
 
     def lift(self, y: Array, u: Array, near: Array | None = None) -> Posture:
         """Give posture and rates, as `Chart.lift`.
@@ -124,7 +136,10 @@ class JointChart:
         Raises:
             AmbiguousBranchError: It is left to the general path.
         """
-        lifted = self._steps.lift(self._q, y, u)
+        xi = self._xi.copy() if near is None else near.copy()
+        v = np.zeros_like(xi)
+        xi[self._independent], v[self._independent] = y, u
+        lifted = self._steps.lift(self._q, xi, v)
         if lifted is None:
             raise AmbiguousBranchError("the dependent joints are too near to losing hold of the others")
         (q, self._xi, v, _), pivot = lifted
@@ -133,4 +148,4 @@ class JointChart:
 
     def rates(self, u: Array) -> Array:
         """Give the rates of u at the posture that `lift` gave last, shape (nv,)."""
-        return self.lift(self._xi, u).v
+        return self.lift(self.independent(self._xi), u).v

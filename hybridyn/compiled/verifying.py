@@ -69,7 +69,7 @@ def _lift(model: CompiledRobot, q: Array, v: Array) -> None:
     xi = AWAY * manifold.unit * np.random.default_rng(0).choice([-1.0, 1.0], size=v.shape)
     for _ in range(NEWTON_STEPS):
         before = xi
-        (moved, xi, rates, pulled, step, *_), _ = model.library.batch("lift", q, before, v)
+        (moved, xi, rates, pulled, _, step, *_), _ = model.library.batch("lift", q, before, v)
     pull, opening = manifold.retraction.pull, manifold.opening
     off = [
         max(

@@ -8,7 +8,7 @@
 #define GOOD 5e-2         /* pivots below this part of their usual size are for the general path */
 
 typedef struct {
-    S q[NQ], xi[NV], v[NV], rate[NV], step[MODULES], pivot[MODULES], residual[MODULES];
+    S q[NQ], xi[NV], v[NV], rate[NV], independent[NV], step[MODULES], pivot[MODULES], residual[MODULES];
 } Lifted;
 
 static S largest_of(const S *x, int n) {
