@@ -15,15 +15,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import hybridyn
 import hybridyn.compiled.cache as cache_file
 from hybridyn.compiled.building import build
 from hybridyn.compiled.cache import Built, cached, folder
 from hybridyn.compiled.compilers import Compiler, find_compiler
 from hybridyn.compiled.library import Library
+from hybridyn.compiled.model import _revived
 from hybridyn.compiled.scalars import Scalar
 from hybridyn.compiled.sources import Source, library_source
-from hybridyn.errors import CompileError
+from hybridyn.effects.choice import choose
+from hybridyn.errors import CompileError, ModelError
+from hybridyn.robot import build_robot
 from tests.compiled_toys import inputs, toy
+from tests.shipped import shipped
 
 TOY = toy(4, 2)
 
@@ -137,6 +142,20 @@ def test_a_folder_that_cannot_be_written_does_no_harm(
     in_the_way.write_text("")
     monkeypatch.setenv("HYBRIDYN_CACHE", str(in_the_way / "cache"))
     assert works(cached("a robot", source))
+
+
+def test_a_robot_from_another_process_is_built_anew_where_its_library_is_gone(tmp_path: Path) -> None:
+    robot = build_robot(shipped("five_bar"))
+    gone = Built(tmp_path / "gone.so", {"number": "float32"})
+    compiled = _revived(robot, choose(robot, None), gone, 2)
+    assert (compiled.dtype, compiled.threads) == (np.float32, 2)
+
+
+def test_limits_are_no_part_of_casadi_functions() -> None:
+    robot = build_robot(shipped("five_bar"))
+    compiled = hybridyn.compile(robot, ["default", "limits"])
+    with pytest.raises(ModelError, match="'limits' is not part of CasADi functions"):
+        _ = compiled.casadi
 
 
 def test_the_users_folder(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -165,7 +165,16 @@ class CompiledRobot:
 
     @property
     def casadi(self) -> dict[str, ca.Function]:
-        """The models as CasADi functions: inputs and outputs named as here, and "guard" last."""
+        """The models as CasADi functions: inputs and outputs named as here, and "guard" last.
+
+        Raises:
+            ModelError: The effect 'limits' is on, which clips efforts around the call.
+        """
+        if self.effects.limits is not None:
+            raise ModelError(
+                "the effect 'limits' is not part of CasADi functions: compile without it, clip the efforts",
+                element="limits",
+            )
         from .interpreter import function_of
 
         return {name: function_of(program) for name, program in self.programs.items()}
@@ -235,8 +244,12 @@ class CompiledRobot:
 
 
 def _revived(robot: HybridRobot, effects: Effects, built: Built, threads: int) -> CompiledRobot:
-    """Give a compiled robot that came from another process."""
-    return CompiledRobot(robot, effects, Library(built), threads)
+    """Give a compiled robot that came from another process; built anew where its library is gone."""
+    try:
+        library = Library(built)
+    except OSError:
+        return compile(robot, effects, threads=threads, dtype=built.about["number"])
+    return CompiledRobot(robot, effects, library, threads)
 
 
 def _refuse(*_: object) -> int:
