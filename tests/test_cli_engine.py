@@ -20,6 +20,8 @@ __all__ = ["own_cache"]
 
 #: Both engines are exact to rounding; the table's numbers have 17 digits.
 AGREE = 1e-10
+#: Simulations take other coordinates: they agree to the error of steps of 5 ms.
+METHOD = 1e-4
 
 #: How far from the singular posture the motion turns back [rad]: pivots are a hundredth of their usual size
 #: some samples earlier.
@@ -226,7 +228,7 @@ def test_simulations_too(own_cache: None, tmp_path: Path, capsys: Any) -> None:
     scene.write_text(
         f'duration = 0.2\n[robot]\nfile = "{shipped_robots()["five_bar"].file}"\n'
         "[initial]\njoints = { m1_left_drive = 0.5, m1_right_drive = 0.2 }\n"
-        '[solver]\nmethod = "rk4"\nstep = 1e-2\n'
+        '[solver]\nmethod = "rk4"\nstep = 5e-3\n'
     )
     tables = {name: tmp_path / f"{name}.csv" for name in ("general", "compiled")}
     for name, table in tables.items():
@@ -235,6 +237,6 @@ def test_simulations_too(own_cache: None, tmp_path: Path, capsys: Any) -> None:
         head = [line for line in table.read_text().splitlines() if line.startswith("#")]
         assert f"# engine: {name} (as asked)" in head
     a, b = (np.genfromtxt(table, delimiter=",", comments="#", skip_header=5) for table in tables.values())
-    assert np.nanmax(np.abs(a - b)) <= AGREE * np.nanmax(np.abs(a))
+    assert np.nanmax(np.abs(a - b)) <= METHOD * np.nanmax(np.abs(a))
     said = run(capsys, "simulate", str(scene), "-o", str(tables["general"]))
-    assert "engine: general (320 samples times freedoms; compiled from 200,000 on)" in said
+    assert "engine: general (640 samples times freedoms; compiled from 40,000 on)" in said

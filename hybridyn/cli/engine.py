@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 WORTH = 3_000_000
 """Samples times freedoms from which on building a model pays: some seven seconds by the general path."""
 
-WORTH_IN_TIME = 200_000
+WORTH_IN_TIME = 40_000
 """The same where samples come one after the other, as in `simulate`: one by one the general path is slow."""
 
 WORTH_OF_EFFECTS = 2_000_000

@@ -45,7 +45,7 @@ FAILED = ("unreachable", "unsolved", "singular")
     help="Go on with a run that was stopped: its result file, or the '.state' file beside it.",
 )
 @click.option("--allow-python", is_flag=True, help="Let the scene run the Python controller that it names.")
-@takes_engine("evaluations (of 'rk4', whose steps are known beforehand: four a step)", WORTH_IN_TIME)
+@takes_engine("evaluations (four a fixed step, else one an output sample)", WORTH_IN_TIME)
 @takes_plot("efforts by module, power, energy and residuals", page=True)
 @click.option("-q", "--quiet", is_flag=True, help="No summary.")
 def command(
@@ -104,8 +104,9 @@ def command(
 def _engine(ready: Stage, asked: str | None) -> Engine:
     """Choose what gives the accelerations."""
     scene = ready.source.scene
-    step = scene.solver.step if scene.solver.method == "rk4" else None
-    evaluations = math.ceil(4 * scene.duration / step) if step else 0
+    step = scene.solver.step if scene.solver.method in ("rk4", "implicit") else None
+    known = 0 if ready.output_times is None else len(ready.output_times)
+    evaluations = math.ceil(4 * scene.duration / step) if step else known
     obstacles = {"a prescribed motion": ready.motion is not None}
     return choose_engine(asked, ready.robot, ready.effects, evaluations, obstacles, WORTH_IN_TIME)
 
