@@ -222,6 +222,10 @@ def test_the_command_line_exports(tmp_path: Path, capsys: pytest.CaptureFixture[
     out, err = capsys.readouterr()
     assert "base inertial parameters" in out
     assert "inertial parameters as described" in out
+    totals = [int(line.split()[-1]) for line in out.splitlines() if line.strip().startswith("total")]
+    for model in (totals[:3], totals[3:]):  # as inputs, as described, regrouped
+        assert model == sorted(model, reverse=True)
+        assert model[0] > model[2] > 0
     assert "README.md" in err
     assert main(["export", file, "-o", str(tmp_path / "single"), "--float32"]) == 0
     assert "float numbers[" in (tmp_path / "single" / "five_bar.h").read_text()

@@ -14,6 +14,9 @@ MODELS = ("idm", "ddm")
 def statistics(robot: HybridRobot, effects: Choice = None) -> str:
     """Give the operations of both models, part by part and variant by variant, as a table for people.
 
+    First with inertial parameters that may be anything, then with their numbers folded in, then regrouped.
+    Geometry is folded in everywhere: what of it is zero or one leaves no operation to count.
+
     Args:
         robot: The robot.
         effects: As `hybridyn.idm` takes them.
@@ -26,6 +29,9 @@ def statistics(robot: HybridRobot, effects: Choice = None) -> str:
     from .programs import programs
 
     variants: dict[str, dict[str, Program]] = {
+        "inertial parameters as inputs": programs(
+            robot, effects, models=MODELS, regroup=False, parameters=True
+        ),
         "inertial parameters as described": programs(robot, effects, models=MODELS, regroup=False),
         "base inertial parameters": programs(robot, effects, models=MODELS),
     }
