@@ -24,9 +24,9 @@ import numpy as np
 
 from benchmarks.cases import ROOT, case_of
 from benchmarks.methods import Method, Model, NotMeasuredError, written
-from benchmarks.peers import compiled, methods_of, oracle, serial
+from benchmarks.peers import compiled, methods_of, oracle, rk4, serial
 from benchmarks.results import Count
-from benchmarks.scaling import SETTINGS
+from benchmarks.scaling import SETTINGS as OTHERS
 from benchmarks.timing import ONE_THREAD
 from hybridyn.compiled import compilers
 from hybridyn.compiled.cache import folder as cache_folder
@@ -40,6 +40,12 @@ LEFT_OUT = (
     *(method.name for method in (*serial.METHODS, *oracle.METHODS)),
 )
 """Robots with loops alone are counted; the oracle takes minutes in valgrind."""
+
+SETTINGS = {
+    **OTHERS,
+    **{f"pin.{name}": {"mu": own.mu, "iterations": own.iterations} for name, own in rk4.SOLVERS.items()},
+}
+"""One setting for each peer that is swept: the fastest that is good to 1e-10."""
 
 SWITCH = """\
 #include <valgrind/callgrind.h>
