@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from benchmarks import accuracy, callgrind, job, scaling, simulation, singular, throughput
+from benchmarks import accuracy, callgrind, job, peak, scaling, simulation, singular, throughput
 from benchmarks.cases import ROOT
 from benchmarks.methods import NotMeasuredError
 from benchmarks.processes import in_own_process
@@ -128,6 +128,7 @@ def full() -> list[Task]:
     for case in ("gough_stewart", "lx4"):
         for model in ("ddm", "idm"):
             out.append(Task("callgrind", f"{case} {model}", callgrind.measure, (case, model), False))
+    out += [Task("peak", case, peak.measure, (case,)) for case in ("gough_stewart", "lx4")]
     for rows, cores in ((10_000, 1), (10_000, 2), (10_000, 4), (1_000, 2), (40_000, 2)):
         out.append(Task("job", f"idm {rows} {cores}", job.measure, (rows, cores), False))
     return out

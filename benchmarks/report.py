@@ -12,7 +12,7 @@ from benchmarks.goals import Goal, goals
 from benchmarks.results import SECTIONS, Check, read_machines, read_rows
 from benchmarks.standing import flown, losses, standing
 from benchmarks.tables import number, table
-from benchmarks.texts import CALLGRIND, HEAD, JOB, LIMITS, METHODS, SINGULAR, THROUGHPUT
+from benchmarks.texts import CALLGRIND, HEAD, JOB, LIMITS, METHODS, PEAK, SINGULAR, THROUGHPUT
 
 Results = dict[str, list[Any]]
 
@@ -59,6 +59,7 @@ def report(results: Results, machines: dict[str, dict[str, str]], drawn: Sequenc
         ("throughput", "Throughput", _throughput),
         ("singular", "Close to singular postures", _singular),
         ("callgrind", "Instructions", _callgrind),
+        ("peak", "How much room is left", _peak),
         ("job", "The main job", _job),
     ]
     parts = [HEAD, *standing(results), *losses(results), *_goals(results), METHODS]
@@ -191,6 +192,26 @@ def _callgrind(results: Results) -> Iterator[str]:
             own = number(c.own) if c.own else ""
             rows.append([c.case, c.model, name, str(c.batch), number(c.instructions), own, number(us)])
     head = ["robot", "model", "method", "batch", "instructions", "in its own library", "time [us]"]
+    yield table(head, rows)
+
+
+def _peak(results: Results) -> Iterator[str]:
+    yield PEAK
+    rows = [
+        [r.case, r.model, f"{r.operations:,}", number(r.us), number(r.operations / r.us / 1e3),
+         number(r.peak), number(r.operations / r.peak / 1e3), f"{r.share:.0%}"]
+        for r in results["peak"]
+    ]  # fmt: skip
+    head = [
+        "robot",
+        "model",
+        "operations",
+        "time [us]",
+        "1e9 / s",
+        "peak [1e9 / s]",
+        "at the peak [us]",
+        "share",
+    ]
     yield table(head, rows)
 
 

@@ -172,6 +172,26 @@ class Count(NamedTuple):
     note: str
 
 
+class Limit(NamedTuple):
+    """How near a compiled model comes to what one core can do.
+
+    Attributes:
+        case: Robot.
+        model: "ddm" or "idm".
+        operations: Of a sample, a fused multiply-add counted as two.
+        us: Least time per sample in a batch on one thread [us].
+        peak: Most operations of one core per second [1e9 / s].
+        share: Operations over time, over the peak.
+    """
+
+    case: str
+    model: str
+    operations: int
+    us: float
+    peak: float
+    share: float
+
+
 SECTIONS: dict[str, type[Any]] = {
     "ddm": Point,
     "idm": Point,
@@ -180,6 +200,7 @@ SECTIONS: dict[str, type[Any]] = {
     "throughput": Point,
     "singular": Near,
     "callgrind": Count,
+    "peak": Limit,
     "job": Job,
 }
 """The sections and the rows of each, in the order in which they are measured; `Check` rows open each."""

@@ -103,3 +103,9 @@ LIMITS = """\
 - The LX4 is the stack of four modules; it is not measured twice.
 - Snakes have their tail held, so that every peer can take part.
 """
+
+PEAK = """\
+Operations that one sample takes in a batch (a fused multiply-add is two) over the time that it takes on one
+thread, beside the most that one core does: independent multiply-adds on full vectors, measured in the same
+run. Quotients, sines, loads and numbers that wait for others take the rest.
+"""

@@ -16,7 +16,7 @@ import pytest
 from shipped import shipped
 
 import hybridyn
-from benchmarks import accuracy, callgrind, peers
+from benchmarks import accuracy, callgrind, peak, peers
 from benchmarks.__main__ import COMMITTED, store, summary
 from benchmarks.callgrind import by_library
 from benchmarks.cases import LX4_TRAJECTORY, case_of, stack_motion, write_long_trajectory
@@ -394,6 +394,14 @@ def test_counts_stand_beside_times() -> None:
     said = report(rows | {"gate": []}, {}, [])
     assert "| lx4 | ddm | hybridyn, compiled | 1 | 41,000 | 31,000 | 3.5 |" in said
     assert "| lx4 | ddm | hybridyn, compiled | 200 | 16,000 | 14,000 | 0.8 |" in said
+
+
+def test_the_peak_is_out_of_reach_and_said_beside_it() -> None:
+    rows = peak.measure("five_bar")
+    assert [row.model for row in rows] == ["ddm", "idm"]
+    assert all(0.0 < row.share < 1.0 for row in rows)
+    said = report({name: [] for name in SECTIONS} | {"peak": rows, "gate": []}, {}, [])
+    assert f"| five_bar | ddm | {rows[0].operations:,} |" in said
 
 
 def test_a_run_says_what_it_measured() -> None:

@@ -1,0 +1,81 @@
+"""How far compiled models are from what one core can do: operations counted over the core's peak.
+
+The peak is measured in the same run: independent fused multiply-adds on vectors of the machine's width, two
+operations each. Models also divide, shuffle and load, and wait for their own results: no straight-line code
+of this kind comes near it; the share says how much room there is.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import subprocess
+import tempfile
+from functools import partial
+from pathlib import Path
+
+import hybridyn
+from benchmarks.cases import case_of
+from benchmarks.results import Limit
+from benchmarks.timing import timed
+from hybridyn.compiled.building import NATIVE
+from hybridyn.compiled.compilers import best_lanes, find_compiler
+from hybridyn.compiled.operations import operations
+from hybridyn.compiled.programs import programs
+
+CHAINS = 12  # independent sums, more than the latency of a multiply-add times those begun in a cycle
+LENGTH = 200_000  # of each sum in a round
+ROUNDS = 50
+SAMPLES = 4096
+
+SOURCE = """\
+typedef double V __attribute__((vector_size(8 * W)));
+double run(long length) {
+    V x[CHAINS];
+    const V a = (V){0} + 0.999999, b = (V){0} + 1e-9;
+    for (int i = 0; i < CHAINS; i++) x[i] = (V){0} + i;
+    for (long k = 0; k < length; k++)
+        for (int i = 0; i < CHAINS; i++) x[i] = x[i] * a + b;
+    double sum = 0;
+    for (int i = 0; i < CHAINS; i++) sum += x[i][0];
+    return sum;
+}
+"""
+
+
+def peak() -> float:
+    """Give the most operations per second of one core in double precision, best of rounds."""
+    lanes = best_lanes("float64")
+    with tempfile.TemporaryDirectory() as folder:
+        source, library = Path(folder, "peak.c"), Path(folder, "peak.so")
+        source.write_text(SOURCE)
+        flags = [
+            "-O3",
+            *NATIVE,
+            "-ffp-contract=fast",
+            "-shared",
+            "-fPIC",
+            f"-DW={lanes}",
+            f"-DCHAINS={CHAINS}",
+        ]
+        subprocess.run([*find_compiler().command, *flags, str(source), "-o", str(library)], check=True)
+        run = ctypes.CDLL(str(library)).run
+        run.argtypes, run.restype = [ctypes.c_long], ctypes.c_double
+        run(LENGTH)
+        return 2 * lanes * CHAINS * LENGTH / min(timed(partial(run, LENGTH), 1) for _ in range(ROUNDS))
+
+
+def measure(case: str) -> list[Limit]:
+    """Give both models of a robot: operations of a sample, time in a batch on one thread, and the peak."""
+    own = case_of(case)
+    robot = own.load()
+    compiled, most = hybridyn.compile(robot), peak()
+    q, v, a = own.states(robot, SAMPLES)
+    rows = []
+    for model, given in (("ddm", hybridyn.idm(robot, q, v, a)), ("idm", a)):
+        program = programs(robot, models=(model,))[model]
+        count = sum(sum(kinds.values()) for kinds in operations(program).values())
+        call = partial(getattr(compiled, model), q, v, given)
+        call()
+        seconds = min(timed(call, 1) for _ in range(ROUNDS)) / SAMPLES
+        rows.append(Limit(case, model, count, 1e6 * seconds, 1e-9 * most, count / seconds / most))
+    return rows
