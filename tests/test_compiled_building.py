@@ -203,6 +203,15 @@ def test_a_full_folder_of_the_system_does_not_matter(
     assert all(Path(folder).is_relative_to(empty_cache) for folder in made)
 
 
+def test_the_cache_may_be_emptied_while_a_model_is_written(empty_cache: Path) -> None:
+    def meanwhile() -> Source:
+        shutil.rmtree(empty_cache)
+        return source()
+
+    assert cached("a robot", meanwhile).path.exists()
+    assert cached("a robot", meanwhile).path.exists()  # found, not written again
+
+
 def test_a_compiler_that_fails_is_quoted(tmp_path: Path) -> None:
     with pytest.raises(CompileError, match="error"):
         build(("int main( {",), find_compiler(), tmp_path / "library.so")

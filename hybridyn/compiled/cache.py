@@ -74,7 +74,7 @@ def cached(
         accept: Raises where a built library is not what it should be; then its key stays unknown.
 
     Raises:
-        CompileError: There is no compiler and the model was never built, or the compiler fails.
+        CompileError: There is no compiler, or it fails.
     """
     at = _writable(folder())
     tools = _tools(libraries)
@@ -96,7 +96,7 @@ def cached(
 
 
 def _tools(libraries: tuple[str, ...]) -> str:
-    """Name compiler, flags and machine; without a compiler only what is built can be had."""
+    """Name compiler, flags and machine."""
     compiler = find_compiler()
     return " ".join([compiler.identity, *compiler.command, *FLAGS, *NATIVE, *libraries, machine()])
 
@@ -136,6 +136,7 @@ def _load(at: Path, name: str) -> Built | None:
 
 def _build(at: Path, name: str, source: Source, libraries: tuple[str, ...]) -> Built:
     """Build a library and put it in its place."""
+    at.mkdir(parents=True, exist_ok=True)  # somebody may have emptied the cache meanwhile
     with tempfile.TemporaryDirectory(dir=at, prefix="building-") as temporary:
         target = Path(temporary, "library.so")
         build(source.units, find_compiler(), target, libraries)
