@@ -20,7 +20,7 @@ from hybridyn.cost.loops import Newton, by_closing
 from hybridyn.cost.models import UNJUDGED, Trajectory, study_models
 from hybridyn.cost.points import Point, Study, Use, advice, cheapest, error_words, front, timed
 from hybridyn.cost.rates import by_rates
-from hybridyn.cost.runs import Runner, TooLongError, distance, study_runs
+from hybridyn.cost.runs import Runner, TooLongError, distance, study_runs, typical_step
 from hybridyn.cost.settings import of_integration
 from hybridyn.description.rates import derivatives
 from hybridyn.effects import choose
@@ -197,7 +197,7 @@ SWING = ROOT / "models/five_bar/swing.toml"
 def swing(tmp_path_factory: pytest.TempPathFactory) -> Study:
     """Measure the beginning of the swing once for all tests that look at it."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("XDG_CACHE_HOME", str(tmp_path_factory.mktemp("cache")))
+        patch.setenv("HYBRIDYN_CACHE", str(tmp_path_factory.mktemp("cache")))
         patch.setattr(settings, "FACTORS", (8.0, 4.0))
         patch.setattr(settings, "TOLERANCES", (1e-3, 1e-7))
         patch.setattr(runs, "LADDER", (1e-8, 1e-10, 1e-12))
@@ -286,6 +286,9 @@ def test_an_event_ends_every_run(tmp_path: Path, few: None, own_cache: None) -> 
 
 def test_runs_that_take_too_long_are_given_up(few: None) -> None:
     runner = Runner(stage(SWING), 2.0, 1e-3)
+    assert (
+        max(s.options["step"] for s in of_integration(typical_step(5, 0.05)) if "step" in s.options) <= 0.05
+    )
     lines = list(of_integration(1e-3))[:2]
     with pytest.raises(TooLongError, match=r"given up after 0.001 s, at"):
         runner.run(lines[0])

@@ -13,6 +13,7 @@ from snippets import ROOT, blocks, stand_where_a_user_does
 
 from hybridyn.cli import main
 from hybridyn.cli.cost import COLUMNS
+from hybridyn.cost import settings
 
 PAGE = ROOT / "docs" / "cost.md"
 
@@ -21,6 +22,8 @@ def test_commands_run(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     stand_where_a_user_does(tmp_path, monkeypatch)
+    monkeypatch.setattr(settings, "FACTORS", (4.0,))
+    monkeypatch.setattr(settings, "TOLERANCES", (1e-7,))
     text = "".join(block.text for block in blocks(PAGE, "console"))
     lines = re.findall(r"^\$ hybridyn (.*)$", text, re.MULTILINE)
     assert len(lines) == 3

@@ -17,7 +17,7 @@ from ..simulate import simulate
 from ..spatial import Array
 from .fragments import effects_fragment, solver_fragment
 from .points import Point, Study
-from .settings import Setting, of_effects, of_integration, own_options, usual_setting
+from .settings import FACTORS, Setting, of_effects, of_integration, own_options, usual_setting
 
 if TYPE_CHECKING:
     from ..compiled.model import CompiledRobot
@@ -163,13 +163,18 @@ def study_runs(ready: Stage, duration: float, progress: Callable[[str], None], l
     exact, own_error, words = _reference(runner)
     settings = [
         usual,
-        *of_integration(float(f"{first.t / first.steps:.1g}")),
+        *of_integration(typical_step(first.steps, first.t)),
         *of_effects(ready.effects.names, own_options(ready)),
     ]
     points = list(_points(runner, settings, exact, progress))
     ended = "" if first.t >= duration * (1 - 1e-12) else ", where an event ends it"
     question = f"error of the last posture (after {first.t:.6g} s{ended}) against time of the run"
     return Study(question, points, words, own_error, "per run", "the last posture", "what the scene says")
+
+
+def typical_step(steps: int, duration: float) -> float:
+    """Give a round length for fixed steps [s], near a run's mean; the coarsest of them still fits in."""
+    return float(f"{min(duration / steps, 0.9 * duration / FACTORS[0]):.1g}")
 
 
 def _points(
