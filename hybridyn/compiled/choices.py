@@ -32,6 +32,7 @@ class Request:
         robot: The robot.
         on: The effects.
         regroup: Whether base inertial parameters are used.
+        align: Whether bodies' axes are turned into their joints'.
         parameters: Whether the bodies' inertial parameters are inputs of the model.
         dtype: What the model computes with, "float64" or "float32": how far loops may be open.
     """
@@ -39,6 +40,7 @@ class Request:
     robot: HybridRobot
     on: Effects
     regroup: bool = True
+    align: bool = True
     parameters: bool = False
     dtype: str = "float64"
 
@@ -56,6 +58,7 @@ class Request:
                     marks,
                     leg_inertia=self.on.leg_inertia is not None,
                     regroup=self.regroup,
+                    align=self.align,
                     own=self._own(module) if self.parameters else None,
                 )
                 known[key] = plan_module(parts, self.positions(module), CLOSED[self.dtype])
@@ -141,6 +144,7 @@ def request(
     effects: Choice,
     *,
     regroup: bool = True,
+    align: bool = True,
     parameters: bool = False,
     dtype: str = "float64",
 ) -> Request:
@@ -158,4 +162,4 @@ def request(
         )
     if on.inertia is None:
         raise ModelError("models without the effect 'inertia' are not written out", element="inertia")
-    return Request(robot, on, regroup, parameters, dtype)
+    return Request(robot, on, regroup, align, parameters, dtype)

@@ -16,6 +16,9 @@ from .rigid import moved
 
 TURNING = ("revolute", "continuous")
 
+#: Axes without a zero or a one.
+ASKEW = np.array([[2.0, -1.0, 2.0], [2.0, 2.0, -1.0], [-1.0, 2.0, 2.0]]) / 3.0
+
 
 @dataclass(frozen=True)
 class Link:
@@ -61,17 +64,34 @@ def aligned(links: list[Link], fixed: frozenset[int]) -> tuple[list[Link], list[
     Returns:
         The links, and for each body (base first) the new axes in the old ones, shape (3, 3).
     """
-    turns = [np.eye(3)]
+    turns = [
+        _frame_along(link.axis)
+        if body not in fixed and np.abs(link.axis).max() < 1.0 and link.nv == 1
+        else None
+        for body, link in enumerate(links, 1)
+    ]
+    return _turned(links, turns)
+
+
+def askew(links: list[Link], fixed: frozenset[int]) -> tuple[list[Link], list[Array]]:
+    """Turn bodies' frames so that no axis of one freedom is a coordinate axis: what nice axes save.
+
+    Arguments and results are those of `aligned`.
+    """
+    turns = [ASKEW if body not in fixed and link.nv == 1 else None for body, link in enumerate(links, 1)]
+    return _turned(links, turns)
+
+
+def _turned(links: list[Link], turns: list[Array | None]) -> tuple[list[Link], list[Array]]:
+    """Turn the frame of each body that has a turn."""
+    axes = [np.eye(3), *(np.eye(3) if turn is None else turn for turn in turns)]
     out = []
-    for i, link in enumerate(links):
-        along = np.abs(link.axis).max() < 1.0 and link.nv == 1 and i + 1 not in fixed
-        turn = _frame_along(link.axis) if along else np.eye(3)
-        turns.append(turn)
-        back = turns[link.parent].T
-        inertia = np.array(moved(plain(link.inertia), plain(turn.T), plain(np.zeros(3))), dtype=float)
-        axis = np.array([0.0, 0.0, 1.0]) if along else link.axis
-        out.append(replace(link, R=snap(back @ link.R @ turn), p=back @ link.p, axis=axis, inertia=inertia))
-    return out, turns
+    for link, turn, here in zip(links, turns, axes[1:], strict=True):
+        back = axes[link.parent].T
+        inertia = np.array(moved(plain(link.inertia), plain(here.T), plain(np.zeros(3))), dtype=float)
+        axis = link.axis if turn is None else snap(turn.T @ link.axis)
+        out.append(replace(link, R=snap(back @ link.R @ here), p=back @ link.p, axis=axis, inertia=inertia))
+    return out, axes
 
 
 def _frame_along(axis: Array) -> Array:

@@ -6,6 +6,7 @@ platform's motion. Everything else (platforms, serial joints, loops of other sha
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,7 +17,7 @@ from ..mechanism import Mechanism
 from ..modulespec import ModuleSpec
 from ..spatial import Array, Index
 from .expressions import Expression, plain, zeros
-from .links import Link, aligned, links_of, regrouped
+from .links import Link, aligned, askew, links_of, regrouped
 from .rigid import moved, ten_numbers
 
 #: A closure tells a leg's joints where, at most generic postures, its rows are better conditioned than this.
@@ -93,6 +94,7 @@ def parts_of(
     *,
     leg_inertia: bool = True,
     regroup: bool = True,
+    align: bool = True,
     own: tuple[Expression, ...] | None = None,
 ) -> Parts:
     """Split a module into its core and its groups of legs.
@@ -102,11 +104,12 @@ def parts_of(
         marks: What acts on each freedom of its tree; equal legs have equal marks.
         leg_inertia: Whether legs have mass.
         regroup: Whether base inertial parameters are used.
+        align: Whether bodies' axes are turned into their joints', else away from them: what that saves.
         own: For each body of the tree after the cuts (without the base) its ten numbers as expressions, where
             they are inputs of the model; no legs are grouped then, and nothing is regrouped.
     """
     spec = mechanism.spec
-    links, turns, base = _links(mechanism, leg_inertia, regroup, own)
+    links, turns, base = _links(mechanism, leg_inertia, regroup, aligned if align else askew, own)
     closures = [_turned(c, turns) for c in spec.cut_closures]
     held = _held_legs(mechanism) if own is None else {}
     kept = [i for i in range(len(links)) if not any(i + 1 in bodies for bodies in held)]
@@ -136,12 +139,16 @@ def parts_of(
 
 
 def _links(
-    mechanism: Mechanism, leg_inertia: bool, regroup: bool, own: tuple[Expression, ...] | None
+    mechanism: Mechanism,
+    leg_inertia: bool,
+    regroup: bool,
+    turned: Callable[[list[Link], frozenset[int]], tuple[list[Link], list[Array]]],
+    own: tuple[Expression, ...] | None,
 ) -> tuple[list[Link], list[Array], Array]:
     """Give the links of the tree, the turns of its bodies' axes, and what regrouping hands to the base."""
     spec, base = mechanism.spec, np.zeros(10)
     inertias = [ten_numbers(body if leg_inertia else None) for body in spec.leg_bodies]
-    links, turns = aligned(links_of(spec.tree, inertias), frozenset(spec.outputs))
+    links, turns = turned(links_of(spec.tree, inertias), frozenset(spec.outputs))
     if own is not None:
         links = [
             link if body is None else replace(link, inertia=moved(numbers, plain(turn.T), zeros(3)))

@@ -20,6 +20,7 @@ def programs(
     *,
     models: tuple[str, ...] = ("idm", "ddm", "kinematics", "lift"),
     regroup: bool = True,
+    align: bool = True,
     parameters: bool = False,
     dtype: str = "float64",
 ) -> dict[str, Program]:
@@ -31,6 +32,8 @@ def programs(
         models: Which models: "idm", "ddm", "kinematics"; "lift", onto the assembled postures, where it can be
             written.
         regroup: Whether base inertial parameters are used.
+        align: Whether bodies' axes are turned into their joints', so that zeros and ones leave no operations;
+            else they are turned away from them.
         parameters: Whether the inertial parameters of the bodies are an input ("parameters"), ten for each
             body of `robot.bodies` in the order and frame of `pinocchio.Inertia.toDynamicParameters`.
         dtype: What they compute with, "float64" or "float32": samples whose loops are open by more than its
@@ -39,7 +42,7 @@ def programs(
     Raises:
         ModelError: An effect is not for written-out models.
     """
-    asked = request(robot, effects, regroup=regroup, parameters=parameters, dtype=dtype)
+    asked = request(robot, effects, regroup=regroup, align=align, parameters=parameters, dtype=dtype)
     write: dict[str, Callable[[Request], Program | None]] = {
         "idm": inverse_program,
         "ddm": direct_program,

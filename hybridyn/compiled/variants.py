@@ -14,8 +14,9 @@ MODELS = ("idm", "ddm")
 def statistics(robot: HybridRobot, effects: Choice = None) -> str:
     """Give the operations of both models, part by part and variant by variant, as a table for people.
 
-    First with inertial parameters that may be anything, then with their numbers folded in, then regrouped.
-    Geometry is folded in everywhere: what of it is zero or one leaves no operation to count.
+    First with inertial parameters that may be anything and bodies' axes that no joint has, then with what
+    each reduction leaves: axes turned into the joints', so that zeros and ones vanish; inertial parameters
+    folded in; base inertial parameters.
 
     Args:
         robot: The robot.
@@ -28,16 +29,18 @@ def statistics(robot: HybridRobot, effects: Choice = None) -> str:
     needs_casadi()
     from .programs import programs
 
-    variants: dict[str, dict[str, Program]] = {
-        "inertial parameters as inputs": programs(
-            robot, effects, models=MODELS, regroup=False, parameters=True
-        ),
-        "inertial parameters as described": programs(robot, effects, models=MODELS, regroup=False),
-        "base inertial parameters": programs(robot, effects, models=MODELS),
+    def made(**options: bool) -> dict[str, Program]:
+        return programs(robot, effects, models=MODELS, **options)
+
+    variants = {
+        "axes and inertial parameters of any kind": made(regroup=False, parameters=True, align=False),
+        "axes of the joints": made(regroup=False, parameters=True),
+        "inertial parameters folded in": made(regroup=False),
+        "base inertial parameters": made(),
     }
     titles = {"idm": "Inverse model, operations per sample", "ddm": "Direct model, operations per sample"}
     tables = [
-        f"{title}\n\n" + operations_table({name: made[model] for name, made in variants.items()})
+        f"{title}\n\n" + operations_table({name: models[model] for name, models in variants.items()})
         for model, title in titles.items()
     ]
     return "\n\n".join(tables)
