@@ -29,14 +29,14 @@ def statistics(robot: HybridRobot, effects: Choice = None) -> str:
     needs_casadi()
     from .programs import programs
 
-    def made(**options: bool) -> dict[str, Program]:
-        return programs(robot, effects, models=MODELS, **options)
-
-    variants = {
-        "axes and inertial parameters of any kind": made(regroup=False, parameters=True, align=False),
-        "axes of the joints": made(regroup=False, parameters=True),
-        "inertial parameters folded in": made(regroup=False),
-        "base inertial parameters": made(),
+    variants: dict[str, dict[str, Program]] = {
+        name: programs(robot, effects, models=MODELS, regroup=regroup, align=align, parameters=parameters)
+        for name, regroup, align, parameters in (
+            ("axes and inertial parameters of any kind", False, False, True),
+            ("axes of the joints", False, True, True),
+            ("inertial parameters folded in", False, True, False),
+            ("base inertial parameters", True, True, False),
+        )
     }
     titles = {"idm": "Inverse model, operations per sample", "ddm": "Direct model, operations per sample"}
     tables = [
