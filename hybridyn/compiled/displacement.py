@@ -32,6 +32,23 @@ def moved_joint(kind: str, q: Expression, xi: Expression) -> Expression:
     return np.concatenate([q[:3] + dot(quaternion_matrix(q[3:]), xi[:3]), _followed(q[3:], xi[3:])])
 
 
+def position_rate(kind: str, q: Expression, v: Expression) -> Expression:
+    """Give the rate of a joint's position coordinates from its rates."""
+    if kind in ("revolute", "prismatic"):
+        return v
+    if kind == "continuous":
+        return np.array([-q[1] * v[0], q[0] * v[0]], dtype=object)
+    if kind == "planar":
+        c, s = q[2], q[3]
+        return np.array([c * v[0] - s * v[1], s * v[0] + c * v[1], -s * v[2], c * v[2]], dtype=object)
+    x, w, turning = q[-4:-1], q[-1], v[-3:]
+    vector = _scaled(w, turning) + cross(x, turning)
+    turned = _scaled(0.5, np.array([*vector, -dot(x, turning[:, None])[0]], dtype=object))
+    if kind == "spherical":
+        return turned
+    return np.concatenate([dot(quaternion_matrix(q[3:]), v[:3]), turned])
+
+
 def displacement_rate(kind: str, xi: Expression, v: Expression) -> Expression:
     """Give T(xi)^-1 v, as `retraction.Retraction.pull`."""
     if kind in ("revolute", "prismatic", "continuous"):

@@ -19,6 +19,10 @@ WHAT = {
     "ddm": "Direct dynamic model: accelerations a from positions q, rates v and motor efforts tau.",
     "kinematics": "Motion of every body in the world, 24 numbers each: axes row by row, origin, velocity, "
     "angular velocity, acceleration (classical), angular acceleration.",
+    "close": "Loops closed from what the motors do: one Newton step from a posture `near`, in which the "
+    "motors are where they are and the others where they were, and all joints' rates and accelerations; of v "
+    "and a the motors' entries are read, a free base's, and those of joints that no motor moves. Call it "
+    "again with its q until the guard is at most 1: three or four times from the last tick's posture.",
 }
 
 
@@ -170,7 +174,7 @@ What each number of `q`, `v`, `a` and `tau` means stands in `{name}.h`.
 
 Each gives a guard: use the results where it is at most 1, and have something else to do where it is not
 (above 1 near singular postures and where the loops are open, NaN where a number is not finite). `q`, `v`
-and `a` are those of all joints and must close the loops; `hybridyn.assemble` makes them from the motors'.
+and `a` are those of all joints and must close the loops: `{name}_close` makes them from the motors'.
 `work` is memory of the caller; one per thread. `-ffast-math` would take the guard's NaN away and is refused.
 
 `make test` compares with {SAMPLES} states computed by hybridyn's general path. `make` passes `CFLAGS` on;

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import reduce
+
 import numpy as np
 
 from ..ddm import ddm
@@ -37,16 +39,17 @@ static double difference(const {real} *result, const {real} *expected, int n) {{
 CHECK = """    trusted = 0;
     for (t = 0; t < {samples}; t++) {{
         static {name}_{model}_work work;
-        {real} result[{size}];
+        {results}
         const double guard = (double){name}_{model}({arguments});
-        const double off = difference(result, {model}_{output}[t], {size});
+        const double off = {differences};
         printf("{model} %d: guard %.2g, difference %.2g\\n", t, guard, off);
         if (guard <= 1.0) worst = fmax(worst, off);
         trusted += guard <= 1.0;
     }}
     {{
         static {name}_{model}_work work;
-        {real} result[{size}], bad[{wide}];
+        {results}
+        {real} bad[{wide}];
         for (t = 0; t < {wide}; t++) bad[t] = ({real})HUGE_VAL;
         t = 0;
         if (!trusted || {name}_{model}({refused}) <= 1) {{
@@ -102,10 +105,23 @@ def _references(robot: HybridRobot, effects: Effects, programs: list[Program]) -
                 values["tau"] = idm(robot, q, v, a, effects=effects)
             except HybridynError:
                 values = {}
+        elif program.name == "close":
+            read = rates_read(program)
+            values = {"near": q, "v": v * read, "a": a * read, "q": q, "v_closed": v, "a_closed": a}
         elif robot.base == "moving":
             values["a"] = ddm(robot, q, v, tau, effects=effects, base_acceleration=a[:, :6])
         out.append(values)
     return out
+
+
+def rates_read(program: Program) -> Array:
+    """Say which rates the closing reads: 1 or 0 for each freedom, shape (nv,)."""
+    from .interpreter import function_of
+
+    pattern = function_of(program).jac_sparsity(1, 1)  # v_closed over v
+    read = np.zeros(pattern.size2())
+    read[np.unique(pattern.get_col())] = 1.0
+    return read
 
 
 def _array(name: str, values: Array, dtype: str) -> str:
@@ -118,7 +134,9 @@ def _array(name: str, values: Array, dtype: str) -> str:
 
 def _check(program: Program, name: str, dtype: str) -> str:
     """Give the lines that run a program on every state and compare, and see it refuse what is not finite."""
-    ((output, size),) = program.outputs
+    results = [f"result_{n}[{size}]" for n, size in program.outputs]
+    names = [f"result_{n}" for n, _ in program.outputs]
+    off = [f"difference(result_{n}, {program.name}_{n}[t], {size})" for n, size in program.outputs]
     rest = [f"{program.name}_{n}[t]" for n, _ in program.inputs[1:]]
     first, wide = program.inputs[0]
     return CHECK.format(
@@ -126,9 +144,9 @@ def _check(program: Program, name: str, dtype: str) -> str:
         name=name,
         model=program.name,
         real=REAL[dtype],
-        size=size,
-        output=output,
+        results=f"{REAL[dtype]} {', '.join(results)};",
+        differences=reduce(lambda worst, one: f"fmax({worst}, {one})", off),
         wide=wide,
-        arguments=", ".join([f"{program.name}_{first}[t]", *rest, "result", "&work"]),
-        refused=", ".join(["bad", *rest, "result", "&work"]),
+        arguments=", ".join([f"{program.name}_{first}[t]", *rest, *names, "&work"]),
+        refused=", ".join(["bad", *rest, *names, "&work"]),
     )

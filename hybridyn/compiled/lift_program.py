@@ -17,26 +17,19 @@ import numpy as np
 
 from ..module import Module
 from ..spatial import Array
-from .chains import sweep
 from .choices import Request
 from .displacement import displacement_rate, moved_joint
 from .expressions import Expression, dot, pack, symbols, zeros
 from .folding import Folding
 from .guards import largest
-from .legs import fold_links
-from .links import links_of
 from .program import Constants, Program
-from .residuals import SpanningRows, coupling_row
 from .slots import Writer
-from .states import generic_positions
-from .static_elimination import Pivots, choose_pivots, solve
+from .spanning import dependent_pivots, shape_of, spanning_closures
+from .static_elimination import solve
 
 #: Over-determined closures that their file rounds by more than this are met in the least-squares sense only,
 #: which pivots cannot do.
 ROUNDING = 1e-12
-#: Smaller pivots would keep the rows sparser, and steps in time less exact: by 50 times at 0.1, by 3 here, of
-#: what charts of the tangent space give.
-SPARSE = 0.5
 #: What the step says of each module.
 MEASURES = ("step", "pivot", "residual")
 
@@ -55,7 +48,7 @@ def lift_program(request: Request) -> Program | None:
         return None
     shapes: dict[Any, list[int]] = {}
     for k, module in enumerate(robot.modules):
-        shapes.setdefault(_shape(module), []).append(k)
+        shapes.setdefault(shape_of(module), []).append(k)
     sizes = [("q_0", robot.nq), ("xi", robot.nv), ("v", robot.nv)]
     results = [("q", robot.nq)]
     results += [(name, robot.nv) for name in ("xi_next", "v_closed", "xi_dot", "independent")]
@@ -81,17 +74,6 @@ def lift_program(request: Request) -> Program | None:
     return w.program()
 
 
-def _shape(module: Module) -> Any:
-    """Give what modules must share to be written once."""
-    spec = module.mechanism.spec
-    if not module.mechanism.spanning_closures.rows:
-        return tuple(joint.kind for joint in spec.spanning)
-    joints = tuple((j.kind, j.parent, tuple(j.axis.tolist())) for j in spec.spanning)
-    closures = tuple((c.body_a, c.body_b, c.translations, c.rotation) for c in spec.closures)
-    couplings = tuple(c.terms for c in spec.couplings)
-    return joints, closures, couplings, module.mobility, module.mechanism.length
-
-
 def _write(modules: list[Module]) -> tuple[ca.Function, Array]:
     """Write the step of modules of one shape, and the numbers in which they differ."""
     m = modules[0].mechanism
@@ -110,8 +92,8 @@ def _write(modules: list[Module]) -> tuple[ca.Function, Array]:
     independent = np.ones(tree.nv)
     folding = Folding()
     if m.spanning_closures.rows:
-        pivots = _pivots(modules)
-        K, residual = _closures(modules, folding, move(xi))
+        pivots = dependent_pivots(modules)
+        K, residual = spanning_closures(modules, folding, move(xi))
         independent[list(pivots.cols)] = 0.0
         known = v.copy()
         known[list(pivots.cols)] = 0.0
@@ -133,40 +115,3 @@ def _write(modules: list[Module]) -> tuple[ca.Function, Array]:
     ]
     function = ca.Function("lift", [q_col, xi_col, v_col, folding.symbol()], outputs)
     return function, folding.table(len(modules))
-
-
-def _closures(
-    modules: list[Module], folding: Folding, positions: list[Expression]
-) -> tuple[Expression, Expression]:
-    """Give rows and residuals of all closures, shapes (rows, nv) and (rows,); modules differ in `folding`."""
-    specs = [module.mechanism.spec for module in modules]
-    links = fold_links(folding, [links_of(s.spanning, [np.zeros(10)] * len(s.spanning)) for s in specs])
-    nv = sum(link.nv for link in links)
-    chain = sweep(links, np.concatenate(positions), zeros(nv), zeros(6))
-    rows = SpanningRows(chain)
-    residual, K = [zeros(0)], [zeros(0, nv)]
-    for same in zip(*(s.closures for s in specs), strict=True):
-        frames = [folding.array([getattr(c, name) for c in same]) for name in ("R_a", "p_a", "R_b", "p_b")]
-        off, over = rows.closure(same[0], (frames[0], frames[1], frames[2], frames[3]))
-        residual, K = [*residual, off], [*K, over]
-    for coupled in zip(*(s.couplings for s in specs), strict=True):
-        offset = folding.array([np.array([c.offset]) for c in coupled])[0]
-        miss, row = coupling_row(chain, coupled[0], positions, offset)
-        residual, K = [*residual, np.array([miss], dtype=object)], [*K, row[None]]
-    return np.concatenate(K), np.concatenate(residual)
-
-
-def _pivots(modules: list[Module]) -> Pivots:
-    """Choose dependent coordinates that are good at generic postures of all modules of a shape."""
-    m, folding = modules[0].mechanism, Folding()
-    q_col, q = symbols("q", m.spanning.nq)
-    K, _ = _closures(modules, folding, [q[at] for at in m.spanning.q_slices])
-    function = ca.Function("K", [q_col, folding.symbol()], [pack(K)])
-    table = folding.table(len(modules))
-    samples = [
-        np.array(function(posture, numbers)).reshape(K.shape)
-        for module, numbers in zip(modules, table, strict=True)
-        for posture in generic_positions(module)
-    ]
-    rank = m.spanning.nv - m.mobility
-    return choose_pivots(np.array(samples), rank, m.spanning_row_scale, m.spanning_col_scale, SPARSE)

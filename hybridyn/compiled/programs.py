@@ -7,6 +7,7 @@ from collections.abc import Callable
 from ..effects.choice import Choice
 from ..robot import HybridRobot
 from .choices import Request, request
+from .close_program import close_program
 from .direct_program import direct_program
 from .inverse_program import inverse_program
 from .kinematics_program import kinematics_program
@@ -30,7 +31,7 @@ def programs(
         robot: The robot.
         effects: As `hybridyn.idm` takes them.
         models: Which models: "idm", "ddm", "kinematics"; "lift", onto the assembled postures, where it can be
-            written.
+            written; "close", from motors' motion to that of all joints.
         regroup: Whether base inertial parameters are used.
         align: Whether bodies' axes are turned into their joints', so that zeros and ones leave no operations;
             else they are turned away from them.
@@ -48,6 +49,7 @@ def programs(
         "ddm": direct_program,
         "kinematics": kinematics_program,
         "lift": lift_program,
+        "close": close_program,
     }
     written = {name: write[name](asked) for name in models}
     return {name: program for name, program in written.items() if program is not None}

@@ -1,0 +1,74 @@
+"""Loops closed from what the motors do, as exported C does it: the states that the general path assembles."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from mechanisms import KINDS, random_mechanism
+
+from hybridyn.compiled.export_reference import rates_read
+from hybridyn.compiled.interpreter import function_of
+from hybridyn.compiled.programs import programs
+from hybridyn.compiled.states import random_states
+from hybridyn.idm import idm
+from hybridyn.manifold import Manifold
+from hybridyn.oracle import Base
+from hybridyn.robot import build_robot
+
+AWAY = 1e-3  # rad, module lengths: how far the others were at the last tick
+CALLS = 6  # Newton needs four from there
+AGREE = 1e-9  # of the largest rate and acceleration: closures closed to 1e-11, times their condition
+CLOSED = 1e-11
+SLIPPING = 1e-10  # rates are those of the posture before a step that is no longer than `CLOSED`
+
+
+def closed(kind: str, base: Base) -> float:
+    """Close loops from the motors of a random state, and give what is off, in units of what may be."""
+    robot = build_robot(random_mechanism(1, kind=kind, base=base), base=base)
+    program = programs(robot, models=("close",))["close"]
+    function, manifold, read = function_of(program), Manifold(robot), rates_read(program)
+    driven = [robot.v_slices[robot.joint_index[motor]].start for motor in robot.motors]
+    q, v, a, _ = (x[0] for x in random_states(robot, 1, seed=2))
+    xi = AWAY * manifold.unit * np.random.default_rng(3).choice([-1.0, 1.0], size=robot.nv)
+    near = manifold.retraction.move(q, np.where(read > 0, 0.0, xi))
+    given = [np.where(read > 0, x, 99.0) for x in (v, a)]
+    for _ in range(CALLS):
+        near, rates, accelerations, guard = (np.array(x).ravel() for x in function(near, *given))
+        if guard <= 1:
+            break
+    assert guard <= 1
+    redundant = any(len(m.motors) > m.mobility for m in robot.modules)
+    assert set(np.flatnonzero(read)) >= set(driven) or redundant
+    held = [i for i in driven if read[i]]
+    moved = manifold.retraction.difference(q, near)
+    off = [
+        manifold.residual(near) / CLOSED,
+        moved[held] / CLOSED,
+        manifold.opening(near, rates)[0] / SLIPPING,
+    ]
+    if np.abs(moved).max(initial=0.0) < CLOSED:
+        off += [(rates - v) / np.abs(v).max() / AGREE, (accelerations - a) / np.abs(a).max() / AGREE]
+    else:  # a rod has turned about itself, which no motor tells
+        idm(robot, near, rates, accelerations, passive="solved")  # refuses accelerations that open loops
+    return max(float(np.abs(x).max(initial=0.0)) for x in off)
+
+
+@pytest.mark.parametrize(
+    ("kind", "base"),
+    [
+        ("gough", "moving"),
+        ("five_bar_four_motors", "fixed"),
+        ("gear_across", "fixed"),
+        ("loop_planar", "floating"),
+        ("serial_all", "moving"),
+    ],
+)
+def test_motors_tell_what_all_joints_do(kind: str, base: Base) -> None:
+    assert closed(kind, base) <= 1.0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("base", ["fixed", "moving", "floating"])
+@pytest.mark.parametrize("kind", sorted(KINDS))
+def test_motors_tell_what_all_joints_do_in_every_kind(kind: str, base: Base) -> None:
+    assert closed(kind, base) <= 1.0
