@@ -94,7 +94,7 @@ def test_the_exported_test_fails_where_nothing_is_compared(tmp_path: Path) -> No
     export(shipped("five_bar"), tmp_path, name="bar")
     file = tmp_path / "bar.c"
     text = file.read_text()
-    assert text.count("return guard;") == 3
+    assert text.count("return guard;") == 4
     for guard in ("2.0", "0.0"):  # never trusted; always, also where a number is not finite
         file.write_text(text.replace("return guard;", f"return guard * 0.0 == 0.0 ? {guard} : {guard};"))
         with pytest.raises(AssertionError, match="no state is trusted, or what is not finite is"):
