@@ -58,8 +58,9 @@ def test_a_sample_has_the_same_bits_alone_and_in_any_batch(library: Library, pro
         assert worst == guard[t]
 
 
-def test_bits_do_not_depend_on_threads_or_lanes(library: Library) -> None:
+def test_bits_do_not_depend_on_threads_or_lanes(library: Library, monkeypatch: pytest.MonkeyPatch) -> None:
     program = PROGRAMS[4]
+    monkeypatch.setattr(library.programs[program.name], "block", BLOCK)
     q, v = inputs(program, 3 * BLOCK + 5)
     (a, b), guard = library.batch(program.name, q, v)
     for threads in (2, 3):
@@ -135,6 +136,7 @@ from tests.compiled_toys import inputs, toy
 
 program = toy(0, 1)
 library = load([program])
+library.programs[program.name].block = BLOCK
 given = inputs(program, 3 * BLOCK)
 (a, _), _ = library.batch(program.name, *given, threads=2)
 child = os.fork()

@@ -11,7 +11,7 @@ import pytest
 
 import hybridyn
 import hybridyn.effects
-from hybridyn.compiled.library import Library
+from hybridyn.compiled.library import BLOCK, Library
 from hybridyn.compiled.model import CompiledRobot, robot_key
 from hybridyn.compiled.states import random_states
 from hybridyn.compiled.verifying import AGREE, difference, verify
@@ -49,6 +49,7 @@ def test_one_sample_has_the_bits_of_the_batch(lx4: CompiledRobot, states: Arrays
     q, v, a, tau = states
     efforts, accelerations = lx4.idm(q, v, a), lx4.ddm(q, v, tau)
     lx4.threads = 2
+    assert lx4.library.programs["ddm"].block == BLOCK < 30 * len(q)
     many = [np.tile(x, (30, 1)) for x in states]
     assert (lx4.ddm(many[0], many[1], many[3]) == np.tile(accelerations, (30, 1))).all()
     lx4.threads = 1
@@ -56,6 +57,10 @@ def test_one_sample_has_the_bits_of_the_batch(lx4: CompiledRobot, states: Arrays
         assert (lx4.idm(q[t], v[t], a[t]) == efforts[t]).all()
         assert (lx4.ddm(q[t], v[t], tau[t]) == accelerations[t]).all()
         assert (lx4.ddm(q[t].tolist(), v[t], tau[t]) == accelerations[t]).all()
+
+
+def test_small_models_wake_threads_for_many_samples_only() -> None:
+    assert hybridyn.compile(shipped("five_bar")).library.programs["ddm"].block > 8 * BLOCK
 
 
 def test_kinematics_are_the_general_paths(lx4: CompiledRobot, states: Arrays) -> None:

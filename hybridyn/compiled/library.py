@@ -42,9 +42,9 @@ METH_FASTCALL = 0x0080
 ANSWERS = (0, REFUSED, 2)
 """What a single call answers: done, refused, or done but for the general path to do again."""
 
-BLOCK = (
-    512  # samples that a thread takes at once: long enough to be worth waking it, a multiple of every width
-)
+BLOCK = 512  # a multiple of every width; what a thread takes at once is a multiple of it
+WORTH_WAKING = 2e-4  # for a thread, at least [s]
+STATEMENT = 2.5e-10  # time of a vector statement, roughly [s]
 
 
 class Library:
@@ -72,7 +72,7 @@ class Library:
         cpython = sys.implementation.name == "cpython"
         plain = alone and cpython and built.about["lanes"] > 1 and _knows_arrays(held, self.dtype)
         self.programs = {
-            name: Calls(name, about, built.about["number"], free, held, plain)
+            name: Calls(name, about, built.about["number"], built.about["lanes"], free, held, plain)
             for name, about in built.about["programs"].items()
         }
         steps = alone and built.about["steps"]
@@ -128,13 +128,18 @@ class Method(ctypes.Structure):
 
 
 class Calls:
-    """The calls of one program."""
+    """The calls of one program.
+
+    Attributes:
+        block: Samples that a thread takes at once; fewer are not worth waking it.
+    """
 
     def __init__(
         self,
         name: str,
         about: dict[str, Any],
         number: str,
+        lanes: int,
         free: ctypes.CDLL,
         held: ctypes.PyDLL,
         plain: bool,
@@ -145,6 +150,8 @@ class Calls:
         self.outputs: list[tuple[str, int]] = [(n, size) for n, size in about["outputs"]]
         self.size = sum(size for _, size in self.outputs)
         self._work = about["work"]
+        sample = max(about["statements"], 1) * STATEMENT / lanes
+        self.block = -(-int(WORTH_WAKING / sample + 1) // BLOCK) * BLOCK
         self._batch = getattr(free, f"{name}_batch")
         self._batch.restype = None
         self._batch.argtypes = [ctypes.c_longlong] * 2 + [ctypes.c_void_p] * 4
@@ -229,12 +236,11 @@ class Calls:
             stop = min(start + block, samples)
             self._batch(start, stop, pointers[0], pointers[1], guard_at, self._workspace())
 
-        block = samples if threads <= 1 else BLOCK
-        if threads <= 1 or samples <= BLOCK:
-            block = max(samples, 1)
+        block = self.block if threads > 1 else max(samples, 1)
+        if samples <= block:
             run(0)
         else:
-            for _ in pool(threads).map(run, range(0, samples, BLOCK)):
+            for _ in pool(threads).map(run, range(0, samples, block)):
                 pass
         return outs, guard
 

@@ -10,7 +10,7 @@ from .across_copies import across_copies
 from .across_samples import across_samples
 from .checking import check
 from .printing import kernel_graph, kernel_text
-from .program import Program
+from .program import Call, Program
 from .scalars import TRUSTED, Scalar, text_of
 from .tables import Tables
 from .trimming import trimmed
@@ -59,18 +59,20 @@ def library_source(programs: list[Program], scalar: Scalar) -> Source:
     about = {
         "number": scalar.name,
         "lanes": scalar.lanes,
-        "programs": {p.name: _about(p, scalar) for p in programs},
+        "programs": {p.name: _about(p, scalar, [bodies[k] for k in names[p.name]]) for p in programs},
         "steps": steps_in_c(programs, scalar),
     }
     return Source(tuple(units), about)
 
 
-def _about(program: Program, scalar: Scalar) -> dict[str, Any]:
-    """Give what a caller must know of a program."""
+def _about(program: Program, scalar: Scalar, kernels: list[str]) -> dict[str, Any]:
+    """Give what a caller must know of a program whose kernels are printed."""
+    calls = [step for step in program.steps if isinstance(step, Call)]
     return {
         "inputs": [list(x) for x in program.inputs],
         "outputs": [list(x) for x in program.outputs],
         "work": (sum(_sizes(program)) + 1) * scalar.bytes,
+        "statements": sum(call.copies * kernels[call.kernel].count("\n") for call in calls),
         "notes": list(program.notes),
     }
 
