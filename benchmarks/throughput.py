@@ -19,7 +19,7 @@ from hybridyn.spatial import Array
 LOOPED = {"ddm": ("pin.constraintDynamics", "pin.lcaba"), "idm": ("pin.rnea, loops open",)}
 GOOD = 1e-10  # error at which a swept peer's cheapest setting is taken
 SWEEP_ROUNDS = 3
-MEASURED = 8e-3  # a measurement repeats a call until it takes this long [s]: threads have to wake
+MEASURED = 2e-2  # a measurement repeats a call until it takes this long [s]
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ class Load:
 
     batches: tuple[int, ...] = (1, 10, 100, 1_000, 10_000)
     threads: tuple[int, ...] = (1, 2, 4)
-    rounds: int = 31
+    rounds: int = 21
 
 
 def measure(model: Model, case: str, load: Load) -> list[Point]:
@@ -56,7 +56,7 @@ def measure(model: Model, case: str, load: Load) -> list[Point]:
         except NotMeasuredError as why:
             out.append(Point(model, case, method.name, "", 0, 0, math.nan, math.nan, math.nan, str(why)))
     for (name, setting, batch, threads, error), time in zip(
-        rows, interleaved(calls, load.rounds, MEASURED), strict=True
+        rows, interleaved(calls, load.rounds, MEASURED, warm=True), strict=True
     ):
         us = 1e6 / batch
         out.append(

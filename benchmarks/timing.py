@@ -24,13 +24,17 @@ class Time(NamedTuple):
     median: float
 
 
-def interleaved(calls: Sequence[Callable[[], object]], rounds: int, least: float = LEAST) -> list[Time]:
+def interleaved(
+    calls: Sequence[Callable[[], object]], rounds: int, least: float = LEAST, *, warm: bool = False
+) -> list[Time]:
     """Time calls in turn, in a new order every round.
 
     Args:
         calls: What is timed; each is warmed up first.
         rounds: Measurements of each call.
         least: Shortest measurement [s].
+        warm: Whether each measurement of repeated calls follows one like it that is not timed, so that all
+            cores are awake.
 
     Returns:
         Least and median time of each call.
@@ -44,6 +48,8 @@ def interleaved(calls: Sequence[Callable[[], object]], rounds: int, least: float
         for turn in range(rounds):
             shuffled.shuffle(order)
             for i in order:
+                if warm and repeats[i] > 1:
+                    timed(calls[i], repeats[i])
                 found[i][turn] = timed(calls[i], repeats[i])
     finally:
         if was_on:
