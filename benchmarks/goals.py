@@ -52,7 +52,7 @@ def goals(results: dict[str, list[Any]]) -> list[Goal]:
     ]
     ddm_batch, idm_batch = ([p for p in batches if p.model == model] for model in ("ddm", "idm"))
     out.append(_one(f"ddm, LX4, batch of {BATCH:,}", ddm_batch, "lx4", BATCH, "pin.lcaba", 1 / 25))
-    out.append(_threads(ddm_batch))
+    out.append(_threads(ddm_batch, max((row.cores for row in results["peak"]), default=math.nan)))
     open_tree = "pin.rnea, loops open"
     out.append(_one("idm, LX4, one sample per call", idm, "lx4", 1, open_tree, 3 / 4))
     out.append(_one(f"idm, LX4, batch of {BATCH:,}", idm_batch, "lx4", BATCH, open_tree, 1 / 6))
@@ -77,14 +77,14 @@ def _ratio(points: Iterable[Point], name: str, batch: int, us: float) -> float:
     return min(found, default=math.nan) / us
 
 
-def _threads(points: Sequence[Point]) -> Goal:
+def _threads(points: Sequence[Point], machine: float) -> Goal:
     """Give the rate of all threads over that of one, by the number of threads."""
     own = [p for p in points if p.case == "lx4" and p.method == OURS[0] and p.batch == BATCH]
     times = {p.threads: p.us for p in own if math.isfinite(p.us)}
     most = max(times, default=1)
     value = times[1] / (most * times[most]) if most > 1 and 1 in times else math.nan
     title = f"ddm, LX4, batch of {BATCH:,}, {most if most > 1 else 'all'} threads"
-    said = "rate over that of one thread, by the threads"
+    said = f"rate over that of one thread, by the threads; the machine's own cores: {machine:.2f}"
     return Goal(title, "itself, one thread", 0.8, (value, math.nan), said, at_least=True)
 
 

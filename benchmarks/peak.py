@@ -8,8 +8,10 @@ of this kind comes near it; the share says how much room there is.
 from __future__ import annotations
 
 import ctypes
+import os
 import subprocess
 import tempfile
+from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
 
@@ -42,8 +44,8 @@ double run(long length) {
 """
 
 
-def peak() -> float:
-    """Give the most operations per second of one core in double precision, best of rounds."""
+def peak() -> tuple[float, float]:
+    """Give the most operations per second of one core, and of all at once, in double precision."""
     lanes = best_lanes("float64")
     with tempfile.TemporaryDirectory() as folder:
         source, library = Path(folder, "peak.c"), Path(folder, "peak.so")
@@ -61,14 +63,20 @@ def peak() -> float:
         run = ctypes.CDLL(str(library)).run
         run.argtypes, run.restype = [ctypes.c_long], ctypes.c_double
         run(LENGTH)
-        return 2 * lanes * CHAINS * LENGTH / min(timed(partial(run, LENGTH), 1) for _ in range(ROUNDS))
+        one = 2 * lanes * CHAINS * LENGTH / min(timed(partial(run, LENGTH), 1) for _ in range(ROUNDS))
+        cores = os.cpu_count() or 1
+        with ThreadPoolExecutor(cores) as pool:
+            long = [10 * LENGTH] * cores  # long enough for all to run at once
+            least = min(timed(lambda: list(pool.map(run, long)), 1) for _ in range(ROUNDS))
+        return one, 2 * lanes * CHAINS * sum(long) / least
 
 
 def measure(case: str) -> list[Limit]:
     """Give both models of a robot: operations of a sample, time in a batch on one thread, and the peak."""
     own = case_of(case)
     robot = own.load()
-    compiled, most = hybridyn.compile(robot), peak()
+    compiled, (most, together) = hybridyn.compile(robot), peak()
+    scaling = together / most / (os.cpu_count() or 1)
     q, v, a = own.states(robot, SAMPLES)
     rows = []
     for model, given in (("ddm", hybridyn.idm(robot, q, v, a)), ("idm", a)):
@@ -77,5 +85,5 @@ def measure(case: str) -> list[Limit]:
         call = partial(getattr(compiled, model), q, v, given)
         call()
         seconds = min(timed(call, 1) for _ in range(ROUNDS)) / SAMPLES
-        rows.append(Limit(case, model, count, 1e6 * seconds, 1e-9 * most, count / seconds / most))
+        rows.append(Limit(case, model, count, 1e6 * seconds, 1e-9 * most, count / seconds / most, scaling))
     return rows

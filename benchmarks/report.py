@@ -196,7 +196,7 @@ def _callgrind(results: Results) -> Iterator[str]:
 
 
 def _peak(results: Results) -> Iterator[str]:
-    yield PEAK
+    yield PEAK.format(cores=max(r.cores for r in results["peak"]))
     rows = [
         [r.case, r.model, f"{r.operations:,}", number(r.us), number(r.operations / r.us / 1e3),
          number(r.peak), number(r.operations / r.peak / 1e3), f"{r.share:.0%}"]

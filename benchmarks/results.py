@@ -182,6 +182,7 @@ class Limit(NamedTuple):
         us: Least time per sample in a batch on one thread [us].
         peak: Most operations of one core per second [1e9 / s].
         share: Operations over time, over the peak.
+        cores: The peak of all cores at once, over that of one times their number.
     """
 
     case: str
@@ -190,6 +191,7 @@ class Limit(NamedTuple):
     us: float
     peak: float
     share: float
+    cores: float
 
 
 SECTIONS: dict[str, type[Any]] = {

@@ -107,5 +107,6 @@ LIMITS = """\
 PEAK = """\
 Operations that one sample takes in a batch (a fused multiply-add is two) over the time that it takes on one
 thread, beside the most that one core does: independent multiply-adds on full vectors, measured in the same
-run. Quotients, sines, loads and numbers that wait for others take the rest.
+run. Quotients, sines, loads and numbers that wait for others take the rest. All cores of this machine at
+once do {cores:.2f} times their number of such operations: no threads can scale better.
 """
