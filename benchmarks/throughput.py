@@ -19,7 +19,7 @@ from hybridyn.spatial import Array
 LOOPED = {"ddm": ("pin.constraintDynamics", "pin.lcaba"), "idm": ("pin.rnea, loops open",)}
 GOOD = 1e-10  # error at which a swept peer's cheapest setting is taken
 SWEEP_ROUNDS = 3
-MEASURED = 2e-2  # a measurement repeats a call until it takes this long [s]
+MEASURED = 1e-1  # a measurement repeats a call until it takes this long [s]: threads have to spread over cores
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ class Load:
 
     batches: tuple[int, ...] = (1, 10, 100, 1_000, 10_000)
     threads: tuple[int, ...] = (1, 2, 4)
-    rounds: int = 21
+    rounds: int = 9
 
 
 def measure(model: Model, case: str, load: Load) -> list[Point]:

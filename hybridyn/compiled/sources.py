@@ -152,13 +152,15 @@ def driver_prelude(bodies: dict[str, str], scalar: Scalar) -> str:
 def _batch(program: Program) -> str:
     """Give the function that runs samples `from` to `to`; `work` is memory of the caller."""
     given, result, shared, _ = _sizes(program)
-    reads, writes, at = [], [], 0
+    reads, writes, ahead, at = [], [], [], 0
     for n, (_, size) in enumerate(program.inputs):
         reads.append(f"        from_rows(given + {at}, in[{n}] + s * {size}, {size}, valid);")
+        ahead.append(f"        ahead(in[{n}] + (s + W) * {size}, W * {size}, 0);")
         at += size
     at = 0
     for n, (_, size) in enumerate(program.outputs):
         writes.append(f"        to_rows(out[{n}] + s * {size}, result + {at}, {size}, valid);")
+        ahead.append(f"        ahead(out[{n}] + (s + W) * {size}, W * {size}, 1);")
         at += size
     return "\n".join(
         [
@@ -169,6 +171,7 @@ def _batch(program: Program) -> str:
             "    for (Long s = from; s < to; s += W) {",
             "        const int valid = to - s < W ? (int)(to - s) : W;",
             *reads,
+            *ahead,
             "        V worst_yet = C(0);",
             f"        for (int k = 0; k < {given}; k++) worst_yet += given[k] * C(0); /* not finite: NaN */",
             f"        {program.name}_samples(given, result, shared, own, &worst_yet);",

@@ -2,6 +2,14 @@
 
 typedef long long Long;
 
+/* Fetch rows that come next while this one is computed; a wish, which may go past the end. */
+#ifdef __GNUC__
+#define ahead(from, n, write) \
+    for (Long k = 0; k < (n); k += 64 / (Long)sizeof(B)) __builtin_prefetch((from) + k, write)
+#else
+#define ahead(from, n, write) (void)0
+#endif
+
 INLINE V worst(V a, V b) { return SELECT(OR(LE(b, a), NE(a, a)), a, b); } /* a NaN stays */
 INLINE void set_all(V *to, const S *from, int n) {
     for (int k = 0; k < n; k++) to[k] = C(from[k]);
