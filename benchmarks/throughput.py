@@ -19,7 +19,7 @@ from hybridyn.spatial import Array
 LOOPED = {"ddm": ("pin.constraintDynamics", "pin.lcaba"), "idm": ("pin.rnea, loops open",)}
 GOOD = 1e-10  # error at which a swept peer's cheapest setting is taken
 SWEEP_ROUNDS = 3
-MEASURED = 1e-1  # a measurement repeats a call until it takes this long [s]: threads have to spread over cores
+MEASURED = 0.1  # a measurement repeats a call until it takes this long [s]: threads spread over cores
 
 
 @dataclass(frozen=True)
