@@ -35,9 +35,9 @@ import pinocchio as pin
 from .chart import AmbiguousBranchError, Chart
 from .energy import effective_model
 from .errors import ModelError, SingularityError
-from .integrators import State, StepError, Stepped, System
 from .motion_law import MotionLaw
 from .spatial import Array
+from .system import State, StepError, Stepped, System
 
 #: Pinocchio's Data grows with the cube of the number of freedoms: 0.6 GB at 200.
 MOST_FREEDOMS = 250

@@ -11,8 +11,8 @@ from functools import cached_property
 
 import numpy as np
 
-from .integrators import State, System
 from .spatial import Array
+from .system import State, System
 
 #: Relative step of the central difference that gives the rate of T^-1 (joints with rotations only).
 DIFFERENCE = 1e-5

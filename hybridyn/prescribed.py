@@ -9,11 +9,11 @@ from .effects import Effects
 from .energy import energy
 from .forward import closure_residual
 from .idm import idm
-from .integrators import State
 from .references import Reference
 from .robot import HybridRobot
 from .simulation_result import Counters, Result
 from .spatial import Array
+from .system import State
 
 
 def follow_motion(

@@ -12,7 +12,6 @@ from .effects.choice import Choice
 from .errors import AssemblyError, SingularityError, TrajectoryError
 from .events import Event
 from .forward import as_batch
-from .integrators import State, System
 from .manifold import Manifold
 from .motion_law import BaseMotion, Effort, MotionLaw, Wrenches
 from .robot import HybridRobot
@@ -21,6 +20,7 @@ from .simulation_run import Progress, Run
 from .spatial import Array
 from .state_checks import CLOSED
 from .stepping import Stepper, build_method, control_of
+from .system import State, System
 
 if TYPE_CHECKING:
     from .compiled.model import CompiledRobot

@@ -12,9 +12,9 @@ import numpy as np
 
 from .errors import TrajectoryError
 from .events import Found
-from .integrators import State
 from .robot import HybridRobot
 from .spatial import Array
+from .system import State
 
 #: Layout of the file that `Result.save` writes.
 FORMAT = 1

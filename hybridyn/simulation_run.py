@@ -15,10 +15,10 @@ from .energy import Energy, energy
 from .errors import AssemblyError, SingularityError
 from .events import Event, Found, crossed, locate
 from .forward import closure_residual
-from .integrators import State, StepError, System
 from .simulation_result import Counters, Result, Samples, joined
 from .spatial import Array
 from .stepping import Stepper
+from .system import State, StepError, System
 
 #: Steps between two writings of the checkpoint.
 CHECKPOINT_STEPS = 1000

@@ -10,8 +10,10 @@ import numpy as np
 from .chart import AmbiguousBranchError
 from .conserving import Conserving
 from .errors import AssemblyError, TrajectoryError
-from .integrators import DOPRI5, RK4, Explicit, Implicit, State, StepError, Stepped, System
+from .implicit import Implicit
+from .integrators import DOPRI5, RK4, Explicit
 from .simulation_result import Counters
+from .system import State, StepError, Stepped, System
 
 METHODS = ("rk4", "dopri5", "implicit", "conserving")
 #: Closures and their rates (relative) are put right after a step that leaves them more open than this.
