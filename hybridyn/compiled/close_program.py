@@ -15,10 +15,11 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from ..kinematics import Tree
 from ..module import Module
 from ..spatial import Array
 from .choices import Request
-from .displacement import moved_joint, position_rate
+from .displacement import by_joint, moved_joint, position_rate
 from .expressions import Expression, dot, pack, symbols, unpack, zeros
 from .folding import Folding
 from .guards import CLOSED, largest, trusted
@@ -83,7 +84,7 @@ def _write(modules: list[Module], motors: tuple[int, ...], closed: float) -> tup
     if m.spanning_closures.rows:
         pivots = dependent_pivots(modules, motors)
         dependent = list(pivots.cols)
-        K, residual = spanning_closures(modules, folding, [q[at] for at in tree.q_slices])
+        K, residual = spanning_closures(modules, folding, q)
         v, a = v.copy(), a.copy()
         v[dependent] = a[dependent] = 0.0
         solved, trust = solve(K, np.stack([-residual, -dot(K, v)], axis=1), pivots)
@@ -91,20 +92,14 @@ def _write(modules: list[Module], motors: tuple[int, ...], closed: float) -> tup
         drift = _drift(K, q_col, v, tree)
         a[dependent] = solve(K, (-dot(K, a) - drift)[:, None], pivots)[0][dependent, 0]
         guard = ca.fmax(trusted(trust), largest(step / m.spanning_col_scale) / closed)
-    moved = [
-        moved_joint(joint.kind, q[at], step[to])
-        for joint, at, to in zip(tree.joints, tree.q_slices, tree.v_slices, strict=True)
-    ]
-    outputs = [pack(*moved), pack(v), pack(a), ca.SX(guard)]
+    moved = by_joint(tree, moved_joint, q, step, positions=1)
+    outputs = [pack(moved), pack(v), pack(a), ca.SX(guard)]
     return ca.Function("close", [q_col, v_col, a_col, folding.symbol()], outputs), folding.table(len(modules))
 
 
-def _drift(K: Expression, q: ca.SX, v: Expression, tree: Any) -> Expression:
+def _drift(K: Expression, q: ca.SX, v: Expression, tree: Tree) -> Expression:
     """Give K_dot v, shape (rows,)."""
     w_col, w = symbols("w", len(v))
-    rate = [
-        position_rate(joint.kind, unpack(q)[at], w[to])
-        for joint, at, to in zip(tree.joints, tree.q_slices, tree.v_slices, strict=True)
-    ]
-    drift = ca.jtimes(pack(dot(K, w)), q, pack(*rate))
+    rate = by_joint(tree, position_rate, unpack(q), w, positions=1)
+    drift = ca.jtimes(pack(dot(K, w)), q, pack(rate))
     return unpack(ca.substitute(drift, w_col, pack(v)))

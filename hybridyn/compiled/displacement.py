@@ -5,16 +5,36 @@ With q = move(q_0, xi) the rates v obey xi_dot = T(xi)^-1 v.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
+from ..kinematics import Tree
 from .expressions import Expression, cross, dot
 from .rigid import quaternion_matrix
 
+JointMap = Callable[..., Expression]
+
 #: Keeps 0 / 0 from being asked; what it is added to is exact for every angle that matters.
 NOTHING = 1e-300
+
+
+def by_joint(tree: Tree, function: JointMap, *values: Expression, positions: int = 0) -> Expression:
+    """Give what a function of one joint makes of a whole tree's values, joint after joint.
+
+    Args:
+        tree: The tree.
+        function: Takes a joint's kind and its share of each value.
+        values: Arrays over the tree: first those over coordinates, then those over freedoms.
+        positions: How many are over coordinates.
+    """
+    parts = [
+        function(joint.kind, *(x[at] for x in values[:positions]), *(x[to] for x in values[positions:]))
+        for joint, at, to in zip(tree.joints, tree.q_slices, tree.v_slices, strict=True)
+    ]
+    return np.concatenate([np.zeros(0, dtype=object), *parts])
 
 
 def moved_joint(kind: str, q: Expression, xi: Expression) -> Expression:

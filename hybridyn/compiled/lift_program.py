@@ -18,8 +18,8 @@ import numpy as np
 from ..module import Module
 from ..spatial import Array
 from .choices import Request
-from .displacement import displacement_rate, moved_joint
-from .expressions import Expression, dot, pack, symbols, zeros
+from .displacement import by_joint, displacement_rate, moved_joint
+from .expressions import dot, pack, symbols, zeros
 from .folding import Folding
 from .guards import largest
 from .program import Constants, Program
@@ -80,36 +80,23 @@ def _write(modules: list[Module]) -> tuple[ca.Function, Array]:
     tree = m.spanning
     (q_col, q_0), (xi_col, xi) = symbols("q_0", tree.nq), symbols("xi", tree.nv)
     v_col, v = symbols("v", tree.nv)
-    kinds = [joint.kind for joint in tree.joints]
-
-    def move(displacement: Expression) -> list[Expression]:
-        return [
-            moved_joint(kind, q_0[at], displacement[to])
-            for kind, at, to in zip(kinds, tree.q_slices, tree.v_slices, strict=True)
-        ]
-
     step, rates, size, pivot, open_by = zeros(tree.nv), v, ca.SX(0.0), ca.SX(1.0), ca.SX(0.0)
     independent = np.ones(tree.nv)
     folding = Folding()
     if m.spanning_closures.rows:
         pivots = dependent_pivots(modules)
-        K, residual = spanning_closures(modules, folding, move(xi))
-        independent[list(pivots.cols)] = 0.0
-        known = v.copy()
-        known[list(pivots.cols)] = 0.0
-        right = np.stack([-residual, -dot(K, known)], axis=1)
-        X, pivot = solve(K, right, pivots)
-        dependent = list(pivots.cols)
-        step[dependent], rates = X[dependent, 0], known
-        rates[dependent] = X[dependent, 1]
+        K, residual = spanning_closures(modules, folding, by_joint(tree, moved_joint, q_0, xi, positions=1))
+        dependent, rates = list(pivots.cols), v.copy()
+        independent[dependent] = rates[dependent] = 0.0
+        X, pivot = solve(K, np.stack([-residual, -dot(K, rates)], axis=1), pivots)
+        step[dependent], rates[dependent] = X[dependent, 0], X[dependent, 1]
         size = largest(step / m.spanning_col_scale)
         open_by = largest(residual * m.spanning_row_scale)
-    rate = [displacement_rate(kind, xi[to], rates[to]) for kind, to in zip(kinds, tree.v_slices, strict=True)]
     outputs = [
-        pack(*move(xi + step)),
+        pack(by_joint(tree, moved_joint, q_0, xi + step, positions=1)),
         pack(xi + step),
         pack(rates),
-        pack(*rate),
+        pack(by_joint(tree, displacement_rate, xi, rates)),
         pack(independent),
         *map(ca.SX, (size, pivot, open_by)),
     ]

@@ -37,13 +37,15 @@ def shape_of(module: Module, *more: Any) -> Any:
 
 
 def spanning_closures(
-    modules: list[Module], folding: Folding, positions: list[Expression]
+    modules: list[Module], folding: Folding, q: Expression
 ) -> tuple[Expression, Expression]:
     """Give rows and residuals of all closures, shapes (rows, nv) and (rows,); modules differ in `folding`."""
+    tree = modules[0].mechanism.spanning
+    positions = [q[at] for at in tree.q_slices]
     specs = [module.mechanism.spec for module in modules]
     links = fold_links(folding, [links_of(s.spanning, [np.zeros(10)] * len(s.spanning)) for s in specs])
     nv = sum(link.nv for link in links)
-    chain = sweep(links, np.concatenate(positions), zeros(nv), zeros(6))
+    chain = sweep(links, q, zeros(nv), zeros(6))
     rows = SpanningRows(chain)
     residual, K = [zeros(0)], [zeros(0, nv)]
     for same in zip(*(s.closures for s in specs), strict=True):
@@ -66,7 +68,7 @@ def dependent_pivots(modules: list[Module], last: Sequence[int] = ()) -> Pivots:
     """
     m, folding = modules[0].mechanism, Folding()
     q_col, q = symbols("q", m.spanning.nq)
-    K, _ = spanning_closures(modules, folding, [q[at] for at in m.spanning.q_slices])
+    K, _ = spanning_closures(modules, folding, q)
     function = ca.Function("K", [q_col, folding.symbol()], [pack(K)])
     table = folding.table(len(modules))
     samples = [
