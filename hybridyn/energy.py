@@ -95,7 +95,9 @@ def _of_bodies(robot: HybridRobot, q: Array, v: Array, on: Effects) -> tuple[Arr
 
 
 def effective_model(robot: HybridRobot, on: Effects) -> pin.Model:
-    """Give Pinocchio's model with the weights and inertias that the effects leave."""
+    """Give Pinocchio's model with the weights and inertias that the effects leave; it is to be read only."""
+    if on.gravity is not None and on.leg_inertia is not None:
+        return robot.model
     model = pin.Model(robot.model)
     if on.gravity is None:
         model.gravity.linear = np.zeros(3)

@@ -119,10 +119,8 @@ class Method(ctypes.Structure):
     def function(self) -> Callable[..., int]:
         """Give the function; it needs this structure as long as it lives."""
         new = ctypes.pythonapi.PyCFunction_NewEx
-        new.restype, new.argtypes = (
-            ctypes.py_object,
-            [ctypes.POINTER(Method), ctypes.c_void_p, ctypes.c_void_p],
-        )
+        new.restype = ctypes.py_object
+        new.argtypes = [ctypes.POINTER(Method), ctypes.c_void_p, ctypes.c_void_p]
         made: Callable[..., int] = new(ctypes.byref(self), None, None)
         return made
 
