@@ -28,8 +28,8 @@ from benchmarks.peers import compiled, methods_of, oracle, rk4, serial
 from benchmarks.results import Count
 from benchmarks.scaling import SETTINGS as OTHERS
 from benchmarks.timing import ONE_THREAD
-from hybridyn.compiled import compilers
-from hybridyn.compiled.cache import folder as cache_folder
+from hybridyn.compiled.library import compilers
+from hybridyn.compiled.library.cache import folder as cache_folder
 from hybridyn.errors import CompileError
 
 BATCH = 200  # samples of one call in a batch, and in a row of single ones: a tenth of them

@@ -19,10 +19,10 @@ import hybridyn
 from benchmarks.cases import case_of
 from benchmarks.results import Limit
 from benchmarks.timing import timed
-from hybridyn.compiled.building import NATIVE
-from hybridyn.compiled.compilers import best_lanes, find_compiler
-from hybridyn.compiled.operations import operations
-from hybridyn.compiled.programs import programs
+from hybridyn.compiled.code.operations import operations
+from hybridyn.compiled.library.building import NATIVE
+from hybridyn.compiled.library.compilers import best_lanes, find_compiler
+from hybridyn.compiled.programs.whole_robot import programs
 
 CHAINS = 12  # independent sums, more than the latency of a multiply-add times those begun in a cycle
 LENGTH = 200_000  # of each sum in a round

@@ -6,7 +6,7 @@ import logging
 from collections.abc import Mapping, Sequence
 from os import PathLike
 
-from .robot import Base, HybridRobot, build_robot
+from .structure.robot import Base, HybridRobot, build_robot
 
 _log = logging.getLogger("hybridyn")
 
@@ -47,7 +47,7 @@ def load(
         AssemblyError: A module's loops close nowhere.
     """
     from .description import read
-    from .shipped import find_robot
+    from .description.shipped import find_robot
 
     description = read(find_robot(path), motors=motors, xacro_args=xacro_args, package_dirs=package_dirs)
     robot = build_robot(
@@ -64,7 +64,7 @@ def load(
 
 def _warn(robot: HybridRobot) -> None:
     """Log what no posture can mend, once for equal modules."""
-    from .findings import architecturally_singular
+    from .assembly.findings import architecturally_singular
 
     for module in {id(module.mechanism): module for module in reversed(robot.modules)}.values():
         if singular := architecturally_singular(module):

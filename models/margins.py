@@ -21,11 +21,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 import hybridyn
-from hybridyn.description.columns import read_layout
-from hybridyn.description.tables import open_table
-from hybridyn.description.trajectory import read_motions
 from hybridyn.oracle import Oracle
 from hybridyn.oracle.tree import Posture
+from hybridyn.tables.columns import read_layout
+from hybridyn.tables.csv_table import open_table
+from hybridyn.tables.trajectory import read_motions
 
 Array = NDArray[np.float64]
 

@@ -8,15 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from hybridyn.description.records import (
-    Closure,
-    Coupling,
-    Description,
-    Joint,
-    JointKind,
-    Link,
-    RotationKind,
-)
+from hybridyn.description.records import Closure, Coupling, Description, Joint, JointKind, Link, RotationKind
 
 CLOSURES: dict[str, tuple[tuple[int, ...], RotationKind]] = {
     "fixed": ((0, 1, 2), "fixed"),

@@ -10,10 +10,10 @@ from mechanisms import random_mechanism, random_states
 from shipped import shipped
 
 from hybridyn import load
-from hybridyn.manifold import Manifold
-from hybridyn.motion_law import MotionLaw
-from hybridyn.robot import HybridRobot, build_robot
-from hybridyn.system import State, System
+from hybridyn.manifold.manifold import Manifold
+from hybridyn.simulation.motion_law import MotionLaw
+from hybridyn.simulation.system import State, System
+from hybridyn.structure.robot import HybridRobot, build_robot
 
 Swing = tuple[HybridRobot, np.ndarray, np.ndarray]
 

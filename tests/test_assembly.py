@@ -19,9 +19,9 @@ import hybridyn
 from hybridyn import AssemblyError, HybridRobot, TrajectoryError, closure_residual
 from hybridyn.description.records import Description
 from hybridyn.oracle import Base, Oracle
-from hybridyn.robot import build_robot
 from hybridyn.spatial import Array
-from hybridyn.topology import find_modules
+from hybridyn.structure.graph import find_modules
+from hybridyn.structure.robot import build_robot
 
 CLOSED = 1e-12  # of the module's size, on the closures' generic range
 SAME = 1e-9  # the same posture, through the conditioning of a mechanism of this collection

@@ -40,7 +40,7 @@ from benchmarks.standing import flown, losses
 from benchmarks.timing import interleaved
 from hybridyn.compiled.model import write_programs
 from hybridyn.effects.choice import choose
-from hybridyn.robot import build_robot
+from hybridyn.structure.robot import build_robot
 
 FIT = 1e-12  # a power law is fitted exactly
 DIFFERENCES = 1e-3  # of the largest rate: second-order central differences at 5 ms of a motion of 1 Hz

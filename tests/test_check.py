@@ -10,8 +10,8 @@ from robot_texts import LOOP, TREE, robot, save
 from snippets import ROOT
 
 import hybridyn
-from hybridyn.check import CODES, Finding, is_readable, worst
-from hybridyn.check.masses import unit_guess
+from hybridyn.studies.check.check import CODES, Finding, is_readable, worst
+from hybridyn.studies.check.masses import unit_guess
 
 BALL = (
     '<inertial><mass value="2"/>'

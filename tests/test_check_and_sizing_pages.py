@@ -10,8 +10,8 @@ import pytest
 from snippets import ROOT, blocks, stand_where_a_user_does
 from test_readme import same_line
 
-from hybridyn.check import CODES
 from hybridyn.cli import main
+from hybridyn.studies.check.check import CODES
 
 PAGES = ("check.md", "workspace-and-sizing.md")
 

@@ -14,8 +14,8 @@ from test_check import WRONG as WRONG_ROBOTS
 from test_check import arm, boxed
 
 import hybridyn
-from hybridyn.check import CODES, is_readable
-from hybridyn.shipped import main_names, shipped_robots
+from hybridyn.description.shipped import main_names, shipped_robots
+from hybridyn.studies.check.check import CODES, is_readable
 
 OTHERS = sorted(
     {

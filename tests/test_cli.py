@@ -14,10 +14,10 @@ import pytest
 
 import hybridyn
 from hybridyn.cli import COMMANDS, main
-from hybridyn.cli.progress import Progress
-from hybridyn.cli.summary import aligned_rows
-from hybridyn.description.tables import open_table
+from hybridyn.cli.common.progress import Progress
+from hybridyn.cli.common.summary import aligned_rows
 from hybridyn.errors import AssemblyError
+from hybridyn.tables.csv_table import open_table
 
 ARM = """<robot name="arm">
   <link name="base"/>

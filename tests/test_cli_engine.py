@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 import hybridyn
-import hybridyn.cli.blocks as blocks
-import hybridyn.cli.engine as engine
+import hybridyn.cli.common.engine as engine
+import hybridyn.streams.blocks as blocks
 from hybridyn.cli import main
-from hybridyn.shipped import shipped_robots
+from hybridyn.description.shipped import shipped_robots
 from tests.command_line import table_text
 from tests.compiled_toys import own_cache
 

@@ -7,9 +7,9 @@ import pytest
 from command_line import ROOT, call
 
 import hybridyn
+from hybridyn.assembly.findings import home_residuals
 from hybridyn.cli.info import _Tree
-from hybridyn.findings import home_residuals
-from hybridyn.module import Module
+from hybridyn.structure.module import Module
 
 SNAKE, FIVE_BAR = ROOT / "urdf/snake.urdf.xacro", ROOT / "urdf/five_bar.urdf.xacro"
 
@@ -55,7 +55,7 @@ def test_motions_without_a_motor(run) -> None:
 def test_the_rank_of_a_rounded_file_is_reported(run, tmp_path: Path) -> None:
     """Six digits of an axis: what closes in the plane to rounding no longer does exactly."""
     assert "rank  " not in run("info", FIVE_BAR).out
-    from hybridyn.description.xacro_files import expand
+    from hybridyn.description.urdf.xacro import expand
 
     text = expand(str(FIVE_BAR), {}, ())[0].decode()
     path = tmp_path / "r.urdf"
@@ -67,7 +67,7 @@ def test_the_rank_of_a_rounded_file_is_reported(run, tmp_path: Path) -> None:
 
 
 def test_a_singular_home_is_told_where_the_module_is(run, monkeypatch: pytest.MonkeyPatch) -> None:
-    from hybridyn import findings
+    from hybridyn.assembly import findings
 
     def singular(module: Module, robot: hybridyn.HybridRobot) -> str:
         return "its closures lose rank"

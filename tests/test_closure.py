@@ -8,11 +8,11 @@ from comparing import ROUNDING, close_to
 from mechanisms import KINDS, random_mechanism, random_states
 from sketch import CLOSURES, ROW_COUNT
 
-from hybridyn.bodies import merge_fixed_joints
-from hybridyn.closure import Closures, TreeClosure, TreeCoupling, common_measure
-from hybridyn.kinematics import Tree, TreeJoint
+from hybridyn.linkage.closures import Closures, TreeClosure, TreeCoupling, common_measure
+from hybridyn.linkage.tree import Tree, TreeJoint
 from hybridyn.spatial import Array, rotation_from_axis_angle, rotation_from_vector
-from hybridyn.topology import body_closure
+from hybridyn.structure.bodies import merge_fixed_joints
+from hybridyn.structure.graph import body_closure
 
 STEP = 1e-5  # of the central differences
 DIFFERENCED = 1e-8  # truncation of the central differences, relative; rounding of second ones is alike

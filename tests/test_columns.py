@@ -5,9 +5,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from hybridyn.description.columns import Layout, acceleration_columns, read_layout
 from hybridyn.description.records import Description, Joint, JointKind, Link
 from hybridyn.errors import TrajectoryError
+from hybridyn.tables.columns import Layout, acceleration_columns, read_layout
 
 
 def link(name: str) -> Link:

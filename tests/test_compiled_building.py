@@ -16,17 +16,17 @@ import numpy as np
 import pytest
 
 import hybridyn
-import hybridyn.compiled.cache as cache_file
-from hybridyn.compiled.building import build
-from hybridyn.compiled.cache import Built, cached, folder
-from hybridyn.compiled.compilers import Compiler, find_compiler
-from hybridyn.compiled.library import Library
+import hybridyn.compiled.library.cache as cache_file
+from hybridyn.compiled.code.library_source import Source, library_source
+from hybridyn.compiled.code.scalars import Scalar
+from hybridyn.compiled.library.building import build
+from hybridyn.compiled.library.cache import Built, cached, folder
+from hybridyn.compiled.library.calls import Library
+from hybridyn.compiled.library.compilers import Compiler, find_compiler
 from hybridyn.compiled.model import _revived
-from hybridyn.compiled.scalars import Scalar
-from hybridyn.compiled.sources import Source, library_source
 from hybridyn.effects.choice import choose
 from hybridyn.errors import CompileError, ModelError
-from hybridyn.robot import build_robot
+from hybridyn.structure.robot import build_robot
 from tests.compiled_toys import inputs, toy
 from tests.shipped import shipped
 

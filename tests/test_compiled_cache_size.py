@@ -15,11 +15,11 @@ from pathlib import Path
 
 import pytest
 
-import hybridyn.compiled.cache as cache_file
-import hybridyn.compiled.keeping as keeping
-from hybridyn.compiled.cache import Built, cached
-from hybridyn.compiled.keeping import ABANDONED, IN_USE, remove_unused
-from hybridyn.compiled.sources import Source
+import hybridyn.compiled.library.cache as cache_file
+import hybridyn.compiled.library.eviction as keeping
+from hybridyn.compiled.code.library_source import Source
+from hybridyn.compiled.library.cache import Built, cached
+from hybridyn.compiled.library.eviction import ABANDONED, IN_USE, remove_unused
 
 ROOT = Path(__file__).parents[1]
 HOUR = 3600.0

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 from mechanisms import KINDS, random_mechanism
 
+from hybridyn.compiled.equations.states import random_states
 from hybridyn.compiled.export_reference import rates_read
-from hybridyn.compiled.interpreter import function_of
-from hybridyn.compiled.programs import programs
-from hybridyn.compiled.states import random_states
-from hybridyn.idm import idm
-from hybridyn.manifold import Manifold
+from hybridyn.compiled.programs.interpreter import function_of
+from hybridyn.compiled.programs.whole_robot import programs
+from hybridyn.dynamics.inverse import idm
+from hybridyn.manifold.manifold import Manifold
 from hybridyn.oracle import Base
-from hybridyn.robot import build_robot
+from hybridyn.structure.robot import build_robot
 
 AWAY = 1e-3  # rad, module lengths: how far the others were at the last tick
 CALLS = 6  # Newton needs four from there

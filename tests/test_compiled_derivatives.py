@@ -8,14 +8,14 @@ from compiled_toys import own_cache
 from shipped import shipped
 
 import hybridyn
+from hybridyn.compiled.code.scalars import TRUSTED
 from hybridyn.compiled.derivatives import AGREE, Derivatives
-from hybridyn.compiled.library import load
-from hybridyn.compiled.programs import programs
-from hybridyn.compiled.scalars import TRUSTED
-from hybridyn.compiled.states import random_states
+from hybridyn.compiled.equations.states import random_states
+from hybridyn.compiled.library.calls import load
+from hybridyn.compiled.programs.whole_robot import programs
 from hybridyn.errors import HybridynError, ModelError, SingularityError, TrajectoryError
-from hybridyn.leg_model import pinocchio_inertia
-from hybridyn.robot import HybridRobot, build_robot
+from hybridyn.structure.leg_model import pinocchio_inertia
+from hybridyn.structure.robot import HybridRobot, build_robot
 
 __all__ = ["own_cache"]
 

@@ -14,12 +14,12 @@ import pytest
 
 import hybridyn
 from hybridyn.cli import main
-from hybridyn.compiled.compilers import find_compiler
+from hybridyn.compiled.code.operations import operations, operations_table
+from hybridyn.compiled.code.plain_c import plain_source
 from hybridyn.compiled.export import _comment, c_name, export
-from hybridyn.compiled.exporting import plain_source
-from hybridyn.compiled.operations import operations, operations_table
+from hybridyn.compiled.library.compilers import find_compiler
+from hybridyn.description.shipped import shipped_robots
 from hybridyn.errors import ModelError
-from hybridyn.shipped import shipped_robots
 from tests.compiled_toys import own_cache, toy
 
 __all__ = ["own_cache"]

@@ -17,15 +17,15 @@ from mechanisms import KINDS, random_mechanism, random_states, random_wrenches
 from shipped import ROBOTS, shipped, states_near_home
 
 import hybridyn
-from hybridyn.compiled.actuation import motor_efforts
-from hybridyn.compiled.expressions import symbols
-from hybridyn.compiled.interpreter import function_of
-from hybridyn.compiled.programs import programs
-from hybridyn.compiled.static_elimination import Pivots, solve_definite
+from hybridyn.compiled.equations.actuation import motor_efforts
+from hybridyn.compiled.equations.expressions import symbols
+from hybridyn.compiled.equations.static_elimination import Pivots, solve_definite
+from hybridyn.compiled.programs.interpreter import function_of
+from hybridyn.compiled.programs.whole_robot import programs
 from hybridyn.description import read
 from hybridyn.errors import CompileError, HybridynError
 from hybridyn.oracle import Base, Oracle
-from hybridyn.robot import HybridRobot, build_robot
+from hybridyn.structure.robot import HybridRobot, build_robot
 from tests.compiled_toys import own_cache
 
 __all__ = ["own_cache"]
@@ -275,8 +275,8 @@ def test_without_casadi() -> None:
 
 
 def test_a_compiler_that_makes_nothing(tmp_path: Path) -> None:
-    from hybridyn.compiled.building import build
-    from hybridyn.compiled.compilers import Compiler
+    from hybridyn.compiled.library.building import build
+    from hybridyn.compiled.library.compilers import Compiler
 
     with pytest.raises(CompileError, match="there is no library"):
         build(("int x;",), Compiler((sys.executable, "-c", ""), "none"), tmp_path / "library.so")

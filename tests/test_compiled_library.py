@@ -13,10 +13,10 @@ import numpy as np
 import pytest
 
 import hybridyn
-from hybridyn.compiled.checking import check
-from hybridyn.compiled.interpreter import function_of
-from hybridyn.compiled.library import BLOCK, REFUSED, Library, load
+from hybridyn.compiled.code.rules import check
+from hybridyn.compiled.library.calls import BLOCK, REFUSED, Library, load
 from hybridyn.compiled.program import Add, Call, Given, Own, Result, Shared
+from hybridyn.compiled.programs.interpreter import function_of
 from tests.compiled_toys import inputs, own_cache, toy
 
 __all__ = ["own_cache"]

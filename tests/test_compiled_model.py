@@ -11,12 +11,12 @@ import pytest
 
 import hybridyn
 import hybridyn.effects
-from hybridyn.compiled.library import BLOCK, Library
+from hybridyn.compiled.equations.states import random_states
+from hybridyn.compiled.library.calls import BLOCK, Library
 from hybridyn.compiled.model import CompiledRobot, robot_key
-from hybridyn.compiled.states import random_states
 from hybridyn.compiled.verifying import AGREE, difference, verify
+from hybridyn.description.shipped import shipped_robots
 from hybridyn.errors import AssemblyError, CompileError, HybridynError, ModelError, TrajectoryError
-from hybridyn.shipped import shipped_robots
 from tests.compiled_toys import own_cache
 
 __all__ = ["own_cache"]
@@ -202,7 +202,7 @@ def test_a_model_that_differs_is_refused(lx4: CompiledRobot, monkeypatch: pytest
 
 
 def test_a_wrong_program_never_reaches_the_user(own_cache: None, monkeypatch: pytest.MonkeyPatch) -> None:
-    import hybridyn.compiled.programs as file
+    import hybridyn.compiled.programs.whole_robot as file
 
     robot, right = shipped("five_bar", gravity=(0, 0, -9.80)), file.programs
 

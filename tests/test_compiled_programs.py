@@ -8,15 +8,15 @@ from mechanisms import KINDS, random_mechanism
 from shipped import ROBOTS, shipped
 
 import hybridyn
-from hybridyn.compiled.choices import request
-from hybridyn.compiled.interpreter import function_of
-from hybridyn.compiled.kinematics_program import WIDTH
-from hybridyn.compiled.programs import programs
-from hybridyn.compiled.states import random_states
+from hybridyn.compiled.equations.request import request
+from hybridyn.compiled.equations.states import random_states
+from hybridyn.compiled.programs.interpreter import function_of
+from hybridyn.compiled.programs.kinematics import WIDTH
+from hybridyn.compiled.programs.whole_robot import programs
+from hybridyn.dynamics.link_motion import body_motions
 from hybridyn.errors import ModelError
-from hybridyn.link_motion import body_motions
 from hybridyn.oracle import Base
-from hybridyn.robot import HybridRobot, build_robot
+from hybridyn.structure.robot import HybridRobot, build_robot
 
 AGREE = 1e-10  # the claim: two ways of elimination, each good to some hundred roundings
 EXACT = 1e-13  # one chain of products, summed in another order

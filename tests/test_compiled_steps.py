@@ -9,17 +9,17 @@ import pytest
 from mechanisms import KINDS, random_mechanism
 
 import hybridyn
-from hybridyn import stepping
-from hybridyn.compiled.interpreter import function_of
+from hybridyn.compiled.equations.states import random_states as assembled_states
 from hybridyn.compiled.model import CompiledRobot
-from hybridyn.compiled.programs import programs
-from hybridyn.compiled.states import random_states as assembled_states
+from hybridyn.compiled.programs.interpreter import function_of
+from hybridyn.compiled.programs.whole_robot import programs
+from hybridyn.description.shipped import shipped_robots
 from hybridyn.effects import Limits
 from hybridyn.errors import AssemblyError
-from hybridyn.manifold import Manifold
+from hybridyn.manifold.manifold import Manifold
 from hybridyn.oracle import Base
-from hybridyn.robot import HybridRobot, build_robot
-from hybridyn.shipped import shipped_robots
+from hybridyn.simulation import stepping
+from hybridyn.structure.robot import HybridRobot, build_robot
 from tests.compiled_toys import own_cache
 
 __all__ = ["own_cache"]

@@ -14,7 +14,7 @@ from snippets import ROOT
 
 from hybridyn.cli import COMMANDS
 from hybridyn.cli.completion import SHELLS, VARIABLE
-from hybridyn.shipped import main_names
+from hybridyn.description.shipped import main_names
 
 
 def offered(line: str) -> list[str]:

@@ -14,11 +14,11 @@ from shipped import shipped, states_near_home
 import hybridyn
 from hybridyn import effects as fx
 from hybridyn.cli import main
-from hybridyn.compiled.effect_sets import EffectSets
 from hybridyn.effects.choice import choose
-from hybridyn.effects.contributions import Selection, Worth, subsets
 from hybridyn.errors import AssemblyError
-from hybridyn.robot import build_robot
+from hybridyn.structure.robot import build_robot
+from hybridyn.studies.effect_sets import EffectSets
+from hybridyn.studies.effect_worth import Selection, Worth, subsets
 from tests.compiled_toys import own_cache
 
 __all__ = ["own_cache"]

@@ -9,9 +9,9 @@ import pytest
 from command_line import ROOT, table_text
 
 import hybridyn
-from hybridyn import controllers
 from hybridyn.errors import ModelError, TrajectoryError
-from hybridyn.references import MotorAxes, Point, Reference, from_points, from_table
+from hybridyn.scenes import controllers
+from hybridyn.scenes.references import MotorAxes, Point, Reference, from_points, from_table
 
 ROUNDING = 1e-12  # the same sums in another order
 SOLVED = 1e-9  # two solutions of the loops and of the inertia, relative

@@ -14,18 +14,18 @@ from compiled_toys import own_cache
 from shipped import shipped
 
 import hybridyn
-from hybridyn.cost import loops, models, runs, settings
-from hybridyn.cost.fragments import effects_fragment
-from hybridyn.cost.loops import Newton, by_closing
-from hybridyn.cost.models import UNJUDGED, Trajectory, study_models
-from hybridyn.cost.points import Point, Study, Use, advice, cheapest, error_words, front, timed
-from hybridyn.cost.rates import by_rates
-from hybridyn.cost.runs import Runner, TooLongError, distance, study_runs, typical_step
-from hybridyn.cost.settings import of_integration
-from hybridyn.description.rates import derivatives
 from hybridyn.effects import choose
-from hybridyn.robot import HybridRobot, build_robot
-from hybridyn.scene import stage
+from hybridyn.scenes.stage import stage
+from hybridyn.structure.robot import HybridRobot, build_robot
+from hybridyn.studies.cost import loops, models, runs, settings
+from hybridyn.studies.cost.fragments import effects_fragment
+from hybridyn.studies.cost.loops import Newton, by_closing
+from hybridyn.studies.cost.models import UNJUDGED, Trajectory, study_models
+from hybridyn.studies.cost.points import Point, Study, Use, advice, cheapest, error_words, front, timed
+from hybridyn.studies.cost.rates import by_rates
+from hybridyn.studies.cost.runs import Runner, TooLongError, distance, study_runs, typical_step
+from hybridyn.studies.cost.settings import of_integration
+from hybridyn.tables.rates import derivatives
 
 __all__ = ["own_cache"]
 

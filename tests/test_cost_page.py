@@ -13,7 +13,7 @@ from snippets import ROOT, blocks, stand_where_a_user_does
 
 from hybridyn.cli import main
 from hybridyn.cli.cost import COLUMNS
-from hybridyn.cost import settings
+from hybridyn.studies.cost import settings
 
 PAGE = ROOT / "docs" / "cost.md"
 

@@ -15,9 +15,9 @@ from shipped import ROBOTS, shipped, states_near_home
 
 from hybridyn import HybridRobot, ddm, idm
 from hybridyn.description import Description
-from hybridyn.forward import forward
+from hybridyn.dynamics.forward import forward
 from hybridyn.oracle import Base, Oracle
-from hybridyn.robot import build_robot
+from hybridyn.structure.robot import build_robot
 
 FREE = 1e-12  # of the robot's weight: what a floating base may still feel
 SEEDS = [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (1, 2, 3))]

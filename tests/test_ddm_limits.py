@@ -18,13 +18,13 @@ from mechanisms import random_mechanism
 from shipped import shipped, states_near_home
 
 from hybridyn import HybridRobot, ddm
-from hybridyn.ddm import articulate
 from hybridyn.description import Description
+from hybridyn.dynamics.direct import articulate
+from hybridyn.dynamics.forward import forward
+from hybridyn.dynamics.loads import gather_loads
 from hybridyn.errors import AssemblyError, SingularityError, TrajectoryError
-from hybridyn.forward import forward
-from hybridyn.loads import gather_loads
 from hybridyn.oracle import Base, Extended, Oracle
-from hybridyn.robot import build_robot
+from hybridyn.structure.robot import build_robot
 
 EPS = float(np.finfo(float).eps)
 LIMIT = 1e-8  # a light leg's inertia over its mass ratio, between ratios of 1e-9 and 1e-12

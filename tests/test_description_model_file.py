@@ -9,7 +9,7 @@ import pytest
 from robot_texts import FOUR_BAR, robot, save
 
 from hybridyn.description import Description, read
-from hybridyn.description.toml_file import line_of
+from hybridyn.description.side_cars.toml_file import line_of
 from hybridyn.errors import ModelError
 
 MODEL = """motors = ["drive"]

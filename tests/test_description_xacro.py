@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 from robot_texts import FOUR_BAR, LOOP, TREE, save
 
-from hybridyn.description import read, xacro_files
+from hybridyn.description import read
+from hybridyn.description.urdf import xacro as xacro_files
 from hybridyn.errors import ModelError
 
 HEAD = '<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">'

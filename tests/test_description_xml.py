@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 from robot_texts import FOUR_BAR, line_of, read_text, save
 
-from hybridyn.description import read, xml_node
+from hybridyn.description import read
+from hybridyn.description.urdf import xml_node
 from hybridyn.errors import ModelError
 
 BOMB = (

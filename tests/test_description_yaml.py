@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from hybridyn.description.yaml_file import read_yaml
+from hybridyn.description.side_cars.yaml_file import read_yaml
 from hybridyn.errors import ModelError
 
 

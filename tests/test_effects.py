@@ -17,10 +17,10 @@ from shipped import shipped, states_near_home
 import hybridyn
 from hybridyn import HybridRobot, ddm, idm
 from hybridyn import effects as fx
+from hybridyn.dynamics.energy import leg_bodies
 from hybridyn.effects.choice import DEFAULT, STANDARD, UNITS, choose
-from hybridyn.energy import leg_bodies
 from hybridyn.errors import ActuationError, ModelError, SingularityError, TrajectoryError
-from hybridyn.robot import build_robot
+from hybridyn.structure.robot import build_robot
 
 States = tuple[np.ndarray, np.ndarray, np.ndarray]
 INERTIA = ["inertia", "leg_inertia", "velocity"]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from comparing import ROUNDING, close_to
 
-from hybridyn.elimination import back_substitute, least_squares, null_basis, pivot_ratio, pivoted_qr
+from hybridyn.linkage.elimination import back_substitute, least_squares, null_basis, pivot_ratio, pivoted_qr
 
 BATCH = 20
 GROWTH = 100  # largest entry of Psi that a well conditioned draw of this size may reach

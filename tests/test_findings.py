@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import hybridyn
-from hybridyn.findings import findings, home_residuals
+from hybridyn.assembly.findings import findings, home_residuals
 
 URDF = Path(__file__).parents[1] / "urdf"
 INERTIAL = """<inertial><origin xyz="{x} 0 0"/><mass value="{mass}"/>

@@ -8,8 +8,8 @@ from mechanisms import KINDS, random_mechanism
 from shipped import ROBOTS, shipped
 
 import hybridyn
-from hybridyn.free_motions import FreeMotions, free_motions, free_motions_of
-from hybridyn.robot import build_robot
+from hybridyn.assembly.free_motions import FreeMotions, free_motions, free_motions_of
+from hybridyn.structure.robot import build_robot
 
 ROOT = Path(__file__).parents[1]
 NONE = FreeMotions((), (), ())

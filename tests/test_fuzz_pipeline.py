@@ -23,13 +23,13 @@ from mutations import FLAT, TREE, change_number, swap_values
 from posing import position
 
 import hybridyn
-from hybridyn.cli.postures import postures
-from hybridyn.description.columns import read_layout
-from hybridyn.description.tables import open_table
-from hybridyn.description.trajectory import read_motions
-from hybridyn.description.xacro_files import expand
+from hybridyn.description.urdf.xacro import expand
 from hybridyn.errors import HybridynError
 from hybridyn.oracle import Oracle
+from hybridyn.streams.postures import postures
+from hybridyn.tables.columns import read_layout
+from hybridyn.tables.csv_table import open_table
+from hybridyn.tables.trajectory import read_motions
 
 LONGEST = 10.0  # seconds for one case, on a loaded machine
 CLOSED = 1e-6  # what the dynamic models ask of a state, relative to the robot's size

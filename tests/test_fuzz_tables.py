@@ -6,11 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hybridyn.description.columns import read_layout
 from hybridyn.description.records import Description, Joint, Link
-from hybridyn.description.tables import open_table
-from hybridyn.description.trajectory import full_state, read_motions
 from hybridyn.errors import TrajectoryError
+from hybridyn.tables.columns import read_layout
+from hybridyn.tables.csv_table import open_table
+from hybridyn.tables.trajectory import full_state, read_motions
 
 ROUNDS = 4_000
 ROBOT = Description(

@@ -16,8 +16,8 @@ import hybridyn
 from hybridyn import ActuationError, AssemblyError, HybridRobot, SingularityError, TrajectoryError
 from hybridyn.description.records import Closure, Description, Joint, Link
 from hybridyn.oracle import Base, Oracle
-from hybridyn.robot import build_robot
 from hybridyn.spatial import Array
+from hybridyn.structure.robot import build_robot
 
 BASES: tuple[Base, ...] = ("fixed", "moving", "floating")
 STATES = {

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from comparing import ROUNDING, close_to
 
-from hybridyn.inertia_solve import EPS, InertiaFactor, factor_inertia
+from hybridyn.dynamics.inertia_solve import EPS, InertiaFactor, factor_inertia
 
 GRADES = [1.0, 1e6, 1e12]  # heaviest over lightest coordinate
 SAMPLES, SIZE = 5, 4

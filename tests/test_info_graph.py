@@ -13,9 +13,9 @@ from command_line import ROOT, call
 from shipped import ROBOTS
 
 import hybridyn
-from hybridyn.charts.structure import Card, Leg, Sign, cards, dot_of_cards
-from hybridyn.charts.structure_figure import figure_of_cards, layout
-from hybridyn.cli.figures import DPI
+from hybridyn.cli.common.figures import DPI
+from hybridyn.figures.structure import figure_of_cards, layout
+from hybridyn.figures.structure_cards import Card, Leg, Sign, cards, dot_of_cards
 
 
 def robot(name: str, **arguments: str) -> hybridyn.HybridRobot:

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from swings import begin, chain, hinge, rod, swing
 
-from hybridyn.conserving import Conserving
 from hybridyn.effects import Damper, Spring
 from hybridyn.errors import AssemblyError
-from hybridyn.implicit import Implicit
-from hybridyn.integrators import DOPRI5, RK4
-from hybridyn.system import State, System
+from hybridyn.simulation.conserving import Conserving
+from hybridyn.simulation.explicit import DOPRI5, RK4
+from hybridyn.simulation.implicit import Implicit
+from hybridyn.simulation.system import State, System
 
 #: Time span by robot, so that errors of the coarsest step are small and those of the finest above rounding.
 SPANS = {"five_bar": 0.12, "gough_stewart": 0.08, "serial_all:fixed": 0.06}

@@ -12,13 +12,13 @@ import pytest
 from command_line import ROOT, call, program, read_table, table_text
 
 import hybridyn
-from hybridyn.cli import blocks as blocks_file
-from hybridyn.cli.blocks import Block, Done, blocks, in_order, rows_at_once
-from hybridyn.cli.tables import _processes
-from hybridyn.cli.workers import Failure, Workers
-from hybridyn.description.tables import open_table
-from hybridyn.description.trajectory import Motion
+from hybridyn.cli.common.tables import _processes
 from hybridyn.errors import AssemblyError, HybridynError, TrajectoryError
+from hybridyn.streams import blocks as blocks_file
+from hybridyn.streams.blocks import Block, Done, blocks, in_order, rows_at_once
+from hybridyn.streams.workers import Failure, Workers
+from hybridyn.tables.csv_table import open_table
+from hybridyn.tables.trajectory import Motion
 
 FIVE_BAR = ROOT / "urdf/five_bar.urdf.xacro"
 SAME = 1e-12  # of the largest number: other guesses, other batches

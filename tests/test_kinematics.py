@@ -9,8 +9,8 @@ from comparing import ROUNDING, close_to
 from mechanisms import random_mechanism
 from peers import Peer
 
-from hybridyn.bodies import merge_fixed_joints
-from hybridyn.kinematics import Motion, Tree, TreeJoint
+from hybridyn.linkage.tree import Motion, Tree, TreeJoint
+from hybridyn.structure.bodies import merge_fixed_joints
 
 SAMPLES = 12
 KINDS = ("serial_all", "legged", "scara_delta")  # every joint; two branches; fixed joints in between

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import hybridyn
-from hybridyn.lost_rank import refuse_untold
+from hybridyn.dynamics.lost_rank import refuse_untold
 
 TOLERANCE = 1e-13  # rounding of a closed form with terms of order twenty
 

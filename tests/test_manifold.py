@@ -12,10 +12,10 @@ from shipped import shipped
 
 from hybridyn import closure_residual
 from hybridyn.errors import AssemblyError
-from hybridyn.kinematics import NQ, NV
-from hybridyn.manifold import Manifold
-from hybridyn.retraction import Retraction
-from hybridyn.robot import HybridRobot, build_robot
+from hybridyn.linkage.retraction import Retraction
+from hybridyn.linkage.tree import NQ, NV
+from hybridyn.manifold.manifold import Manifold
+from hybridyn.structure.robot import HybridRobot, build_robot
 
 KINDS = (
     "loop_fixed", "loop_cylindrical", "loop_planar", "loop_rows_y_perpendicular", "loop_rows_xz_parallel",

@@ -11,7 +11,7 @@ import pytest
 from command_line import call, table_text
 
 import hybridyn
-from hybridyn.sizing import CLOUD, Sizing, motor_rows, violations
+from hybridyn.studies.sizing import CLOUD, Sizing, motor_rows, violations
 
 MASS, LENGTH, GRAVITY = 2.5, 0.4, 9.81
 EFFORT_LIMIT, SPEED_LIMIT = 20.0, 1.0

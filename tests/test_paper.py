@@ -12,13 +12,13 @@ from peers import Peer
 from shipped import shipped, states_near_home
 
 from hybridyn import Reactions, ddm, idm
-from hybridyn.ddm import articulate
 from hybridyn.description import Description
-from hybridyn.forward import forward
-from hybridyn.loads import gather_loads
+from hybridyn.dynamics.direct import articulate
+from hybridyn.dynamics.forward import forward
+from hybridyn.dynamics.loads import gather_loads
 from hybridyn.oracle import Oracle
-from hybridyn.robot import HybridRobot, build_robot
 from hybridyn.spatial import Array
+from hybridyn.structure.robot import HybridRobot, build_robot
 
 EQUAL = 1e-12  # of the largest entry: the same model on two ways, no cancellation between large terms
 GRAVITY = np.array([0.0, 0, 9.81, 0, 0, 0])  # the base's acceleration, less gravity

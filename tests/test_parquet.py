@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hybridyn.description.parquet import parquet_writer
-from hybridyn.description.tables import open_table
 from hybridyn.errors import TrajectoryError
+from hybridyn.tables.csv_table import open_table
+from hybridyn.tables.parquet import parquet_writer
 
 pl = pytest.importorskip("polars")
 

@@ -7,12 +7,12 @@ import pytest
 from command_line import ROOT, call
 
 import hybridyn
-from hybridyn.charts.chart import Chart
-from hybridyn.charts.envelope import Envelope
-from hybridyn.charts.motion import chart_of_rows
 from hybridyn.cli import main
 from hybridyn.errors import TrajectoryError
-from hybridyn.plot import figure_of_efforts, figure_of_table
+from hybridyn.figures.envelope import Envelope
+from hybridyn.figures.motion import chart_of_rows
+from hybridyn.figures.panels import Chart
+from hybridyn.figures.plot import figure_of_efforts, figure_of_table
 
 COLUMNS = ["time", "a/position", "b/position", "a/effort", "energy/kinetic", "energy/total", "residual"]
 ROWS = np.column_stack([np.linspace(0, 1, 5)] + [np.full(5, float(i)) for i in range(1, 6)] + [np.zeros(5)])

@@ -12,8 +12,8 @@ from shipped import shipped, states_near_home
 import hybridyn
 from hybridyn import HybridRobot, Reactions
 from hybridyn.oracle import Base, Oracle
-from hybridyn.robot import build_robot
 from hybridyn.spatial import Array
+from hybridyn.structure.robot import build_robot
 
 BASES: tuple[Base, ...] = ("fixed", "moving", "floating")
 SEED = 12

@@ -13,13 +13,13 @@ from shipped import shipped, states_near_home
 
 import hybridyn
 from hybridyn.description.records import Description
-from hybridyn.elimination import null_basis
+from hybridyn.dynamics.forward import forward
 from hybridyn.errors import ModelError
-from hybridyn.forward import forward
-from hybridyn.mechanism import Mechanism
-from hybridyn.reduction import LEG_PIVOT, RANK_GAP, decide_rank
-from hybridyn.robot import build_robot
+from hybridyn.linkage.elimination import null_basis
+from hybridyn.linkage.reduction import LEG_PIVOT, RANK_GAP, decide_rank
 from hybridyn.spatial import Array
+from hybridyn.structure.mechanism import Mechanism
+from hybridyn.structure.robot import build_robot
 
 SAME_SPACE = 1e-10  # of two bases of one null space, each of condition up to some hundreds
 CLOSED_BY = 1e-13  # rows times Psi, relative to Psi's largest entry

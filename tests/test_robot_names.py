@@ -10,8 +10,8 @@ from command_line import call
 from snippets import ROOT
 
 import hybridyn
-from hybridyn import shipped
-from hybridyn.shipped import find_robot, main_names, shipped_robots
+from hybridyn.description import shipped
+from hybridyn.description.shipped import find_robot, main_names, shipped_robots
 
 PARTS_OF_AN_ARM = {"stewart_ur5": 6, "scara_delta": 4}  # each joint of a serial arm is a module of its own
 

@@ -11,10 +11,10 @@ import pytest
 
 from hybridyn import HybridRobot, closure_residual, idm
 from hybridyn.description import Description, read
-from hybridyn.description.columns import read_layout
-from hybridyn.description.tables import open_table
 from hybridyn.errors import ModelError
 from hybridyn.oracle import Oracle
+from hybridyn.tables.columns import read_layout
+from hybridyn.tables.csv_table import open_table
 
 ROOT = Path(__file__).parents[1]
 

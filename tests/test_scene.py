@@ -10,10 +10,10 @@ from command_line import ROOT
 from shipped import ROBOTS
 
 import hybridyn
-from hybridyn.description.scene_file import SceneFile, read_scene
-from hybridyn.run_table import columns_of, rows_of
-from hybridyn.scene import identity, play, stage
-from hybridyn.scene_effects import units
+from hybridyn.scenes.effects import units
+from hybridyn.scenes.scene_file import SceneFile, read_scene
+from hybridyn.scenes.stage import identity, play, stage
+from hybridyn.simulation.table import columns_of, rows_of
 
 SCENES = sorted(path for path in (ROOT / "models").glob("*/*.toml") if path.name != "model.toml")
 FIRST_STEPS = 2

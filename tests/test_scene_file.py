@@ -9,10 +9,10 @@ from pathlib import Path
 import pytest
 from command_line import ROOT
 
-from hybridyn.description.scene_file import read_scene
-from hybridyn.description.toml_file import line_of
+from hybridyn.description.side_cars.toml_file import line_of
 from hybridyn.errors import HybridynError, ModelError
-from hybridyn.scene import stage
+from hybridyn.scenes.scene_file import read_scene
+from hybridyn.scenes.stage import stage
 
 HEAD = f'duration = 1.0\n[robot]\nfile = "{ROOT}/urdf/five_bar.urdf.xacro"\n'
 PD = '[controller]\nkind = "pd"\nkp = 1.0\nkd = 1.0\n'

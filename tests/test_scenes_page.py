@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 from snippets import ROOT, blocks, stand_where_a_user_does
 
-from hybridyn.description.effect_tables import known_keys
-from hybridyn.description.scene_tables import (
+from hybridyn.description.side_cars.effect_tables import known_keys
+from hybridyn.scenes.scene_tables import (
     CONTROLLERS,
     EventTable,
     InitialTable,
@@ -23,7 +23,7 @@ from hybridyn.description.scene_tables import (
     SolverTable,
     WrenchTable,
 )
-from hybridyn.scene import play, stage
+from hybridyn.scenes.stage import play, stage
 
 PAGE = ROOT / "docs" / "scenes.md"
 TABLES = (

@@ -14,9 +14,9 @@ import hybridyn
 from hybridyn import Event, near_singularity, simulate
 from hybridyn.effects import BaseMotion
 from hybridyn.errors import AssemblyError, TrajectoryError
-from hybridyn.manifold import Manifold
-from hybridyn.robot import HybridRobot, build_robot
-from hybridyn.simulation_result import Result
+from hybridyn.manifold.manifold import Manifold
+from hybridyn.simulation.result import Result
+from hybridyn.structure.robot import HybridRobot, build_robot
 
 REFERENCE = {"method": "DOP853", "rtol": 1e-12, "atol": 1e-13}  # of the motions derived by hand
 TIGHT = {"rtol": 1e-11, "atol": 1e-12}  # asked of simulate

@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hybridyn.description.tables import LINE_LIMIT, open_table
 from hybridyn.errors import TrajectoryError
+from hybridyn.tables.csv_table import LINE_LIMIT, open_table
 
 
 def write(path: Path, text: str | bytes) -> Path:

@@ -7,12 +7,12 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from hybridyn.description.columns import read_layout
 from hybridyn.description.records import Description, Joint, JointKind, Link
-from hybridyn.description.results import open_results
-from hybridyn.description.tables import open_table
-from hybridyn.description.trajectory import Motion, full_state, read_motions
 from hybridyn.errors import TrajectoryError
+from hybridyn.tables.columns import read_layout
+from hybridyn.tables.csv_table import open_table
+from hybridyn.tables.results import open_results
+from hybridyn.tables.trajectory import Motion, full_state, read_motions
 
 ROUNDING = 1e-13
 FIT = 1e-6  # fitted accelerations of the motions below, sampled at 100 Hz

@@ -11,9 +11,9 @@ from scipy.ndimage import label
 
 import hybridyn
 from hybridyn.spatial import Array
-from hybridyn.workspace import Workspace, workspace
-from hybridyn.workspace_steps import OUT_OF_REACH, Closing
-from hybridyn.workspace_targets import find_sweep
+from hybridyn.studies.workspace.steps import OUT_OF_REACH, Closing
+from hybridyn.studies.workspace.sweep import find_sweep
+from hybridyn.studies.workspace.workspace import Workspace, workspace
 
 UPPER, LOWER, HALF_SPACING, LEAN = 0.25, 0.40, 0.12, np.radians(25.0)  # models/five_bar/README.md
 DRIVE_LIMIT, ELBOW_LIMIT = 1.2, 1.9
@@ -228,7 +228,7 @@ def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None
 
 @pytest.mark.parametrize("name", ["delta", "rps3", "gough_stewart"])
 def test_a_figure_of_slices(name: str, tmp_path: Path) -> None:
-    from hybridyn.workspace_figure import figure_of_workspace
+    from hybridyn.figures.workspace import figure_of_workspace
 
     coarse = {"z": 0.05, "roll": 0.3, "pitch": 0.3} if name == "rps3" else {"x": 0.15, "y": 0.15, "z": 0.1}
     found = workspace(hybridyn.load(name), steps=coarse)

@@ -13,7 +13,7 @@ from pictures import COLOURS, INK, figure, options, plain, row, save, snapshots
 
 import hybridyn
 from hybridyn.effects import Payload
-from hybridyn.sizing import motor_rows
+from hybridyn.studies.sizing import motor_rows
 
 PART = 0.5  # [kg]
 ACROSS, LIFT, FLOOR = 0.3, 0.06, -0.68  # of the path [m]

@@ -12,7 +12,7 @@ from pictures import COLOURS, INK, figure, options, plain, save, snapshots
 
 import hybridyn
 from hybridyn.effects import Payload
-from hybridyn.sizing import MotorLoad, Sizing, motor_rows
+from hybridyn.studies.sizing import MotorLoad, Sizing, motor_rows
 
 LEAN = 0.12  # of each platform [rad]
 ROUND = 2.0  # [s]

@@ -11,9 +11,9 @@ import numpy as np
 from pictures import COLOURS, INK, figure, options, plain, row, save, snapshots
 
 import hybridyn
-from hybridyn.controllers import ComputedTorque
-from hybridyn.references import MotorAxes, Point, from_points
-from hybridyn.simulation_result import Result
+from hybridyn.scenes.controllers import ComputedTorque
+from hybridyn.scenes.references import MotorAxes, Point, from_points
+from hybridyn.simulation.result import Result
 
 KP, KD = 400.0, 40.0  # critically damped: errors decay with 20 1/s
 REACH = {"shoulder_lift_joint": -0.7, "elbow_joint": 0.9, "wrist_1_joint": -1.2, "shoulder_pan_joint": 0.5}

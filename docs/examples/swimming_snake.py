@@ -10,8 +10,8 @@ import numpy as np
 from pictures import COLOURS, INK, figure, options, plain, row, save, snapshots
 
 import hybridyn
-from hybridyn.controllers import ComputedTorque
-from hybridyn.references import Reference
+from hybridyn.scenes.controllers import ComputedTorque
+from hybridyn.scenes.references import Reference
 
 STAYS = 1e-3  # how far integration with a relative tolerance of 1e-4 may move the centre of mass [m]
 BEND = 0.015  # how far each leg of a module goes in or out [m]

@@ -17,8 +17,8 @@ from types import FrameType
 
 import click
 
-from hybridyn import __version__
-from hybridyn.errors import HybridynError
+from .. import __version__
+from ..errors import HybridynError
 
 COMMANDS = (
     "idm", "ddm", "simulate", "effects", "cost", "export", "plot", "view", "info", "check", "workspace",
@@ -56,7 +56,7 @@ class Commands(click.Group):
     ) -> tuple[str | None, click.Command | None, list[str]]:
         """Find the command that is named, or say which one was probably meant."""
         if args and not args[0].startswith("-") and args[0] not in COMMANDS:
-            from hybridyn.description.names import did_you_mean
+            from ..description.names import did_you_mean
 
             hint = did_you_mean(args[0], COMMANDS)
             ctx.fail(f"there is no command '{args[0]}'{hint}; the commands are {', '.join(COMMANDS)}")

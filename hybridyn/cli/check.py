@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING
 
 import click
 
-from hybridyn.cli.robot_options import RobotChoice, RobotCommand, takes_robot
-from hybridyn.cli.summary import counted
+from .common.options import RobotChoice, RobotCommand, takes_robot
+from .common.summary import counted
 
 if TYPE_CHECKING:
-    from hybridyn.check import Finding
+    from ..studies.check.check import Finding
 
 NARROWEST, WIDEST = 40, 110  # columns of text
 FOUND, UNREADABLE = 1, 2  # exit status
@@ -26,8 +26,8 @@ TOLD = 12  # findings of one code that are told in full; the rest are counted
 
 def _codes(ctx: click.Context, param: click.Parameter, value: str | None) -> frozenset[str]:
     """Split codes at commas, and refuse unknown ones."""
-    from hybridyn.check import CODES
-    from hybridyn.description.names import did_you_mean
+    from ..description.names import did_you_mean
+    from ..studies.check.check import CODES
 
     names = [name.strip() for name in (value or "").split(",") if name.strip()]
     for name in names:
@@ -65,7 +65,7 @@ def command(
 
     Exit status: 0 nothing at or above --fail-on; 1 something; 2 the file cannot be read.
     """
-    from hybridyn.check import check, is_readable
+    from ..studies.check.check import check, is_readable
 
     found = check(
         load.robot,

@@ -27,7 +27,7 @@ def command(shell: str | None) -> None:
     """  # noqa: D301 - click's mark for lines that are not to be wrapped
     from click.shell_completion import get_completion_class
 
-    from hybridyn.cli import commands
+    from . import commands
 
     shell = shell or os.path.basename(os.environ.get("SHELL", ""))
     script = get_completion_class(shell) if shell in SHELLS else None

@@ -12,20 +12,13 @@ from typing import TYPE_CHECKING
 
 import click
 
-from hybridyn.cli.figures import figure_file, save
-from hybridyn.cli.progress import Progress
-from hybridyn.cli.robot_options import (
-    complete_data,
-    complete_robot,
-    existing_file,
-    result_file,
-    robot_file,
-    scene_file,
-)
-from hybridyn.cli.summary import aligned_rows
+from .common.figures import figure_file, save
+from .common.options import complete_data, complete_robot, existing_file, result_file, robot_file, scene_file
+from .common.progress import Progress
+from .common.summary import aligned_rows
 
 if TYPE_CHECKING:
-    from hybridyn.cost.points import Study
+    from ..studies.cost.points import Study
 
 COLUMNS = (
     "line", "setting", "error", "seconds", "own_seconds", "on_front", "use", "asked_for_by", "failure",
@@ -127,7 +120,7 @@ def command(
     if output:
         _write(study, output)
     if plot:
-        from hybridyn.cost.drawing import figure_of
+        from ..figures.cost import figure_of
 
         save(figure_of(study, os.path.basename(source)), plot)
     return _tell(study, target, to_stderr=output == "-")
@@ -138,9 +131,10 @@ def _robot(source: str, trajectory: str, progress: Callable[[str], None]) -> Stu
     import numpy as np
 
     import hybridyn
-    from hybridyn.cli.postures import all_postures
-    from hybridyn.cost.models import Trajectory, study_models
-    from hybridyn.effects import choose
+
+    from ..effects import choose
+    from ..streams.postures import all_postures
+    from ..studies.cost.models import Trajectory, study_models
 
     robot = hybridyn.load(source)
     _, blocks = all_postures(robot, trajectory)
@@ -157,9 +151,9 @@ def _scene(
     progress: Callable[[str], None],
 ) -> Study:
     """Measure a scene."""
-    from hybridyn.cost.runs import LIMIT, study_runs
-    from hybridyn.errors import TrajectoryError
-    from hybridyn.scene import stage
+    from ..errors import TrajectoryError
+    from ..scenes.stage import stage
+    from ..studies.cost.runs import LIMIT, study_runs
 
     ready = stage(source, allow_python=allow_python)
     if ready.motion is not None:
@@ -173,7 +167,7 @@ def _scene(
 
 def _tell(study: Study, target: float | None, *, to_stderr: bool) -> int:
     """Print the table or, with a target, the lines to paste, and give the exit status."""
-    from hybridyn.cost.points import advice, cheapest
+    from ..studies.cost.points import advice, cheapest
 
     if target is None:
         for line in _report(study):
@@ -189,7 +183,7 @@ def _tell(study: Study, target: float | None, *, to_stderr: bool) -> int:
 
 def _report(study: Study) -> list[str]:
     """Give the lines to print."""
-    from hybridyn.cost.points import advice, error_words, front
+    from ..studies.cost.points import advice, error_words, front
 
     worth = front(study.points, study.own_error)
     per_sample = study.time_unit == "per sample"
@@ -228,7 +222,7 @@ def _time(seconds: float) -> str:
 
 def _write(study: Study, output: str) -> None:
     """Write everything as CSV."""
-    from hybridyn.cost.points import front
+    from ..studies.cost.points import front
 
     worth = front(study.points, study.own_error)
     text = io.StringIO()

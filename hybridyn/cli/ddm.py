@@ -8,19 +8,19 @@ from typing import TYPE_CHECKING
 
 import click
 
-from hybridyn.cli.engine import choose_engine, takes_engine
-from hybridyn.cli.reactions import reaction_rows
-from hybridyn.cli.robot_options import RobotCommand, takes_effects, takes_robot
-from hybridyn.cli.summary import Summary, effects_line
-from hybridyn.cli.tables import Plan, Tables, run, takes_table
+from ..streams.reaction_columns import reaction_rows
+from .common.engine import choose_engine, takes_engine
+from .common.options import RobotCommand, takes_effects, takes_robot
+from .common.summary import Summary, effects_line
+from .common.tables import Plan, Tables, run, takes_table
 
 if TYPE_CHECKING:
-    from hybridyn.cli.blocks import Rows
-    from hybridyn.cli.postures import Postures
-    from hybridyn.compiled.model import CompiledRobot
-    from hybridyn.description.columns import Layout
-    from hybridyn.effects import Effects
-    from hybridyn.robot import HybridRobot
+    from ..compiled.model import CompiledRobot
+    from ..effects import Effects
+    from ..streams.blocks import Rows
+    from ..streams.postures import Postures
+    from ..structure.robot import HybridRobot
+    from ..tables.columns import Layout
 
 
 @click.command(
@@ -46,9 +46,9 @@ def command(
     """
 
     def plan(robot: HybridRobot, layout: Layout, rows: int | None) -> Plan:
-        from hybridyn.description.columns import acceleration_columns
-        from hybridyn.effects import choose
-        from hybridyn.free_motions import free_motions_of
+        from ..assembly.free_motions import free_motions_of
+        from ..effects import choose
+        from ..tables.columns import acceleration_columns
 
         chosen = choose(robot, effects)
         obstacles = {
@@ -104,8 +104,9 @@ def accelerations(
     import numpy as np
 
     import hybridyn
-    from hybridyn.cli.blocks import Rows
-    from hybridyn.description.trajectory import base_acceleration
+
+    from ..streams.blocks import Rows
+    from ..tables.trajectory import base_acceleration
 
     given = block.motion.efforts
     tau = (

@@ -8,16 +8,16 @@ from typing import TYPE_CHECKING
 
 import click
 
-from hybridyn.cli.engine import WORTH_OF_EFFECTS, Engine, choose_engine, takes_engine
-from hybridyn.cli.figures import save_chart, takes_plot
-from hybridyn.cli.robot_options import RobotCommand, existing_file, takes_effects, takes_robot
-from hybridyn.cli.summary import aligned_rows, counted, effects_line
+from .common.engine import WORTH_OF_EFFECTS, Engine, choose_engine, takes_engine
+from .common.figures import save_chart, takes_plot
+from .common.options import RobotCommand, existing_file, takes_effects, takes_robot
+from .common.summary import aligned_rows, counted, effects_line
 
 if TYPE_CHECKING:
-    from hybridyn.compiled.effect_sets import EffectSets
-    from hybridyn.effects import Effects
-    from hybridyn.effects.contributions import Contribution, Selection, Worth
-    from hybridyn.robot import HybridRobot
+    from ..effects import Effects
+    from ..structure.robot import HybridRobot
+    from ..studies.effect_sets import EffectSets
+    from ..studies.effect_worth import Contribution, Selection, Worth
 
 
 def _part(ctx: click.Context, param: click.Parameter, value: str | None) -> float | None:
@@ -68,7 +68,7 @@ def command(
     rotor_inertia, viscous_friction, coulomb_friction, stribeck_friction, spring, damper, stop,
     ground_contact, limits; numbers come from the robot's files.
     """
-    from hybridyn.effects import choose
+    from ..effects import choose
 
     robot = load()
     chosen = choose(robot, effects)
@@ -80,7 +80,7 @@ def command(
         click.echo()
         click.echo(selection_line(robot, worth.cheapest(within), within))
     if plot:
-        from hybridyn.charts.effects import chart_of_effects
+        from ..figures.effects import chart_of_effects
 
         title = f"{robot.name}, {os.path.basename(trajectory)}: what each effect adds"
         save_chart(chart_of_effects(robot, added, title=title), plot)
@@ -107,8 +107,8 @@ def weigh(
     """
     import numpy as np
 
-    from hybridyn.cli.postures import all_postures, rows_named
-    from hybridyn.effects.contributions import Worth
+    from ..streams.postures import all_postures, rows_named
+    from ..studies.effect_worth import Worth
 
     layout, found = all_postures(robot, trajectory)
     q, v, a = (np.concatenate([getattr(block, x) for block in found]) for x in ("q", "v", "a"))
@@ -121,7 +121,7 @@ def weigh(
     chosen = choose_engine(engine, robot, effects, len(q), obstacles, WORTH_OF_EFFECTS)
     sets = None
     if chosen.model is not None:
-        from hybridyn.compiled.effect_sets import EffectSets
+        from ..studies.effect_sets import EffectSets
 
         sets = EffectSets(chosen.model)
     with rows_named(layout, found[0].motion):

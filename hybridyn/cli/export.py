@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 
 import click
 
-from hybridyn.cli.robot_options import RobotCommand, takes_effects, takes_robot
+from .common.options import RobotCommand, takes_effects, takes_robot
 
 if TYPE_CHECKING:
-    from hybridyn.robot import HybridRobot
+    from ..structure.robot import HybridRobot
 
 
 @click.command("export", cls=RobotCommand, short_help="Dynamic models as dependency-free C.")
@@ -44,8 +44,8 @@ def command(
     """
     if output is None and not stats:
         raise click.UsageError("say where the files go, -o DIR, or ask for --stats")
-    from hybridyn.compiled.export import export
-    from hybridyn.compiled.variants import statistics
+    from ..compiled.export import export
+    from ..compiled.variants import statistics
 
     robot = load()
     dtype = "float32" if float32 else "float64"

@@ -8,19 +8,19 @@ from typing import TYPE_CHECKING
 
 import click
 
-from hybridyn.cli.engine import choose_engine, takes_engine
-from hybridyn.cli.reactions import reaction_rows
-from hybridyn.cli.robot_options import RobotCommand, takes_effects, takes_robot
-from hybridyn.cli.summary import Summary, effects_line
-from hybridyn.cli.tables import Plan, Tables, run, takes_table
+from ..streams.reaction_columns import reaction_rows
+from .common.engine import choose_engine, takes_engine
+from .common.options import RobotCommand, takes_effects, takes_robot
+from .common.summary import Summary, effects_line
+from .common.tables import Plan, Tables, run, takes_table
 
 if TYPE_CHECKING:
-    from hybridyn.cli.blocks import Rows
-    from hybridyn.cli.postures import Postures
-    from hybridyn.compiled.model import CompiledRobot
-    from hybridyn.description.columns import Layout
-    from hybridyn.effects import Effects
-    from hybridyn.robot import HybridRobot
+    from ..compiled.model import CompiledRobot
+    from ..effects import Effects
+    from ..streams.blocks import Rows
+    from ..streams.postures import Postures
+    from ..structure.robot import HybridRobot
+    from ..tables.columns import Layout
 
 
 takes_passive = click.option(
@@ -74,7 +74,7 @@ def command(
     """
 
     def plan(robot: HybridRobot, layout: Layout, rows: int | None) -> Plan:
-        from hybridyn.effects import choose
+        from ..effects import choose
 
         shares, chosen = read_weights(weights, robot.motors), choose(robot, effects)
         obstacles = {
@@ -134,7 +134,8 @@ def efforts(
         compiled: The robot's compiled models, where they do it.
     """
     import hybridyn
-    from hybridyn.cli.blocks import Rows
+
+    from ..streams.blocks import Rows
 
     if compiled is not None:
         before = compiled.recomputed
@@ -171,8 +172,8 @@ def read_weights(words: tuple[str, ...], motors: Sequence[str]) -> dict[str, flo
     Raises:
         click.UsageError: A word is neither `motor=value` nor a file, or a motor is unknown.
     """
-    from hybridyn.description.names import did_you_mean
-    from hybridyn.description.tables import open_table
+    from ..description.names import did_you_mean
+    from ..tables.csv_table import open_table
 
     weights: dict[str, float] = {}
     for word in words:

@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING
 
 import click
 
-from hybridyn.cli.figures import drawing_file, save_structure
-from hybridyn.cli.robot_options import RobotCommand, takes_robot
-from hybridyn.cli.summary import counted
+from .common.figures import drawing_file, save_structure
+from .common.options import RobotCommand, takes_robot
+from .common.summary import counted
 
 if TYPE_CHECKING:
-    from hybridyn.module import Module
-    from hybridyn.robot import HybridRobot
+    from ..structure.module import Module
+    from ..structure.robot import HybridRobot
 
 NARROWEST, WIDEST = 40, 110  # columns of text: a terminal may be tiny, a page must not be too wide to read
 LABEL = 10  # columns of "closures  "
@@ -60,7 +60,7 @@ def command(load: Callable[[], HybridRobot], starts: int | None, graph: str | No
     type, redundancy, motions without a motor or without inertia, and whether its loops close at the home
     posture. Equal modules are told once. Then what looks wrong.
     """
-    from hybridyn.findings import findings, home_residuals
+    from ..assembly.findings import findings, home_residuals
 
     robot = load()
     if graph:
@@ -82,8 +82,8 @@ def command(load: Callable[[], HybridRobot], starts: int | None, graph: str | No
 
 def _assemblies(robot: HybridRobot, starts: int) -> Iterator[str]:
     """Say how many postures each kind of module has with its motors as at home."""
-    from hybridyn.assemblies import postures_at_home
-    from hybridyn.errors import AssemblyError
+    from ..assembly.assemblies import postures_at_home
+    from ..errors import AssemblyError
 
     yield ""
     yield f"postures with the motors as at home, from {counted(starts, 'random start')} each:"
@@ -118,8 +118,8 @@ class _Tree:
     """The tree of modules as lines of text."""
 
     def __init__(self, robot: HybridRobot, home: list[float], width: int) -> None:
-        from hybridyn.findings import singular_at_home
-        from hybridyn.free_motions import free_motions
+        from ..assembly.findings import singular_at_home
+        from ..assembly.free_motions import free_motions
 
         self.singular_at_home, self.free_motions = singular_at_home, free_motions
         self.robot, self.home, self.width = robot, home, width

@@ -6,8 +6,8 @@ import os
 
 import click
 
-from hybridyn.cli.figures import chart_file, save_chart
-from hybridyn.cli.robot_options import existing_file
+from .common.figures import chart_file, save_chart
+from .common.options import existing_file
 
 
 @click.command("plot", short_help="A figure of a table: motors, efforts, energies against time.")
@@ -28,8 +28,8 @@ def command(table: str, output: str) -> None:
     """
     import numpy as np
 
-    from hybridyn.charts.table import chart_of_table
-    from hybridyn.description.tables import open_table
+    from ..figures.table import chart_of_table
+    from ..tables.csv_table import open_table
 
     with open_table(table) as source:
         columns = source.columns

@@ -15,9 +15,9 @@ def command(as_json: bool) -> None:
     'hybridyn idm lx4' moves a robot as its own trajectory says; 'lx4/traj.csv' names this table, and
     'lx4/sag.toml' a scene, wherever a command takes one.
     """
-    from hybridyn.cli.summary import aligned_rows
-    from hybridyn.errors import ModelError
-    from hybridyn.shipped import shipped_robots, shown
+    from ..description.shipped import shipped_robots, shown
+    from ..errors import ModelError
+    from .common.summary import aligned_rows
 
     robots = shipped_robots().values()
     if not robots:

@@ -13,15 +13,15 @@ from typing import TYPE_CHECKING
 
 import click
 
-from hybridyn.cli.engine import WORTH_IN_TIME, Engine, choose_engine, takes_engine
-from hybridyn.cli.figures import save_chart, takes_plot
-from hybridyn.cli.progress import Progress
-from hybridyn.cli.robot_options import complete_robot, existing_file, result_file, scene_file
-from hybridyn.cli.summary import counted, effects_line
+from .common.engine import WORTH_IN_TIME, Engine, choose_engine, takes_engine
+from .common.figures import save_chart, takes_plot
+from .common.options import complete_robot, existing_file, result_file, scene_file
+from .common.progress import Progress
+from .common.summary import counted, effects_line
 
 if TYPE_CHECKING:
-    from hybridyn.scene import Stage
-    from hybridyn.simulation_result import Result
+    from ..scenes.stage import Stage
+    from ..simulation.result import Result
 
 FAILED = ("unreachable", "unsolved", "singular")
 
@@ -68,7 +68,7 @@ def command(
     '--resume' goes on to the same bits as a run that was never stopped. FILE.state is written every 1,000
     steps as well, and removed at the end.
     """
-    from hybridyn.scene import identity, play, stage
+    from ..scenes.stage import identity, play, stage
 
     started = time.perf_counter()
     ready = stage(scene, allow_python=allow_python)
@@ -113,8 +113,8 @@ def _engine(ready: Stage, asked: str | None) -> Engine:
 
 def _own_target(ready: Stage) -> str | None:
     """Give the result file that the scene names."""
-    from hybridyn.description.results import check_target
-    from hybridyn.errors import TrajectoryError
+    from ..errors import TrajectoryError
+    from ..tables.results import check_target
 
     name = ready.source.scene.output.file
     if name is None:
@@ -156,8 +156,8 @@ def _earlier(ready: Stage, run: str, scene: str) -> Result:
     """
     import numpy as np
 
-    from hybridyn.errors import TrajectoryError
-    from hybridyn.simulation_result import Result
+    from ..errors import TrajectoryError
+    from ..simulation.result import Result
 
     path = f"{run}.state" if os.path.isfile(f"{run}.state") else run
     if not path.endswith(".state"):
@@ -188,9 +188,9 @@ def _sign(state: str, scene: str) -> None:
 
 def _write(ready: Stage, result: Result, target: str | None, engine: Engine) -> None:
     """Write the table."""
-    from hybridyn.description.results import open_results
-    from hybridyn.errors import TrajectoryError
-    from hybridyn.run_table import columns_of, picked, remarks, rows_of
+    from ..errors import TrajectoryError
+    from ..simulation.table import columns_of, picked, remarks, rows_of
+    from ..tables.results import open_results
 
     columns = columns_of(ready.robot)
     try:
@@ -204,9 +204,9 @@ def _write(ready: Stage, result: Result, target: str | None, engine: Engine) -> 
 
 def _draw(ready: Stage, result: Result, plot: str) -> None:
     """Draw the run."""
-    from hybridyn.charts.envelope import Envelope
-    from hybridyn.charts.motion import chart_of_rows
-    from hybridyn.run_table import columns_of, rows_of
+    from ..figures.envelope import Envelope
+    from ..figures.motion import chart_of_rows
+    from ..simulation.table import columns_of, rows_of
 
     kept = Envelope()
     kept.add(result.t, rows_of(ready.robot, result))

@@ -15,19 +15,19 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from hybridyn.cli.figures import save, takes_plot
-from hybridyn.cli.idm import efforts, takes_passive
-from hybridyn.cli.robot_options import RobotCommand, takes_effects, takes_robot
-from hybridyn.cli.summary import aligned_rows, counted, effects_line, fitted_rates
-from hybridyn.cli.tables import Plan, Tables, run, takes_jobs, takes_source
+from .common.figures import save, takes_plot
+from .common.options import RobotCommand, takes_effects, takes_robot
+from .common.summary import aligned_rows, counted, effects_line, fitted_rates
+from .common.tables import Plan, Tables, run, takes_jobs, takes_source
+from .idm import efforts, takes_passive
 
 if TYPE_CHECKING:
-    from hybridyn.cli.blocks import Done, Rows
-    from hybridyn.cli.postures import Postures
-    from hybridyn.description.columns import Layout
-    from hybridyn.effects import Effects
-    from hybridyn.robot import HybridRobot
-    from hybridyn.sizing import MotorLoad
+    from ..effects import Effects
+    from ..streams.blocks import Done, Rows
+    from ..streams.postures import Postures
+    from ..structure.robot import HybridRobot
+    from ..studies.sizing import MotorLoad
+    from ..tables.columns import Layout
 
 EXCEEDED = 1  # exit status
 
@@ -82,7 +82,7 @@ def command(
     reports: list[_Report] = []
 
     def plan(robot: HybridRobot, *_: object) -> Plan:
-        from hybridyn.effects import choose
+        from ..effects import choose
 
         chosen = choose(robot, effects)
         chosen = chosen.only([name for name in chosen.names if name != "limits"])  # they are reported here
@@ -105,8 +105,8 @@ def motor_states(robot: HybridRobot, block: Postures, *, passive: str, effects: 
     """
     import numpy as np
 
-    from hybridyn.cli.blocks import Rows
-    from hybridyn.sizing import motor_rows
+    from ..streams.blocks import Rows
+    from ..studies.sizing import motor_rows
 
     tau = efforts(robot, block, passive=passive, effects=effects).result
     position, speed = motor_rows(robot, block.q, block.v)
@@ -119,7 +119,7 @@ class _Report:
     def __init__(
         self, robot: HybridRobot, source: str, output: str | None, plot: str | None, effects: Effects
     ) -> None:
-        from hybridyn.sizing import Sizing
+        from ..studies.sizing import Sizing
 
         self.robot, self.source, self.output, self.plot = robot, source, output, plot
         self.effects = effects
@@ -139,7 +139,7 @@ class _Report:
 
     def show(self, layout: Layout, seconds: float, wall: float, jobs: int) -> None:
         """Print the table, write the files, and name what exceeds its limit."""
-        from hybridyn.sizing import violations
+        from ..studies.sizing import violations
 
         loads = self.sizing.loads()
         timed = layout.time is not None
@@ -148,7 +148,7 @@ class _Report:
             text = _json(loads, timed) if self.output.lower().endswith(".json") else _csv(loads, timed)
             _write(self.output, text)
         if self.plot:
-            from hybridyn.sizing_figure import figure_of_sizing
+            from ..figures.sizing import figure_of_sizing
 
             save(figure_of_sizing(self.sizing, title=f"{name}, {os.path.basename(self.source)}"), self.plot)
         over = f" over {self.sizing.duration:.6g} s" if timed else ""

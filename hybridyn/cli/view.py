@@ -11,14 +11,14 @@ from typing import TYPE_CHECKING
 
 import click
 
-from hybridyn.cli.progress import Progress
-from hybridyn.cli.robot_options import RobotChoice, RobotCommand, existing_file, takes_effects, takes_robot
+from .common.options import RobotChoice, RobotCommand, existing_file, takes_effects, takes_robot
+from .common.progress import Progress
 
 if TYPE_CHECKING:
-    from hybridyn.robot import HybridRobot
-    from hybridyn.view.picture import Picture
-    from hybridyn.view.render import Image
-    from hybridyn.view.run import Run
+    from ..structure.robot import HybridRobot
+    from ..view.picture import Picture
+    from ..view.render import Image
+    from ..view.run import Run
 
 NEEDS = {"page": ("viser",), ".png": ("PIL",), ".mp4": ("PIL", "imageio_ffmpeg")}
 SMALLEST, LARGEST = 64, 4096  # pixels
@@ -135,8 +135,8 @@ def _check_installed(what: str) -> None:
 
 def _picture(robot: HybridRobot, choice: RobotChoice) -> Picture:
     """Draw the robot, with the shapes of its file."""
-    from hybridyn.view.drawing import draw
-    from hybridyn.view.visuals import read_visuals
+    from ..view.drawing import draw
+    from ..view.visuals import read_visuals
 
     visuals, notes = read_visuals(choice.robot, choice.xacro_args, choice.package_dirs)
     for note in notes:
@@ -148,9 +148,9 @@ def _run(robot: HybridRobot, motion: str, effects: tuple[str, ...]) -> Run:
     """Read a motion and the efforts along it."""
     import numpy as np
 
-    from hybridyn.cli.postures import all_postures
-    from hybridyn.cli.view_efforts import efforts_along
-    from hybridyn.view.run import MOST, Run
+    from ..streams.postures import all_postures
+    from ..view.run import MOST, Run
+    from .view_efforts import efforts_along
 
     found = all_postures(robot, motion)[1]
     rows = sum(len(block.q) for block in found)
@@ -183,9 +183,9 @@ def _write_png(
     own_colours: bool,
     target: str,
 ) -> None:
-    from hybridyn.view.camera import camera_around
-    from hybridyn.view.placing import extent, place_bodies
-    from hybridyn.view.render import labelled, render, save_png
+    from ..view.camera import camera_around
+    from ..view.placing import extent, place_bodies
+    from ..view.render import labelled, render, save_png
 
     if at is not None and run is None:
         raise click.UsageError("--at says a time of a motion, and there is no motion")
@@ -209,7 +209,7 @@ def _write_mp4(
     own_colours: bool,
     target: str,
 ) -> None:
-    from hybridyn.view.film import frames_around, frames_of_run, save_mp4
+    from ..view.film import frames_around, frames_of_run, save_mp4
 
     if run is None:
         frames = frames_around(robot, picture, robot.home, size, own_colours=own_colours)
@@ -231,7 +231,7 @@ def _serve(
     """Serve the page until Ctrl-C."""
     import webbrowser
 
-    from hybridyn.view.page import Page
+    from ..view.page import Page
 
     page = Page(robot, picture, run, host=host, port=port)
     try:

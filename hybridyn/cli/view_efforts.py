@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from hybridyn.errors import HybridynError
+from ..errors import HybridynError
 
 if TYPE_CHECKING:
-    from hybridyn.cli.postures import Postures
-    from hybridyn.description.records import Array
-    from hybridyn.robot import HybridRobot
+    from ..description.records import Array
+    from ..streams.postures import Postures
+    from ..structure.robot import HybridRobot
 
 
 def efforts_along(
@@ -30,8 +30,9 @@ def efforts_along(
     import numpy as np
 
     import hybridyn
-    from hybridyn.description.tables import open_table
-    from hybridyn.effects import choose
+
+    from ..effects import choose
+    from ..tables.csv_table import open_table
 
     wanted = [f"{motor}/effort" for motor in robot.motors]
     if not wanted:

@@ -10,15 +10,15 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from hybridyn.cli.figures import save, takes_plot
-from hybridyn.cli.memory import keep_freed_memory
-from hybridyn.cli.progress import Progress
-from hybridyn.cli.robot_options import RobotChoice, RobotCommand, result_file, takes_robot
-from hybridyn.cli.summary import aligned_rows, counted
-from hybridyn.cli.workers import Failure, Workers
+from ..streams.memory import keep_freed_memory
+from ..streams.workers import Failure, Workers
+from .common.figures import save, takes_plot
+from .common.options import RobotChoice, RobotCommand, result_file, takes_robot
+from .common.progress import Progress
+from .common.summary import aligned_rows, counted
 
 if TYPE_CHECKING:
-    from hybridyn.workspace import Workspace
+    from ..studies.workspace.workspace import Workspace
 
 BLOCKS = 6  # joints that are named as bounding
 
@@ -99,7 +99,7 @@ def command(
     1 N m in the worst direction), '<motor>/effort' (against gravity; the other modules at home). Efforts of
     singular postures are inf.
     """
-    from hybridyn.workspace import workspace
+    from ..studies.workspace.workspace import workspace
 
     keep_freed_memory()
     started = time.perf_counter()
@@ -118,7 +118,7 @@ def command(
         )
     _write(found, load, output)
     if plot:
-        from hybridyn.workspace_figure import figure_of_workspace
+        from ..figures.workspace import figure_of_workspace
 
         save(figure_of_workspace(found, title=f"{robot.name}: {found.sweep.link}"), plot)
     for line in _summary(found, time.perf_counter() - started):
@@ -128,7 +128,7 @@ def command(
 @contextlib.contextmanager
 def _spread(jobs: int) -> Iterator[Any]:
     """Give a function that applies another one to many tasks, here or in other processes."""
-    from hybridyn.workspace_flood import in_this_process
+    from ..studies.workspace.flood import in_this_process
 
     if jobs == 1:
         yield in_this_process
@@ -169,7 +169,7 @@ def _write(found: Workspace, load: RobotChoice, output: str | None) -> None:
     """Write the table of poses."""
     import numpy as np
 
-    from hybridyn.description.results import open_results
+    from ..tables.results import open_results
 
     columns = {
         f"{found.sweep.key}/pose/{n}": found.coordinates[:, i] for i, n in enumerate(found.sweep.names)

@@ -13,25 +13,25 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..ddm import ddm
+from ..dynamics.direct import ddm
+from ..dynamics.forward import as_batch, same_samples
+from ..dynamics.inverse import idm
 from ..effects.choice import Choice, choose
 from ..errors import CompileError, ModelError, SingularityError, TrajectoryError
-from ..forward import as_batch, same_samples
-from ..idm import idm
-from ..joints import NV
-from ..leg_model import pinocchio_inertia
-from ..robot import HybridRobot
+from ..linkage.joints import NV
 from ..spatial import Array
+from ..structure.leg_model import pinocchio_inertia
+from ..structure.robot import HybridRobot
+from .code.scalars import TRUSTED
 from .needs import WITHOUT_CASADI
-from .scalars import TRUSTED
 
 try:
     import casadi as ca
 
-    from .expressions import unpack
-    from .interpreter import function_of
-    from .programs import programs
-    from .rigid import quaternion_matrix
+    from .equations.expressions import unpack
+    from .equations.rigid import quaternion_matrix
+    from .programs.interpreter import function_of
+    from .programs.whole_robot import programs
 except ModuleNotFoundError as error:
     raise CompileError(WITHOUT_CASADI) from error
 

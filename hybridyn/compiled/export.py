@@ -8,9 +8,9 @@ from pathlib import Path
 
 from ..effects.choice import Choice, choose
 from ..errors import ModelError
-from ..robot import HybridRobot
+from ..structure.robot import HybridRobot
+from .code.plain_c import REAL, WRITTEN, plain_source, prototype, work_type
 from .export_reference import SAMPLES, test_text
-from .exporting import REAL, WRITTEN, plain_source, prototype, work_type
 from .needs import needs_casadi
 from .program import Program
 
@@ -62,7 +62,7 @@ def export(
             "the effect 'limits' is not exported: clip the efforts before the call", element="limits"
         )
     needs_casadi()
-    from .programs import programs
+    from .programs.whole_robot import programs
 
     models = list(programs(robot, on, models=tuple(WHAT), dtype=dtype).values())
     contents = {
@@ -119,7 +119,7 @@ def _comment(lines: Sequence[str]) -> str:
 
 def _header(robot: HybridRobot, programs: list[Program], name: str, dtype: str) -> str:
     """Give the header."""
-    from .guards import CLOSED
+    from .equations.guards import CLOSED
 
     motors = [f"     {i}  {motor}" for i, motor in enumerate(robot.motors)]
     bodies = [f"     {24 * i}..{24 * i + 23}  {link}" for i, link in enumerate(_body_names(robot))]

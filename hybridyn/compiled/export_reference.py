@@ -6,16 +6,16 @@ from functools import reduce
 
 import numpy as np
 
-from ..ddm import ddm
+from ..dynamics.direct import ddm
+from ..dynamics.inverse import idm
 from ..effects.choice import Effects
 from ..errors import HybridynError
-from ..idm import idm
-from ..robot import HybridRobot
 from ..spatial import Array
-from .bodies import body_rows
-from .exporting import REAL, WRITTEN
-from .printing import literal
+from ..structure.robot import HybridRobot
+from .code.kernels import literal
+from .code.plain_c import REAL, WRITTEN
 from .program import Program
+from .programs.body_rows import body_rows
 
 SAMPLES = 5
 """Reference states in the test."""
@@ -90,7 +90,7 @@ def test_text(robot: HybridRobot, effects: Effects, programs: list[Program], nam
 
 def _references(robot: HybridRobot, effects: Effects, programs: list[Program]) -> list[dict[str, Array]]:
     """Give each program's inputs and outputs, shapes (SAMPLES, n); none where motors cannot do the motion."""
-    from .states import random_states
+    from .equations.states import random_states
 
     q, v, _, tau = random_states(robot, SAMPLES, seed=1)
     a = ddm(robot, q, v, tau, effects=effects)
@@ -116,7 +116,7 @@ def _references(robot: HybridRobot, effects: Effects, programs: list[Program]) -
 
 def rates_read(program: Program) -> Array:
     """Say which rates the closing reads: 1 or 0 for each freedom, shape (nv,)."""
-    from .interpreter import function_of
+    from .programs.interpreter import function_of
 
     pattern = function_of(program).jac_sparsity(1, 1)  # v_closed over v
     read = np.zeros(pattern.size2())

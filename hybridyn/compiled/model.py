@@ -12,26 +12,26 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..ddm import ddm
+from ..dynamics.direct import ddm
+from ..dynamics.forward import as_batch, same_samples
+from ..dynamics.inverse import idm
+from ..dynamics.link_motion import LinkMotion, motions_of, named_links
 from ..effects.choice import Choice, Effects, choose
 from ..errors import HybridynError, ModelError
-from ..forward import as_batch, same_samples
-from ..idm import idm
-from ..link_motion import LinkMotion, motions_of, named_links
-from ..robot import HybridRobot
 from ..spatial import Array
-from .bodies import body_motion, body_rows
-from .cache import Built, cached
-from .compilers import best_lanes, find_compiler
-from .library import REFUSED, Library, Numbers
-from .scalars import Scalar
+from ..structure.robot import HybridRobot
+from .code.scalars import Scalar
+from .library.cache import Built, cached
+from .library.calls import REFUSED, Library, Numbers
+from .library.compilers import best_lanes, find_compiler
+from .programs.body_rows import body_motion, body_rows
 from .verifying import verify
 
 if TYPE_CHECKING:
     import casadi as ca
 
+    from .code.library_source import Source
     from .program import Program
-    from .sources import Source
 
 log = logging.getLogger("hybridyn.compiled")
 
@@ -175,7 +175,7 @@ class CompiledRobot:
                 "the effect 'limits' is not part of CasADi functions: compile without it, clip the efforts",
                 element="limits",
             )
-        from .interpreter import function_of
+        from .programs.interpreter import function_of
 
         return {name: function_of(program) for name, program in self.programs.items()}
 
@@ -321,7 +321,7 @@ def source_of(robot: HybridRobot, effects: Effects, scalar: Scalar) -> Source:
     from .needs import needs_casadi
 
     needs_casadi()
-    from .sources import library_source
+    from .code.library_source import library_source
 
     return library_source(list(write_programs(robot, effects, scalar.name).values()), scalar)
 
@@ -335,7 +335,7 @@ def write_programs(robot: HybridRobot, effects: Effects, dtype: str = "float64")
     from .needs import needs_casadi
 
     needs_casadi()
-    from .programs import programs
+    from .programs.whole_robot import programs
 
     return {
         name: replace(program, name=name) for name, program in programs(robot, effects, dtype=dtype).items()

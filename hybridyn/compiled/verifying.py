@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..ddm import ddm
+from ..dynamics.direct import ddm
+from ..dynamics.inverse import idm
 from ..errors import CompileError, HybridynError
-from ..idm import idm
-from ..manifold import Manifold
+from ..manifold.manifold import Manifold
 from ..spatial import Array
-from .bodies import body_rows
-from .library import Numbers
+from .library.calls import Numbers
+from .programs.body_rows import body_rows
 
 if TYPE_CHECKING:
     from .model import CompiledRobot
@@ -40,7 +40,7 @@ def verify(model: CompiledRobot) -> None:
     Raises:
         CompileError: They differ by more than `AGREE`.
     """
-    from .states import random_states
+    from .equations.states import random_states
 
     robot, effects = model.robot, model.effects
     q, v, _, tau = random_states(robot, SAMPLES)

@@ -5,10 +5,10 @@ The readers are imported when the first file is read: who has a robot already ne
 
 from typing import TYPE_CHECKING
 
-from hybridyn.description.records import Closure, Coupling, Description, Joint, Link
+from .records import Closure, Coupling, Description, Joint, Link
 
 if TYPE_CHECKING:
-    from hybridyn.description.reading import read
+    from .reading import read
 
 __all__ = ["Closure", "Coupling", "Description", "Joint", "Link", "read"]
 
@@ -16,6 +16,6 @@ __all__ = ["Closure", "Coupling", "Description", "Joint", "Link", "read"]
 def __getattr__(name: str) -> object:
     if name != "read":
         raise AttributeError(f"module 'hybridyn.description' has no attribute {name!r}")
-    from hybridyn.description.reading import read
+    from .reading import read
 
     return read

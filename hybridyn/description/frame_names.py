@@ -7,11 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from hybridyn.description.closure_forms import FORMS
-from hybridyn.description.names import listed
-from hybridyn.description.records import Closure
-from hybridyn.description.robot_file import MotorStatement, RobotFile
-from hybridyn.errors import ModelError
+from ..errors import ModelError
+from .closure_forms import FORMS
+from .names import listed
+from .records import Closure
+from .robot_file import MotorStatement, RobotFile
 
 CLOSURE_TYPES = {"3d": FORMS["point"], "6d": FORMS["fixed"]}
 NAMED_FRAME = re.compile(r"closedloop(\d+)")

@@ -7,10 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from hybridyn.description.names import closest, did_you_mean, listed
-from hybridyn.description.records import Coupling, Joint
-from hybridyn.description.robot_file import FREEDOMS, MotorSource, MotorStatement, RobotFile
-from hybridyn.errors import ModelError
+from ..errors import ModelError
+from .names import closest, did_you_mean, listed
+from .records import Coupling, Joint
+from .robot_file import FREEDOMS, MotorSource, MotorStatement, RobotFile
 
 RANKING: tuple[MotorSource, ...] = ("side-car", "model file", "transmission", "independent", "names")
 """Sources of motor names, the strongest first; what the caller passes stands above all."""

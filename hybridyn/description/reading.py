@@ -9,18 +9,18 @@ import os
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
-from hybridyn.description.companions import find_model_file, find_side_car
-from hybridyn.description.frame_names import apply_frame_names
-from hybridyn.description.motors import choose_motors
-from hybridyn.description.names import listed
-from hybridyn.description.records import Description
-from hybridyn.description.robot_file import RobotFile
-from hybridyn.description.urdf import read_urdf
-from hybridyn.description.urdf_foreign import refuse_unclosed_frames, refuse_unread_side_cars
-from hybridyn.description.validate import validate
-from hybridyn.description.xacro_files import expand
-from hybridyn.description.xml_node import LARGEST_FILE, Node, parse
-from hybridyn.errors import ModelError
+from ..errors import ModelError
+from .frame_names import apply_frame_names
+from .motors import choose_motors
+from .names import listed
+from .records import Description
+from .robot_file import RobotFile
+from .side_cars.companions import find_model_file, find_side_car
+from .urdf.foreign import refuse_unclosed_frames, refuse_unread_side_cars
+from .urdf.urdf import read_urdf
+from .urdf.xacro import expand
+from .urdf.xml_node import LARGEST_FILE, Node, parse
+from .validate import validate
 
 FORMATS: dict[str, Callable[[Node], RobotFile]] = {"robot": read_urdf}
 """Readers by the name of the root element."""
@@ -116,7 +116,7 @@ def _read_side_cars(robot: RobotFile, file: str) -> None:
     folder = Path(file).parent
     side_car = find_side_car(file)
     if side_car is not None:
-        from hybridyn.description.gepetto import read_side_car  # pydantic and yaml cost a tenth of a second
+        from .side_cars.gepetto import read_side_car  # pydantic and yaml cost a tenth of a second
 
         read_side_car(robot, read_bytes(str(side_car)), str(side_car))
     else:
@@ -129,7 +129,7 @@ def _read_model_file(robot: RobotFile, file: str) -> dict[str, tuple[float, ...]
     path = find_model_file(file)
     if path is None:
         return {}
-    from hybridyn.description.model_file import apply_model_file, read_model_file
+    from .side_cars.model_toml import apply_model_file, read_model_file
 
     text = read_bytes(str(path))
     model = read_model_file(text, str(path))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-from hybridyn.description.records import Closure, Coupling, Joint, JointKind, Link
+from .records import Closure, Coupling, Joint, JointKind, Link
 
 MotorSource = Literal["side-car", "model file", "transmission", "independent", "names"]
 

@@ -7,10 +7,10 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from hybridyn.description.names import did_you_mean, listed
-from hybridyn.description.records import Closure, Joint, Link
-from hybridyn.description.robot_file import FREEDOMS, RobotFile
-from hybridyn.errors import ModelError
+from ..errors import ModelError
+from .names import did_you_mean, listed
+from .records import Closure, Joint, Link
+from .robot_file import FREEDOMS, RobotFile
 
 INERTIA_SLACK = 1e-3
 """How far the triangle inequality may fail, relative to the largest moment: CAD keeps 3 to 6 digits."""

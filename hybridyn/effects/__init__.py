@@ -12,7 +12,7 @@ from .friction import CoulombFriction, Damper, StribeckFriction, ViscousFriction
 from .inputs import BaseMotion, Limits, Payload
 from .links import GroundContact, Wrench
 from .rebuild import with_effects
-from .recursion import Gravity, Inertia, LegInertia, VelocityTerms
+from .terms import Gravity, Inertia, LegInertia, VelocityTerms
 
 __all__ = [
     "DEFAULT",

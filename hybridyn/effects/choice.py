@@ -16,12 +16,12 @@ from .friction import CoulombFriction, Damper, StribeckFriction, ViscousFriction
 from .inputs import BaseMotion, Limits, Payload
 from .joints import OnJoints, placed
 from .links import GroundContact, Wrench
-from .recursion import Gravity, Inertia, LegInertia, VelocityTerms
+from .terms import Gravity, Inertia, LegInertia, VelocityTerms
 
 if TYPE_CHECKING:
-    from ..forward import ModuleState
-    from ..rigid_motion import RigidMotion
-    from ..robot import HybridRobot
+    from ..dynamics.forward import ModuleState
+    from ..linkage.rigid_motion import RigidMotion
+    from ..structure.robot import HybridRobot
 
 JOINTS = (RotorInertia, ViscousFriction, CoulombFriction, StribeckFriction, Spring, Damper, Stop)
 LINKS = (Wrench, GroundContact)
@@ -131,7 +131,7 @@ class Effects:
 
     def link_motions(self, robot: HybridRobot, q: Array, v: Array) -> dict[str, RigidMotion]:
         """Give the motion in the world of the links that some law looks at."""
-        from ..link_motion import link_motions
+        from ..dynamics.link_motion import link_motions
 
         wanted = [link for law in self.links if law.needs_motion for link in law.links]
         return link_motions(robot, q, v, wanted) if wanted else {}

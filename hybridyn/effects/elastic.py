@@ -12,7 +12,7 @@ from ..spatial import Array
 from .joints import Numbers, Numerals, given
 
 if TYPE_CHECKING:
-    from ..robot import HybridRobot
+    from ..structure.robot import HybridRobot
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from ..spatial import Array
 from .joints import WIDTH, Numbers, Numerals, given, positive, stated
 
 if TYPE_CHECKING:
-    from ..robot import HybridRobot
+    from ..structure.robot import HybridRobot
 
 
 class Dissipative:

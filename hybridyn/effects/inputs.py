@@ -9,17 +9,17 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from ..bodies import Body
 from ..description.names import did_you_mean
-from ..description.rates import DEGREE, FEWEST_ROWS, aligned, angular_rates
 from ..description.records import Description, Link
 from ..errors import ActuationError, ModelError, TrajectoryError
 from ..spatial import Array, cross, rotate_back, rotation_from_quaternion
+from ..structure.bodies import Body
+from ..tables.rates import DEGREE, FEWEST_ROWS, aligned, angular_rates
 from .joints import Numbers
 from .links import at_times, table
 
 if TYPE_CHECKING:
-    from ..robot import HybridRobot
+    from ..structure.robot import HybridRobot
 
 
 @dataclass(frozen=True)

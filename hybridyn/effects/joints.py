@@ -18,7 +18,7 @@ from ..errors import ModelError
 from ..spatial import Array, Index, Mask
 
 if TYPE_CHECKING:
-    from ..robot import HybridRobot
+    from ..structure.robot import HybridRobot
 
 Numbers = Mapping[str, float]
 Numerals = Sequence[Array]

@@ -10,7 +10,7 @@ from typing import Any, ClassVar, Protocol
 import numpy as np
 
 from ..errors import ModelError, TrajectoryError
-from ..rigid_motion import RigidMotion
+from ..linkage.rigid_motion import RigidMotion
 from ..spatial import Array, cross, rotate, rotate_back
 from .joints import WIDTH
 

@@ -8,7 +8,7 @@ from .choice import JOINTS, Choice, Effects, listed_units
 from .inputs import BaseMotion, Payload
 
 if TYPE_CHECKING:
-    from ..robot import HybridRobot
+    from ..structure.robot import HybridRobot
 
 
 def with_effects(robot: HybridRobot, effects: Choice) -> HybridRobot:
@@ -25,7 +25,7 @@ def with_effects(robot: HybridRobot, effects: Choice) -> HybridRobot:
         ModelError: An unknown effect or link, or a floating base that is to be prescribed.
     """
     from ..errors import ModelError
-    from ..robot import build_robot
+    from ..structure.robot import build_robot
 
     if effects is None or isinstance(effects, Effects):
         return robot

@@ -32,8 +32,8 @@ is decided against the largest: by singular values in `Float64`, by the diagonal
 A `planar` joint moves in the x-y plane of its frame, as in Pinocchio, whatever its axis says.
 """
 
-from hybridyn.oracle.arithmetic import Extended, Float64
-from hybridyn.oracle.models import Oracle
-from hybridyn.oracle.tree import Base
+from .arithmetic import Extended, Float64
+from .models import Oracle
+from .tree import Base
 
 __all__ = ["Base", "Extended", "Float64", "Oracle"]

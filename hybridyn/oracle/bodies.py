@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from hybridyn.description.records import Description
-from hybridyn.oracle.arithmetic import Arithmetic, Numbers, cross
-from hybridyn.oracle.tree import Posture
+from ..description.records import Description
+from .arithmetic import Arithmetic, Numbers, cross
+from .tree import Posture
 
 Wrenches = Mapping[str, Any]
 

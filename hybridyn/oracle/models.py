@@ -8,10 +8,10 @@ from typing import Literal
 
 import numpy as np
 
-from hybridyn.description.records import Description
-from hybridyn.oracle.arithmetic import Arithmetic, Factor, Float64, Numbers, cross
-from hybridyn.oracle.bodies import Bodies, Wrenches
-from hybridyn.oracle.tree import Base, Posture, Tree
+from ..description.records import Description
+from .arithmetic import Arithmetic, Factor, Float64, Numbers, cross
+from .bodies import Bodies, Wrenches
+from .tree import Base, Posture, Tree
 
 RANK_TOLERANCE = 1e-9
 INERTIA_TOLERANCE = 1e-11  # on square roots of masses: 1e-22 in mass

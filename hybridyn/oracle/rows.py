@@ -20,8 +20,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from hybridyn.description.records import JointKind, RotationKind
-from hybridyn.oracle.arithmetic import Numbers, cross
+from ..description.records import JointKind, RotationKind
+from .arithmetic import Numbers, cross
 
 ROWS: dict[JointKind, tuple[tuple[int, ...], RotationKind]] = {
     "fixed": ((0, 1, 2), "fixed"),

@@ -8,9 +8,9 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from hybridyn.description.records import Closure, Description, Joint, JointKind
-from hybridyn.oracle.arithmetic import Arithmetic, Factor, Numbers, cross
-from hybridyn.oracle.rows import ROWS, Frame, Row, constraint_rows, coordinate_rows
+from ..description.records import Closure, Description, Joint, JointKind
+from .arithmetic import Arithmetic, Factor, Numbers, cross
+from .rows import ROWS, Frame, Row, constraint_rows, coordinate_rows
 
 Base = Literal["fixed", "moving", "floating"]
 

@@ -13,8 +13,8 @@ import numpy as np
 
 from ..colours import CLOSURE, GROUND, JOINT, MOTOR, module_colour, towards
 from ..description.records import Closure
-from ..robot import HybridRobot
 from ..spatial import Array, Index
+from ..structure.robot import HybridRobot
 from .picture import Ball, Picture, Point, Rod, Role, Solid
 from .placing import Placement, extent, place_bodies
 from .visuals import Visual

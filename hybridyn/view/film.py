@@ -7,8 +7,8 @@ from collections.abc import Iterator
 import numpy as np
 
 from ..errors import TrajectoryError
-from ..robot import HybridRobot
 from ..spatial import Array
+from ..structure.robot import HybridRobot
 from .camera import camera_around
 from .picture import Picture
 from .placing import extent, place_bodies

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..dynamics.inverse import idm
 from ..errors import HybridynError
-from ..events import near_singularity
-from ..idm import idm
-from ..robot import HybridRobot
+from ..simulation.events import near_singularity
 from ..spatial import Array
+from ..structure.robot import HybridRobot
 
 NEAR, AT = 1e-2, 1e-3  # below the first a posture is called near a singularity, below the second singular
 

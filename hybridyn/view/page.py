@@ -15,10 +15,10 @@ from typing import Any
 
 import numpy as np
 
+from ..dynamics.forward import closure_residual
 from ..errors import HybridynError
-from ..forward import closure_residual
-from ..robot import HybridRobot
 from ..spatial import Array
+from ..structure.robot import HybridRobot
 from .camera import camera_around
 from .measures import Measures
 from .panel import closeness_html, efforts_html, legend_html, status_html

@@ -8,8 +8,8 @@ from html import escape
 import numpy as np
 
 from ..colours import ALARM, CLOSURE, GOOD, JOINT, MOTOR, WARNING, module_colour
-from ..robot import HybridRobot
 from ..spatial import Array
+from ..structure.robot import HybridRobot
 from .measures import AT, NEAR, Closeness
 
 SMALL = "font-size:0.8em;line-height:1.35;padding:0 0.9em"

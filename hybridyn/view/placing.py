@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..robot import HybridRobot
 from ..spatial import Array, compose, rotate, rotation_from_quaternion
+from ..structure.robot import HybridRobot
 from .picture import Picture, Point
 
 

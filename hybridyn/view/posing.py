@@ -11,11 +11,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..assembly import move_module
+from ..assembly.assemble import move_module
 from ..errors import AssemblyError, HybridynError
-from ..module import Module
-from ..robot import HybridRobot
 from ..spatial import Array
+from ..structure.module import Module
+from ..structure.robot import HybridRobot
 
 HALVINGS = 6  # of the way to a place out of reach, to find where the reach ends
 INDEPENDENT = 1e-3  # share of a joint in motions that the joints before it leave: less fixes nothing

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..colours import rgb
-from ..robot import HybridRobot
 from ..spatial import Array, quaternion_from_rotation
+from ..structure.robot import HybridRobot
 from .picture import Ball, Picture, Rod, Role
 from .placing import Placement
 from .triangles import ball_transforms, rod_transforms, unit_ball, unit_cylinder

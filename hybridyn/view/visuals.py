@@ -56,7 +56,7 @@ def read_visuals(
         The shapes, and notes about those that are missing.
     """
     from ..description.reading import read_bytes
-    from ..description.xacro_files import expand
+    from ..description.urdf.xacro import expand
 
     text = read_bytes(file)
     if file.endswith(".xacro") or b"<xacro:" in text:
@@ -95,7 +95,7 @@ class _Files:
     """Where the files of meshes are."""
 
     def __init__(self, folder: Path, package_dirs: Sequence[str | os.PathLike[str]]) -> None:
-        from ..description.xacro_files import _share_dirs
+        from ..description.urdf.xacro import _share_dirs
 
         self.folder = folder
         shares = [Path(place) for place in _share_dirs()]

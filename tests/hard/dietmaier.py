@@ -17,7 +17,7 @@ import mpmath
 import numpy as np
 
 from hybridyn.description.records import Closure, Description, Joint, Link
-from hybridyn.robot import HybridRobot, build_robot
+from hybridyn.structure.robot import HybridRobot, build_robot
 
 BASE = np.array([
     [0, 0, 0], [1.107915, 0, 0], [0.549094, 0.756063, 0],

@@ -20,9 +20,9 @@ from shipped import ROBOTS, shipped
 
 import hybridyn
 from hybridyn import SingularityError
+from hybridyn.assembly.findings import SINGULAR, architecturally_singular, findings, motor_share
 from hybridyn.description import Description
-from hybridyn.findings import SINGULAR, architecturally_singular, findings, motor_share
-from hybridyn.robot import build_robot
+from hybridyn.structure.robot import build_robot
 
 if TYPE_CHECKING:
     from conftest import Claim

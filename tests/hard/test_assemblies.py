@@ -13,8 +13,8 @@ from shipped import shipped
 
 import hybridyn
 from hybridyn import AssemblyError, HybridRobot, TrajectoryError, closure_residual
-from hybridyn.assemblies import SAME
-from hybridyn.robot import build_robot
+from hybridyn.assembly.assemblies import SAME
+from hybridyn.structure.robot import build_robot
 
 EPS = float(np.finfo(float).eps)
 DIGITS = 50

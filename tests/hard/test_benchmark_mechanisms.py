@@ -27,7 +27,7 @@ from one_freedom import OneFreedom
 from redundant_loops import bricard_law
 
 import hybridyn
-from hybridyn.scene import Stage, stage
+from hybridyn.scenes.stage import Stage, stage
 
 if TYPE_CHECKING:
     from conftest import Claim

@@ -10,8 +10,8 @@ from shipped import shipped
 
 from hybridyn import HybridRobot, closure_residual, simulate
 from hybridyn.effects import Spring
-from hybridyn.robot import build_robot
-from hybridyn.simulation_result import Result
+from hybridyn.simulation.result import Result
+from hybridyn.structure.robot import build_robot
 
 STEP = 0.004  # [s], of the conserving method: 20 steps in the fastest swing
 KEPT = (

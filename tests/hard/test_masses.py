@@ -19,11 +19,11 @@ from extended_judge import Judge
 from shipped import shipped, states_near_home
 
 from hybridyn import SingularityError, ddm, idm
+from hybridyn.assembly.findings import findings
 from hybridyn.description import Description
 from hybridyn.description.records import Joint, Link
-from hybridyn.findings import findings
 from hybridyn.oracle import Base, Extended, Oracle
-from hybridyn.robot import build_robot
+from hybridyn.structure.robot import build_robot
 
 EPS = float(np.finfo(float).eps)
 BACKWARD, FORWARD = 1e-13, 100 * EPS

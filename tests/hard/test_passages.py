@@ -22,8 +22,8 @@ from redundant_loops import crossed_bars, loaded
 from scipy.integrate import solve_ivp
 
 import hybridyn
-from hybridyn.branch import LOST, NEAR
-from hybridyn.motion_law import MotionLaw
+from hybridyn.manifold.branch import LOST, NEAR
+from hybridyn.simulation.motion_law import MotionLaw
 
 if TYPE_CHECKING:
     from conftest import Claim

@@ -22,11 +22,11 @@ from scaling import Scale
 from shipped import ROBOTS, shipped, states_near_home
 
 from hybridyn import HybridynError, assemble, ddm, idm, simulate
+from hybridyn.assembly.findings import findings
 from hybridyn.description import Description
 from hybridyn.errors import AssemblyError, ModelError
-from hybridyn.findings import findings
 from hybridyn.oracle import Base
-from hybridyn.scene_start import _check_rates
+from hybridyn.scenes.start import _check_rates
 
 SAME = 1e-12  # the number; measured: not one bit differs
 BIG, SMALL = 2.0**20, 2.0**-20

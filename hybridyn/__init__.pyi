@@ -1,0 +1,66 @@
+"""The public names of hybridyn and the files they live in: the one table that import, `__all__` and type checkers read."""
+
+from .assembly.assemble import assemble
+from .assembly.assemblies import Assemblies, assemblies
+from .compiled.derivatives import ddm_jacobian, idm_jacobian
+from .compiled.model import CompiledRobot, compile
+from .dynamics.direct import ddm
+from .dynamics.energy import Energy, Power, centre_of_mass, energy, momentum, power
+from .dynamics.forward import closure_residual
+from .dynamics.inverse import idm
+from .dynamics.link_motion import LinkMotion, kinematics
+from .dynamics.reactions import Reactions
+from .effects import with_effects
+from .errors import (
+    ActuationError,
+    AssemblyError,
+    CompileError,
+    HybridynError,
+    ModelError,
+    SingularityError,
+    TrajectoryError,
+)
+from .loading import load
+from .simulation.events import Event, near_singularity
+from .simulation.simulate import simulate
+from .structure.robot import HybridRobot
+from .studies.check.check import check
+
+__version__: str
+
+__all__ = [
+    "ActuationError",
+    "Assemblies",
+    "AssemblyError",
+    "CompileError",
+    "CompiledRobot",
+    "Energy",
+    "Event",
+    "HybridRobot",
+    "HybridynError",
+    "LinkMotion",
+    "ModelError",
+    "Power",
+    "Reactions",
+    "SingularityError",
+    "TrajectoryError",
+    "__version__",
+    "assemble",
+    "assemblies",
+    "centre_of_mass",
+    "check",
+    "closure_residual",
+    "compile",
+    "ddm",
+    "ddm_jacobian",
+    "energy",
+    "idm",
+    "idm_jacobian",
+    "kinematics",
+    "load",
+    "momentum",
+    "near_singularity",
+    "power",
+    "simulate",
+    "with_effects",
+]

@@ -1,0 +1,250 @@
+"""Closing the loops: from motor positions or platform poses to the whole posture and its derivatives.
+
+Module after module from the base: what is given about a module (motors, poses) and its closures make a Newton
+problem on its tree after the cuts; the wrists that were cut follow from the bodies they join.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from ..errors import AssemblyError
+from ..linkage.closures import Closures
+from ..linkage.elimination import least_squares
+from ..linkage.newton import LoopProblem, close
+from ..linkage.reduction import Block
+from ..linkage.rigid_motion import RigidMotion
+from ..linkage.targets import PoseTarget
+from ..linkage.tree import Motion, Tree
+from ..spatial import Array, cross
+from ..structure.mechanism import Mechanism
+from ..structure.module import Module
+from ..structure.robot import HybridRobot
+from .determinacy import check_determined, full_rank_blocks, refuse_unbounded
+from .follow import Task, follow
+from .module_request import ModuleRequest, module_request
+from .requests import Requests, gather_requests
+
+#: Closures left open by more than this (relative) are closed once more, with everything free to move.
+SETTLED = 1e-14
+
+
+def assemble(
+    robot: HybridRobot,
+    *,
+    motors: Mapping[str, object] | None = None,
+    platforms: Mapping[str, object] | None = None,
+    guess: Array | None = None,
+) -> tuple[Array, Array, Array]:
+    """Close the loops of a robot from motor positions, platform poses, or a mixture.
+
+    Args:
+        robot: The robot.
+        motors: For each joint by name (position, rate, acceleration), each a number or shape (T,), [m or rad
+            and per second]; rates and accelerations may be left out (zero).
+        platforms: For each "link" (relative to the root link) or "link@other" (relative to another link)
+            (pose, twist, acceleration). The pose is shape (7,) or (T, 7), x, y, z, qx, qy, qz, qw; the twist
+            (T, 6) the velocity of the link's origin and its angular velocity relative to the other link, in
+            that link's axes; the acceleration their time derivatives (classical). Or each is a mapping from
+            some of x, y, z, roll, pitch, yaw to numbers or shapes (T,): a partial pose, the paper's v_r. For
+            a moving or floating base the root link's name gives the base's own pose in the world (at rest
+            where left out).
+        guess: Posture to start from, shape (nq,); the home posture where left out. A trajectory is followed
+            from its first sample on without leaving the assembly branch.
+
+    Returns:
+        q, v, a on the spanning tree: shapes (nq,), (nv,), (nv,), or (T, ...) where anything given has T
+        samples. Motions that move no motor and no output take least-norm rates.
+
+    Raises:
+        AssemblyError: A target out of reach, a step that would leave the branch, or too little given.
+        SingularityError: A motion that the joints cannot follow: a platform's where a leg is stretched.
+        TrajectoryError: Unknown names, wrong shapes, numbers that are not finite.
+    """
+    requests = gather_requests(robot, motors or {}, platforms or {})
+    T = requests.samples
+    guess = robot.home if guess is None else np.asarray(guess, dtype=float).reshape(-1)
+    if guess.shape != (robot.nq,):
+        raise AssemblyError(f"guess has {guess.size} entries, the robot's q has {robot.nq}")
+    q, v, a = np.tile(guess, (T, 1)), np.zeros((T, robot.nv)), np.zeros((T, robot.nv))
+    place_base(robot, requests, q, v, a)
+    bodies = {0: RigidMotion.at_rest(T)}
+    for k, module in enumerate(robot.modules):
+        if robot.base == "floating" and k == 0:
+            continue
+        base_body = robot.bodies.place[module.base][0]
+        request = module_request(requests, robot, k, base_body, bodies)
+        _assemble_module(robot, module, request, q, v, a)
+        motion = module.mechanism.spanning.sweep(
+            q[:, module.q_index], v[:, module.v_index], a[:, module.v_index]
+        )
+        for i, joint in enumerate(module.joints):
+            body = robot.body_of_joint[joint]
+            bodies[body] = bodies[base_body].then(RigidMotion.of_body(motion, i + 1))
+    return (q[0], v[0], a[0]) if requests.single else (q, v, a)
+
+
+def place_base(robot: HybridRobot, requests: Requests, q: Array, v: Array, a: Array) -> None:
+    """Enter the pose of a moving or floating base, with Pinocchio's local velocities."""
+    if robot.base == "fixed" or requests.base is None or requests.base_quaternion is None:
+        return
+    pose = requests.base
+    R = np.swapaxes(pose.R, 1, 2)
+    q[:, :3], q[:, 3:7] = pose.p, requests.base_quaternion
+    v[:, :3], v[:, 3:6] = (np.matmul(R, x[..., None])[..., 0] for x in (pose.pd, pose.w))
+    spatial = pose.pdd - cross(pose.w, pose.pd)
+    a[:, :3], a[:, 3:6] = (np.matmul(R, x[..., None])[..., 0] for x in (spatial, pose.wd))
+
+
+def _assemble_module(
+    robot: HybridRobot, module: Module, request: ModuleRequest, q: Array, v: Array, a: Array
+) -> None:
+    """Assemble one module at all samples, into q, v, a of the robot."""
+    m = module.mechanism
+    task = module_task(robot, module, request)
+    start = m.cut(q[:1, module.q_index], None, None, m.spanning.sweep(q[:1, module.q_index]))[0][0]
+    x = settled(m, follow(task, start))
+    x_dot, x_ddot = _rates_and_accelerations(module, task.problem, request, x)
+    target = m.tree.sweep(x, x_dot, x_ddot)
+    q[:, module.q_index] = spanning_positions(module, x, target, q[0, module.q_index])
+    vk, ak = np.zeros((2, len(x), m.spanning.nv))
+    m.take_legs(x_dot, vk)
+    m.take_legs(x_ddot, ak)
+    m.recover_rates(q[:, module.q_index], vk, target)
+    m.recover_accelerations(q[:, module.q_index], vk, ak, target)
+    v[:, module.v_index], a[:, module.v_index] = vk, ak
+
+
+def module_task(robot: HybridRobot, module: Module, request: ModuleRequest) -> Task:
+    """Put a module's closures and what is given about it into one problem."""
+    m = module.mechanism
+    free = np.ones(m.tree.nv, dtype=bool)
+    for joint in request.given:
+        free[m.tree.v_slices[joint]] = False
+    problem = LoopProblem(m.closures, m.reduction.row_scale, m.reduction.col_scale, free, request.targets)
+    generic = problem.matrix(m.tree.sweep(m.postures))
+    rank = check_determined(module, problem, generic)
+    blocks = full_rank_blocks(generic, free)
+    problem = LoopProblem(
+        m.closures, m.reduction.row_scale, m.reduction.col_scale, free, request.targets, rank, blocks
+    )
+    names = [module.row_name(i) for i in range(m.closures.rows)]
+    names += [
+        f"target on '{n}'" for t, n in zip(request.targets, request.names, strict=True) for _ in t.units
+    ]
+    tolerance = max(robot.closure_tolerance, 1e-12)
+    return Task(problem, request.known, request.given, tolerance, module.name, names)
+
+
+def settled(m: Mechanism, x: Array) -> Array:
+    """Close loops to rounding after targets that contradict them within the tolerance, shape (T, nq)."""
+    r = m.reduction
+    open_rows = m.closures.residual(x, m.tree.sweep(x)) * r.row_scale
+    bent = np.flatnonzero(np.abs(open_rows).max(axis=1, initial=0.0) > SETTLED)
+    if len(bent):
+        everything = np.ones(m.tree.nv, dtype=bool)
+        x[bent] = close(LoopProblem(m.closures, r.row_scale, r.col_scale, everything, (), r.rank), x[bent]).q
+    return x
+
+
+def _rates_and_accelerations(
+    module: Module, problem: LoopProblem, request: ModuleRequest, x: Array
+) -> tuple[Array, Array]:
+    """Give rates and accelerations of the tree after the cuts, from the same rows."""
+    m, samples = module.mechanism, np.arange(len(x))
+    motion = m.tree.sweep(x)
+    K = problem.matrix(motion)
+    wanted = [np.zeros((len(x), m.closures.rows))]
+    wanted += [t.rates(motion, samples)[0] / t.units for t in problem.targets]
+    x_dot = _solve(module, problem, K, request.known_v, np.concatenate(wanted, axis=1), "rates")
+    motion = m.tree.sweep(x, x_dot)
+    drift = m.closures.rates(motion, x_dot)[1] * m.reduction.row_scale
+    wanted = [-drift] + [t.rates(motion, samples)[1] / t.units for t in problem.targets]
+    return x_dot, _solve(module, problem, K, request.known_a, np.concatenate(wanted, axis=1), "accelerations")
+
+
+def _solve(module: Module, problem: LoopProblem, K: Array, known: Array, wanted: Array, what: str) -> Array:
+    """Solve the rows for the free freedoms, the others given; at last what is given yields to closures."""
+    m = module.mechanism
+    x = known / problem.col_scale
+    x = x + problem.solve(K, wanted - np.einsum("tij,tj->ti", K, x))
+    refuse_unbounded(module, problem, K, x, wanted, what)
+    rows = m.closures.rows
+    miss = wanted[:, :rows] - np.einsum("tij,tj->ti", K[:, :rows], x)
+    scale = np.abs(x).max(axis=1, initial=0.0) + np.abs(wanted).max(axis=1, initial=0.0)
+    bent = np.flatnonzero(np.abs(miss).max(axis=1, initial=0.0) > 1e-12 * scale)
+    if len(bent):
+        x[bent] += least_squares(K[bent][:, :rows], miss[bent], rank=m.reduction.rank)
+    return x * problem.col_scale
+
+
+def spanning_positions(module: Module, x: Array, target: Motion, guess: Array) -> Array:
+    """Give positions of the spanning tree: the legs', and the wrists' that put ends on their targets.
+
+    Args:
+        module: The module.
+        x: Positions of the tree after the cuts, shape (T, its nq).
+        target: Motion of that tree.
+        guess: Posture near the first of a motion, shape (nq,), or one near each posture, shape (T, nq).
+    """
+    m = module.mechanism
+    q = np.broadcast_to(guess, (len(x), m.spanning.nq)).copy()
+    m.take_leg_positions(x, q)
+    for number, wrist in enumerate(m.spec.wrists):
+        tree = Tree(list(m.wrist_joints(number)))
+        end = RigidMotion.of_body(target, m.tree_body(wrist.target)).then(
+            RigidMotion.at_rest(len(x), wrist.R, wrist.p)
+        )
+        first = m.spanning.joints[wrist.joints[0]].parent
+        relative = end.seen_from(RigidMotion.of_body(target, m.tree_body(first)))
+        rest = np.zeros((len(x), 6))
+        units = np.array([m.length] * 3 + [1.0] * 3)
+        goal = PoseTarget(len(tree.joints), relative.R, relative.p, rest, rest, units)
+        free = np.ones(tree.nv, dtype=bool)
+        none = Closures(tree, [], [])
+        cols = m.wrist_columns(number)
+        blocks = [Block(np.arange(6), np.arange(tree.nv))]
+        problem = LoopProblem(none, np.zeros(0), m.spanning_col_scale[cols], free, [goal], tree.nv, blocks)
+        name = f"wrist of '{module.joints[wrist.joints[-1]]}'"
+        at = m.wrist_positions(number)
+        task = Task(problem, q[:, at], (), 1e-6, module.name, [name] * 6)
+        if guess.ndim == 1:
+            q[:, at] = follow(task, guess[at], keep_branch=False)
+        else:
+            q[:, at] = task.solve(guess[:, at], np.arange(len(x))).q
+    return q
+
+
+def move_module(robot: HybridRobot, number: int, joints: Mapping[str, float], guess: Array) -> Array:
+    """Move joints of one module with its loops closed all the way; the other modules stay as they are.
+
+    Args:
+        robot: The robot.
+        number: Number of the module.
+        joints: New positions by joint (of those with one freedom), which with the closures fix the module's
+            posture [m or rad].
+        guess: Posture of the robot to start from, its loops closed, shape (nq,).
+
+    Returns:
+        Posture of the robot on the same assembly branch, shape (nq,).
+
+    Raises:
+        AssemblyError: As `assemble`.
+        TrajectoryError: As `assemble`.
+    """
+    module = robot.modules[number]
+    q = np.tile(np.asarray(guess, dtype=float), (2, 1))
+    path = {name: np.array([_position(robot, q[0], name), value]) for name, value in joints.items()}
+    requests = gather_requests(robot, path, {})
+    request = module_request(requests, robot, number, robot.bodies.place[module.base][0], {})
+    _assemble_module(robot, module, request, q, *np.zeros((2, 2, robot.nv)))
+    posture: Array = q[1]
+    return posture
+
+
+def _position(robot: HybridRobot, q: Array, joint: str) -> float:
+    """Give the position of a joint with one freedom in a posture, shape (nq,)."""
+    at = q[robot.q_slices[robot.joint_index[joint]]]
+    return float(at[0] if len(at) == 1 else np.arctan2(at[1], at[0]))

@@ -1,0 +1,322 @@
+"""Every posture that motors and platform poses allow, searched from seeded random starts.
+
+Each start takes undamped Newton steps of limited length, whether they help or not: a start wanders until it
+falls into some posture, so that postures with small basins are reached as well. What was reached is closed
+to rounding as in `assemble`, and counted.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..dynamics.forward import closure_residual
+from ..errors import AssemblyError, TrajectoryError
+from ..linkage.newton import SMALLEST_STEP
+from ..linkage.rigid_motion import RigidMotion
+from ..spatial import Array, Index, Mask
+from ..structure.module import Module
+from ..structure.robot import HybridRobot
+from .assemble import module_task, place_base, settled, spanning_positions
+from .follow import Task, first_posture
+from .module_request import module_request
+from .requests import Requests, gather_requests
+
+#: Two postures are one where nothing that tells them apart differs by more (module lengths, cosines).
+SAME = 1e-5
+#: Longest step of the search [rad, module lengths], most steps, and the residual at which a start is there.
+LONGEST_STEP, MOST_STEPS, THERE = 1.0, 60, 1e-10
+#: The steps are least-norm ones by normal equations, regularised by this part of their trace.
+ROUNDING = 1e-12
+#: Marks that idle motions of the first size change by the second tell nothing.
+NUDGE, NUDGED = 1e-3, 1e-5
+#: Starts that are moved at once: their arrays stay near the cache.
+BLOCK = 1000
+#: Most postures of a whole robot; stacked modules multiply theirs.
+MOST = 10_000
+
+
+@dataclass(frozen=True)
+class Assemblies:
+    """The postures that were found, those nearest to the home posture first.
+
+    Attributes:
+        q: Positions on the spanning tree, shape (n, nq); wrists that were cut follow their platforms.
+        counts: Starts that led to each, shape (n,); for stacked modules those of the rarest module's posture.
+        residual: Closure residual of each over its module's length, shape (n,).
+        within_limits: Whether each keeps every joint within its position limits, shape (n,).
+        starts: Random starts of each module.
+        unseen: Estimated chance that one more start finds another posture (Good and Turing: the share of the
+            starts that found what no other did). Above 0 take more starts.
+    """
+
+    q: Array
+    counts: Index
+    residual: Array
+    within_limits: Mask
+    starts: int
+    unseen: float
+
+
+def assemblies(
+    robot: HybridRobot,
+    *,
+    motors: Mapping[str, object] | None = None,
+    platforms: Mapping[str, object] | None = None,
+    starts: int = 1000,
+    seed: int = 0,
+) -> Assemblies:
+    """Find the postures in which motors and platforms are where they are wanted.
+
+    Two postures count as one where all of this is the same: placements of the outputs, positions of the
+    motors, origins and centres of mass of the legs' links, closure points. So neither whole turns, the signs
+    of quaternions, a rod's idle spin, nor the two ways in which a universal joint points a straight leg tell
+    postures apart; of such variants the one nearest to the home posture is given.
+
+    Args:
+        robot: The robot.
+        motors: As in `hybridyn.assemble`, one sample; rates are not used.
+        platforms: As in `hybridyn.assemble`, one sample.
+        starts: Random starts of each module with loops.
+        seed: Seed of the starts: the same seed finds the same postures.
+
+    Returns:
+        The postures, each of which closes all loops, beyond the joints' limits as well. That there are no
+        others is never certain: see `Assemblies.unseen`.
+
+    Raises:
+        AssemblyError: No posture, too little given, or more than 10,000 postures of stacked modules.
+        TrajectoryError: Unknown names, wrong shapes, several samples.
+    """
+    requests = gather_requests(robot, motors or {}, platforms or {})
+    if not requests.single:
+        raise TrajectoryError("assemblies takes one sample: numbers, and poses of shape (7,)")
+    if starts < 1:
+        raise TrajectoryError(f"starts must be at least 1, not {starts}")
+    search = _Search(robot, requests, starts, seed)
+    for number in range(robot.base == "floating", len(robot.modules)):
+        search.add(number)
+    q = search.q
+    return Assemblies(
+        q, search.counts, closure_residual(robot, q), _within_limits(robot, q), starts, search.unseen
+    )
+
+
+def _within_limits(robot: HybridRobot, q: Array) -> Mask:
+    """Say which postures, shape (n, nq), keep every joint within its limits."""
+    within = np.ones(len(q), dtype=bool)
+    for joint in robot.description.joints:
+        if joint.kind in ("revolute", "prismatic"):
+            x = q[:, robot.q_slices[robot.joint_index[joint.name]].start]
+            slack = SAME * max(abs(x) for x in (joint.lower, joint.upper, 1.0) if np.isfinite(x))
+            within &= (x >= joint.lower - slack) & (x <= joint.upper + slack)
+    return within
+
+
+def postures_at_home(robot: HybridRobot, number: int, starts: int, seed: int = 0) -> Found:
+    """Find the postures of one module with its motors as at home.
+
+    Raises:
+        AssemblyError: Its motors do not fix its posture.
+    """
+    module, joints = robot.modules[number], {}
+    for motor in module.motors:
+        x = robot.home[robot.q_slices[robot.joint_index[motor]]]
+        joints[motor] = float(np.arctan2(x[1], x[0]) if len(x) == 2 else x[0])
+    requests = gather_requests(robot, joints, {})
+    base = robot.bodies.place[module.base][0]
+    task = module_task(robot, module, module_request(requests, robot, number, base, {}))
+    return postures(robot, module, task, starts, seed)
+
+
+@dataclass(frozen=True)
+class Found:
+    """What the starts of one module came to.
+
+    Attributes:
+        x: Postures on the module's tree after the cuts, shape (n, nq).
+        q: The same on its spanning tree.
+        counts: Starts that led to each, shape (n,).
+    """
+
+    x: Array
+    q: Array
+    counts: Index
+
+
+class _Search:
+    """All postures of the modules looked at so far, modules from the base outwards."""
+
+    def __init__(self, robot: HybridRobot, requests: Requests, starts: int, seed: int) -> None:
+        self.robot, self.requests, self.starts, self.seed = robot, requests, starts, seed
+        self.q = robot.home[None].copy()
+        place_base(robot, requests, self.q, *np.zeros((2, 1, robot.nv)))
+        self.counts: Index = np.array([starts])
+        self.unseen = 0.0
+        self._bodies = {0: RigidMotion.at_rest(1)}
+        self._known: dict[tuple[int, bytes], Found] = {}
+
+    def add(self, number: int) -> None:
+        """Look at a module on each posture of those below it.
+
+        Raises:
+            AssemblyError: It has no posture on some of them, or there are too many.
+        """
+        module = self.robot.modules[number]
+        rows_below = range(len(self.q)) if self._depends(number) else [0] * len(self.q)
+        known: dict[int, Found] = {row: self._module(number, row) for row in set(rows_below)}
+        found = [known[row] for row in rows_below]
+        total = sum(len(f.counts) for f in found)
+        if total > MOST:
+            raise AssemblyError(
+                f"module '{module.name}': the robot has {total} postures or more with the modules below it "
+                f"(limit {MOST}): stacked modules multiply theirs. Give the poses of some platforms",
+                module=module.name,
+            )
+        rows = np.repeat(np.arange(len(self.q)), [len(f.counts) for f in found])
+        self.q = self.q[rows]
+        self.q[:, module.q_index] = np.concatenate([f.q for f in found])
+        self.counts = np.minimum(self.counts[rows], np.concatenate([f.counts for f in found]))
+        once = max(float((f.counts == 1).sum()) for f in found) / self.starts
+        self.unseen = 1 - (1 - self.unseen) * (1 - once)
+        self._place(module, rows)
+
+    def _depends(self, number: int) -> bool:
+        """Say whether what is wanted of a module depends on the posture of those below it."""
+        place = self.robot.bodies.place
+        base = place[self.robot.modules[number].base][0]
+        poses = [p for p in self.requests.poses if self.robot.body_owner[place[p.link][0]][0] == number]
+        return any(place[p.other][0] != base for p in poses)
+
+    def _module(self, number: int, row: int) -> Found:
+        """Give a module's postures on one posture of the modules below, searched once per request."""
+        robot, module = self.robot, self.robot.modules[number]
+        m = module.mechanism
+        below = {body: _row(motion, row) for body, motion in self._bodies.items()}
+        base = robot.bodies.place[module.base][0]
+        task = module_task(robot, module, module_request(self.requests, robot, number, base, below))
+        asked = task.problem.residual(m.home[None], np.zeros(1, dtype=int))
+        key = id(m), np.round(np.concatenate([task.known, asked], axis=1), 9).tobytes()
+        if key not in self._known:
+            self._known[key] = postures(robot, module, task, self.starts, self.seed)
+        return self._known[key]
+
+    def _place(self, module: Module, rows: Index) -> None:
+        """Take the rows given of what is placed, and place the module's bodies."""
+        self._bodies = {body: _row(motion, rows) for body, motion in self._bodies.items()}
+        base = self._bodies[self.robot.bodies.place[module.base][0]]
+        motion = module.mechanism.spanning.sweep(self.q[:, module.q_index])
+        for i, joint in enumerate(module.joints):
+            self._bodies[self.robot.body_of_joint[joint]] = base.then(RigidMotion.of_body(motion, i + 1))
+
+
+def _row(motion: RigidMotion, rows: int | Index) -> RigidMotion:
+    """Give some samples of a frame's motion."""
+    at = np.atleast_1d(rows)
+    return RigidMotion(*(x[at] for x in (motion.R, motion.p, motion.w, motion.pd, motion.wd, motion.pdd)))
+
+
+def postures(robot: HybridRobot, module: Module, task: Task, starts: int, seed: int) -> Found:
+    """Find the postures of one module.
+
+    Args:
+        robot: The robot.
+        module: The module.
+        task: What is wanted of it, one sample.
+        starts: Number of random starts.
+        seed: Their seed.
+
+    Raises:
+        AssemblyError: There is none.
+    """
+    m, rng = module.mechanism, np.random.default_rng(seed)
+    reached = [first_posture(task, m.home)[None]]
+    if m.closures.rows:
+        spread = np.where(np.abs(m.tree.S_linear).max(axis=1, initial=0.0) > 0, m.length, np.pi)
+        for first in range(0, starts, BLOCK):
+            noise = rng.uniform(-spread, spread, (min(BLOCK, starts - first), m.tree.nv))
+            reached.append(_reached(task, m.tree.integrate(np.tile(m.home, (len(noise), 1)), noise)))
+    x = settled(m, np.concatenate(reached))
+    marks = _marks(module, x)[:, _told(task, module, x[:8])]
+    label, counts = _grouped(marks)
+    counts[0] = counts[0] - 1 if m.closures.rows else starts  # what `assemble` gives is no random start
+    turned = np.abs(m.tree.difference(np.tile(m.home, (len(x), 1)), x) / task.problem.col_scale).sum(axis=1)
+    kept = np.array([np.flatnonzero(label == i)[np.argmin(turned[label == i])] for i in range(len(counts))])
+    order = np.lexsort([*np.round(marks[kept].T / SAME), np.round(turned[kept] / SAME)])
+    x = x[kept[order]]
+    guess = robot.home[module.q_index]
+    one_by_one = [spanning_positions(module, row[None], m.tree.sweep(row[None]), guess) for row in x]
+    return Found(x, np.concatenate(one_by_one), counts[order])
+
+
+def _reached(task: Task, q: Array) -> Array:
+    """Give the closed postures that starts lead to, shapes (starts, nq) and (closed, nq)."""
+    problem, q = task.problem, task.with_known(q, np.zeros(len(q), dtype=int))
+    active, there = np.arange(len(q)), np.zeros(len(q), dtype=bool)
+    for _ in range(MOST_STEPS):
+        motion = problem.tree.sweep(q[active])
+        residual = problem.residual(q[active], np.zeros(len(active), dtype=int), motion)
+        there[active] = np.abs(residual).max(axis=1, initial=0.0) < THERE
+        K = problem.matrix(motion, every=False)[:, :, problem.free]
+        square = K @ K.transpose(0, 2, 1)
+        size = np.trace(square, axis1=1, axis2=2)[:, None, None]
+        square += (ROUNDING * size + np.finfo(float).tiny) * np.eye(square.shape[1])
+        dx = np.zeros((len(active), problem.tree.nv))
+        dx[:, problem.free] = -(K.transpose(0, 2, 1) @ np.linalg.solve(square, residual[..., None]))[..., 0]
+        length = np.abs(dx).max(axis=1, initial=0.0)
+        there[active] |= length < SMALLEST_STEP  # on targets that contradict one another within the tolerance
+        dx *= np.minimum(1.0, LONGEST_STEP / np.maximum(length, LONGEST_STEP))[:, None]
+        q[active] = problem.tree.integrate(q[active], dx * problem.col_scale)
+        active = active[~there[active]]
+        if not len(active):
+            break
+    result = task.solve(q[there], np.zeros(there.sum(), dtype=int))
+    closed: Array = result.q[task.closed(result)]
+    return closed
+
+
+def _marks(module: Module, x: Array) -> Array:
+    """Give what tells postures apart, without unit, shape (T, marks): see `assemblies`."""
+    m = module.mechanism
+    motion = m.tree.sweep(x)
+    marks = [motion.p[:, 1:].reshape(len(x), -1) / m.length]
+    for i, link in enumerate(m.spec.leg_bodies):
+        if link is not None and link.mass:
+            marks.append((motion.p[:, i + 1] + motion.R[:, i + 1] @ link.com) / m.length)
+    for c in m.closures.closures:
+        marks.append((motion.p[:, c.body_a] + motion.R[:, c.body_a] @ c.p_a) / m.length)
+        marks.append((motion.p[:, c.body_b] + motion.R[:, c.body_b] @ c.p_b) / m.length)
+    marks += [motion.R[:, body].reshape(len(x), 9) for body in m.spec.outputs]
+    for i, (joint, at) in enumerate(zip(m.tree.joints, m.tree.q_slices, strict=True)):
+        if m.tree.v_slices[i].start in module.motor_columns:
+            value = x[:, at]
+            angle = [np.cos(value), np.sin(value)]
+            marks += {"revolute": angle, "prismatic": [value / m.length]}.get(joint.kind, [value])
+    return np.concatenate(marks, axis=1)
+
+
+def _told(task: Task, module: Module, x: Array) -> Mask:
+    """Say which marks no idle motion changes, shape (marks,), from a few postures (T, nq)."""
+    problem = task.problem
+    K = problem.matrix(problem.tree.sweep(x))[:, :, problem.free]
+    here = _marks(module, x)
+    still = np.ones(here.shape[1], dtype=bool)
+    for idle in np.moveaxis(np.linalg.svd(K)[2][:, problem.rank or 0 :], 1, 0):
+        dx = np.zeros((len(x), problem.tree.nv))
+        dx[:, problem.free] = NUDGE * idle
+        moved = _marks(module, problem.tree.integrate(x, dx * problem.col_scale))
+        still &= np.abs(moved - here).max(axis=0) < NUDGED
+    return still
+
+
+def _grouped(marks: Array) -> tuple[Index, Index]:
+    """Number rows, shape (n, marks), so that equal ones share a number; give numbers and group sizes."""
+    label = np.full(len(marks), -1)
+    groups = 0
+    while (label < 0).any():
+        rest = np.flatnonzero(label < 0)
+        label[rest[np.abs(marks[rest] - marks[rest[0]]).max(axis=1, initial=0.0) <= SAME]] = groups
+        groups += 1
+    return label, np.bincount(label)

@@ -1,0 +1,141 @@
+"""What a careful colleague would remark: loops open at home, singular postures, missing mass."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..spatial import Array
+from ..structure.module import Module
+from ..structure.robot import HybridRobot
+from .free_motions import free_motions, own_inertia
+
+#: Smallest pivot, or smallest share of the motors in a motion, below which a posture is called singular.
+SINGULAR = 1e-5
+
+
+def home_residuals(robot: HybridRobot) -> list[float]:
+    """Give for each module how far its loops are open at the home posture, relative to its length.
+
+    Args:
+        robot: The robot.
+    """
+    out = []
+    for module in robot.modules:
+        m = module.mechanism
+        q = robot.home[None, module.q_index]
+        open_by = m.spanning_closures.residual(q, m.spanning.sweep(q)) * m.spanning_row_scale
+        out.append(float(np.abs(open_by).max(initial=0.0)))
+    return out
+
+
+def findings(robot: HybridRobot) -> list[str]:
+    """Give what looks wrong, one sentence each, the reader's notes first.
+
+    Args:
+        robot: The robot.
+    """
+    out = list(robot.notes)
+    known: dict[int, str] = {}
+    for module, open_by in zip(robot.modules, home_residuals(robot), strict=True):
+        m = module.mechanism
+        if id(m) in known:
+            out += [f"module '{module.name}': as module '{known[id(m)]}'"] if known[id(m)] else []
+            continue
+        found = [*_at_home(module, robot, open_by), *_of_structure(module)]
+        known[id(m)] = module.name if found else ""
+        out += [f"module '{module.name}': {text}" for text in found]
+    return out
+
+
+def _at_home(module: Module, robot: HybridRobot, open_by: float) -> list[str]:
+    """Judge the home posture: open loops, closures or motors that lose a direction."""
+    if open_by > robot.closure_tolerance:
+        return [
+            f"its loops are open at the home posture by {open_by:.2g} of its size; "
+            "state a home posture that closes them ([home] in model.toml)"
+        ]
+    lost = "" if architecturally_singular(module) else singular_at_home(module, robot)
+    return [f"the home posture is singular: {lost}"] if lost else []
+
+
+def singular_at_home(module: Module, robot: HybridRobot) -> str:
+    """Say what loses rank at the home posture, or give an empty text where nothing does.
+
+    Args:
+        module: The module.
+        robot: Its robot.
+    """
+    m = module.mechanism
+    motion = m.cut_motion(m.spanning.sweep(robot.home[None, module.q_index]))
+    basis = m.basis(m.closures.matrix(motion))
+    if m.closures.rows and basis.pivot[0] < SINGULAR:
+        return f"its closures lose rank (smallest pivot {basis.pivot[0]:.1e})"
+    share = motor_share(module, basis.Psi)
+    if share is not None and share[0] < SINGULAR:
+        return f"its motors lose a direction (their share in it: {share[0]:.1e})"
+    return ""
+
+
+def motor_share(module: Module, Psi: Array) -> Array | None:
+    """Give the least share of the motors in a motion: smallest singular value of S_a Psi, Psi orthonormal.
+
+    Metres count over the module's length, as radians do.
+
+    Args:
+        module: The module.
+        Psi: Its motions, shape (T, n, N).
+
+    Returns:
+        Shape (T,), in [0, 1], 0 where motors lose a direction; None where there are no motors or no motions.
+    """
+    if not module.motors or not module.mobility:
+        return None
+    orthonormal = np.linalg.qr(Psi / module.mechanism.reduction.col_scale[:, None])[0]
+    out: Array = np.linalg.svd(orthonormal[:, module.motor_columns], compute_uv=False)[:, -1]
+    return out
+
+
+def architecturally_singular(module: Module) -> str:
+    """Say that a module's motors lose a direction in every posture, or give an empty text.
+
+    Six legs between similar hexagons do: their lengths never tell a certain motion of the platform.
+
+    Args:
+        module: The module.
+    """
+    m = module.mechanism
+    if not m.closures.rows or len(module.motors) != m.mobility:
+        return ""
+    share = motor_share(module, m.basis(m.generic_K).Psi)
+    if share is None or not len(share) or share.max() >= SINGULAR:
+        return ""
+    return (
+        "architecturally singular: its motors lose a direction in every posture (their share in it is at "
+        f"most {share.max():.1e}), so that no effort holds it there; change the geometry (similar hexagons?) "
+        "or the choice of motors"
+    )
+
+
+def _of_structure(module: Module) -> list[str]:
+    """Judge what holds at every posture: freedoms without inertia, motors that move nothing."""
+    m = module.mechanism
+    out = []
+    posture = m.postures[:1]
+    motion = m.tree.sweep(posture)
+    Psi = m.basis(m.closures.matrix(motion)).Psi[0] / m.reduction.col_scale[:, None]
+    still = [
+        name
+        for name, column in zip(module.motors, module.motor_columns, strict=True)
+        if not m.mobility or np.abs(Psi[column]).max() < SINGULAR * np.abs(Psi).max()
+    ]
+    if still:
+        out.append(f"motor '{still[0]}' cannot move: the closures hold it")
+    elif singular := architecturally_singular(module):
+        out.append(singular)
+    if m.mobility and own_inertia(m, m.basis(m.closures.matrix(motion)).Psi[0]).max() <= 0.0:
+        return [*out, "none of its bodies has mass"]
+    light = free_motions(module).massless
+    return [
+        *out,
+        *(f"the motion of {name} has no inertia; its direct model needs one there" for name in light),
+    ]

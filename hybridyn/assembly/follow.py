@@ -1,0 +1,301 @@
+"""From one posture to a whole trajectory of them, without leaving the assembly branch unnoticed.
+
+All samples are solved together, coarse to fine. Then every step between neighbours must be the one that the
+rows' derivative predicts: on another branch it is not. Where a step is too long to tell, it is walked in
+smaller ones.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..errors import AssemblyError
+from ..linkage.newton import ROUNDING, SMALLEST_STEP, Closed, LoopProblem, close
+from ..spatial import Array, Index, Mask
+
+#: A step between samples may differ from the predicted one by this part of it, plus `SMALL`.
+SAME_BRANCH = 0.25
+SMALL = 1e-7
+#: The rows' derivative may turn by this part of itself along a step: two solutions across a fold lie where
+#: |J^-1 (J(x) - J)| comes to 1, however short the way between them is beside the step.
+TURNED = 0.5
+#: Rows that contradict one another within the tolerance are believed where they keep their rank this well.
+LOST = 1e-9
+#: Every so many samples are solved first, then all.
+STRIDES = (8, 1)
+#: Smallest part of a step that is walked.
+FINEST = 4096
+#: The same where Newton does not reach the end of the step at all.
+COARSEST = 16
+
+
+@dataclass(frozen=True)
+class Task:
+    """A problem at every sample of a trajectory.
+
+    Attributes:
+        problem: Rows and free freedoms.
+        known: Positions, of which the joints in `given` count, shape (T, nq).
+        given: Numbers of the joints whose positions are given.
+        tolerance: Largest scaled residual that counts as closed.
+        module: The module's name, for messages.
+        row_names: What each row belongs to, for messages.
+    """
+
+    problem: LoopProblem
+    known: Array
+    given: Sequence[int]
+    tolerance: float
+    module: str
+    row_names: Sequence[str]
+
+    def with_known(self, q: Array, samples: Index) -> Array:
+        """Give positions with the given joints at their values."""
+        q = q.copy()
+        for joint in self.given:
+            at = self.problem.tree.q_slices[joint]
+            q[:, at] = self.known[samples, at]
+        return q
+
+    def solve(self, q: Array, samples: Index) -> Closed:
+        """Close from the positions given, the given joints at their values."""
+        return close(self.problem, self.with_known(q, samples), samples)
+
+    def closed(self, result: Closed) -> Mask:
+        """Say which samples converged and closed, shape (T,)."""
+        settled = (result.step <= SMALLEST_STEP) | (result.residual <= ROUNDING)
+        out: Mask = settled & (result.residual <= self.tolerance)
+        doubtful = np.flatnonzero(out & (result.residual > ROUNDING))
+        if len(doubtful) and self.problem.rank:
+            # Where rows lose rank, a step of zero says nothing: the target may be just out of reach.
+            K = self.problem.matrix(self.problem.tree.sweep(result.q[doubtful]))[:, :, self.problem.free]
+            s = np.linalg.svd(K, compute_uv=False)
+            out[doubtful] = s[:, self.problem.rank - 1] > LOST * s[:, 0]
+        return out
+
+    def between(self, sample: int, fractions: Array) -> Task:
+        """Give the task at fractions of the way from a sample to the next, shape (n,), its own samples."""
+        tree = self.problem.tree
+        start = np.tile(self.known[sample], (len(fractions), 1))
+        whole = tree.difference(self.known[sample : sample + 1], self.known[sample + 1 : sample + 2])
+        known = tree.integrate(start, fractions[:, None] * whole)
+        known[fractions == 1.0] = self.known[sample + 1]
+        targets = [t.between(sample, fractions) for t in self.problem.targets]
+        return replace(self, problem=replace(self.problem, targets=targets), known=known)
+
+
+def follow(task: Task, guess: Array, *, keep_branch: bool = True) -> Array:
+    """Give a posture for every sample, each on the branch of the one before, the first on that of the guess.
+
+    Args:
+        task: The task.
+        guess: Where to start, shape (nq,).
+        keep_branch: Whether leaving the branch is an error; if not, the posture that Newton finds is taken (a
+            wrist in gimbal lock has no branch to stay on).
+
+    Returns:
+        Positions, shape (T, nq).
+
+    Raises:
+        AssemblyError: No first posture, an unreachable sample, or a step that leaves the branch.
+    """
+    T = len(task.known)
+    q = np.empty((T, task.problem.tree.nq))
+    q[0] = first_posture(task, guess)
+    last, chunk = 0, T
+    while last < T - 1:
+        stop = min(T, last + 1 + chunk)
+        q[last:stop], good = _coarse_to_fine(task, q[last], np.arange(last, stop))
+        steady = _steps_as_predicted(task, q, np.arange(last, stop - 1)) & good[1:]
+        bad = np.flatnonzero(~steady if keep_branch else ~good[1:])
+        for pair in bad + last:
+            walked = _walk(task, q[pair], int(pair)) if keep_branch else _at_once(task, q[pair], int(pair))
+            off = task.problem.tree.difference(walked[None], q[pair + 1 : pair + 2])
+            off /= task.problem.col_scale
+            q[pair + 1], before = walked, np.abs(off).max(initial=0.0)
+            if before > SMALL:
+                last, chunk = int(pair) + 1, 64
+                break
+        else:
+            last, chunk = stop - 1, 4 * chunk
+    return q
+
+
+def first_posture(task: Task, guess: Array) -> Array:
+    """Give the closed posture that a guess leads to.
+
+    That is the one at the end of a walk from the guess on its own assembly branch; where there is none, the
+    one that Newton finds from the guess, or from seeded restarts about it.
+
+    Raises:
+        AssemblyError: Nothing closes; with the best residual.
+    """
+    tree = task.problem.tree
+    result = task.solve(guess[None], np.zeros(1, dtype=int))
+    if task.closed(result)[0]:
+        return _on_branch_of(task, guess, result.q[0])
+    rng = np.random.default_rng(2010)
+    best, iterations = result, result.iterations
+    for spread, starts in ((0.1, 32), (0.5, 64), (1.5, 128), (3.2, 256)):
+        noise = rng.uniform(-spread, spread, (starts, tree.nv)) * task.problem.col_scale
+        result = task.solve(tree.integrate(np.tile(guess, (starts, 1)), noise), np.zeros(starts, dtype=int))
+        iterations += result.iterations
+        good = np.flatnonzero(task.closed(result))
+        if len(good):
+            away = tree.difference(np.tile(guess, (len(good), 1)), result.q[good]) / task.problem.col_scale
+            nearest: Array = result.q[good[np.argmin(np.linalg.norm(away, axis=1))]]
+            return nearest
+        if result.residual.min() < best.residual.min():
+            best = result
+    raise unreachable(task, best, 0, iterations)
+
+
+def _on_branch_of(task: Task, guess: Array, found: Array) -> Array:
+    """Give the posture that a walk from the guess reaches, or the one found where the guess's branch ends."""
+    problem = task.problem
+    loops = replace(problem, free=np.ones(problem.tree.nv, dtype=bool), targets=(), rank=None, blocks=())
+    start = close(loops, guess[None])
+    if start.residual[0] > task.tolerance:
+        return found
+    motion = problem.tree.sweep(start.q)
+    targets = [t.from_here(motion) for t in problem.targets]
+    way = replace(task, problem=replace(problem, targets=targets), known=np.vstack([start.q, task.known[:1]]))
+    path = np.vstack([start.q, found])
+    if _steps_as_predicted(way, path, np.zeros(1, dtype=int))[0]:
+        return found
+    try:
+        return _walk(way, start.q[0], 0)
+    except AssemblyError:
+        return found
+
+
+def unreachable(task: Task, result: Closed, sample: int, iterations: int) -> AssemblyError:
+    """Say where the best of several attempts is still open."""
+    at = int(np.argmin(result.residual))
+    rows = task.problem.residual(result.q[at : at + 1], np.array([min(sample, len(task.known) - 1)]))[0]
+    worst = task.row_names[int(np.argmax(np.abs(rows)))]
+    return AssemblyError(
+        f"module '{task.module}', {worst}: the loops do not close at sample {sample}: best residual "
+        f"{result.residual[at]:.2g} of the module's length (limit {task.tolerance:.0e}) after {iterations} "
+        "iterations. The target is out of reach, or contradicts another one; move it, give a better guess, "
+        "or, where the file is rounded that much, raise closure_tolerance",
+        module=task.module,
+        leg=worst,
+        sample=sample,
+        residual=float(result.residual[at]),
+        iterations=iterations,
+    )
+
+
+def _coarse_to_fine(task: Task, start: Array, samples: Index) -> tuple[Array, Mask]:
+    """Solve all samples, the first of them known: some, then all, from starts between those at hand."""
+    tree = task.problem.tree
+    n = len(samples)
+    q = np.tile(start, (n, 1))
+    good = np.ones(n, dtype=bool)
+    have = np.array([0])
+    for stride in STRIDES:
+        todo = np.setdiff1d(np.arange(0, n, stride), have)
+        if not len(todo):
+            continue
+        before = have[np.searchsorted(have, todo, side="right") - 1]
+        start, step = _interpolated(task, q, have, todo, before)
+        result = task.solve(tree.integrate(start, step), samples[todo])
+        q[todo], good[todo] = result.q, task.closed(result)
+        have = np.union1d(have, todo)
+    return q, good
+
+
+def _interpolated(task: Task, q: Array, have: Index, todo: Index, before: Index) -> tuple[Array, Array]:
+    """Give starts at samples between those at hand: cubic between four neighbours, else what is nearest.
+
+    Returns:
+        Positions of the sample before, and the step from there, shapes (n, nq), (n, nv).
+    """
+    tree = task.problem.tree
+    at = np.searchsorted(have, todo, side="right") - 1
+    last = len(have) - 1
+    step = np.zeros((len(todo), tree.nv))
+    if last >= 1:
+        first = np.clip(at - 1, 0, max(last - 3, 0))
+        nodes = [have[np.minimum(first + i, last)] for i in range(min(4, last + 1))]
+        for i, node in enumerate(nodes):
+            weight = np.ones(len(todo))
+            for j, other in enumerate(nodes):
+                if i != j:
+                    weight *= (todo - other) / (node - other)
+            step += weight[:, None] * tree.difference(q[before], q[node])
+    return q[before], step
+
+
+def _steps_as_predicted(task: Task, q: Array, samples: Index) -> Mask:
+    """Say for each sample whether the step to the next is the one that the rows' derivative predicts."""
+    problem, tree = task.problem, task.problem.tree
+    start = task.with_known(q[samples], samples + 1)
+    motion = tree.sweep(start)
+    here = problem.matrix(motion, every=False)
+    dx = problem.solve(here, -problem.residual(start, samples + 1, motion))
+    predicted = tree.integrate(start, dx * problem.col_scale)
+    off = tree.difference(predicted, q[samples + 1]) / problem.col_scale
+    size = np.abs(dx).max(axis=1, initial=0.0)
+    out: Mask = np.abs(off).max(axis=1, initial=0.0) <= SAME_BRANCH * size + SMALL
+    rest = np.flatnonzero(out & (size > SMALL))
+    if len(rest):
+        there = problem.matrix(tree.sweep(q[samples[rest] + 1]), every=False)
+        out[rest] = problem.turned(here[rest], there) <= TURNED
+    return out
+
+
+def _walk(task: Task, q: Array, sample: int) -> Array:
+    """Walk from a sample to the next, in steps as long as predictions hold; give the posture reached.
+
+    Raises:
+        AssemblyError: A target on the way is out of reach, or the branch ends.
+    """
+    there = task.solve(q[None], np.array([sample + 1]))
+    shortest = 1 / (FINEST if task.closed(there)[0] else COARSEST)
+    done, step = 0.0, 0.25
+    while done < 1.0:
+        step = min(step, 1.0 - done)
+        way = task.between(sample, np.array([done, done + step]))
+        result = way.solve(q[None], np.array([1]))
+        path = np.stack([q, result.q[0]])
+        if way.closed(result)[0] and _steps_as_predicted(way, path, np.zeros(1, dtype=int))[0]:
+            q, done, step = result.q[0], done + step, 2 * step
+        elif step <= shortest:
+            raise _lost(task, path[0], sample)
+        else:
+            step /= 2
+    return q
+
+
+def _at_once(task: Task, q: Array, sample: int) -> Array:
+    """Solve the next sample by itself, whatever its branch.
+
+    Raises:
+        AssemblyError: The target is out of reach.
+    """
+    result = task.solve(q[None], np.array([sample + 1]))
+    if not task.closed(result)[0]:
+        raise unreachable(task, result, sample + 1, result.iterations)
+    posture: Array = result.q[0]
+    return posture
+
+
+def _lost(task: Task, q: Array, sample: int) -> AssemblyError:
+    """Say that a branch ends between two samples."""
+    result = task.solve(q[None], np.array([sample + 1]))
+    if not task.closed(result)[0]:
+        return unreachable(task, result, sample + 1, result.iterations)
+    return AssemblyError(
+        f"module '{task.module}': no continuous motion leads from sample {sample} to sample {sample + 1}: "
+        "the posture would jump to another assembly branch. Move the trajectory away from the singularity "
+        "between them",
+        module=task.module,
+        sample=sample + 1,
+        residual=float(result.residual[0]),
+        iterations=result.iterations,
+    )

@@ -1,0 +1,142 @@
+"""Motions of a module that no motor drives, that move nothing that matters, or that have no inertia."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..description.names import listed
+from ..linkage.elimination import pivoted_qr
+from ..linkage.joints import ROOT_JOINT
+from ..spatial import Array
+from ..structure.mechanism import Mechanism
+from ..structure.module import Module
+from ..structure.robot import HybridRobot
+from .determinacy import IDLE
+
+#: Part of a module's largest inertia below which a motion has none (rounding of the sum is far below).
+MASSLESS = 1e-12
+#: Smallest share of the motors in a motion that counts as driving it.
+DRIVEN = 1e-6
+
+
+@dataclass(frozen=True)
+class FreeMotions:
+    """Motions at a generic posture, each named by the freedom that moves most in it.
+
+    Attributes:
+        uncontrolled: Those that no motor drives and that move an output or a centre of mass.
+        idle: Those that no motor drives and that move neither (a rod that spins about itself).
+        massless: Those without inertia; a force along them would accelerate them without limit.
+    """
+
+    uncontrolled: tuple[str, ...]
+    idle: tuple[str, ...]
+    massless: tuple[str, ...]
+
+
+def free_motions(module: Module) -> FreeMotions:
+    """Give the motions of a module that lack a motor or inertia.
+
+    Args:
+        module: The module.
+    """
+    m = module.mechanism
+    if not m.mobility:
+        return FreeMotions((), (), ())
+    motion = m.tree.sweep(m.postures[:1])
+    scaled = m.basis(m.closures.matrix(motion)).Psi[0] / m.reduction.col_scale[:, None]
+    motions = np.linalg.qr(scaled)[0]  # orthonormal in scaled coordinates
+    names = module.freedom_names()
+    undriven = motions @ _null_space(motions[module.motor_columns], DRIVEN)
+    effects = _effects(m) @ (undriven * m.reduction.col_scale[:, None])
+    calm = _null_space(effects, IDLE)
+    idle = undriven @ calm
+    moving = undriven @ _complement(calm)
+    values, vectors = np.linalg.eigh(own_inertia(m, motions * m.reduction.col_scale[:, None]))
+    light = motions @ vectors[:, values <= MASSLESS * max(values[-1], 0.0)]
+    return FreeMotions(_named(moving, names), _named(idle, names), _named(light, names))
+
+
+def free_motions_of(robot: HybridRobot) -> list[str]:
+    """Say which motions of a robot no motor drives or have no inertia, one sentence each.
+
+    Args:
+        robot: The robot; its free base is no news.
+    """
+    found: dict[str, list[str]] = {"uncontrolled": [], "idle": [], "massless": []}
+    for module in robot.modules:
+        if module.joints == (ROOT_JOINT,):
+            continue
+        free = free_motions(module)
+        for kind, names in found.items():
+            names += getattr(free, kind)
+    sentences = {
+        "uncontrolled": "no motor drives the motion of {}",
+        "idle": "idle, it moves no output and no centre of mass: the motion of {}",
+        "massless": "the motion of {} has no inertia",
+    }
+    return [sentences[kind].format(_unquoted(names)) for kind, names in found.items() if names]
+
+
+def own_inertia(m: Mechanism, Psi: Array) -> Array:
+    """Give the inertia of a module alone along motions at its first generic posture.
+
+    Args:
+        m: The module's numbers.
+        Psi: The motions, shape (n, N), of the tree after the cuts.
+
+    Returns:
+        Shape (N, N).
+    """
+    posture = m.postures[:1]
+    motion = m.tree.sweep(posture)
+    total: Array = Psi.T @ m.legs.crba(posture)[0, 6:, 6:] @ Psi
+    for body, inertia in zip(m.spec.outputs, m.inertias, strict=True):
+        a_map = m.jacobian(motion, body)[0] @ Psi
+        total = total + a_map.T @ inertia @ a_map
+    return total
+
+
+def _effects(m: Mechanism) -> Array:
+    """Give what rates do to outputs and to centres of mass, shape (rows, n), scaled."""
+    motion = m.tree.sweep(m.postures[:1])
+    units = np.array([m.length] * 3 + [1.0] * 3)[:, None]
+    rows = [m.tree.jacobian(motion, body)[0] / units for body in m.spec.outputs]
+    for i, body in enumerate(m.spec.leg_bodies):
+        if body is not None and body.mass:
+            centre = motion.p[:, i + 1] + motion.R[:, i + 1] @ body.com
+            rows.append(m.tree.jacobian(motion, i + 1, centre)[0, :3] / m.length)
+    return np.concatenate(rows) if rows else np.zeros((0, m.tree.nv))
+
+
+def _null_space(A: Array, tolerance: float) -> Array:
+    """Give orthonormal columns that A maps to almost nothing, shape (n, k)."""
+    if not A.shape[1]:
+        return np.zeros((0, 0))
+    _, s, Vt = np.linalg.svd(A, full_matrices=True)
+    rank = int(np.sum(s > tolerance))
+    out: Array = Vt[rank:].T
+    return out
+
+
+def _complement(Q: Array) -> Array:
+    """Give orthonormal columns that complete orthonormal columns Q to a basis."""
+    if not Q.shape[1]:
+        return np.eye(len(Q))
+    out: Array = np.linalg.svd(Q, full_matrices=True)[0][:, Q.shape[1] :]
+    return out
+
+
+def _named(motions: Array, names: list[str]) -> tuple[str, ...]:
+    """Name motions, columns of shape (n, k), by k freedoms that together tell them apart."""
+    k = motions.shape[1]
+    if not k:
+        return ()
+    order = pivoted_qr(motions.T[None], len(motions), k)[1][0, :k]
+    return tuple(names[i] for i in sorted(order))
+
+
+def _unquoted(names: list[str]) -> str:
+    return listed(dict.fromkeys(names)).replace("'", "")

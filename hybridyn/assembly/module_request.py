@@ -1,0 +1,210 @@
+"""What is wanted of one module: given joints of its tree after the cuts, and targets for its bodies."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ..errors import AssemblyError
+from ..linkage.rigid_motion import RigidMotion
+from ..linkage.targets import COORDINATES, CoordinateTarget, PoseTarget, Target
+from ..spatial import Array, cross, quaternion_from_rotation, rotate_back
+from ..structure.mechanism import Mechanism
+from ..structure.module import Module
+from ..structure.robot import HybridRobot
+from .requests import PoseRequest, Requests
+
+#: Turns beyond this are no position of a joint with ends [rad]; beyond `BLUR` an angle has lost its digits.
+WOUND_UP, BLUR = 1e4, 1e8
+#: Lengths beyond this many of a module's own are out of reach of its loops.
+FAR = 1e3
+
+
+@dataclass
+class ModuleRequest:
+    """What is wanted of one module, on its tree after the cuts.
+
+    Attributes:
+        mechanism: The module's numbers.
+        known: Positions, of which the joints in `given` count, shape (T, nq).
+        known_v: Their rates, shape (T, nv).
+        known_a: Their accelerations, shape (T, nv).
+        given: Joints whose positions are given.
+        targets: Poses of other bodies.
+        names: Links of the targets.
+    """
+
+    mechanism: Mechanism
+    known: Array
+    known_v: Array
+    known_a: Array
+    given: list[int] = field(default_factory=list)
+    targets: list[Target] = field(default_factory=list)
+    names: list[str] = field(default_factory=list)
+
+    def give_joint(self, joint: int, wanted: Array, name: str) -> None:
+        """Enter a joint's position, rate and acceleration, shape (3, T).
+
+        Raises:
+            AssemblyError: A position that only a slip of the pen gives.
+        """
+        position, rate, acceleration = wanted
+        m = self.mechanism
+        kind = m.tree.joints[joint].kind
+        far = FAR * m.length if m.closures.rows else np.inf
+        limit = {"revolute": WOUND_UP, "continuous": BLUR}.get(kind, far)
+        _refuse_absurd(name, position, limit, "m" if kind == "prismatic" else "rad")
+        at, to = m.tree.q_slices[joint], m.tree.v_slices[joint]
+        if kind == "continuous":
+            self.known[:, at.start], self.known[:, at.start + 1] = np.cos(position), np.sin(position)
+        else:
+            self.known[:, at.start] = position
+        self.known_v[:, to.start], self.known_a[:, to.start] = rate, acceleration
+        self.given.append(joint)
+
+    def give_pose(self, link: str, place: tuple[int, Array, Array], motion: RigidMotion) -> None:
+        """Enter a link's whole pose: a platform's as given coordinates, another body's as a target.
+
+        Args:
+            link: The link.
+            place: Its body in the tree after the cuts, and its placement R, p in the body.
+            motion: Its motion in the module's base body.
+        """
+        body, R, p = place
+        moved = motion.then(RigidMotion.at_rest(len(motion.p), R.T, -R.T @ p))
+        joint = self.mechanism.tree.joints[body - 1]
+        if joint.kind == "floating" and joint.parent == 0:
+            self.give_platform(body - 1, moved)
+            return
+        velocity = np.concatenate([moved.pd, moved.w], axis=1)
+        acceleration = np.concatenate([moved.pdd, moved.wd], axis=1)
+        self.add(PoseTarget(body, moved.R, moved.p, velocity, acceleration, _units(self.mechanism)), link)
+
+    def give_platform(self, joint: int, body: RigidMotion) -> None:
+        """Enter a platform's pose as its `floating` joint's coordinates."""
+        tree = self.mechanism.tree
+        at, to, record = tree.q_slices[joint], tree.v_slices[joint], tree.joints[joint]
+        inner = body.seen_from(RigidMotion.at_rest(len(body.p), record.R, record.p))
+        self.known[:, at.start : at.start + 3] = inner.p
+        self.known[:, at.start + 3 : at.stop] = quaternion_from_rotation(inner.R)
+        R = inner.R
+        spatial = inner.pdd - cross(inner.w, inner.pd)
+        self.known_v[:, to] = np.concatenate([rotate_back(R, inner.pd), rotate_back(R, inner.w)], axis=1)
+        self.known_a[:, to] = np.concatenate([rotate_back(R, spatial), rotate_back(R, inner.wd)], axis=1)
+        self.given.append(joint)
+
+    def add(self, target: Target, link: str) -> None:
+        """Add a target for a link."""
+        self.targets.append(target)
+        self.names.append(link)
+
+
+def module_request(
+    requests: Requests, robot: HybridRobot, number: int, base_body: int, bodies: Mapping[int, RigidMotion]
+) -> ModuleRequest:
+    """Give what is wanted of one module.
+
+    Args:
+        requests: Everything that is wanted.
+        robot: The robot.
+        number: Number of the module.
+        base_body: Body it stands on.
+        bodies: Motions of the bodies assembled so far, in the root body.
+
+    Raises:
+        AssemblyError: A joint or a pose that cannot be given there.
+    """
+    module = robot.modules[number]
+    m = module.mechanism
+    known = np.tile(m.home, (requests.samples, 1))
+    request = ModuleRequest(m, known, *np.zeros((2, requests.samples, m.tree.nv)))
+    tree_joint = {source: i for i, source in enumerate(m.spec.tree_joint) if source is not None}
+    for i, joint in enumerate(module.joints):
+        if joint in requests.joints:
+            if i not in tree_joint:
+                raise AssemblyError(
+                    f"joint '{joint}' belongs to a wrist that follows the platform of module "
+                    f"'{module.name}'; give the platform's pose instead",
+                    module=module.name,
+                )
+            request.give_joint(tree_joint[i], requests.joints[joint], joint)
+    for pose in requests.poses:
+        body, R, p = robot.bodies.place[pose.link]
+        owner, local = robot.body_owner[body]
+        if owner != number:
+            continue
+        place = (m.tree_body(local), R, p)
+        if pose.motion is None:
+            request.add(_coordinate_target(robot, module, base_body, pose, place), pose.link)
+        else:
+            motion = _in_base(robot, module, base_body, bodies, pose, pose.motion)
+            request.give_pose(pose.link, place, motion)
+    return request
+
+
+def _units(m: Mechanism) -> Array:
+    """Give the units of a pose's six rows: the module's length, and a radian."""
+    return np.array([m.length] * 3 + [1.0] * 3)
+
+
+def _coordinate_target(
+    robot: HybridRobot, module: Module, base_body: int, pose: PoseRequest, place: tuple[int, Array, Array]
+) -> CoordinateTarget:
+    """Give the target of a partial pose; `place` is the link's body in the tree and its placement there.
+
+    Raises:
+        AssemblyError: The pose is not relative to the module's base.
+    """
+    other_body, other_R, other_p = robot.bodies.place[pose.other]
+    if other_body != base_body:
+        raise AssemblyError(
+            f"partial pose of '{pose.link}' relative to '{pose.other}': give it relative to the base "
+            f"of its module, '{pose.link}@{module.base}/pose/...'",
+            module=module.name,
+        )
+    body, R, p = place
+    names = tuple(pose.coordinates)
+    value, rate, acceleration = (np.stack([pose.coordinates[n][i] for n in names], 1) for i in range(3))
+    units = _units(module.mechanism)[[COORDINATES.index(n) for n in names]]
+    return CoordinateTarget(body, names, other_R, other_p, (R, p), value, rate, acceleration, units)
+
+
+def _in_base(
+    robot: HybridRobot,
+    module: Module,
+    base_body: int,
+    bodies: Mapping[int, RigidMotion],
+    pose: PoseRequest,
+    motion: RigidMotion,
+) -> RigidMotion:
+    """Give a link's wanted motion in its module's base body.
+
+    Raises:
+        AssemblyError: The pose is relative to a link further out.
+    """
+    other_body, R, p = robot.bodies.place[pose.other]
+    if other_body not in bodies:
+        raise AssemblyError(
+            f"pose of '{pose.link}' relative to '{pose.other}', which stands further out; give it "
+            f"relative to '{module.base}' or a link nearer to the root",
+            module=module.name,
+        )
+    other = bodies[other_body].then(RigidMotion.at_rest(len(motion.p), R, p))
+    return other.then(motion).seen_from(bodies[base_body])
+
+
+def _refuse_absurd(name: str, position: Array, limit: float, unit: str) -> None:
+    """Refuse positions, shape (T,), that only a slip of the pen gives.
+
+    Raises:
+        AssemblyError: Naming the joint and the sample.
+    """
+    bad = np.flatnonzero(np.abs(position) > limit)
+    if len(bad):
+        raise AssemblyError(
+            f"joint '{name}' is out of reach at sample {bad[0]}: {position[bad[0]]:.4g} {unit} (limit "
+            f"{limit:.4g} {unit}); positions are in m and rad",
+            sample=int(bad[0]),
+        )

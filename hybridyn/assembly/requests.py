@@ -1,0 +1,211 @@
+"""What a caller of `assemble` wants, checked: positions of joints, and poses of links, whole or partial."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..errors import TrajectoryError
+from ..linkage.rigid_motion import RigidMotion
+from ..linkage.targets import COORDINATES
+from ..spatial import Array, rotation_from_quaternion
+from ..structure.robot import HybridRobot
+
+#: A quaternion in a pose may be this far from unit length.
+UNIT = 1e-6
+
+
+@dataclass(frozen=True)
+class PoseRequest:
+    """A pose of a link relative to another: whole (`motion`) or partial (`coordinates`).
+
+    Attributes:
+        link: The link.
+        other: The link it is relative to.
+        motion: The whole pose with its rates, in the other link, or None.
+        coordinates: For each coordinate its value, rate and acceleration, shape (3, T).
+    """
+
+    link: str
+    other: str
+    motion: RigidMotion | None
+    coordinates: dict[str, Array]
+
+
+@dataclass(frozen=True)
+class Requests:
+    """Everything that is wanted.
+
+    Attributes:
+        samples: Number of samples.
+        single: Whether a single sample came in without a batch axis.
+        joints: For each joint its position, rate and acceleration, shape (3, T).
+        poses: The poses.
+        base: Pose of a moving or floating base in the world, or None.
+        base_quaternion: Its quaternions as they were given, shape (T, 4), or None.
+    """
+
+    samples: int
+    single: bool
+    joints: dict[str, Array]
+    poses: tuple[PoseRequest, ...]
+    base: RigidMotion | None
+    base_quaternion: Array | None
+
+
+def gather_requests(
+    robot: HybridRobot, motors: Mapping[str, object], platforms: Mapping[str, object]
+) -> Requests:
+    """Check and sort what a caller wants.
+
+    Raises:
+        TrajectoryError: Unknown names, wrong shapes, numbers not finite, quaternions not of unit length.
+    """
+    kind = dict(zip(robot.joints, robot.kinds, strict=True))
+    for name in motors:
+        _known(name, kind, "joint")
+        if kind[name] not in ("revolute", "continuous", "prismatic"):
+            raise TrajectoryError(
+                f"joint '{name}' is {kind[name]}: it has no single position; give a pose", column=name
+            )
+    joints = {name: _three(value, name) for name, value in motors.items()}
+    raw = {key: _triple(value) for key, value in platforms.items()}
+    sizes = {np.shape(x)[-1] for j in joints.values() for x in j if np.ndim(x)}
+    sizes |= {n for parts in raw.values() for part in parts for n in _lengths(part)}
+    if len(sizes) > 1:
+        raise TrajectoryError(f"motors and platforms have different numbers of samples: {sorted(sizes)}")
+    T = sizes.pop() if sizes else 1
+    single = not any(np.ndim(x) for j in joints.values() for x in j) and not any(
+        _lengths(part) for parts in raw.values() for part in parts
+    )
+    arrays = {name: np.stack([np.broadcast_to(x, (T,)) for x in parts]) for name, parts in joints.items()}
+    base, quaternion = None, None
+    poses = []
+    for key, parts in raw.items():
+        pose = _pose(robot, key, parts, T)
+        if pose.link == pose.other and robot.bodies.place[pose.link][0] == 0:
+            base = pose.motion
+            quaternion = np.broadcast_to(np.asarray(parts[0], dtype=float)[..., 3:], (T, 4))
+        else:
+            poses.append(pose)
+    return Requests(T, single, arrays, tuple(poses), base, quaternion)
+
+
+def _known(name: str, known: Mapping[str, object], what: str) -> None:
+    """Refuse a name that is not known.
+
+    Raises:
+        TrajectoryError: With the nearest name that is.
+    """
+    if name not in known:
+        near = difflib.get_close_matches(name, list(known), 1)
+        hint = f"; did you mean '{near[0]}'?" if near else ""
+        raise TrajectoryError(f"unknown {what} '{name}'{hint}", column=name)
+
+
+def _triple(value: object) -> tuple[object, object, object]:
+    """Give (position, rate, acceleration), None where left out."""
+    parts = list(value) if isinstance(value, (tuple, list)) else [value]
+    if not 1 <= len(parts) <= 3:
+        raise TrajectoryError("give (position, rate, acceleration), of which the last two may be left out")
+    parts += [None] * (3 - len(parts))
+    return parts[0], parts[1], parts[2]
+
+
+def _three(value: object, name: str) -> list[Array]:
+    """Give position, rate and acceleration of a joint, each of shape () or (T,), zero where left out.
+
+    Raises:
+        TrajectoryError: Another shape, or a number that is not finite.
+    """
+    parts = [np.asarray(0.0 if x is None else x, dtype=float) for x in _triple(value)]
+    for x in parts:
+        if x.ndim > 1 or not np.isfinite(x).all():
+            raise TrajectoryError(f"joint '{name}' needs finite numbers of shape () or (T,)", column=name)
+    return parts
+
+
+def _lengths(part: object) -> list[int]:
+    """Give the batch sizes in one part of a pose."""
+    if part is None:
+        return []
+    if isinstance(part, Mapping):
+        return [len(x) for x in map(np.asarray, part.values()) if x.ndim]
+    array = np.asarray(part)
+    return [len(array)] if array.ndim > 1 else []
+
+
+def _pose(robot: HybridRobot, key: str, parts: Sequence[object], T: int) -> PoseRequest:
+    """Read one entry of `platforms`."""
+    root = robot.description.root
+    link, _, other = key.partition("@")
+    _known(link, robot.bodies.place, "link")
+    other = other or root
+    _known(other, robot.bodies.place, "link")
+    on_root = robot.bodies.place[link][0] == 0
+    if on_root and (link != root or robot.base == "fixed"):
+        raise TrajectoryError(f"link '{link}' is part of the base; it cannot be placed", column=key)
+    if robot.bodies.place[link][0] == robot.bodies.place[other][0] and not on_root:
+        raise TrajectoryError(f"'{link}' and '{other}' are one rigid body", column=key)
+    if isinstance(parts[0], Mapping):
+        if on_root:
+            raise TrajectoryError("the base needs its whole pose: x, y, z, qx, qy, qz, qw", column=key)
+        return PoseRequest(link, other, None, _coordinates(key, parts, T))
+    pose, twist, acceleration = (_array(key, x, width, T) for x, width in zip(parts, (7, 6, 6), strict=True))
+    norm = np.linalg.norm(pose[:, 3:], axis=1)
+    bad = np.flatnonzero(np.abs(norm - 1) > UNIT)
+    if len(bad):
+        raise TrajectoryError(
+            f"quaternion of length {norm[bad[0]]:.9g} (must be 1 to {UNIT:g})",
+            row=int(bad[0]) + 1,
+            column=key,
+        )
+    motion = RigidMotion(
+        rotation_from_quaternion(pose[:, 3:]),
+        pose[:, :3],
+        twist[:, 3:],
+        twist[:, :3],
+        acceleration[:, 3:],
+        acceleration[:, :3],
+    )
+    return PoseRequest(link, other, motion, {})
+
+
+def _array(key: str, value: object, width: int, T: int) -> Array:
+    """Give one part of a pose as (T, width), zero where left out.
+
+    Raises:
+        TrajectoryError: Another shape, or a number that is not finite.
+    """
+    if value is None:
+        return np.zeros((T, width))
+    out = np.asarray(value, dtype=float)
+    if out.shape not in ((width,), (T, width)) or not np.isfinite(out).all():
+        raise TrajectoryError(
+            f"needs finite numbers of shape ({width},) or ({T}, {width}), not {out.shape}", column=key
+        )
+    return np.broadcast_to(out, (T, width))
+
+
+def _coordinates(key: str, parts: Sequence[object], T: int) -> dict[str, Array]:
+    """Read a partial pose: for each coordinate its value, rate and acceleration."""
+    values = parts[0]
+    assert isinstance(values, Mapping)
+    out = {}
+    for name in values:
+        _known(name, dict.fromkeys(COORDINATES), "coordinate")
+        triple = []
+        for part in parts:
+            given = part.get(name) if isinstance(part, Mapping) else None
+            if part is not None and given is None:
+                raise TrajectoryError(
+                    f"the rates of '{key}' must name the same coordinates as its pose", column=key
+                )
+            triple.append(np.broadcast_to(np.asarray(0.0 if given is None else given, dtype=float), (T,)))
+        out[name] = np.stack(triple)
+        if not np.isfinite(out[name]).all():
+            raise TrajectoryError(f"coordinate '{name}' is not finite", column=key)
+    return out

@@ -1,0 +1,116 @@
+"""Which engine computes: the general path, or the robot's models written out as C."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from ...errors import HybridynError, ModelError
+from .summary import counted
+
+if TYPE_CHECKING:
+    from ...compiled.model import CompiledRobot
+    from ...effects import Effects
+    from ...structure.robot import HybridRobot
+
+WORTH = 3_000_000
+"""Samples times freedoms from which on building a model pays: some seven seconds by the general path."""
+
+WORTH_IN_TIME = 40_000
+"""The same where samples come one after the other, as in `simulate`: one by one the general path is slow."""
+
+WORTH_OF_EFFECTS = 2_000_000
+"""The same for `effects`, where a model for each set of effects is built: for the LX4 with its friction seven
+for nine runs, half a minute on two cores, as long as the general path takes for so much."""
+
+ENGINES = ("general", "compiled")
+
+HANDED_OVER = "near lost rank, or loops open by more than rounding"
+
+
+def takes_engine(samples: str, worth: int = WORTH) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """Give a command `engine`, the engine that the user names, or None.
+
+    Args:
+        samples: What the help calls the samples.
+        worth: Samples times freedoms from which on building a model pays.
+    """
+    return click.option(
+        "--engine",
+        type=click.Choice(ENGINES),
+        help="'general', or 'compiled': the robot's models written out as C, built once and kept; results "
+        f"agree to rounding.  [default: compiled where {samples} times freedoms of the robot's joints are "
+        f"{worth:,} or more, and the compiled models can do what is asked]",
+    )
+
+
+class Engine:
+    """The engine of a command, and what is told of it at the end.
+
+    Attributes:
+        model: The compiled models, or None for the general path.
+        handed_over: Samples that they handed to the general path, told block by block, for blocks may be
+            done in other processes; None where the models work here alone and count for themselves.
+    """
+
+    def __init__(self, model: CompiledRobot | None, reason: str) -> None:
+        self.model, self._reason = model, reason
+        self.handed_over: int | None = None
+
+    def add(self, handed_over: int) -> None:
+        """Take in what a block handed over."""
+        self.handed_over = (self.handed_over or 0) + handed_over
+
+    def __str__(self) -> str:
+        """Say which engine computed, and why."""
+        if self.model is None:
+            return f"engine: general ({self._reason})"
+        again = self.model.recomputed if self.handed_over is None else self.handed_over
+        more = f"; {counted(again, 'sample')} by the general path ({HANDED_OVER})" if again else ""
+        return f"engine: compiled ({self._reason}){more}"
+
+
+def choose_engine(
+    asked: str | None,
+    robot: HybridRobot,
+    effects: Effects,
+    samples: int | None,
+    obstacles: dict[str, bool],
+    worth: int | None = None,
+) -> Engine:
+    """Choose the engine: what the user asks for, else by the robot and the number of samples alone.
+
+    Args:
+        asked: "general", "compiled" or None.
+        robot: The robot.
+        effects: What is computed.
+        samples: Number of samples, or None where nobody knows.
+        obstacles: What compiled models cannot do, by name: whether it is asked for.
+        worth: Samples times freedoms from which on building a model pays; `WORTH` where left out.
+
+    Raises:
+        ModelError: "compiled" is asked for together with something that it cannot do.
+        CompileError: "compiled" is asked for and cannot be built.
+    """
+    if asked == "general":
+        return Engine(None, "as asked")
+    size, least = (samples or 0) * robot.nv, WORTH if worth is None else worth
+    if asked is None and size < least:
+        return Engine(None, f"{size:,} samples times freedoms; compiled from {least:,} on")
+    wanted = [name for name, there in obstacles.items() if there]
+    if wanted:
+        reason = f"compiled models cannot do: {', '.join(wanted)}"
+        if asked:
+            raise ModelError(f"--engine compiled: {reason}; use --engine general")
+        return Engine(None, reason)
+    try:
+        import hybridyn
+
+        model = hybridyn.compile(robot, effects)
+    except HybridynError as error:
+        if asked:
+            raise
+        return Engine(None, f"not compiled: {error}")
+    return Engine(model, "as asked" if asked else f"{size:,} samples times freedoms")

@@ -1,0 +1,157 @@
+"""The option that names a figure's file, and the figure's way into it."""
+
+from __future__ import annotations
+
+import contextlib
+import importlib.util
+import os
+from collections.abc import Callable, Iterator, Sequence
+from typing import TYPE_CHECKING, Any
+
+import click
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from ...figures.panels import Chart
+    from ...streams.blocks import Done
+    from ...structure.robot import HybridRobot
+
+FORMATS = (".png", ".svg", ".pdf")
+PAGE = ".html"
+GRAPH = ".dot"
+DPI = 120
+
+
+def figure_file(ctx: click.Context, param: click.Parameter, value: str | None) -> str | None:
+    """Check the ending and the folder of a figure's file, before any work is done."""
+    return None if value is None else check_figure(ctx, param, value, FORMATS)
+
+
+def chart_file(ctx: click.Context, param: click.Parameter, value: str | None) -> str | None:
+    """Check the ending and the folder of a chart's file, a figure or a page, before any work is done."""
+    return None if value is None else check_figure(ctx, param, value, (*FORMATS, PAGE))
+
+
+def drawing_file(ctx: click.Context, param: click.Parameter, value: str | None) -> str | None:
+    """Check the ending and the folder of a drawing's file, before any work is done."""
+    return None if value is None else check_figure(ctx, param, value, (*FORMATS, GRAPH))
+
+
+def check_figure(ctx: click.Context, param: click.Parameter, value: str, endings: tuple[str, ...]) -> str:
+    """Refuse a file that cannot be written, or whose kind needs a package that is missing.
+
+    Raises:
+        click.BadParameter: What is wrong.
+    """
+    if not value.lower().endswith(endings):
+        raise click.BadParameter(f"'{value}' must end in {', '.join(endings)}", ctx, param)
+    folder = os.path.dirname(value)
+    if folder and not os.path.isdir(folder):
+        raise click.BadParameter(f"there is no folder '{folder}'", ctx, param)
+    package = "plotly" if value.lower().endswith(PAGE) else "matplotlib"
+    if value.lower().endswith(GRAPH):
+        return value
+    if importlib.util.find_spec(package) is None:
+        message = f"this needs {package}: install it with `pip install 'hybridyn[plot]'`"
+        raise click.BadParameter(message, ctx, param)
+    return value
+
+
+def takes_plot(what: str, *, page: bool = False) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """Give a command `plot`, the file of a figure or None.
+
+    Args:
+        what: What the figure shows.
+        page: Whether it can be a page (.html) too.
+    """
+    endings = ".png, .svg, .pdf, or .html for a page to zoom into" if page else ".png, .svg or .pdf"
+    callback = chart_file if page else figure_file
+    return click.option("--plot", metavar="FILE", callback=callback, help=f"Also draw {what}: {endings}")
+
+
+def save(figure: Figure, target: str) -> None:
+    """Write a figure; the file appears when it is complete.
+
+    Args:
+        figure: The figure.
+        target: Its file.
+    """
+    import matplotlib
+
+    # Letters stay letters in SVG: they can be searched, and the file is small.
+    with _appearing(target) as partial, matplotlib.rc_context({"svg.fonttype": "none"}):
+        figure.savefig(partial, dpi=DPI)
+
+
+def save_chart(chart: Chart, target: str) -> None:
+    """Write a chart as its file's ending says; the file appears when it is complete.
+
+    Args:
+        chart: The chart.
+        target: Its file.
+    """
+    if target.lower().endswith(PAGE):
+        from ...figures.as_page import page_of_chart
+
+        text = page_of_chart(chart)
+        with _appearing(target) as partial, open(partial, "w", encoding="utf-8") as file:
+            file.write(text)
+        return
+    from ...figures.as_matplotlib import figure_of_chart
+
+    save(figure_of_chart(chart), target)
+
+
+def save_structure(robot: HybridRobot, target: str) -> None:
+    """Draw the tree of modules as its file's ending says.
+
+    Args:
+        robot: The robot.
+        target: The drawing's file.
+    """
+    from ...figures.structure_cards import cards, dot_of_cards
+
+    if not target.lower().endswith(GRAPH):
+        from ...figures.structure import figure_of_cards
+
+        save(figure_of_cards(cards(robot)), target)
+        return
+    with _appearing(target) as partial, open(partial, "w", encoding="utf-8") as file:
+        file.write(dot_of_cards(cards(robot)))
+
+
+class Drawing:
+    """A chart that grows with the rows of a result, block by block."""
+
+    def __init__(self, target: str) -> None:
+        from ...figures.envelope import Envelope
+
+        self.target, self.rows, self.timed = target, Envelope(), True
+
+    def add(self, done: Done) -> None:
+        """Take in a block."""
+        import numpy as np
+
+        self.timed = done.time is not None
+        numbers = np.arange(done.first_row, done.first_row + len(done.rows), dtype=float)
+        self.rows.add(numbers if done.time is None else done.time, done.rows)
+
+    def save(self, robot: HybridRobot, columns: Sequence[str], title: str) -> None:
+        """Write the chart."""
+        from ...figures.motion import chart_of_rows
+
+        x, rows = self.rows.lines()
+        save_chart(chart_of_rows(robot, columns, x, rows, timed=self.timed, title=title), self.target)
+
+
+@contextlib.contextmanager
+def _appearing(target: str) -> Iterator[str]:
+    """Give a file to write to, which takes its name when it is complete."""
+    partial = f"{target}.part{os.path.splitext(target)[1]}"
+    try:
+        yield partial
+        os.replace(partial, target)
+    finally:
+        if os.path.exists(partial):
+            os.unlink(partial)

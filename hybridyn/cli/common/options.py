@@ -1,0 +1,294 @@
+"""The arguments that say which robot, shared by every command that takes one."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import math
+import os
+import re
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+import click
+
+if TYPE_CHECKING:
+    from click.shell_completion import CompletionItem
+
+    from ...structure.robot import Base, HybridRobot
+
+XACRO_WORD = re.compile(r"([A-Za-z_]\w*):=(.*)", re.DOTALL)
+
+
+class RobotCommand(click.Command):
+    """A command that takes xacro arguments as bare words too, `name:=value`, anywhere on its line."""
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """Put `--xacro` before each bare `name:=value`, then parse as usual."""
+        words: list[str] = []
+        for word in args:
+            if XACRO_WORD.fullmatch(word) and words[-1:] != ["--xacro"]:
+                words.append("--xacro")
+            words.append(word)
+        return super().parse_args(ctx, words)
+
+
+def existing_file(ctx: click.Context, param: click.Parameter, value: str) -> str:
+    """Check that a file is there ("-" is standard input); if not, name the nearest one that is.
+
+    What is no path may be a file of a shipped robot, "lx4/traj.csv".
+    """
+    if value == "-" or os.path.isfile(value):
+        return value
+    if not os.path.exists(value):
+        from ...description.shipped import find_data
+
+        if shipped := find_data(value):
+            return shipped
+    if os.path.isdir(value):
+        raise click.BadParameter(f"'{value}' is a folder", ctx, param)
+    from ...description.names import closest
+
+    folder, name = os.path.split(value)
+    if folder and not os.path.isdir(folder):
+        raise click.BadParameter(f"there is no folder '{folder}'", ctx, param)
+    near = closest(name, os.listdir(folder or "."))
+    hint = f" (did you mean '{os.path.join(folder, near)}'?)" if near else ""
+    raise click.BadParameter(f"there is no file '{value}'{hint}", ctx, param)
+
+
+def robot_file(ctx: click.Context, param: click.Parameter, value: str) -> str:
+    """Give the file of a robot: one that is there, or that of the shipped robot of this name."""
+    from ...description.shipped import BARE_NAME, no_such_robot, shipped_robots, shown
+
+    if os.path.exists(value) or not BARE_NAME.fullmatch(value):
+        return existing_file(ctx, param, value)
+    if value not in shipped_robots():
+        raise click.BadParameter(no_such_robot(value), ctx, param)
+    return shown(shipped_robots()[value].file)
+
+
+def complete_robot(ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
+    """Offer the shipped robots and files."""
+    from click.shell_completion import CompletionItem
+
+    from ...description.shipped import shipped_robots
+
+    names = [
+        CompletionItem(name, help=robot.what)
+        for name, robot in shipped_robots().items()
+        if name.startswith(incomplete)
+    ]
+    return [CompletionItem(incomplete, type="file"), *names]  # bash forgets what comes before a file
+
+
+def complete_data(ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
+    """Offer files, and those of shipped robots once one is named: "lx4/traj.csv"."""
+    from click.shell_completion import CompletionItem
+
+    from ...description.shipped import shipped_robots
+
+    robot = shipped_robots().get(incomplete.partition("/")[0])
+    files = [] if robot is None else [*robot.scenes, *filter(None, [robot.trajectory])]
+    words = [f"{robot.name}/{file.name}" for file in files] if robot else []
+    return [CompletionItem(incomplete, type="file"), *map(CompletionItem, words)]
+
+
+def scene_file(ctx: click.Context, param: click.Parameter, value: str) -> str:
+    """Give a scene's file: one that is there, or the scene of the shipped robot of this name."""
+    from ...description.shipped import shipped_robots, shown
+
+    if not os.path.exists(value) and value in shipped_robots():
+        scenes = shipped_robots()[value].scenes
+        if len(scenes) == 1:
+            return shown(scenes[0])
+        names = ", ".join(f"'{value}/{scene.name}'" for scene in scenes) or "none"
+        raise click.BadParameter(f"the scenes of '{value}' are: {names}", ctx, param)
+    return existing_file(ctx, param, value)
+
+
+def result_file(ctx: click.Context, param: click.Parameter, value: str | None) -> str | None:
+    """Check, before any work is done, that a result can be written there."""
+    if value is None or value == "-":
+        return value
+    from ...errors import TrajectoryError
+    from ...tables.results import check_target
+
+    try:
+        check_target(value)
+    except TrajectoryError as error:
+        raise click.BadParameter(str(error), ctx, param) from error
+    return value
+
+
+def _names(ctx: click.Context, param: click.Parameter, value: str | None) -> list[str] | None:
+    """Split names at commas."""
+    if value is None:
+        return None
+    names = [name.strip() for name in value.split(",")]
+    if not all(names):
+        raise click.BadParameter(f"'{value}' has an empty name", ctx, param)
+    return names
+
+
+def _vector(ctx: click.Context, param: click.Parameter, value: str) -> tuple[float, float, float]:
+    """Parse three numbers separated by commas."""
+    try:
+        x, y, z = (float(number) for number in value.split(","))
+    except ValueError:
+        raise click.BadParameter(f"'{value}' is not three numbers with commas between", ctx, param) from None
+    if not all(math.isfinite(number) for number in (x, y, z)):
+        raise click.BadParameter(f"'{value}' is not finite", ctx, param)
+    return x, y, z
+
+
+def _xacro_arguments(ctx: click.Context, param: click.Parameter, values: tuple[str, ...]) -> dict[str, str]:
+    """Split each name:=value."""
+    matches = {value: XACRO_WORD.fullmatch(value) for value in values}
+    for value, match in matches.items():
+        if match is None:
+            raise click.BadParameter(f"'{value}' is not of the form name:=value", ctx, param)
+    return {match[1]: match[2] for match in matches.values() if match}
+
+
+def _effect_names(ctx: click.Context, param: click.Parameter, value: str) -> tuple[str, ...]:
+    """Split the names of effects at commas, and refuse unknown ones before any work is done."""
+    if ctx.resilient_parsing:  # a press of the tab key: nothing is computed, so nothing heavy is imported
+        return ()
+    from ...description.names import did_you_mean
+    from ...effects.choice import UNITS, WORDS
+
+    names = tuple(_names(ctx, param, value) or ())
+    for name in names:
+        if name not in (*UNITS, *WORDS):
+            hint = did_you_mean(name, (*WORDS, *UNITS))
+            raise click.BadParameter(
+                f"there is no effect '{name}'{hint}; see 'hybridyn effects --help'", ctx, param
+            )
+    return names
+
+
+def takes_effects(default: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """Give a command `effects`, the names of effects.
+
+    Args:
+        default: What is computed where the user names none.
+    """
+    return click.option(
+        "--effects",
+        metavar="A,B,...",
+        callback=_effect_names,
+        default=default,
+        show_default=True,
+        help="What is computed, and nothing else: 'default' (gravity, inertia, leg_inertia, velocity), "
+        "'model' (those and all that the robot's files state), 'none', or names of effects, those words "
+        "included.",
+    )
+
+
+_OPTIONS = (
+    click.argument("robot", callback=robot_file, shell_complete=complete_robot),
+    click.option(
+        "--base",
+        type=click.Choice(["fixed", "moving", "floating"]),
+        default="fixed",
+        show_default=True,
+        help="What the root link does: stand still, move as the table says, or float freely.",
+    ),
+    click.option("--motors", metavar="A,B,...", callback=_names, help="Driven joints, not the files' own."),
+    click.option(
+        "--gravity",
+        metavar="X,Y,Z",
+        callback=_vector,
+        default="0,0,-9.81",
+        show_default=True,
+        help="Acceleration of gravity in the world [m/s^2].",
+    ),
+    click.option(
+        "--xacro",
+        "xacro_args",
+        metavar="NAME:=VALUE",
+        callback=_xacro_arguments,
+        multiple=True,
+        help="Argument of a xacro file; bare words NAME:=VALUE do the same.",
+    ),
+    click.option(
+        "--package-dir",
+        "package_dirs",
+        type=click.Path(exists=True, file_okay=False),
+        multiple=True,
+        help="Folder that holds packages, for $(find ...) in xacro files.",
+    ),
+    click.option(
+        "--rank-tolerance",
+        type=click.FloatRange(0, 1, min_open=True, max_open=True),
+        help="Relative singular value under which closure rows count as dependent, where no gap shows it.",
+    ),
+    click.option(
+        "--closure-tolerance",
+        type=click.FloatRange(0, 1, min_open=True),
+        default=1e-4,
+        show_default=True,
+        help="Largest closure residual that counts as closed, relative to a module's size.",
+    ),
+)
+
+
+@dataclasses.dataclass(frozen=True)
+class RobotChoice:
+    """Which robot the user named, and how it is to be read; called, it gives the robot.
+
+    Attributes:
+        robot: The robot's file.
+        base: As `hybridyn.load` takes it, as all that follow.
+        motors: Names of the driven joints, or None.
+        gravity: Acceleration of gravity, [m/s^2].
+        xacro_args: Arguments of a xacro file by name.
+        package_dirs: Folders of packages.
+        rank_tolerance: Relative singular value, or None.
+        closure_tolerance: Largest residual that counts as closed.
+    """
+
+    robot: str
+    base: Base
+    motors: list[str] | None
+    gravity: tuple[float, float, float]
+    xacro_args: dict[str, str]
+    package_dirs: tuple[str, ...]
+    rank_tolerance: float | None
+    closure_tolerance: float
+
+    def __call__(self) -> HybridRobot:
+        """Read and build the robot."""
+        import hybridyn
+
+        return hybridyn.load(
+            self.robot,
+            base=self.base,
+            motors=self.motors,
+            gravity=self.gravity,
+            xacro_args=self.xacro_args or None,
+            package_dirs=self.package_dirs,
+            rank_tolerance=self.rank_tolerance,
+            closure_tolerance=self.closure_tolerance,
+        )
+
+
+def takes_robot(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Give a command the options that say which robot; it receives `load`, which reads and builds the robot.
+
+    Args:
+        function: The command's body; its keyword `load` is a `RobotChoice`.
+
+    Returns:
+        The body with the options in front of its own.
+    """
+
+    @functools.wraps(function)
+    def body(**words: Any) -> Any:
+        own = {field.name: words.pop(field.name) for field in dataclasses.fields(RobotChoice)}
+        return function(load=RobotChoice(**own), **words)
+
+    for option in reversed(_OPTIONS):
+        body = option(body)
+    return body

@@ -1,0 +1,170 @@
+"""The closing summary on standard error: what the motors had to do, and how the numbers came about."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import click
+
+if TYPE_CHECKING:
+    from ...effects import Effects
+    from ...streams.blocks import Done
+    from ...structure.robot import HybridRobot
+    from ...tables.columns import Layout
+    from .engine import Engine
+
+#: Peaks that differ by less than this (relative) are one: the first counts, whatever rounding says.
+TIE = 1e-6
+
+
+class Summary:
+    """Peaks and RMS of some columns and the worst closure residual, gathered block by block."""
+
+    def __init__(
+        self,
+        robot: HybridRobot,
+        quantity: str,
+        names: Sequence[str],
+        units: Sequence[str],
+        at: Sequence[int],
+        others: Sequence[str] = (),
+        *,
+        remarks: Sequence[str],
+        engine: Engine,
+    ) -> None:
+        """Start with nothing gathered.
+
+        Args:
+            robot: The robot.
+            quantity: What the columns hold, "effort" or "acceleration".
+            names: The motors, one line of the summary each.
+            units: Their units.
+            at: Their columns.
+            others: Every column by name, where the largest of the rest is told as well.
+            remarks: Lines that the summary ends with.
+            engine: What computes; it learns how many samples the general path took over.
+        """
+        self.robot, self.quantity, self.remarks, self.engine = robot, quantity, remarks, engine
+        self.names, self.units, self.at = [*names], [*units], [*at]
+        self.samples = 0
+        self.residual = 0.0
+        self._count = len(names)
+        rest = [column for column in range(len(others)) if column not in set(at)]
+        self.at += rest
+        self.names += [others[column] for column in rest]
+        self.peaks = [0.0] * len(self.at)
+        self.places = [""] * len(self.at)
+        self.squares = [0.0] * len(self.at)
+
+    def add(self, done: Done) -> None:
+        """Take in a block.
+
+        Args:
+            done: What it came to.
+        """
+        self.samples += len(done.rows)
+        self.engine.add(done.handed_over)
+        self.residual = max(self.residual, float(done.residual.max(initial=0.0)))
+        for i, column in enumerate(self.at):
+            values = done.rows[:, column]
+            sizes = abs(values)
+            index = int((sizes >= sizes.max() * (1 - TIE)).argmax())
+            if not self.places[i] or sizes[index] > abs(self.peaks[i]) * (1 + TIE):
+                self.peaks[i] = float(values[index])
+                row = f"row {done.first_row + index}"
+                self.places[i] = row if done.time is None else f"{done.time[index]:.6g} s"
+            self.squares[i] += float(values @ values)
+
+    def show(self, layout: Layout, seconds: float, wall: float, jobs: int) -> None:
+        """Print the summary on standard error.
+
+        Args:
+            layout: The meaning of the table's columns.
+            seconds: Time spent on the samples [s].
+            wall: Time since the command started [s].
+            jobs: Number of processes.
+        """
+        click.echo(f"{self.robot.name}: {counted(len(self.robot.motors), 'motor')}", err=True)
+        for line in self._lines():
+            click.echo(f"  {line}", err=True)
+        for line in (*fitted_rates(layout), *self.remarks, str(self.engine)):
+            click.echo(line, err=True)
+        if self.robot.description.closures or self.robot.description.couplings:
+            click.echo(f"worst closure residual: {self.residual:.2g} of the module's size", err=True)
+        rate = self.samples / seconds if seconds > 0 else float("inf")
+        shared = f" in {jobs} processes" if jobs > 1 else ""
+        click.echo(
+            f"{counted(self.samples, 'sample')}, {rate:,.0f} samples/s{shared}, wall time {wall:.2f} s",
+            err=True,
+        )
+
+    def _lines(self) -> list[str]:
+        rows = [["motor", f"peak {self.quantity}", f"RMS {self.quantity}", "unit", "peak at"]]
+        for i in range(self._count):
+            rms = (self.squares[i] / self.samples) ** 0.5
+            rows.append([self.names[i], f"{self.peaks[i]:.6g}", f"{rms:.6g}", self.units[i], self.places[i]])
+        lines = aligned_rows(rows, right=(1, 2)) if self._count else []
+        rest = range(self._count, len(self.at))
+        if rest:
+            worst = max(rest, key=lambda i: abs(self.peaks[i]))
+            lines.append(
+                f"largest other: {self.names[worst]} {self.peaks[worst]:.6g} at {self.places[worst]}"
+            )
+        return lines
+
+
+def effects_line(effects: Effects) -> list[str]:
+    """Say which effects were computed and which were not, in one line.
+
+    Args:
+        effects: The effects of the command.
+    """
+    return [f"effects on: {', '.join(effects.names) or 'none'}; off: {', '.join(effects.absent) or 'none'}"]
+
+
+def fitted_rates(layout: Layout) -> list[str]:
+    """Say which rates the table did not give and a spline did.
+
+    Args:
+        layout: The meaning of the table's columns.
+
+    Returns:
+        One line per kind of missing rates.
+    """
+    from ...description.names import listed
+
+    groups: dict[tuple[str, ...], list[str]] = {}
+    for signal in layout.signals:
+        if signal.missing:
+            groups.setdefault(signal.missing, []).append(signal.name)
+    return [
+        f"not in the table, fitted by a quintic spline over time: {' and '.join(missing)} of {listed(names)}"
+        for missing, names in groups.items()
+    ]
+
+
+def aligned_rows(rows: Sequence[Sequence[str]], right: Sequence[int] = ()) -> list[str]:
+    """Set cells in columns.
+
+    Args:
+        rows: Cells by row.
+        right: Columns that are flush right.
+
+    Returns:
+        One line per row.
+    """
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    lines = []
+    for row in rows:
+        cells = [
+            cell.rjust(width) if column in right else cell.ljust(width)
+            for column, (cell, width) in enumerate(zip(row, widths, strict=True))
+        ]
+        lines.append("  ".join(cells).rstrip())
+    return lines
+
+
+def counted(number: int, thing: str) -> str:
+    """Give "1 motor", "1,000 motors"."""
+    return f"{number:,} {thing}" + ("" if number == 1 else "s")

@@ -1,0 +1,291 @@
+"""What the commands have in common that turn a table into another one, row by row."""
+
+from __future__ import annotations
+
+import contextlib
+import functools
+import os
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Protocol
+
+import click
+
+from ...streams.blocks import LONG_TABLE, Model, Work, blocks, in_order, rows_at_once
+from ...streams.memory import keep_freed_memory
+from ...streams.workers import Workers
+from .figures import Drawing, takes_plot
+from .options import complete_data, existing_file, result_file
+from .progress import Progress
+
+if TYPE_CHECKING:
+    from ...streams.blocks import Done
+    from ...structure.robot import HybridRobot
+    from ...tables.columns import Layout
+    from ...tables.csv_table import Table
+    from ...tables.results import Write
+
+
+class Gathered(Protocol):
+    """What is remembered of the rows, and told at the end."""
+
+    samples: int
+
+    def add(self, done: Done) -> None:
+        """Take in a block."""
+        ...
+
+    def show(self, layout: Layout, seconds: float, wall: float, jobs: int) -> None:
+        """Tell it: after so many seconds on the samples, and in all, with so many processes."""
+        ...
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What a command makes of a table.
+
+    Attributes:
+        model: What to compute from each block.
+        columns: Columns of the result after the time.
+        summary: What is remembered of it.
+        written: Whether the rows are a result that is written.
+    """
+
+    model: Model
+    columns: Sequence[str]
+    summary: Gathered
+    written: bool = True
+
+
+@dataclass(frozen=True)
+class Tables:
+    """The files of a command, and how it goes about them.
+
+    Attributes:
+        source: The table that is read.
+        output: The result, or None for standard output.
+        reactions: Where reactions go, or None.
+        jobs: Number of processes, or None for the command's own choice.
+        quiet: Whether the summary is left out.
+        plot: Where a figure of the result goes, or None.
+    """
+
+    source: str
+    output: str | None
+    reactions: str | None
+    jobs: int | None
+    quiet: bool
+    plot: str | None = None
+
+
+def own_table(ctx: click.Context, param: click.Parameter, value: str | None) -> str:
+    """Give the table that the user names, or the trajectory that comes with a shipped robot."""
+    if value is not None:
+        return existing_file(ctx, param, value)
+    from ...description.shipped import own_trajectory
+
+    robot = ctx.params.get("robot")
+    table = own_trajectory(robot) if robot else None
+    if table is None:
+        raise click.MissingParameter(ctx=ctx, param=param, param_hint="'TRAJECTORY'")
+    return table
+
+
+def takes_source(metavar: str, *, own: bool) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """Give a command `source`, the table that it reads.
+
+    Args:
+        metavar: What the help calls the table.
+        own: Whether a shipped robot's own trajectory is taken where the user names no table.
+    """
+    return click.argument(
+        "source",
+        metavar=f"[{metavar}]" if own else metavar,
+        required=not own,
+        callback=own_table if own else existing_file,
+        shell_complete=complete_data,
+    )
+
+
+takes_jobs = click.option(
+    "-j",
+    "--jobs",
+    type=click.IntRange(1, 256),
+    help="Processes to share the work.  [default: 1; one per core where the table has more than "
+    f"{LONG_TABLE:,} numbers]",
+)
+
+
+def takes_table(
+    metavar: str, *, own: bool = False, plot: str = ""
+) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """Give a command the arguments of a table; it receives them as `tables`.
+
+    Args:
+        metavar: What the help calls the table.
+        own: Whether a shipped robot's own trajectory is taken where the user names no table.
+        plot: What a figure of the result shows.
+
+    Returns:
+        A decorator for the command's body.
+    """
+    options = (
+        takes_source(metavar, own=own),
+        click.option(
+            "-o",
+            "--output",
+            metavar="FILE",
+            callback=result_file,
+            help="Result file, .csv or .parquet  [default: CSV on standard output]",
+        ),
+        click.option(
+            "--reactions",
+            metavar="FILE",
+            callback=result_file,
+            help="Also write the inner wrenches, .csv or .parquet: '<root link>/reaction/fx' .. 'mz' of "
+            "the ground on the root body; '<module>/reaction/...' of a module's base body on it, at that "
+            "body's origin in its axes; '<closure>/wrench/...' of a closure on its successor, at the "
+            "successor's closure frame in the axes of the predecessor's; '<coupling>/multiplier'.",
+        ),
+        takes_jobs,
+        takes_plot(plot, page=True),
+        click.option("-q", "--quiet", is_flag=True, help="No summary."),
+    )
+
+    def decorate(function: Callable[..., Any]) -> Callable[..., Any]:
+        @functools.wraps(function)
+        def body(
+            source: str,
+            output: str | None,
+            reactions: str | None,
+            jobs: int | None,
+            plot: str | None,
+            quiet: bool,
+            **rest: Any,
+        ) -> Any:
+            _refuse_overwriting(source, output, reactions)
+            return function(tables=Tables(source, output, reactions, jobs, quiet, plot), **rest)
+
+        for option in reversed(options):
+            body = option(body)
+        return body
+
+    return decorate
+
+
+def run(
+    tables: Tables,
+    load: Callable[[], HybridRobot],
+    plan: Callable[[HybridRobot, Layout, int | None], Plan],
+    *,
+    efforts: bool = False,
+) -> None:
+    """Read a table, compute block by block, write the result and say on standard error how it went.
+
+    Args:
+        tables: The files.
+        load: Gives the robot.
+        plan: Gives what to compute for it, from the table's layout and about how many rows it has.
+        efforts: Whether the table holds efforts.
+
+    Raises:
+        HybridynError: A file or a row is wrong; nothing is written then.
+    """
+    from ...tables.columns import read_layout
+    from ...tables.csv_table import open_table
+    from ...tables.trajectory import read_motions
+
+    keep_freed_memory()
+    started = time.perf_counter()
+    with open_table(tables.source) as table, Workers(_processes(tables.jobs, table)) as workers:
+        robot = load()
+        layout = read_layout(
+            table.columns,
+            robot.description,
+            motors=robot.motors,
+            base=robot.base,
+            file=table.file,
+            efforts=efforts,
+        )
+        planned = plan(robot, layout, table.rows)
+        work = Work(robot, layout, planned.model)
+        workers.prepare(work)
+        rows = rows_at_once(robot, len(workers), table.rows)
+        connected = layout.time is not None and not layout.full_state
+        loaded = time.perf_counter()
+        given = blocks(read_motions(table, layout), rows, connected)
+        drawn = Drawing(tables.plot) if tables.plot else None
+        with _writer(tables, robot, planned, layout.time is not None) as write, Progress() as progress:
+            for done in in_order(work, given, workers):
+                planned.summary.add(done)
+                write(done)
+                if drawn is not None:
+                    drawn.add(done)
+                progress.show(planned.summary.samples, table.fraction())
+        jobs = len(workers)
+    if drawn is not None:
+        drawn.save(robot, planned.columns, f"{robot.name}, {os.path.basename(tables.source)}")
+    finished = time.perf_counter()
+    if not tables.quiet:
+        planned.summary.show(layout, finished - loaded, finished - started, max(jobs, 1))
+        if tables.reactions:
+            from ...streams.reaction_columns import shared_wrenches
+
+            for line in shared_wrenches(robot):
+                click.echo(line, err=True)
+
+
+def _processes(jobs: int | None, table: Table) -> int:
+    """Give how many processes to start, 0 where the work is done in this one."""
+    if jobs is None:
+        cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+        jobs = cores if (table.rows or 0) * len(table.columns) > LONG_TABLE else 1
+    return 0 if jobs == 1 else jobs
+
+
+@contextlib.contextmanager
+def _writer(tables: Tables, robot: HybridRobot, plan: Plan, timed: bool) -> Any:
+    """Give a function that writes what a block came to; files appear when all is done."""
+    import numpy as np
+
+    from ...tables.results import open_results
+
+    if not plan.written:
+        yield lambda done: None
+        return
+    time_column = ["time"] if timed else []
+    with contextlib.ExitStack() as files:
+        result: Write = files.enter_context(open_results(tables.output, [*time_column, *plan.columns]))
+        inner: Write | None = None
+        if tables.reactions:
+            from ...streams.reaction_columns import reaction_columns
+
+            columns = [*time_column, *reaction_columns(robot)]
+            inner = files.enter_context(open_results(tables.reactions, columns))
+
+        def write(done: Any) -> None:
+            for rows, to in ((done.rows, result), (done.reactions, inner)):
+                if to is not None:
+                    to(rows if done.time is None else np.column_stack([done.time, rows]))
+
+        yield write
+
+
+def _refuse_overwriting(source: str, output: str | None, reactions: str | None) -> None:
+    """Refuse to write what is read, or two tables into one file."""
+    taken = [os.path.realpath(source)] if source != "-" else []
+    for target in (output, reactions):
+        if target is None or target == "-":
+            continue
+        place = os.path.realpath(target)
+        if place in taken:
+            reason = (
+                "is read, and would be replaced"
+                if place == os.path.realpath(source)
+                else "is written already"
+            )
+            raise click.UsageError(f"'{target}' {reason}")
+        taken.append(place)
+    if reactions == "-" and output in (None, "-"):
+        raise click.UsageError("efforts and reactions cannot both go to standard output")

@@ -1,0 +1,161 @@
+"""The driver whose lanes are copies: one sample, equal legs side by side.
+
+What is not a copy's own is the same in all lanes; lanes without a copy repeat the first one. Sums take the
+copies in their order, from the lanes: the very additions of the other driver.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...spatial import Array, Index
+from ..program import Add, Call, Constants, Each, Given, Own, Program, Result, Shared, Source, Target, Worst
+from .drivers import Block, driver, in_place
+from .tables import Tables, steps_of_one
+
+HEAD = "static void {name}_copies(const S *given, S *result, V *shared, V *own, S *guard) {{"
+
+
+def across_copies(program: Program, names: list[str], lanes: int, tables: Tables) -> str:
+    """Give the function `<program>_copies` in C.
+
+    Args:
+        program: The program.
+        names: Name in C of each kernel.
+        lanes: Number of lanes.
+        tables: Where its tables go.
+    """
+
+    def call(step: Call, name: str) -> list[str]:
+        if step.copies == 1:
+            return _alone(step, name, tables)
+        packs = range(-(-step.copies // lanes))
+        return [line for pack in packs for line in _Pack(step, pack, lanes, tables).text(name)]
+
+    return driver(program, HEAD.format(name=program.name), names, tables, call)
+
+
+def _alone(call: Call, name: str, tables: Tables) -> list[str]:
+    """Give a call of one copy: every lane the same."""
+    block = Block()
+    for n, source in enumerate(call.sources):
+        block.arguments.append(_alone_source(n, source, tables, block))
+    for n, (target, free) in enumerate(zip(call.targets, in_place(call), strict=True)):
+        block.arguments.append(_alone_target(n, target, free, tables, block))
+    return block.lines(name)
+
+
+def _alone_source(n: int, source: Source, tables: Tables, block: Block) -> str:
+    """Give an argument that is read; numbers that are not in lanes are spread over them first."""
+    match source:
+        case Shared(start, _) | Each(start, _):
+            return f"shared + {start}"
+        case Own(start, _):
+            return f"own + {start}"
+        case Constants(values):
+            x = block.vector(f"x{n}", values.size)
+            if values.size:
+                block.before.append(f"set_all({x}, {tables.numbers(values)}, {values.size});")
+            return x
+        case Given(index) | Result(index):
+            place = "given" if isinstance(source, Given) else "result"
+            x = block.vector(f"x{n}", index.size)
+            if index.size and steps_of_one(index):
+                block.before.append(f"set_all({x}, {place} + {index[0, 0]}, {index.size});")
+            elif index.size:
+                block.before.append(f"gather_all({x}, {place}, {tables.places(index)}, {index.size});")
+            return x
+
+
+def _alone_target(n: int, target: Target, free: bool, tables: Tables, block: Block) -> str:
+    """Give an argument that is written; results and the guard take the first lane."""
+    y = f"y{n}"
+    match target:
+        case Shared(start, size) | Each(start, size) | Own(start, size):
+            place = f"{'own' if isinstance(target, Own) else 'shared'} + {start}"
+            if free:
+                return place
+            block.after.append(f"copy({place}, {y}, {size});")
+        case Add(start, size):
+            block.after.append(f"add(shared + {start}, {y}, {size});")
+        case Result(index):
+            size = index.size
+            if size:
+                block.after.append(f"scatter_first(result, {tables.places(index)}, {y}, {size});")
+        case Worst():
+            size = 1
+            block.after.append(f"*guard = worst_of_lanes(*guard, {y}[0], 1);")
+    return block.vector(y, size)
+
+
+class _Pack:
+    """A call of as many copies as there are lanes, among those of one call."""
+
+    def __init__(self, call: Call, pack: int, lanes: int, tables: Tables) -> None:
+        self.call, self.pack, self.lanes, self.tables = call, pack, lanes, tables
+        self.first = pack * lanes
+        self.valid = min(lanes, call.copies - self.first)  # lanes with a copy of their own
+        self.copies = np.arange(self.first, self.first + lanes)
+        self.copies[self.valid :] = 0
+
+    def text(self, name: str) -> list[str]:
+        """Give the call."""
+        block = Block()
+        for n, source in enumerate(self.call.sources):
+            block.arguments.append(self._source(n, source, block))
+        for n, (target, free) in enumerate(zip(self.call.targets, in_place(self.call), strict=True)):
+            block.arguments.append(self._target(n, target, free, block))
+        return block.lines(name)
+
+    def _lanes(self, values: Array | Index) -> Array | Index:
+        """Give rows of the copies, side by side: (entries, lanes)."""
+        rows: Array | Index = values[self.copies].T
+        return rows
+
+    def _source(self, n: int, source: Source, block: Block) -> str:
+        """Give an argument that is read; numbers of the copies are gathered into their lanes first."""
+        match source:
+            case Shared(start, _):
+                return f"shared + {start}"
+            case Own(start, size):
+                return f"own + {start + self.pack * size}"
+            case Constants(values):
+                return f"(const V *){self.tables.numbers(np.asarray(self._lanes(values), dtype=float))}"
+            case Given(index) | Result(index):
+                place = "given" if isinstance(source, Given) else "result"
+                size = index.shape[1]
+                at = self._lanes(index)
+            case Each(start, size):
+                place = "(const S *)shared"
+                at = (
+                    start + size * self.copies + np.arange(size)[:, None]
+                ) * self.lanes  # first lane of each
+        x = block.vector(f"x{n}", size)
+        if size:
+            block.before.append(f"gather_lanes({x}, {place}, {self.tables.places(at.astype(int))}, {size});")
+        return x
+
+    def _target(self, n: int, target: Target, free: bool, block: Block) -> str:
+        """Give an argument that is written; what is not the copies' own is spread or summed afterwards."""
+        y, first, valid = f"y{n}", self.first, self.valid
+        match target:
+            case Own(start, size):
+                place = f"own + {start + self.pack * size}"
+                if free:
+                    return place
+                block.after.append(f"copy({place}, {y}, {size});")
+            case Add(start, size):
+                block.after.append(f"add_lanes(shared + {start}, {y}, {size}, {valid});")
+            case Each(start, size):
+                block.after.append(f"spread_lanes(shared + {start + first * size}, {y}, {size}, {valid});")
+            case Result(index):
+                size = index.shape[1]
+                if size:
+                    at = self.tables.places(index[first : first + valid])
+                    block.after.append(f"scatter_lanes(result, {at}, {y}, {size}, {valid});")
+            case Worst():
+                size = 1
+                block.after.append(f"*guard = worst_of_lanes(*guard, {y}[0], {valid});")
+            case Shared():
+                raise ValueError("several copies write shared numbers")
+        return block.vector(y, size)

@@ -1,0 +1,110 @@
+"""The driver whose lanes are samples: calls one after the other, copies one after the other.
+
+With one lane it is the plain program of one sample.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...spatial import Index
+from ..program import Add, Call, Constants, Each, Given, Own, Program, Result, Shared, Source, Target, Worst
+from .drivers import Block, driver, in_place
+from .tables import Tables, steps_of_one
+
+HEAD = "static void {name}_samples(const V *given, V *result, V *shared, V *own, V *guard) {{"
+
+
+def across_samples(program: Program, names: list[str], tables: Tables) -> str:
+    """Give the function `<program>_samples` in C.
+
+    Args:
+        program: The program.
+        names: Name in C of each kernel.
+        tables: Where its tables go.
+    """
+    head = HEAD.format(name=program.name)
+    return driver(program, head, names, tables, lambda call, name: _call(call, name, tables))
+
+
+def _call(call: Call, name: str, tables: Tables) -> list[str]:
+    """Give a call of a kernel for each copy."""
+    block = Block()
+    for n, source in enumerate(call.sources):
+        block.arguments.append(_source(call, n, source, tables, block))
+    for n, (target, free) in enumerate(zip(call.targets, in_place(call), strict=True)):
+        block.arguments.append(_target(call, n, target, free, tables, block))
+    head = "{" if call.copies == 1 else f"for (int i = 0; i < {call.copies}; i++) {{"
+    return block.lines(name, head)
+
+
+def _row(call: Call, index: Index, tables: Tables) -> str:
+    """Give where copy i begins, for places that count up by one."""
+    first = index[:, 0] if index.shape[1] else np.zeros(len(index), dtype=int)
+    return str(int(first[0])) if call.copies == 1 else f"{tables.places(first)}[i]"
+
+
+def _at(call: Call, start: int, size: int) -> str:
+    """Give where copy i begins, for places one behind the other."""
+    return str(start) if call.copies == 1 else f"{start} + i * {size}"
+
+
+def _source(call: Call, n: int, source: Source, tables: Tables, block: Block) -> str:
+    """Give an argument that is read; what is not there as a row is gathered first."""
+    match source:
+        case Shared(_, 0) | Each(_, 0) | Own(_, 0):
+            return "0"
+        case Given(index) | Result(index):
+            place = "given" if isinstance(source, Given) else "result"
+            if steps_of_one(index):
+                return f"{place} + {_row(call, index, tables)}"
+            size = index.shape[1]
+            x = block.vector(f"x{n}", size)
+            block.before.append(
+                f"gather({x}, {place}, {tables.places(index)} + {_at(call, 0, size)}, {size});"
+            )
+            return x
+        case Constants(values):
+            size = values.shape[1]
+            x = block.vector(f"x{n}", size)
+            if values.size:
+                at = f"{tables.numbers(values)} + {_at(call, 0, size)}"
+                block.before.append(f"set_all({x}, {at}, {size});")
+            return x
+        case Shared(start, _):
+            return f"shared + {start}"
+        case Each(start, size):
+            return f"shared + {_at(call, start, size)}"
+        case Own(start, size):
+            return f"own + {_at(call, start, size)}"
+
+
+def _target(call: Call, n: int, target: Target, free: bool, tables: Tables, block: Block) -> str:
+    """Give an argument that is written; what cannot be written in place goes there afterwards."""
+    y = f"y{n}"
+    match target:
+        case Shared(_, 0) | Each(_, 0) | Own(_, 0) | Add(_, 0):
+            return block.vector(y, 0)
+        case Worst():
+            block.after.append(f"*guard = worst(*guard, {y}[0]);")
+            return block.vector(y, 1)
+        case Add(start, size):
+            block.after.append(f"add(shared + {start}, {y}, {size});")
+            return block.vector(y, size)
+        case Result(index):
+            size = index.shape[1]
+            if free and index.size and steps_of_one(index):
+                return f"result + {_row(call, index, tables)}"
+            at = f"{tables.places(index)} + {_at(call, 0, size)}"
+            block.after.append(f"scatter(result, {at}, {y}, {size});")
+            return block.vector(y, size)
+        case Shared(start, size):
+            place = f"shared + {start}"
+        case Each(start, size):
+            place = f"shared + {_at(call, start, size)}"
+        case Own(start, size):
+            place = f"own + {_at(call, start, size)}"
+    if free:
+        return place
+    block.after.append(f"copy({place}, {y}, {size});")
+    return block.vector(y, size)

@@ -1,0 +1,117 @@
+"""Kernels as C: one function per kernel, one statement per operation, every value named once.
+
+The text is the same for every kind of number; `Scalar.prelude` gives V and its arithmetic a meaning.
+"""
+
+from __future__ import annotations
+
+from ...spatial import Array
+from ..program import Kernel
+from .fusing import fused
+from .graph import TRUTH, Graph, Node, graph_of
+
+INFIX = {"add": "+", "sub": "-", "mul": "*", "div": "/"}
+FUSED = {(True, True): "FMA", (True, False): "FMS", (False, True): "FNMA", (False, False): "FNMS"}
+"""The name of a b + c by the signs of the product and of c."""
+
+
+def kernel_graph(kernel: Kernel) -> Graph:
+    """Give a kernel's operations as they are printed."""
+    return fused(graph_of(kernel.function))
+
+
+def kernel_text(graph: Graph) -> str:
+    """Give the body of a kernel in C, with arguments but without a name: `(const V *restrict x0, ...) {...}`.
+
+    Args:
+        graph: Its operations.
+    """
+    arguments = [f"const V *restrict x{i}" for i, _ in enumerate(graph.sizes)]
+    arguments += [f"V *restrict y{i}" for i, _ in enumerate(graph.outputs)]
+    written: dict[int, list[str]] = {}
+    for i, output in enumerate(graph.outputs):
+        for k, x in enumerate(output):
+            written.setdefault(x - 1, []).append(f"    y{i}[{k}] = {{}};")
+    unused = [f"    (void)x{i};" for i, size in enumerate(graph.sizes) if not _reads(graph, i)]
+    unused += [f"    (void)y{i};" for i, output in enumerate(graph.outputs) if not output]
+    lines = [f"({', '.join(arguments)}) {{", *unused]
+    lines += _statements(graph, written)
+    return "\n".join([*lines, "}"])
+
+
+def _reads(graph: Graph, argument: int) -> bool:
+    """Say whether any operation reads an input."""
+    return any(node.name == "input" and node.arguments[0] == argument for node in graph.nodes)
+
+
+def _statements(graph: Graph, written: dict[int, list[str]]) -> list[str]:
+    """Give the statements; outputs are written as soon as they are known."""
+    lines: list[str] = []
+    names: list[str] = []
+    both = _sines(graph)
+    for i, node in enumerate(graph.nodes):
+        name = f"t{i}"
+        if node.name == "input":
+            name = f"x{node.arguments[0]}[{node.arguments[1]}]"
+        elif node.name == "constant":
+            name = f"C({literal(node.value)})"
+        elif node.name in ("sin", "cos"):
+            first = both[node.arguments[0]]
+            name = f"{node.name[0]}{first}"
+            if first == i:
+                x = names[node.arguments[0] - 1]
+                lines.append(f"    V s{i}, c{i};")
+                lines.append(f"    SINCOS({x}, &s{i}, &c{i});")
+        else:
+            kind = "M" if node.name in TRUTH else "V"
+            lines.append(f"    const {kind} {name} = {_expression(graph, node, names)};")
+        names.append(name)
+        value = f"NUMBER({name})" if node.name in TRUTH else name
+        lines += [line.format(value) for line in written.get(i, ())]
+    return lines
+
+
+def _sines(graph: Graph) -> dict[int, int]:
+    """Give for each argument of a sine or cosine the first node that takes it."""
+    first: dict[int, int] = {}
+    for i, node in enumerate(graph.nodes):
+        if node.name in ("sin", "cos"):
+            first.setdefault(node.arguments[0], i)
+    return first
+
+
+def _expression(graph: Graph, node: Node, names: list[str]) -> str:
+    """Give the right-hand side of an operation."""
+
+    def number(x: int) -> str:
+        truth = graph.nodes[abs(x) - 1].name in TRUTH
+        return f"NUMBER({names[abs(x) - 1]})" if truth else names[abs(x) - 1]
+
+    def truth(x: int) -> str:
+        known = graph.nodes[abs(x) - 1].name in TRUTH
+        return names[abs(x) - 1] if known else f"TRUE({names[abs(x) - 1]})"
+
+    x = node.arguments
+    if node.name in INFIX:
+        return f"{number(x[0])} {INFIX[node.name]} {number(x[1])}"
+    if node.name == "neg":
+        return f"-{number(x[0])}"
+    if node.name == "fma":
+        return f"{FUSED[x[0] > 0, x[2] > 0]}({number(x[0])}, {number(x[1])}, {number(x[2])})"
+    if node.name == "choose":
+        return f"CHOOSE({truth(x[0])}, {number(x[1])})"
+    if node.name in ("not", "and", "or"):
+        return f"{node.name.upper()}({', '.join(map(truth, x))})"
+    return f"{node.name.upper()}({', '.join(map(number, x))})"
+
+
+def literal(value: float) -> str:
+    """Give a finite number or an infinity in C, exactly."""
+    if value in (float("inf"), float("-inf")):
+        return "HUGE_VAL" if value > 0 else "-HUGE_VAL"
+    return repr(float(value))
+
+
+def table(values: Array) -> str:
+    """Give numbers as the inside of an initialiser in C."""
+    return ", ".join(literal(x) for x in values.ravel().tolist())

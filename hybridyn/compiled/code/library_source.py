@@ -1,0 +1,231 @@
+"""Programs as the C sources of one library."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass
+from typing import Any
+
+from ..program import Call, Program
+from ..trimming import trimmed
+from .across_copies import across_copies
+from .across_samples import across_samples
+from .kernels import kernel_graph, kernel_text
+from .rules import check
+from .scalars import TRUSTED, Scalar, text_of
+from .tables import Tables
+
+#: Statements that one compiler process is given before another is started.
+UNIT = 4000
+
+
+@dataclass(frozen=True)
+class Source:
+    """Sources and what their library offers.
+
+    Attributes:
+        units: C files.
+        about: What `library.Library` must know of it, as JSON holds it.
+    """
+
+    units: tuple[str, ...]
+    about: dict[str, Any]
+
+    @property
+    def digest(self) -> str:
+        """A name for its content."""
+        return hashlib.sha256("\0".join(self.units).encode()).hexdigest()
+
+
+def library_source(programs: list[Program], scalar: Scalar) -> Source:
+    """Print programs.
+
+    Args:
+        programs: The programs, names unique.
+        scalar: What a number is; with several lanes single calls spread copies over them.
+    """
+    bodies: dict[str, str] = {}
+    names: dict[str, list[str]] = {}
+    programs = [trimmed(program) for program in programs]
+    for program in programs:
+        check(program)
+        names[program.name] = []
+        for kernel in program.kernels:
+            text = kernel_text(kernel_graph(kernel))
+            name = f"k{hashlib.sha256(text.encode()).hexdigest()[:12]}"
+            bodies[name] = text
+            names[program.name].append(name)
+    units = [*_kernel_units(bodies, scalar), _driver_unit(programs, names, bodies, scalar)]
+    about = {
+        "number": scalar.name,
+        "lanes": scalar.lanes,
+        "programs": {p.name: _about(p, scalar, [bodies[k] for k in names[p.name]]) for p in programs},
+        "steps": steps_in_c(programs, scalar),
+    }
+    return Source(tuple(units), about)
+
+
+def _about(program: Program, scalar: Scalar, kernels: list[str]) -> dict[str, Any]:
+    """Give what a caller must know of a program whose kernels are printed."""
+    calls = [step for step in program.steps if isinstance(step, Call)]
+    return {
+        "inputs": [list(x) for x in program.inputs],
+        "outputs": [list(x) for x in program.outputs],
+        "work": (sum(_sizes(program)) + 1) * scalar.bytes,
+        "statements": sum(call.copies * kernels[call.kernel].count("\n") for call in calls),
+        "notes": list(program.notes),
+    }
+
+
+def _sizes(program: Program) -> tuple[int, int, int, int]:
+    """Give how many vectors given, result, shared and own need."""
+    given, result = (sum(size for _, size in x) for x in (program.inputs, program.outputs))
+    return given, result, program.shared, program.own
+
+
+def _kernel_units(bodies: dict[str, str], scalar: Scalar) -> list[str]:
+    """Give the kernels in files of about equal length."""
+    prelude = scalar.prelude()
+    parts: list[list[str]] = []
+    room = 0
+    for name, text in sorted(bodies.items(), key=lambda item: -item[1].count("\n")):
+        length = text.count("\n")
+        if not parts or room + length > UNIT:
+            parts.append([])
+            room = 0
+        parts[-1].append(f"void {name}{text}")
+        room += length
+    return ["\n\n".join([prelude, *part]) + "\n" for part in parts]
+
+
+def _driver_unit(
+    programs: list[Program], names: dict[str, list[str]], bodies: dict[str, str], scalar: Scalar
+) -> str:
+    """Give the file with everything but the kernels."""
+    tables = Tables()
+    drivers: list[str] = []
+    for program in programs:
+        drivers.append(across_samples(program, names[program.name], tables))
+        drivers.append(_batch(program))
+        if scalar.lanes > 1:
+            drivers.append(across_copies(program, names[program.name], scalar.lanes, tables))
+            drivers.append(_single(program))
+    if steps_in_c(programs, scalar):
+        drivers.append(_steps(programs))
+    return "\n\n".join([driver_prelude(bodies, scalar), tables.text, *drivers]) + "\n"
+
+
+def steps_in_c(programs: list[Program], scalar: Scalar) -> bool:
+    """Say whether a library takes whole steps in time: double precision, and every posture can be lifted."""
+    return scalar.name == "float64" and scalar.lanes > 1 and {"lift", "ddm"} <= {p.name for p in programs}
+
+
+def _steps(programs: list[Program]) -> str:
+    """Give the function that takes steps in time."""
+    sizes = dict(next(p for p in programs if p.name == "lift").outputs)
+    names = {"NQ": "q", "NV": "xi_dot", "MODULES": "step"}
+    return "\n".join([*(f"#define {name} {sizes[key]}" for name, key in names.items()), text_of("steps.h")])
+
+
+def driver_prelude(bodies: dict[str, str], scalar: Scalar) -> str:
+    """Give what stands before the drivers: moves, and the kernels' declarations."""
+    border = "double" if scalar.name == "float128" else "S"
+    lines = [
+        scalar.prelude(),
+        f"#define B {border}",
+        f"#define TRUSTED {TRUSTED}",
+        '#define EXPORT __attribute__((visibility("default")))',
+        "#include <string.h>",
+        text_of("driver.h"),
+    ]
+    if scalar.lanes > 1:
+        lanes = range(scalar.lanes)
+        lines.append(f"#define FROM(from, at) {', '.join(f'(from)[(at)[{i}]]' for i in lanes)}")
+        lines.append(f"#define ROWS(row, k) {', '.join(f'(row)[{i}][k]' for i in lanes)}")
+        lines += [text_of("lanes.h"), text_of("numpy_array.h")]
+    else:
+        lines.append(text_of("rows_scalar.h"))
+    lines += [f"void {name}{text[: text.index('{')]};" for name, text in bodies.items()]
+    return "\n".join(lines)
+
+
+def _batch(program: Program) -> str:
+    """Give the function that runs samples `from` to `to`; `work` is memory of the caller."""
+    given, result, shared, _ = _sizes(program)
+    reads, writes, ahead, at = [], [], [], 0
+    for n, (_, size) in enumerate(program.inputs):
+        reads.append(f"        from_rows(given + {at}, in[{n}] + s * {size}, {size}, valid);")
+        ahead.append(f"        ahead(in[{n}] + (s + W) * {size}, W * {size}, 0);")
+        at += size
+    at = 0
+    for n, (_, size) in enumerate(program.outputs):
+        writes.append(f"        to_rows(out[{n}] + s * {size}, result + {at}, {size}, valid);")
+        ahead.append(f"        ahead(out[{n}] + (s + W) * {size}, W * {size}, 1);")
+        at += size
+    return "\n".join(
+        [
+            f"EXPORT void {program.name}_batch(Long from, Long to, const B *const *in, B *const *out,",
+            "                                  B *guard, V *work) {",
+            f"    V *given = work, *result = work + {given}, *shared = result + {result};",
+            f"    V *own = shared + {shared};",
+            "    for (Long s = from; s < to; s += W) {",
+            "        const int valid = to - s < W ? (int)(to - s) : W;",
+            *reads,
+            *ahead,
+            "        V worst_yet = C(0);",
+            f"        for (int k = 0; k < {given}; k++) worst_yet += given[k] * C(0); /* not finite: NaN */",
+            f"        {program.name}_samples(given, result, shared, own, &worst_yet);",
+            *writes,
+            f"        worst_yet += none(result, {result}); /* not finite: NaN */",
+            "        to_rows(guard + s, &worst_yet, 1, valid);",
+            "    }",
+            "}",
+        ]
+    )
+
+
+def _single(program: Program) -> str:
+    """Give the functions that run one sample: of plain arrays, and of pointers."""
+    given, _, shared, own = _sizes(program)
+    count = sum(size for _, size in program.outputs)
+    arguments = [f"const Array *a{n}" for n, _ in enumerate(program.inputs)]
+    checks, copies, moves, at = [], [], [], 0
+    for n, (_, size) in enumerate(program.inputs):
+        checks.append(f"    const S *in{n} = numbers(a{n}, {size});")
+        copies.append(f"    memcpy({program.name}_given + {at}, in{n}, sizeof(S[{size}]));")
+        moves.append(f"    memcpy({program.name}_given + {at}, in[{n}], sizeof(S[{size}]));")
+        at += size
+    handed = [f"a[{n}]" for n in range(len(program.inputs) + 1)]
+    all_there = " && ".join([f"in{n}" for n, _ in enumerate(program.inputs)] + ["out"])
+    name = program.name
+    return "\n".join(
+        [
+            f"static V {name}_work[{shared + own + 1}];",
+            f"static S {name}_given[{max(given, 1)}] ALIGNED;",
+            f"EXPORT S {name}_guard;",
+            f"static int {name}_run(S *out) {{",
+            "    S worst_yet = 0;",
+            f"    for (int k = 0; k < {given}; k++) worst_yet += {name}_given[k] * 0; /* not finite: NaN */",
+            f"    {name}_copies({name}_given, out, {name}_work, {name}_work + {shared}, &worst_yet);",
+            f"    worst_yet += none_of(out, {count}); /* not finite: NaN */",
+            f"    {name}_guard = worst_yet;",
+            "    return worst_yet <= TRUSTED ? 0 : 2;",
+            "}",
+            f"EXPORT int {name}_single({', '.join([*arguments, 'const Array *result'])}) {{",
+            *checks,
+            f"    S *out = numbers(result, {count});",
+            f"    if (!({all_there})) return 1;",
+            *copies,
+            f"    return {name}_run(out);",
+            "}",
+            f"EXPORT int {name}_single_at(const S *const *in, S *out) {{",
+            *moves,
+            f"    return {name}_run(out);",
+            "}",
+            f"EXPORT const void *{name}_call(const void *self, const Array *const *a, Long count) {{",
+            "    (void)self; /* a function of Python, METH_FASTCALL */",
+            f"    if (count != {len(handed)}) return answered(1);",
+            f"    return answered({name}_single({', '.join(handed)}));",
+            "}",
+        ]
+    )

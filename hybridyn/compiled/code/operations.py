@@ -1,0 +1,57 @@
+"""How many operations a program takes: what one sample costs, part by part."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+from ..program import Add, Call, Program
+from .graph import graph_of
+
+KINDS = ("add", "mul", "div", "sqrt", "trig", "other")
+"""Sums and differences; products; quotients; square roots; sines and cosines; everything else."""
+
+FREE = ("input", "constant", "neg")
+
+_KIND = {"add": "add", "sub": "add", "mul": "mul", "div": "div", "sqrt": "sqrt", "sin": "trig", "cos": "trig"}
+
+Counts = dict[str, dict[str, int]]
+
+
+def operations(program: Program) -> Counts:
+    """Count operations by part (`Kernel.part`) and kind, every call and copy counted.
+
+    Args:
+        program: The program.
+
+    Returns:
+        For each part, in the order of the calls, the number of operations of each kind.
+    """
+    graphs = [graph_of(kernel.function) for kernel in program.kernels]
+    each = [Counter(_KIND.get(n.name, "other") for n in g.nodes if n.name not in FREE) for g in graphs]
+    out: dict[str, Counter[str]] = {}
+    for step in program.steps:
+        if isinstance(step, Call):
+            total = out.setdefault(program.kernels[step.kernel].part, Counter())
+            for kind, number in each[step.kernel].items():
+                total[kind] += number * step.copies
+            total["add"] += step.copies * sum(t.size for t in step.targets if isinstance(t, Add))
+    return {part: {kind: total[kind] for kind in KINDS} for part, total in out.items()}
+
+
+def operations_table(variants: dict[str, Program]) -> str:
+    """Give the operations of variants of one model as a table for people.
+
+    Args:
+        variants: Programs by what distinguishes them.
+    """
+    counts = {name: operations(program) for name, program in variants.items()}
+    parts = list(dict.fromkeys(part for table in counts.values() for part in table))
+    width = max(len(x) for x in [*parts, *variants, "total"]) + 2
+    lines = ["".ljust(width) + "".join(kind.rjust(8) for kind in (*KINDS, "sum"))]
+    for name, table in counts.items():
+        lines.append(name)
+        total = {kind: sum(part[kind] for part in table.values()) for kind in KINDS}
+        for part, numbers in [*((part, table[part]) for part in parts if part in table), ("total", total)]:
+            cells = [numbers[kind] for kind in KINDS]
+            lines.append(f"  {part}".ljust(width) + "".join(str(x).rjust(8) for x in (*cells, sum(cells))))
+    return "\n".join(lines)

@@ -1,0 +1,82 @@
+"""From the generalised force along each motion to motor efforts, written: B tau = Q, Eq. (33)."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from ...spatial import Array
+from .expressions import Expression, dot, is_zero, times, zeros
+from .guards import NOTHING, largest, trusted
+from .static_elimination import Pivots, solve
+
+#: Part of the largest term that a motion without a motor may be left with, at most: the general path's limit.
+#: With float64 it is `guards.CLOSED`, rounding and no more.
+UNDRIVEN = 1e-6
+
+
+def motor_efforts(
+    B: Expression, Q: Expression, terms: tuple[Any, Array, float], share: Array, pivots: Pivots
+) -> tuple[Expression, Any]:
+    """Give the efforts of a module's motors and the guard of their map.
+
+    Args:
+        B: Work of each motor along each motion, shape (N, motors).
+        Q: Generalised force needed, shape (N,).
+        terms: What Q was summed from: the size of its terms as work per scaled coordinate [N m], the unit of
+            each motion, shape (N,), and how far loops may be open (`guards.CLOSED`).
+        share: Each motor's share of the load, where there are more motors than motions, shape (motors,).
+        pivots: Pivots of B, or of its transpose where there are more motors.
+    """
+    N, motors = B.shape
+    if not motors:
+        return zeros(0), _undriven(Q, *terms)
+    if motors > N:
+        return _least_norm(B, Q, share)
+    X, trust = solve(B, Q[:, None], pivots)
+    guard = trusted(trust)
+    if motors < N:
+        guard = ca.fmax(guard, _undriven(Q - dot(B, X[:, 0]), *terms))
+    return X[:, 0], guard
+
+
+def _undriven(left: Expression, size: Any, units: Array, closed: float) -> Any:
+    """Give the guard of forces that no motor gives."""
+    if all(is_zero(x) for x in left):
+        return ca.SX(0.0)
+    return largest(left * units) / (min(closed, UNDRIVEN) * (size + NOTHING))
+
+
+def _least_norm(B: Expression, Q: Expression, share: Array) -> tuple[Expression, Any]:
+    """Give the least of |tau / share| with B tau = Q, by Householder's L Q factors of B share."""
+    N, motors = B.shape
+    A = np.array([[times(B[i, j], float(share[j])) for i in range(N)] for j in range(motors)], dtype=object)
+    reflections: list[tuple[Expression, Any]] = []
+    R = zeros(N, N)
+    for k in range(N):
+        norm = ca.sqrt(dot(A[k:, k], A[k:, k][:, None])[0])
+        signed = ca.if_else(A[k, k] < 0, norm, -norm)
+        h = A[k:, k].copy()
+        h[0] = h[0] - signed
+        scale = -1.0 / (signed * h[0])  # 2 / h'h, h'h = -2 signed h_0
+        reflections.append((h, scale))
+        R[k, k] = signed
+        for j in range(k + 1, N):
+            factor = times(scale, dot(h, A[k:, j][:, None])[0])
+            A[k:, j] = A[k:, j] - [times(factor, x) for x in h]
+            R[k, j] = A[k, j]
+    y = zeros(motors)
+    for i in range(N):  # R^T y = Q
+        y[i] = (Q[i] - (dot(R[:i, i], y[:i][:, None])[0] if i else 0.0)) / R[i, i]
+    for k in reversed(range(N)):
+        h, scale = reflections[k]
+        factor = times(scale, dot(h, y[k:][:, None])[0])
+        y[k:] = y[k:] - [times(factor, x) for x in h]
+    small: Any = ca.SX(np.inf)
+    big: Any = ca.SX(0.0)
+    for k in range(N):
+        small, big = ca.fmin(small, ca.fabs(R[k, k])), ca.fmax(big, ca.fabs(R[k, k]))
+    tau = np.array([times(float(s), x) for s, x in zip(share, y, strict=True)], dtype=object)
+    return tau, trusted(ca.if_else(big > 0, small / big, 0.0))  # 0 / 0 would be left out by fmax

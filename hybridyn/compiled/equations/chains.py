@@ -1,0 +1,269 @@
+"""Motion and forces of a tree of links in expressions, every body in its own frame (appendices A to C).
+
+The tree hangs from the module's base and from its platforms ("roots"); a platform's motion is given. Twists
+are absolute: the base's own twist is in them. Accelerations are spatial (Pinocchio's). The unknowns that maps
+and matrices are written over are
+
+    s = [V_dot_base; y]        y = [q_ddot of joints, V_dot of platforms] in the order of the tree's freedoms
+
+with the accelerations of base and platforms both absolute, and both in the base's frame.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+import casadi as ca
+import numpy as np
+
+from ...linkage.joints import NQ
+from .expressions import Expression, cross, dot, eye, hat, is_zero, plain, times, zeros
+from .links import TURNING, Link
+from .rigid import (
+    crf,
+    crm,
+    inertia_matrix,
+    momentum,
+    motion_to_parent,
+    moved,
+    quaternion_matrix,
+    to_child,
+    to_parent,
+)
+
+
+@dataclass(frozen=True)
+class Placed:
+    """What is known of a platform: axes and origin in the base, twist and acceleration in its own frame."""
+
+    R: Expression
+    p: Expression
+    V: Expression
+    c: Expression
+
+
+@dataclass
+class Chain:
+    """A tree of links at one posture; index 0 of the lists of bodies is the base.
+
+    Attributes:
+        links: The links; numbers may be expressions.
+        platforms: Links whose motion is given.
+        R, p: Each child in its parent.
+        R0, p0: Each body in the base.
+        S: Motion subspace of each joint, shape (6, nv), child frame.
+        V: Twist of each body, own frame.
+        c: Acceleration of each body at s = 0, or, where accelerations are given, the whole of it; own frame.
+        root: Body that each body hangs from: 0 or a platform.
+    """
+
+    links: list[Link]
+    platforms: frozenset[int]
+    R: list[Expression] = field(default_factory=list)
+    p: list[Expression] = field(default_factory=list)
+    R0: list[Expression] = field(default_factory=list)
+    p0: list[Expression] = field(default_factory=list)
+    S: list[Expression] = field(default_factory=list)
+    V: list[Expression] = field(default_factory=list)
+    c: list[Expression] = field(default_factory=list)
+    root: list[int] = field(default_factory=list)
+
+    @property
+    def nv(self) -> int:
+        """Number of freedoms."""
+        return sum(link.nv for link in self.links)
+
+    @property
+    def v_slices(self) -> list[slice]:
+        """Freedoms of each joint."""
+        ends = np.cumsum([link.nv for link in self.links], dtype=int).tolist()
+        return [slice(end - link.nv, end) for end, link in zip(ends, self.links, strict=True)]
+
+    def columns_of(self, root: int) -> list[int]:
+        """Give the entries of s that move a root."""
+        at = self.v_slices[root - 1] if root else slice(-6, 0)
+        return list(range(6 + at.start, 6 + at.stop))
+
+
+def split_positions(links: list[Link], q: Expression) -> list[Expression]:
+    """Cut positions into those of each joint."""
+    ends = np.cumsum([NQ[link.kind] for link in links], dtype=int).tolist()
+    return [q[end - NQ[link.kind] : end] for end, link in zip(ends, links, strict=True)]
+
+
+def sweep(
+    links: list[Link], q: Expression, v: Expression, V_base: Expression, a: Expression | None = None,
+    A_base: Expression | None = None, placed: dict[int, Placed] | None = None,
+) -> Chain:  # fmt: skip
+    """Give the motion of a tree.
+
+    Args:
+        links: The links.
+        q: Positions.
+        v: Rates.
+        V_base: Twist of the base, own frame.
+        a: Accelerations; with them `Chain.c` is the bodies' whole acceleration.
+        A_base: Acceleration of the base less gravity, own frame, where accelerations are given.
+        placed: For each platform's link what is known of it; its entries of q, v, a are not read.
+    """
+    placed = placed or {}
+    chain = Chain(links, frozenset(placed))
+    chain.R0, chain.p0, chain.V, chain.root = [eye(3)], [zeros(3)], [V_base], [0]
+    chain.c = [zeros(6) if A_base is None else A_base]
+    for i, (link, at, cols) in enumerate(zip(links, split_positions(links, q), chain.v_slices, strict=True)):
+        if i in placed:
+            known = placed[i]
+            for own, value in (("R", known.R), ("p", known.p), ("R0", known.R), ("p0", known.p)):
+                getattr(chain, own).append(value)
+            chain.S.append(zeros(6, 6))
+            chain.V.append(known.V)
+            chain.c.append(known.c)
+            chain.root.append(i + 1)
+            continue
+        turn, shift = joint_motion(link, at)
+        R, p = dot(numbers(link.R), turn), numbers(link.p) + dot(numbers(link.R), shift)
+        S = motion_subspace(link)
+        rate = dot(S, v[cols])
+        V = to_child(R, p, chain.V[link.parent]) + rate
+        c = to_child(R, p, chain.c[link.parent]) + crm(V, rate)
+        chain.R.append(R)
+        chain.p.append(p)
+        chain.R0.append(dot(chain.R0[link.parent], R))
+        chain.p0.append(chain.p0[link.parent] + dot(chain.R0[link.parent], p))
+        chain.S.append(S)
+        chain.V.append(V)
+        chain.c.append(c if a is None else c + dot(S, a[cols]))
+        chain.root.append(chain.root[link.parent])
+    return chain
+
+
+def numbers(values: Expression) -> Expression:
+    """Give numbers as expressions; expressions stay."""
+    return values if values.dtype == object else plain(values)
+
+
+def motion_subspace(link: Link) -> Expression:
+    """Give S of a joint, shape (6, nv), child frame."""
+    if link.kind == "prismatic":
+        return np.concatenate([numbers(link.axis), zeros(3)])[:, None]
+    if link.kind in TURNING:
+        return np.concatenate([zeros(3), numbers(link.axis)])[:, None]
+    columns = {"spherical": (3, 4, 5), "planar": (0, 1, 5), "floating": range(6)}[link.kind]
+    return eye(6)[:, list(columns)]
+
+
+def joint_motion(link: Link, q: Expression) -> tuple[Expression, Expression]:
+    """Give what a joint's position does to its child: rotation and shift, in the placement's axes."""
+    if link.kind == "prismatic":
+        return eye(3), np.array([times(x, q[0]) for x in link.axis], dtype=object)
+    if link.kind in TURNING:
+        c, s = (ca.cos(q[0]), ca.sin(q[0])) if link.kind == "revolute" else (q[0], q[1])
+        return rotation(link.axis, c, s), zeros(3)
+    if link.kind == "spherical":
+        return quaternion_matrix(q), zeros(3)
+    if link.kind == "planar":
+        return rotation(np.array([0.0, 0.0, 1.0]), q[2], q[3]), np.array([q[0], q[1], 0.0], dtype=object)
+    return quaternion_matrix(q[3:]), q[:3]
+
+
+def rotation(axis: Expression, c: ca.SX, s: ca.SX) -> Expression:
+    """Give the rotation about an axis from cosine and sine of its angle."""
+    k = int(np.argmax(np.abs(axis)))
+    if abs(axis[k]) < 1.0:
+        along = np.outer(axis, axis)
+        still, by_cos, by_sin = plain(along), plain(np.eye(3) - along), hat(plain(axis))
+        out = still.copy()
+        for i, j in np.ndindex(3, 3):
+            out[i, j] = still[i, j] + times(by_cos[i, j], c) + times(by_sin[i, j], s)
+        return out
+    i, j = (k + 1) % 3, (k + 2) % 3
+    out, sine = eye(3), s if axis[k] > 0 else -s
+    out[i, i], out[j, j], out[i, j], out[j, i] = c, c, -sine, sine
+    return out
+
+
+def forces(chain: Chain) -> Expression:
+    """Give the inverse dynamic model of the tree at the accelerations `c`, Eqs. (54)-(62).
+
+    Returns:
+        Generalised forces over s: the wrench of the base on the tree, then H, where a platform's entries are
+        its wrench on what hangs from it; wrenches in the base's frame.
+    """
+    wrench = [zeros(6) for _ in chain.V]
+    for i, link in enumerate(chain.links):
+        inertia = numbers(link.inertia)
+        if any(not is_zero(x) for x in inertia):
+            V, A = chain.V[i + 1], chain.c[i + 1]
+            wrench[i + 1] = momentum(inertia, A) + crf(V, momentum(inertia, V))
+    out = zeros(6 + chain.nv)
+    for i, cols in reversed(list(enumerate(chain.v_slices))):
+        at = slice(6 + cols.start, 6 + cols.stop)
+        if i in chain.platforms:
+            out[at] = to_parent(chain.R0[i + 1], chain.p0[i + 1], wrench[i + 1])
+            continue
+        out[at] = dot(chain.S[i].T, wrench[i + 1])
+        parent = chain.links[i].parent
+        wrench[parent] = wrench[parent] + to_parent(chain.R[i], chain.p[i], wrench[i + 1])
+    out[:6] = wrench[0]
+    return out
+
+
+def mass_matrix(chain: Chain) -> tuple[Expression, Expression]:
+    """Give the mass matrix of the tree over s, Eqs. (63)-(75): A and D of the paper are its blocks.
+
+    Returns:
+        M: Shape (6 + nv, 6 + nv), its block of the base left zero.
+        S1: That block, as ten numbers of what hangs from the base.
+    """
+    composite = [zeros(10)] + [numbers(link.inertia) for link in chain.links]
+    M, slices = zeros(6 + chain.nv, 6 + chain.nv), chain.v_slices
+    cols = [list(range(6 + s.start, 6 + s.stop)) for s in slices]
+    for i in reversed(range(len(chain.links))):
+        if i in chain.platforms:
+            hanging = moved(composite[i + 1], chain.R0[i + 1], chain.p0[i + 1])
+            M[np.ix_(cols[i], cols[i])] = inertia_matrix(hanging)
+            continue
+        F = np.stack([momentum(composite[i + 1], s) for s in chain.S[i].T], axis=1)
+        M[np.ix_(cols[i], cols[i])] = dot(chain.S[i].T, F)
+        for rows, block in _inwards(chain, i, F):
+            M[np.ix_(rows, cols[i])], M[np.ix_(cols[i], rows)] = block, block.T
+        parent = chain.links[i].parent
+        composite[parent] = composite[parent] + moved(composite[i + 1], chain.R[i], chain.p[i])
+    return M, composite[0]
+
+
+def _inwards(chain: Chain, i: int, F: Expression) -> Iterator[tuple[list[int], Expression]]:
+    """Carry wrenches F of joint i's freedoms inwards: entries of s, and their coupling with them."""
+    slices, body = chain.v_slices, i + 1
+    while body != chain.root[i + 1]:
+        F = np.stack([to_parent(chain.R[body - 1], chain.p[body - 1], f) for f in F.T], axis=1)
+        body = chain.links[body - 1].parent
+        if body != chain.root[i + 1]:
+            at = slices[body - 1]
+            yield list(range(6 + at.start, 6 + at.stop)), dot(chain.S[body - 1].T, F)
+    if body:
+        F = np.stack([to_parent(chain.R0[body], chain.p0[body], f) for f in F.T], axis=1)
+    yield chain.columns_of(body), F
+
+
+def motion_map(chain: Chain, body: int) -> Expression:
+    """Give a body's acceleration over s, without `c`, in the base's frame, shape (6, 6 + nv)."""
+    J, slices = zeros(6, 6 + chain.nv), chain.v_slices
+    J[:, chain.columns_of(chain.root[body])] = eye(6)
+    while body != chain.root[body]:
+        i = body - 1
+        for k, col in enumerate(range(slices[i].start, slices[i].stop)):
+            J[:, 6 + col] = motion_to_parent(chain.R0[body], chain.p0[body], chain.S[i][:, k])
+        body = chain.links[i].parent
+    return J
+
+
+def point_velocity(V: Expression, point: Expression) -> Expression:
+    """Give the velocity of a point of a body, its axes, shape (3,)."""
+    return V[:3] + cross(V[3:], point)
+
+
+def point_acceleration(V: Expression, c: Expression, point: Expression) -> Expression:
+    """Give the classical acceleration of a point of a body, its axes, from twist and spatial acceleration."""
+    return c[:3] + cross(c[3:], point) + cross(V[3:], point_velocity(V, point))

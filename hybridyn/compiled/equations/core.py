@@ -1,0 +1,185 @@
+"""One module's core in expressions: its motion, its loops, its platforms."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from ...spatial import Array, Index
+from ...structure.mechanism import Mechanism
+from .chains import Chain, Placed, split_positions, sweep
+from .expressions import Expression, dot, pack, plain, symbols, zeros
+from .guards import Scale, size_of
+from .legs import PlatformMotion, leg_pivots
+from .links import units_of
+from .loops import Rows, write_rows
+from .parts import Parts, width_of
+from .paths import Path, path_of, wrist_pivots
+from .rigid import motion_to_parent, quaternion_matrix, to_child
+from .static_elimination import Pivots, choose_pivots
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Everything about a module that is decided before its code is written.
+
+    Attributes:
+        parts: Its core and its legs.
+        paths: One for each wrist of the module.
+        loop_pivots: Pivots of the core's closures.
+        leg_pivots: Pivots of each group's closures.
+        wrist_pivots: Pivots of each wrist's rates.
+        scale: What its closures are measured by.
+    """
+
+    parts: Parts
+    paths: tuple[Path, ...]
+    loop_pivots: Pivots
+    leg_pivots: tuple[Pivots, ...]
+    wrist_pivots: tuple[Pivots, ...]
+    scale: Scale
+
+    @property
+    def mechanism(self) -> Mechanism:
+        """The module."""
+        return self.parts.mechanism
+
+
+def plan_module(parts: Parts, positions: Array, closed: float) -> Plan:
+    """Choose all pivots of a module.
+
+    Args:
+        parts: Its core and its legs.
+        positions: Positions of its spanning tree at generic assembled postures, shape (samples, nq).
+        closed: How far loops may be open (`guards.CLOSED`).
+    """
+    m = parts.mechanism
+    paths = tuple(path_of(m, wrist) for wrist in m.spec.wrists)
+    row_scale, col_scale = m.reduction.row_scale, m.reduction.col_scale
+    postures = np.concatenate([m.postures, m.home[None]])
+    groups = []
+    for group in parts.groups:
+        leg = group[0]
+        rows = np.array([1 / m.length] * 3 + [1.0] * (len(leg.tree_v) - 3))
+        groups.append(leg_pivots(group, postures, (rows, col_scale[leg.tree_v])))
+    loops = _loop_pivots(parts, m.postures, row_scale[list(parts.closure_rows)], col_scale[parts.tree_v])
+    wrists = [wrist_pivots(path, positions[:, path.q], m.length) for path in paths]
+    return Plan(parts, paths, loops, tuple(groups), tuple(wrists), Scale(m.length, closed))
+
+
+def _loop_pivots(parts: Parts, postures: Array, rows: Array, cols: Array) -> Pivots:
+    """Choose the pivots of the core's closures."""
+    if not len(parts.closure_rows):
+        return Pivots((), (), ())
+    nq, nv = width_of(parts.links)
+    column, q = symbols("q", nq)
+    placed = {}
+    for i in parts.platforms:
+        at = split_positions(list(parts.links), q)[i]
+        placed[i] = Placed(quaternion_matrix(at[3:]), at[:3], zeros(6), zeros(6))
+    chain = sweep(list(parts.links), q, zeros(nv), zeros(6), placed=placed)
+    positions = split_positions(list(parts.links), q)
+    written = write_rows(chain, parts.closures, parts.couplings, positions, Scale(1.0, 1.0), 1.0)
+    function = ca.Function("K", [column], [pack(written.K[:, 6:])])
+    shape = written.K[:, 6:].shape
+    samples = np.array([np.array(function(x[parts.tree_q])).reshape(shape) for x in postures])
+    return choose_pivots(samples, parts.rank, rows, cols)
+
+
+@dataclass
+class Core:
+    """A module's core, written.
+
+    Attributes:
+        chain: Its motion; base and platforms among it.
+        platforms: For each platform's link what its legs must know.
+        rows: Its closures.
+        paths: Motion of each path, accelerations of the joints zero.
+        outputs: For each output its body in the core.
+        v: Rates of its tree, zero for platforms.
+        units: Unit of each freedom.
+        speed: Size of its rates.
+    """
+
+    chain: Chain
+    platforms: dict[int, PlatformMotion]
+    rows: Rows
+    paths: list[Chain]
+    outputs: list[int]
+    v: Expression
+    units: Array
+    speed: Any
+
+
+def write_core(
+    plan: Plan,
+    q: Expression,
+    v: Expression,
+    V_base: Expression,
+    a: Expression | None = None,
+    A_base: Expression | None = None,
+) -> Core:
+    """Write the motion of a module's core and of its platforms.
+
+    Args:
+        plan: The module.
+        q: Positions of its spanning tree.
+        v: Its rates.
+        V_base: Twist of its base, own frame.
+        a: Accelerations of its spanning tree, where they are given.
+        A_base: Acceleration of its base less gravity, where it is given.
+    """
+    parts = plan.parts
+    paths = [
+        sweep(list(p.links), q[p.q], v[p.v], V_base, None if a is None else a[p.v], A_base)
+        for p in plan.paths
+    ]
+    placed, platforms = {}, {}
+    for path, chain in zip(plan.paths, paths, strict=True):
+        if path.wrist.carries:
+            i = platform_link(plan, path)
+            R, p, V = chain.R0[-1], chain.p0[-1], chain.V[-1]
+            placed[i] = Placed(R, p, V, zeros(6) if a is None else chain.c[-1])
+            platforms[i] = PlatformMotion(R, p, motion_to_parent(R, p, V))
+    tree_q, tree_v = _pick(q, parts.q), _pick(v, parts.v)
+    chain = sweep(
+        list(parts.links), tree_q, tree_v, V_base, None if a is None else _pick(a, parts.v), A_base, placed
+    )
+    length = plan.mechanism.length
+    units = np.concatenate([np.zeros(0), *(units_of(link, length) for link in parts.links)])
+    speed = size_of(tree_v, units, [V_base, *(p.V for p in platforms.values())], length)
+    rows = write_rows(
+        chain, parts.closures, parts.couplings, split_positions(list(parts.links), tree_q), plan.scale, speed
+    )
+    outputs = [parts.bodies.index(o) for o in plan.mechanism.spec.outputs]
+    return Core(chain, platforms, rows, paths, outputs, tree_v, units, speed)
+
+
+def platform_link(plan: Plan, path: Path) -> int:
+    """Give the link of the core that stands for the platform at the end of a carrying wrist."""
+    return core_body(plan, path.wrist.end) - 1
+
+
+def own_inertia(plan: Plan, constant: tuple[float, ...], output: int) -> Expression:
+    """Give the ten numbers of an output: constants, or inputs of the model."""
+    if plan.parts.own is None:
+        return plain(constant)
+    return plan.parts.own[plan.mechanism.spec.outputs[output] - 1]
+
+
+def core_body(plan: Plan, body: int) -> int:
+    """Give the core's number of a body of the spanning tree."""
+    return plan.parts.bodies.index(plan.mechanism.spec.tree_body.index(body))
+
+
+def _pick(values: Expression, index: Index) -> Expression:
+    """Take entries; -1 gives a zero (a platform's entries are not read)."""
+    return np.array([values[i] if i >= 0 else 0.0 for i in index], dtype=object)
+
+
+def whole(chain: Chain, body: int, s: Expression, J: Expression) -> Expression:
+    """Give a body's acceleration for s, own frame."""
+    return to_child(chain.R0[body], chain.p0[body], dot(J, s)) + chain.c[body]

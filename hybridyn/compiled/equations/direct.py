@@ -1,0 +1,223 @@
+"""The direct model of one module, written: Eqs. (38)-(53) in the form of `hybridyn.articulation`.
+
+One graph, cut into four stages: outwards (motion), inwards (articulated inertia), outwards (accelerations),
+wrists. Over s = [V_dot_base; y] the module's quadratic form is M, b; its closures give y = Psi u + Psi_b
+V_dot_base + y_0; and u_dot = A_t^-1 (Q_0 - E V_dot_base).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from ...spatial import Index
+from .chains import motion_map, sweep
+from .core import Core, Plan, core_body, own_inertia, whole, write_core
+from .expressions import Expression, congruence, dot, pack, plain, symbols, upper, zeros
+from .guards import trusted
+from .module_graph import (
+    BaseMotion,
+    WrittenModule,
+    base_motion,
+    parameters_of,
+    read_by_core,
+    scattered,
+    twist_width,
+)
+from .options import DirectOptions
+from .paths import wrist_accelerations
+from .quadratic_form import bias_of, quadratic_form
+from .rigid import classical, inertia_matrix, to_child
+from .stages import cut
+from .static_elimination import solve, solve_definite
+
+#: A pivot of an inertia below this part of its diagonal entry: a motion that is all but without inertia.
+WITHOUT_INERTIA = 1e-9
+#: The same for a diagonal entry, of what is moved with all joints locked: an articulated inertia is a
+#: difference, and may be rounding alone (the first axis of a gimbal-locked wrist of light links).
+OF_LOCKED = 1e-5
+
+
+@dataclass(frozen=True)
+class DirectModule(WrittenModule):
+    """One module's direct model: outwards, inwards, outwards, wrists.
+
+    Attributes:
+        joints: Freedoms of the spanning tree that the output "a_core" holds.
+        wrists: Those that "a_wrists" holds.
+        legs: Those that the input "a_legs" holds.
+        tau: Freedoms of the tree after the cuts that the input "tau" holds.
+    """
+
+    joints: Index
+    wrists: Index
+    legs: Index
+    tau: Index
+
+
+@dataclass(frozen=True)
+class _Solved:
+    """One module solved for y = Psi u_dot + Psi_b V_dot_base + y_0 and u_dot = u_0 - G V_dot_base.
+
+    Attributes:
+        Psi, Psi_b, y_0: Motions that keep the core's loops closed.
+        E, G: Eq. (42), and A_t^-1 E.
+        f: Generalised force along y that y_0 and the bias take.
+        u_0: A_t^-1 Q_0.
+        guard: Worst of all pivots.
+    """
+
+    Psi: Expression
+    Psi_b: Expression
+    y_0: Expression
+    E: Expression
+    G: Expression
+    f: Expression
+    u_0: Expression
+    guard: Any
+
+    def y(self, A_base: Expression) -> Expression:
+        """Give the core's accelerations for its base's, Eq. (51)."""
+        return dot(self.Psi, self.u_0 - dot(self.G, A_base)) + dot(self.Psi_b, A_base) + self.y_0
+
+
+def write_direct(name: str, plan: Plan, options: DirectOptions) -> DirectModule:
+    """Write a module's direct model and cut it into its stages."""
+    parts, spanning = plan.parts, plan.mechanism.spanning
+    at_q, at_v = read_by_core(plan)
+    (q_column, q), (v_column, v) = scattered("q", at_q, spanning.nq), scattered("v", at_v, spanning.nv)
+    base = base_motion(options.base, options.velocity)
+    core = write_core(plan, q, v, base.V)
+    inputs = [{"q": q_column, "v": v_column} | parameters_of(plan) | base.V_column, {}, base.A_column, {}]
+    outputs = [_motion_outwards(core, plan, options), {}, {}, {}]
+    # Inwards.
+    forced = [k for k, col in enumerate(parts.tree_v) if col in options.motors]
+    M, b = quadratic_form(core, plan, options, forced, inputs[1])
+    solved = _solve(core, plan, options, M, b)
+    outputs[1]["guard"] = ca.SX(solved.guard)
+    if options.base is None:
+        outputs[1] |= _onto_base(solved, M, b)
+    # Outwards.
+    s = np.concatenate([base.A, solved.y(base.A)])
+    joints = [k for k, col in enumerate(parts.v) if col >= 0]
+    outputs[2] |= _accelerations_outwards(core, options, s, joints)
+    # Wrists.
+    legs = _legs_on_paths(plan)
+    legs_column, a_legs = symbols("a_legs", len(legs))
+    known = dict(zip(legs.tolist(), a_legs, strict=True)) | {int(parts.v[k]): s[6 + k] for k in joints}
+    wrists, guard = _wrists(core, plan, (q, v), base, s, known)
+    inputs[3] |= {"a_legs": legs_column} if len(legs) else {}
+    outputs[3] |= {"a_wrists": pack(list(wrists.values())), "guard": ca.SX(guard)} if wrists else {}
+    return DirectModule(
+        cut(name, inputs, outputs), at_q, at_v, tuple(sorted(core.platforms)),
+        parts.v[joints], np.array(list(wrists), dtype=int), legs, parts.tree_v[forced],
+    )  # fmt: skip
+
+
+def _motion_outwards(core: Core, plan: Plan, options: DirectOptions) -> dict[str, ca.SX]:
+    """Give the platforms' motion for the legs, and twists and biases of outputs that carry, Eq. (38)."""
+    out: dict[str, ca.SX] = {}
+    for i, motion in sorted(core.platforms.items()):
+        out[f"platform {i}"] = pack(motion.R, motion.p, motion.V)
+    for o, body in enumerate(core.outputs):
+        if not options.carries[o]:
+            continue
+        own, V = own_inertia(plan, options.inertias[o], o), core.chain.V[body]
+        out[f"V {o}"] = pack(V[-twist_width(options.velocity) :])
+        out[f"bias {o}"] = pack(bias_of(own, V, options.velocity))
+        if plan.parts.own is not None:
+            out[f"own {o}"] = pack(upper(inertia_matrix(own)))
+    return out
+
+
+def _solve(core: Core, plan: Plan, options: DirectOptions, M: Expression, b: Expression) -> _Solved:
+    """Solve a module for y over its base's acceleration."""
+    right = np.concatenate([-core.rows.K[:, :6], -core.rows.gamma[:, None]], axis=1)
+    X, trust = solve(core.rows.K[:, 6:], right, plan.loop_pivots)
+    Psi_b, y_0, Psi = X[:, :6], X[:, 6], X[:, 7:]
+    M_yy, M_yb = M[6:, 6:], M[6:, :6]
+    f = b[6:] + dot(M_yy, y_0)
+    A_t = congruence(Psi, M_yy)  # Eq. (43)
+    E = dot(Psi.T, M_yb + dot(M_yy, Psi_b))  # Eq. (42)
+    Q_0 = -dot(Psi.T, f)  # Eq. (44) and the motors
+    solved, definite = solve_definite(A_t, np.concatenate([E, Q_0[:, None]], axis=1), WITHOUT_INERTIA)
+    guard = ca.fmax(core.rows.guard, trusted(trust))
+    guard = ca.fmax(guard, 2.0 - ca.fmin(definite, 2.0))
+    for k, usual in enumerate(options.usual):
+        if usual > 0:
+            guard = ca.fmax(guard, 2.0 - ca.fmin(A_t[k, k] / (OF_LOCKED * usual), 2.0))
+    return _Solved(Psi, Psi_b, y_0, E, solved[:, :6], f, solved[:, 6], guard)
+
+
+def _onto_base(x: _Solved, M: Expression, b: Expression) -> dict[str, ca.SX]:
+    """Give what a module adds to its base's inertia and bias, Eqs. (45)-(48) in congruence form."""
+    M_yb = M[6:, :6]
+    across = dot(M_yb.T, x.Psi_b)
+    inertia = M[:6, :6] + (across + across.T) + congruence(x.Psi_b, M[6:, 6:]) - _product(x.E, x.G)
+    bias = b[:6] + dot(M_yb.T, x.y_0) + dot(x.Psi_b.T, x.f) + dot(x.E.T, x.u_0)
+    return {"I_base": pack(upper(inertia)), "b_base": pack(bias)}
+
+
+def _accelerations_outwards(
+    core: Core, options: DirectOptions, s: Expression, joints: list[int]
+) -> dict[str, ca.SX]:
+    """Give the accelerations of the core's joints, of platforms less the base's, and of outputs, Eq. (53)."""
+    out: dict[str, ca.SX] = {}
+    if joints:
+        out["a_core"] = pack(s[6:][joints])
+    for i in sorted(core.platforms):
+        out[f"delta {i}"] = pack(s[core.chain.columns_of(i + 1)] - s[:6])
+    for o, body in enumerate(core.outputs):
+        if options.carries[o]:
+            A = whole(core.chain, body, s, motion_map(core.chain, body))
+            out[f"A {o}"] = pack(classical(core.chain.V[body], A) if options.velocity else A)
+    return out
+
+
+def _product(E: Expression, G: Expression) -> Expression:
+    """Give E^T G, which is symmetric; one triangle is computed."""
+    out = zeros(6, 6)
+    for i in range(6):
+        for j in range(i, 6):
+            out[i, j] = out[j, i] = dot(E[:, i], G[:, j][:, None])[0] if len(E) else 0.0
+    return out
+
+
+def _legs_on_paths(plan: Plan) -> Index:
+    """Give the freedoms of legs of groups that lie on paths to wrists."""
+    own = {int(col) for col in plan.parts.v if col >= 0}
+    wrists = {int(col) for path in plan.paths for col in path.v[path.wrist_v]}
+    return np.array(sorted({int(c) for path in plan.paths for c in path.v} - own - wrists), dtype=int)
+
+
+def _wrists(
+    core: Core, plan: Plan, given: tuple[Expression, Expression], base: BaseMotion, s: Expression,
+    known: dict[int, Any],
+) -> tuple[dict[int, Any], Any]:  # fmt: skip
+    """Give the accelerations of all wrists by freedom of the spanning tree, and the guard of their pivots.
+
+    Args:
+        core: The core.
+        plan: The module.
+        given: Positions and rates of the spanning tree.
+        base: Motion of the base.
+        s: Accelerations [V_dot_base; y].
+        known: Accelerations of the spanning tree's other freedoms.
+    """
+    q, v = given
+    out: dict[int, Any] = {}
+    guard: Any = ca.SX(0.0)
+    for path, pivots in zip(plan.paths, plan.wrist_pivots, strict=True):
+        a = np.array([(known | out).get(int(col), 0.0) for col in path.v], dtype=object)
+        a[path.wrist_v] = 0.0
+        chain = sweep(list(path.links), q[path.q], v[path.v], base.V, a, base.A)
+        body = core_body(plan, path.wrist.target)
+        target = whole(core.chain, body, s, motion_map(core.chain, body))
+        target = to_child(plain(path.wrist.R), plain(path.wrist.p), target)
+        solved, trust = wrist_accelerations(path, chain, target, pivots)
+        out |= {int(col): value for col, value in zip(path.v[path.wrist_v], solved, strict=True)}
+        guard = ca.fmax(guard, trusted(trust))
+    return out, guard

@@ -1,0 +1,47 @@
+"""The direct model of a group of equal legs, written: what they bring to their platform, and how they follow.
+
+Two stages: what they bring (`legs.leg_sums`), and, once the platform's acceleration is known, theirs.
+"""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+
+from ..program import Constants
+from .core import Plan
+from .expressions import pack, symbols, zeros
+from .legs import PlatformMotion, leg_accelerations, leg_sums, write_leg
+from .module_graph import base_motion
+from .options import DirectOptions
+from .parts import Leg
+from .quadratic_form import LEG_SUMS
+from .stages import Stage, cut
+
+
+def forced_joints(leg: Leg, options: DirectOptions) -> list[int]:
+    """Give the freedoms of a leg on which an effort acts, numbered inside the leg."""
+    return [j for j, c in enumerate(leg.tree_v) if c in options.motors]
+
+
+def write_direct_legs(plan: Plan, n: int, options: DirectOptions) -> tuple[list[Stage], Constants]:
+    """Write the stages of group n of a module, and the numbers in which its legs differ."""
+    group = plan.parts.groups[n]
+    leg, forced = group[0], forced_joints(group[0], options)
+    (q_column, q), (v_column, v) = symbols("q", len(leg.q)), symbols("v", len(leg.v))
+    base = base_motion(options.base, options.velocity)
+    p_column, p = symbols("platform", 18)
+    tau_column, given = symbols("tau", len(forced))
+    delta_column, delta = symbols("delta", 6)
+    tau = zeros(len(leg.v))
+    tau[forced] = given
+    platform = PlatformMotion(p[:9].reshape(3, 3), p[9:12], p[12:])
+    written = write_leg(group, q, v, base.V, platform, plan.scale, plan.leg_pivots[n])
+    rotor = written.folding.array([np.array([options.rotor[c] for c in leg.tree_v]) for leg in group])
+    sums = leg_sums(written, tau, options.velocity, rotor)
+    inputs = {"numbers": written.folding.symbol(), "q": q_column, "v": v_column, "platform": p_column}
+    inputs |= base.V_column | ({"tau": tau_column} if forced else {})
+    outputs = {name: pack(sums[name]) for name, _ in LEG_SUMS} | {"guard": ca.SX(written.guard)}
+    follows = {"a": pack(leg_accelerations(written, delta))}
+    stages = cut("legs", [inputs, {"delta": delta_column}], [outputs, follows])
+    return stages, Constants(written.folding.table(len(group)))

@@ -1,0 +1,59 @@
+"""Numbers of several equal legs: those that agree are folded into the code, the others become its inputs."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from ...spatial import Array
+from .expressions import Expression
+
+#: Numbers that differ by less, relative to the largest of their array, are the same but for rounding.
+SAME = 8e-16
+
+
+class Folding:
+    """Collects the numbers in which copies of a leg differ.
+
+    Attributes:
+        columns: Symbols so far.
+        values: Their values, one array of shape (copies,) each.
+    """
+
+    def __init__(self) -> None:
+        self.columns: list[ca.SX] = []
+        self.values: list[Array] = []
+
+    def array(self, copies: list[Array]) -> Expression:
+        """Give an array of expressions that stands for the arrays of all copies."""
+        stacked = np.array(copies, dtype=float)
+        size = np.abs(stacked).max(initial=0.0)
+        out = np.empty(stacked.shape[1:], dtype=object)
+        for at in np.ndindex(*out.shape):
+            values = stacked[(slice(None), *at)]
+            out[at] = self._scalar(values, size)
+        return out
+
+    def _scalar(self, values: Array, size: float) -> Any:
+        """Give one expression for a number of all copies."""
+        if np.ptp(values) <= SAME * size:
+            return float(values[0])
+        for column, known in zip(self.columns, self.values, strict=True):
+            if (known == values).all():
+                return column
+            if (known == -values).all():
+                return -column
+        column = ca.SX.sym(f"number_{len(self.columns)}")
+        self.columns.append(column)
+        self.values.append(values)
+        return column
+
+    def symbol(self) -> ca.SX:
+        """Give all symbols as one column."""
+        return ca.vertcat(*self.columns) if self.columns else ca.SX(0, 1)
+
+    def table(self, copies: int) -> Array:
+        """Give the numbers, shape (copies, symbols)."""
+        return np.array(self.values).T.reshape(copies, len(self.values))

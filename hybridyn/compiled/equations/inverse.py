@@ -1,0 +1,235 @@
+"""The inverse model of one module, written: Eqs. (30)-(33) in the form of `hybridyn.idm`.
+
+Two stages: outwards (motion, and the forces of the core), inwards (motors' efforts, the base's wrench).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from ...spatial import Index
+from .actuation import motor_efforts
+from .chains import Chain, Placed, forces, motion_map, sweep
+from .core import Core, Plan, own_inertia, write_core
+from .expressions import Expression, cross, dot, pack, symbols, zeros
+from .guards import accelerating_apart, size_of, trusted
+from .inverse_legs import LEG_SUMS
+from .module_graph import (
+    BaseMotion,
+    WrittenModule,
+    base_motion,
+    parameters_of,
+    read_by_core,
+    scattered,
+    twist_width,
+)
+from .options import InverseOptions
+from .rigid import classical, crf, momentum, motion_to_parent, resting, to_child, to_parent
+from .stages import cut
+from .static_elimination import Pivots, solve
+
+
+@dataclass(frozen=True)
+class InverseModule(WrittenModule):
+    """One module's inverse model: outwards, inwards.
+
+    Attributes:
+        laws: Freedoms of the tree after the cuts that the input "laws" holds.
+    """
+
+    laws: Index
+
+
+@dataclass
+class _Needed:
+    """Forces that a motion needs, summed up.
+
+    Attributes:
+        b: Over s = [base; y], shape (6 + n,).
+        terms: What they were summed from, work per scaled coordinate, as far as one module can tell them
+            apart.
+        length: The module's length [m].
+        received: Columns of symbols of what comes from elsewhere, by name.
+    """
+
+    b: Expression
+    terms: list[Any]
+    length: float
+    received: dict[str, ca.SX]
+
+    def count(self, wrench: Expression) -> None:
+        """Enter a wrench among the terms."""
+        self.terms += [*(wrench[:3] * self.length), *wrench[3:]]
+
+    def receive(self, name: str) -> Expression:
+        """Give a wrench that comes from elsewhere, shape (6,)."""
+        self.received[name], wrench = symbols(name, 6)
+        return wrench
+
+    def size(self) -> Any:
+        """Give the sum of all terms."""
+        size = ca.SX(0.0)
+        for value in self.terms:
+            size = size + ca.fabs(value)
+        return size
+
+
+def write_inverse(name: str, plan: Plan, options: InverseOptions, pivots: Pivots) -> InverseModule:
+    """Write a module's inverse model and cut it into its stages."""
+    parts, spanning = plan.parts, plan.mechanism.spanning
+    at_q, at_v = read_by_core(plan)
+    q_column, q = scattered("q", at_q, spanning.nq)
+    (v_column, v), (a_column, a) = (scattered(x, at_v, spanning.nv) for x in ("v", "a"))
+    base = base_motion(options.base, options.velocity)
+    motion = {"q": q_column, "v": v_column, "a": a_column} | parameters_of(plan)
+    core = write_core(plan, q, v, base.V, a, base.A)
+    needed = _needed(
+        core, plan, options, core.chain if options.velocity else _slow(core, plan, q, a, base), a
+    )
+    laws = [k for k, col in enumerate(parts.tree_v) if int(col) in options.laws]
+    laws_column, law = symbols("laws", len(laws))
+    needed.received |= {"laws": laws_column} if laws else {}
+    at = 6 + np.array(laws, dtype=int)
+    needed.b[at] = needed.b[at] - law
+    X, trust = solve(core.rows.K[:, 6:], zeros(len(core.rows.K), 1), plan.loop_pivots)
+    guard = ca.fmax(ca.fmax(core.rows.guard, trusted(trust)), _apart(core, plan, a, base.A))
+    tau, measure = _efforts(core, plan, options, X[:, 1:], needed, pivots)
+    efforts = {"guard": ca.SX(ca.fmax(guard, measure))} | ({"tau": pack(tau)} if len(tau) else {})
+    if options.base is None:
+        efforts["F_base"] = pack(_base_wrench(core, needed.b))
+    stages = cut(
+        name,
+        [motion | base.V_column | base.A_column, needed.received],
+        [_motion_outwards(core, options), efforts],
+    )
+    return InverseModule(stages, at_q, at_v, tuple(sorted(core.platforms)), parts.tree_v[laws])
+
+
+def _motion_outwards(core: Core, options: InverseOptions) -> dict[str, ca.SX]:
+    """Give motion of the platforms for the legs, twists and accelerations of outputs that carry."""
+    out: dict[str, ca.SX] = {}
+    for i, motion in sorted(core.platforms.items()):
+        A = motion_to_parent(motion.R, motion.p, core.chain.c[i + 1])
+        out[f"platform {i}"] = pack(motion.R, motion.p, motion.V, A)
+    for o, body in enumerate(core.outputs):
+        if options.carries[o]:
+            V, A = _seen(core.chain, body, options.velocity)
+            out[f"V {o}"], out[f"A {o}"] = pack(V[-twist_width(options.velocity) :]), pack(A)
+    return out
+
+
+def _seen(chain: Chain, body: int, velocity: bool) -> tuple[Expression, Expression]:
+    """Give a body's twist and acceleration as one sees them who moves with its origin (`base_motion`)."""
+    V, A = chain.V[body], chain.c[body]
+    return (resting(V), classical(V, A)) if velocity else (V, A)
+
+
+def _needed(core: Core, plan: Plan, options: InverseOptions, moving: Chain, a: Expression) -> _Needed:
+    """Give the forces that a motion needs, without joint laws.
+
+    Args:
+        core: The core.
+        plan: The module.
+        options: The effects.
+        moving: The core's motion as far as it needs forces.
+        a: Accelerations of the spanning tree.
+    """
+    parts, b = plan.parts, forces(moving)
+    out = _Needed(b, [x * u for x, u in zip(b[6:], core.units, strict=True)], plan.mechanism.length, {})
+    for k, col in enumerate(parts.tree_v):
+        if parts.v[k] >= 0 and options.rotor[col]:
+            b[6 + k] = b[6 + k] + a[parts.v[k]] * options.rotor[col]
+    for i in sorted({group[0].platform for group in parts.groups}):
+        b_base, b_delta = (out.receive(f"{name} {i}") for name, _ in LEG_SUMS)
+        at = core.chain.columns_of(i + 1)
+        b[:6], b[at] = b[:6] + b_base - b_delta, b[at] + b_delta
+        out.count(b_delta)
+    for o in range(len(core.outputs)):
+        _add_output(core, plan, options, o, out)
+    return out
+
+
+def _add_output(core: Core, plan: Plan, options: InverseOptions, o: int, out: _Needed) -> None:
+    """Add the wrench that an output needs, with those of the modules on it, Eqs. (30)-(32)."""
+    chain, body = core.chain, core.outputs[o]
+    own = own_inertia(plan, options.inertias[o], o)
+    V, A = _seen(chain, body, options.velocity)
+    W = momentum(own, A)
+    out.count(W)
+    if options.velocity:
+        W = W + crf(V, momentum(own, V))
+    if options.carries[o]:
+        F = out.receive(f"F {o}")
+        W = W + F
+        out.count(F)
+    out.b = out.b + dot(motion_map(chain, body).T, to_parent(chain.R0[body], chain.p0[body], W))
+
+
+def _efforts(
+    core: Core, plan: Plan, options: InverseOptions, Psi: Expression, needed: _Needed, pivots: Pivots
+) -> tuple[Expression, Any]:
+    """Give the motors' efforts B tau = Psi^T b, Eq. (33), and the guard of their map."""
+    parts = plan.parts
+    B = _motor_map(core, plan, options, Psi, needed.received)
+    if len(options.motors) > B.shape[0] and not options.share:
+        return zeros(0), ca.SX(np.inf)  # the general path says what is missing
+    size = needed.size() if len(options.motors) < B.shape[0] else ca.SX(0.0)
+    free = [k for k in range(len(parts.tree_v)) if k not in plan.loop_pivots.cols]
+    summed = (size, plan.mechanism.reduction.col_scale[parts.tree_v[free]], plan.scale.closed)
+    return motor_efforts(B, dot(Psi.T, needed.b[6:]), summed, np.array(options.share), pivots)
+
+
+def _base_wrench(core: Core, b: Expression) -> Expression:
+    """Give the wrench that a module needs of its base: its own and its platforms'."""
+    F = b[:6]
+    for i in sorted(core.chain.platforms):
+        F = F + b[core.chain.columns_of(i + 1)]
+    return F
+
+
+def _apart(core: Core, plan: Plan, a: Expression, A_base: Expression) -> Any:
+    """Give the guard of accelerations with which the core's loops come apart."""
+    own = np.array([a[k] if k >= 0 else 0.0 for k in plan.parts.v], dtype=object)
+    motions = [A_base, *(core.chain.c[i + 1] for i in core.platforms)]
+    haste = size_of(own, core.units, motions, plan.mechanism.length) + core.speed * core.speed
+    return accelerating_apart(core.rows.apart, haste, plan.scale.closed)
+
+
+def _slow(core: Core, plan: Plan, q: Expression, a: Expression, base: BaseMotion) -> Chain:
+    """Give the core's motion with rates that count as zero in inertial forces."""
+    parts, chain = plan.parts, core.chain
+    placed = {}
+    for i in core.platforms:
+        R, p, V = chain.R0[i + 1], chain.p0[i + 1], chain.V[i + 1]
+        relative = V - to_child(R, p, base.V)
+        w, x = V[3:], relative
+        product = np.concatenate([cross(w, x[:3]) + cross(V[:3], x[3:]), cross(w, x[3:])])
+        placed[i] = Placed(R, p, zeros(6), chain.c[i + 1] - product)
+    tree_q = np.array([q[k] if k >= 0 else 0.0 for k in parts.q], dtype=object)
+    tree_a = np.array([a[k] if k >= 0 else 0.0 for k in parts.v], dtype=object)
+    return sweep(list(parts.links), tree_q, zeros(len(parts.v)), zeros(6), tree_a, base.A, placed)
+
+
+def _motor_map(
+    core: Core, plan: Plan, options: InverseOptions, Psi: Expression, inputs: dict[str, ca.SX]
+) -> Expression:
+    """Give B, the work of each motor along each motion, shape (N, motors)."""
+    parts = plan.parts
+    columns: dict[int, Expression] = {int(col): Psi[k] for k, col in enumerate(parts.tree_v)}
+    for n, group in enumerate(parts.groups):
+        at = np.array(core.chain.columns_of(group[0].platform + 1)) - 6
+        driven = [j for j, c in enumerate(group[0].tree_v) if int(c) in options.motors]
+        if not driven:
+            continue
+        inputs[f"motors {n}"], entries = symbols(f"motors {n}", len(group) * len(driven) * 6)
+        wrenches = entries.reshape(len(group), len(driven), 6)
+        for i, leg in enumerate(group):
+            for j, k in enumerate(driven):
+                columns[int(leg.tree_v[k])] = dot(Psi[at].T, wrenches[i, j])
+    if not options.motors:
+        return zeros(Psi.shape[1], 0)
+    return np.stack([columns[c] for c in options.motors], axis=1)

@@ -1,0 +1,88 @@
+"""The inverse model of a group of equal legs, written: what a motion needs of base, platform and motors."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from ..program import Constants
+from .chains import Chain, forces, sweep
+from .core import Plan
+from .expressions import Expression, dot, pack, symbols, zeros
+from .guards import Scale, accelerating_apart, size_of
+from .legs import PlatformMotion, WrittenLeg, write_leg
+from .links import units_of
+from .module_graph import BaseMotion, base_motion
+from .options import InverseOptions
+from .parts import Leg
+from .stages import Stage, cut
+
+#: What the legs of a platform need, wrenches on the base and along delta, and how many numbers each takes.
+LEG_SUMS = (("b_base", 6), ("b_delta", 6))
+
+
+def lawful_joints(leg: Leg, options: InverseOptions) -> list[int]:
+    """Give the freedoms of a leg with joint laws, numbered inside the leg."""
+    return [j for j, c in enumerate(leg.tree_v) if c in options.laws]
+
+
+def driven_joints(leg: Leg, options: InverseOptions) -> list[int]:
+    """Give the freedoms of a leg with motors, numbered inside the leg."""
+    return [j for j, c in enumerate(leg.tree_v) if c in options.motors]
+
+
+def write_inverse_legs(plan: Plan, n: int, options: InverseOptions) -> tuple[list[Stage], Constants]:
+    """Write what group n of a module needs for a motion, and the numbers in which its legs differ.
+
+    The outputs are `LEG_SUMS`; "motors", the wrench along delta of each motor's unit effort; and "guard".
+    """
+    group = plan.parts.groups[n]
+    leg = group[0]
+    lawful, driven = lawful_joints(leg, options), driven_joints(leg, options)
+    columns = {"q": symbols("q", len(leg.q)), "v": symbols("v", len(leg.v)), "a": symbols("a", len(leg.v))}
+    q, v, a = (entries for _, entries in columns.values())
+    base = base_motion(options.base, options.velocity)
+    laws_column, laws = symbols("laws", len(lawful))
+    p_column, p = symbols("platform", 24)
+    platform, A = PlatformMotion(p[:9].reshape(3, 3), p[9:12], p[12:18]), p[18:]
+    written = write_leg(group, q, v, base.V, platform, plan.scale, plan.leg_pivots[n])
+    law = zeros(len(leg.v))
+    law[lawful] = laws
+    rotor = written.folding.array([np.array([options.rotor[c] for c in leg.tree_v]) for leg in group])
+    b = forces(_moving(written, q, v, a, base, options.velocity))
+    H = b[6:] - law + a * rotor
+    outputs = {"b_base": pack(b[:6]), "b_delta": pack(written.wrench(dot(written.X.T, H)))}
+    outputs["guard"] = ca.SX(ca.fmax(written.guard, _apart(written, a, A, base.A, plan.scale)))
+    if driven:
+        outputs["motors"] = pack(*(written.wrench(written.X[k]) for k in driven))
+    inputs = {name: column for name, (column, _) in columns.items()} | base.V_column | base.A_column
+    inputs |= {"laws": laws_column} if lawful else {}
+    inputs |= {"numbers": written.folding.symbol(), "platform": p_column}
+    return cut("legs", [inputs], [outputs]), Constants(written.folding.table(len(group)))
+
+
+def _moving(
+    leg: WrittenLeg, q: Expression, v: Expression, a: Expression, base: BaseMotion, velocity: bool
+) -> Chain:
+    """Give a leg's motion as far as it needs forces: without velocity terms its rates count as zero."""
+    if velocity:
+        return sweep(leg.chain.links, q, v, base.V, a, base.A)
+    return sweep(leg.chain.links, q, zeros(len(v)), zeros(6), a, base.A)
+
+
+def _apart(leg: WrittenLeg, a: Expression, A: Expression, A_base: Expression, scale: Scale) -> Any:
+    """Give the guard of accelerations with which a leg's end does not follow its platform.
+
+    Args:
+        leg: The leg, written at zero accelerations.
+        a: Accelerations of its joints.
+        A: Acceleration of its platform, in the base's frame.
+        A_base: Acceleration of its base.
+        scale: What closures are measured by.
+    """
+    unit = np.concatenate([units_of(link, scale.length) for link in leg.chain.links])
+    apart = leg.accelerating_apart(a, A - A_base) / unit
+    haste = size_of(a, unit, [A, A_base], scale.length) + leg.speed * leg.speed
+    return accelerating_apart(apart, haste, scale.closed)

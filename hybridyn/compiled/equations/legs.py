@@ -1,0 +1,255 @@
+"""The code of one group of equal legs, written once: what they do to base and platform.
+
+A leg's joints follow from the platform's motion relative to the base, delta = V_dot_platform - V_dot_base,
+
+    q_ddot = X [delta at the closure's point] + y_0
+
+so the leg acts on the module only through its inertia over [V_dot_base; delta].
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from ...spatial import Array
+from .chains import Chain, forces, mass_matrix, numbers, point_acceleration, point_velocity, sweep
+from .expressions import Expression, congruence, cross, dot, hat, pack, symbols, upper, zeros
+from .folding import Folding
+from .guards import Scale, loops_closed, size_of, trusted
+from .links import Link, units_of
+from .parts import Leg, width_of
+from .rigid import matrix_moved, to_child, to_parent
+from .static_elimination import Pivots, choose_pivots, solve
+
+
+@dataclass
+class PlatformMotion:
+    """What legs must know of their platform, everything in the base's frame.
+
+    Attributes:
+        R, p: Axes and origin in the base.
+        V: Twist, in the base's frame.
+    """
+
+    R: Expression
+    p: Expression
+    V: Expression
+
+
+@dataclass
+class WrittenLeg:
+    """A leg in expressions: its motion, and its joints over the motion of its platform.
+
+    Attributes:
+        folding: The numbers in which the legs differ.
+        chain: Its motion, the base's included.
+        point: The closure's point in the base's frame, shape (3,).
+        X: Joint rates over the relative motion [v, w] of the closure's point, base axes, shape (nv, 6).
+        y0: Joint accelerations at delta = 0, shape (nv,).
+        speed: Size of its rates.
+        guard: The leg's guard.
+    """
+
+    folding: Folding
+    chain: Chain
+    point: Expression
+    X: Expression
+    y0: Expression
+    speed: Any
+    guard: ca.SX
+
+    def to_base(self, M: Expression) -> Expression:
+        """Give an inertia of the closure's point in the base's frame, (6, 6)."""
+        return matrix_moved(M, numbers(np.eye(3)), self.point)
+
+    def accelerating_apart(self, a: Expression, delta: Expression) -> Expression:
+        """Give by how much joint accelerations miss those that follow the platform, shape (nv,)."""
+        return leg_accelerations(self, delta) - a
+
+    def wrench(self, F: Expression) -> Expression:
+        """Give a wrench at the closure's point in the base's frame, shape (6,)."""
+        return to_parent(numbers(np.eye(3)), self.point, F)
+
+
+def fold_links(folding: Folding, copies: list[list[Link]]) -> list[Link]:
+    """Give links whose numbers stand for those of all copies."""
+    return [
+        replace(
+            same[0],
+            R=folding.array([link.R for link in same]),
+            p=folding.array([link.p for link in same]),
+            inertia=folding.array([link.inertia for link in same]),
+        )
+        for same in zip(*copies, strict=True)
+    ]
+
+
+def _frames(folding: Folding, group: tuple[Leg, ...]) -> list[Expression]:
+    """Give the closure's frames: axes and origin on the leg, axes and origin on the platform."""
+    sides = [("R_a", "p_a", "R_b", "p_b") if leg.on_a else ("R_b", "p_b", "R_a", "p_a") for leg in group]
+    return [
+        folding.array([getattr(leg.closure, side[k]) for leg, side in zip(group, sides, strict=True)])
+        for k in range(4)
+    ]
+
+
+def _jacobian(chain: Chain, end: int, point: Expression) -> Expression:
+    """Give the motion [v, w] of a point of a body over q_dot, the body's axes, shape (6, nv)."""
+    J, slices = zeros(6, chain.nv), chain.v_slices
+    path = []
+    body = end
+    while body:
+        path.append(body - 1)
+        body = chain.links[body - 1].parent
+    columns: dict[int, Expression] = {}
+    for i in reversed(path):
+        columns = {k: to_child(chain.R[i], chain.p[i], column) for k, column in columns.items()}
+        columns |= {slices[i].start + k: chain.S[i][:, k] for k in range(chain.links[i].nv)}
+    for k, column in columns.items():
+        J[:, k] = np.concatenate([point_velocity(column, point), column[3:]])
+    return J
+
+
+def _rows(rotation: str, R_s: Expression) -> Expression:
+    """Give the rows that a closure takes of a motion [v, w] in the body's axes, shape (rows, 6)."""
+    turning = {"free": np.zeros((0, 3)), "fixed": np.eye(3)}
+    angular = R_s.T[:2] if rotation == "parallel" else numbers(turning[rotation])
+    out = zeros(3 + len(angular), 6)
+    out[:3, :3], out[3:, 3:] = numbers(np.eye(3)), angular
+    return out
+
+
+def write_leg(
+    group: tuple[Leg, ...],
+    q: Expression,
+    v: Expression,
+    V_base: Expression,
+    platform: PlatformMotion,
+    scale: Scale,
+    pivots: Pivots | None,
+    folding: Folding | None = None,
+) -> WrittenLeg:
+    """Write the kinematics of a group's legs.
+
+    Args:
+        group: The legs.
+        q: Positions of the leg.
+        v: Its rates.
+        V_base: Twist of the base, own frame.
+        platform: Motion of the platform.
+        scale: What closures are measured by.
+        pivots: Pivots of the leg's closure.
+        folding: Where the legs' numbers go.
+    """
+    folding = Folding() if folding is None else folding
+    links = fold_links(folding, [list(leg.links) for leg in group])
+    R_s, p_s, R_o, p_o = _frames(folding, group)
+    leg = group[0]
+    units = np.concatenate([units_of(link, scale.length) for link in links])
+    chain = sweep(links, q, v, V_base)
+    R0, V, c = chain.R0[leg.end], chain.V[leg.end], chain.c[leg.end]
+    point = chain.p0[leg.end] + dot(R0, p_s)
+    rotation = leg.closure.rotation
+    N = _rows(rotation, R_s)
+    J = dot(N, _jacobian(chain, leg.end, p_s))
+    v_other, w_other = platform.V[:3] + cross(platform.V[3:], point), platform.V[3:]
+    apart = dot(R0.T, v_other) - point_velocity(V, p_s)
+    turning = dot(R0.T, w_other) - V[3:]
+    drift = dot(R0.T, cross(w_other, v_other)) - point_acceleration(V, c, p_s)
+    k = dot(N, np.concatenate([drift, -c[3:]]))
+    if rotation == "parallel":
+        k[3:] = k[3:] + [dot(cross(V[3:], R_s[:, i]), turning[:, None])[0] for i in range(2)]
+    right = np.concatenate([dot(N, _both(R0.T)), k[:, None]], axis=1)
+    if pivots is None:
+        pivots = Pivots(tuple(range(len(J))), tuple(range(len(J))), (1.0,) * len(J))
+    X, trust = solve(J, right, pivots)
+    other = platform.p + dot(platform.R, p_o)
+    open_by = [
+        (other - point, scale.length),
+        *_turned_apart(rotation, dot(R0, R_s), dot(platform.R, R_o)),
+    ]
+    slipping = [(apart, scale.length)]
+    if rotation != "free":
+        slipping.append((dot(N[3:, 3:], turning), 1.0))
+    speed = size_of(v, units, [platform.V, V_base], scale.length)
+    guard = ca.fmax(trusted(trust), loops_closed(open_by, slipping, speed, scale.closed))
+    return WrittenLeg(folding, chain, point, X[:, :6], X[:, 6], speed, guard)
+
+
+def _both(R: Expression) -> Expression:
+    """Give a rotation of [v, w], shape (6, 6)."""
+    out = zeros(6, 6)
+    out[:3, :3] = out[3:, 3:] = R
+    return out
+
+
+def _turned_apart(rotation: str, A: Expression, B: Expression) -> list[tuple[Expression, float]]:
+    """Give what must vanish of the angle between two frames."""
+    if rotation == "free":
+        return []
+    pairs = [(0, 2), (1, 2)] if rotation == "parallel" else [(0, 1), (1, 2), (2, 0)]
+    return [(np.array([dot(A[:, i], B[:, j][:, None])[0] for i, j in pairs], dtype=object), 1.0)]
+
+
+def leg_pivots(group: tuple[Leg, ...], mechanism_postures: Array, scales: tuple[Array, Array]) -> Pivots:
+    """Choose the pivots of a group's closures at generic postures of every leg.
+
+    Args:
+        group: The legs.
+        mechanism_postures: Postures of the tree after the cuts, shape (samples, nq).
+        scales: Factor of the closures' rows, and unit of the legs' freedoms.
+    """
+    folding = Folding()
+    links = fold_links(folding, [list(leg.links) for leg in group])
+    R_s, p_s, _, _ = _frames(folding, group)
+    column, q = symbols("q", width_of(group[0].links)[0])
+    chain = sweep(links, q, zeros(width_of(group[0].links)[1]), zeros(6))
+    J = dot(_rows(group[0].closure.rotation, R_s), _jacobian(chain, group[0].end, p_s))
+    function = ca.Function("J", [column, folding.symbol()], [pack(J)])
+    table = folding.table(len(group))
+    samples = [
+        np.array(function(posture[leg.tree_q], table[i])).reshape(J.shape)
+        for i, leg in enumerate(group)
+        for posture in mechanism_postures
+    ]
+    return choose_pivots(np.array(samples), len(J), *scales)
+
+
+def leg_sums(leg: WrittenLeg, tau: Expression, velocity: bool, rotor: Expression) -> dict[str, Expression]:
+    """Give what a leg brings to the direct model, over [V_dot_base; delta].
+
+    Args:
+        leg: The leg.
+        tau: Generalised forces on its joints.
+        velocity: Whether velocity terms are on.
+        rotor: Rotor inertias of its joints, shape (nv,).
+
+    Returns:
+        "S1": ten numbers on the base; "B": M_base,delta row by row; "L": M_delta,delta, upper triangle;
+        "b_base", "b_delta": forces at zero accelerations.
+    """
+    M, S1 = mass_matrix(leg.chain)
+    D, A = M[:6, 6:], M[6:, 6:]
+    for i, inertia in enumerate(rotor):
+        A[i, i] = A[i, i] + inertia
+    bias = forces(leg.chain) if velocity else zeros(6 + leg.chain.nv)
+    B = dot(D, leg.X)
+    B[:, 3:] = B[:, 3:] - dot(B[:, :3], hat(leg.point))
+    needed = bias[6:] + dot(A, leg.y0) - tau
+    return {
+        "S1": S1,
+        "B": B.ravel(),
+        "L": upper(leg.to_base(congruence(leg.X, A))),
+        "b_base": bias[:6] + dot(D, leg.y0),
+        "b_delta": leg.wrench(dot(leg.X.T, needed)),
+    }
+
+
+def leg_accelerations(leg: WrittenLeg, delta: Expression) -> Expression:
+    """Give the joint accelerations of a leg for the relative acceleration of its platform, base's frame."""
+    at_point = np.concatenate([delta[:3] + cross(delta[3:], leg.point), delta[3:]])
+    return dot(leg.X, at_point) + leg.y0

@@ -1,0 +1,160 @@
+"""The numbers of a tree of links, made ready for writing out: aligned axes, base inertial parameters.
+
+Both change no force and no motion of the joints; they make more numbers zero.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ...linkage.joints import NV, TreeJoint
+from ...spatial import Array
+from .expressions import ROUNDING, plain, snap
+from .rigid import moved
+
+TURNING = ("revolute", "continuous")
+
+#: Axes without a zero or a one.
+ASKEW = np.array([[2.0, -1.0, 2.0], [2.0, 2.0, -1.0], [-1.0, 2.0, 2.0]]) / 3.0
+
+
+@dataclass(frozen=True)
+class Link:
+    """One joint and its child, numbers only.
+
+    Attributes:
+        kind: Kind of joint.
+        parent: Number of the parent body in the tree (0: the base; the child of link i is body i + 1).
+        R: Child axes in the parent at joint position zero, shape (3, 3).
+        p: Child origin there, shape (3,), [m].
+        axis: Axis in the child, shape (3,).
+        inertia: Ten numbers of the child (`rigid`), shape (10,).
+    """
+
+    kind: str
+    parent: int
+    R: Array
+    p: Array
+    axis: Array
+    inertia: Array
+
+    @property
+    def nv(self) -> int:
+        """Number of freedoms."""
+        return NV[self.kind]
+
+
+def links_of(joints: tuple[TreeJoint, ...], inertias: list[Array]) -> list[Link]:
+    """Give the links of a tree from its joints and its bodies' ten numbers."""
+    return [
+        Link(j.kind, j.parent, snap(j.R), j.p, j.axis, inertia)
+        for j, inertia in zip(joints, inertias, strict=True)
+    ]
+
+
+def aligned(links: list[Link], fixed: frozenset[int]) -> tuple[list[Link], list[Array]]:
+    """Turn bodies' frames so that every axis of one freedom is a coordinate axis.
+
+    Args:
+        links: The links.
+        fixed: Bodies whose frames must stay.
+
+    Returns:
+        The links, and for each body (base first) the new axes in the old ones, shape (3, 3).
+    """
+    turns = [
+        _frame_along(link.axis)
+        if body not in fixed and np.abs(link.axis).max() < 1.0 and link.nv == 1
+        else None
+        for body, link in enumerate(links, 1)
+    ]
+    return _turned(links, turns)
+
+
+def askew(links: list[Link], fixed: frozenset[int]) -> tuple[list[Link], list[Array]]:
+    """Turn bodies' frames so that no axis of one freedom is a coordinate axis: what nice axes save.
+
+    Arguments and results are those of `aligned`.
+    """
+    turns = [ASKEW if body not in fixed and link.nv == 1 else None for body, link in enumerate(links, 1)]
+    return _turned(links, turns)
+
+
+def _turned(links: list[Link], turns: list[Array | None]) -> tuple[list[Link], list[Array]]:
+    """Turn the frame of each body that has a turn."""
+    axes = [np.eye(3), *(np.eye(3) if turn is None else turn for turn in turns)]
+    out = []
+    for link, turn, here in zip(links, turns, axes[1:], strict=True):
+        back = axes[link.parent].T
+        inertia = np.array(moved(plain(link.inertia), plain(here.T), plain(np.zeros(3))), dtype=float)
+        axis = link.axis if turn is None else snap(turn.T @ link.axis)
+        out.append(replace(link, R=snap(back @ link.R @ here), p=back @ link.p, axis=axis, inertia=inertia))
+    return out, axes
+
+
+def _frame_along(axis: Array) -> Array:
+    """Give axes whose third is the axis, shape (3, 3)."""
+    other = np.eye(3)[int(np.argmin(np.abs(axis)))]
+    x = np.cross(other, axis)
+    x /= np.linalg.norm(x)
+    return np.stack([x, np.cross(axis, x), axis], axis=1)
+
+
+def regrouped(links: list[Link]) -> tuple[list[Link], Array]:
+    """Move inertial parameters that a joint cannot feel to its parent, outermost first.
+
+    A turning joint feels neither mass, nor first moment along its axis, nor an inertia (y, y, 0) about it; a
+    slide feels no inertia about its child's origin; a ball feels no mass.
+
+    Returns:
+        The links, and the ten numbers that arrive at the base, shape (10,).
+
+    Source:
+        Reference [34] of Ibrahim & Khalil (2010): base inertial parameters.
+    """
+    out = list(links)
+    base = np.zeros(10)
+    for i in reversed(range(len(out))):
+        link = out[i]
+        gone = unfelt(link)
+        out[i] = replace(link, inertia=_clean(link.inertia - gone, link.inertia))
+        at = np.array(moved(plain(gone), plain(link.R), plain(link.p)), dtype=float)
+        if link.parent:
+            parent = out[link.parent - 1]
+            out[link.parent - 1] = replace(parent, inertia=parent.inertia + at)
+        else:
+            base = base + at
+    return out, base
+
+
+def _clean(inertia: Array, before: Array) -> Array:
+    """Give ten numbers without what is only rounding of those before."""
+    out = inertia.copy()
+    for part in (slice(1, 4), slice(4, 10)):
+        size = np.abs(before[part]).max()
+        out[part] = np.where(np.abs(out[part]) < ROUNDING * size, 0.0, out[part])
+    return out
+
+
+def unfelt(link: Link) -> Array:
+    """Give the part of a link's ten numbers that its joint cannot feel, shape (10,)."""
+    gone = np.zeros(10)
+    if link.kind in TURNING and np.abs(link.axis).max() == 1.0:
+        k = int(np.argmax(np.abs(link.axis)))
+        diagonal = (4, 7, 9)
+        gone[0], gone[1 + k] = link.inertia[0], link.inertia[1 + k]
+        first, second = (diagonal[i] for i in range(3) if i != k)
+        gone[first] = gone[second] = link.inertia[second]
+    elif link.kind == "prismatic":
+        gone[4:] = link.inertia[4:]
+    elif link.kind == "spherical":
+        gone[0] = link.inertia[0]
+    return gone
+
+
+def units_of(link: Link, length: float) -> Array:
+    """Give the unit of each freedom of a joint: the length where it slides, else a radian."""
+    sliding = {"prismatic": 1, "planar": 2, "floating": 3}.get(link.kind, 0)
+    return np.array([length] * sliding + [1.0] * (link.nv - sliding))

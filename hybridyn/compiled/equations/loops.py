@@ -1,0 +1,146 @@
+"""Closure rows of a module's core over s = [V_dot_base; y], with their drift (see `hybridyn.closure`)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from ...linkage.closures import TreeClosure, TreeCoupling
+from .chains import Chain, motion_map, numbers, point_acceleration, point_velocity
+from .expressions import Expression, cross, dot, zeros
+from .guards import Scale, loops_closed
+from .rigid import to_parent
+
+
+@dataclass
+class Rows:
+    """Rows of all closures of a core.
+
+    Attributes:
+        K: Shape (rows, 6 + nv): K s + gamma = 0.
+        gamma: Shape (rows,).
+        apart: gamma without units: metres over the module's length.
+        guard: How far the loops are open.
+    """
+
+    K: Expression
+    gamma: Expression
+    apart: Expression
+    guard: ca.SX
+
+
+@dataclass
+class _Side:
+    """A closure's frame on one body, everything in the base's axes."""
+
+    A: Expression
+    p: Expression
+    v: Expression
+    w: Expression
+    a: Expression
+    alpha: Expression
+    J: Expression
+
+
+def _side(chain: Chain, body: int, R: Expression, p: Expression) -> _Side:
+    """Give a frame's axes, origin, rates, accelerations at s = 0, and its body's motion over s."""
+    R0, V, c = chain.R0[body], chain.V[body], chain.c[body]
+    return _Side(
+        dot(R0, R),
+        chain.p0[body] + dot(R0, p),
+        dot(R0, point_velocity(V, p)),
+        dot(R0, V[3:]),
+        dot(R0, point_acceleration(V, c, p)),
+        dot(R0, c[3:]),
+        motion_map(chain, body),
+    )
+
+
+def write_rows(
+    chain: Chain,
+    closures: tuple[TreeClosure, ...],
+    couplings: tuple[TreeCoupling, ...],
+    q: list[Expression],
+    scale: Scale,
+    speed: Any,
+) -> Rows:
+    """Write the rows of closures and couplings.
+
+    Args:
+        chain: Motion of the core.
+        closures: The closures.
+        couplings: The couplings.
+        q: Positions of each joint.
+        scale: What closures are measured by.
+        speed: Size of the module's rates.
+    """
+    K, gamma, apart = [zeros(0, 6 + chain.nv)], [zeros(0)], [zeros(0)]
+    guard = ca.SX(0.0)
+    for c in closures:
+        a = _side(chain, c.body_a, numbers(c.R_a), numbers(c.p_a))
+        b = _side(chain, c.body_b, numbers(c.R_b), numbers(c.p_b))
+        rows, drift, measure = _closure(c, a, b, scale, speed)
+        K, gamma = [*K, rows], [*gamma, drift]
+        unit = np.array([scale.length] * len(c.translations) + [1.0] * (c.rows - len(c.translations)))
+        apart = [*apart, drift / unit]
+        guard = ca.fmax(guard, measure)
+    for coupling in couplings:
+        row = zeros(1, 6 + chain.nv)
+        for joint, coefficient in coupling.terms:
+            at = 6 + chain.v_slices[joint].start
+            row[0, at] = row[0, at] + coefficient
+        K, gamma = [*K, row], [*gamma, zeros(1)]
+    return Rows(np.concatenate(K), np.concatenate(gamma), np.concatenate(apart), guard)
+
+
+def _closure(
+    c: TreeClosure, a: _Side, b: _Side, scale: Scale, speed: Any
+) -> tuple[Expression, Expression, ca.SX]:
+    """Give rows, drift and guard of one closure."""
+    r, relative = b.p - a.p, b.J - a.J
+    w = b.w - a.w
+    axes = [a.A[:, i] for i in c.translations]
+    if len(axes) == 3:
+        r = zeros(3)  # of a closed loop; all three rows then stand along any axes
+        axes = [numbers(np.eye(3)[i]) for i in range(3)]
+    slide = b.v - a.v - cross(a.w, r)
+    apart = b.a - a.a - cross(a.alpha, r) - 2 * cross(a.w, b.v - a.v) + cross(a.w, cross(a.w, r))
+    normals = [to_parent(numbers(np.eye(3)), b.p, np.concatenate([n, zeros(3)])) for n in axes]
+    gamma = [_along(n, apart) for n in axes]
+    opened = b.p - a.p
+    positions = [(np.array([_along(a.A[:, i], opened) for i in c.translations], dtype=object), scale.length)]
+    rates = [(np.array([_along(n, slide) for n in axes], dtype=object), scale.length)]
+    z = b.A[:, 2]
+    turning: list[tuple[Expression, Expression]] = []
+    if c.rotation == "fixed":
+        turning = [(numbers(np.eye(3)[i]), zeros(3)) for i in range(3)]
+        pairs = [(0, 1), (1, 2), (2, 0)]
+    elif c.rotation == "parallel":
+        turning = [(a.A[:, i], cross(a.w, a.A[:, i])) for i in (0, 1)]
+        pairs = [(0, 2), (1, 2)]
+    elif c.rotation == "perpendicular":
+        n = cross(z, a.A[:, 2])
+        turning = [(n, cross(cross(b.w, z), a.A[:, 2]) + cross(z, cross(a.w, a.A[:, 2])))]
+        pairs = [(2, 2)]
+    for n, n_dot in turning:
+        normals.append(np.concatenate([zeros(3), n]))
+        gamma.append(_along(n, b.alpha - a.alpha) + _along(n_dot, w))
+    if turning:
+        angles = np.array([_along(a.A[:, i], b.A[:, j]) for i, j in pairs], dtype=object)
+        positions.append((angles, 1.0))
+        rates.append((np.array([_along(n, w) for n, _ in turning], dtype=object), 1.0))
+    rows = [dot(n[None], relative)[0] for n in normals]
+    drift = np.array(gamma, dtype=object)
+    return (
+        np.array(rows, dtype=object).reshape(len(rows), a.J.shape[1]),
+        drift,
+        loops_closed(positions, rates, speed, scale.closed),
+    )
+
+
+def _along(n: Expression, x: Expression) -> Any:
+    """Give the scalar product."""
+    return dot(n, x[:, None])[0]

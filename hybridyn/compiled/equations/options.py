@@ -1,0 +1,128 @@
+"""What the code of a module depends on beside the module: effects, motors, and what stands on it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from ...dynamics.actuation import Sharing, load_share
+from ...errors import ActuationError
+from ...spatial import Array
+from ...structure.module import Module
+from ...structure.robot import HybridRobot
+from .request import Request
+
+
+@dataclass(frozen=True)
+class ModuleOptions:
+    """What both models ask for.
+
+    Attributes:
+        base: The base's acceleration (less gravity) where it is a constant and the base rests, else None.
+        carries: For each output whether another module stands on it.
+        inertias: For each output its own ten numbers with those that its modules' legs hand to it.
+        velocity: Whether velocity terms are on.
+        rotor: Rotor inertias over the freedoms of the tree after the cuts, as a tuple.
+    """
+
+    base: tuple[float, ...] | None
+    carries: tuple[bool, ...]
+    inertias: tuple[tuple[float, ...], ...]
+    velocity: bool
+    rotor: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class DirectOptions(ModuleOptions):
+    """What the direct model asks for.
+
+    Attributes:
+        motors: Freedoms of the tree after the cuts that have an effort.
+        usual: For each freedom of a module without loops that carries others what it moves at most, all
+            joints behind it locked, without units of its own; else nothing.
+    """
+
+    motors: tuple[int, ...]
+    usual: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class InverseOptions(ModuleOptions):
+    """What the inverse model asks for.
+
+    Attributes:
+        motors: Freedoms of the tree after the cuts that are driven, in the order of the module's motors.
+        share: Each motor's share of the load, where motors are redundant.
+        laws: Freedoms of the tree after the cuts with joint laws.
+    """
+
+    motors: tuple[int, ...]
+    share: tuple[float, ...]
+    laws: tuple[int, ...]
+
+
+def direct_options(request: Request, k: int) -> DirectOptions:
+    """Give what the direct model of module k asks for."""
+    marks = request.marks(request.robot.modules[k])
+    return DirectOptions(
+        **_of_both(request, k),
+        motors=tuple(i for i, mark in enumerate(marks) if mark),
+        usual=_usual(request, k),
+    )
+
+
+def inverse_options(request: Request, k: int) -> InverseOptions:
+    """Give what the inverse model of module k asks for."""
+    module = request.robot.modules[k]
+    marks = request.marks(module)
+    redundant = len(module.motors) > module.mobility
+    share = _share(request.robot, module) if redundant else np.zeros(0)
+    return InverseOptions(
+        **_of_both(request, k),
+        motors=tuple(int(c) for c in module.motor_columns),
+        share=tuple(share.tolist()),
+        laws=tuple(i for i, mark in enumerate(marks) if "law" in mark),
+    )
+
+
+def _of_both(request: Request, k: int) -> dict[str, Any]:
+    """Give what both models of module k ask for, by name."""
+    module = request.robot.modules[k]
+    return {
+        "base": request.root(module),
+        "carries": tuple(bool(request.children(k, o)) for o in range(len(module.mechanism.spec.outputs))),
+        "inertias": request.output_inertias(k),
+        "velocity": request.on.velocity is not None,
+        "rotor": request.rotor(module),
+    }
+
+
+def _usual(request: Request, k: int) -> tuple[float, ...]:
+    """Give what each freedom of a module without loops that carries others moves, its joints locked."""
+    module = request.robot.modules[k]
+    m = module.mechanism
+    carries = any(request.children(k, o) for o in range(len(m.spec.outputs)))
+    if len(m.closures.row_slices) or m.spec.wrists or not carries:
+        return ()
+    return tuple(_locked(request.robot)[module.v_index].tolist())
+
+
+def _locked(robot: HybridRobot) -> Array:
+    """Give what each freedom moves at most, all other joints locked, at some postures, shape (nv,)."""
+    data, rng = robot.model.createData(), np.random.default_rng(0)
+    postures = [robot.home] + [
+        pin.integrate(robot.model, robot.home, rng.normal(size=robot.nv)) for _ in range(7)
+    ]
+    out: Array = np.max([np.diag(pin.crba(robot.model, data, q)) for q in postures], axis=0)
+    return out
+
+
+def _share(robot: HybridRobot, module: Module) -> Array:
+    """Give each motor's share of the load, none where the robot does not say."""
+    try:
+        return load_share(robot, module, Sharing(None, "raise"))
+    except ActuationError:
+        return np.zeros(0)

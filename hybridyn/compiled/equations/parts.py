@@ -1,0 +1,266 @@
+"""A module's parts for writing out: a core, and groups of equal legs between the base and a platform.
+
+A leg of a group hangs from the base, ends at one platform, and its closure tells all its joints from the
+platform's motion. Everything else (platforms, serial joints, loops of other shapes) is the core.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ...linkage.closures import TreeClosure, TreeCoupling
+from ...linkage.joints import NQ
+from ...spatial import Array, Index
+from ...structure.mechanism import Mechanism
+from ...structure.module_spec import ModuleSpec
+from .expressions import Expression, plain, zeros
+from .links import Link, aligned, askew, links_of, regrouped
+from .rigid import moved, ten_numbers
+
+#: A closure tells a leg's joints where, at most generic postures, its rows are better conditioned than this.
+TOLD = 1e-4
+
+
+@dataclass(frozen=True)
+class Leg:
+    """One leg of a group.
+
+    Attributes:
+        links: Its links, parents numbered inside the leg.
+        closure: Its closure: frames in aligned axes; `on_a` says that the leg is the predecessor.
+        on_a: Whether the leg's body is the closure's predecessor.
+        end: Body of the leg that the closure holds, numbered inside the leg (1 is the first).
+        platform: Link of the core that it is held to.
+        q, v: Its coordinates in the module's spanning tree.
+        tree_v: Its freedoms in the tree after the cuts.
+        tree_q: Its coordinates in the tree after the cuts.
+    """
+
+    links: tuple[Link, ...]
+    closure: TreeClosure
+    on_a: bool
+    end: int
+    platform: int
+    q: Index
+    v: Index
+    tree_q: Index
+    tree_v: Index
+
+
+@dataclass(frozen=True)
+class Parts:
+    """A module ready for writing out.
+
+    Attributes:
+        mechanism: The module.
+        links: Links of the core.
+        turns: New axes of each body of the core (base first) in its old ones, shape (3, 3).
+        bodies: For each body of the core (base first) its number in the mechanism's tree.
+        platforms: Links of the core that are platforms.
+        closures, couplings: Those of the core, bodies and joints numbered in the core, axes aligned.
+        closure_rows: Rows of each of them in the mechanism's closures.
+        tree_q, tree_v: Coordinates of the core in the tree after the cuts.
+        q, v: The same in the spanning tree, -1 for those of platforms.
+        groups: Groups of equal legs.
+        base: Ten numbers that the links' regrouping hands to the base.
+        rank: Independent rows of the core.
+        own: Ten numbers of each body of the tree, where they are inputs.
+    """
+
+    mechanism: Mechanism
+    links: tuple[Link, ...]
+    turns: tuple[Array, ...]
+    bodies: tuple[int, ...]
+    platforms: frozenset[int]
+    closures: tuple[TreeClosure, ...]
+    couplings: tuple[TreeCoupling, ...]
+    closure_rows: tuple[int, ...]
+    tree_q: Index
+    tree_v: Index
+    q: Index
+    v: Index
+    groups: tuple[tuple[Leg, ...], ...]
+    base: Array
+    rank: int
+    own: tuple[Expression, ...] | None = None
+
+
+def parts_of(
+    mechanism: Mechanism,
+    marks: tuple[str, ...],
+    *,
+    leg_inertia: bool = True,
+    regroup: bool = True,
+    align: bool = True,
+    own: tuple[Expression, ...] | None = None,
+) -> Parts:
+    """Split a module into its core and its groups of legs.
+
+    Args:
+        mechanism: The module.
+        marks: What acts on each freedom of its tree; equal legs have equal marks.
+        leg_inertia: Whether legs have mass.
+        regroup: Whether base inertial parameters are used.
+        align: Whether bodies' axes are turned into their joints', else away from them: what that saves.
+        own: For each body of the tree after the cuts (without the base) its ten numbers as expressions, where
+            they are inputs of the model; no legs are grouped then, and nothing is regrouped.
+    """
+    spec = mechanism.spec
+    links, turns, base = _links(mechanism, leg_inertia, regroup, aligned if align else askew, own)
+    closures = [_turned(c, turns) for c in spec.cut_closures]
+    held = _held_legs(mechanism) if own is None else {}
+    kept = [i for i in range(len(links)) if not any(i + 1 in bodies for bodies in held)]
+    number = {0: 0} | {j + 1: i + 1 for i, j in enumerate(kept)}
+    legs = [_leg(mechanism, bodies, links, closures[at], number) for bodies, at in held.items()]
+    used = [i for i, c in enumerate(closures) if c.body_a in number and c.body_b in number]
+    return Parts(
+        mechanism=mechanism,
+        links=_renumbered(links, kept, number),
+        turns=tuple(turns[body] for body in number),
+        bodies=tuple(number),
+        platforms=frozenset(number[j + 1] - 1 for j in spec.platforms),
+        closures=tuple(
+            replace(closures[i], body_a=number[closures[i].body_a], body_b=number[closures[i].body_b])
+            for i in used
+        ),
+        couplings=tuple(
+            replace(c, terms=tuple((number[j + 1] - 1, k) for j, k in c.terms)) for c in spec.cut_couplings
+        ),
+        closure_rows=_rows(mechanism, used),
+        **_columns(mechanism, kept),
+        groups=_groups(legs, marks),
+        base=base,
+        rank=mechanism.reduction.rank - sum(len(leg.tree_v) for leg in legs),
+        own=own,
+    )
+
+
+def _links(
+    mechanism: Mechanism,
+    leg_inertia: bool,
+    regroup: bool,
+    turned: Callable[[list[Link], frozenset[int]], tuple[list[Link], list[Array]]],
+    own: tuple[Expression, ...] | None,
+) -> tuple[list[Link], list[Array], Array]:
+    """Give the links of the tree, the turns of its bodies' axes, and what regrouping hands to the base."""
+    spec, base = mechanism.spec, np.zeros(10)
+    inertias = [ten_numbers(body if leg_inertia else None) for body in spec.leg_bodies]
+    links, turns = turned(links_of(spec.tree, inertias), frozenset(spec.outputs))
+    if own is not None:
+        links = [
+            link if body is None else replace(link, inertia=moved(numbers, plain(turn.T), zeros(3)))
+            for link, body, numbers, turn in zip(links, spec.leg_bodies, own, turns[1:], strict=True)
+        ]
+    elif regroup:
+        links, base = regrouped(links)
+    return links, turns, base
+
+
+def _held_legs(mechanism: Mechanism) -> dict[tuple[int, ...], int]:
+    """Give the legs that may be grouped, as bodies of the tree, each with the closure that holds its end."""
+    found = {bodies: _closure_of_leg(mechanism, bodies) for bodies in mechanism.spec.legs}
+    return {bodies: at for bodies, at in found.items() if at is not None}
+
+
+def _leg(
+    mechanism: Mechanism, bodies: tuple[int, ...], links: list[Link], closure: TreeClosure,
+    core: dict[int, int],
+) -> Leg:  # fmt: skip
+    """Give a leg; `core` numbers the bodies of the core."""
+    joints = [b - 1 for b in sorted(bodies)]
+    number = {0: 0} | {j + 1: i + 1 for i, j in enumerate(joints)}
+    on_a = closure.body_a in bodies
+    end, platform = (closure.body_a, closure.body_b) if on_a else (closure.body_b, closure.body_a)
+    return Leg(
+        links=_renumbered(links, joints, number),
+        closure=closure,
+        on_a=on_a,
+        end=number[end],
+        platform=core[platform] - 1,
+        **_columns(mechanism, joints),
+    )
+
+
+def _renumbered(links: list[Link], joints: list[int], number: dict[int, int]) -> tuple[Link, ...]:
+    """Give some links, their parents numbered anew."""
+    return tuple(replace(links[j], parent=number[links[j].parent]) for j in joints)
+
+
+def _columns(mechanism: Mechanism, joints: list[int]) -> dict[str, Index]:
+    """Give coordinates and freedoms of joints of the tree: `tree_q`, `tree_v`, and `q`, `v` (`Parts`)."""
+    nothing = np.zeros(0, dtype=int)
+    tree, (q_of, v_of) = mechanism.tree, _spanning_columns(mechanism)
+    tree_q = np.concatenate([nothing, *(np.arange(tree.nq)[tree.q_slices[j]] for j in joints)])
+    tree_v = np.concatenate([nothing, *(np.arange(tree.nv)[tree.v_slices[j]] for j in joints)])
+    return {"tree_q": tree_q, "tree_v": tree_v, "q": q_of[tree_q], "v": v_of[tree_v]}
+
+
+def _rows(mechanism: Mechanism, used: list[int]) -> tuple[int, ...]:
+    """Give the closures' rows of those that the core uses, and of all couplings."""
+    rows = mechanism.closures.row_slices
+    of_closures = [r for i in used for r in range(rows[i].start, rows[i].stop)]
+    coupled = [at.start for at in rows[len(mechanism.spec.cut_closures) :]]
+    return (*of_closures, *coupled)
+
+
+def _turned(c: TreeClosure, turns: list[Array]) -> TreeClosure:
+    """Give a closure's frames in the aligned axes of its bodies."""
+    Ta, Tb = turns[c.body_a].T, turns[c.body_b].T
+    return replace(c, R_a=Ta @ c.R_a, p_a=Ta @ c.p_a, R_b=Tb @ c.R_b, p_b=Tb @ c.p_b)
+
+
+def _spanning_columns(mechanism: Mechanism) -> tuple[Index, Index]:
+    """Give for each coordinate and freedom of the tree its number in the spanning tree, -1 for platforms'."""
+    q, v = np.full(mechanism.tree.nq, -1), np.full(mechanism.tree.nv, -1)
+    for i, source in enumerate(mechanism.spec.tree_joint):
+        if source is not None:
+            for out, to, here in (
+                (q, mechanism.spanning.q_slices, mechanism.tree.q_slices),
+                (v, mechanism.spanning.v_slices, mechanism.tree.v_slices),
+            ):
+                out[here[i]] = np.arange(to[source].start, to[source].stop)
+    return q, v
+
+
+def _closure_of_leg(mechanism: Mechanism, bodies: tuple[int, ...]) -> int | None:
+    """Give the one closure that ties a leg to a platform and tells its joints, or None."""
+    spec, tree, inside = mechanism.spec, mechanism.tree, set(bodies)
+    touching = [i for i, c in enumerate(spec.cut_closures) if {c.body_a, c.body_b} & inside]
+    if len(touching) != 1 or not _hangs_alone(spec, inside):
+        return None
+    at = touching[0]
+    c = spec.cut_closures[at]
+    other = c.body_b if c.body_a in inside else c.body_a
+    whole = len(c.translations) == 3 and c.rotation in ("free", "fixed", "parallel")
+    cols = np.concatenate([np.arange(tree.nv)[tree.v_slices[b - 1]] for b in bodies])
+    if other - 1 not in spec.platforms or not whole or c.rows != len(cols):
+        return None
+    K = mechanism.reduction.scaled(mechanism.generic_K)[:, mechanism.closures.row_slices[at]][:, :, cols]
+    s = np.linalg.svd(K, compute_uv=False)
+    return at if np.median(s[:, -1] / s[:, 0]) > TOLD else None
+
+
+def _hangs_alone(spec: ModuleSpec, inside: set[int]) -> bool:
+    """Say whether bodies hang from the base alone, and nothing from them: no body, no output, no coupling."""
+    parents = {spec.tree[b - 1].parent for b in inside}
+    hanging = {joint.parent for i, joint in enumerate(spec.tree) if i + 1 not in inside}
+    coupled = {j + 1 for c in spec.cut_couplings for j, _ in c.terms}
+    return parents <= inside | {0} and not inside & (hanging | coupled | set(spec.outputs))
+
+
+def _groups(legs: list[Leg], marks: tuple[str, ...]) -> tuple[tuple[Leg, ...], ...]:
+    """Gather legs that differ in numbers only."""
+    out: dict[tuple[object, ...], list[Leg]] = {}
+    for leg in legs:
+        shape = tuple((link.kind, link.parent, tuple(link.axis.tolist())) for link in leg.links)
+        acting = tuple(marks[k] for k in leg.tree_v)
+        out.setdefault((shape, acting, leg.end, leg.platform, leg.closure.rotation), []).append(leg)
+    return tuple(tuple(group) for group in out.values())
+
+
+def width_of(links: tuple[Link, ...]) -> tuple[int, int]:
+    """Give the numbers of coordinates and freedoms of links."""
+    return sum(NQ[link.kind] for link in links), sum(link.nv for link in links)

@@ -1,0 +1,101 @@
+"""Closure residuals and their rows on a module's spanning tree (see `hybridyn.closure`), for Newton's method.
+
+Unlike the rows of the models (`loops`) these hold of loops that are still open.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from ...linkage.closures import TreeClosure, TreeCoupling, common_measure
+from .chains import Chain
+from .expressions import Expression, cross, dot, zeros
+from .rigid import motion_to_parent
+
+#: A closure's frames, each on its body: axes and origin of A, axes and origin of B.
+Frames = tuple[Expression, Expression, Expression, Expression]
+
+
+class SpanningRows:
+    """Residuals and rows over the rates of a spanning tree at one posture."""
+
+    def __init__(self, chain: Chain) -> None:
+        self._chain = chain
+        self._columns = [
+            [motion_to_parent(chain.R0[i + 1], chain.p0[i + 1], column) for column in S.T]
+            for i, S in enumerate(chain.S)
+        ]
+
+    def closure(self, c: TreeClosure, frames: Frames) -> tuple[Expression, Expression]:
+        """Give a closure's residual, shape (rows,), and rows, shape (rows, nv)."""
+        R_a, p_a, R_b, p_b = frames
+        A, pa = self._frame(c.body_a, R_a, p_a)
+        B, pb = self._frame(c.body_b, R_b, p_b)
+        axes = [A[:, i] for i in c.translations]
+        residual = [_along(n, pb - pa) for n in axes]
+        normals = [np.concatenate([n, cross(pb, n)]) for n in axes]
+        for angle, n in _turning(c.rotation, A, B):
+            residual.append(angle)
+            normals.append(np.concatenate([zeros(3), n]))
+        rows = zeros(len(normals), self._chain.nv)
+        for sign, body in ((1.0, c.body_b), (-1.0, c.body_a)):
+            for joint in self._path(body) - self._path(c.body_a if sign > 0 else c.body_b):
+                for k, column in enumerate(self._columns[joint], self._chain.v_slices[joint].start):
+                    rows[:, k] = [sign * _along(n, column) for n in normals]
+        return np.array(residual, dtype=object), rows
+
+    def _frame(self, body: int, R: Expression, p: Expression) -> tuple[Expression, Expression]:
+        """Give axes and origin of a frame on a body, base axes."""
+        R0 = self._chain.R0[body]
+        return dot(R0, R), self._chain.p0[body] + dot(R0, p)
+
+    def _path(self, body: int) -> set[int]:
+        """Give the joints that carry a body."""
+        path = set()
+        while body:
+            path.add(body - 1)
+            body = self._chain.links[body - 1].parent
+        return path
+
+
+def _turning(rotation: str, A: Expression, B: Expression) -> list[tuple[Any, Expression]]:
+    """Give the angles that must vanish, each with the axis of its rate."""
+    z = B[:, 2]
+    if rotation == "fixed":
+        pairs = [(1, 2), (2, 0), (0, 1)]
+        return [
+            (0.5 * (_along(A[:, j], B[:, i]) - _along(A[:, i], B[:, j])), A[:, k])
+            for k, (i, j) in enumerate(pairs)
+        ]
+    if rotation == "parallel":
+        return [(_along(A[:, i], z), cross(z, A[:, i])) for i in (0, 1)]
+    if rotation == "perpendicular":
+        return [(_along(A[:, 2], z), cross(z, A[:, 2]))]
+    return []
+
+
+def coupling_row(
+    chain: Chain, coupling: TreeCoupling, positions: list[Expression], offset: Any
+) -> tuple[Any, Expression]:
+    """Give a coupling's residual and row, shape (nv,)."""
+    row, total, endless = zeros(chain.nv), -offset, []
+    for joint, coefficient in coupling.terms:
+        at, x = chain.v_slices[joint].start, positions[joint]
+        row[at] = row[at] + coefficient
+        if chain.links[joint].kind == "continuous":
+            total = total + coefficient * ca.atan2(x[1], x[0])
+            endless.append(coefficient)
+        else:
+            total = total + coefficient * x[0]
+    period = 2 * np.pi * common_measure(endless)
+    if period:  # whole turns of a continuous joint cannot be seen in its cosine and sine
+        total = total - period * ca.floor(total / period + 0.5)
+    return total, row
+
+
+def _along(n: Expression, x: Expression) -> Any:
+    """Give the scalar product."""
+    return dot(n, x[:, None])[0]

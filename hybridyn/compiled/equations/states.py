@@ -1,0 +1,67 @@
+"""Assembled states of a robot, module by module: where pivots are chosen, and where models are compared."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...assembly.assemble import spanning_positions
+from ...dynamics.direct import ddm
+from ...spatial import Array
+from ...structure.module import Module
+from ...structure.robot import HybridRobot
+
+
+def generic_positions(module: Module) -> Array:
+    """Give positions of a module's spanning tree at home and at its generic postures, shape (samples, nq)."""
+    m = module.mechanism
+    postures = np.concatenate([m.home[None], m.postures])
+    return spanning_positions(
+        module, postures, m.tree.sweep(postures), np.tile(m.spec.home, (len(postures), 1))
+    )
+
+
+def random_states(robot: HybridRobot, count: int, seed: int = 0) -> tuple[Array, Array, Array, Array]:
+    """Give assembled states with rates, efforts, and the accelerations that follow from them.
+
+    Returns:
+        q, v, a, tau, shapes (count, nq), (count, nv), (count, nv), (count, motors).
+    """
+    rng = np.random.default_rng(seed)
+    q, v = np.tile(robot.home, (count, 1)), np.zeros((count, robot.nv))
+    if robot.base != "fixed":
+        turn = rng.normal(size=(count, 4))
+        q[:, :3], q[:, 3:7] = rng.normal(size=(count, 3)), turn / np.linalg.norm(turn, axis=1, keepdims=True)
+        v[:, :6] = rng.normal(size=(count, 6))
+    for module in robot.modules:
+        m = module.mechanism
+        if module.base == "world":
+            continue
+        own = generic_positions(module)[rng.integers(1, 1 + len(m.postures), size=count)]
+        q[:, module.q_index] = own
+        x, _, _ = m.cut(own, None, None, m.spanning.sweep(own))
+        motion = m.tree.sweep(x)
+        basis = m.basis(m.closures.matrix(motion))
+        u = rng.normal(size=basis.Psi.shape[::2])
+        rates = np.einsum(
+            "tij,tj->ti", basis.Psi, u / np.linalg.norm(basis.Psi / m.reduction.col_scale[:, None], axis=1)
+        )
+        out = np.zeros((count, m.spanning.nv))
+        m.take_legs(rates, out)
+        if m.spec.wrists:
+            m.recover_rates(own, out, m.tree.sweep(x, rates))
+        v[:, module.v_index] = out
+    tau = rng.normal(size=(count, len(robot.motors))) * _weight(robot)
+    return q, v, ddm(robot, q, v, tau), tau
+
+
+def _weight(robot: HybridRobot) -> Array:
+    """Give efforts of the size of the robot's weight on each motor, shape (motors,)."""
+    mass = sum(body.mass for body in robot.bodies.bodies)
+    size = mass * max(float(np.linalg.norm(robot.gravity)), 1.0)
+    units = {
+        name: m.mechanism.reduction.col_scale[c]
+        for m in robot.modules
+        for name, c in zip(m.motors, m.motor_columns, strict=True)
+    }
+    length = {name: m.mechanism.length for m in robot.modules for name in m.motors}
+    return np.array([size if units[name] != 1.0 else size * length[name] for name in robot.motors])

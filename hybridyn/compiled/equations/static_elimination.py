@@ -1,0 +1,149 @@
+"""Gaussian elimination whose pivots are chosen once, at generic postures, and written out.
+
+Pivots are chosen for size at every posture seen, then for sparsity. At run time the smallest pivot, relative
+to what it was there, tells how far the choice can be trusted.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from ...spatial import Array, Mask
+from .expressions import Expression, dot, is_zero, times, zeros
+
+#: A pivot that is smaller than this part of its usual size leaves the choice of pivots in doubt. Rounding
+#: grows with the square of that part (inertias are congruences): 5e-16 / part^2 was measured, so that a part
+#: of 2e-3 is as far as 1e-10 goes; what two small pivots multiply to wants the rest.
+TRUSTED = 1e-2
+#: Pivots this much smaller than the best are taken where they keep the rows sparse.
+SPARSE = 0.1
+
+
+@dataclass(frozen=True)
+class Pivots:
+    """Rows and columns in the order of their elimination, and the usual size of each pivot."""
+
+    rows: tuple[int, ...]
+    cols: tuple[int, ...]
+    sizes: tuple[float, ...]
+
+
+def choose_pivots(
+    samples: Array, rank: int, row_scale: Array, col_scale: Array, sparse: float = SPARSE
+) -> Pivots:
+    """Choose pivots that are large at every sample.
+
+    Args:
+        samples: The matrix at generic postures, shape (samples, m, n).
+        rank: Number of pivots.
+        row_scale: Factor that takes the unit off each row, shape (m,).
+        col_scale: Unit of each unknown, shape (n,).
+        sparse: Pivots this much smaller than the best are taken where they keep the rows sparse.
+    """
+    A = samples * row_scale[:, None] * col_scale
+    structure: Mask = np.asarray((np.abs(A) > 1e-13).any(axis=0))
+    left_rows, left_cols = list(range(A.shape[1])), list(range(A.shape[2]))
+    rows, cols, sizes = [], [], []
+    for _ in range(rank):
+        block = np.abs(A[:, left_rows][:, :, left_cols])
+        largest = block.max(axis=(1, 2), keepdims=True)
+        score = (block / np.where(largest > 0, largest, 1.0)).min(axis=0)
+        pattern = structure[np.ix_(left_rows, left_cols)]
+        fill = np.outer(pattern.sum(axis=1) - 1, pattern.sum(axis=0) - 1)
+        good = score >= sparse * score.max()
+        i, j = min(np.argwhere(good).tolist(), key=lambda ij: (fill[ij[0], ij[1]], -score[ij[0], ij[1]]))
+        r, c = left_rows.pop(i), left_cols.pop(j)
+        pivot = A[:, r, c]
+        safe = np.where(pivot == 0, 1.0, pivot)
+        A[:, left_rows] -= (A[:, left_rows, c] / safe[:, None])[:, :, None] * A[:, None, r]
+        structure[left_rows] |= np.outer(structure[left_rows, c], structure[r])
+        structure[left_rows, c] = False
+        rows.append(r)
+        cols.append(c)
+        sizes.append(float(np.median(np.abs(samples_pivot(pivot, row_scale[r], col_scale[c])))))
+    return Pivots(tuple(rows), tuple(cols), tuple(sizes))
+
+
+def samples_pivot(pivot: Array, row_scale: float, col_scale: float) -> Array:
+    """Give pivots in the units of the unscaled matrix."""
+    out: Array = pivot / (row_scale * col_scale)
+    return out
+
+
+def solve(K: Expression, right: Expression, pivots: Pivots) -> tuple[Expression, ca.SX]:
+    """Solve K x = right for the pivots' unknowns in terms of the others.
+
+    Args:
+        K: Matrix, shape (m, n); rows without a pivot are taken to depend on the others.
+        right: Right-hand sides, shape (m, k).
+        pivots: The choice.
+
+    Returns:
+        X: All unknowns over [right-hand sides, unknowns without pivots in order], shape (n, k + free).
+        trust: Smallest pivot over its usual size (1 where there is none).
+    """
+    n, k = K.shape[1], right.shape[1]
+    free = [c for c in range(n) if c not in pivots.cols]
+    W = np.concatenate([K[:, list(pivots.cols)], right, -K[:, free]], axis=1)[list(pivots.rows)]
+    rank = len(pivots.rows)
+    trust, inverses = ca.SX(1.0), []
+    for i in range(rank):
+        pivot = W[i, i]
+        trust = ca.fmin(trust, ca.fabs(pivot) / pivots.sizes[i])
+        inverses.append(1.0 / pivot)
+        for j in range(i + 1, rank):
+            if is_zero(W[j, i]):
+                continue
+            factor = times(W[j, i], inverses[i])
+            for c in range(i + 1, W.shape[1]):
+                if not is_zero(W[i, c]):
+                    W[j, c] = W[j, c] - times(factor, W[i, c])
+            W[j, i] = 0.0
+    X = zeros(n, k + len(free))
+    solved = zeros(rank, k + len(free))
+    for i in reversed(range(rank)):
+        rest = W[i, rank:] - dot(W[i, i + 1 : rank], solved[i + 1 :]) if i + 1 < rank else W[i, rank:]
+        solved[i] = [times(inverses[i], x) for x in rest]
+    for i, c in enumerate(pivots.cols):
+        X[c] = solved[i]
+    for i, c in enumerate(free):
+        X[c, k + i] = 1.0
+    return X, trust
+
+
+def solve_definite(A: Expression, right: Expression, noise: float) -> tuple[Expression, ca.SX]:
+    """Solve A X = right for a symmetric positive definite A by L D L^T.
+
+    Args:
+        A: Shape (n, n).
+        right: Shape (n, k).
+        noise: Pivots below this part of the diagonal that they come from are not trusted.
+
+    Returns:
+        X, shape (n, k), and the smallest pivot over its diagonal entry, over `noise`.
+    """
+    n = len(A)
+    L, inverse, trust = zeros(n, n), [], ca.SX(np.inf)
+    W, B = A.copy(), right.copy()
+    for i in range(n):
+        nothing = is_zero(W[i, i])
+        usual = noise * A[i, i]  # where it is 0, 0 / 0 is no number, and fmin would leave it out
+        trust = ca.fmin(trust, 0.0 if nothing else ca.if_else(usual > 0, W[i, i] / usual, 0.0))
+        inverse.append(0.0 if nothing else 1.0 / W[i, i])
+        for j in range(i + 1, n):
+            if is_zero(W[j, i]):
+                continue
+            L[j, i] = W[j, i] * inverse[i]
+            for c in range(i + 1, j + 1):
+                W[j, c] = W[j, c] - times(L[j, i], W[c, i])
+            for c in range(B.shape[1]):
+                B[j, c] = B[j, c] - times(L[j, i], B[i, c])
+    X = zeros(*right.shape)
+    for i in reversed(range(n)):
+        for c in range(B.shape[1]):
+            tail = dot(L[i + 1 :, i], X[i + 1 :, c][:, None])[0] if i + 1 < n else 0.0
+            X[i, c] = times(inverse[i], B[i, c]) - tail
+    return X, trust

@@ -1,0 +1,176 @@
+"""Built libraries, kept between runs in the user's cache folder.
+
+    keys/<key>            hash of a source: what a cheap description of the model led to last time
+    models/<source>.json  what the library of a source offers, and the hash of the library's file
+    libraries/<hash>.so   libraries by their own hash; `keeping` removes those not used for longest
+    lock                  held by who hands out a library, and by who removes some
+
+Everything is written beside and moved into place, so that processes may build at the same time; what is
+truncated, or not what its name says, is built anew.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import json
+import os
+import sys
+import tempfile
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ...errors import CompileError
+from .building import NATIVE, build
+from .compilers import FLAGS, find_compiler, machine
+from .eviction import handing_out, remove_unused
+
+if TYPE_CHECKING:
+    from ..code.library_source import Source
+
+VARIABLE = "HYBRIDYN_CACHE"
+"""Environment variable that names another folder."""
+
+
+@dataclass(frozen=True)
+class Built:
+    """A library that is there.
+
+    Attributes:
+        path: Its file.
+        about: What it offers (`Source.about`).
+    """
+
+    path: Path
+    about: dict[str, Any]
+
+
+def folder() -> Path:
+    """Give the folder of built models: $HYBRIDYN_CACHE, or hybridyn/compiled in the user's cache folder."""
+    if named := os.environ.get(VARIABLE):
+        return Path(named)
+    if sys.platform == "darwin":
+        base = Path.home() / "Library" / "Caches"
+    else:
+        base = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+    return base / "hybridyn" / "compiled"
+
+
+def cached(
+    key: str,
+    make_source: Callable[[], Source],
+    libraries: tuple[str, ...] = (),
+    accept: Callable[[Built], None] = lambda built: None,
+) -> Built:
+    """Give the library of a model, built where it is not there yet.
+
+    Args:
+        key: Text that says everything the source depends on, and is cheap to have.
+        make_source: Gives the source; called only where the key is new.
+        libraries: Libraries to link besides the C library's mathematics.
+        accept: Raises where a built library is not what it should be; then its key stays unknown.
+
+    Raises:
+        CompileError: There is no compiler, or it fails.
+    """
+    at = _writable(folder())
+    tools = _tools(libraries)
+    pointer = at / "keys" / _hash(key, package_state(), tools)
+    with contextlib.suppress(OSError, ValueError):  # not there, or not text
+        if (known := _load(at, pointer.read_text())) is not None:
+            return known
+    source = make_source()
+    name = _hash(*source.units, json.dumps(source.about, sort_keys=True), tools)
+    try:
+        found = _load(at, name) or _build(at, name, source, libraries)
+        accept(found)
+        _write(pointer, name.encode())
+    except OSError as error:  # a full disk, a folder where a file should be
+        raise CompileError(
+            f"the cache folder '{at}' cannot be used: {error}; mend it, or name another in {VARIABLE}"
+        ) from error
+    return found
+
+
+def _tools(libraries: tuple[str, ...]) -> str:
+    """Name compiler, flags and machine."""
+    compiler = find_compiler()
+    return " ".join([compiler.identity, *compiler.command, *FLAGS, *NATIVE, *libraries, machine()])
+
+
+@cache
+def package_state() -> str:
+    """Name the state of this package's own files, which write the source."""
+    root = Path(__file__).parents[2]
+    lines = []
+    for file in sorted([*root.rglob("*.py"), *root.rglob("*.h")]):
+        name, stat = file.relative_to(root), file.stat()
+        if name.parts[0] not in ("cli", "figures", "oracle", "studies", "view"):
+            lines.append(f"{name} {stat.st_size} {stat.st_mtime_ns}")
+    return _hash(*lines)
+
+
+def _hash(*texts: str) -> str:
+    """Give a name for texts."""
+    digest = hashlib.sha256()
+    for text in texts:
+        digest.update(text.encode())
+        digest.update(b"\0")
+    return digest.hexdigest()[:40]
+
+
+def _load(at: Path, name: str) -> Built | None:
+    """Give a model that is there and whole, else None."""
+    try:
+        record = json.loads((at / "models" / f"{name}.json").read_bytes())
+        path = at / "libraries" / f"{record['library']}.so"
+        with handing_out(at, path):
+            whole = hashlib.sha256(path.read_bytes()).hexdigest() == record["library"]
+        return Built(path, record["about"]) if whole and record["name"] == name else None
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
+
+
+def _build(at: Path, name: str, source: Source, libraries: tuple[str, ...]) -> Built:
+    """Build a library and put it in its place."""
+    at.mkdir(parents=True, exist_ok=True)  # somebody may have emptied the cache meanwhile
+    with tempfile.TemporaryDirectory(dir=at, prefix="building-") as temporary:
+        target = Path(temporary, "library.so")
+        build(source.units, find_compiler(), target, libraries)
+        digest = hashlib.sha256(target.read_bytes()).hexdigest()
+        path = at / "libraries" / f"{digest}.so"
+        path.parent.mkdir(exist_ok=True)
+        os.replace(target, path)
+    record = {"name": name, "library": digest, "about": source.about}
+    _write(at / "models" / f"{name}.json", json.dumps(record).encode())
+    remove_unused(at)
+    return Built(path, source.about)
+
+
+def _write(path: Path, content: bytes) -> None:
+    """Write a file beside its place and move it there."""
+    path.parent.mkdir(exist_ok=True)
+    handle, temporary = tempfile.mkstemp(dir=path.parent)
+    with os.fdopen(handle, "wb") as file:
+        file.write(content)
+    os.replace(temporary, path)
+
+
+@cache
+def _writable(at: Path) -> Path:
+    """Give the folder, made where it is not there; where it cannot be written, one for this process alone."""
+    try:
+        at.mkdir(parents=True, exist_ok=True, mode=0o700)
+        with tempfile.TemporaryFile(dir=at):
+            return at
+    except OSError as error:
+        try:
+            alone = tempfile.mkdtemp(prefix="hybridyn-")
+        except OSError:
+            raise CompileError(
+                f"the cache folder '{at}' cannot be written: {error}; name another in {VARIABLE}"
+            ) from error
+        return Path(alone)

@@ -1,0 +1,304 @@
+"""Calls of built programs: one sample with as little around it as possible, batches in blocks and threads."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import sys
+import threading
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from functools import cache
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..code.scalars import TRUSTED, Scalar
+from .cache import Built, cached
+from .compilers import best_lanes
+from .steps import Steps
+
+if TYPE_CHECKING:
+    from ..program import Program
+
+Numbers = NDArray[Any]
+
+BORDER = {
+    "float64": np.float64,
+    "float32": np.float32,
+    "longdouble": np.longdouble,
+    "float128": np.float64,  # numpy has none: in exactly, out rounded
+    "complex128": np.complex128,
+}
+"""Types of the arrays that come in and go out."""
+
+REFUSED = 1
+"""Status of a single call whose arrays are not plain."""
+
+METH_FASTCALL = 0x0080
+"""Python's word for a C function that is handed all its arguments in one array."""
+
+ANSWERS = (0, REFUSED, 2)
+"""What a single call answers: done, refused, or done but for the general path to do again."""
+
+BLOCK = 512  # a multiple of every width; what a thread takes at once is a multiple of it
+WORTH_WAKING = 2e-4  # for a thread, at least [s]
+STATEMENT = 2.5e-10  # time of a vector statement, roughly [s]
+
+
+class Library:
+    """Built programs.
+
+    Attributes:
+        built: Where they are.
+        about: What they are (`Source.about`).
+        dtype: Type of arrays in and out.
+        programs: The programs by name.
+        steps: Whole steps in time, or None where the library takes none.
+    """
+
+    def __init__(self, built: Built) -> None:
+        """Load a library.
+
+        Args:
+            built: Its file and what it offers.
+        """
+        self.built, self.about = built, built.about
+        self.dtype = np.dtype(BORDER[built.about["number"]])
+        free = ctypes.CDLL(str(built.path))  # lets other threads of Python run meanwhile
+        held = ctypes.PyDLL(str(built.path))  # does not: a microsecond is not worth it
+        alone = getattr(sys, "_is_gil_enabled", lambda: True)()  # single calls share their memory
+        cpython = sys.implementation.name == "cpython"
+        plain = alone and cpython and built.about["lanes"] > 1 and _knows_arrays(held, self.dtype)
+        self.programs = {
+            name: Calls(name, about, built.about["number"], built.about["lanes"], free, held, plain)
+            for name, about in built.about["programs"].items()
+        }
+        steps = alone and built.about["steps"]
+        self.steps = Steps(held, self.programs["lift"].outputs) if steps else None
+
+    def single(self, name: str, *inputs: ArrayLike) -> tuple[tuple[Numbers, ...], float]:
+        """Run a program for one sample.
+
+        Args:
+            name: The program.
+            inputs: Its inputs, shapes (n,).
+
+        Returns:
+            Its outputs, shapes (n,), and the sample's guard.
+        """
+        calls = self.programs[name]
+        out, _ = calls.single(*inputs)
+        return calls.split(out), calls.guard
+
+    def batch(self, name: str, *inputs: ArrayLike, threads: int = 1) -> tuple[tuple[Numbers, ...], Numbers]:
+        """Run a program for many samples.
+
+        Args:
+            name: The program.
+            inputs: Its inputs, shapes (T, n).
+            threads: Number of threads.
+
+        Returns:
+            Its outputs, shapes (T, n), and the samples' guards, shape (T,).
+        """
+        return self.programs[name].batch(inputs, threads)
+
+
+class Method(ctypes.Structure):
+    """Python's `PyMethodDef`: a C function that Python calls without a detour through ctypes."""
+
+    _fields_ = (
+        ("name", ctypes.c_char_p),
+        ("address", ctypes.c_void_p),
+        ("flags", ctypes.c_int),
+        ("doc", ctypes.c_char_p),
+    )
+
+    def function(self) -> Callable[..., int]:
+        """Give the function; it needs this structure as long as it lives."""
+        new = ctypes.pythonapi.PyCFunction_NewEx
+        new.restype = ctypes.py_object
+        new.argtypes = [ctypes.POINTER(Method), ctypes.c_void_p, ctypes.c_void_p]
+        made: Callable[..., int] = new(ctypes.byref(self), None, None)
+        return made
+
+
+class Calls:
+    """The calls of one program.
+
+    Attributes:
+        block: Samples that a thread takes at once; fewer are not worth waking it.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        about: dict[str, Any],
+        number: str,
+        lanes: int,
+        free: ctypes.CDLL,
+        held: ctypes.PyDLL,
+        plain: bool,
+    ) -> None:
+        dtype = np.dtype(BORDER[number])
+        self.name, self.dtype = name, dtype
+        self.inputs: list[tuple[str, int]] = [(n, size) for n, size in about["inputs"]]
+        self.outputs: list[tuple[str, int]] = [(n, size) for n, size in about["outputs"]]
+        self.size = sum(size for _, size in self.outputs)
+        self._work = about["work"]
+        sample = max(about["statements"], 1) * STATEMENT / lanes
+        self.block = -(-int(WORTH_WAKING / sample + 1) // BLOCK) * BLOCK
+        self._batch = getattr(free, f"{name}_batch")
+        self._batch.restype = None
+        self._batch.argtypes = [ctypes.c_longlong] * 2 + [ctypes.c_void_p] * 4
+        self._memory = threading.local()
+        self.trusted = TRUSTED
+        self.at_once: Callable[..., int] | None = None
+        self._guard = np.zeros(1, dtype)
+        if plain:
+            memory: Any = (ctypes.c_char * dtype.itemsize).in_dll(held, f"{name}_guard")
+            self._guard = np.frombuffer(memory, dtype)
+            address = ctypes.cast(getattr(held, f"{name}_call"), ctypes.c_void_p)
+            self._method = Method(name.encode(), address, METH_FASTCALL)
+            self.at_once = self._method.function()
+
+    @property
+    def guard(self) -> float:
+        """The guard of the last single call."""
+        return float(self._guard[0].real)
+
+    def single(self, *inputs: ArrayLike) -> tuple[Numbers, int]:
+        """Run one sample.
+
+        Args:
+            inputs: Inputs, shapes (n,).
+
+        Returns:
+            All outputs one behind the other, and 0 where the guard lets them pass (see `guard`).
+        """
+        out = np.empty(self.size, self.dtype)
+        if self.at_once is not None and len(inputs) == len(self.inputs):
+            status = self.at_once(*inputs, out)
+            if status != REFUSED:
+                return out, status
+        return self._converted(inputs, out)
+
+    def _converted(self, inputs: tuple[ArrayLike, ...], out: Numbers) -> tuple[Numbers, int]:
+        """Run one sample from whatever can be made plain arrays."""
+        arrays = [np.array(x, self.dtype, order="C", ndmin=1) for x in inputs]
+        for array, (name, size) in zip(arrays, self.inputs, strict=True):
+            if array.shape != (size,):
+                raise ValueError(f"{name} has shape {array.shape}; wanted ({size},)")
+        if self.at_once is not None:
+            return out, self.at_once(*arrays, out)
+        parts, guard = self.batch([array[None] for array in arrays], 1)
+        self._guard[0] = guard[0]
+        np.concatenate([part[0] for part in parts], out=out)
+        return out, 0 if guard[0].real <= self.trusted else 2
+
+    def split(self, out: Numbers) -> tuple[Numbers, ...]:
+        """Cut outputs that lie one behind the other."""
+        parts, at = [], 0
+        for _, size in self.outputs:
+            parts.append(out[at : at + size])
+            at += size
+        return tuple(parts)
+
+    def batch(self, inputs: Any, threads: int) -> tuple[tuple[Numbers, ...], Numbers]:
+        """Run many samples.
+
+        Args:
+            inputs: Inputs, shapes (T, n).
+            threads: Number of threads.
+
+        Returns:
+            Outputs, shapes (T, n), and guards, shape (T,).
+        """
+        arrays = [np.ascontiguousarray(x, self.dtype) for x in inputs]
+        samples = len(arrays[0])
+        for array, (name, size) in zip(arrays, self.inputs, strict=True):
+            if array.shape != (samples, size):
+                raise ValueError(f"{name} has shape {array.shape}; wanted ({samples}, {size})")
+        if samples == 1 and self.at_once is not None:  # the same bits, without lanes that nobody asked for
+            rows, out = [array[0] for array in arrays], np.empty(self.size, self.dtype)
+            if self.at_once(*rows, out) == 0:
+                return tuple(part[None] for part in self.split(out)), np.fmin(self._guard, self.trusted)
+        outs = tuple(np.empty((samples, size), self.dtype) for _, size in self.outputs)
+        guard = np.empty(samples, self.dtype)
+        pointers = [(ctypes.c_void_p * len(x))(*(a.ctypes.data for a in x)) for x in (arrays, outs)]
+        guard_at = guard.ctypes.data
+
+        def run(start: int) -> None:
+            stop = min(start + block, samples)
+            self._batch(start, stop, pointers[0], pointers[1], guard_at, self._workspace())
+
+        block = self.block if threads > 1 else max(samples, 1)
+        if samples <= block:
+            run(0)
+        else:
+            for _ in pool(threads).map(run, range(0, samples, block)):
+                pass
+        return outs, guard
+
+    def _workspace(self) -> int:
+        """Give the address of memory for this thread, aligned for the widest vectors."""
+        if not hasattr(self._memory, "array"):
+            self._memory.array = np.zeros(self._work + 64, np.uint8)
+            self._memory.at = -(-self._memory.array.ctypes.data // 64) * 64
+        at: int = self._memory.at
+        return at
+
+
+@cache
+def pool(threads: int) -> ThreadPoolExecutor:
+    """Give the threads, which sleep between calls."""
+    return ThreadPoolExecutor(threads, thread_name_prefix="hybridyn")
+
+
+if hasattr(os, "register_at_fork"):  # threads stay behind: a child that waited for them would wait for ever
+    os.register_at_fork(after_in_child=pool.cache_clear)
+
+
+def _knows_arrays(held: ctypes.PyDLL, dtype: np.dtype[Any]) -> bool:
+    """Set up the reading of arrays in C, and say whether an array looks there as it does here."""
+    held.hybridyn_setup.argtypes = [ctypes.c_void_p] * 4
+    held.hybridyn_setup.restype = None
+    answers = (ctypes.c_void_p * len(ANSWERS))(*map(id, ANSWERS))
+    increment = ctypes.cast(ctypes.pythonapi.Py_IncRef, ctypes.c_void_p)
+    held.hybridyn_setup(id(np.ndarray), id(dtype), answers, increment)
+    held.hybridyn_layout.argtypes = [ctypes.py_object, ctypes.c_void_p, ctypes.c_longlong, ctypes.c_longlong]
+    held.hybridyn_layout.restype = ctypes.c_int
+    for shape in ((3, 5), (7, 2)):
+        array = np.zeros(shape, dtype)
+        if type(array) is not np.ndarray or array.dtype is not dtype:
+            return False
+        if not held.hybridyn_layout(array, array.ctypes.data, shape[0], dtype.itemsize):
+            return False
+    return True
+
+
+def load(
+    programs: list[Program],
+    *,
+    dtype: str = "float64",
+    lanes: int | None = None,
+    key: str | None = None,
+) -> Library:
+    """Build programs, or find them built, and load them.
+
+    Args:
+        programs: The programs.
+        dtype: "float64", "float32"; and for studies, with one lane, "longdouble", "float128", "complex128".
+        lanes: Numbers side by side; None for what suits this machine.
+        key: Text that says everything the programs depend on; None looks at their source.
+    """
+    from ..code.library_source import library_source
+
+    if lanes is None:
+        lanes = best_lanes(dtype) if dtype in ("float64", "float32") else 1
+    scalar = Scalar(dtype, lanes)
+    source = library_source(programs, scalar)
+    libraries = ("-lquadmath",) if dtype == "float128" else ()
+    return Library(cached(key or source.digest, lambda: source, libraries))

@@ -1,0 +1,120 @@
+"""The C compiler of this machine: which one, and what its code may use."""
+
+from __future__ import annotations
+
+import hashlib
+import importlib.util
+import os
+import platform
+import shlex
+import shutil
+import sys
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+from ...errors import CompileError
+
+FLAGS = (
+    "-std=gnu11",
+    "-O3",
+    "-fPIC",
+    "-fvisibility=hidden",
+    "-ffp-contract=off",  # fusing.py decides
+    "-fno-math-errno",
+    "-fno-trapping-math",
+    "-w",
+)
+"""How every unit is compiled; -march is added where the compiler knows this machine."""
+
+NAMES = ("cc", "gcc", "clang")
+
+ADVICE = (
+    "no C compiler was found: install gcc or clang, name one in the environment variable CC, or "
+    "`pip install ziglang` (the extra 'hybridyn[compiler]'); the general path works without one"
+)
+
+
+@dataclass(frozen=True)
+class Compiler:
+    """A C compiler.
+
+    Attributes:
+        command: How it is called.
+        identity: Changes whenever the compiler does.
+    """
+
+    command: tuple[str, ...]
+    identity: str
+
+
+@cache
+def find_compiler() -> Compiler:
+    """Find a compiler: $CC, then cc, gcc, clang, then the `ziglang` wheel.
+
+    Raises:
+        CompileError: There is none; the message says what to install.
+    """
+    if words := _words(os.environ.get("CC", "")):
+        path = shutil.which(words[0])
+        if path is None:
+            raise CompileError(f"the compiler that CC names, '{words[0]}', is not there")
+        return Compiler((path, *words[1:]), _identity(path))
+    for name in NAMES:
+        if path := shutil.which(name):
+            return Compiler((path,), _identity(path))
+    spec = importlib.util.find_spec("ziglang")
+    if spec is not None and spec.origin:
+        return Compiler((sys.executable, "-m", "ziglang", "cc"), _identity(spec.origin))
+    raise CompileError(ADVICE)
+
+
+def _words(command: str) -> list[str]:
+    """Cut a command into words, as a shell does.
+
+    Raises:
+        CompileError: It has an open quotation.
+    """
+    try:
+        return shlex.split(command)
+    except ValueError as error:
+        raise CompileError(f"the compiler that CC names cannot be read: {command!r}: {error}") from error
+
+
+def _identity(path: str) -> str:
+    """Give the path, size and age of a compiler's file: cheaper than asking for its version."""
+    real = os.path.realpath(path)
+    stat = os.stat(real)
+    return f"{real} {stat.st_size} {stat.st_mtime_ns}"
+
+
+@cache
+def machine() -> str:
+    """Name what code for this machine may use: processor, its features, system."""
+    features = platform.processor()
+    cpuinfo = Path("/proc/cpuinfo")
+    if cpuinfo.exists():
+        wanted = ("flags", "Features", "model name", "CPU part")
+        lines = {line for line in cpuinfo.read_text(errors="replace").splitlines() if line.startswith(wanted)}
+        features = "\n".join(sorted(lines))
+    digest = hashlib.sha256(features.encode()).hexdigest()[:16]
+    return f"{platform.system()} {platform.machine()} {digest}"
+
+
+@cache
+def features() -> frozenset[str]:
+    """Give the vector features of this processor, in Linux' words ("avx512f", "avx", "fma")."""
+    cpuinfo = Path("/proc/cpuinfo")
+    if not cpuinfo.exists():
+        return frozenset()
+    for line in cpuinfo.read_text(errors="replace").splitlines():
+        if line.startswith(("flags", "Features")):
+            return frozenset(line.split(":", 1)[1].split())
+    return frozenset()
+
+
+def best_lanes(number: str = "float64") -> int:
+    """Give how many numbers the machine's vectors hold."""
+    known = features()
+    doubles = 8 if "avx512f" in known else 4 if "avx" in known or not known else 2
+    return doubles * (2 if number == "float32" else 1)

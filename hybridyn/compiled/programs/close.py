@@ -1,0 +1,105 @@
+"""From what the motors do to what all joints do, as a program: for controllers that measure motors alone.
+
+The motors (and what they do not move) are the independent coordinates; one step of Newton's method for the
+positions of the others, and their rates and accelerations:
+
+    K_d step = -residual(q)      K_d v_d = -K_i v_i      K_d a_d = -K_i a_i - K_dot v
+
+(d: dependent, i: independent freedoms), from a posture nearby, as that of the last tick.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from ...linkage.tree import Tree
+from ...spatial import Array
+from ...structure.module import Module
+from ..equations.displacement import by_joint, moved_joint, position_rate
+from ..equations.expressions import Expression, dot, pack, symbols, unpack, zeros
+from ..equations.folding import Folding
+from ..equations.guards import CLOSED, largest, trusted
+from ..equations.request import Request
+from ..equations.spanning import dependent_pivots, shape_of, spanning_closures
+from ..equations.static_elimination import solve
+from ..program import Constants, Program, Source, Target, Worst
+from .writer import Writer
+
+
+def close_program(request: Request) -> Program:
+    """Write the closing of a robot's loops.
+
+    Inputs are "near", a posture with the motors' positions as they are and the others' as they were, and "v"
+    and "a", of which the entries of motors are read, of a free base, and of what motors do not move.
+    Outputs are "q", a Newton step from "near", and all joints' rates and accelerations at "near". The guard
+    is at most 1 where loops were closed before the step: else call again with its "q".
+    """
+    robot = request.robot
+    shapes: dict[Any, list[Module]] = {}
+    driven = {robot.v_slices[robot.joint_index[motor]].start for motor in robot.motors}
+    for module in robot.modules:
+        shapes.setdefault(shape_of(module, _motors(module, driven)), []).append(module)
+    inputs = [("near", robot.nq), ("v", robot.nv), ("a", robot.nv)]
+    w = Writer("close", inputs, [("q", robot.nq), ("v_closed", robot.nv), ("a_closed", robot.nv)])
+    if robot.base == "moving":
+        _keep_base(w)
+    for shape, modules in shapes.items():
+        function, table = _write(modules, _motors(modules[0], driven), CLOSED[request.dtype])
+        q, v = (np.array([getattr(m, index) for m in modules]) for index in ("q_index", "v_index"))
+        sources: list[Source] = [
+            w.from_given("near", q),
+            w.from_given("v", v),
+            w.from_given("a", v),
+            Constants(table),
+        ]
+        targets: list[Target] = [w.result("q", q), w.result("v_closed", v), w.result("a_closed", v), Worst()]
+        w.call(w.kernel(shape, function, "closures"), len(modules), sources, targets)
+    return w.program()
+
+
+def _keep_base(w: Writer) -> None:
+    """Hand on what is prescribed of a moving base."""
+    columns = [ca.SX.sym("base", size) for size in (7, 6, 6)]
+    kernel = w.kernel("base", ca.Function("base", columns, columns), "closures")
+    pairs = (("near", "q", 7), ("v", "v_closed", 6), ("a", "a_closed", 6))
+    sources: list[Source] = [w.from_given(name, np.arange(size)) for name, _, size in pairs]
+    targets: list[Target] = [w.result(name, np.arange(size)) for _, name, size in pairs]
+    w.call(kernel, 1, sources, targets)
+
+
+def _motors(module: Module, driven: set[int]) -> tuple[int, ...]:
+    """Give the freedoms of a module's spanning tree that have motors."""
+    return tuple(k for k, column in enumerate(module.v_index.tolist()) if column in driven)
+
+
+def _write(modules: list[Module], motors: tuple[int, ...], closed: float) -> tuple[ca.Function, Array]:
+    """Write the closing of modules of one shape, and the numbers in which they differ."""
+    m, folding = modules[0].mechanism, Folding()
+    tree = m.spanning
+    (q_col, q), (v_col, v), (a_col, a) = symbols("q", tree.nq), symbols("v", tree.nv), symbols("a", tree.nv)
+    step, guard = zeros(tree.nv), ca.SX(0.0)
+    if m.spanning_closures.rows:
+        pivots = dependent_pivots(modules, motors)
+        dependent = list(pivots.cols)
+        K, residual = spanning_closures(modules, folding, q)
+        v, a = v.copy(), a.copy()
+        v[dependent] = a[dependent] = 0.0
+        solved, trust = solve(K, np.stack([-residual, -dot(K, v)], axis=1), pivots)
+        step[dependent], v[dependent] = solved[dependent, 0], solved[dependent, 1]
+        drift = _drift(K, q_col, v, tree)
+        a[dependent] = solve(K, (-dot(K, a) - drift)[:, None], pivots)[0][dependent, 0]
+        guard = ca.fmax(trusted(trust), largest(step / m.spanning_col_scale) / closed)
+    moved = by_joint(tree, moved_joint, q, step, positions=1)
+    outputs = [pack(moved), pack(v), pack(a), ca.SX(guard)]
+    return ca.Function("close", [q_col, v_col, a_col, folding.symbol()], outputs), folding.table(len(modules))
+
+
+def _drift(K: Expression, q: ca.SX, v: Expression, tree: Tree) -> Expression:
+    """Give K_dot v, shape (rows,)."""
+    w_col, w = symbols("w", len(v))
+    rate = by_joint(tree, position_rate, unpack(q), w, positions=1)
+    drift = ca.jtimes(pack(dot(K, w)), q, pack(rate))
+    return unpack(ca.substitute(drift, w_col, pack(v)))

@@ -1,0 +1,155 @@
+"""The direct model of a whole robot as a program: three sweeps over its modules."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from ...spatial import Array
+from ..equations.direct import DirectModule, write_direct
+from ..equations.direct_legs import forced_joints, write_direct_legs
+from ..equations.expressions import plain, upper
+from ..equations.module_graph import twist_width
+from ..equations.options import DirectOptions, direct_options
+from ..equations.parts import Leg
+from ..equations.quadratic_form import LEG_SUMS
+from ..equations.request import Request
+from ..equations.rigid import inertia_matrix
+from ..equations.stages import Stage
+from ..program import Add, Constants, Program, Source, Target, Worst
+from .efforts import Efforts
+from .module_calls import ModuleCalls, read
+from .roots import moving_base
+from .stage_calls import Stages
+from .writer import Writer
+
+PARTS = ["kinematics", "inertia", "accelerations", "wrists"]
+LEG_PARTS = ["legs", "legs' accelerations"]
+
+
+@dataclass
+class _DirectCalls(ModuleCalls):
+    """One module in the program.
+
+    Attributes:
+        articulated: Articulated inertia and bias of its outputs that carry modules, by output.
+        legs: Its groups of legs, with their calls and their numbers.
+    """
+
+    options: DirectOptions
+    written: DirectModule
+    below: _DirectCalls | None
+    articulated: dict[int, tuple[Add, Add]] = field(default_factory=dict)
+    legs: list[tuple[tuple[Leg, ...], Stages, Constants]] = field(default_factory=list)
+
+
+def direct_program(request: Request) -> Program:
+    """Write the direct model of a robot."""
+    robot = request.robot
+    inputs = [("q", robot.nq), ("v", robot.nv), ("tau", len(robot.motors))]
+    if robot.base == "moving":
+        inputs.append(("base_acceleration", 6))
+    if request.parameters:
+        inputs.append(("parameters", 10 * len(robot.bodies.bodies)))
+    w = Writer("ddm", inputs, [("a", robot.nv)])
+    given = w.from_given("base_acceleration", np.arange(6)) if robot.base == "moving" else None
+    sweeps = _Sweeps(request, w, moving_base(request, w, given, report=True) if given else None)
+    modules: list[_DirectCalls] = []
+    for k in range(len(robot.modules)):
+        modules.append(sweeps.outwards(k, modules))
+    for calls in reversed(modules):
+        sweeps.inwards(calls)
+    for calls in modules:
+        sweeps.accelerate(calls)
+    return w.program()
+
+
+class _Sweeps:
+    """Writes the calls of one module after the other."""
+
+    def __init__(self, request: Request, writer: Writer, root: tuple[Source, Source] | None) -> None:
+        self.request, self.w, self.root = request, writer, root
+        self.efforts = Efforts(request, writer)
+        self._code: dict[Any, DirectModule] = {}
+        self._leg_code: dict[Any, tuple[list[Stage], Constants]] = {}
+
+    def outwards(self, k: int, modules: list[_DirectCalls]) -> _DirectCalls:
+        """Write motion outwards: platforms, twists, and what the legs bring."""
+        w, calls = self.w, self._calls(k, modules)
+        targets = calls.place_platforms(18)
+        for o, carried in enumerate(calls.options.carries):
+            if carried:
+                calls.V[o] = w.shared(twist_width(calls.options.velocity))
+                own, bias = w.start(w.shared(21), self._own(calls, o)), w.start(w.shared(6), np.zeros(6))
+                calls.articulated[o] = own, bias
+                targets |= {f"V {o}": calls.V[o], f"bias {o}": bias, f"own {o}": own}
+        calls.stages.call(0, calls.sources(), targets)
+        for i in sorted({group[0].platform for group in calls.groups}):  # sums stand in the platforms' order
+            calls.sums_of(i, LEG_SUMS)
+        for n in range(len(calls.groups)):
+            self._legs_outwards(calls, n)
+        return calls
+
+    def inwards(self, calls: _DirectCalls) -> None:
+        """Write articulated inertias inwards."""
+        sources = calls.sources() | calls.summed()
+        for o, (inertia, bias) in calls.articulated.items():
+            sources |= {f"I {o}": read(inertia), f"beta {o}": read(bias)}
+        if len(calls.written.tau):
+            sources["tau"] = self.efforts.of(calls.k, calls.written.tau[None])
+        targets: dict[str, Target] = {"guard": Worst()}
+        if calls.below is not None:
+            inertia, bias = calls.below.articulated[calls.module.parent_output]
+            targets |= {"I_base": inertia, "b_base": bias}
+        elif self.root is not None:
+            targets |= {"I_base": self.w.shared(21), "b_base": self.w.shared(6)}
+        calls.stages.call(1, sources, targets)
+
+    def accelerate(self, calls: _DirectCalls) -> None:
+        """Write accelerations outwards: the core, the legs, the wrists."""
+        w, written, v_index = self.w, calls.written, calls.module.v_index
+        deltas = {i: w.shared(6) for i in written.platforms}
+        calls.A = {o: w.shared(6) for o in calls.V}
+        targets: dict[str, Target] = {f"delta {i}": place for i, place in deltas.items()}
+        targets |= {f"A {o}": place for o, place in calls.A.items()}
+        sources = calls.sources()
+        calls.stages.call(2, sources, targets | {"a_core": w.result("a", v_index[written.joints])})
+        for group, legs, numbers in calls.legs:
+            at = v_index[np.array([leg.v for leg in group])]
+            legs.call(1, {"numbers": numbers, "delta": deltas[group[0].platform]}, {"a": w.result("a", at)})
+        sources["a_legs"] = w.result("a", v_index[written.legs])
+        wrists = w.result("a", v_index[written.wrists])
+        calls.stages.call(3, sources, {"a_wrists": wrists, "guard": Worst()})
+
+    def _calls(self, k: int, modules: list[_DirectCalls]) -> _DirectCalls:
+        """Give the calls of module k, none made yet; its code is written where no equal module has it."""
+        plan, options = self.request.plans[k], direct_options(self.request, k)
+        key = (id(plan), options)
+        if key not in self._code:
+            self._code[key] = write_direct(f"module_{len(self._code)}", plan, options)
+        written, parent = self._code[key], self.request.robot.modules[k].parent
+        stages = Stages(self.w, key, written.stages, PARTS)
+        below = modules[parent] if parent >= 0 else None
+        return _DirectCalls(self.request, self.w, k, options, written, stages, below, self.root)
+
+    def _own(self, calls: _DirectCalls, o: int) -> Array:
+        """Give an output's own inertia, from which its articulated one starts; zero where it is an input."""
+        if self.request.parameters:
+            return np.zeros(21)
+        return upper(inertia_matrix(plain(calls.options.inertias[o]))).astype(float)
+
+    def _legs_outwards(self, calls: _DirectCalls, n: int) -> None:
+        """Write what a group of legs brings, summed by platform."""
+        plan, options, group = self.request.plans[calls.k], calls.options, calls.groups[n]
+        key = (id(plan), n, options.base is None, options.velocity, options.rotor)
+        if key not in self._leg_code:
+            self._leg_code[key] = write_direct_legs(plan, n, options)
+        stages, numbers = self._leg_code[key]
+        legs = Stages(self.w, ("legs", key), stages, LEG_PARTS, len(group))
+        sources, forced = calls.leg_sources(group, numbers), forced_joints(group[0], options)
+        if forced:
+            sources["tau"] = self.efforts.of(calls.k, np.array([leg.tree_v[forced] for leg in group]))
+        legs.call(0, sources, calls.sums_of(group[0].platform, LEG_SUMS))
+        calls.legs.append((group, legs, numbers))

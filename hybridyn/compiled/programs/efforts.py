@@ -1,0 +1,120 @@
+"""Efforts on joints: what the user gives, and what joint laws add."""
+
+from __future__ import annotations
+
+import warnings
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from ...errors import ModelError
+from ...spatial import Index
+from ..equations.expressions import pack
+from ..equations.request import Request
+from ..program import Constants, Shared, Source
+from .writer import Writer
+
+
+class Efforts:
+    """Gives the efforts on any freedoms of any module as a source of a call."""
+
+    def __init__(self, request: Request, writer: Writer, *, motors: bool = True) -> None:
+        """Prepare.
+
+        Args:
+            request: The robot and its effects.
+            writer: The program.
+            motors: Whether motors' efforts are user inputs ("tau"); the inverse model wants the laws alone.
+        """
+        self._request, self._writer, self._motors = request, writer, motors
+        robot = request.robot
+        self._motor_of = {}
+        for module in robot.modules:
+            for column, number in zip(module.motor_columns, module.motor_index, strict=True):
+                self._motor_of[id(module), int(column)] = int(number)
+
+    def of(self, k: int, columns: Index) -> Source:
+        """Give the efforts on freedoms of the tree after the cuts of module k, shape (copies, entries)."""
+        marks = self._request.marks(self._request.robot.modules[k])
+        if self._motors and all(marks[int(c)] == "motor " for c in columns.ravel()):
+            return self._writer.from_given("tau", self._motor_numbers(k, columns))
+        copies, entries = columns.shape
+        place = self._writer.each(copies, entries)
+        for j in range(entries):
+            self._laws(k, columns[:, j], place.start + j, entries)
+        return place
+
+    def _motor_numbers(self, k: int, columns: Index) -> Index:
+        """Give the motors' numbers in tau."""
+        module = self._request.robot.modules[k]
+        numbers = [self._motor_of[id(module), int(c)] for c in columns.ravel()]
+        return np.array(numbers, dtype=int).reshape(columns.shape)
+
+    def _laws(self, k: int, columns: Index, start: int, stride: int) -> None:
+        """Write the sum of motor and laws on one joint after the other."""
+        request, w = self._request, self._writer
+        module = request.robot.modules[k]
+        mark = request.marks(module)[int(columns[0])]
+        for i, column in enumerate(columns):
+            inputs, sources, total, key = self._one(k, int(column), mark)
+            function = ca.Function("effort", inputs, [pack([total])])
+            kernel = w.kernel(("effort", key), function, "effects")
+            w.call(kernel, 1, sources, [Shared(start + i * stride, 1)])
+
+    def _one(self, k: int, column: int, mark: str) -> tuple[list[ca.SX], list[Source], Any, Any]:
+        """Give the effort on one freedom: symbols, where they come from, the sum, and what it depends on."""
+        request, w = self._request, self._writer
+        module = request.robot.modules[k]
+        own = np.zeros((1, module.mechanism.tree.nv))
+        numbers = np.arange(1, request.robot.nv + 1, dtype=float)
+        module.mechanism.give_legs(numbers[None, module.v_index], own)
+        at = int(own[0, column]) - 1
+        inputs: list[ca.SX] = []
+        sources: list[Source] = []
+        total: Any = ca.SX(0.0)
+        if self._motors and "motor" in mark:
+            tau = ca.SX.sym("tau")
+            inputs, sources, total = (
+                [tau],
+                [w.from_given("tau", self._motor_numbers(k, np.array([column])))],
+                tau,
+            )
+        key: tuple[Any, ...] = (self._motors, mark)
+        for law in request.on.joints:
+            here = np.flatnonzero(law.columns == at)
+            if not len(here):
+                continue
+            i = int(here[0])
+            p = ca.SX.sym("p", len(law.p))
+            turns = bool(law.turns[i])
+            x = ca.SX.sym("x", 2 if turns else 1)
+            v = ca.SX.sym("v")
+            angle = ca.atan2(x[1], x[0]) if turns else x[0]
+            effort = _written(law.effect, p, angle, v)
+            q_at = int(law.at[i])
+            inputs += [p, x, v]
+            sources += [
+                Constants(np.array([[row[i] for row in law.p]])),
+                w.from_given("q", np.arange(q_at, q_at + x.numel())),
+                w.from_given("v", np.array([at])),
+            ]
+            total = total + effort
+            key = (*key, turns, repr(law.effect.name))
+        return inputs, sources, total, key
+
+
+def _written(effect: Any, p: ca.SX, x: Any, v: ca.SX) -> Any:
+    """Give a law's effort as an expression: its NumPy code runs on symbols.
+
+    Raises:
+        ModelError: Its code has no expression.
+    """
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", FutureWarning)  # CasADi's, on NumPy functions of its symbols
+            return effect.effort(tuple(p[n] for n in range(p.numel())), x, v)
+    except (TypeError, AttributeError, ValueError, RuntimeError, NotImplementedError) as error:
+        raise ModelError(
+            f"the effect '{effect.name}' is not written out: use the general path for it", element=effect.name
+        ) from error

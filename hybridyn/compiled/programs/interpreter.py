@@ -1,0 +1,94 @@
+"""Runs a program in CasADi: numbers in plain floats, or the whole model as one CasADi function."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from ..program import Add, Call, Constants, Each, Given, Own, Program, Result, Shared, Start, Worst
+
+
+def function_of(program: Program, symbol: Any = ca.SX) -> ca.Function:
+    """Give a program as one CasADi function.
+
+    Args:
+        program: The program.
+        symbol: `casadi.SX` for one flat graph, `casadi.MX` for a graph of calls.
+
+    Returns:
+        Inputs and outputs named as the program's, and "guard" last.
+    """
+    columns = [symbol.sym(name, size) for name, size in program.inputs]
+    given = [
+        column[i] for column, (_, size) in zip(columns, program.inputs, strict=True) for i in range(size)
+    ]
+    result, guard = run(program, given, symbol)
+    ends = np.cumsum([0] + [size for _, size in program.outputs])
+    outputs = [ca.vertcat(*result[ends[i] : ends[i + 1]]) for i in range(len(program.outputs))]
+    return ca.Function(
+        program.name,
+        columns,
+        [*outputs, guard],
+        [name for name, _ in program.inputs],
+        [*(name for name, _ in program.outputs), "guard"],
+    )
+
+
+def run(program: Program, given: list[Any], kind: Any) -> tuple[list[Any], Any]:
+    """Run a program on scalars of CasADi: results and guard."""
+    shared: list[Any] = [None] * program.shared
+    own: list[Any] = [None] * program.own
+    result: list[Any] = [kind(np.nan)] * sum(size for _, size in program.outputs)
+    guard: Any = kind(0.0)
+    for step in program.steps:
+        if isinstance(step, Start):
+            shared[step.start : step.start + len(step.values)] = [kind(float(x)) for x in step.values]
+            continue
+        guard = _call(program, step, given, result, shared, own, guard, kind)
+    return result, guard
+
+
+def _call(
+    program: Program, call: Call, given: list[Any], result: list[Any], shared: list[Any], own: list[Any],
+    guard: Any, kind: Any,
+) -> Any:  # fmt: skip
+    """Run one call; gives the guard after it."""
+    function = program.kernels[call.kernel].function
+    for i in range(call.copies):
+        arguments = []
+        for source in call.sources:
+            match source:
+                case Given(index):
+                    values = [given[j] for j in index[i]]
+                case Result(index):
+                    values = [result[j] for j in index[i]]
+                case Constants(numbers):
+                    values = [kind(float(x)) for x in numbers[i]]
+                case Shared(start, size):
+                    values = shared[start : start + size]
+                case Each(start, size):
+                    values = shared[start + i * size : start + (i + 1) * size]
+                case Own(start, size):
+                    values = own[start + i * size : start + (i + 1) * size]
+            arguments.append(ca.vertcat(*values) if values else kind(0, 1))
+        outputs = function.call(arguments)
+        for target, output in zip(call.targets, outputs, strict=True):
+            values = [output[j] for j in range(output.numel())]
+            match target:
+                case Result(index):
+                    for j, value in zip(index[i], values, strict=True):
+                        result[j] = value
+                case Shared(start, size):
+                    shared[start : start + size] = values
+                case Each(start, size):
+                    shared[start + i * size : start + (i + 1) * size] = values
+                case Own(start, size):
+                    own[start + i * size : start + (i + 1) * size] = values
+                case Add(start, _):
+                    for j, value in enumerate(values):
+                        shared[start + j] = shared[start + j] + value
+                case Worst():
+                    guard = ca.fmax(guard, values[0])
+    return guard

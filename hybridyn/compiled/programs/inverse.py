@@ -1,0 +1,139 @@
+"""The inverse model of a whole robot as a program: one sweep outwards, one inwards."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from ..equations.inverse import InverseModule, write_inverse
+from ..equations.inverse_legs import LEG_SUMS, driven_joints, lawful_joints, write_inverse_legs
+from ..equations.module_graph import twist_width
+from ..equations.motor_pivots import motor_pivots
+from ..equations.options import InverseOptions, inverse_options
+from ..equations.request import Request
+from ..equations.stages import Stage
+from ..equations.static_elimination import Pivots
+from ..program import Add, Constants, Each, Program, Shared, Source, Target, Worst
+from .efforts import Efforts
+from .module_calls import ModuleCalls, read
+from .roots import moving_base
+from .stage_calls import Stages
+from .writer import Writer
+
+PARTS = ["kinematics", "efforts"]
+
+
+@dataclass
+class _InverseCalls(ModuleCalls):
+    """One module in the program.
+
+    Attributes:
+        received: Wrench that its outputs' modules need, by output.
+        motors: What the motors of its groups of legs do along delta, by group.
+    """
+
+    options: InverseOptions
+    written: InverseModule
+    below: _InverseCalls | None
+    received: dict[int, Add] = field(default_factory=dict)
+    motors: dict[int, Each] = field(default_factory=dict)
+
+
+def inverse_program(request: Request) -> Program:
+    """Write the inverse model of a robot."""
+    robot = request.robot
+    inputs = [("q", robot.nq), ("v", robot.nv), ("a", robot.nv)]
+    if request.parameters:
+        inputs.append(("parameters", 10 * len(robot.bodies.bodies)))
+    w = Writer("idm", inputs, [("tau", len(robot.motors))])
+    root = moving_base(request, w, w.from_given("a", np.arange(6)), report=False)
+    sweeps = _Sweeps(request, w, root)
+    modules: list[_InverseCalls] = []
+    for k in range(len(robot.modules)):
+        modules.append(sweeps.outwards(k, modules))
+    for calls in reversed(modules):
+        sweeps.inwards(calls)
+    return w.program()
+
+
+class _Sweeps:
+    """Writes the calls of one module after the other."""
+
+    def __init__(self, request: Request, writer: Writer, root: tuple[Source, Source] | None) -> None:
+        self.request, self.w, self.root = request, writer, root
+        self.efforts = Efforts(request, writer, motors=False)
+        self._code: dict[Any, InverseModule] = {}
+        self._leg_code: dict[Any, tuple[list[Stage], Constants]] = {}
+        self._pivots: dict[Any, Pivots] = {}
+
+    def outwards(self, k: int, modules: list[_InverseCalls]) -> _InverseCalls:
+        """Write motion outwards, and what the legs need."""
+        w, calls = self.w, self._calls(k, modules)
+        targets = calls.place_platforms(24)
+        for o, carried in enumerate(calls.options.carries):
+            if carried:
+                calls.V[o], calls.A[o] = w.shared(twist_width(calls.options.velocity)), w.shared(6)
+                calls.received[o] = w.start(w.shared(6), np.zeros(6))
+                targets |= {f"V {o}": calls.V[o], f"A {o}": calls.A[o]}
+        calls.stages.call(0, calls.sources(), targets)
+        for n in range(len(calls.groups)):
+            self._legs_outwards(calls, n)
+        return calls
+
+    def inwards(self, calls: _InverseCalls) -> None:
+        """Write efforts inwards."""
+        sources = calls.sources() | calls.summed()
+        sources |= {f"F {o}": read(wrench) for o, wrench in calls.received.items()}
+        for n, each in calls.motors.items():
+            sources[f"motors {n}"] = Shared(each.start, each.size * len(calls.groups[n]))
+        if len(calls.written.laws):
+            sources["laws"] = self.efforts.of(calls.k, calls.written.laws[None])
+        targets: dict[str, Target] = {
+            "guard": Worst(),
+            "tau": self.w.result("tau", calls.module.motor_index),
+        }
+        if calls.below is not None:
+            targets["F_base"] = calls.below.received[calls.module.parent_output]
+        elif self.root is not None:
+            targets["F_base"] = self.w.shared(6)
+        calls.stages.call(1, sources, targets)
+
+    def _calls(self, k: int, modules: list[_InverseCalls]) -> _InverseCalls:
+        """Give the calls of module k, none made yet; its code is written where no equal module has it."""
+        plan, options = self.request.plans[k], inverse_options(self.request, k)
+        key = (id(plan), options)
+        if key not in self._code:
+            pivots = self._motor_pivots(k, options)
+            self._code[key] = write_inverse(f"module_{len(self._code)}", plan, options, pivots)
+        written, parent = self._code[key], self.request.robot.modules[k].parent
+        stages = Stages(self.w, key, written.stages, PARTS)
+        below = modules[parent] if parent >= 0 else None
+        return _InverseCalls(self.request, self.w, k, options, written, stages, below, self.root)
+
+    def _motor_pivots(self, k: int, options: InverseOptions) -> Pivots:
+        """Give the pivots of the motors' map of module k, the same for equal modules."""
+        plan = self.request.plans[k]
+        key = (id(plan), options.motors)
+        if key not in self._pivots:
+            positions = self.request.positions(self.request.robot.modules[k])
+            self._pivots[key] = motor_pivots(plan, positions, options.motors)
+        return self._pivots[key]
+
+    def _legs_outwards(self, calls: _InverseCalls, n: int) -> None:
+        """Write what a group of legs needs, summed by platform."""
+        plan, options, group = self.request.plans[calls.k], calls.options, calls.groups[n]
+        lawful, driven = lawful_joints(group[0], options), driven_joints(group[0], options)
+        key = (id(plan), n, options.base, options.velocity, options.rotor, tuple(lawful), tuple(driven))
+        if key not in self._leg_code:
+            self._leg_code[key] = write_inverse_legs(plan, n, options)
+        stages, numbers = self._leg_code[key]
+        sources = calls.leg_sources(group, numbers)
+        if lawful:
+            sources["laws"] = self.efforts.of(calls.k, np.array([leg.tree_v[lawful] for leg in group]))
+        targets = calls.sums_of(group[0].platform, LEG_SUMS)
+        if driven:
+            calls.motors[n] = self.w.each(len(group), 6 * len(driven))
+            targets["motors"] = calls.motors[n]
+        Stages(self.w, ("legs", key), stages, ["legs"], len(group)).call(0, sources, targets)

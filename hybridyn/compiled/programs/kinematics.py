@@ -1,0 +1,95 @@
+"""Where every body is and how it moves, as a program: one sweep outwards over the spanning tree."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from ...structure.module import Module
+from ..equations.chains import sweep
+from ..equations.expressions import Expression, cross, dot, eye, pack, symbols, unpack, zeros
+from ..equations.links import links_of
+from ..equations.request import Request
+from ..equations.rigid import quaternion_matrix
+from ..program import Program, Shared, Source, Target
+from .writer import Writer
+
+WIDTH = 24
+"""Numbers of one body: axes row by row, origin, twist and classical acceleration, all in the world."""
+
+
+def kinematics_program(request: Request) -> Program:
+    """Write the motion of every body of a robot; body b of `robot.bodies` begins at WIDTH b of "bodies"."""
+    robot = request.robot
+    inputs = [("q", robot.nq), ("v", robot.nv), ("a", robot.nv)]
+    w = Writer("kinematics", inputs, [("bodies", WIDTH * len(robot.bodies.bodies))])
+    states: dict[int, Source] = {0: _root(request, w)}
+    kernels: dict[int, ca.Function] = {}
+    for module in robot.modules:
+        if module.base == "world":
+            continue
+        m = module.mechanism
+        if id(m) not in kernels:
+            kernels[id(m)] = _module(module)
+        bodies = [robot.body_of_joint[joint] for joint in module.joints]
+        targets: list[Target] = []
+        for body in bodies:
+            state = w.shared(WIDTH)
+            states[body] = state
+            targets += [w.result("bodies", WIDTH * body + np.arange(WIDTH)), state]
+        sources: list[Source] = [
+            w.from_given("q", module.q_index),
+            w.from_given("v", module.v_index),
+            w.from_given("a", module.v_index),
+            states[robot.bodies.place[module.base][0]],
+        ]
+        w.call(w.kernel(id(m), kernels[id(m)], "kinematics"), 1, sources, targets)
+    return w.program()
+
+
+def _root(request: Request, w: Writer) -> Shared:
+    """Write the motion of the root body."""
+    robot = request.robot
+    state = w.shared(WIDTH)
+    targets: list[Target] = [w.result("bodies", np.arange(WIDTH)), state]
+    if robot.base == "fixed":
+        still = pack(eye(3), zeros(15))
+        w.call(w.kernel("root", ca.Function("root", [], [still, still]), "kinematics"), 1, [], targets)
+        return state
+    (q_col, q), (v_col, v), (a_col, a) = symbols("q", 7), symbols("v", 6), symbols("a", 6)
+    out = _in_world(quaternion_matrix(q[3:]), q[:3], v, a)
+    function = ca.Function("root", [q_col, v_col, a_col], [out, out])
+    sources: list[Source] = [
+        w.from_given("q", np.arange(7)),
+        w.from_given("v", np.arange(6)),
+        w.from_given("a", np.arange(6)),
+    ]
+    w.call(w.kernel("root", function, "kinematics"), 1, sources, targets)
+    return state
+
+
+def _in_world(R: Expression, p: Expression, V: Expression, A: Expression) -> ca.SX:
+    """Give the numbers of a body from its placement, and its own frame's twist and spatial acceleration."""
+    v, w = V[:3], V[3:]
+    return pack(R, p, dot(R, v), dot(R, w), dot(R, A[:3] + cross(w, v)), dot(R, A[3:]))
+
+
+def _module(module: Module) -> ca.Function:
+    """Write the motion of the bodies of a module; each comes twice: as a result, and to stand on."""
+    spec = module.mechanism.spec
+    links = links_of(spec.spanning, [np.zeros(10)] * len(spec.spanning))
+    tree = module.mechanism.spanning
+    columns: list[Any] = [ca.SX.sym("q", tree.nq), ca.SX.sym("v", tree.nv), ca.SX.sym("a", tree.nv)]
+    base_col, base = symbols("base", WIDTH)
+    R, p, v, w, a, alpha = (base[:9].reshape(3, 3), *(base[i : i + 3] for i in range(9, WIDTH, 3)))
+    V = np.concatenate([dot(R.T, v), dot(R.T, w)])
+    A = np.concatenate([dot(R.T, a - cross(w, v)), dot(R.T, alpha)])
+    q_, v_, a_ = (unpack(column) for column in columns)
+    chain = sweep(links, q_, v_, V, a_, A)
+    outputs = []
+    for body in range(1, len(links) + 1):
+        out = _in_world(dot(R, chain.R0[body]), p + dot(R, chain.p0[body]), chain.V[body], chain.c[body])
+        outputs += [out, out]
+    return ca.Function("module", [*columns, base_col], outputs)

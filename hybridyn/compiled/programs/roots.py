@@ -1,0 +1,43 @@
+"""What the first modules stand on: a base at rest, or one whose motion is prescribed."""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+
+from ..equations.expressions import dot, pack, plain, symbols
+from ..equations.request import Request
+from ..equations.rigid import classical, quaternion_matrix
+from ..program import Source, Target
+from .writer import Writer
+
+
+def moving_base(
+    request: Request, w: Writer, acceleration: Source, *, report: bool
+) -> tuple[Source, Source] | None:
+    """Give twist and acceleration of a moving base as `module_graph.base_motion` counts them; None at rest.
+
+    Args:
+        request: The robot.
+        w: The program.
+        acceleration: Where the base's acceleration comes from.
+        report: Whether the base's acceleration is among the results.
+    """
+    if request.robot.base != "moving":
+        return None
+    (q_col, q), (v_col, v), (a_col, a) = symbols("q", 4), symbols("v", 6), symbols("a", 6)
+    velocity = request.on.velocity is not None
+    A = classical(v, a) if velocity else a.copy()
+    A[:3] = A[:3] - dot(quaternion_matrix(q).T, plain(request.gravity))
+    V = pack(v[3:]) if velocity else v_col
+    outputs = [V, pack(A), pack(a)] if report else [V, pack(A)]
+    kernel = w.kernel("root", ca.Function("root", [q_col, v_col, a_col], outputs), "kinematics")
+    twist, at = w.shared(3 if velocity else 6), w.shared(6)
+    targets: list[Target] = [twist, at, w.result("a", np.arange(6))] if report else [twist, at]
+    sources: list[Source] = [
+        w.from_given("q", np.arange(3, 7)),
+        w.from_given("v", np.arange(6)),
+        acceleration,
+    ]
+    w.call(kernel, 1, sources, targets)
+    return twist, at

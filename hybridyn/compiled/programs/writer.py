@@ -1,0 +1,88 @@
+"""Collects kernels, calls and places of a program while it is written."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from ...spatial import Array, Index
+from ..program import Add, Call, Each, Given, Kernel, Own, Program, Result, Shared, Source, Start, Target
+
+
+class Writer:
+    """A program under construction.
+
+    Attributes:
+        given: Where each user input begins.
+        results: Where each user output begins.
+    """
+
+    def __init__(self, name: str, inputs: list[tuple[str, int]], outputs: list[tuple[str, int]]) -> None:
+        self.name, self.inputs, self.outputs = name, tuple(inputs), tuple(outputs)
+        self.given, self.results = _starts(inputs), _starts(outputs)
+        self._kernels: list[Kernel] = []
+        self._number: dict[Any, int] = {}
+        self._steps: list[Start | Call] = []
+        self._shared = self._own = 0
+
+    def kernel(self, key: Any, function: ca.Function, part: str) -> int:
+        """Give the number of a kernel; an equal key gives the same one."""
+        if key not in self._number:
+            self._number[key] = len(self._kernels)
+            self._kernels.append(Kernel(f"{self.name}_{len(self._kernels)}", function, part))
+        return self._number[key]
+
+    def has(self, key: Any) -> bool:
+        """Say whether a kernel is there."""
+        return key in self._number
+
+    def shared(self, size: int) -> Shared:
+        """Give new shared numbers."""
+        self._shared += size
+        return Shared(self._shared - size, size)
+
+    def each(self, copies: int, size: int) -> Each:
+        """Give new shared numbers for each copy."""
+        return Each(self.shared(copies * size).start, size)
+
+    def own(self, copies: int, size: int) -> Own:
+        """Give new numbers of the copies' own."""
+        self._own += copies * size
+        return Own(self._own - copies * size, size)
+
+    def start(self, place: Shared, values: Array) -> Add:
+        """Set shared numbers before a sum, and give the target that adds to them."""
+        self._steps.append(Start(place.start, np.asarray(values, dtype=float)))
+        return Add(place.start, place.size)
+
+    def from_given(self, name: str, index: Index) -> Given:
+        """Read entries of a user input, shape (entries,) or (copies, entries)."""
+        return Given(np.atleast_2d(index).astype(int) + self.given[name])
+
+    def result(self, name: str, index: Index) -> Result:
+        """Read or write entries of a user output, shape (entries,) or (copies, entries)."""
+        return Result(np.atleast_2d(index).astype(int) + self.results[name])
+
+    def call(self, kernel: int, copies: int, sources: list[Source], targets: list[Target]) -> None:
+        """Call a kernel."""
+        self._steps.append(Call(kernel, copies, tuple(sources), tuple(targets)))
+
+    def program(self) -> Program:
+        """Give the program."""
+        return Program(
+            self.name,
+            self.inputs,
+            self.outputs,
+            tuple(self._kernels),
+            tuple(self._steps),
+            self._shared,
+            self._own,
+        )
+
+
+def _starts(parts: list[tuple[str, int]]) -> dict[str, int]:
+    """Give where each part begins."""
+    ends = np.cumsum([0] + [size for _, size in parts]).tolist()
+    return {name: ends[i] for i, (name, _) in enumerate(parts)}

@@ -1,0 +1,190 @@
+"""The robots that come with hybridyn, found by name: `lx4`, `delta`, ...
+
+Their files stand beside the package in a clone, and inside it where it was installed from a wheel. A clone's
+own files are preferred: an editable install may have an old copy.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import tomllib
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+
+from ..errors import ModelError
+
+PACKAGE = Path(__file__).parents[1]
+ENDINGS = (".urdf.xacro", ".urdf")
+BARE_NAME = re.compile(r"[A-Za-z]\w*")
+OPENING_COMMENT = re.compile(r"<!--\s*(.*?)\s*-->", re.DOTALL)
+OPENING = 4000  # characters of a file in which its first comment stands
+
+
+@dataclass(frozen=True)
+class ShippedRobot:
+    """A robot that comes with hybridyn.
+
+    Attributes:
+        name: Its name.
+        file: Its file.
+        what: What it is, one phrase.
+        modules: Number of its modules, None for a benchmark mechanism.
+        motors: Number of its motors, None for a benchmark mechanism.
+        source: Where its structure and its numbers come from.
+        trajectory: A motion of it, or None.
+        scenes: Its scenes.
+    """
+
+    name: str
+    file: Path
+    what: str
+    modules: int | None
+    motors: int | None
+    source: str
+    trajectory: Path | None
+    scenes: tuple[Path, ...]
+
+    @property
+    def is_benchmark(self) -> bool:
+        """True for a mechanism of the literature that tests and benchmarks use."""
+        return self.file.parent.name != "urdf"
+
+
+def data_folder() -> Path | None:
+    """Give the folder that holds `urdf/` and `models/`, or None where they were not installed."""
+    for folder in (PACKAGE.parent, PACKAGE / "_data"):
+        if (folder / "urdf").is_dir() and (folder / "models" / "robots.toml").is_file():
+            return folder
+    return None
+
+
+@lru_cache(maxsize=1)
+def shipped_robots() -> dict[str, ShippedRobot]:
+    """Give the shipped robots by name, those of the README first, then benchmark mechanisms."""
+    folder = data_folder()
+    if folder is None:
+        return {}
+    stated = tomllib.loads((folder / "models" / "robots.toml").read_text(encoding="utf-8"))
+    own = {_stem(file): file for file in _robot_files(folder / "urdf")}
+    order = [*(name for name in stated if name in own), *sorted(own.keys() - stated.keys())]
+    files = {name: own[name] for name in order}
+    for file in _robot_files(folder / "urdf" / "benchmarks"):
+        files.setdefault(_stem(file), file)
+    return {name: _record(folder, name, file, stated.get(name, {})) for name, file in files.items()}
+
+
+def find_robot(path: str | os.PathLike[str], folder: str | os.PathLike[str] = "") -> str:
+    """Give the file of a robot: a path that exists, else the shipped robot of that name.
+
+    Args:
+        path: A path, or a name.
+        folder: What a path is relative to; the working directory where left out.
+
+    Returns:
+        The path; as it was given where no shipped robot has that name and it looks like a path.
+
+    Raises:
+        ModelError: It is a bare name that no shipped robot has.
+    """
+    word = os.fspath(path)
+    place = str(Path(folder, word)) if os.fspath(folder) else word
+    if os.path.exists(place) or not BARE_NAME.fullmatch(word):
+        return place
+    robots = shipped_robots()
+    if word in robots:
+        return shown(robots[word].file)
+    raise ModelError(no_such_robot(word), element=word)
+
+
+def no_such_robot(word: str) -> str:
+    """Say that neither a file nor a shipped robot has this name.
+
+    Args:
+        word: The name.
+    """
+    from .names import did_you_mean  # numpy comes with it: too slow for a press of the tab key
+
+    known = shipped_robots()
+    hint = did_you_mean(word, known)
+    listing = f"; the shipped robots are {', '.join(main_names())}" if known and not hint else ""
+    return f"there is no file '{word}', and no shipped robot of that name{hint}{listing}"
+
+
+def main_names() -> list[str]:
+    """Give the names of the robots of the README, benchmark mechanisms left out."""
+    return [name for name, robot in shipped_robots().items() if not robot.is_benchmark]
+
+
+def find_data(word: str) -> str | None:
+    """Give a file of a shipped robot: "lx4/traj.csv", or a scene by its robot's name; None if there is none.
+
+    Args:
+        word: What the user wrote.
+    """
+    folder = data_folder()
+    if folder is None or not re.fullmatch(r"\w+(/[\w.]+)?", word):
+        return None
+    if "/" in word:
+        file = folder / "models" / word
+        return shown(file) if file.is_file() and word.partition("/")[0] in shipped_robots() else None
+    return None
+
+
+def own_trajectory(file: str) -> str | None:
+    """Give the trajectory that comes with a shipped robot, or None.
+
+    Args:
+        file: The robot's file.
+    """
+    for robot in shipped_robots().values():
+        if robot.trajectory is not None and os.path.realpath(file) == os.path.realpath(robot.file):
+            return shown(robot.trajectory)
+    return None
+
+
+def shown(file: Path) -> str:
+    """Give a path as a user would write it: relative where that is shorter.
+
+    Args:
+        file: The file.
+    """
+    try:
+        return str(file.relative_to(Path.cwd()))
+    except ValueError:
+        return str(file)
+
+
+def _robot_files(folder: Path) -> list[Path]:
+    return sorted(file for file in folder.glob("*") if file.is_file() and file.name.endswith(ENDINGS))
+
+
+def _stem(file: Path) -> str:
+    return file.name.partition(".")[0]
+
+
+def _record(folder: Path, name: str, file: Path, facts: dict[str, object]) -> ShippedRobot:
+    """Give a robot's record from the catalogue; what is not in it is told by the file's first comment."""
+    home = folder / "models" / name
+    if not home.is_dir():
+        home = folder / "models" / "benchmarks" / name
+    trajectory = home / "traj.csv"
+    modules, motors = facts.get("modules"), facts.get("motors")
+    return ShippedRobot(
+        name=name,
+        file=file,
+        what=str(facts.get("what") or _first_sentence(file)),
+        modules=modules if isinstance(modules, int) else None,
+        motors=motors if isinstance(motors, int) else None,
+        source=str(facts.get("source", "")),
+        trajectory=trajectory if trajectory.is_file() else None,
+        scenes=tuple(sorted(path for path in home.glob("*.toml") if path.name != "model.toml")),
+    )
+
+
+def _first_sentence(file: Path) -> str:
+    with open(file, encoding="utf-8") as text:
+        comment = OPENING_COMMENT.search(text.read(OPENING))
+    words = " ".join(comment[1].split()) if comment else ""
+    return re.split(r"(?<=[.:])\s", words)[0].rstrip(".:")

@@ -1,0 +1,31 @@
+"""One-line messages from pydantic: what is wrong, at which key, and which key was meant."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from pydantic import BaseModel, ConfigDict, ValidationError
+
+from ..names import did_you_mean, listed
+
+
+class Schema(BaseModel):
+    """Base of the schemas of side-car files: unknown keys are refused, texts are not numbers."""
+
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
+
+
+def first_problem(error: ValidationError, known: Iterable[str]) -> tuple[tuple[str | int, ...], str]:
+    """Give the place (keys and indices) and the text of the first problem that pydantic found.
+
+    Args:
+        error: What pydantic raised.
+        known: Keys that the schema knows, for "did you mean".
+    """
+    problem = min(error.errors(), key=lambda entry: entry["type"] != "extra_forbidden")
+    place = tuple(problem["loc"])
+    if problem["type"] == "extra_forbidden":
+        names = list(known)
+        key = str(place[-1])
+        return place, f"unknown key '{key}'{did_you_mean(key, names)}; known: {listed(names)}"
+    return place, problem["msg"].removeprefix("Value error, ")

@@ -1,0 +1,73 @@
+"""TOML files: their content, and the line on which each key stands."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from typing import Any
+
+from ...errors import ModelError
+
+Keys = tuple[str | int, ...]
+"""Where a value stands: tables, numbers of tables in an array, and the key."""
+
+
+def parse_toml(data: bytes, file: str) -> tuple[str, dict[str, Any]]:
+    """Read a TOML file's bytes: its text and its content.
+
+    Raises:
+        ModelError: It is no UTF-8 text or no TOML; the line is named.
+    """
+    try:
+        text = data.decode("utf-8")
+        return text, tomllib.loads(text)
+    except UnicodeDecodeError as error:
+        raise ModelError(f"is not UTF-8 text (byte {error.start})", file=file) from None
+    except tomllib.TOMLDecodeError as error:
+        at = re.search(r"at line (\d+)", str(error))
+        raise ModelError(
+            f"not readable as TOML: {error}", file=file, line=int(at[1]) if at else None
+        ) from None
+    except (RecursionError, ValueError):
+        raise ModelError("not readable as TOML: nested too deeply, or a number too long", file=file) from None
+
+
+def line_of(text: str, keys: Keys) -> int | None:
+    """Give the line (from 1) that defines a key of a TOML text, or the nearest table around it.
+
+    Args:
+        text: The text.
+        keys: Tables, numbers of tables in an array, and the key.
+    """
+    table: Keys = ()
+    counts: dict[Keys, int] = {}
+    best: tuple[int, int | None] = (0, None)
+    for number, line in enumerate(text.splitlines(), start=1):
+        if header := re.match(r"\s*\[\[\s*([^\[\]]+?)\s*\]\]", line):
+            name = _dotted(header[1], counts)
+            counts[name] = counts.get(name, -1) + 1
+            defined: Keys = (*name, counts[name])
+            table = defined
+        elif header := re.match(r"\s*\[\s*([^\[\]]+?)\s*\]\s*(#|$)", line):
+            defined = table = _dotted(header[1], counts)
+        elif assignment := re.match(r"""\s*((?:[\w-]+|"[^"]*"|'[^']*'|\s*\.\s*)+?)\s*=""", line):
+            defined = (*table, *_dotted(assignment[1], {}))
+        else:
+            continue
+        if isinstance(defined[-1], int) and defined[:-1] == keys:  # an array as a whole is where it begins
+            defined = keys
+        shared = len(defined)
+        if defined == keys[:shared] and shared > best[0]:
+            best = (shared, number)
+    return best[1]
+
+
+def _dotted(text: str, counts: dict[Keys, int]) -> Keys:
+    """Split a dotted key; inside an array of tables put the number of the last table."""
+    out: Keys = ()
+    parts = [part.strip("\"'") for part in re.findall(r"""[\w-]+|"[^"]*"|'[^']*'""", text)]
+    for i, part in enumerate(parts):
+        out = (*out, part)
+        if out in counts and i < len(parts) - 1:
+            out = (*out, counts[out])
+    return out

@@ -1,0 +1,240 @@
+"""Loops that an author may have written in a form that is not read: recognised, and refused by name.
+
+A closure is never dropped silently. So every element below `<robot>` is either one that is read, one that is
+known not to bear on dynamics, or it is looked into; and the tags that are read must stand in their place.
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+from ...errors import ModelError
+from ..names import closest, listed
+from ..robot_file import RobotFile
+from .xml_node import Node
+
+ACCEPTED_FORMS = (
+    "accepted forms: <loop>, <coupling> (URDF+), <mimic>, <loop_joint>, <constraint> (urdfdom proposal), "
+    "or a side-car robot.yaml (closed_loop: pairs of frames)"
+)
+
+READ_TAGS = ("link", "joint", "transmission", "loop", "constraint", "loop_joint", "coupling")
+"""Elements that are read below `<robot>`."""
+
+HARMLESS_TAGS = (
+    "material",
+    "gazebo",
+    "sensor",
+    "ros2_control",
+    "mujoco",
+    "frame",
+    "fixed_frame",
+    "virtual_joint",
+    "group",
+    "group_state",
+    "end_effector",
+    "disable_collisions",
+    "passive_joint",
+    "version",
+    "author",
+    "license",
+    "description",
+    "plugin",
+    "drake:collision_filter_group",
+    "collision_filter_group",
+)
+"""Elements below `<robot>` that bear on nothing here (once looked into for loops)."""
+
+LEGACY_FORMS = {
+    "loop_constraint": 'an early form of URDF+; write <loop type="..."> with <predecessor> and <successor>',
+    "joint_constraint": "an early form of URDF+; write <coupling> with <predecessor>, <successor>, <ratio>",
+    "loopconstraint": "a form of biorbd; write it as <loop>",
+    "drake:ball_constraint": 'a Drake constraint; write it as <loop type="spherical">',
+    "drake:linear_bushing_rpy": 'a Drake bushing (soft closure); write it as a rigid <loop type="revolute">',
+    "drake:mimic": "Drake's mimic; write it as <mimic> in the joint",
+    "drake:joint": "a Drake joint; write it as one-freedom joints with massless links between them",
+    "cable": "a cable of old Drake; hybridyn has no cables",
+}
+"""Forms that are known and not read, with the way to write them."""
+
+UNREAD_SIDE_CARS = {
+    "submechanisms.yml": "Phobos and HyRoDyn",
+    "submechanisms.yaml": "Phobos and HyRoDyn",
+    "loop_closures.yaml": "scikit-robot",
+    "loop_closures.yml": "scikit-robot",
+}
+"""Files beside a robot that hold closures in forms that are not read."""
+
+_LOOP_WORDS = re.compile(
+    r"loop|constraint|closure|closing|coupling|equality|weld|bushing|mimic|linkage", re.IGNORECASE
+)
+_END_WORDS = {
+    "predecessor",
+    "successor",
+    "link1",
+    "link2",
+    "link_a",
+    "link_b",
+    "body1",
+    "body2",
+    "joint1",
+    "joint2",
+}
+_CLOSING_FRAME = re.compile(r"closing_(.+)_[12](_z)?")
+_NAMED_FRAME = re.compile(r"closed_?loop|fermeture|loop_?closure", re.IGNORECASE)
+
+
+def refuse_unread_loops(root: Node, notes: list[str]) -> None:
+    """Look at every element for a loop in a form that is not read, or in a place where it is not read.
+
+    Other unknown elements are noted.
+
+    Raises:
+        ModelError: There is one; the text names the form, its line, and how to write it.
+    """
+    unknown: dict[str, int | None] = {}
+    for node in root.children():
+        if node.tag in LEGACY_FORMS:
+            raise _refusal(node, LEGACY_FORMS[node.tag])
+        if node.tag in ("include", "xi:include"):
+            raise node.error("URDF includes no file; write <xacro:include> and name this file .xacro")
+        if node.tag in READ_TAGS:
+            continue
+        if node.tag not in HARMLESS_TAGS:
+            _refuse_if_suspicious(node)
+            unknown.setdefault(node.tag, node.line)
+        for inner in node.descendants():
+            _refuse_inside(inner, node)
+    _refuse_misplaced(root)
+    if unknown:
+        where = listed(f"<{tag}> (line {line})" for tag, line in unknown.items())
+        notes.append(f"unknown elements, which were not read: {where}")
+
+
+def refuse_unclosed_frames(robot: RobotFile) -> None:
+    """Refuse frames named for closing a loop (`closing_x_1`, `closedloop1_A`) that no closure uses.
+
+    Raises:
+        ModelError: There are such frames.
+    """
+    used = {name for closure in robot.closures for name in (closure.link_a, closure.link_b)}
+    lines = {link.name: link.line for link in robot.links}
+    lines |= {joint.name: joint.line for joint in robot.joints if joint.child not in used}
+    free = [name for name in lines if name not in used]
+    mates = [
+        name
+        for name in free
+        if (match := _CLOSING_FRAME.fullmatch(name)) and f"closing_{match[1]}_2" in lines
+    ]
+    if mates:
+        raise ModelError(
+            f"frames {listed(mates)} close a loop in the form of onshape-to-robot, which is not read; "
+            f'write it as <loop> (a revolute mate: <axis xyz="0 0 1"/>). {_capital(ACCEPTED_FORMS)}',
+            file=robot.file,
+            line=lines[mates[0]],
+            element=mates[0],
+        )
+    named = [name for name in free if _NAMED_FRAME.search(name)]
+    if named and robot.closures:
+        robot.notes.append(f"frames {listed(named)} are named for closing a loop, but no closure uses them")
+    elif named:
+        raise ModelError(
+            f"{listed(named)} looks like the end of a closed loop, but nothing says which frames close it; "
+            f"list the pairs in a side-car robot.yaml, or write <loop>. {_capital(ACCEPTED_FORMS)}",
+            file=robot.file,
+            line=lines[named[0]],
+            element=named[0],
+        )
+
+
+def refuse_unread_side_cars(robot: RobotFile, folder: Path) -> None:
+    """Refuse side-cars in forms that are not read; beside a robot that states its closures they are noted.
+
+    Raises:
+        ModelError: There is one, and the robot states no closure.
+    """
+    for name, form in UNREAD_SIDE_CARS.items():
+        if not (folder / name).is_file():
+            continue
+        if not robot.closures:
+            raise ModelError(
+                f"{name} beside it ({form}) may state loop closures, but is not read; move it away if it "
+                f"belongs to another robot. {_capital(ACCEPTED_FORMS)}",
+                file=robot.file,
+                element=name,
+            )
+        robot.notes.append(f"{name} ({form}) stands beside the robot and was not read")
+
+
+def note_mimic_plugins(root: Node, robot: RobotFile) -> None:
+    """Note the joints that a Gazebo plugin makes mimic others, where the URDF itself does not."""
+    coupled = {coupling.name for coupling in robot.couplings}
+    movable = {joint.name for joint in robot.joints if joint.kind != "fixed"}
+    followers = [
+        (node.xml.text or "").strip()
+        for block in root.children("gazebo")
+        for node in block.descendants()
+        if node.tag == "mimicJoint"
+    ]
+    lost = [name for name in followers if name in movable - coupled]
+    if lost:
+        robot.notes.append(
+            f"joints {listed(lost)} mimic others by a Gazebo plugin, which is not read: they move freely "
+            "here; write <mimic> in the joint if they shall not"
+        )
+
+
+def _refuse_if_suspicious(node: Node) -> None:
+    """Refuse an unknown element below `<robot>` that may stand for something dynamic."""
+    intended = closest(node.tag, READ_TAGS)
+    if intended:
+        raise node.error(f"unknown element; did you mean <{intended}>?")
+    words = _words_of(node)
+    if node.tag in _END_WORDS | {"parent", "child", "mimic", "inertial"}:
+        raise node.error(f"stands directly below <robot>, where nothing reads it; {ACCEPTED_FORMS}")
+    if _LOOP_WORDS.search(node.tag) or _END_WORDS & words or {"parent", "child"} <= words:
+        raise _refusal(node, "an unknown form")
+    if {"link", "joint"} & {inner.tag for inner in node.descendants() if inner.xml.get("name")}:
+        raise node.error(
+            "unknown element that holds links or joints; they would be lost. Move them below <robot>"
+        )
+
+
+def _refuse_inside(node: Node, outer: Node) -> None:
+    """Refuse loops inside an element that is passed over, such as `<gazebo>`."""
+    tags = {child.tag for child in node.children()}
+    if node.tag == "joint" and {"parent", "child"} <= tags:
+        raise _refusal(node, f"an SDF joint inside <{outer.tag}> (Gazebo)")
+    if node.tag in READ_TAGS[3:] or node.tag in LEGACY_FORMS:
+        raise _refusal(node, f"inside <{outer.tag}>")
+
+
+def _refuse_misplaced(root: Node) -> None:
+    """Refuse tags of loops where nothing reads them: `<loop>` inside a link, `<mimic>` outside a joint."""
+    for top in root.children():
+        for node in top.descendants():
+            lost = node.tag in (*READ_TAGS[3:], *LEGACY_FORMS)
+            if top.tag in ("link", "joint"):
+                lost = lost or node.tag in ("link", "joint")
+            if node.tag == "mimic":
+                lost = top.tag != "joint" or node.xml.getparent() is not top.xml
+            if lost:
+                above = next(node.xml.iterancestors())
+                raise node.error(f"stands inside <{Node(above, node.file).tag}>, where nothing reads it")
+
+
+def _refusal(node: Node, form: str) -> ModelError:
+    return node.error(f"a loop closure in a form that is not read ({form}); {ACCEPTED_FORMS}")
+
+
+def _words_of(node: Node) -> set[str]:
+    """Give every tag and attribute name at and below an element."""
+    words: set[str] = set(node.attributes())
+    for inner in node.descendants():
+        words |= {inner.tag, *inner.attributes()}
+    return words
+
+
+def _capital(text: str) -> str:
+    return text[0].upper() + text[1:]

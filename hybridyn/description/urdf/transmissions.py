@@ -1,0 +1,92 @@
+"""Motors that a URDF states by `<transmission>`, with reduction and rotor inertia where they are simple."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from ..names import listed
+from ..records import Joint
+from ..robot_file import MotorStatement, RobotFile
+from .xml_node import Node
+
+JOINT_TAGS = ("joint", "flexJoint", "rollJoint")
+INERTIA_TAGS = ("rotor_inertia", "drake:rotor_inertia", "rotorInertia")
+RATIO_TAGS = ("gear_ratio", "drake:gear_ratio", "mechanicalReduction")
+
+
+@dataclass(frozen=True)
+class Rotor:
+    """What a file says of a motor's rotor.
+
+    Attributes:
+        inertia: Inertia about its own axis [kg m^2], or None where nothing is said.
+        ratio: Rotor turns per joint turn, or None where nothing is said.
+    """
+
+    inertia: float | None = None
+    ratio: float | None = None
+
+    def over(self, weaker: Rotor) -> Rotor:
+        """Give this rotor, completed by what the weaker one says."""
+        return Rotor(
+            weaker.inertia if self.inertia is None else self.inertia,
+            weaker.ratio if self.ratio is None else self.ratio,
+        )
+
+    def put_into(self, joint: Joint) -> Joint:
+        """Give the joint with this rotor; what is not said stays."""
+        return replace(
+            joint,
+            rotor_inertia=joint.rotor_inertia if self.inertia is None else self.inertia,
+            gear_ratio=joint.gear_ratio if self.ratio is None else self.ratio,
+        )
+
+
+def read_transmissions(root: Node, robot: RobotFile) -> tuple[MotorStatement | None, dict[str, Rotor]]:
+    """Read every `<transmission>`: its joints are driven, fixed ones apart.
+
+    Returns:
+        The list of motors (None where there is no transmission), and rotors by joint name; of a transmission
+        with several joints only what its `<joint>` elements state themselves.
+    """
+    nodes = root.children("transmission")
+    rotors: dict[str, Rotor] = {}
+    for node in nodes:
+        joints, actuators = node.children(*JOINT_TAGS), node.children("actuator")
+        if not joints:
+            robot.notes.append(f"{node.label} (line {node.line}) names no <joint> and drives nothing")
+        for joint in joints:
+            name = joint.text("name")
+            rotors[name] = read_rotor(joint).over(rotors.get(name, Rotor()))
+        if len(joints) == 1 and len(actuators) <= 1:
+            name = joints[0].text("name")
+            for owner in (*actuators, node):
+                rotors[name] = rotors[name].over(read_rotor(owner))
+    if not rotors:
+        return None, {}
+    fixed = [joint.name for joint in robot.joints if joint.kind == "fixed" and joint.name in rotors]
+    if fixed:
+        robot.notes.append(f"<transmission> names fixed joints, which nothing drives: {listed(fixed)}")
+    driven = tuple(name for name in rotors if name not in fixed)
+    statement = MotorStatement("transmission", "URDF <transmission>", driven, root.file, nodes[0].line)
+    return statement, rotors
+
+
+def read_rotor(node: Node) -> Rotor:
+    """Read what direct children of an element say of a rotor, as a `value` attribute or as text.
+
+    Raises:
+        ModelError: A number does not parse, the inertia is negative or the ratio zero.
+    """
+    rotor = Rotor()
+    for child in node.children(*INERTIA_TAGS, *RATIO_TAGS):
+        value = child.number("value") if "value" in child.xml.attrib else child.content_number()
+        if child.tag in INERTIA_TAGS:
+            if value < 0:
+                raise child.error(f"negative rotor inertia {value:g}")
+            rotor = rotor.over(Rotor(inertia=value))
+        else:
+            if value == 0:
+                raise child.error("a gear ratio of 0 moves nothing")
+            rotor = rotor.over(Rotor(ratio=value))
+    return rotor

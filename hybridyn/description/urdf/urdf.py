@@ -1,0 +1,206 @@
+"""The URDF reader: links, joints, and everything in a `<robot>` that bears on dynamics.
+
+What does not bear on dynamics (visuals, collisions, materials, meshes, sensors) is passed over unread.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import cast, get_args
+
+import numpy as np
+
+from ..names import did_you_mean, listed
+from ..records import Array, Joint, JointKind, Link
+from ..robot_file import FREEDOMS, MotorStatement, RobotFile
+from .foreign import note_mimic_plugins, refuse_unread_loops
+from .loops import read_constraint, read_coupling, read_loop, read_loop_joint, read_mimic
+from .placement import axis_of, origin_of
+from .transmissions import Rotor, read_rotor, read_transmissions
+from .xml_node import Node
+
+URDF_KINDS = [kind for kind in get_args(JointKind) if kind != "spherical"]
+
+MOST_LINKS = 300_000
+"""Most links read; beyond it the file is a mistake."""
+
+CLOSURE_READERS = {"loop": read_loop, "constraint": read_constraint, "loop_joint": read_loop_joint}
+
+INERTIA_ATTRIBUTES = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+
+
+def read_urdf(root: Node) -> RobotFile:
+    """Read the root element of a URDF.
+
+    Raises:
+        ModelError: Something is wrong, or states a loop in a form that is not read.
+    """
+    name = root.xml.get("name", "").strip()
+    robot = RobotFile(name or "robot", root.file)
+    refuse_unread_loops(root, robot.notes)
+    link_nodes, joint_nodes = root.children("link"), root.children("joint")
+    if len(link_nodes) > MOST_LINKS:
+        raise root.error(f"{len(link_nodes)} links, limit {MOST_LINKS}")
+    for node in link_nodes:
+        robot.links.append(_read_link(node, robot.notes))
+    independent: set[str] = set()
+    for node in joint_nodes:
+        robot.joints.append(_read_joint(node, robot))
+        if node.flag("independent", True):
+            independent.add(robot.joints[-1].name)
+    for node in root.children(*CLOSURE_READERS):
+        robot.closures.append(CLOSURE_READERS[node.tag](node))
+        if node.child("dynamics") is not None:
+            robot.notes.append(f"closure '{robot.closures[-1].name}': damping of the cut joint is not read")
+    parents: dict[str, Joint | None] = {link.name: None for link in robot.links}
+    parents |= {joint.child: joint for joint in robot.joints}
+    robot.couplings += [read_coupling(node, parents) for node in root.children("coupling")]
+    note_mimic_plugins(root, robot)
+    _state_motors(robot, root, independent)
+    return robot
+
+
+def _state_motors(robot: RobotFile, root: Node, independent: set[str]) -> None:
+    """Add what the file says of motors: transmissions (with their rotors), `independent=` attributes."""
+    statement, rotors = read_transmissions(root, robot)
+    robot.joints = [rotors.get(joint.name, Rotor()).put_into(joint) for joint in robot.joints]
+    if statement is not None:
+        robot.motors.append(statement)
+    if len(independent) < len(robot.joints):
+        driven = [j.name for j in robot.joints if j.name in independent and FREEDOMS[j.kind] == 1]
+        where = 'joints that URDF+ leaves independent="true"'
+        robot.motors.append(MotorStatement("independent", where, tuple(driven), root.file))
+
+
+def _read_link(node: Node, notes: list[str]) -> Link:
+    node.refuse_misspelt(["name"], ["inertial"])
+    name = node.text("name")
+    inertial = node.child("inertial")
+    if inertial is None:
+        return Link(name, 0.0, np.zeros(3), np.zeros((3, 3)), node.line)
+    inertial.refuse_misspelt([], ["origin", "mass", "inertia"])
+    origin = _pose(inertial.child("origin"))
+    mass = inertial.required_child("mass").number("value")
+    if mass < 0:
+        raise inertial.error(f"link '{name}' has a negative mass ({mass:g} kg)")
+    tensor = inertial.child("inertia")
+    if tensor is None:
+        notes.append(f"link '{name}' (line {node.line}) states a mass but no inertia: taken as a point mass")
+        return Link(name, mass, origin[:3, 3], np.zeros((3, 3)), node.line)
+    rotation = origin[:3, :3]
+    return Link(name, mass, origin[:3, 3], rotation @ _read_inertia(tensor) @ rotation.T, node.line)
+
+
+def _read_inertia(node: Node) -> Array:
+    node.refuse_misspelt(INERTIA_ATTRIBUTES, [])
+    required = ("ixx", "iyy", "izz")
+    ixx, ixy, ixz, iyy, iyz, izz = (
+        node.number(name) if name in required else node.number(name, 0.0) for name in INERTIA_ATTRIBUTES
+    )
+    return np.array([[ixx, ixy, ixz], [ixy, iyy, iyz], [ixz, iyz, izz]])
+
+
+def _pose(node: Node | None) -> Array:
+    if node is not None:
+        node.only(["xyz", "rpy", "quat_xyzw"], [])
+    return origin_of(node)
+
+
+def _read_joint(node: Node, robot: RobotFile) -> Joint:
+    node.refuse_misspelt(
+        ["name", "type", "independent"],
+        ["origin", "parent", "child", "axis", "limit", "dynamics", "mimic", "rotor_inertia", "gear_ratio"],
+    )
+    name, kind = node.text("name"), _joint_kind(node)
+    axis = node.child("axis")
+    if axis is not None:
+        axis.only(["xyz"], [])
+    joint = Joint(
+        name=name,
+        kind=kind,
+        parent=node.required_child("parent").text("link"),
+        child=node.required_child("child").text("link"),
+        placement=_pose(node.child("origin")),
+        axis=_axis(axis, kind, node),
+        line=node.line,
+    )
+    joint = read_rotor(node).put_into(joint)
+    mimic = node.child("mimic")
+    if mimic is not None:
+        coupling = read_mimic(mimic, name)
+        if kind == "fixed":
+            robot.notes.append(f"joint '{name}' (line {node.line}) is fixed; its <mimic> means nothing")
+        else:
+            robot.couplings.append(coupling)
+    return _with_dynamics(_with_limits(joint, node.child("limit"), robot.notes), node.child("dynamics"))
+
+
+def _axis(axis: Node | None, kind: JointKind, node: Node) -> Array:
+    """Give a joint's axis; a planar joint moves in the x-y plane of its frame, as in Pinocchio.
+
+    Raises:
+        ModelError: A planar joint states another normal than z.
+    """
+    if kind == "planar":
+        normal = np.array([0.0, 0.0, 1.0])
+        if axis is not None and np.abs(np.cross(axis_of(axis), normal)).max() > 1e-12:
+            raise node.error(
+                "a planar joint moves in the x-y plane of its frame, as in Pinocchio, whatever its axis; "
+                'turn its <origin> so that the normal is z, and write <axis xyz="0 0 1"/>'
+            )
+        return normal
+    return axis_of(axis) if FREEDOMS[kind] == 1 else np.array([1.0, 0.0, 0.0])
+
+
+def _joint_kind(node: Node) -> JointKind:
+    kind = node.text("type")
+    if kind in URDF_KINDS:
+        return cast(JointKind, kind)
+    if kind in ("spherical", "ball", "universal", "cylindrical", "screw"):
+        raise node.error(
+            f"joint type '{kind}' does not exist in URDF; write it as one-freedom joints with massless links "
+            "between them, or retype a revolute joint as SPHERICAL or UJOINT_XY in a side-car robot.yaml"
+        )
+    raise node.error(
+        f"unknown joint type '{kind}'{did_you_mean(kind, URDF_KINDS)}; known: {listed(URDF_KINDS)}"
+    )
+
+
+def _with_limits(joint: Joint, node: Node | None, notes: list[str]) -> Joint:
+    """Add `<limit>`; what lies (lower above upper, a negative speed or effort) is noted and dropped."""
+    if node is None:
+        return joint
+    node.refuse_misspelt(["lower", "upper", "velocity", "effort"], [])
+    lower = node.number("lower", -math.inf, infinite=True)
+    upper = node.number("upper", math.inf, infinite=True)
+    velocity = node.number("velocity", math.inf, infinite=True)
+    effort = node.number("effort", math.inf, infinite=True)
+    if joint.kind not in ("revolute", "prismatic"):
+        lower, upper = -math.inf, math.inf
+    if lower > upper:
+        notes.append(
+            f"joint '{joint.name}' (line {node.line}): lower limit {lower:g} above upper "
+            f"{upper:g}, both ignored"
+        )
+        lower, upper = -math.inf, math.inf
+    for what, value in (("velocity", velocity), ("effort", effort)):
+        if value < 0:
+            notes.append(f"joint '{joint.name}' (line {node.line}): negative {what} limit {value:g} ignored")
+    return replace(
+        joint,
+        lower=lower,
+        upper=upper,
+        velocity=velocity if velocity >= 0 else math.inf,
+        effort=effort if effort >= 0 else math.inf,
+    )
+
+
+def _with_dynamics(joint: Joint, node: Node | None) -> Joint:
+    if node is None:
+        return joint
+    node.refuse_misspelt(["damping", "friction"], [])
+    damping, friction = node.number("damping", 0.0), node.number("friction", 0.0)
+    if damping < 0 or friction < 0:
+        raise node.error(f"joint '{joint.name}' has negative damping or friction ({damping:g}, {friction:g})")
+    return replace(joint, damping=damping, friction=friction)

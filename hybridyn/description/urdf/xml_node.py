@@ -1,0 +1,236 @@
+"""Robot files in XML: one safe parser, and elements that know their file and line.
+
+Refused before anything is parsed: DOCTYPE and entity declarations (expansion bombs, external files),
+encodings that hide them, files of absurd size. Numbers are read strictly: `1,5`, `nan`, `inf`, `1_000` and
+empty texts are errors.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import cast
+
+import numpy as np
+from lxml import etree
+
+from ...errors import ModelError
+from ..names import closest, did_you_mean, listed
+from ..records import Array
+
+LARGEST_FILE = 128 * 2**20
+"""Largest XML file read [bytes]; a stack of 1,000 six-legged modules takes about a third of it."""
+
+MOST_ELEMENTS = 2_000_000
+"""Most elements read; a stack of 1,000 six-legged modules has about half a million."""
+
+LONGEST_TEXT = 2000
+"""Longest attribute read [characters]; names and numbers are far shorter."""
+
+LARGEST_NUMBER = 1e150
+"""Largest number accepted; its square is still finite, so no length or inertia overflows downstream."""
+
+_ENCODINGS = {"utf-8", "utf8", "us-ascii", "ascii", "iso-8859-1", "latin-1", "latin1", "windows-1252"}
+_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
+_INFINITE = re.compile(r"[+-]?inf(inity)?", re.ASCII | re.IGNORECASE)
+
+
+def parse(text: bytes, file: str) -> Node:
+    """Parse the text of an XML file into its root element.
+
+    Raises:
+        ModelError: The text is not well-formed XML, or holds what no robot file needs (see above).
+    """
+    _refuse_dangerous(text, file)
+    parser = etree.XMLParser(
+        resolve_entities=False,
+        no_network=True,
+        load_dtd=False,
+        huge_tree=False,
+        remove_comments=True,
+        remove_pis=True,
+    )
+    try:
+        root = etree.fromstring(text, parser)
+    except etree.XMLSyntaxError as error:
+        line = error.lineno or None
+        raise ModelError(f"not well-formed XML: {error.msg}", file=file, line=line) from None
+    except (ValueError, LookupError) as error:
+        raise ModelError(f"not readable as XML: {error}", file=file) from None
+    if root.getroottree().docinfo.internalDTD is not None:
+        raise ModelError("a DOCTYPE is not allowed in a robot file; remove it", file=file, line=1)
+    count = sum(1 for _ in root.iter("*"))
+    if count > MOST_ELEMENTS:
+        raise ModelError(f"{count} elements, limit {MOST_ELEMENTS}", file=file)
+    return Node(root, file)
+
+
+def _refuse_dangerous(text: bytes, file: str) -> None:
+    """Refuse what no robot file needs, before the parser sees it."""
+    if not text.strip():
+        raise ModelError("the file is empty", file=file)
+    if len(text) > LARGEST_FILE:
+        limit = LARGEST_FILE // 2**20
+        raise ModelError(f"{len(text) / 2**20:.0f} MiB of XML, limit {limit} MiB", file=file)
+    declared = re.match(
+        rb"\s*<\?xml[^>]*encoding\s*=\s*[\"']([^\"']*)[\"']", text.removeprefix(b"\xef\xbb\xbf")
+    )
+    encoding = declared[1].decode("ascii", "replace") if declared else "utf-8"
+    if b"\0" in text or encoding.lower() not in _ENCODINGS:
+        raise ModelError(f"encoding '{encoding}' is not read; save the file as UTF-8", file=file, line=1)
+    for forbidden in (b"<!DOCTYPE", b"<!ENTITY"):
+        at = text.upper().find(forbidden)
+        if at >= 0:
+            line = text.count(b"\n", 0, at) + 1
+            tag = forbidden.decode()
+            raise ModelError(
+                f"{tag} is not allowed in a robot file; remove it", file=file, line=line, element=tag
+            )
+
+
+@dataclass(frozen=True)
+class Node:
+    """An element of an XML file: reads its attributes strictly, names file and line in every error.
+
+    Attributes:
+        xml: The lxml element.
+        file: Path of the file, for messages.
+    """
+
+    xml: etree._Element
+    file: str
+
+    @property
+    def tag(self) -> str:
+        """Name of the element as the author wrote it, prefix included."""
+        name = str(self.xml.tag).rpartition("}")[2]
+        return f"{self.xml.prefix}:{name}" if self.xml.prefix else name
+
+    @property
+    def line(self) -> int | None:
+        """Line of the element in its file, from 1."""
+        return cast("int | None", self.xml.sourceline)
+
+    @property
+    def label(self) -> str:
+        """The element for messages: `<joint name="elbow">`."""
+        name = str(self.xml.get("name", ""))[:100]
+        return f'<{self.tag} name="{name}">' if name else f"<{self.tag}>"
+
+    def error(self, message: str) -> ModelError:
+        """Give (not raise) the error that carries this element's file, line and name."""
+        return ModelError(
+            f"{self.label}: {message}",
+            file=self.file,
+            line=self.line,
+            element=self.xml.get("name") or self.tag,
+        )
+
+    def children(self, *tags: str) -> list[Node]:
+        """Give the child elements, all or those with one of the tags, in file order."""
+        nodes = [Node(child, self.file) for child in self.xml if isinstance(child.tag, str)]
+        return [node for node in nodes if node.tag in tags] if tags else nodes
+
+    def descendants(self) -> Iterator[Node]:
+        """Give every element below this one, in file order."""
+        for xml in self.xml.iterdescendants("*"):
+            yield Node(xml, self.file)
+
+    def child(self, tag: str) -> Node | None:
+        """Give the only child with this tag, or None; two of them are an error."""
+        found = self.children(tag)
+        if len(found) > 1:
+            raise found[1].error(f"stated twice in {self.label}; keep one")
+        return found[0] if found else None
+
+    def required_child(self, tag: str) -> Node:
+        """Give the only child with this tag, which must be there."""
+        found = self.child(tag)
+        if found is None:
+            written = [node.tag for node in self.children()]
+            raise self.error(f"<{tag}> is missing{did_you_mean(tag, written)}")
+        return found
+
+    def text(self, attribute: str) -> str:
+        """Give a required attribute that may not be empty, without blanks around it."""
+        value = str(self.xml.get(attribute, "")).strip()
+        if not value:
+            wrong = "is empty" if attribute in self.xml.attrib else "is missing"
+            raise self.error(f"attribute '{attribute}' {wrong}{did_you_mean(attribute, self.attributes())}")
+        if len(value) > LONGEST_TEXT:
+            raise ModelError(
+                f"<{self.tag}>: attribute '{attribute}' has {len(value)} characters, limit {LONGEST_TEXT}",
+                file=self.file,
+                line=self.line,
+            )
+        return value
+
+    def attributes(self) -> list[str]:
+        """Give the names of the attributes as written, without namespaced ones."""
+        return [name for name in map(str, self.xml.attrib) if not name.startswith("{")]
+
+    def number(self, attribute: str, default: float | None = None, *, infinite: bool = False) -> float:
+        """Give an attribute as a number; `infinite` lets `inf` and `-inf` pass (limits only)."""
+        if attribute not in self.xml.attrib and default is not None:
+            return default
+        return self._number(self.text(attribute), attribute, infinite)
+
+    def numbers(self, attribute: str, count: int, default: Iterable[float] | None = None) -> Array:
+        """Give an attribute as `count` numbers separated by blanks, shape (count,)."""
+        if attribute not in self.xml.attrib and default is not None:
+            return np.array(list(default), dtype=float)
+        words = self.text(attribute).split()
+        if len(words) != count:
+            raise self.error(f"attribute '{attribute}' has {len(words)} numbers instead of {count}")
+        return np.array([self._number(word, attribute, False) for word in words])
+
+    def content_number(self) -> float:
+        """Give the element's text as a number (`<mechanicalReduction>50</mechanicalReduction>`)."""
+        return self._number((self.xml.text or "").strip(), "text", False)
+
+    def flag(self, attribute: str, default: bool) -> bool:
+        """Give an attribute as true or false."""
+        word = str(self.xml.get(attribute, str(default))).strip().lower()
+        if word not in ("true", "false", "1", "0"):
+            raise self.error(f"attribute '{attribute}' is '{word}' instead of true or false")
+        return word in ("true", "1")
+
+    def only(self, attributes: Iterable[str], children: Iterable[str]) -> None:
+        """Refuse every attribute and child outside the given ones: nothing here may be misspelt and lost."""
+        known_attributes, known_children = list(attributes), list(children)
+        for name in map(str, self.xml.attrib):
+            if name not in known_attributes:
+                hint = did_you_mean(name, known_attributes)
+                raise self.error(f"unknown attribute '{name}'{hint}; known: {listed(known_attributes)}")
+        for node in self.children():
+            if node.tag not in known_children:
+                hint = did_you_mean(node.tag, known_children)
+                raise node.error(
+                    f"unknown in {self.label}{hint}; known: {listed(known_children) or 'nothing'}"
+                )
+
+    def refuse_misspelt(self, attributes: Sequence[str], children: Sequence[str]) -> None:
+        """Refuse attributes and children that nearly are a given one that is absent; let all others pass."""
+        written = self.attributes()
+        absent = [name for name in attributes if name not in written]
+        for name in written:
+            if name not in attributes and (best := closest(name, absent)):
+                raise self.error(f"unknown attribute '{name}'; did you mean '{best}'?")
+        nodes = self.children()
+        tags = {node.tag for node in nodes}
+        absent = [tag for tag in children if tag not in tags]
+        for node in nodes:
+            if node.tag not in children and (best := closest(node.tag, absent)):
+                raise node.error(f"unknown in {self.label}; did you mean <{best}>?")
+
+    def _number(self, word: str, what: str, infinite: bool) -> float:
+        if infinite and _INFINITE.fullmatch(word):
+            return -math.inf if word.startswith("-") else math.inf
+        if not _NUMBER.fullmatch(word):
+            raise self.error(f"{what} '{word[:40]}' is not a finite number")
+        value = float(word)
+        if abs(value) > LARGEST_NUMBER:
+            raise self.error(f"{what} '{word[:40]}' is too large (limit {LARGEST_NUMBER:g})")
+        return value

@@ -1,0 +1,174 @@
+"""From the generalised force that a module needs to the efforts of its motors: B tau = Q, Eq. (33).
+
+Q and the columns of B are work per scaled coordinate [N m], so that forces and torques compare; efforts of
+redundant motors are shared by weights, never by raw numbers of different units.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..errors import ActuationError, SingularityError
+from ..linkage.elimination import back_substitute, pivot_ratio, pivoted_qr
+from ..spatial import Array, Index
+from ..structure.module import Module
+from ..structure.robot import HybridRobot
+
+#: A motor map whose reciprocal condition falls below this is at a parallel (type 2) singularity.
+SINGULAR = 1e-10
+#: Part of the largest term that may be left without a motor before it is an error.
+UNDRIVEN = 1e-6
+
+
+@dataclass(frozen=True)
+class Sharing:
+    """How motors share the load.
+
+    Attributes:
+        weights: One weight per motor: the sum of weight x effort^2 is least. None: by effort limits.
+        on_singular: "raise", or "least-norm" to go on with the least efforts through a singular posture.
+        passive_hint: What to advise when a passive motion would need an effort.
+    """
+
+    weights: Array | None
+    on_singular: str
+    passive_hint: str = ""
+
+
+def motor_units(module: Module) -> Array:
+    """Give the factor that turns each motor's effort into work per scaled coordinate, shape (motors,)."""
+    out: Array = module.mechanism.reduction.col_scale[module.motor_columns]
+    return out
+
+
+def motor_efforts(
+    robot: HybridRobot, module: Module, Psi: Array, Q: Array, size: Array, sharing: Sharing
+) -> Array:
+    """Give the efforts of a module's motors.
+
+    Args:
+        robot: The robot.
+        module: The module.
+        Psi: Motions of the module, shape (T, n, N).
+        Q: Generalised force needed along each motion, shape (T, N), [N m].
+        size: Largest term that Q was summed from, shape (T,), [N m].
+        sharing: How motors share the load.
+
+    Returns:
+        Efforts, shape (T, motors), [N or N m].
+
+    Raises:
+        ActuationError: Motors are missing, or mixed units have no weights.
+        SingularityError: The motors lose a direction and `on_singular` is "raise".
+    """
+    T, N = Q.shape
+    motors = len(module.motors)
+    unit = motor_units(module)
+    B = np.swapaxes(Psi[:, module.motor_columns], 1, 2) / unit
+    if motors == 0:
+        tau = np.zeros((T, 0))
+    elif motors == N:
+        tau = _square(module, Psi, B, Q, sharing)
+    else:
+        share = np.ones(motors) if motors < N else load_share(robot, module, sharing) * unit
+        tau = _least_norm(module, Psi, B, Q, share, sharing)
+    missing = Q - np.einsum("tij,tj->ti", B, tau)
+    _check_driven(module, Psi, missing, size, sharing)
+    return tau / unit
+
+
+def _square(module: Module, Psi: Array, B: Array, Q: Array, sharing: Sharing) -> Array:
+    """Solve B tau = Q with column pivoting; singular samples by least norm, or an error."""
+    n = B.shape[1]
+    R, order = pivoted_qr(np.concatenate([B, Q[..., None]], axis=-1), n, n)
+    tau = np.empty_like(Q)
+    np.put_along_axis(tau, order, back_substitute(R[:, :n, :n], R[:, :n, n:])[..., 0], axis=1)
+    suspect = np.flatnonzero(pivot_ratio(R, n) < SINGULAR * n)
+    if len(suspect):
+        share = np.ones(n)
+        tau[suspect] = _least_norm(module, Psi[suspect], B[suspect], Q[suspect], share, sharing, suspect)
+    return tau
+
+
+def _least_norm(
+    module: Module,
+    Psi: Array,
+    B: Array,
+    Q: Array,
+    share: Array,
+    sharing: Sharing,
+    samples: Index | None = None,
+) -> Array:
+    """Give the least of |tau / share| with B tau = Q, by singular values.
+
+    Along orthonormal motions, so that what no motor can produce does not depend on the coordinates u.
+    """
+    R = np.linalg.qr(Psi / module.mechanism.reduction.col_scale[:, None], mode="r")
+    along = np.linalg.solve(np.swapaxes(R, 1, 2), np.concatenate([B, Q[..., None]], axis=-1))
+    B, Q = along[..., :-1], along[..., -1]
+    U, s, Vt = np.linalg.svd(B * share, full_matrices=False)
+    keep = s > SINGULAR * s[:, :1]
+    lost = np.flatnonzero(~keep.all(axis=1))
+    if len(lost) and sharing.on_singular == "raise":
+        t = int(lost[0])
+        condition = float(s[t, 0] / s[t, -1]) if s[t, -1] > 0 else np.inf
+        sample = t if samples is None else int(samples[t])
+        worst = module.motors[int(np.argmax(np.abs(Vt[t, -1])))]
+        raise SingularityError(
+            f"module '{module.name}': its motors lose a direction at sample {sample} (parallel singularity; "
+            f"condition number {condition:.1e}, limit {1 / SINGULAR:.0e}; motor '{worst}' is most "
+            'concerned). Move the trajectory away from it, or pass on_singular="least-norm"',
+            module=module.name,
+            what="motors",
+            condition=condition,
+            sample=sample,
+        )
+    y = np.where(keep, np.einsum("tji,tj->ti", U, Q) / np.where(keep, s, 1.0), 0.0)
+    out: Array = np.einsum("tji,tj->ti", Vt, y) * share
+    return out
+
+
+def load_share(robot: HybridRobot, module: Module, sharing: Sharing) -> Array:
+    """Give each motor's share: its effort limit, or 1 / sqrt(weight), [N or N m].
+
+    Raises:
+        ActuationError: Motors of different units, without weights and without effort limits.
+    """
+    if sharing.weights is not None:
+        return 1.0 / np.sqrt(sharing.weights[module.motor_index])
+    record = {j.joint.name: j.joint for j in robot.bodies.joints}
+    limits = np.array([record[m].effort for m in module.motors])
+    if np.isfinite(limits).all() and (limits > 0).all():
+        return limits
+    if len({record[m].kind == "prismatic" for m in module.motors}) > 1:
+        raise ActuationError(
+            f"module '{module.name}': {len(module.motors)} motors, some in N and some in N m, share "
+            f"{module.mobility} freedoms. Give weights, or an effort limit for each motor, so that their "
+            "efforts compare",
+            module=module.name,
+        )
+    return np.ones(len(limits))
+
+
+def _check_driven(module: Module, Psi: Array, missing: Array, size: Array, sharing: Sharing) -> None:
+    """Refuse a motion that no motor drives and that would need an effort."""
+    lack = np.abs(missing).max(axis=1, initial=0.0)
+    bad = np.flatnonzero(lack > UNDRIVEN * size)
+    if not len(bad):
+        return
+    t = int(bad[np.argmax(lack[bad] / size[bad])])
+    if sharing.on_singular != "raise" and len(module.motors) >= module.mobility:
+        return
+    motion = Psi[t] @ missing[t] / module.mechanism.reduction.col_scale
+    joint = module.freedom_names()[int(np.argmax(np.abs(motion)))]
+    raise ActuationError(
+        f"module '{module.name}': {len(module.motors)} motors for {module.mobility} freedoms; no motor can "
+        f"produce the {lack[t]:.3g} N m that the motion of {joint} needs at sample {t} (largest term "
+        f"{size[t]:.3g} N m). " + (sharing.passive_hint or "Add a motor there"),
+        module=module.name,
+        direction=joint,
+        size=float(lack[t]),
+        sample=t,
+    )

@@ -1,0 +1,244 @@
+"""The two recursions of the direct model: articulated inertias inwards, accelerations outwards.
+
+The congruence form of Eqs. (45), (47) keeps every articulated inertia positive semidefinite; the paper's S2,
+S3, K, alpha are never formed.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..effects.choice import Effects
+from ..linkage.elimination import null_basis
+from ..linkage.reduction import Basis
+from ..manifold.branch import along_branch
+from ..spatial import Array, motion_matrix
+from ..structure.robot import HybridRobot
+from .balance import LegTerms, balance_of_legs, congruence, largest, leg_terms, size_of_solution
+from .forward import ModuleState
+from .inertia_solve import EPS, InertiaFactor, factor_inertia
+from .loads import Loads, ModuleLoad
+from .lost_digits import flag_accelerations
+from .lost_rank import refuse_lost_rank, refuse_untold
+from .massless import refuse_forced, shorten
+
+
+@dataclass
+class ArticulatedModule:
+    """One module after the backward recursion.
+
+    Attributes:
+        state: The module's state.
+        basis: Its motions and their drift.
+        a_maps: For each output a_o, shape (T, 6, N), Eq. (2).
+        c: For each output v_dot_0 + crm(V) v, shape (T, 6) (`ModuleState.convective`).
+        X: For each output the motion matrix from the base, shape (T, 6, 6), Eq. (26).
+        G: A_t^-1 E, shape (T, N, 6).
+        Q_0: Generalised force at a base without acceleration, shape (T, N), Eq. (44).
+        y: A_t^-1 Q_0, shape (T, N): u_dot at a base without acceleration.
+        inertia: The factor of A_t.
+        terms: Size of what y was summed from, shape (T,).
+    """
+
+    state: ModuleState
+    basis: Basis
+    a_maps: list[Array]
+    c: list[Array]
+    X: list[Array]
+    G: Array
+    Q_0: Array
+    y: Array
+    inertia: InertiaFactor
+    terms: Array
+
+
+def articulate(
+    robot: HybridRobot,
+    states: list[ModuleState],
+    loads: Loads,
+    tau: Array,
+    prescribed: Array | None,
+    *,
+    passing: bool = False,
+) -> list[ArticulatedModule]:
+    """Run the backward recursion: articulated inertias and biases, from the outermost modules inwards.
+
+    Args:
+        robot: The robot.
+        states: Its modules' states.
+        loads: External wrenches.
+        tau: Motor efforts, shape (T, motors).
+        prescribed: Accelerations of which the motors' entries are prescribed, shape (T, nv), or None.
+        passing: Whether postures of lost rank are passed through, on the branch that the velocity is on.
+    """
+    T = len(tau)
+    I_star = [np.tile(s.mechanism.inertias, (T, 1, 1, 1)) for s in states]
+    noise = [np.zeros_like(x) for x in I_star]
+    beta_star = [_own_bias(s, loads.modules[k], loads.on) for k, s in enumerate(states)]
+    out: list[ArticulatedModule] = []
+    for k in reversed(range(len(states))):
+        s, legs = states[k], leg_terms(states[k], loads, k)
+        wanted = None if prescribed is None else prescribed[:, s.module.v_index]
+        motions = _motions(s, wanted, passing)
+        noise[k] += _rounding(I_star[k])
+        efforts = tau[:, s.module.motor_index]
+        item = _articulate_module(s, legs, I_star[k], beta_star[k], efforts, motions, noise[k])
+        out.insert(0, item)
+        if s.module.parent >= 0:
+            base, output = s.module.parent, s.module.parent_output
+            inertia, bias, blur = _onto_base(item, legs, I_star[k], beta_star[k], noise[k])
+            noise[base][:, output] += blur
+            I_star[base][:, output] += inertia
+            beta_star[base][:, output] += bias
+    return out
+
+
+def _articulate_module(
+    s: ModuleState,
+    legs: LegTerms,
+    I_star: Array,
+    beta_star: Array,
+    tau: Array,
+    motions: tuple[Basis, list[Array]],
+    blur: Array,
+) -> ArticulatedModule:
+    """Solve one module for u_dot over its base's acceleration, Eqs. (40)-(44).
+
+    Args:
+        s: The module's state.
+        legs: What its legs bring.
+        I_star: Articulated inertias of its outputs, shape (T, outputs, 6, 6).
+        beta_star: Their biases, shape (T, outputs, 6).
+        tau: Efforts of its motors, shape (T, motors).
+        motions: Its motions, and its outputs' accelerations at zero x_ddot, as `_motions` gives them.
+        blur: Rounding of I_star, as inertias that are no smaller, shape (T, outputs, 6, 6).
+
+    Raises:
+        SingularityError: Its closures lose rank, or a force acts on a motion without inertia.
+    """
+    basis, bias = motions
+    refuse_lost_rank(s.module, basis)
+    x = balance_of_legs(s, legs, basis, tau)
+    a_maps: list[Array] = []
+    cs: list[Array] = []
+    Xs: list[Array] = []
+    for o, body in enumerate(s.mechanism.spec.outputs):
+        J = s.mechanism.jacobian(s.motion, body)
+        a_map, X = np.matmul(J, basis.Psi), motion_matrix(*s.placement(o))
+        c = np.einsum("tij,tj->ti", J, basis.drift) + bias[o] + s.convective[:, o]
+        b = np.einsum("tij,tj->ti", I_star[:, o], c) + beta_star[:, o]
+        x.add_output(a_map, X, I_star[:, o], b, blur[:, o])
+        a_maps, cs, Xs = [*a_maps, a_map], [*cs, c], [*Xs, X]
+    noise = 4 * s.mechanism.tree.nv * EPS * x.noise + x.carried
+    inertia = factor_inertia(x.A_t, np.diagonal(noise, axis1=1, axis2=2))
+    solved, left = inertia.solve(np.concatenate([x.E, x.Q_0[..., None]], axis=-1))
+    refuse_forced(s.module, basis, left[..., 6], x.size)
+    G, y = solved[..., :6], solved[..., 6]
+    return ArticulatedModule(s, basis, a_maps, cs, Xs, G, x.Q_0, y, inertia, size_of_solution(x, inertia, y))
+
+
+def _onto_base(
+    item: ArticulatedModule, legs: LegTerms, I_star: Array, beta_star: Array, blur: Array
+) -> tuple[Array, Array, Array]:
+    """Give what a module adds to its base's inertia and bias, Eqs. (45)-(48) in congruence form.
+
+    The third result is the rounding of the inertias that it hands on, which takes their way.
+    """
+    Psi, drift, G = item.basis.Psi, item.basis.drift, item.G
+    T = len(G)
+    with_base = np.concatenate([np.tile(np.eye(6), (T, 1, 1)), -np.matmul(Psi, G)], axis=1)
+    inertia, handed = congruence(with_base, legs.M), np.zeros((T, 6, 6))
+    beta = np.einsum("tij,ti->tj", legs.M[:, 6:, :6], drift) + legs.p + np.einsum("tij,ti->tj", G, item.Q_0)
+    for o, (X, a_map, c) in enumerate(zip(item.X, item.a_maps, item.c, strict=True)):
+        follows = X - np.matmul(a_map, G)
+        inertia += congruence(follows, I_star[:, o])
+        handed += congruence(follows, blur[:, o])
+        b = np.einsum("tij,tj->ti", I_star[:, o], c) + beta_star[:, o]
+        beta += np.einsum("tij,ti->tj", X, b)
+    return inertia, beta, handed
+
+
+def _rounding(inertia: Array) -> Array:
+    """Give inertias, shape (T, outputs, 6, 6), no smaller than the rounding of some.
+
+    Entries err by eps sqrt(I_ii I_jj) at most, and six times the diagonal is no smaller than that.
+    """
+    diagonal = np.diagonal(inertia, axis1=2, axis2=3)
+    out: Array = 6 * EPS * np.abs(diagonal)[..., None] * np.eye(6)
+    return out
+
+
+def accelerate(
+    robot: HybridRobot, modules: list[ArticulatedModule], root: Array, q: Array, v: Array, a: Array
+) -> None:
+    """Run the last forward recursion, Eqs. (51), (53), into the accelerations of the spanning tree.
+
+    Args:
+        robot: The robot.
+        modules: Its modules after `articulate`.
+        root: Acceleration of the first base less gravity, shape (T, 6).
+        q: Positions, shape (T, nq).
+        v: Rates, shape (T, nv).
+        a: Accelerations, shape (T, nv), filled in place.
+    """
+    outputs: list[list[Array]] = []
+    gravity = float(np.linalg.norm(robot.gravity))
+    for item in modules:
+        s, module = item.state, item.state.module
+        m = s.mechanism
+        V_dot = root if module.parent < 0 else outputs[module.parent][module.parent_output]
+        carried = np.einsum("tij,tj->ti", item.G, V_dot)
+        u_dot = item.y - carried  # Eq. (51)
+        shorten(module, item.basis, item.inertia, u_dot)
+        outputs.append(
+            [
+                np.einsum("tij,tj->ti", X, V_dot) + np.einsum("tij,tj->ti", a_map, u_dot) + c  # Eq. (53)
+                for X, a_map, c in zip(item.X, item.a_maps, item.c, strict=True)
+            ]
+        )
+        x_ddot = np.einsum("tij,tj->ti", item.basis.Psi, u_dot) + item.basis.drift
+        flag_accelerations(module, x_ddot, item.terms + largest(carried), gravity)
+        spanning = np.zeros((len(q), m.spanning.nv))
+        m.take_legs(x_ddot, spanning)
+        if m.spec.wrists:
+            target = m.tree.sweep(s.q, s.v, x_ddot)
+            m.recover_accelerations(q[:, module.q_index], v[:, module.v_index], spanning, target)
+        a[:, module.v_index] = spanning
+
+
+def _own_bias(state: ModuleState, load: ModuleLoad, on: Effects) -> Array:
+    """Give crf(V)(I V) + F_e of every output, shape (T, outputs, 6), Eq. (38)."""
+    out = np.zeros_like(state.outputs)
+    for o, inertia in enumerate(state.mechanism.inertias):
+        V = state.outputs[:, o]
+        out[:, o] = on.body_bias(V, inertia) - load.on_output(state, o)
+    return out
+
+
+def _motions(state: ModuleState, prescribed: Array | None, passing: bool) -> tuple[Basis, list[Array]]:
+    """Give a module's motions, and its outputs' accelerations at zero x_ddot (own frames, shape (T, 6)).
+
+    Those of `prescribed`, shape (T, nv), or None, are the motions that leave the motors' accelerations as
+    given.
+    """
+    m = state.mechanism
+    motion = m.tree.sweep(state.q, state.v)
+    basis = m.basis(state.K, m.closures.rates(motion, state.v)[1])
+    if passing:
+        basis = along_branch(state, basis)
+    bias = [motion.acceleration(body) for body in m.spec.outputs]
+    motors = state.module.motor_columns
+    if prescribed is None or not len(motors):
+        return basis, bias
+    wanted = np.zeros((len(prescribed), m.tree.nv))
+    m.give_legs(prescribed, wanted)
+    unit = m.reduction.col_scale[motors]
+    S_Psi = basis.Psi[:, motors] / unit[:, None]
+    miss = (basis.drift[:, motors] - wanted[:, motors]) / unit
+    Z, u_dot, pivot = null_basis(S_Psi, miss, min(S_Psi.shape[1:]))
+    refuse_untold(state.module, pivot)
+    Psi = np.matmul(basis.Psi, Z)
+    drift = basis.drift + np.einsum("tij,tj->ti", basis.Psi, u_dot)
+    return Basis(Psi, drift, basis.pivot), bias

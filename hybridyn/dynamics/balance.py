@@ -1,0 +1,114 @@
+"""The balance of one module's motions, A_t u_dot = Q_0 - E V_dot_base, summed up over its legs and outputs.
+
+Beside each sum stands how large its terms were: what rounding may have left of it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..linkage.reduction import Basis
+from ..spatial import Array
+from .forward import ModuleState
+from .inertia_solve import InertiaFactor
+from .loads import Loads
+
+
+@dataclass(frozen=True)
+class LegTerms:
+    """What a module's legs bring, with their rotors and the loads on them.
+
+    Attributes:
+        M: Inertia over [V_dot_base; x_ddot], shape (T, 6 + n, 6 + n): A and D among it, Eqs. (63)-(75).
+        p: Wrench on the base at zero accelerations less the loads', shape (T, 6), Eqs. (71)-(73).
+        h: Generalised force along x at zero accelerations, shape (T, n).
+        f: Generalised force of the loads along x, shape (T, n).
+    """
+
+    M: Array
+    p: Array
+    h: Array
+    f: Array
+
+
+def leg_terms(state: ModuleState, loads: Loads, k: int) -> LegTerms:
+    """Give what the legs of module k bring."""
+    M = loads.on.leg_matrix(state)
+    if (rotor := loads.rotor_diagonal(state)) is not None:
+        M[:, 6:, 6:] += np.diag(rotor)
+    p, h = loads.on.leg_bias(state)
+    f_base, f = loads.on_legs(k, state)
+    return LegTerms(M, p - f_base, h, f)
+
+
+@dataclass
+class Balance:
+    """A_t u_dot = Q_0 - E V_dot_base, Eq. (40), summed up over a module's legs and outputs.
+
+    Attributes:
+        A_t, E, Q_0: Shapes (T, N, N), (T, N, 6), (T, N).
+        noise: Size of what A_t was summed from, shape (T, N, N).
+        carried: Rounding that it was handed, as an inertia that is no smaller, shape (T, N, N).
+        size: Largest term of Q_0, shape (T,).
+    """
+
+    A_t: Array
+    E: Array
+    Q_0: Array
+    noise: Array
+    carried: Array
+    size: Array
+
+    def add_output(self, a_map: Array, X: Array, I_star: Array, b: Array, blur: Array) -> None:
+        """Add an output that moves with a_map u_dot + X V_dot_base, and needs b where both are zero."""
+        self.A_t += congruence(a_map, I_star)  # Eq. (43)
+        self.noise += congruence(np.abs(a_map), np.abs(I_star))
+        self.carried += congruence(a_map, blur)
+        self.E += np.einsum("tij,tik,tkl->tjl", a_map, I_star, X, optimize=True)  # Eq. (42)
+        self.Q_0 -= np.einsum("tij,ti->tj", a_map, b)  # Eq. (44)
+        self.size = np.maximum(self.size, _size(a_map, np.abs(b)))
+
+
+def balance_of_legs(s: ModuleState, legs: LegTerms, basis: Basis, tau: Array) -> Balance:
+    """Give the legs' share of a module's balance, with its motors."""
+    Psi, A, D = basis.Psi, legs.M[:, 6:, 6:], legs.M[:, 6:, :6]
+    A_t = congruence(Psi, A)
+    needed = legs.f - legs.h - np.einsum("tij,tj->ti", A, basis.drift)
+    needed[:, s.module.motor_columns] += tau
+    return Balance(
+        A_t=A_t,
+        E=np.einsum("tij,tik->tjk", Psi, D),
+        Q_0=np.einsum("tij,ti->tj", Psi, needed),
+        noise=congruence(np.abs(Psi), np.abs(A)),
+        carried=np.zeros_like(A_t),
+        size=_size(Psi, np.abs(needed) + np.abs(legs.h) + np.abs(legs.f)),
+    )
+
+
+def size_of_solution(x: Balance, inertia: InertiaFactor, y: Array) -> Array:
+    """Give the size of what y = A_t^-1 Q_0 was summed from, shape (T,)."""
+    resisted = np.square(inertia.R[:, :1, :1].max(axis=(1, 2), initial=0.0))
+    kept = largest(x.Q_0)
+    terms = largest(y) * np.maximum(x.size / np.where(kept > 0, kept, np.inf), 1.0)
+    out: Array = np.maximum(terms, x.size / np.where(resisted > 0, resisted, np.inf))
+    return out
+
+
+def congruence(B: Array, M: Array) -> Array:
+    """Give B^T M B, shapes (T, n, N) and (T, n, n)."""
+    out: Array = np.matmul(np.swapaxes(B, 1, 2), np.matmul(M, B))
+    return out
+
+
+def largest(x: Array) -> Array:
+    """Give the largest entry of each sample, shape (T,)."""
+    out: Array = np.abs(x).max(axis=1, initial=0.0)
+    return out
+
+
+def _size(B: Array, force: Array) -> Array:
+    """Give the largest term of B^T force, shape (T,)."""
+    out: Array = np.einsum("tij,ti->tj", np.abs(B), np.abs(force)).max(axis=1, initial=0.0)
+    return out

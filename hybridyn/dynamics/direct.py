@@ -1,0 +1,158 @@
+"""Direct dynamic model: accelerations from motor efforts, Eqs. (38)-(53) in their general form.
+
+Three recursions: forward for placements and twists (`forward`), backward for articulated inertias
+(`articulate`), forward for accelerations (`accelerate`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Literal, overload
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..effects.choice import Choice, Effects, choose, times
+from ..errors import ModelError, TrajectoryError
+from ..spatial import Array
+from ..structure.robot import HybridRobot
+from .articulation import accelerate, articulate
+from .forward import as_batch, base_motion, forward, same_samples
+from .inverse import reactions_of
+from .loads import Loads, all_loads
+from .reactions import Reactions
+from .state_checks import check_closed
+
+
+@overload
+def ddm(
+    robot: HybridRobot, q: Array, v: Array, tau: Array, *, base_acceleration: Array | None = ...,
+    wrenches: Mapping[str, Array] | None = ..., effects: Choice = ..., time: ArrayLike | None = ...,
+    reactions: Literal[False] = ...,
+) -> Array: ...  # fmt: skip
+@overload
+def ddm(
+    robot: HybridRobot, q: Array, v: Array, tau: Array, *, base_acceleration: Array | None = ...,
+    wrenches: Mapping[str, Array] | None = ..., effects: Choice = ..., time: ArrayLike | None = ...,
+    reactions: Literal[True],
+) -> tuple[Array, Reactions]: ...  # fmt: skip
+def ddm(
+    robot: HybridRobot,
+    q: Array,
+    v: Array,
+    tau: Array,
+    *,
+    base_acceleration: Array | None = None,
+    wrenches: Mapping[str, Array] | None = None,
+    effects: Choice = None,
+    time: ArrayLike | None = None,
+    reactions: bool = False,
+) -> Array | tuple[Array, Reactions]:
+    """Give the accelerations of a robot under motor efforts.
+
+    u_dot = A_t^-1 (Q_0 - E V_dot_base), module after module, Eqs. (40), (51).
+
+    Args:
+        robot: The robot.
+        q: Positions of the spanning tree, shape (nq,) or (T, nq).
+        v: Rates, shape (nv,) or (T, nv), [m/s, rad/s].
+        tau: Efforts in the order of `robot.motors`, shape (motors,) or (T, motors), [N or N m].
+        base_acceleration: Spatial acceleration of a "moving" base in its own frame (Pinocchio's, the first
+            six of a), shape (6,) or (T, 6); zero where left out.
+        wrenches: For each link a wrench ON it, shape (6,) or (T, 6), [N, N m], in the link's frame at its
+            origin.
+        effects: What is computed: None for gravity, inertia, the legs' inertia and velocity terms; "model"
+            for those and all that the robot's files state; or names and objects (`hybridyn.effects`), and
+            nothing else.
+        time: Time of each sample, shape () or (T,), [s], for effects that follow a table.
+        reactions: Also give the wrenches between modules and in the closures.
+
+    Returns:
+        Accelerations of the spanning tree, shape (nv,) or (T, nv), [m/s^2, rad/s^2]; with `reactions=True`
+        also a `Reactions`. Motions without inertia that nothing forces take least-norm accelerations.
+
+    Raises:
+        AssemblyError: The state does not close the loops.
+        SingularityError: Closures lose rank, or a force acts on a motion without inertia.
+        ModelError: Effects that are unknown, without numbers or contradict each other; no inertia.
+        TrajectoryError: Arrays of the wrong shape, or not finite; an unknown link; a table too short.
+
+    Source:
+        Ibrahim & Khalil (2010), Eqs. (38)-(53). The paper drops a_dot v_r from xi; `Basis.drift` keeps it.
+    """
+    q, single = as_batch(q, robot.nq, "q")
+    v, tau = as_batch(v, robot.nv, "v")[0], as_batch(tau, len(robot.motors), "tau")[0]
+    same_samples(q=q, v=v, tau=tau)
+    on, time = choose(robot, effects), times(time, len(q))
+    _needs_inertia(on)
+    a = np.zeros_like(v)
+    if base_acceleration is not None:
+        a[:, :6] = _of_base(robot, base_acceleration, len(q))
+    if on.base is not None:
+        q, v, a = on.base.into(robot, time, q, v, a)
+    if on.limits is not None:
+        tau = on.limits.clip(robot, tau)
+    loads = all_loads(robot, on, q, v, time, wrenches)
+    whole = on.velocity is not None  # without velocity terms the forces are no longer any observer's
+    states = forward(robot, q, v, None, on.gravity, classical=whole)
+    check_closed(states, q, accelerations=False)
+    modules = articulate(robot, states, loads, tau, None)
+    accelerate(robot, modules, base_motion(robot, q, v, a, on.gravity, classical=whole)[1], q, v, a)
+    if not reactions:
+        return a[0] if single else a
+    result = reactions_of(robot, q, v, a, tau, loads)
+    return (a[0], result.sample(0)) if single else (a, result)
+
+
+def _of_base(robot: HybridRobot, acceleration: Array, samples: int) -> Array:
+    """Check the acceleration of a moving base, shape (1, 6) or (samples, 6).
+
+    Raises:
+        TrajectoryError: Another base, a wrong shape, or a number that is not finite.
+    """
+    if robot.base != "moving":
+        raise TrajectoryError("base_acceleration is for base='moving'")
+    given, one = as_batch(acceleration, 6, "base_acceleration")
+    if not one and len(given) != samples:
+        raise TrajectoryError(f"base_acceleration has shape {given.shape}; wanted (6,) or ({samples}, 6)")
+    return given
+
+
+def _needs_inertia(on: Effects) -> None:
+    """Refuse a direct model without inertia.
+
+    Raises:
+        ModelError: There is none.
+    """
+    if on.inertia is None:
+        raise ModelError(
+            "the direct model needs the effect 'inertia': without it efforts make no accelerations; the "
+            "inverse model does statics",
+            element="inertia",
+        )
+
+
+def solve_passive(robot: HybridRobot, q: Array, v: Array, a: Array, loads: Loads) -> Array:
+    """Give the accelerations whose motors' (and moving base's) entries are those of `a`, the rest unforced.
+
+    The same two sweeps with Psi Z, the prescribed part in the drift, and no motor effort: Z spans what the
+    motors leave free.
+
+    Args:
+        robot: The robot.
+        q: Positions, shape (T, nq).
+        v: Rates, shape (T, nv).
+        a: Accelerations, shape (T, nv).
+        loads: External wrenches.
+    """
+    _needs_inertia(loads.on)
+    whole = loads.on.velocity is not None
+    states = forward(robot, q, v, None, loads.on.gravity, classical=whole)
+    check_closed(states, q, accelerations=False)
+    modules = articulate(robot, states, loads, np.zeros((len(q), len(robot.motors))), a)
+    out = np.zeros_like(a)
+    if robot.base == "moving":
+        out[:, :6] = a[:, :6]
+    root = base_motion(robot, q, v, a, loads.on.gravity, classical=whole)[1]
+    accelerate(robot, modules, root, q, v, out)
+    return out

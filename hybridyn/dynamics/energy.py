@@ -1,0 +1,234 @@
+"""Energy, power, momentum and centre of mass: one pass over the bodies, linear in their number."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike
+
+from ..effects.choice import Choice, Effects, choose, times
+from ..effects.links import Wrench
+from ..errors import TrajectoryError
+from ..linkage.rigid_motion import RigidMotion
+from ..spatial import Array, cross, rotate, rotate_back
+from ..structure.bodies import Body
+from ..structure.robot import HybridRobot
+from .forward import as_batch
+from .link_motion import body_motions, link_motions
+from .loads import gather_loads
+
+
+@dataclass(frozen=True)
+class Energy:
+    """Energy of a robot, shape () or (T,), [J].
+
+    Attributes:
+        kinetic: Of bodies, and of rotors where they count.
+        potential: Of weights (zero at the world's origin), and what springs, stops and the ground store.
+    """
+
+    kinetic: Array
+    potential: Array
+
+    @property
+    def total(self) -> Array:
+        """Kinetic and potential energy together."""
+        return self.kinetic + self.potential
+
+
+@dataclass(frozen=True)
+class Power:
+    """What changes the energy of a robot, shape () or (T,), [W]: d(total)/dt = motors + wrenches - lost.
+
+    A prescribed base supplies power too: its reaction (`Reactions.base`) times its twist.
+
+    Attributes:
+        motors: Work of the motors per second.
+        wrenches: Work of external wrenches per second.
+        lost: What friction, dampers, stops and the ground take.
+    """
+
+    motors: Array
+    wrenches: Array
+    lost: Array
+
+
+def energy(robot: HybridRobot, q: Array, v: Array, *, effects: Choice = None) -> Energy:
+    """Give kinetic and potential energy.
+
+    Args:
+        robot: The robot.
+        q: Positions, shape (nq,) or (T, nq).
+        v: Rates, shape (nv,) or (T, nv).
+        effects: What counts, as in `idm`: weights with "gravity", legs with "leg_inertia", rotors, springs,
+            stops, ground.
+
+    Raises:
+        ModelError: Effects that are unknown, or without numbers.
+        TrajectoryError: Arrays of the wrong shape, or not finite.
+    """
+    q, v, single = _state(robot, q, v)
+    on = choose(robot, effects)
+    kinetic, potential = _of_bodies(robot, q, v, on)
+    for rotor in on.rotors:
+        kinetic += 0.5 * np.sum(rotor.p[0] * v[:, rotor.columns] ** 2, axis=1)
+    for joint_law in on.joints:
+        potential += joint_law.energy(q)
+    motions = on.link_motions(robot, q, v)
+    for link_law in on.links:
+        potential += link_law.energy(motions)
+    return Energy(kinetic[0], potential[0]) if single else Energy(kinetic, potential)
+
+
+def _of_bodies(robot: HybridRobot, q: Array, v: Array, on: Effects) -> tuple[Array, Array]:
+    """Give kinetic and potential energy of the bodies, shapes (T,)."""
+    model = effective_model(robot, on)
+    data = model.createData()
+    out = np.zeros((2, len(q)))
+    for t in range(len(q)):
+        pin.computeMechanicalEnergy(model, data, q[t], v[t])
+        out[:, t] = data.kinetic_energy if on.inertia is not None else 0.0, data.potential_energy
+    return out[0], out[1]
+
+
+def effective_model(robot: HybridRobot, on: Effects) -> pin.Model:
+    """Give Pinocchio's model with the weights and inertias that the effects leave; it is to be read only."""
+    if on.gravity is not None and on.leg_inertia is not None:
+        return robot.model
+    model = pin.Model(robot.model)
+    if on.gravity is None:
+        model.gravity.linear = np.zeros(3)
+    if on.leg_inertia is None:
+        legs = leg_bodies(robot)
+        for joint in robot.bodies.joints:
+            if joint.child in legs:
+                model.inertias[model.getJointId(joint.joint.name)] = pin.Inertia.Zero()
+    return model
+
+
+def power(
+    robot: HybridRobot, q: Array, v: Array, tau: Array, *, wrenches: Mapping[str, Array] | None = None,
+    effects: Choice = None, time: ArrayLike | None = None,
+) -> Power:  # fmt: skip
+    """Give what motors and wrenches supply and what friction takes.
+
+    Args:
+        robot: The robot.
+        q: Positions, shape (nq,) or (T, nq).
+        v: Rates, shape (nv,) or (T, nv).
+        tau: Efforts, shape (motors,) or (T, motors); clipped where "limits" is among the effects.
+        wrenches: For each link a wrench ON it, shape (6,) or (T, 6), as in `idm`.
+        effects: As in `idm`.
+        time: Time of each sample, shape () or (T,), [s], for wrenches that follow a table.
+
+    Raises:
+        ModelError: Effects that are unknown, or without numbers.
+        TrajectoryError: Arrays of the wrong shape, or not finite; an unknown link; a table too short.
+    """
+    q, v, single = _state(robot, q, v)
+    tau = as_batch(tau, len(robot.motors), "tau")[0]
+    on, clock = choose(robot, effects), times(time, len(q))
+    if on.limits is not None:
+        tau = on.limits.clip(robot, tau)
+    columns = [robot.v_slices[robot.joint_index[motor]].start for motor in robot.motors]
+    supplied, lost = np.zeros((2, len(q)))
+    outer = replace(on, links=tuple(law for law in on.links if isinstance(law, Wrench)))
+    gather_loads(robot, wrenches, len(q))  # refuses what idm refuses
+    for given in (wrenches or {}, *outer.wrenches(robot, q, v, clock)):
+        supplied += _work(robot, q, v, given)
+    for joint_law in on.joints:
+        lost += joint_law.power(q, v)
+    motions = on.link_motions(robot, q, v)
+    for link_law in on.links:
+        lost += link_law.power(motions)
+    out = (np.sum(tau * v[:, columns], axis=1), supplied, lost)
+    return Power(*(x[0] for x in out)) if single else Power(*out)
+
+
+def momentum(robot: HybridRobot, q: Array, v: Array) -> Array:
+    """Give momentum and angular momentum about the centre of mass, world axes.
+
+    Args:
+        robot: The robot.
+        q: Positions, shape (nq,) or (T, nq).
+        v: Rates, shape (nv,) or (T, nv).
+
+    Returns:
+        Shape (6,) or (T, 6), [kg m/s, kg m^2/s]. A fixed base's root link does not count, as in Pinocchio.
+
+    Raises:
+        TrajectoryError: Arrays of the wrong shape, or not finite.
+    """
+    q, v, single = _state(robot, q, v)
+    centre = _centre(robot, q)
+    out = np.zeros((len(q), 6))
+    for body, m in _moving_bodies(robot, q, v):
+        arm = rotate(m.R, np.tile(body.com, (len(q), 1)))
+        linear = body.mass * (m.pd + cross(m.w, arm))
+        out[:, :3] += linear
+        out[:, 3:] += rotate(m.R, rotate_back(m.R, m.w) @ body.inertia) + cross(m.p + arm - centre, linear)
+    return out[0] if single else out
+
+
+def centre_of_mass(robot: HybridRobot, q: Array) -> Array:
+    """Give the centre of mass in the world, shape (3,) or (T, 3), [m].
+
+    Args:
+        robot: The robot.
+        q: Positions, shape (nq,) or (T, nq). The root link of a fixed base does not count, as in Pinocchio.
+
+    Raises:
+        TrajectoryError: Arrays of the wrong shape, or not finite; a robot without mass.
+    """
+    q, single = as_batch(q, robot.nq, "q")
+    out = _centre(robot, q)
+    return out[0] if single else out
+
+
+def _centre(robot: HybridRobot, q: Array) -> Array:
+    total, moment = 0.0, np.zeros((len(q), 3))
+    for body, m in _moving_bodies(robot, q, np.zeros((len(q), robot.nv))):
+        total += body.mass
+        moment += body.mass * (m.p + rotate(m.R, np.tile(body.com, (len(q), 1))))
+    if not total:
+        raise TrajectoryError(f"robot '{robot.name}' has no moving mass, and so no centre of mass")
+    return moment / total
+
+
+def _state(robot: HybridRobot, q: Array, v: Array) -> tuple[Array, Array, bool]:
+    q, single = as_batch(q, robot.nq, "q")
+    v = as_batch(v, robot.nv, "v")[0]
+    if len(q) != len(v):
+        raise TrajectoryError(f"q, v have {len(q)}, {len(v)} samples")
+    return q, v, single
+
+
+def _moving_bodies(robot: HybridRobot, q: Array, v: Array) -> Iterator[tuple[Body, RigidMotion]]:
+    """Give the bodies with mass that can move and their motions."""
+    for number, motion in body_motions(robot, q, v, np.zeros_like(v)).items():
+        body = robot.bodies.bodies[number]
+        if (number or robot.base != "fixed") and not body.massless:
+            yield body, motion
+
+
+def leg_bodies(robot: HybridRobot) -> set[int]:
+    """Give the bodies whose inertia the legs carry."""
+    out = set()
+    for module in robot.modules:
+        spec = module.mechanism.spec
+        for i, inertia in enumerate(spec.leg_bodies):
+            if inertia is not None:
+                out.add(robot.body_of_joint[module.joints[spec.tree_body[i + 1] - 1]])
+    return out
+
+
+def _work(robot: HybridRobot, q: Array, v: Array, wrenches: Mapping[str, Array]) -> Array:
+    """Give the power of wrenches on links, shape (T,)."""
+    out = np.zeros(len(q))
+    for link, m in link_motions(robot, q, v, list(wrenches)).items():
+        W = np.broadcast_to(wrenches[link], (len(q), 6))
+        out += np.sum(W[:, :3] * rotate_back(m.R, m.pd) + W[:, 3:] * rotate_back(m.R, m.w), axis=1)
+    return out

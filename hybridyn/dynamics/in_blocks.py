@@ -1,0 +1,63 @@
+"""The inverse model over a long motion in bounded memory."""
+
+from __future__ import annotations
+
+import contextlib
+import re
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+
+from ..effects.choice import Effects
+from ..errors import HybridynError
+from ..spatial import Array
+from ..structure.robot import HybridRobot
+from .inverse import idm
+
+NUMBERS_AT_ONCE = 84_000
+"""Positions in a block: a hundred megabytes for a robot of 84 joints."""
+
+
+def efforts_in_blocks(
+    robot: HybridRobot, q: Array, v: Array, a: Array, on: Effects, *,
+    wrenches: Mapping[str, Array] | None = None, time: Array | None = None,
+) -> Array:  # fmt: skip
+    """Give motor efforts as `hybridyn.idm` does, block by block.
+
+    Args:
+        robot: The robot.
+        q: Positions, shape (T, nq).
+        v: Rates, shape (T, nv), [m/s, rad/s].
+        a: Accelerations, shape (T, nv), [m/s^2, rad/s^2].
+        on: What is computed.
+        wrenches: As `hybridyn.idm` takes them.
+        time: Times, shape (T,), [s], or None.
+
+    Returns:
+        Efforts, shape (T, motors), [N or N m].
+
+    Raises:
+        HybridynError: As `hybridyn.idm`; the first block's that has something wrong.
+    """
+    rows = max(1, NUMBERS_AT_ONCE // max(robot.nq, 1))
+    found = []
+    for start in range(0, max(len(q), 1), rows):
+        at = slice(start, start + rows)
+        outer = {link: W[at] if np.ndim(W) == 2 else W for link, W in (wrenches or {}).items()}
+        now = None if time is None else time[at]
+        with _counted_from(start):
+            found.append(idm(robot, q[at], v[at], a[at], wrenches=outer, time=now, effects=on))
+    return np.concatenate(found)
+
+
+@contextlib.contextmanager
+def _counted_from(start: int) -> Iterator[None]:
+    """Number the samples that an error names from the motion's start, not from its block's."""
+    try:
+        yield
+    except HybridynError as error:
+        if (sample := getattr(error, "sample", None)) is not None:
+            vars(error)["sample"] = sample + start
+        shifted = re.sub(r"\bsample (\d+)", lambda found: f"sample {start + int(found[1])}", str(error))
+        error.args = (shifted,)
+        raise

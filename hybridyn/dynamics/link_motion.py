@@ -1,0 +1,127 @@
+"""Where links are and how they move: poses, twists and accelerations in the world."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Container, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..errors import TrajectoryError
+from ..linkage.rigid_motion import RigidMotion
+from ..spatial import Array, cross, quaternion_from_rotation, rotate, rotation_from_quaternion
+from ..structure.robot import HybridRobot
+from .forward import as_batch
+
+
+@dataclass(frozen=True)
+class LinkMotion:
+    """Motion of one link in the world; leading axis T dropped for a single sample.
+
+    Attributes:
+        pose: Origin and quaternion x, y, z, qx, qy, qz, qw, shape (T, 7), [m].
+        twist: Velocity of the origin, then angular velocity, shape (T, 6), [m/s, rad/s], world axes.
+        acceleration: Their time derivatives (classical), shape (T, 6), [m/s^2, rad/s^2], world axes.
+    """
+
+    pose: Array
+    twist: Array
+    acceleration: Array
+
+
+def kinematics(
+    robot: HybridRobot, q: Array, v: Array, a: Array | None = None, links: Sequence[str] | None = None
+) -> dict[str, LinkMotion]:
+    """Give poses, twists and accelerations of links in the world.
+
+    Args:
+        robot: The robot.
+        q: Positions, shape (nq,) or (T, nq).
+        v: Rates, shape (nv,) or (T, nv).
+        a: Accelerations, shape (nv,) or (T, nv); zero where left out.
+        links: Names of the links; every link where left out.
+
+    Returns:
+        For each link its motion. Values match `pin.forwardKinematics` on `robot.model`
+        (LOCAL_WORLD_ALIGNED, classical accelerations).
+
+    Raises:
+        TrajectoryError: Arrays of the wrong shape, or not finite; an unknown link.
+    """
+    q, single = as_batch(q, robot.nq, "q")
+    v = as_batch(v, robot.nv, "v")[0]
+    a = np.zeros_like(v) if a is None else as_batch(a, robot.nv, "a")[0]
+    wanted = named_links(robot, links)
+    return motions_of(robot, body_motions(robot, q, v, a), wanted, single)
+
+
+def named_links(robot: HybridRobot, links: Sequence[str] | None) -> Iterable[str]:
+    """Give the links that are asked for: every one for None.
+
+    Raises:
+        TrajectoryError: An unknown link.
+    """
+    for link in links or ():
+        if link not in robot.bodies.place:
+            near = difflib.get_close_matches(link, robot.bodies.place, 1)
+            raise TrajectoryError(f"unknown link '{link}'" + (f"; did you mean '{near[0]}'?" if near else ""))
+    return robot.bodies.place if links is None else links
+
+
+def motions_of(
+    robot: HybridRobot, bodies: Mapping[int, RigidMotion], links: Iterable[str], single: bool
+) -> dict[str, LinkMotion]:
+    """Give the motion of links from that of bodies; for a single sample without the axis of samples."""
+    out = {}
+    for link in links:
+        body, R, p = robot.bodies.place[link]
+        m = bodies[body].then(RigidMotion.at_rest(len(bodies[body].p), R, p))
+        arrays = (
+            np.concatenate([m.p, quaternion_from_rotation(m.R)], axis=1),
+            np.concatenate([m.pd, m.w], axis=1),
+            np.concatenate([m.pdd, m.wd], axis=1),
+        )
+        out[link] = LinkMotion(*(x[0] for x in arrays)) if single else LinkMotion(*arrays)
+    return out
+
+
+def link_motions(robot: HybridRobot, q: Array, v: Array, links: Iterable[str]) -> dict[str, RigidMotion]:
+    """Give the motion in the world of some links at zero accelerations, from the modules below them alone."""
+    wanted: set[int] = set()
+    for link in links:
+        k = robot.body_owner[robot.bodies.place[link][0]][0]
+        while k >= 0 and k not in wanted:
+            wanted.add(k)
+            k = robot.modules[k].parent
+    bodies = body_motions(robot, q, v, np.zeros_like(v), wanted)
+    places = {link: robot.bodies.place[link] for link in links}
+    return {link: bodies[b].then(RigidMotion.at_rest(len(q), R, p)) for link, (b, R, p) in places.items()}
+
+
+def body_motions(
+    robot: HybridRobot, q: Array, v: Array, a: Array, modules: Container[int] | None = None
+) -> dict[int, RigidMotion]:
+    """Give the motion of every body in the world, or of those of some modules (with all below them)."""
+    bodies = {0: _root(robot, q, v, a)}
+    for k, module in enumerate(robot.modules):
+        if (robot.base == "floating" and k == 0) or (modules is not None and k not in modules):
+            continue
+        base = bodies[robot.bodies.place[module.base][0]]
+        motion = module.mechanism.spanning.sweep(
+            q[:, module.q_index], v[:, module.v_index], a[:, module.v_index]
+        )
+        for i, joint in enumerate(module.joints):
+            bodies[robot.body_of_joint[joint]] = base.then(RigidMotion.of_body(motion, i + 1))
+    return bodies
+
+
+def _root(robot: HybridRobot, q: Array, v: Array, a: Array) -> RigidMotion:
+    """Give the motion of the root body in the world, from Pinocchio's local velocities."""
+    if robot.base == "fixed":
+        return RigidMotion.at_rest(len(q))
+    R = rotation_from_quaternion(q[:, 3:7])
+    classical = a[:, :3] + cross(v[:, 3:6], v[:, :3])
+    return RigidMotion(
+        R, q[:, :3], rotate(R, v[:, 3:6]), rotate(R, v[:, :3]), rotate(R, a[:, 3:6]), rotate(R, classical)
+    )

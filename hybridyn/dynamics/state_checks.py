@@ -1,0 +1,101 @@
+"""Whether states that the dynamics are handed close the loops: positions, rates, accelerations."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..errors import AssemblyError
+from ..linkage.gimbal_lock import is_locked
+from ..spatial import Array, cross, select
+from ..structure.module import Module
+from .forward import ModuleState
+
+#: Positions and rates handed to the dynamics must close the loops to this part of the module's length.
+CLOSED = 1e-6
+
+
+def check_closed(states: list[ModuleState], q: Array, accelerations: bool) -> None:
+    """Refuse states that do not close the loops to `CLOSED` (more where the file itself is rounded).
+
+    Args:
+        states: Its modules' states.
+        q: Positions, shape (T, nq).
+        accelerations: Whether accelerations are checked as well.
+
+    Raises:
+        AssemblyError: Naming module, closure and sample.
+    """
+    for state in states:
+        m = state.mechanism
+        if not m.spanning_closures.rows:
+            continue
+        slack = CLOSED + m.rounding
+        qk = q[:, state.module.q_index]
+        open_by = m.spanning_closures.residual(qk, state.spanning) * m.spanning_row_scale
+        _refuse(state.module, np.abs(open_by), np.full(len(q), slack), "positions", "open")
+        motion = m.tree.sweep(state.q, state.v)
+        first, drift = m.closures.rates(motion, state.v)
+        scale, unit = m.reduction.row_scale, m.reduction.col_scale
+        speed = np.abs(state.v / unit).max(axis=1, initial=0.0)
+        _refuse(state.module, np.abs(first * scale), slack * speed, "rates", "opening")
+        if accelerations:
+            second = np.einsum("tij,tj->ti", state.K, state.a) + drift
+            size = np.abs(state.a / unit).max(axis=1, initial=0.0) + speed**2
+            _refuse(state.module, np.abs(second * scale), slack * size, "accelerations", "accelerating apart")
+        _check_wrists(state, slack, accelerations)
+
+
+def _check_wrists(state: ModuleState, slack: float, accelerations: bool) -> None:
+    """Refuse rates and accelerations of cut wrists whose ends miss their targets.
+
+    In gimbal lock the joints cannot follow, and the wrist is excused.
+    """
+    m, s = state.mechanism, state.spanning
+    welded = [i for i, wrist in enumerate(m.spec.wrists) if not wrist.carries]
+    if not welded:
+        return
+    end = np.array([m.spec.wrists[i].end for i in welded])
+    target = np.array([m.spec.wrists[i].target for i in welded])
+    p, pd, w, pdd, wd = (select(x, end) - select(x, target) for x in (s.p, s.pd, s.w, s.pdd, s.wd))
+    w0 = select(s.w, target)
+    sweep = cross(w0, p)
+    unit = m.reduction.col_scale
+    speed = np.maximum(np.abs(state.v / unit).max(axis=1, initial=0.0), np.abs(s.w).max(axis=(1, 2)))
+    misses = [("rates", "opening", pd - sweep, w, speed)]
+    if accelerations:
+        apart = pdd - cross(select(s.wd, target), p) - cross(w0, sweep)
+        size = np.maximum(np.abs(state.a / unit).max(axis=1, initial=0.0), np.abs(s.wd).max(axis=(1, 2)))
+        misses.append(("accelerations", "accelerating apart", apart, wd, size + speed**2))
+    unknown = m.locked_carriers(s)  # there the spanning tree itself does not tell its platform's motion
+    for what, how, linear, angular, size in misses:
+        miss = np.abs(np.concatenate([linear / m.length, angular], axis=-1))
+        miss[unknown] = 0.0
+        for t, i in np.argwhere((miss > slack * size[:, None, None]).any(axis=-1)):
+            if is_locked(m.wrist_rates(s.take(np.array([t])), welded[i]))[0]:
+                miss[t, i] = 0.0
+        _refuse(state.module, miss.reshape(len(miss), 6 * len(welded)), slack * size, what, how)
+
+
+def _refuse(module: Module, value: Array, limit: Array, what: str, how: str) -> None:
+    """Refuse values, shape (T, rows), above their sample's limit, shape (T,); the worst is named.
+
+    Raises:
+        AssemblyError: One is.
+    """
+    excess = np.where(value > limit[:, None], value, 0.0)
+    if not excess.any():
+        return
+    sample, row = np.unravel_index(int(np.argmax(excess)), excess.shape)
+    closures = module.mechanism.spanning_closures
+    name = ""
+    if what == "positions":
+        index = next(i for i, at in enumerate(closures.row_slices) if at.start <= row < at.stop)
+        name = f", closure '{module.closures[index]}'"
+    raise AssemblyError(
+        f"module '{module.name}'{name}: the {what} do not close the loops at sample {sample}: {how} by "
+        f"{value[sample, row]:.2g} (limit {limit[sample]:.2g}, relative to the module's length "
+        f"{module.mechanism.length:g} m). Take q, v, a from hybridyn.assemble",
+        module=module.name,
+        sample=int(sample),
+        residual=float(value[sample, row]),
+    )

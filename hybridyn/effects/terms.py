@@ -1,0 +1,90 @@
+"""Effects that are terms of the recursions themselves: gravity, inertia, the legs' inertia, velocity terms.
+
+Each unit owns the code of its term; a recursion whose effect is absent never calls it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+
+from ..spatial import Array, crf, rotate_back, rotation_from_quaternion
+
+if TYPE_CHECKING:
+    from ..dynamics.forward import ModuleState
+    from ..structure.robot import HybridRobot
+
+
+@dataclass(frozen=True)
+class Gravity:
+    """Weight of every body: the first base accelerates with -g, V_dot_0 - g.
+
+    Unit: m/s^2, `robot.gravity`. Source: Ibrahim & Khalil (2010), below Eq. (29).
+    """
+
+    name: ClassVar[str] = "gravity"
+
+    def carried(self, robot: HybridRobot, q: Array) -> Array:
+        """Give g in the axes of the body that the first modules stand on, shape (T, 3)."""
+        g = np.tile(robot.gravity, (len(q), 1))
+        return rotate_back(rotation_from_quaternion(q[:, 3:7]), g) if robot.base == "moving" else g
+
+
+@dataclass(frozen=True)
+class Inertia:
+    """Inertial forces of every body; without them the inverse model is statics.
+
+    Off, rates and accelerations count as zero; joint efforts and contacts still see the true rates. The
+    direct model does not exist without inertia.
+    """
+
+    name: ClassVar[str] = "inertia"
+
+    def motion(self, v: Array, a: Array) -> tuple[Array, Array]:
+        """Give the rates and accelerations that the forward recursion runs with."""
+        return v, a
+
+
+@dataclass(frozen=True)
+class LegInertia:
+    """Mass and weight of the legs: H, F_b by RNEA, [[S1, D^T], [D, A]] by CRBA.
+
+    Off, legs are massless (the platform-only model). Legs are all bodies but platforms, links of serial
+    joints, and links on which another module stands. Source: Ibrahim & Khalil (2010), appendices A to C.
+    """
+
+    name: ClassVar[str] = "leg_inertia"
+
+    def forces(self, s: ModuleState, V: Array, v: Array) -> tuple[Array, Array]:
+        """Give F_b, shape (T, 6), and H, shape (T, n), Eqs. (54)-(62), for the twists and rates named."""
+        return s.mechanism.legs.rnea(V, s.V_dot, s.q, v, s.a)
+
+    def bias(self, s: ModuleState) -> tuple[Array, Array]:
+        """Give p, shape (T, 6), and h, shape (T, n), Eqs. (71)-(73)."""
+        return s.mechanism.legs.rnea(s.V, np.zeros_like(s.V), s.q, s.v, np.zeros_like(s.v))
+
+    def matrix(self, s: ModuleState) -> Array:
+        """Give M_leg, shape (T, 6 + n, 6 + n), Eqs. (63)-(75)."""
+        return s.mechanism.legs.crba(s.q)
+
+
+@dataclass(frozen=True)
+class VelocityTerms:
+    """Centrifugal, Coriolis and gyroscopic forces of legs and platforms.
+
+    Off, twists and rates are zero in the inertial forces of legs and platforms only: H = D V_dot + A q_ddot
+    and F_p = I V_dot. The drift of the closures and crm(V_o) v_o stay, else loops would open. Energy is not
+    conserved then. Source: Eq. (30), second term, and h, p of Eqs. (71)-(73).
+    """
+
+    name: ClassVar[str] = "velocity"
+
+    def twists(self, s: ModuleState) -> tuple[Array, Array]:
+        """Give the base's twist and the rates that the legs' forces see."""
+        return s.V, s.v
+
+    def of_body(self, V: Array, inertia: Array) -> Array:
+        """Give crf(V) (I V), shape (T, 6), Eq. (30)."""
+        return crf(V, V @ inertia)

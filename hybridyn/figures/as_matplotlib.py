@@ -1,0 +1,99 @@
+"""A chart as a figure of matplotlib."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..colours import ALARM, MODULES
+from .blank import empty_figure
+from .panels import Chart, Panel
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+WIDTHS, HEIGHT = {1: 10.0, 2: 14.0, 3: 18.0}, 2.3  # of figures by columns, of panels [inch]
+MOST_NAMES = 12  # in one column of a legend
+
+
+def figure_of_chart(chart: Chart) -> Figure:
+    """Draw a chart.
+
+    Args:
+        chart: The chart.
+
+    Raises:
+        HybridynError: matplotlib is missing.
+    """
+    columns = chart.columns
+    rows = -(-len(chart.panels) // columns)
+    figure = empty_figure(WIDTHS[columns], HEIGHT * rows + 0.5)
+    bars = any(panel.ticks for panel in chart.panels)
+    axes = figure.subplots(rows, columns, sharex=not bars, squeeze=False)
+    for ax, panel in zip(axes.ravel(), chart.panels, strict=False):
+        _bars(ax, panel) if panel.ticks else _lines(ax, chart, panel)
+        _finish(ax, panel)
+    for ax in axes.ravel()[len(chart.panels) :]:
+        ax.set_axis_off()
+    for number, ax in enumerate(axes.ravel()[: len(chart.panels)]):
+        if number + columns >= len(chart.panels) and not bars:
+            ax.set_xlabel(chart.x_label)
+            ax.tick_params(labelbottom=True)
+    figure.suptitle(chart.title, fontsize="medium")
+    return figure
+
+
+def _lines(ax: Axes, chart: Chart, panel: Panel) -> None:
+    """Draw lines, their peaks, and the limits that are near."""
+    for number, line in enumerate(panel.lines):
+        colour = MODULES[number % len(MODULES)]
+        ax.plot(chart.x, line.y, color=colour, linewidth=1.3, label=line.name)
+        if line.mark_peak and line.y.any():
+            ax.plot(chart.x[line.peak], line.y[line.peak], "o", color=colour, markersize=3.5)
+    if panel.logarithmic:
+        ax.set_yscale("log")
+    for limit, owner in panel.limits():
+        colour = ALARM if owner is None else MODULES[owner % len(MODULES)]
+        for sign in (-1.0, 1.0):
+            ax.axhline(sign * limit, color=colour, linewidth=1.0, linestyle="--")
+    marked = [line for line in panel.lines if line.mark_peak and line.y.any()]
+    if marked:
+        worst = max(marked, key=lambda line: abs(line.y[line.peak]))
+        at, value = float(chart.x[worst.peak]), float(worst.y[worst.peak])
+        right = at > (chart.x[0] + chart.x[-1]) / 2
+        ax.annotate(
+            f"{value:.4g} {panel.unit}",
+            (at, value),
+            xytext=(-6 if right else 6, 4 if value >= 0 else -4),
+            textcoords="offset points",
+            ha="right" if right else "left",
+            va="bottom" if value >= 0 else "top",
+            fontsize="x-small",
+        )
+        ax.margins(y=0.16)
+
+
+def _bars(ax: Axes, panel: Panel) -> None:
+    """Draw bars, a cluster per tick."""
+    width = 0.8 / max(len(panel.lines), 1)
+    places = np.arange(len(panel.ticks))
+    for number, line in enumerate(panel.lines):
+        shift = (number - (len(panel.lines) - 1) / 2) * width
+        colour = MODULES[number % len(MODULES)]
+        ax.bar(places + shift, line.y, width, color=colour, label=line.name)
+    ax.set_xticks(places, panel.ticks, fontsize="x-small", rotation=12 if len(panel.ticks) > 4 else 0)
+
+
+def _finish(ax: Axes, panel: Panel) -> None:
+    """Set title, label, grid and legend."""
+    ax.set_title(panel.title, loc="left", fontsize="small", color=panel.colour or "black", weight="bold")
+    if far := panel.far_limits():
+        ax.set_title(far, loc="right", fontsize="x-small", color="#5b6068")
+    ax.set_ylabel(panel.label, fontsize="small")
+    ax.tick_params(labelsize="small")
+    ax.grid(visible=True, alpha=0.3)
+    if len(panel.lines) > 1 or panel.unit:
+        columns = 1 + (len(panel.lines) - 1) // MOST_NAMES
+        ax.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize="x-small", ncols=columns)

@@ -1,0 +1,99 @@
+"""A chart as a page that needs no network: plotly's lines, to be zoomed, read and switched off."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from ..colours import ALARM, MODULES
+from ..errors import HybridynError
+from .panels import Chart, Panel
+
+if TYPE_CHECKING:
+    from plotly.graph_objects import Figure
+
+HEIGHT, MARGIN = 250, 120  # of a panel, around all of them [pixels]
+
+
+def page_of_chart(chart: Chart) -> str:
+    """Give a chart as the text of an HTML file that holds all it needs.
+
+    Args:
+        chart: The chart.
+
+    Raises:
+        HybridynError: plotly is missing.
+    """
+    text: str = _figure(chart).to_html(include_plotlyjs=True, full_html=True)
+    return text
+
+
+def _figure(chart: Chart) -> Figure:
+    try:
+        from plotly.subplots import make_subplots
+    except ImportError as error:
+        message = "pages need plotly: install it with `pip install 'hybridyn[plot]'`"
+        raise HybridynError(message) from error
+    columns = chart.columns
+    rows = -(-len(chart.panels) // columns)
+    bars = any(panel.ticks for panel in chart.panels)
+    figure = make_subplots(
+        rows,
+        columns,
+        shared_xaxes=False if bars else "all",
+        subplot_titles=[_title(panel) for panel in chart.panels],
+        vertical_spacing=0.28 / max(rows, 2),
+    )
+    for number, panel in enumerate(chart.panels):
+        place = {"row": number // columns + 1, "col": number % columns + 1}
+        _add_panel(figure, chart, panel, place)
+        if number + columns >= len(chart.panels) and not bars:
+            figure.update_xaxes(title_text=chart.x_label, showticklabels=True, **place)
+    figure.update_layout(
+        title=chart.title,
+        height=HEIGHT * rows + MARGIN,
+        template="plotly_white",
+        hovermode="closest" if bars else "x unified",
+        barmode="group",
+        legend={"groupclick": "toggleitem", "tracegroupgap": 4, "font": {"size": 11}},
+    )
+    return figure
+
+
+def _title(panel: Panel) -> str:
+    far = panel.far_limits()
+    colour = panel.colour or "#222222"
+    return f'<b style="color:{colour}">{panel.title}</b>' + (f" ({far})" if far else "")
+
+
+def _add_panel(figure: Figure, chart: Chart, panel: Panel, place: dict[str, int]) -> None:
+    import plotly.graph_objects as go
+
+    group = {"legendgroup": panel.title, "legendgrouptitle_text": panel.title}
+    for number, line in enumerate(panel.lines):
+        colour = MODULES[number % len(MODULES)]
+        if panel.ticks:
+            bar = go.Bar(x=panel.ticks, y=line.y, name=line.name, marker_color=colour, **group)
+            figure.add_trace(bar, **place)
+            continue
+        trace: Any = go.Scatter(
+            x=chart.x, y=line.y, name=line.name, mode="lines", line={"color": colour, "width": 1.6}, **group
+        )
+        figure.add_trace(trace, **place)
+        if line.mark_peak and line.y.any():
+            text = f"peak of {line.name}: {line.y[line.peak]:.6g} {panel.unit}"
+            peak = go.Scatter(
+                x=[chart.x[line.peak]],
+                y=[line.y[line.peak]],
+                mode="markers",
+                marker={"color": colour, "size": 7},
+                hovertemplate=f"{text}<extra></extra>",
+                showlegend=False,
+                legendgroup=panel.title,
+            )
+            figure.add_trace(peak, **place)
+    for limit, owner in panel.limits():
+        colour = ALARM if owner is None else MODULES[owner % len(MODULES)]
+        for sign in (-1.0, 1.0):
+            figure.add_hline(y=sign * limit, line={"color": colour, "dash": "dash", "width": 1}, **place)
+    scale = {"type": "log", "exponentformat": "power"} if panel.logarithmic else {}
+    figure.update_yaxes(title_text=panel.label, **scale, **place)

@@ -1,0 +1,28 @@
+"""An empty figure of matplotlib, without pyplot: nothing opens a window, nothing is left in memory."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from ..errors import HybridynError
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+def empty_figure(width: float, height: float) -> Figure:
+    """Give an empty figure.
+
+    Args:
+        width: Its width [inch].
+        height: Its height [inch].
+
+    Raises:
+        HybridynError: matplotlib is missing.
+    """
+    try:
+        from matplotlib.figure import Figure
+    except ImportError as error:
+        message = "figures need matplotlib: install it with `pip install 'hybridyn[plot]'`"
+        raise HybridynError(message) from error
+    return Figure(figsize=(width, height), layout="constrained")

@@ -1,0 +1,34 @@
+"""What each effect adds to the efforts, as bars by motor."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ..structure.robot import HybridRobot
+from ..studies.effect_worth import Contribution
+from .motion import groups
+from .panels import Chart, Line, Panel
+
+
+def chart_of_effects(robot: HybridRobot, contributions: Sequence[Contribution], *, title: str = "") -> Chart:
+    """Draw what effects are worth: the RMS of what each adds to each motor's effort, a panel per module.
+
+    Args:
+        robot: The robot.
+        contributions: What each effect adds.
+        title: Title of the chart.
+    """
+    number = {motor: i for i, motor in enumerate(robot.motors)}
+    panels = []
+    for group in groups(robot, "effort"):
+        at = [number[motor] for motor in group.motors]
+        # Without some effects a passive motion needs an effort that no motor can make: nothing to draw there.
+        lines = tuple(
+            Line(effect.name, np.nan_to_num(np.asarray(effect.rms, dtype=float)[at]))
+            for effect in contributions
+        )
+        label = f"RMS of what it adds [{group.unit}]"
+        panels.append(Panel(group.title, label, lines, group.colour, group.unit, ticks=group.motors))
+    return Chart(title, np.zeros(0), "", tuple(panels))

@@ -1,0 +1,56 @@
+"""Figures of tables and results, as matplotlib's `Figure` without pyplot: nothing opens a window.
+
+`hybridyn.charts` says what is drawn, as plain data; the same charts become pages that need no network.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from ..spatial import Array
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from ..structure.robot import HybridRobot
+
+
+def figure_of_table(columns: Sequence[str], rows: Array, *, title: str = "") -> Figure:
+    """Draw a table of a motion: one panel per quantity, time across.
+
+    Where the table holds efforts, joints without one (passive ones) are left out, so that motors can be seen.
+
+    Args:
+        columns: Names of the columns ("<joint>/effort", "energy/total", ...).
+        rows: The rows, shape (T, columns).
+        title: Title of the figure.
+
+    Raises:
+        TrajectoryError: No column can be drawn.
+        HybridynError: matplotlib is missing.
+    """
+    from .as_matplotlib import figure_of_chart
+    from .table import chart_of_table
+
+    return figure_of_chart(chart_of_table(columns, rows, title=title))
+
+
+def figure_of_efforts(robot: HybridRobot, time: Array, tau: Array, *, title: str = "") -> Figure:
+    """Draw efforts over time: a panel per module, limits and peaks marked.
+
+    Args:
+        robot: The robot.
+        time: Times, shape (T,), [s].
+        tau: Efforts, shape (T, motors), [N or N m], as `hybridyn.idm` gives them.
+        title: Title of the figure.
+
+    Raises:
+        TrajectoryError: The robot has no motors, or there are no samples.
+        HybridynError: matplotlib is missing.
+    """
+    from .as_matplotlib import figure_of_chart
+    from .motion import chart_of_rows
+
+    columns = [f"{motor}/effort" for motor in robot.motors]
+    return figure_of_chart(chart_of_rows(robot, columns, time, tau, title=title))

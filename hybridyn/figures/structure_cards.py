@@ -1,0 +1,218 @@
+"""The tree of modules as cards: what a drawing of a robot's structure shows, as plain data.
+
+Joints in series stand on one card, and so do equal modules that stand one on the other.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from ..colours import GROUND, module_colour
+from ..structure.module import Module
+from ..structure.robot import HybridRobot
+
+LETTERS = {
+    "revolute": "R",
+    "continuous": "R",
+    "prismatic": "P",
+    "spherical": "S",
+    "planar": "E",
+    "floating": "F",
+}
+MOST_LEGS = 6  # kinds of legs on a card
+FOLD = 3  # equal modules in a row from which on all but the first are one card
+
+
+class Sign(NamedTuple):
+    """One joint of a chain.
+
+    Attributes:
+        letter: Its kind, one of `LETTERS`.
+        driven: Whether it is a motor.
+    """
+
+    letter: str
+    driven: bool
+
+
+class Leg(NamedTuple):
+    """Legs that are alike.
+
+    Attributes:
+        number: How many there are.
+        joints: The joints of each, from its base.
+    """
+
+    number: int
+    joints: tuple[Sign, ...]
+
+
+@dataclass(frozen=True)
+class Card:
+    """One card of the drawing.
+
+    Attributes:
+        title: Name of the module, or of the first and the last of several.
+        lines: What is said of it.
+        legs: Its legs, or the joints in series as one.
+        colour: Its module's colour, "#rrggbb".
+        modules: Numbers of the modules that it stands for; none for the ground.
+        parent: Number of the card that it stands on, None for the ground.
+        folded: Whether it stands for modules that are like another one.
+    """
+
+    title: str
+    lines: tuple[str, ...]
+    legs: tuple[Leg, ...]
+    colour: str
+    modules: tuple[int, ...]
+    parent: int | None
+    folded: bool = False
+
+
+def cards(robot: HybridRobot) -> list[Card]:
+    """Give the cards of a robot, each after the one that it stands on, branches one after the other.
+
+    Args:
+        robot: The robot.
+    """
+    return _Deck(robot).cards
+
+
+class _Deck:
+    """The cards, laid one after the other."""
+
+    def __init__(self, robot: HybridRobot) -> None:
+        self.robot = robot
+        self.kinds = {joint.name: joint.kind for joint in robot.description.joints}
+        closures = [(c.name, c.kind) for c in robot.description.closures]
+        self.closure_kinds = dict(closures) | {c.name: "coupling" for c in robot.description.couplings}
+        self.children: dict[int, list[int]] = {}
+        for number, module in enumerate(robot.modules):
+            self.children.setdefault(module.parent, []).append(number)
+        self.cards = [self._ground()]
+        # A stack, not recursion: chains of modules may be longer than Python's.
+        stack = [(number, 0) for number in reversed(self.children.get(-1, []))]
+        while stack:
+            number, parent = stack.pop()
+            last = self._lay(number, parent)
+            below = self.children.get(last, [])
+            stack += [(child, len(self.cards) - 1) for child in reversed(below)]
+
+    def _ground(self) -> Card:
+        robot = self.robot
+        base = {"fixed": "fixed", "moving": "moving as prescribed", "floating": "floating freely"}[robot.base]
+        parts = ((len(robot.modules), "module"), (robot.mobility, "freedom"), (len(robot.motors), "motor"))
+        text = ", ".join(_counted(*part) for part in parts)
+        return Card(robot.description.root, (f"base, {base}", f"{robot.name}: {text}"), (), GROUND, (), None)
+
+    def _lay(self, number: int, parent: int) -> int:
+        """Lay the card of a module, of several where they belong together; give the last module's number."""
+        chain = self._chain(number)
+        modules = self.robot.modules
+        if self._is_serial(modules[number]):
+            self.cards.append(self._serial(chain, parent))
+        elif len(chain) >= FOLD:
+            self.cards.append(self._parallel(number, parent))
+            self.cards.append(self._folded(chain[1:], number, len(self.cards) - 1))
+        else:
+            chain = chain[:1]
+            self.cards.append(self._parallel(number, parent))
+        return chain[-1]
+
+    def _chain(self, number: int) -> list[int]:
+        """Give a module with those above it that are joints in series as well, or equal to it."""
+        modules, chain = self.robot.modules, [number]
+        serial = self._is_serial(modules[number])
+        while len(below := self.children.get(chain[-1], [])) == 1:
+            above = modules[below[0]]
+            same = self._is_serial(above) if serial else above.mechanism is modules[number].mechanism
+            if not same:
+                break
+            chain += below
+        return chain
+
+    def _is_serial(self, module: Module) -> bool:
+        return not module.closures and len(module.joints) == 1
+
+    def _serial(self, chain: list[int], parent: int) -> Card:
+        modules = [self.robot.modules[number] for number in chain]
+        signs = tuple(self._sign(module.joints[0]) for module in modules)
+        first, last = _name(modules[0]), _name(modules[-1])
+        motors = sum(len(module.motors) for module in modules)
+        if len(modules) == 1:
+            kind = self.kinds.get(modules[0].joints[0], "free base")
+            line = f"{kind} joint {modules[0].joints[0]}" if kind != "free base" else "free base, 6 freedoms"
+        else:
+            line = f"{len(modules)} joints in series, {_counted(motors, 'motor')}"
+        title = first if len(modules) == 1 else f"{first} ... {last}"
+        return Card(title, (line,), (Leg(1, signs),), module_colour(chain[0]), tuple(chain), parent)
+
+    def _parallel(self, number: int, parent: int) -> Card:
+        module = self.robot.modules[number]
+        freedoms, motors = _counted(module.mobility, "freedom"), _counted(len(module.motors), "motor")
+        lines = [f"module {number + 1}: {freedoms}, {motors}"]
+        spare = len(module.motors) - module.mobility
+        if spare:
+            lines.append(f"{spare} more motors than freedoms" if spare > 0 else f"{-spare} freedoms passive")
+        found = Counter(self.closure_kinds.get(name, "closure") for name in module.closures)
+        closed = [f"{count} {kind}" for kind, count in found.items()]
+        if wrists := len(module.mechanism.spec.wrists):
+            closed.append(_counted(wrists, "wrist") + " cut")
+        if closed:
+            lines.append(f"loops closed by {', '.join(closed)}")
+        alike = Counter(tuple(self._sign(joint) for joint in joints) for _, joints in module.legs)
+        legs = [Leg(count, signs) for signs, count in alike.items()]
+        if len(legs) > MOST_LEGS:
+            rest = sum(leg.number for leg in legs[MOST_LEGS:])
+            lines.append(f"and {_counted(rest, 'more leg')} of other kinds")
+        colour = module_colour(number)
+        return Card(_name(module), tuple(lines), tuple(legs[:MOST_LEGS]), colour, (number,), parent)
+
+    def _folded(self, chain: list[int], like: int, parent: int) -> Card:
+        modules = self.robot.modules
+        motors = sum(len(modules[number].motors) for number in chain)
+        title = f"{_name(modules[chain[0]])} ... {_name(modules[chain[-1]])}"
+        lines = (
+            f"modules {chain[0] + 1} to {chain[-1] + 1}: {len(chain)} like {_name(modules[like])}",
+            f"one on the other, {_counted(motors, 'motor')} in all",
+        )
+        return Card(title, lines, (), module_colour(like), tuple(chain), parent, folded=True)
+
+    def _sign(self, joint: str) -> Sign:
+        return Sign(LETTERS.get(self.kinds.get(joint, "floating"), "F"), joint in self.robot.motors)
+
+
+def _name(module: Module) -> str:
+    return module.outputs[0] if len(module.outputs) == 1 else module.name
+
+
+def _counted(number: int, thing: str) -> str:
+    return f"{number:,} {thing}" + ("" if number == 1 else "s")
+
+
+def dot_of_cards(drawn: list[Card]) -> str:
+    """Give the cards as a graph in the language of Graphviz, for those who have it.
+
+    Args:
+        drawn: The cards.
+    """
+
+    def quoted(text: str) -> str:
+        return '"' + text.replace("\\", "\\\\").replace('"', '\\"').replace("\n", "\\n") + '"'
+
+    lines = ["digraph robot {", "  rankdir=BT; node [shape=box, style=rounded, fontname=sans];"]
+    for number, card in enumerate(drawn):
+        legs = [f"{leg.number} x {leg_text(leg)}" for leg in card.legs]
+        text = quoted("\n".join([card.title, *card.lines, *legs]))
+        lines.append(f"  {number} [label={text}, color={quoted(card.colour)}];")
+        if card.parent is not None:
+            lines.append(f"  {card.parent} -> {number};")
+    return "\n".join([*lines, "}", ""])
+
+
+def leg_text(leg: Leg) -> str:
+    """Give a leg's joints as letters, motors with a star: "R R P*"."""
+    return " ".join(f"{sign.letter}{'*' if sign.driven else ''}" for sign in leg.joints) or "no joints"

@@ -1,0 +1,304 @@
+"""Loop closures on a tree: residual, constraint rows and drift term.
+
+A closure joins frame A on one body and frame B on another; its rows are the derivatives of its residual,
+written with r = p_B - p_A, the relative angular velocity w = w_B - w_A and the axes of A and B:
+
+    translation i    A_i . r = 0             row   A_i . (v_B - v_A - w_A x r)
+    "fixed"          log(R_A^T R_B) = 0      rows  A_i . w                      i = x, y, z
+    "parallel"       A_i . B_z = 0           rows  (B_z x A_i) . w              i = x, y
+    "perpendicular"  A_z . B_z = 0           row   (B_z x A_z) . w
+
+All rows of a tree together are K, with K q_dot = 0 and K q_ddot + gamma = 0 on every motion that keeps the
+loops closed. A coupling is one more row, constant, without drift.
+"""
+
+from __future__ import annotations
+
+from copy import copy
+from dataclasses import dataclass
+from fractions import Fraction
+from math import gcd, lcm
+
+import numpy as np
+
+from ..description.records import RotationKind
+from ..spatial import (
+    Array,
+    Mask,
+    compose,
+    cross,
+    rotate,
+    rotate_back,
+    rotation_vector,
+    samples_inside,
+    select,
+    slices,
+)
+from .tree import Motion, Tree
+
+ROTATION_ROWS = {"free": 0, "perpendicular": 1, "parallel": 2, "fixed": 3}
+
+
+@dataclass(frozen=True)
+class TreeClosure:
+    """A closure between two bodies of a tree (see `description.records.Closure` for its meaning).
+
+    Attributes:
+        name: Name of the closure.
+        kind: What the author called it.
+        body_a: Number of the predecessor body.
+        R_a: Axes of frame A in it, shape (3, 3).
+        p_a: Origin of frame A in it, shape (3,), [m].
+        body_b: Number of the successor body.
+        R_b: Axes of frame B in it, shape (3, 3).
+        p_b: Origin of frame B in it, shape (3,), [m].
+        translations: Axes of A along which B's origin may not move.
+        rotation: What the rotation may not do.
+    """
+
+    name: str
+    kind: str
+    body_a: int
+    R_a: Array
+    p_a: Array
+    body_b: int
+    R_b: Array
+    p_b: Array
+    translations: tuple[int, ...]
+    rotation: RotationKind
+
+    @property
+    def rows(self) -> int:
+        """Number of constraint rows."""
+        return len(self.translations) + ROTATION_ROWS[self.rotation]
+
+
+@dataclass(frozen=True)
+class TreeCoupling:
+    """A linear relation of joint positions of a tree: sum of coefficient x position = offset.
+
+    Attributes:
+        name: Name of the coupling.
+        terms: Pairs (joint number in the tree, coefficient).
+        offset: Right-hand side.
+    """
+
+    name: str
+    terms: tuple[tuple[int, float], ...]
+    offset: float
+
+
+class _Group:
+    """Closures of one shape, evaluated together: same rows, same number of freedoms involved."""
+
+    def __init__(self, tree: Tree, closures: list[TreeClosure], first_rows: list[int]) -> None:
+        first = closures[0]
+        self.translations, self.rotation = list(first.translations), first.rotation
+        self.a = np.array([c.body_a for c in closures])
+        self.b = np.array([c.body_b for c in closures])
+        self.R_a, self.p_a = np.array([c.R_a for c in closures]), np.array([c.p_a for c in closures])
+        self.R_b, self.p_b = np.array([c.R_b for c in closures]), np.array([c.p_b for c in closures])
+        self.rows = np.array(first_rows)[:, None] + np.arange(first.rows)
+        self.cols = np.array([np.flatnonzero(involved(tree, c)) for c in closures]).reshape(len(closures), -1)
+        on_b = tree.support[self.b[:, None], self.cols].astype(float)
+        self.sign = on_b - tree.support[self.a[:, None], self.cols]
+
+    def moved_by(self, free: Mask) -> _Group:
+        """Give the same group over some freedoms only, where every closure involves as many of them."""
+        count = free[self.cols].sum(axis=1)
+        out = copy(self)
+        if (count == count[0]).all():
+            chosen = free[self.cols]
+            out.cols = self.cols[chosen].reshape(len(self.cols), -1)
+            out.sign = self.sign[chosen].reshape(len(self.cols), -1)
+        return out
+
+    def frames(self, motion: Motion) -> tuple[Array, Array, Array, Array]:
+        """Give axes and origins of A and B in the base: (T, g, 3, 3), (T, g, 3), twice."""
+        Ra, Rb = select(motion.R, self.a), select(motion.R, self.b)
+        return (
+            compose(Ra, self.R_a), select(motion.p, self.a) + rotate(Ra, self.p_a),
+            compose(Rb, self.R_b), select(motion.p, self.b) + rotate(Rb, self.p_b),
+        )  # fmt: skip
+
+    def normals(self, A: Array, B: Array) -> Array:
+        """Give the vectors whose product with the relative angular velocity is zero, (T, g, rows, 3)."""
+        if self.rotation == "free":
+            return np.zeros((*A.shape[:2], 0, 3))
+        if self.rotation == "fixed":
+            return np.swapaxes(A, -1, -2)
+        axes = [0, 1] if self.rotation == "parallel" else [2]
+        return np.stack([cross(B[..., :, 2], A[..., :, i]) for i in axes], axis=-2)
+
+    def residual(self, motion: Motion) -> Array:
+        """Give the residuals, shape (T, g, rows): metres, then radians."""
+        A, pa, B, pb = self.frames(motion)
+        shift = rotate_back(A, pb - pa)[..., self.translations]
+        if self.rotation == "free":
+            return shift
+        relative = compose(np.swapaxes(A, -1, -2), B)
+        if self.rotation == "fixed":
+            turn = rotation_vector(relative)
+        elif self.rotation == "perpendicular":
+            turn = relative[..., 2:3, 2]
+        else:
+            tilt = relative[..., :2, 2]
+            sine = np.linalg.norm(tilt, axis=-1, keepdims=True)
+            angle = np.arctan2(sine, relative[..., 2:3, 2])
+            turn = tilt * np.where(sine > 1e-9, angle / np.where(sine > 1e-9, sine, 1.0), 1.0)
+            # Exactly opposite axes have no direction to turn in: take any.
+            turn[..., 0] += np.where((sine[..., 0] <= 1e-9) & (relative[..., 2, 2] < 0), np.pi, 0.0)
+        return np.concatenate([shift, turn], axis=-1)
+
+    def matrix(self, tree: Tree, motion: Motion, columns: tuple[Array, Array]) -> Array:
+        """Give the rows over the involved freedoms, shape (T, g, rows, involved)."""
+        A, _, B, pb = self.frames(motion)
+        linear, angular = (select(c, self.cols) * self.sign[..., None] for c in columns)
+        origin = select(motion.p, tree.dof_body[self.cols])
+        at_b = linear + cross(angular, pb[:, :, None, :] - origin)
+        shift = np.einsum("tgri,tgci->tgrc", np.swapaxes(A, -1, -2)[..., self.translations, :], at_b)
+        turn = np.einsum("tgri,tgci->tgrc", self.normals(A, B), angular)
+        return np.concatenate([shift, turn], axis=-2)
+
+    def rates(self, motion: Motion) -> tuple[Array, Array]:
+        """Give the first two time derivatives of the residuals along the motion, shapes (T, g, rows)."""
+        A, pa, B, pb = self.frames(motion)
+        wa, wb, wda, wdb = (select(x, i) for x in (motion.w, motion.wd) for i in (self.a, self.b))
+        ra, rb = pa - select(motion.p, self.a), pb - select(motion.p, self.b)
+        va, vb = select(motion.pd, self.a) + cross(wa, ra), select(motion.pd, self.b) + cross(wb, rb)
+        aa = select(motion.pdd, self.a) + cross(wda, ra) + cross(wa, cross(wa, ra))
+        ab = select(motion.pdd, self.b) + cross(wdb, rb) + cross(wb, cross(wb, rb))
+        r = pb - pa
+        slide = vb - va - cross(wa, r)
+        slide_dot = ab - aa - cross(wda, r) - cross(wa, vb - va)
+        shift = rotate_back(A, slide)[..., self.translations]
+        shift_dot = rotate_back(A, slide_dot - cross(wa, slide))[..., self.translations]
+        normals = self.normals(A, B)
+        normals_dot = self._normals_dot(A, B, wa, wb)
+        w = wb - wa
+        turn = rotate(normals, w)
+        turn_dot = rotate(normals, wdb - wda) + rotate(normals_dot, w)
+        return np.concatenate([shift, turn], axis=-1), np.concatenate([shift_dot, turn_dot], axis=-1)
+
+    def _normals_dot(self, A: Array, B: Array, wa: Array, wb: Array) -> Array:
+        """Give the time derivatives of `normals` where A and B turn at wa and wb."""
+        if self.rotation == "free":
+            return np.zeros((*A.shape[:2], 0, 3))
+        if self.rotation == "fixed":
+            return np.stack([cross(wa, A[..., :, i]) for i in range(3)], axis=-2)
+        z = B[..., :, 2]
+        z_dot = cross(wb, z)
+        axes = [0, 1] if self.rotation == "parallel" else [2]
+        return np.stack(
+            [cross(z_dot, A[..., :, i]) + cross(z, cross(wa, A[..., :, i])) for i in axes], axis=-2
+        )
+
+
+def common_measure(numbers: list[float]) -> float:
+    """Give the largest number that divides all, their ratios taken as small fractions; 0 for none."""
+    sizes = [abs(x) for x in numbers if x]
+    if not sizes:
+        return 0.0
+    ratios = [Fraction(x / sizes[0]).limit_denominator(1000) for x in sizes]
+    denominator = lcm(*(r.denominator for r in ratios))
+    return sizes[0] * gcd(*(int(r * denominator) for r in ratios)) / denominator
+
+
+def involved(tree: Tree, closure: TreeClosure) -> Mask:
+    """Say which freedoms of the tree move frame B relative to frame A, shape (nv,)."""
+    out: Mask = tree.support[closure.body_a] ^ tree.support[closure.body_b]
+    return out
+
+
+class Closures:
+    """All closures and couplings of one tree, in the order given: rows of closures, then of couplings.
+
+    Attributes:
+        closures: The closures.
+        couplings: The couplings.
+        row_slices: Rows of each closure, then of each coupling.
+        rows: Number of rows in all.
+        is_angle: Rows whose residual is an angle, shape (rows,).
+    """
+
+    def __init__(self, tree: Tree, closures: list[TreeClosure], couplings: list[TreeCoupling]) -> None:
+        self.tree, self.closures, self.couplings = tree, tuple(closures), tuple(couplings)
+        sizes = [c.rows for c in closures] + [1] * len(couplings)
+        self.row_slices, self.rows = slices(sizes), sum(sizes)
+        shapes: dict[tuple[object, ...], list[int]] = {}
+        for i, c in enumerate(closures):
+            key = (c.translations, c.rotation, int(involved(tree, c).sum()))
+            shapes.setdefault(key, []).append(i)
+        self._groups = [
+            _Group(tree, [closures[i] for i in members], [self.row_slices[i].start for i in members])
+            for members in shapes.values()
+        ]
+        self._coupling_rows = np.zeros((len(couplings), tree.nv))
+        for row, coupling in zip(self._coupling_rows, couplings, strict=True):
+            for joint, coefficient in coupling.terms:
+                row[tree.v_slices[joint]] += coefficient
+        self.is_angle = np.zeros(self.rows, dtype=bool)
+        for c, at in zip(closures, self.row_slices, strict=False):
+            self.is_angle[at.start + len(c.translations) : at.stop] = True
+
+    def residual(self, q: Array, motion: Motion) -> Array:
+        """Give by how much the loops are open, shape (T, rows), [m, rad]."""
+        out = np.zeros((len(q), self.rows))
+        for group in self._groups:
+            out[:, group.rows] = group.residual(motion)
+        for coupling, at in zip(self.couplings, self.row_slices[len(self.closures) :], strict=True):
+            out[:, at.start] = self._coupling_residual(coupling, q)
+        return out
+
+    def _coupling_residual(self, coupling: TreeCoupling, q: Array) -> Array:
+        """Give by how much a coupling is off, shape (T,), in the unit of its coefficients times positions."""
+        total = np.full(len(q), -coupling.offset)
+        endless = []
+        for joint, coefficient in coupling.terms:
+            x = q[:, self.tree.q_slices[joint]]
+            if self.tree.joints[joint].kind == "continuous":
+                total += coefficient * np.arctan2(x[:, 1], x[:, 0])
+                endless.append(coefficient)
+            else:
+                total += coefficient * x[:, 0]
+        # Whole turns of a continuous joint cannot be seen in its cosine and sine.
+        period = 2 * np.pi * common_measure(endless)
+        out: Array = total - period * np.round(total / period) if period else total
+        return out
+
+    def matrix(self, motion: Motion, scales: tuple[Array, Array] | None = None) -> Array:
+        """Give the constraint rows K over the tree's freedoms, shape (T, rows, nv).
+
+        Args:
+            motion: Motion of the tree (positions suffice).
+            scales: Factor of each row and of each column, shapes (rows,) and (nv,); one where left out.
+        """
+        K = samples_inside((len(motion.p), self.rows, self.tree.nv))
+        row_scale, col_scale = scales or (np.ones(self.rows), np.ones(self.tree.nv))
+        columns = self.tree.columns(motion)
+        by_row = K.transpose(1, 2, 0)
+        for group in self._groups:
+            rows = group.matrix(self.tree, motion, columns).transpose(1, 2, 3, 0)
+            at, cols = group.rows[:, :, None], group.cols[:, None, :]
+            by_row[at, cols] = rows * (row_scale[at] * col_scale[cols])[..., None]
+        first = self.rows - len(self.couplings)
+        K[:, first:] = self._coupling_rows * row_scale[first:, None] * col_scale
+        return K
+
+    def moved_by(self, free: Mask) -> Closures:
+        """Give the same closures whose matrix is filled in for some freedoms only, shape (nv,)."""
+        out = copy(self)
+        out._groups = [group.moved_by(free) for group in self._groups]
+        out._coupling_rows = self._coupling_rows * free
+        return out
+
+    def rates(self, motion: Motion, v: Array) -> tuple[Array, Array]:
+        """Give K q_dot and the second derivative of the residual along the motion, shapes (T, rows).
+
+        With a motion swept at zero joint accelerations, the second is the drift term gamma.
+        """
+        first, second = np.zeros((2, len(v), self.rows))
+        for group in self._groups:
+            first[:, group.rows], second[:, group.rows] = group.rates(motion)
+        first[:, self.rows - len(self.couplings) :] = v @ self._coupling_rows.T
+        return first, second

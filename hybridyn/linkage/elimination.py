@@ -1,0 +1,109 @@
+"""Rank-revealing elimination of many small matrices at once.
+
+`pivoted_qr` is Householder's QR with column pivoting (Businger and Golub), the number of pivots fixed by the
+caller: rank belongs to the module and not to the posture. `null_basis` gives every solution of K x = -gamma.
+Nothing forms K^T K and nothing inverts.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..spatial import Array, Index
+
+
+def pivoted_qr(A: Array, columns: int, rank: int) -> tuple[Array, Index]:
+    """Reduce the first `columns` columns by `rank` Householder steps with column pivoting.
+
+    Args:
+        A: Matrices, shape (B, m, n); columns from `columns` on are only transformed (right-hand sides).
+        columns: Number of columns among which pivots are chosen.
+        rank: Number of steps, at most min(m, columns).
+
+    Returns:
+        The transformed matrices (B, m, n), whose leading (rank, rank) block is upper triangular, and the
+        order of the pivoted columns, shape (B, columns).
+    """
+    A = A.copy()
+    B, m, _ = A.shape
+    order = np.tile(np.arange(columns), (B, 1))
+    batch = np.arange(B)
+    for k in range(rank):
+        block = A[:, k:, k:columns]
+        best = k + np.argmax(np.einsum("bij,bij->bj", block, block), axis=1)
+        A[batch, :, k], A[batch, :, best] = A[batch, :, best], A[batch, :, k].copy()
+        order[batch, k], order[batch, best] = order[batch, best], order[batch, k].copy()
+        if m - k == 1:
+            break
+        x = A[:, k:, k].copy()
+        norm = np.sqrt(np.einsum("bi,bi->b", x, x))
+        alpha = -np.copysign(norm, x[:, 0])
+        x[:, 0] -= alpha
+        square = np.einsum("bi,bi->b", x, x)
+        beta = 2.0 / np.where(square > 0, square, np.inf)
+        rest = A[:, k:, k + 1 :]
+        rest -= x[:, :, None] * (beta[:, None] * np.einsum("bi,bij->bj", x, rest))[:, None, :]
+        A[:, k, k] = alpha
+        A[:, k + 1 :, k] = 0.0
+    return A, order
+
+
+def pivot_ratio(R: Array, rank: int) -> Array:
+    """Give the smallest over the largest pivot of each reduced matrix, shape (B,); 1 where there is none."""
+    if rank == 0:
+        return np.ones(len(R))
+    pivots = np.abs(np.diagonal(R[:, :rank, :rank], axis1=1, axis2=2))
+    largest = pivots.max(axis=1)
+    out: Array = pivots.min(axis=1) / np.where(largest > 0, largest, 1.0)
+    return out
+
+
+def back_substitute(R: Array, rhs: Array) -> Array:
+    """Solve R x = rhs, R (B, r, r) upper triangular, rhs (B, r, c); x_i = 0 where a pivot is exactly zero."""
+    x = rhs.copy()
+    for i in range(R.shape[1] - 1, -1, -1):
+        pivot = R[:, i, i]
+        safe = np.where(pivot == 0.0, np.inf, pivot)
+        x[:, i] /= safe[:, None]
+        if i:
+            x[:, :i] -= R[:, :i, i, None] * x[:, i, None, :]
+    return x
+
+
+def null_basis(K: Array, gamma: Array, rank: int) -> tuple[Array, Array, Array]:
+    """Give every solution x = Psi u + x0 of K x = -gamma, K of the given rank.
+
+    The free coordinates u are the columns that were not chosen as pivots, so that Psi holds an identity and
+    stays bounded however close K comes to losing rank.
+
+    Args:
+        K: Matrices, shape (B, m, n).
+        gamma: Right-hand sides, shape (B, m).
+        rank: Number of pivots.
+
+    Returns:
+        Psi, shape (B, n, n - rank), x0, shape (B, n), and the smallest pivot relative to the largest, (B,).
+    """
+    B, _, n = K.shape
+    R, order = pivoted_qr(np.concatenate([K, gamma[..., None]], axis=-1), n, rank)
+    Y = -back_substitute(R[:, :rank, :rank], R[:, :rank, rank:])
+    Z = np.zeros((B, n, n - rank + 1))
+    Z[:, :rank] = Y
+    Z[:, rank:, :-1] = np.eye(n - rank)
+    out = np.empty_like(Z)
+    np.put_along_axis(out, order[:, :, None], Z, axis=1)
+    return out[:, :, :-1], out[:, :, -1], pivot_ratio(R, rank)
+
+
+def least_squares(A: Array, b: Array, *, relative: float = 1e-12, rank: int | None = None) -> Array:
+    """Give the least-norm least-squares solution of A x = b by singular values, shapes (B, m, n), (B, m).
+
+    The leading `rank` singular values count, or, where left out, those above `relative` times the largest.
+    """
+    if A.shape[1] == 0 or A.shape[2] == 0:
+        return np.zeros((len(A), A.shape[2]))
+    U, s, Vt = np.linalg.svd(A, full_matrices=False)
+    keep = s > relative * s[:, :1] if rank is None else (np.arange(s.shape[1]) < rank) & (s > 0)
+    y = np.where(keep, np.einsum("bji,bj->bi", U, b) / np.where(keep, s, 1.0), 0.0)
+    x: Array = np.einsum("bji,bj->bi", Vt, y)
+    return x

@@ -1,0 +1,157 @@
+"""One joint of a tree: its coordinates, what they do to its child, and how they move.
+
+Every function takes samples first: positions (T, nq), twists (T, nv) of this joint alone.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from ..description.records import JointKind
+from ..spatial import (
+    Array,
+    cross,
+    rotate,
+    rotate_back,
+    rotation_from_axis_angle,
+    rotation_from_quaternion,
+    rotation_vector,
+)
+
+#: Name of the free-flyer under the root link, Pinocchio's.
+ROOT_JOINT = "root_joint"
+#: Coordinates of each kind of joint, as in Pinocchio: angles without limits are cosine and sine.
+NQ = {"revolute": 1, "continuous": 2, "prismatic": 1, "spherical": 4, "planar": 4, "floating": 7}
+#: Coordinates in metres, the first of each kind of joint that has any.
+TRANSLATIONS = {"prismatic": 1, "planar": 2, "floating": 3}
+#: Freedoms of each kind of joint.
+NV = {"revolute": 1, "continuous": 1, "prismatic": 1, "spherical": 3, "planar": 3, "floating": 6}
+
+
+@dataclass(frozen=True)
+class TreeJoint:
+    """A joint of a tree; its child is the body of the same number plus one (body 0 is the base).
+
+    Attributes:
+        name: Name of the joint.
+        kind: Kind of joint (never "fixed").
+        parent: Number of the parent body.
+        R: Child axes in the parent at joint position zero, shape (3, 3).
+        p: Child origin in the parent at joint position zero, shape (3,), [m].
+        axis: Unit axis in the child frame, shape (3,).
+    """
+
+    name: str
+    kind: JointKind
+    parent: int
+    R: Array
+    p: Array
+    axis: Array
+
+    @cached_property
+    def S(self) -> Array:
+        """Motion subspace in the child frame, shape (6, nv); constant for every kind of joint we know."""
+        if self.kind == "prismatic":
+            return np.concatenate([self.axis, np.zeros(3)])[:, None]
+        if self.kind in ("revolute", "continuous"):
+            return np.concatenate([np.zeros(3), self.axis])[:, None]
+        columns = {"spherical": (3, 4, 5), "planar": (0, 1, 5), "floating": range(6)}[self.kind]
+        return np.eye(6)[:, list(columns)]
+
+    def transform(self, q: Array) -> tuple[Array, Array]:
+        """Give where a joint of several freedoms puts its child: rotations (T, 3, 3), shifts (T, 3).
+
+        Joints of one freedom are evaluated all at once by their tree (`Tree.sweep`).
+        """
+        zero = np.zeros((len(q), 3))
+        if self.kind == "spherical":
+            return rotation_from_quaternion(q), zero
+        if self.kind == "planar":
+            zero[:, :2] = q[:, :2]
+            return rotation_from_axis_angle(np.array([0.0, 0.0, 1.0]), q[:, 2], q[:, 3]), zero
+        return rotation_from_quaternion(q[:, 3:]), q[:, :3]
+
+    @cached_property
+    def neutral(self) -> Array:
+        """Zero position, shape (nq,)."""
+        q = np.zeros(NQ[self.kind])
+        if self.kind == "planar":
+            q[2] = 1.0
+        elif self.kind == "continuous":
+            q[0] = 1.0
+        elif self.kind in ("spherical", "floating"):
+            q[-1] = 1.0
+        return q
+
+    def integrate(self, q: Array, dq: Array) -> Array:
+        """Move from q along the constant twist dq for unit time, shape (T, nq).
+
+        The result stays on the joint's manifold; for `floating` and `planar` joints the rotation and the
+        translation are moved separately, which is a retraction, not Pinocchio's exponential.
+        """
+        if self.kind in ("revolute", "prismatic"):
+            return q + dq
+        if self.kind == "continuous":
+            return _turn(q, dq[:, 0])
+        if self.kind == "spherical":
+            return _compose(q, dq)
+        out = np.empty_like(q)
+        if self.kind == "planar":
+            cos, sin = q[:, 2], q[:, 3]
+            out[:, 0] = q[:, 0] + cos * dq[:, 0] - sin * dq[:, 1]
+            out[:, 1] = q[:, 1] + sin * dq[:, 0] + cos * dq[:, 1]
+            out[:, 2:] = _turn(q[:, 2:], dq[:, 2])
+        else:
+            out[:, :3] = q[:, :3] + rotate(rotation_from_quaternion(q[:, 3:]), dq[:, :3])
+            out[:, 3:] = _compose(q[:, 3:], dq[:, 3:])
+        return out
+
+    def difference(self, q0: Array, q1: Array) -> Array:
+        """Give the twist dq with `integrate(q0, dq) = q1`, shape (T, nv)."""
+        if self.kind in ("revolute", "prismatic"):
+            return q1 - q0
+        out = np.empty((len(q0), NV[self.kind]))
+        if self.kind == "continuous":
+            out[:, 0] = _turned(q0, q1)
+        elif self.kind == "planar":
+            d, cos, sin = q1[:, :2] - q0[:, :2], q0[:, 2], q0[:, 3]
+            out[:, 0] = cos * d[:, 0] + sin * d[:, 1]
+            out[:, 1] = cos * d[:, 1] - sin * d[:, 0]
+            out[:, 2] = _turned(q0[:, 2:], q1[:, 2:])
+        else:
+            R = rotation_from_quaternion(q0[:, -4:])
+            turn = np.matmul(np.swapaxes(R, 1, 2), rotation_from_quaternion(q1[:, -4:]))
+            out[:, -3:] = rotation_vector(turn)
+            if self.kind == "floating":
+                out[:, :3] = rotate_back(R, q1[:, :3] - q0[:, :3])
+        return out
+
+
+def _turned(x: Array, y: Array) -> Array:
+    """Give the angles from unit vectors x to y, shape (T,)."""
+    out: Array = np.arctan2(x[:, 0] * y[:, 1] - x[:, 1] * y[:, 0], x[:, 0] * y[:, 0] + x[:, 1] * y[:, 1])
+    return out
+
+
+def _turn(cos_sin: Array, angle: Array) -> Array:
+    """Turn unit vectors (T, 2) by angles (T,)."""
+    cos, sin = np.cos(angle), np.sin(angle)
+    out = np.stack([cos_sin[:, 0] * cos - cos_sin[:, 1] * sin, cos_sin[:, 0] * sin + cos_sin[:, 1] * cos], -1)
+    unit: Array = out / np.linalg.norm(out, axis=-1, keepdims=True)
+    return unit
+
+
+def _compose(quat: Array, turn: Array) -> Array:
+    """Follow quaternions (T, 4) by body rotation vectors (T, 3)."""
+    half = 0.5 * np.linalg.norm(turn, axis=-1, keepdims=True)
+    u = 0.5 * turn * np.sinc(half / np.pi)
+    c = np.cos(half)
+    x, w = quat[:, :3], quat[:, 3:]
+    out = np.concatenate(
+        [w * u + c * x + cross(x, u), w * c - np.sum(x * u, axis=-1, keepdims=True)], axis=-1
+    )
+    unit: Array = out / np.linalg.norm(out, axis=-1, keepdims=True)
+    return unit

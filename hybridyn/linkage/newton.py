@@ -1,0 +1,252 @@
+"""Newton on the closures and targets of one module, for many starts at once.
+
+Every step is the least-norm Gauss-Newton step on as many singular values as the rows generically have,
+limited in length (a trust region in scaled coordinates) and damped while it does not help. Where the freedoms
+that may move fall into blocks of full rank (the legs under a given platform), each block is solved by itself
+by pivoted QR.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from ..spatial import Array, Index, Mask
+from .closures import Closures
+from .elimination import back_substitute, pivot_ratio, pivoted_qr
+from .reduction import RANK_TOLERANCE, Block
+from .targets import Target
+from .tree import Motion, Tree
+
+#: Longest step of one iteration in scaled coordinates [rad, module lengths].
+LONGEST_STEP = 0.5
+#: Scaled singular values are taken to be no less, so that quotients stay finite.
+LOST = 1e-100
+#: Residuals below this are rounding: at a singular posture damped steps may end there.
+ROUNDING = 1e-12
+#: Newton has converged after a step this small: the next one would be its square.
+SMALLEST_STEP = 1e-9
+
+
+@dataclass(frozen=True)
+class Closed:
+    """What Newton reached from each start.
+
+    Attributes:
+        q: Positions, shape (T, nq).
+        residual: Scaled residual of the worst row, shape (T,).
+        step: Length of the next step: how far the projection on the rows' generic range is from zero, (T,).
+        iterations: Iterations spent.
+    """
+
+    q: Array
+    residual: Array
+    step: Array
+    iterations: int
+
+
+@dataclass(frozen=True)
+class LoopProblem:
+    """Rows to be made zero by moving some freedoms of a tree.
+
+    Attributes:
+        closures: Closures and their tree.
+        row_scale: Factor of each closure row, shape (rows,).
+        col_scale: Unit of each freedom, shape (nv,).
+        free: Freedoms that may move, shape (nv,).
+        targets: Poses that bodies shall take, one more set of rows each.
+        rank: Number of singular values that count; those above `RANK_TOLERANCE` where None.
+        blocks: Blocks of full column rank that hold every free freedom; empty for one dense step.
+    """
+
+    closures: Closures
+    row_scale: Array
+    col_scale: Array
+    free: Mask
+    targets: Sequence[Target] = ()
+    rank: int | None = None
+    blocks: Sequence[Block] = ()
+
+    @property
+    def tree(self) -> Tree:
+        """The tree that moves."""
+        return self.closures.tree
+
+    @property
+    def length(self) -> float:
+        """The unit of length of the scaled coordinates [m]."""
+        return float(self.col_scale.max(initial=1.0)) if len(self.col_scale) else 1.0
+
+    def residual(self, q: Array, samples: Index, motion: Motion | None = None) -> Array:
+        """Give the scaled residuals at samples (numbers into the targets), shape (T, rows)."""
+        motion = motion or self.tree.sweep(q)
+        rows = [t.residual(motion, samples) / t.units for t in self.targets]
+        return np.concatenate([self.closures.residual(q, motion) * self.row_scale, *rows], axis=1)
+
+    @cached_property
+    def moving(self) -> Closures:
+        """The closures over the free freedoms."""
+        return self.closures.moved_by(self.free)
+
+    def matrix(self, motion: Motion, *, every: bool = True) -> Array:
+        """Give the scaled rows over all freedoms, or at least over the free ones, shape (T, rows, nv)."""
+        closures = self.closures if every else self.moving
+        K = closures.matrix(motion, (self.row_scale, self.col_scale))
+        if not self.targets:
+            return K
+        rows = [t.matrix(self.tree, motion) / t.units[:, None] * self.col_scale for t in self.targets]
+        return np.concatenate([K, *rows], axis=1)
+
+    def solve(self, K: Array, rhs: Array, damping: Array | None = None) -> Array:
+        """Give the least-norm x of the free freedoms with K x = rhs, scaled, shape (T, nv); others zero."""
+        out = np.zeros((len(K), self.tree.nv))
+        if self.blocks and (damping is None or not damping.any()):
+            hard = self._solve_blocks(K, rhs, out)
+        else:
+            hard = np.arange(len(K))
+        if len(hard):
+            A = K[hard][:, :, self.free]
+            out[np.ix_(hard, self.free)] = _truncated(
+                A, rhs[hard], np.zeros(len(hard)) if damping is None else damping[hard], self.rank
+            )
+        return out
+
+    def turned(self, before: Array, after: Array) -> Array:
+        """Give by how much rows have turned, |J^-1 (J' - J)| over the free freedoms, shape (T,).
+
+        Args:
+            before: J, scaled rows over all freedoms, shape (T, rows, nv).
+            after: J', the same elsewhere.
+        """
+        out = np.zeros(len(before))
+        cols = np.flatnonzero(self.free)
+        whole = Block(np.arange(before.shape[1]), cols, len(cols) if self.rank is None else self.rank)
+        for block in self.blocks or [whole]:
+            rank = len(block.cols) if self.blocks else block.rank
+            J, J_after = (x[:, block.rows[:, None], block.cols] for x in (before, after))
+            out = np.maximum(out, _turned(J, J_after - J, rank))
+        return out
+
+    def _solve_blocks(self, K: Array, rhs: Array, out: Array) -> Index:
+        """Solve block by block into `out`; give the samples where some block is close to singular."""
+        T = len(K)
+        easy = np.ones(T, dtype=bool)
+        shapes: dict[tuple[int, int], list[Block]] = {}
+        for block in self.blocks:
+            shapes.setdefault((len(block.rows), len(block.cols)), []).append(block)
+        for (m, c), group in shapes.items():
+            rows, cols = np.array([b.rows for b in group]), np.array([b.cols for b in group])
+            A = np.concatenate([K[:, rows[:, :, None], cols[:, None, :]], rhs[:, rows, None]], axis=-1)
+            R, order = pivoted_qr(A.reshape(-1, m, c + 1), c, c)
+            x = np.empty((len(R), c))
+            np.put_along_axis(x, order, back_substitute(R[:, :c, :c], R[:, :c, c:])[..., 0], axis=1)
+            out[:, cols] = x.reshape(T, len(group), c)
+            easy &= pivot_ratio(R, c).reshape(T, -1).min(axis=1) > RANK_TOLERANCE
+        return np.flatnonzero(~easy)
+
+
+def _turned(J: Array, change: Array, rank: int) -> Array:
+    """Give |J^-1 change| on the leading singular values (2-norm), shape (T,)."""
+    if 0 in J.shape:
+        return np.zeros(len(J))
+    U, s, Vt = np.linalg.svd(J, full_matrices=False)
+    top = np.maximum(s[:, :rank, None], LOST)
+    part = np.swapaxes(U[:, :, :rank], 1, 2) @ change @ np.swapaxes(Vt[:, :rank], 1, 2) / top
+    out: Array = np.linalg.norm(part, 2, axis=(1, 2))
+    return out
+
+
+def _truncated(K: Array, rhs: Array, damping: Array, rank: int | None) -> Array:
+    """Solve K x = rhs on the leading singular values, damped, least norm, shape (T, columns)."""
+    if 0 in K.shape:
+        return np.zeros((len(K), K.shape[2]))
+    U, s, Vt = np.linalg.svd(K, full_matrices=False)
+    top = s[:, :1]
+    keep = s > RANK_TOLERANCE * top if rank is None else (np.arange(s.shape[1]) < rank) & (s > 0)
+    gain = np.where(keep, s / np.where(keep, s * s + damping[:, None] * top**2, 1.0), 0.0)
+    x: Array = np.einsum("bji,bj->bi", Vt, gain * np.einsum("bji,bj->bi", U, rhs))
+    return x
+
+
+def close(
+    problem: LoopProblem,
+    q: Array,
+    samples: Index | None = None,
+    *,
+    iterations: int = 60,
+    least: bool = False,
+) -> Closed:
+    """Make a problem's rows zero, starting from the positions given.
+
+    Args:
+        problem: Rows and the freedoms that may move.
+        q: Starts, shape (T, nq).
+        samples: Number of each start's sample in the problem's targets, shape (T,).
+        iterations: Most iterations.
+        least: Whether a minimum of the residual will do, closed or not, where damped steps end. Else only
+            undamped ones end it: a target just out of reach has such a minimum at the edge of reach.
+    """
+    tree, q, T = problem.tree, q.copy(), len(q)
+    samples = np.zeros(T, dtype=int) if samples is None else samples
+    motion = tree.sweep(q)
+    residual = problem.residual(q, samples, motion)
+    damping, last = np.zeros(T), np.full(T, np.inf)
+    active = np.arange(T)
+    spent = 0
+    for spent in range(1, iterations + 1):  # noqa: B007 - the count is reported
+        dx = problem.solve(problem.matrix(motion, every=False), -residual[active], damping[active])
+        open_by = np.abs(residual[active]).max(axis=1, initial=0.0)
+        final = least | (damping[active] == 0.0) | (open_by <= ROUNDING)
+        length = np.abs(dx).max(axis=1, initial=0.0)
+        last[active] = np.where(final, length, np.inf)
+        dx *= np.minimum(1.0, LONGEST_STEP / np.where(length > 0, length, 1.0))[:, None]
+        trial = tree.integrate(q[active], dx * problem.col_scale)
+        motion = tree.sweep(trial)
+        new = problem.residual(trial, samples[active], motion)
+        before, after = (np.linalg.norm(r, axis=1) for r in (residual[active], new))
+        good = (after < before) | (length < 1e-6)
+        q[active[good]], residual[active[good]] = trial[good], new[good]
+        lower = damping[active] / 10
+        damping[active] = np.where(good, np.where(lower < 1e-9, 0.0, lower), damping[active] * 10 + 1e-6)
+        done = (length <= SMALLEST_STEP) & final | (damping[active] > 1e6)
+        if done.all():
+            break
+        active = active[~done]
+        motion = tree.sweep(q[active]) if not good.all() else motion.take(~done) if done.any() else motion
+    return Closed(q, np.abs(residual).max(axis=1, initial=0.0), last, spent)
+
+
+def generic_postures(
+    closures: Closures, home: Array, row_scale: Array, col_scale: Array, tolerance: float, *, count: int = 24
+) -> tuple[Array, float]:
+    """Draw assembled postures about a home posture, from which rank and mobility are read.
+
+    Starts spread wider and wider (seeded, so that a robot always gets the same) until enough of them close.
+
+    Args:
+        closures: The module's closures.
+        home: Where to start, shape (nq,).
+        row_scale: Factor of each row.
+        col_scale: Unit of each freedom.
+        tolerance: Largest scaled residual that counts as closed (rounding in the file).
+        count: How many postures are wanted.
+
+    Returns:
+        Postures, shape (at most count, nq), none where nothing closed, and the best residual seen.
+    """
+    rng = np.random.default_rng(2010)
+    tree = closures.tree
+    problem = LoopProblem(closures, row_scale, col_scale, np.ones(tree.nv, dtype=bool))
+    found: list[Array] = []
+    best = np.inf
+    for spread, starts in ((0.15, 2 * count), (0.5, 4 * count), (1.5, 8 * count), (3.0, 16 * count)):
+        noise = rng.uniform(-spread, spread, (starts, tree.nv)) * col_scale
+        closed = close(problem, tree.integrate(np.tile(home, (starts, 1)), noise), least=True)
+        best = min(best, float(closed.residual.min(initial=np.inf)))
+        found.extend(closed.q[(closed.residual <= tolerance) & (closed.step < 1e-6)])
+        if len(found) >= count:
+            break
+    return np.array(found[:count]).reshape(-1, tree.nq), best

@@ -1,0 +1,217 @@
+"""From closure rows to independent velocities: x_dot = Psi u, leg by leg first, then the platforms.
+
+The unknowns x of a module are the joints of its legs and the relative twists of its platforms. Rows and
+columns are scaled by the module's length so that metres and radians compare; ranks are fixed once, at generic
+postures. A leg whose own pivots get small at some sample (a leg or serial singularity) is not pivoted on
+alone there: such samples take one elimination of the whole module with complete freedom of pivots, which
+stays backward stable.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..spatial import Array, Index, Mask
+from .elimination import back_substitute, null_basis, pivot_ratio, pivoted_qr
+
+#: Singular values of scaled rows below this (over the largest) are rounding of the file, not structure.
+RANK_TOLERANCE = 1e-4
+#: The singular values on both sides of the rank must differ by this factor, or the user has to decide.
+RANK_GAP = 100.0
+#: Singular values that count, but lie below this and under such a gap, may yet be a coarse file's rounding.
+SUSPECT = 1e-2
+#: Dependent rows above this (relative) are dependent only up to the rounding of a file.
+ROUNDED = 1e-12
+#: A leg is eliminated alone while its smallest pivot is above this part of its largest (growth at most 1e2).
+LEG_PIVOT = 1e-2
+
+
+@dataclass(frozen=True)
+class Basis:
+    """All motions that keep the loops of a module closed: x_dot = Psi u, x_ddot = Psi u_dot + x_ddot_0.
+
+    Attributes:
+        Psi: Legs' joints and platforms' twists over u, shape (T, n, N), Eqs. (2), (15).
+        drift: x_ddot_0, shape (T, n): what remains at u_dot = 0, Eqs. (6), (36).
+        pivot: Smallest pivot over the largest, shape (T,): near zero the closures are about to lose rank.
+    """
+
+    Psi: Array
+    drift: Array
+    pivot: Array
+
+
+@dataclass
+class Block:
+    """One leg's share of the rows and columns.
+
+    Attributes:
+        rows: Row numbers.
+        cols: Column numbers of the leg's own joints.
+        rank: Number of pivots inside the leg.
+    """
+
+    rows: Index
+    cols: Index
+    rank: int = 0
+
+
+@dataclass(frozen=True)
+class RankReport:
+    """How the rank of a module's closures was decided.
+
+    Attributes:
+        rank: Number of independent rows.
+        rows: Number of rows.
+        kept: Smallest relative singular value that counts (median over generic postures).
+        dropped: Largest one that does not, 0 where every row is independent.
+        doubted: Values on both sides of a gap among those that count that looks like rounding, or None.
+    """
+
+    rank: int
+    rows: int
+    kept: float
+    dropped: float
+    doubted: tuple[float, float] | None = None
+
+    @property
+    def clear(self) -> bool:
+        """True where the gap between kept and dropped values leaves no doubt."""
+        return self.dropped * RANK_GAP <= self.kept
+
+
+def decide_rank(K: Array, tolerance: float) -> RankReport:
+    """Decide the generic rank of scaled rows, shape (samples, rows, columns), by singular values."""
+    rows = K.shape[1]
+    if 0 in K.shape:
+        return RankReport(0, rows, 1.0, 0.0)
+    s = np.linalg.svd(K, compute_uv=False)
+    typical = np.median(s / np.where(s[:, :1] > 0, s[:, :1], 1.0), axis=0)
+    rank = int(np.sum(typical > tolerance))
+    kept = float(typical[rank - 1]) if rank else 1.0
+    dropped = float(typical[rank]) if rank < len(typical) else 0.0
+    above, below = typical[: max(rank - 1, 0)], typical[1 : max(rank, 1)]
+    gaps = np.flatnonzero((above >= RANK_GAP * below) & (below < SUSPECT))
+    doubted = (float(above[gaps[0]]), float(below[gaps[0]])) if len(gaps) else None
+    return RankReport(rank, rows, kept, dropped, doubted)
+
+
+class Reduction:
+    """The block-structured elimination of one module's closures.
+
+    Attributes:
+        n: Number of unknowns.
+        rank: Number of pivots in all.
+        mobility: n - rank, the paper's N_k.
+        row_scale: Factor of each row, shape (rows,).
+        col_scale: Unit of each unknown, shape (n,): x = col_scale * scaled x.
+        report: How the rank was decided.
+    """
+
+    def __init__(self, row_scale: Array, col_scale: Array, blocks: list[Block], shared: Index) -> None:
+        self.row_scale, self.col_scale = row_scale, col_scale
+        self.n = len(col_scale)
+        self._blocks, self._shared = blocks, shared
+        taken = np.concatenate([b.rows for b in blocks]) if blocks else np.zeros(0, dtype=int)
+        self._shared_rows = np.setdiff1d(np.arange(len(row_scale)), taken)
+        self.rank = 0
+        self.report = RankReport(0, len(row_scale), 1.0, 0.0)
+        self._groups: list[list[Block]] = []
+
+    @property
+    def mobility(self) -> int:
+        """Number of independent velocities."""
+        return self.n - self.rank
+
+    def scaled(self, K: Array) -> Array:
+        """Give rows without units, shape (T, rows, n)."""
+        return K * self.row_scale[:, None] * self.col_scale
+
+    def fix_ranks(self, K: Array, tolerance: float) -> None:
+        """Fix the ranks of module and legs from rows at generic postures, shape (samples, rows, n)."""
+        K = self.scaled(K)
+        self.report = decide_rank(K, tolerance)
+        self.rank = self.report.rank
+        alone = len(self._blocks) == 1 and len(self._shared) == 0
+        if alone or self.report.dropped > ROUNDED:
+            # One dense elimination: the same for one leg, and it sees all of a rounded file's rows at once.
+            self._blocks = []
+        for block in self._blocks:
+            report = decide_rank(K[:, block.rows[:, None], block.cols], tolerance)
+            block.rank = report.rank
+            if not report.clear:
+                self._blocks = []
+                break
+        shapes: dict[tuple[int, int, int], list[Block]] = {}
+        for block in self._blocks:
+            shapes.setdefault((len(block.rows), len(block.cols), block.rank), []).append(block)
+        self._groups = list(shapes.values())
+
+    def basis(self, K: Array, gamma: Array) -> Basis:
+        """Give every motion with K x_dot = 0 and K x_ddot + gamma = 0.
+
+        Args:
+            K: Closure rows, shape (T, rows, n).
+            gamma: Drift term, shape (T, rows).
+        """
+        K, gamma = self.scaled(K), gamma * self.row_scale
+        T = len(K)
+        Psi, drift = np.empty((T, self.n, self.mobility)), np.empty((T, self.n))
+        pivot = np.ones(T)
+        easy = np.zeros(T, dtype=bool)
+        if self._groups and self.rank:
+            Psi, drift, pivot, easy = self._by_legs(K, gamma)
+        hard = np.flatnonzero(~easy)
+        if len(hard):
+            Psi[hard], drift[hard], pivot[hard] = null_basis(K[hard], gamma[hard], self.rank)
+        return Basis(Psi * self.col_scale[:, None], drift * self.col_scale, pivot)
+
+    def _by_legs(self, K: Array, gamma: Array) -> tuple[Array, Array, Array, Mask]:
+        """Eliminate leg by leg, then the rows left on the platforms; say which samples that served."""
+        T, P = len(K), len(self._shared)
+        right = np.concatenate([K[:, :, self._shared], gamma[..., None]], axis=-1)
+        reduced, left = [], [right[:, self._shared_rows]]
+        pivot, easy = np.ones(T), np.ones(T, dtype=bool)
+        for group in self._groups:
+            rows, cols = np.array([b.rows for b in group]), np.array([b.cols for b in group])
+            g, m, c, r = len(group), rows.shape[1], cols.shape[1], group[0].rank
+            A = np.concatenate([K[:, rows[:, :, None], cols[:, None, :]], right[:, rows]], axis=-1)
+            R, order = pivoted_qr(A.reshape(T * g, m, c + P + 1), c, r)
+            ratio = pivot_ratio(R, r).reshape(T, g).min(axis=1)
+            easy &= ratio > LEG_PIVOT
+            pivot = np.minimum(pivot, ratio)
+            left.append(R[:, r:, c:].reshape(T, g * (m - r), P + 1))
+            reduced.append((cols, r, order.reshape(T, g, c), R[:, :r].reshape(T, g, r, c + P + 1)))
+        platform = np.concatenate(left, axis=1)
+        rank = self.rank - sum(b.rank for b in self._blocks)
+        free, x0, ratio = null_basis(platform[..., :-1], platform[..., -1], rank)
+        Psi, drift = np.zeros((T, self.n, self.mobility)), np.zeros((T, self.n))
+        Psi[:, self._shared, : P - rank], drift[:, self._shared] = free, x0
+        self._back(reduced, Psi, drift, P - rank)
+        return Psi, drift, np.minimum(pivot, ratio), easy & (ratio > LEG_PIVOT)
+
+    def _back(
+        self, reduced: list[tuple[Index, int, Index, Array]], Psi: Array, drift: Array, first: int
+    ) -> None:
+        """Fill in the legs' joints from the platforms' motion and the legs' own free joints."""
+        T, P = len(Psi), len(self._shared)
+        Psi_p, drift_p = Psi[:, None, self._shared, :], drift[:, None, self._shared, None]
+        for cols, r, order, R in reduced:
+            g, c = cols.shape
+            Y = -back_substitute(
+                R[..., :r].reshape(T * g, r, r), R[..., r:].reshape(T * g, r, c - r + P + 1)
+            ).reshape(T, g, r, c - r + P + 1)
+            own, on_platform, rest = Y[..., : c - r], Y[..., c - r : -1], Y[..., -1:]
+            local = np.zeros((T, g, c, Psi.shape[2] + 1))
+            local[:, :, :r, :-1] = np.matmul(on_platform, Psi_p)
+            local[:, :, :r, -1:] = np.matmul(on_platform, drift_p) + rest
+            for i in range(g):
+                free = slice(first + i * (c - r), first + (i + 1) * (c - r))
+                local[:, i, :r, free] = own[:, i]
+                local[:, i, r:, free] = np.eye(c - r)
+            first += g * (c - r)
+            out = np.empty_like(local)
+            np.put_along_axis(out, order[..., None], local, axis=2)
+            Psi[:, cols], drift[:, cols] = out[..., :-1], out[..., -1]

@@ -1,0 +1,65 @@
+"""Motion of a frame relative to another: placement, velocities, accelerations, for a batch."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..spatial import Array, cross, rotate, rotate_back
+from .tree import Motion
+
+
+@dataclass(frozen=True)
+class RigidMotion:
+    """How a frame moves in a reference frame; all vectors in the reference's axes.
+
+    Attributes:
+        R: Axes, shape (T, 3, 3).
+        p: Origin, shape (T, 3), [m].
+        w: Angular velocity, shape (T, 3), [rad/s].
+        pd: Velocity of the origin, shape (T, 3), [m/s].
+        wd: Angular acceleration, shape (T, 3), [rad/s^2].
+        pdd: Classical acceleration of the origin, shape (T, 3), [m/s^2].
+    """
+
+    R: Array
+    p: Array
+    w: Array
+    pd: Array
+    wd: Array
+    pdd: Array
+
+    @classmethod
+    def at_rest(cls, samples: int, R: Array | None = None, p: Array | None = None) -> RigidMotion:
+        """Give a frame at rest at a placement (identity where left out)."""
+        zero = np.zeros((samples, 3))
+        axes = np.broadcast_to(np.eye(3) if R is None else R, (samples, 3, 3))
+        return cls(axes, np.broadcast_to(zero[0] if p is None else p, (samples, 3)), zero, zero, zero, zero)
+
+    @classmethod
+    def of_body(cls, motion: Motion, body: int) -> RigidMotion:
+        """Give a body of a swept tree in the tree's base."""
+        return cls(*(x[:, body] for x in (motion.R, motion.p, motion.w, motion.pd, motion.wd, motion.pdd)))
+
+    def then(self, inner: RigidMotion) -> RigidMotion:
+        """Give, in this frame's reference, a frame whose motion is known in this frame."""
+        r, w1, pd1 = rotate(self.R, inner.p), rotate(self.R, inner.w), rotate(self.R, inner.pd)
+        wd1, pdd1 = rotate(self.R, inner.wd), rotate(self.R, inner.pdd)
+        return RigidMotion(
+            np.matmul(self.R, inner.R),
+            self.p + r,
+            self.w + w1,
+            self.pd + cross(self.w, r) + pd1,
+            self.wd + cross(self.w, w1) + wd1,
+            self.pdd + cross(self.wd, r) + cross(self.w, cross(self.w, r) + 2 * pd1) + pdd1,
+        )
+
+    def seen_from(self, base: RigidMotion) -> RigidMotion:
+        """Give this frame's motion relative to another frame that is known in the same reference."""
+        r, w = self.p - base.p, self.w - base.w
+        slide = self.pd - base.pd - cross(base.w, r)
+        wd = self.wd - base.wd - cross(base.w, w)
+        pdd = self.pdd - base.pdd - cross(base.wd, r) - cross(base.w, cross(base.w, r) + 2 * slide)
+        R = np.matmul(np.swapaxes(base.R, 1, 2), self.R)
+        return RigidMotion(R, *(rotate_back(base.R, x) for x in (r, w, slide, wd, pdd)))

@@ -1,0 +1,219 @@
+"""What bodies of a tree shall do: poses, whole or some coordinates of them, as rows of a Newton problem.
+
+The coordinates of a partial pose are x, y, z of the body's origin and roll, pitch, yaw (URDF's: R = Rz(yaw)
+Ry(pitch) Rx(roll)) in the base of the tree; any N of them are the paper's v_r of a module with N freedoms.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+import numpy as np
+
+from ..spatial import Array, Index, cross, hat, rotation_from_vector, rotation_vector
+from .tree import Motion, Tree
+
+COORDINATES = ("x", "y", "z", "roll", "pitch", "yaw")
+
+
+class Target(Protocol):
+    """Rows that say what one body shall do."""
+
+    @property
+    def body(self) -> int:
+        """Number of the body."""
+        ...
+
+    @property
+    def units(self) -> Array:
+        """Unit of each row."""
+        ...
+
+    def residual(self, motion: Motion, samples: Index) -> Array:
+        """Give what is missing, shape (T, rows)."""
+        ...
+
+    def matrix(self, tree: Tree, motion: Motion) -> Array:
+        """Give the rows over the rates of the tree, shape (T, rows, nv)."""
+        ...
+
+    def rates(self, motion: Motion, samples: Index) -> tuple[Array, Array]:
+        """Give the rates wanted, and the accelerations wanted less what the rates cause, shapes (T, rows)."""
+        ...
+
+    def between(self, sample: int, fractions: Array) -> Target:
+        """Give the target on the way from a sample to the next, one new sample per fraction, at rest."""
+        ...
+
+    def from_here(self, motion: Motion) -> Target:
+        """Give the target whose sample 0 is what the body does now and whose sample 1 is sample 0."""
+        ...
+
+
+@dataclass(frozen=True)
+class PoseTarget:
+    """A body's whole pose in the base of its tree.
+
+    Attributes:
+        body: Number of the body.
+        R: Its axes at every sample, shape (T, 3, 3).
+        p: Its origin, shape (T, 3), [m].
+        velocity: Velocity of its origin, then angular velocity, shape (T, 6), base axes.
+        acceleration: Their time derivatives (classical), shape (T, 6).
+        units: Unit of each row: the length, and a radian.
+    """
+
+    body: int
+    R: Array
+    p: Array
+    velocity: Array
+    acceleration: Array
+    units: Array
+
+    def residual(self, motion: Motion, samples: Index) -> Array:
+        """Give the pose that is there less the pose wanted, shape (T, 6)."""
+        wanted = self.R[samples]
+        turn = rotation_vector(np.matmul(motion.R[:, self.body], np.swapaxes(wanted, 1, 2)))
+        return np.concatenate([motion.p[:, self.body] - self.p[samples], turn], axis=1)
+
+    def matrix(self, tree: Tree, motion: Motion) -> Array:
+        """Give the rows over the rates, shape (T, 6, nv)."""
+        return tree.jacobian(motion, self.body)
+
+    def rates(self, motion: Motion, samples: Index) -> tuple[Array, Array]:
+        """Give the velocities wanted, and the accelerations wanted less what the rates already cause."""
+        bias = np.concatenate([motion.pdd[:, self.body], motion.wd[:, self.body]], axis=1)
+        return self.velocity[samples], self.acceleration[samples] - bias
+
+    def between(self, sample: int, fractions: Array) -> PoseTarget:
+        """Give the pose on the way from a sample to the next: straight, turning about one axis."""
+        R0, R1, p0, p1 = self.R[sample], self.R[sample + 1], self.p[sample], self.p[sample + 1]
+        turn = rotation_from_vector(fractions[:, None] * rotation_vector(R0.T @ R1))
+        return replace(self, R=R0 @ turn, p=p0 + fractions[:, None] * (p1 - p0))
+
+    def from_here(self, motion: Motion) -> PoseTarget:
+        """Give the way from where the body is now to sample 0."""
+        R, p = motion.R[:1, self.body], motion.p[:1, self.body]
+        return replace(self, R=np.concatenate([R, self.R[:1]]), p=np.concatenate([p, self.p[:1]]))
+
+
+@dataclass(frozen=True)
+class CoordinateTarget:
+    """Some coordinates of a body's pose in the base of its tree.
+
+    Attributes:
+        body: Number of the body.
+        names: Which of `COORDINATES`.
+        R: Axes in which the coordinates are measured, shape (3, 3), base of the tree.
+        p: Their origin, shape (3,), [m].
+        shift: The link's own placement in its body, R (3, 3) and p (3,).
+        value: The coordinates, shape (T, names).
+        rate: Their rates, shape (T, names).
+        acceleration: Their accelerations, shape (T, names).
+        units: Unit of each row.
+    """
+
+    body: int
+    names: tuple[str, ...]
+    R: Array
+    p: Array
+    shift: tuple[Array, Array]
+    value: Array
+    rate: Array
+    acceleration: Array
+    units: Array
+
+    def _rows(self) -> list[int]:
+        """Give the numbers of the coordinates among `COORDINATES`."""
+        return [COORDINATES.index(name) for name in self.names]
+
+    def _frame(self, motion: Motion) -> tuple[Array, Array, Array]:
+        """Give the link's axes and origin in the reference, and its offset in the body, base axes."""
+        R = motion.R[:, self.body]
+        offset = np.matmul(R, self.shift[1])
+        p = motion.p[:, self.body] + offset
+        return np.matmul(self.R.T, np.matmul(R, self.shift[0])), (p - self.p) @ self.R, offset
+
+    def residual(self, motion: Motion, samples: Index) -> Array:
+        """Give the coordinates there less those wanted, shape (T, rows); angles within half a turn."""
+        R, p, _ = self._frame(motion)
+        there = np.concatenate([p, roll_pitch_yaw(R)], axis=1)[:, self._rows()]
+        out: Array = there - self.value[samples]
+        angle = np.array(self._rows()) >= 3
+        out[:, angle] -= 2 * np.pi * np.round(out[:, angle] / (2 * np.pi))
+        return out
+
+    def matrix(self, tree: Tree, motion: Motion) -> Array:
+        """Give the rows over the rates, shape (T, rows, nv)."""
+        R, _, offset = self._frame(motion)
+        J = tree.jacobian(motion, self.body)
+        linear = J[:, :3] - np.matmul(hat(offset), J[:, 3:])
+        turned = np.concatenate([np.matmul(self.R.T, linear), np.matmul(self.R.T, J[:, 3:])], axis=1)
+        rows: Array = np.matmul(_coordinate_map(R), turned)[:, self._rows()]
+        return rows
+
+    def rates(self, motion: Motion, samples: Index) -> tuple[Array, Array]:
+        """Give the rates wanted, and the accelerations wanted less what the rates already cause."""
+        R, _, offset = self._frame(motion)
+        w, wd = motion.w[:, self.body], motion.wd[:, self.body]
+        velocity = motion.pd[:, self.body] + cross(w, offset)
+        bias = motion.pdd[:, self.body] + cross(wd, offset) + cross(w, cross(w, offset))
+        twist = np.concatenate([velocity @ self.R, w @ self.R], axis=1)
+        accel = np.concatenate([bias @ self.R, wd @ self.R], axis=1)
+        caused = np.matmul(_coordinate_map(R), accel[..., None])[..., 0] + _coordinate_drift(R, twist)
+        return self.rate[samples], self.acceleration[samples] - caused[:, self._rows()]
+
+    def between(self, sample: int, fractions: Array) -> CoordinateTarget:
+        """Give the coordinates on the way from a sample to the next."""
+        step = self.value[sample + 1] - self.value[sample]
+        angle = np.array(self._rows()) >= 3
+        step[angle] -= 2 * np.pi * np.round(step[angle] / (2 * np.pi))
+        return replace(self, value=self.value[sample] + fractions[:, None] * step)
+
+    def from_here(self, motion: Motion) -> CoordinateTarget:
+        """Give the way from where the body is now to sample 0."""
+        now = self.residual(motion, np.zeros(len(motion.p), dtype=int))[:1] + self.value[:1]
+        return replace(self, value=np.concatenate([now, self.value[:1]]))
+
+
+def roll_pitch_yaw(R: Array) -> Array:
+    """Give roll, pitch and yaw of rotations (..., 3, 3), URDF's order."""
+    pitch = np.arctan2(-R[..., 2, 0], np.hypot(R[..., 0, 0], R[..., 1, 0]))
+    roll, yaw = np.arctan2(R[..., 2, 1], R[..., 2, 2]), np.arctan2(R[..., 1, 0], R[..., 0, 0])
+    return np.stack([roll, pitch, yaw], -1)
+
+
+def _euler_map(R: Array) -> Array:
+    """Give the angular velocity of unit rates of roll, pitch, yaw as columns, shape (T, 3, 3)."""
+    _, pitch, yaw = np.moveaxis(roll_pitch_yaw(R), -1, 0)
+    E = np.zeros_like(R)
+    E[:, 0, 0], E[:, 1, 0] = np.cos(yaw) * np.cos(pitch), np.sin(yaw) * np.cos(pitch)
+    E[:, 2, 0] = -np.sin(pitch)
+    E[:, 0, 1], E[:, 1, 1] = -np.sin(yaw), np.cos(yaw)
+    E[:, 2, 2] = 1.0
+    return E
+
+
+def _coordinate_map(R: Array) -> Array:
+    """Give rates of the six coordinates over velocity and angular velocity, shape (T, 6, 6)."""
+    out = np.zeros((len(R), 6, 6))
+    out[:, :3, :3] = np.eye(3)
+    out[:, 3:, 3:] = np.linalg.pinv(_euler_map(R))
+    return out
+
+
+def _coordinate_drift(R: Array, twist: Array) -> Array:
+    """Give the coordinates' accelerations at zero acceleration of the body, shape (T, 6)."""
+    E = _euler_map(R)
+    E_inv = np.linalg.pinv(E)
+    rates = np.matmul(E_inv, twist[:, 3:, None])[..., 0]
+    _, pitch, yaw = np.moveaxis(roll_pitch_yaw(R), -1, 0)
+    pitch_dot, yaw_dot = rates[:, 1], rates[:, 2]
+    E_dot = np.zeros_like(E)
+    E_dot[:, 0, 0] = -np.sin(yaw) * np.cos(pitch) * yaw_dot - np.cos(yaw) * np.sin(pitch) * pitch_dot
+    E_dot[:, 1, 0] = np.cos(yaw) * np.cos(pitch) * yaw_dot - np.sin(yaw) * np.sin(pitch) * pitch_dot
+    E_dot[:, 2, 0] = -np.cos(pitch) * pitch_dot
+    E_dot[:, 0, 1], E_dot[:, 1, 1] = -np.cos(yaw) * yaw_dot, -np.sin(yaw) * yaw_dot
+    drift = -np.matmul(E_inv, np.matmul(E_dot, rates[..., None]))[..., 0]
+    return np.concatenate([np.zeros_like(drift), drift], axis=1)

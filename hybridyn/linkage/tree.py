@@ -1,0 +1,250 @@
+"""Positions, velocities and accelerations of a tree of bodies, for a whole batch at once.
+
+One sweep outwards per level of the tree; everything in the axes of the tree's base, which is at rest.
+Velocities and accelerations here are classical: those of each body frame's origin, and the angular ones.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..spatial import (
+    Array,
+    Index,
+    Mask,
+    compose,
+    cross,
+    hat,
+    rotate,
+    rotate_back,
+    samples_inside,
+    select,
+    slices,
+)
+from .joints import NQ, NV, TreeJoint
+
+
+@dataclass(frozen=True)
+class Motion:
+    """What one sweep gives, for every body of the tree; body 0 is the base, at rest.
+
+    Attributes:
+        R: Body axes in the base, shape (T, bodies, 3, 3).
+        p: Body origins in the base, shape (T, bodies, 3), [m].
+        w: Angular velocities, shape (T, bodies, 3), [rad/s], base axes.
+        pd: Velocities of the origins, shape (T, bodies, 3), [m/s], base axes.
+        wd: Angular accelerations, shape (T, bodies, 3), [rad/s^2], base axes.
+        pdd: Classical accelerations of the origins, shape (T, bodies, 3), [m/s^2], base axes.
+    """
+
+    R: Array
+    p: Array
+    w: Array
+    pd: Array
+    wd: Array
+    pdd: Array
+
+    def take(self, samples: Index | Mask) -> Motion:
+        """Give the motion at some samples (numbers or a mask)."""
+        kept = (
+            np.ascontiguousarray(x.transpose(*range(1, x.ndim), 0)[..., samples])
+            for x in (self.R, self.p, self.w, self.pd, self.wd, self.pdd)
+        )
+        return Motion(*(x.transpose(-1, *range(x.ndim - 1)) for x in kept))
+
+    def twist(self, body: int) -> Array:
+        """Give the body's twist relative to the base in its own frame, shape (T, 6): the paper's v_k."""
+        R = self.R[:, body]
+        return np.concatenate([rotate_back(R, self.pd[:, body]), rotate_back(R, self.w[:, body])], axis=-1)
+
+    def acceleration(self, body: int) -> Array:
+        """Give the body's *spatial* acceleration relative to the base in its own frame, shape (T, 6)."""
+        R, w, pd = self.R[:, body], self.w[:, body], self.pd[:, body]
+        linear = self.pdd[:, body] - cross(w, pd)
+        return np.concatenate([rotate_back(R, linear), rotate_back(R, self.wd[:, body])], axis=-1)
+
+
+class Tree:
+    """A base and the bodies that joints hang from it, parents first.
+
+    Attributes:
+        joints: The joints; the child of `joints[i]` is body i + 1.
+        nq: Number of position coordinates.
+        nv: Number of velocities.
+        q_slices: Slice of q of each joint.
+        v_slices: Slice of v of each joint.
+        dof_body: Body that each freedom moves first, shape (nv,).
+        support: Freedoms that move each body, shape (bodies, nv).
+        S_linear: What a unit rate of each freedom does to its body's origin, shape (nv, 3), body frame.
+        S_angular: The angular velocity that it gives, shape (nv, 3), body frame.
+    """
+
+    def __init__(self, joints: list[TreeJoint]) -> None:
+        self.joints = tuple(joints)
+        self.nq, self.nv = sum(NQ[j.kind] for j in joints), sum(NV[j.kind] for j in joints)
+        self.q_slices = slices(NQ[j.kind] for j in joints)
+        self.v_slices = slices(NV[j.kind] for j in joints)
+        self.dof_body = np.repeat(np.arange(1, len(joints) + 1), [NV[j.kind] for j in joints]).astype(int)
+        self._placement_R = np.array([j.R for j in joints]).reshape(-1, 3, 3)
+        self._placement_p = np.array([j.p for j in joints]).reshape(-1, 3)
+        S = np.concatenate([j.S for j in joints], axis=1) if joints else np.zeros((6, 0))
+        self.S_linear, self.S_angular = S[:3].T.copy(), S[3:].T.copy()
+        depth = np.zeros(len(joints) + 1, dtype=int)
+        self.support = np.zeros((len(joints) + 1, self.nv), dtype=bool)
+        for i, joint in enumerate(joints):
+            depth[i + 1] = depth[joint.parent] + 1
+            self.support[i + 1] = self.support[joint.parent]
+            self.support[i + 1, self.v_slices[i]] = True
+        parents = np.array([j.parent for j in joints], dtype=int)
+        self._levels = []
+        for level in range(1, int(depth.max(initial=0)) + 1):
+            children = np.flatnonzero(depth == level)
+            self._levels.append((children, parents[children - 1]))
+        self._turning = {kind: self._of_kind(kind) for kind in ("revolute", "continuous")}
+        self._sliding = self._of_kind("prismatic")
+        self._single = np.array([i for i, j in enumerate(joints) if NV[j.kind] == 1], dtype=int)
+        self._single_dofs = np.array([self.v_slices[i].start for i in self._single], dtype=int)
+        self._turn_parts = _turn_parts(self.joints)
+        self._slides = np.array([j.R @ j.axis for j in joints]).reshape(-1, 3)
+
+    def _of_kind(self, kind: str) -> tuple[Index, Index]:
+        """Give the numbers of the joints of a kind, and where their positions begin in q."""
+        numbers = [i for i, j in enumerate(self.joints) if j.kind == kind]
+        return np.array(numbers, dtype=int), np.array([self.q_slices[i].start for i in numbers], dtype=int)
+
+    def neutral(self) -> Array:
+        """Give the zero position, shape (nq,)."""
+        return np.concatenate([np.zeros(0), *(joint.neutral for joint in self.joints)])
+
+    def integrate(self, q: Array, dq: Array) -> Array:
+        """Move from q along the constant joint twists dq for unit time, shapes (T, nq), (T, nv)."""
+        out = np.empty_like(q)
+        for joint, at, to in zip(self.joints, self.q_slices, self.v_slices, strict=True):
+            out[:, at] = joint.integrate(q[:, at], dq[:, to])
+        return out
+
+    def difference(self, q0: Array, q1: Array) -> Array:
+        """Give the joint twists dq with `integrate(q0, dq) = q1`, shape (T, nv)."""
+        out = np.empty((len(q0), self.nv))
+        for joint, at, to in zip(self.joints, self.q_slices, self.v_slices, strict=True):
+            out[:, to] = joint.difference(q0[:, at], q1[:, at])
+        return out
+
+    def _local(self, q: Array) -> tuple[Array, Array]:
+        """Give every child frame in its parent: rotations (T, joints, 3, 3), origins (T, joints, 3)."""
+        T, n = len(q), len(self.joints)
+        R, p = np.empty((n, 3, 3, T)), np.empty((n, 3, T))  # samples innermost in memory
+        R[:], p[:] = self._placement_R[..., None], self._placement_p[..., None]
+        still, by_cos, by_sin = self._turn_parts
+        for kind, (numbers, at) in self._turning.items():
+            x = q.T[at]
+            cos, sin = (np.cos(x), np.sin(x)) if kind == "revolute" else (x, q.T[at + 1])
+            R[numbers] = (
+                still[numbers, ..., None]
+                + by_cos[numbers, ..., None] * cos[:, None, None]
+                + by_sin[numbers, ..., None] * sin[:, None, None]
+            )
+        numbers, at = self._sliding
+        p[numbers] += self._slides[numbers, :, None] * q.T[at][:, None]
+        R, p = R.transpose(3, 0, 1, 2), p.transpose(2, 0, 1)
+        for i, joint in enumerate(self.joints):
+            if joint.kind in ("spherical", "planar", "floating"):
+                turn, shift = joint.transform(q[:, self.q_slices[i]])
+                R[:, i], p[:, i] = compose(joint.R, turn), joint.p + rotate(joint.R, shift)
+        return R, p
+
+    def sweep(self, q: Array, v: Array | None = None, a: Array | None = None) -> Motion:
+        """Give the motion of every body; rates and accelerations left out are zero.
+
+        With `a` left out, `wd` and `pdd` are what remains at zero joint accelerations (J_dot q_dot).
+
+        Args:
+            q: Joint positions, shape (T, nq).
+            v: Joint rates, shape (T, nv).
+            a: Joint accelerations, shape (T, nv).
+        """
+        T, n = len(q), len(self.joints) + 1
+        R, p = samples_inside((T, n, 3, 3)), samples_inside((T, n, 3))
+        R[:, 0] = np.eye(3)
+        R_local, p_local = self._local(q)
+        for children, parents in self._levels:
+            R0 = select(R, parents)
+            R[:, children] = compose(R0, select(R_local, children - 1))
+            p[:, children] = select(p, parents) + rotate(R0, select(p_local, children - 1))
+        if v is None:
+            rest = np.broadcast_to(0.0, (T, n, 3))
+            return Motion(R, p, rest, rest, rest, rest)
+        w, pd, wd, pdd = (samples_inside((T, n, 3)) for _ in range(4))
+        self._sweep_rates(R, p, v, a, (w, pd, wd, pdd))
+        return Motion(R, p, w, pd, wd, pdd)
+
+    def _sweep_rates(self, R: Array, p: Array, v: Array, a: Array | None, out: tuple[Array, ...]) -> None:
+        """Fill in w, pd, wd, pdd of `Motion`, bodies (R, p) known, parents before their children."""
+        w, pd, wd, pdd = out
+        rel_p, rel_w = self._joint_rates(R, v)
+        acc_p, acc_w = (np.zeros(()), np.zeros(())) if a is None else self._joint_rates(R, a)
+        for children, parents in self._levels:
+            r = select(p, children) - select(p, parents)
+            w0, wd0 = select(w, parents), select(wd, parents)
+            slide, turn = select(rel_p, children), select(rel_w, children)
+            w1, sweep = w0 + turn, cross(w0, r)
+            w[:, children] = w1
+            pd[:, children] = select(pd, parents) + sweep + slide
+            wd1 = wd0 + cross(w0, turn)
+            pdd1 = select(pdd, parents) + cross(wd0, r) + cross(w0, sweep + slide) + cross(w1, slide)
+            if a is not None:
+                wd1 += select(acc_w, children)
+                pdd1 += select(acc_p, children)
+            wd[:, children], pdd[:, children] = wd1, pdd1
+
+    def _joint_rates(self, R: Array, rates: Array) -> tuple[Array, Array]:
+        """Give S times the joint rates per body in base axes: linear and angular, shape (T, bodies, 3)."""
+        T, n = len(R), len(self.joints) + 1
+        linear, angular = np.zeros((2, n, 3, T))  # samples innermost in memory
+        own = rates.T[self._single_dofs][:, None]
+        linear[self._single + 1] = self.S_linear[self._single_dofs, :, None] * own
+        angular[self._single + 1] = self.S_angular[self._single_dofs, :, None] * own
+        for i, (joint, at) in enumerate(zip(self.joints, self.v_slices, strict=True)):
+            if NV[joint.kind] > 1:
+                linear[i + 1] = self.S_linear[at].T @ rates[:, at].T
+                angular[i + 1] = self.S_angular[at].T @ rates[:, at].T
+        return rotate(R, linear.transpose(2, 0, 1)), rotate(R, angular.transpose(2, 0, 1))
+
+    def columns(self, motion: Motion) -> tuple[Array, Array]:
+        """Give what a unit rate of each freedom does to its own body, in base axes.
+
+        Returns:
+            Velocity of the body's origin and angular velocity, each of shape (T, nv, 3). A point x of a body
+            further out moves with `linear + angular x (x - origin of dof_body)`.
+        """
+        R = select(motion.R, self.dof_body)
+        return rotate(R, self.S_linear), rotate(R, self.S_angular)
+
+    def jacobian(self, motion: Motion, body: int, point: Array | None = None) -> Array:
+        """Give the velocity of a point of a body and its angular velocity over the joint rates, base axes.
+
+        Args:
+            motion: Motion of the tree.
+            body: Number of the body.
+            point: The point in the base, shape (T, 3), [m]; the body's origin where left out.
+
+        Returns:
+            Shape (T, 6, nv).
+        """
+        point = motion.p[:, body] if point is None else point
+        linear, angular = self.columns(motion)
+        at_point = linear + cross(angular, point[:, None] - select(motion.p, self.dof_body))
+        J = np.concatenate([at_point, angular], axis=-1) * self.support[body][:, None]
+        return np.swapaxes(J, 1, 2)
+
+
+def _turn_parts(joints: Sequence[TreeJoint]) -> tuple[Array, Array, Array]:
+    """Give C0, C1, C2 of each child's axes in its parent, C0 + C1 cos + C2 sin, shapes (joints, 3, 3)."""
+    parts = np.zeros((3, len(joints), 3, 3))
+    for i, joint in enumerate(joints):
+        along = np.outer(joint.axis, joint.axis)
+        parts[:, i] = joint.R @ np.array([along, np.eye(3) - along, hat(joint.axis)])
+    return parts[0], parts[1], parts[2]

@@ -1,0 +1,122 @@
+"""The constraint manifold of a robot: postures kept assembled, and the independent velocities of its modules.
+
+Its coordinates are those of charts (`chart.py`).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..linkage.elimination import least_squares
+from ..linkage.joints import TRANSLATIONS
+from ..linkage.retraction import Retraction
+from ..spatial import Array
+from ..structure.mechanism import Mechanism
+from ..structure.robot import HybridRobot
+from .chart import Chart, LoopedModule
+from .loop_rows import LoopRows
+
+
+class Manifold:
+    """All assembled postures of a robot.
+
+    Attributes:
+        robot: The robot.
+        looped: Modules with loops.
+        retraction: Moves on the whole spanning tree.
+        unit: Unit of each freedom, shape (nv,).
+        position_unit: Unit of each position coordinate, shape (nq,).
+        mobility: Number of independent velocities.
+    """
+
+    def __init__(self, robot: HybridRobot) -> None:
+        self.robot = robot
+        self.retraction = Retraction(robot.kinds, robot.q_slices, robot.v_slices)
+        self.unit = robot.unit
+        self.looped: list[LoopedModule] = []
+        self._shared: dict[int, LoopRows] = {}
+        free = []
+        for module in robot.modules:
+            m = module.mechanism
+            if m.spanning_closures.rows:
+                self.looped.append(LoopedModule(module, self._rows(m), _retraction(m)))
+            else:
+                free += list(module.v_index)
+        self.free = np.array(sorted(free), dtype=int)
+        self.position_unit = np.ones(robot.nq)
+        for kind, q, v in zip(robot.kinds, robot.q_slices, robot.v_slices, strict=True):
+            slides = q.start + TRANSLATIONS.get(kind, 0)
+            self.position_unit[q.start : slides] = self.unit[v.start]
+        self.mobility = robot.mobility
+
+    def _rows(self, mechanism: Mechanism) -> LoopRows:
+        """Give the rows of a module, shared by equal modules."""
+        if id(mechanism) not in self._shared:
+            self._shared[id(mechanism)] = LoopRows(mechanism)
+        return self._shared[id(mechanism)]
+
+    def chart(self, q: Array, v: Array | None = None, *, bound: bool = True) -> Chart:
+        """Lay a chart about a posture.
+
+        Args:
+            q: Positions, shape (nq,); assembled, or close to it.
+            v: Rates, shape (nv,), which say the branch where closures lose rank.
+            bound: False for a chart of the whole tree, in which closures hold nothing.
+
+        Raises:
+            SingularityError: The rates are on none of the branches that meet there.
+        """
+        return Chart(self, q, v, bound)
+
+    def residual(self, q: Array) -> float:
+        """Give the worst scaled closure residual of a posture, shape (nq,)."""
+        return self.worst(q)[0]
+
+    def worst(self, q: Array) -> tuple[float, str]:
+        """Give the worst scaled closure residual of a posture, and the name of its module."""
+        each = [(float(np.abs(m.rows.at(q[m.module.q_index])[0]).max()), m.module.name) for m in self.looped]
+        return max(each, default=(0.0, ""))
+
+    def pull_back(self, q: Array, v: Array, rate: float) -> Array:
+        """Give Baumgarte's accelerations, shape (nv,): K a = -2 rate K v - rate^2 residual."""
+        out = np.zeros_like(v)
+        for m in self.looped:
+            index, unit = m.module.v_index, m.rows.unit
+            residual, K = m.rows.at(q[m.module.q_index])
+            wanted = -2 * rate * K @ (v[index] / unit) - rate**2 * residual
+            out[index] = unit * least_squares(K[None], wanted[None], rank=m.rows.rank)[0]
+        return out
+
+    def opening(self, q: Array, v: Array) -> tuple[float, str]:
+        """Give how fast the loops open, relative to the rates, and the name of the worst module."""
+        worst, name = 0.0, ""
+        for m in self.looped:
+            x = v[m.module.v_index] / m.rows.unit
+            rate = np.abs(m.rows.at(q[m.module.q_index])[1] @ x).max()
+            size = np.abs(x).max()
+            if size > 0 and rate / size > worst:
+                worst, name = float(rate / size), m.module.name
+        return worst, name
+
+    def project(self, q: Array, v: Array) -> tuple[Array, Array]:
+        """Give the closed posture near q, and the rates near v that keep it closed (least scaled change).
+
+        Raises:
+            AssemblyError: No closed posture was found.
+        """
+        away = self.chart(q, v)
+        closed = away.close()
+        chart = self.chart(closed, v)
+        return closed, self.with_base(v, chart.at_origin(chart.independent(v)))
+
+    def with_base(self, v: Array, moved: Array) -> Array:
+        """Give `moved` with the rates of a prescribed base taken from v."""
+        if self.robot.base == "moving":
+            moved[:6] = v[:6]
+        return moved
+
+
+def _retraction(mechanism: Mechanism) -> Retraction:
+    """Give the moves on a module's spanning tree."""
+    tree = mechanism.spanning
+    return Retraction([j.kind for j in tree.joints], tree.q_slices, tree.v_slices)

@@ -1,0 +1,157 @@
+"""The effects that a scene names, as objects with the scene's own numbers or the robot's."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..description.names import did_you_mean
+from ..effects import UNITS, BaseMotion, Payload, Wrench
+from ..effects.choice import WORDS, listed_units
+from ..errors import HybridynError, TrajectoryError
+from ..spatial import Array
+from ..tables.csv_table import open_table
+from ..tables.signals import POSE, WRENCH
+
+if TYPE_CHECKING:
+    from ..description.side_cars.toml_file import Keys
+    from ..structure.robot import HybridRobot
+    from .scene_file import SceneFile
+
+LISTS = ("payload", "wrench", "base_motion", "use")
+
+
+def units(source: SceneFile, robot: HybridRobot) -> list[Any]:
+    """Give the effect objects of a scene; its own numbers replace those of the robot's files.
+
+    Raises:
+        ModelError: An unknown effect, joint or link, or numbers that make no sense.
+    """
+    tables = source.scene.effects
+    use = [tables.use] if isinstance(tables.use, str) else tables.use
+    for word in use:
+        if word not in (*UNITS, *WORDS):
+            raise source.error(
+                ("effects", "use"),
+                f"there is no effect '{word}'{did_you_mean(word, (*UNITS, *WORDS))}; known: "
+                f"{', '.join((*WORDS, *UNITS))}",
+            )
+    own = {name: values for name, values in tables.stated() if name not in LISTS}
+    spelled = {*own, *(name for name in LISTS[:3] if getattr(tables, name))}
+    words = [word for word in use if word not in spelled]
+    try:
+        found = [unit for unit in listed_units(robot, words) if unit.name not in spelled] if words else []
+    except HybridynError as error:
+        raise source.error(("effects", "use"), str(error)) from None
+    for name, values in own.items():
+        _check_names(source, robot, name, values)
+        found.append(_made(source, ("effects", name), UNITS[name], values))
+    return found + _payloads(source, robot) + _wrenches(source, robot) + _base(source, robot)
+
+
+def _made(source: SceneFile, keys: Keys, kind: type[Any], values: dict[str, Any]) -> Any:
+    """Build an effect, its complaints with file, line and key."""
+    try:
+        return kind(**values)
+    except HybridynError as error:
+        raise source.error(keys, str(error)) from None
+
+
+def _check_names(source: SceneFile, robot: HybridRobot, name: str, values: dict[str, Any]) -> None:
+    """Refuse joints and links that the robot does not have.
+
+    Raises:
+        ModelError: With the nearest name that there is.
+    """
+    points = name == "ground_contact"
+    known = robot.bodies.place if points else robot.body_of_joint
+    for key, numbers in values.items():
+        for entry in numbers if isinstance(numbers, dict) else ():
+            if entry not in known:
+                what = "link" if points else "movable joint"
+                raise source.error(
+                    ("effects", name, key, entry), f"no such {what}{did_you_mean(entry, known)}"
+                )
+
+
+def _link(source: SceneFile, robot: HybridRobot, name: str, number: int, link: str) -> None:
+    if link not in robot.bodies.place:
+        raise source.error(
+            ("effects", name, number, "link"),
+            f"no such link '{link}'{did_you_mean(link, robot.bodies.place)}",
+        )
+
+
+def _payloads(source: SceneFile, robot: HybridRobot) -> list[Any]:
+    out = []
+    for i, table in enumerate(source.scene.effects.payload):
+        _link(source, robot, "payload", i, table.link)
+        values = table.model_dump(exclude_none=True)
+        out.append(_made(source, ("effects", "payload", i), Payload, values))
+    return out
+
+
+def _wrenches(source: SceneFile, robot: HybridRobot) -> list[Any]:
+    out = []
+    for i, table in enumerate(source.scene.effects.wrench):
+        _link(source, robot, "wrench", i, table.link)
+        values: dict[str, Any] = {"link": table.link, "frame": table.frame, "wrench": table.wrench}
+        if table.table is not None:
+            rows = read_rows(source, ("effects", "wrench", i, "table"), table.table,
+                             [f"{table.link}/wrench/{part}" for part in WRENCH])  # fmt: skip
+            values |= {"time": rows[:, 0], "wrench": rows[:, 1:]}
+        out.append(_made(source, ("effects", "wrench", i), Wrench, values))
+    return out
+
+
+def _base(source: SceneFile, robot: HybridRobot) -> list[Any]:
+    table = source.scene.effects.base_motion
+    if table is None:
+        return []
+    keys = ("effects", "base_motion", "table")
+    rows = read_rows(source, keys, table.table, [f"{robot.description.root}/pose/{part}" for part in POSE])
+    return [_made(source, keys, BaseMotion, {"time": rows[:, 0], "pose": rows[:, 1:]})]
+
+
+def read_rows(source: SceneFile, keys: Keys, name: str, columns: list[str]) -> Array:
+    """Read columns of a table beside the scene, time first, and check that it covers the scene.
+
+    Args:
+        source: The scene.
+        keys: Where the scene names the table.
+        name: Path of the table.
+        columns: What to read besides the time.
+
+    Returns:
+        Shape (rows, 1 + columns).
+
+    Raises:
+        ModelError: A column is missing, a cell is wrong, or the table is too short.
+    """
+    wanted = ["time", *columns]
+    try:
+        with open_table(source.beside(name)) as table:
+            absent = [column for column in wanted if column not in table.columns]
+            if absent:
+                raise TrajectoryError("is missing", file=table.file, column=absent[0])
+            rows = np.concatenate([block.values for block in table.blocks])
+            rows = rows[:, [table.columns.index(column) for column in wanted]]
+    except HybridynError as error:
+        raise source.error(keys, str(error)) from None
+    check_covers(source, keys, rows[:, 0])
+    return rows
+
+
+def check_covers(source: SceneFile, keys: Keys, time: Array) -> None:
+    """Refuse a table that is too short for the scene.
+
+    Raises:
+        ModelError: Naming the key.
+    """
+    if time[0] > 0.0 or time[-1] < source.scene.duration:
+        raise source.error(
+            keys,
+            f"the table runs from {time[0]:g} s to {time[-1]:g} s, the scene from 0 to "
+            f"{source.scene.duration:g} s",
+        )

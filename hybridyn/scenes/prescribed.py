@@ -1,0 +1,47 @@
+"""Motors that move as prescribed: nothing is integrated, the efforts follow from the inverse model."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..assembly.assemble import assemble
+from ..dynamics.energy import energy
+from ..dynamics.forward import closure_residual
+from ..dynamics.inverse import idm
+from ..effects import Effects
+from ..simulation.result import Counters, Result
+from ..simulation.system import State
+from ..spatial import Array
+from ..structure.robot import HybridRobot
+from .references import Reference
+
+
+def follow_motion(
+    robot: HybridRobot, reference: Reference, times: Array, effects: Effects, guess: Array
+) -> Result:
+    """Give the motion of a robot whose motors follow a reference exactly, and the efforts that this takes.
+
+    Args:
+        robot: The robot; its motors must determine its posture.
+        reference: The motors' motion.
+        times: Times of the samples, shape (T,), [s].
+        effects: What is computed.
+        guess: Posture near the start, shape (nq,).
+
+    Raises:
+        AssemblyError: A posture out of reach, or motions that no motor determines.
+        ActuationError: A passive motion would need an effort.
+    """
+    x = np.array([reference.at(float(t)) for t in times])
+    motors = {name: tuple(x[:, level, i] for level in range(3)) for i, name in enumerate(robot.motors)}
+    q, v, a = assemble(robot, motors=motors, guess=guess)
+    if effects.base is not None:
+        q, v, a = effects.base.into(robot, times, q, v, a)
+    tau = idm(robot, q, v, a, effects=effects, time=times)
+    stored = energy(robot, q, v, effects=effects)
+    return Result(
+        robot=robot.name, method="prescribed", t=times, q=q, v=v, a=a, tau=tau, kinetic=stored.kinetic,
+        potential=stored.potential, residual=np.asarray(closure_residual(robot, q)), pivot=np.zeros(0),
+        events=(), status="finished", message="", counters=Counters(),
+        state=State(float(times[-1]), q[-1], v[-1], a[-1]), next_step=0.0, on_grid=0, start=float(times[0]),
+    )  # fmt: skip

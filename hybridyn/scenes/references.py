@@ -1,0 +1,213 @@
+"""Wanted motions of the motors, as functions of time: from a table, or from point to point."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import reduce
+
+import numpy as np
+
+from ..assembly.assemble import assemble
+from ..errors import AssemblyError, ModelError, TrajectoryError
+from ..simulation.dense_output import QUINTIC
+from ..spatial import Array, Index, Mask
+from ..structure.robot import HybridRobot
+from ..tables.columns import read_layout
+from ..tables.csv_table import open_table
+from ..tables.trajectory import Motion, read_motions
+
+
+@dataclass(frozen=True)
+class MotorAxes:
+    """Where the motors' positions and rates stand in q and v.
+
+    Attributes:
+        at: First coordinate in q, shape (motors,).
+        columns: Coordinate in v, shape (motors,).
+        turns: Whether q holds cosine and sine there, shape (motors,).
+    """
+
+    at: Index
+    columns: Index
+    turns: Mask
+
+    @staticmethod
+    def of(robot: HybridRobot) -> MotorAxes:
+        """Find a robot's motors.
+
+        Raises:
+            ModelError: A motor has several freedoms.
+        """
+        numbers = [robot.joint_index[name] for name in robot.motors]
+        for name, i in zip(robot.motors, numbers, strict=True):
+            if robot.v_slices[i].stop - robot.v_slices[i].start != 1:
+                raise ModelError(f"motor '{name}' has several freedoms: no controller is made for it")
+        return MotorAxes(
+            np.array([robot.q_slices[i].start for i in numbers], dtype=int),
+            np.array([robot.v_slices[i].start for i in numbers], dtype=int),
+            np.array([robot.kinds[i] == "continuous" for i in numbers], dtype=bool),
+        )
+
+    def positions(self, q: Array) -> Array:
+        """Give the motors' positions, shape (motors,); of endless joints the angle in [-pi, pi]."""
+        x: Array = q[self.at]
+        if self.turns.any():
+            x[self.turns] = np.arctan2(q[self.at[self.turns] + 1], x[self.turns])
+        return x
+
+    def behind(self, wanted: Array, q: Array) -> Array:
+        """Give how far the motors are behind, shape (motors,); endless joints take the short way round."""
+        out = wanted - self.positions(q)
+        out[self.turns] = (out[self.turns] + np.pi) % (2 * np.pi) - np.pi
+        return out
+
+
+@dataclass(frozen=True)
+class Reference:
+    """A wanted motion: quintic polynomials between times at which position and both rates are known.
+
+    Attributes:
+        time: Times, growing, shape (T,), [s].
+        x: Positions, rates and accelerations of the motors there, shape (3, T, motors).
+        holds: Whether the last position holds after the last time; else the motion ends there.
+        guess: A posture near its start, shape (nq,).
+    """
+
+    time: Array
+    x: Array
+    holds: bool
+    guess: Array
+
+    def at(self, t: float) -> tuple[Array, Array, Array]:
+        """Give positions, rates and accelerations of the motors at a time, shape (motors,) each.
+
+        Raises:
+            TrajectoryError: The motion ends before that time.
+        """
+        if t > self.time[-1] and self.holds:
+            return self.x[0, -1], np.zeros_like(self.x[0, -1]), np.zeros_like(self.x[0, -1])
+        if not self.time[0] <= t <= self.time[-1]:
+            raise TrajectoryError(
+                f"the reference runs from {self.time[0]:g} s to {self.time[-1]:g} s; t = {t:g} s is outside"
+            )
+        if len(self.time) == 1:
+            return self.x[0, 0], self.x[1, 0], self.x[2, 0]
+        i = min(int(np.searchsorted(self.time, t, side="right")), len(self.time) - 1)
+        h = self.time[i] - self.time[i - 1]
+        s = (t - self.time[i - 1]) / h
+        scale = np.array([1.0, h, h * h])[:, None]
+        from_start = self.x[0, i - 1]
+        ends = np.concatenate([self.x[:, i - 1] * scale, self.x[:, i] * scale])
+        ends[3] -= from_start  # differences keep digits where positions are large
+        ends[0] = 0.0
+        k = np.arange(6)
+        powers = [np.where(k >= n, s ** np.maximum(k - n, 0), 0.0) for n in range(3)]
+        factors = (np.ones(6), k, k * (k - 1))
+        x, x_dot, x_ddot = (QUINTIC @ (p * f) @ ends for p, f in zip(powers, factors, strict=True))
+        return from_start + x, x_dot / h, x_ddot / (h * h)
+
+
+@dataclass(frozen=True)
+class Point:
+    """Where to be at rest.
+
+    Attributes:
+        time: When [s].
+        joints: Positions of motors [m or rad]; the others stay where they were.
+        platforms: Poses of links instead, as `assemble` takes them.
+    """
+
+    time: float
+    joints: Mapping[str, float]
+    platforms: Mapping[str, object]
+
+
+def from_points(robot: HybridRobot, points: Sequence[Point], start: Array) -> Reference:
+    """Go from point to point, at rest in each, in the motors' coordinates.
+
+    Args:
+        robot: The robot.
+        points: The points, at growing times; the first at 0, or the motion starts at `start`.
+        start: Posture at time 0, shape (nq,).
+
+    Raises:
+        AssemblyError: A point out of reach.
+        TrajectoryError: Unknown names.
+    """
+    axes, q = MotorAxes.of(robot), start
+    times, rows = [0.0], [axes.positions(start)]
+    if points[0].time == 0.0:
+        times, rows = [], []
+    for point in points:
+        for name in point.joints:
+            if name not in robot.motors:
+                raise TrajectoryError(f"'{name}' is not a motor", column=name)
+        try:
+            q, row = _posture(robot, axes, point, q)
+        except AssemblyError as error:
+            error.args = (f"the point at {point.time:g} s: {error}",)
+            raise
+        times.append(point.time)
+        rows.append(row if not rows else rows[-1] + _short(axes, row - rows[-1]))
+    x = np.zeros((3, len(rows), len(robot.motors)))
+    x[0] = rows
+    return Reference(np.array(times), x, True, start)
+
+
+def _posture(robot: HybridRobot, axes: MotorAxes, point: Point, q: Array) -> tuple[Array, Array]:
+    """Give a point's posture near q (q itself where motors say it all) and its motor positions."""
+    if point.platforms:
+        out = assemble(robot, motors=dict(point.joints), platforms=dict(point.platforms), guess=q)[0]
+        return out, axes.positions(out)
+    row = axes.positions(q)
+    for name, value in point.joints.items():
+        row[robot.motors.index(name)] = value
+    out = q.copy()
+    out[axes.at] = np.where(axes.turns, np.cos(row), row)
+    out[axes.at[axes.turns] + 1] = np.sin(row[axes.turns])
+    return out, row
+
+
+def _short(axes: MotorAxes, step: Array) -> Array:
+    """Let endless joints take the short way round."""
+    return np.where(axes.turns, (step + np.pi) % (2 * np.pi) - np.pi, step)
+
+
+def from_table(robot: HybridRobot, path: str) -> Reference:
+    """Follow a table of motors, platforms or a mixture, as `hybridyn idm` reads it.
+
+    Raises:
+        TrajectoryError: The table is wrong, or has no time.
+        AssemblyError: A row out of reach.
+    """
+    axes = MotorAxes.of(robot)
+    motion = read_motion(robot, path)
+    if motion.time is None:
+        raise TrajectoryError("has no column 'time'", file=path)
+    if all(name in motion.joints for name in robot.motors):
+        x = np.stack([np.stack(motion.joints[name]) for name in robot.motors], axis=2)
+        return Reference(motion.time, x, False, robot.home)
+    try:
+        q, v, a = assemble(robot, motors=motion.joints, platforms=motion.platforms)
+    except AssemblyError as error:
+        error.args = (f"{path}: {error}",)
+        raise
+    x = np.stack([np.array([axes.positions(row) for row in q]), v[:, axes.columns], a[:, axes.columns]])
+    x[0][:, axes.turns] = np.unwrap(x[0][:, axes.turns], axis=0)
+    return Reference(motion.time, x, False, q[0])
+
+
+def read_motion(robot: HybridRobot, path: str) -> Motion:
+    """Read a whole table of a motion; the pose of a base that moves may be left out.
+
+    Raises:
+        TrajectoryError: The table is wrong.
+    """
+    with open_table(path) as table:
+        posed = any(name.startswith(f"{robot.description.root}/pose/") for name in table.columns)
+        layout = read_layout(
+            table.columns, robot.description, motors=robot.motors,
+            base=robot.base if posed else "fixed", file=table.file,
+        )  # fmt: skip
+        return reduce(lambda before, block: block.after(before), read_motions(table, layout))

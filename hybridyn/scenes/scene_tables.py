@@ -1,0 +1,291 @@
+"""The tables of a scene file: which keys there are, and of which kind; docs/scenes.md explains them."""
+
+from __future__ import annotations
+
+import typing
+from itertools import pairwise
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, FiniteFloat, model_validator
+
+from ..description.side_cars.effect_tables import EffectTables
+from ..description.side_cars.schema import Schema
+
+NotNegative = Annotated[FiniteFloat, Field(ge=0)]
+Positive = Annotated[FiniteFloat, Field(gt=0)]
+Six = Annotated[list[FiniteFloat], Field(min_length=6, max_length=6)]
+Seven = Annotated[list[FiniteFloat], Field(min_length=7, max_length=7)]
+Three = Annotated[list[FiniteFloat], Field(min_length=3, max_length=3)]
+ByJoint = dict[str, FiniteFloat]
+Gains = NotNegative | dict[str, NotNegative]
+Coordinates = dict[Literal["x", "y", "z", "roll", "pitch", "yaw"], FiniteFloat]
+Poses = dict[str, Seven | Coordinates]
+Twists = dict[str, Six | Coordinates]
+
+
+def exactly_one(table: Schema, *keys: str) -> None:
+    """Refuse a table that has none of some keys, or several.
+
+    Raises:
+        ValueError: Naming them.
+    """
+    given = [key for key in keys if getattr(table, key) is not None]
+    if len(given) != 1:
+        raise ValueError(f"give one of {', '.join(keys)}, not {' and '.join(given) or 'none'}")
+
+
+class RobotTable(Schema):
+    """[robot]: as `hybridyn.load` takes it."""
+
+    file: str
+    base: Literal["fixed", "moving", "floating"] = "fixed"
+    gravity: Three = [0.0, 0.0, -9.81]  # noqa: RUF012 (pydantic copies)
+    motors: list[str] | None = None
+    xacro: dict[str, str | bool | int | float] = Field(default_factory=dict)
+    package_dirs: list[str] = Field(default_factory=list)
+
+
+class RatesTable(Schema):
+    """[initial.rates]."""
+
+    joints: ByJoint = Field(default_factory=dict)
+    platforms: Twists = Field(default_factory=dict)
+
+
+class InitialTable(Schema):
+    """[initial]: positions of joints and poses of platforms, from which the start is assembled."""
+
+    joints: ByJoint = Field(default_factory=dict)
+    platforms: Poses = Field(default_factory=dict)
+    rates: RatesTable = Field(default_factory=RatesTable)
+    on_reference: bool = False
+    project: bool = False
+
+
+class PointTable(Schema):
+    """[[...points]]: where to be at rest, and when."""
+
+    time: NotNegative
+    joints: ByJoint = Field(default_factory=dict)
+    platforms: Poses = Field(default_factory=dict)
+
+
+class ReferenceTable(Schema):
+    """A wanted motion: a table, or points with quintic motions between them."""
+
+    table: str | None = None
+    points: Annotated[list[PointTable], Field(min_length=1)] | None = None
+
+    @model_validator(mode="after")
+    def _one(self) -> ReferenceTable:
+        exactly_one(self, "table", "points")
+        times = [point.time for point in self.points or ()]
+        if any(later <= earlier for earlier, later in pairwise(times)):
+            raise ValueError("the times of points must grow")
+        return self
+
+
+class EffortsTable(Schema):
+    """[controller] kind = "efforts": efforts over time, or constant ones."""
+
+    kind: Literal["efforts"]
+    table: str | None = None
+    efforts: ByJoint | None = None
+
+    @model_validator(mode="after")
+    def _one(self) -> EffortsTable:
+        exactly_one(self, "table", "efforts")
+        return self
+
+
+class PdTable(Schema):
+    """[controller] kind = "pd": tau = kp (x_d - x) + kd (x_d' - x')."""
+
+    kind: Literal["pd"]
+    kp: Gains
+    kd: Gains
+    reference: ReferenceTable
+
+
+class TorqueTable(Schema):
+    """[controller] kind = "computed_torque": the inverse model of x_d'' + kd (x_d' - x') + kp (x_d - x)."""
+
+    kind: Literal["computed_torque"]
+    kp: Gains
+    kd: Gains
+    reference: ReferenceTable
+    effects: list[str] | None = None
+
+
+class PythonTable(Schema):
+    """[controller] kind = "python": a function in a file beside the scene; see `controllers.from_file`."""
+
+    kind: Literal["python"]
+    file: str
+    function: str = "controller"
+
+
+CONTROLLERS: dict[str, type[Schema]] = {
+    "efforts": EffortsTable, "pd": PdTable, "computed_torque": TorqueTable, "python": PythonTable
+}  # fmt: skip
+
+
+class RotorTable(Schema):
+    """[effects.rotor_inertia]."""
+
+    inertia: dict[str, NotNegative]
+
+
+class ViscousTable(Schema):
+    """[effects.viscous_friction]."""
+
+    coefficient: dict[str, NotNegative]
+
+
+class LimitsTable(Schema):
+    """[effects.limits]; left out, those of the robot's files."""
+
+    effort: dict[str, Positive] | None = None
+
+
+class PayloadTable(Schema):
+    """[[effects.payload]]."""
+
+    link: str
+    mass: NotNegative
+    com: Three = [0.0, 0.0, 0.0]  # noqa: RUF012
+    inertia: Annotated[list[Three], Field(min_length=3, max_length=3)] | None = None
+
+
+class WrenchTable(Schema):
+    """[[effects.wrench]]: constant, or over time from a table."""
+
+    link: str
+    wrench: Six | None = None
+    table: str | None = None
+    frame: Literal["link", "world"] = "link"
+
+    @model_validator(mode="after")
+    def _one(self) -> WrenchTable:
+        exactly_one(self, "wrench", "table")
+        return self
+
+
+class BaseMotionTable(Schema):
+    """[effects.base_motion]: how a prescribed base moves."""
+
+    table: str
+
+
+class SceneEffects(EffectTables):
+    """[effects]: words, and the numbers of effects; what is not named is not computed."""
+
+    use: str | list[str] = "default"
+    rotor_inertia: RotorTable | None = None
+    viscous_friction: ViscousTable | None = None
+    limits: LimitsTable | None = None
+    payload: list[PayloadTable] = Field(default_factory=list)
+    wrench: list[WrenchTable] = Field(default_factory=list)
+    base_motion: BaseMotionTable | None = None
+
+
+class SolverTable(Schema):
+    """[solver]: as `hybridyn.simulate` takes it."""
+
+    method: Literal["dopri5", "rk4", "implicit", "conserving"] = "dopri5"
+    step: Positive | None = None
+    rtol: Positive = 1e-8
+    atol: Positive = 1e-10
+    projection: Literal["stages", "steps", "never"] = "stages"
+    baumgarte: Positive | None = None
+
+    @model_validator(mode="after")
+    def _fits(self) -> SolverTable:
+        if self.method in ("rk4", "conserving") and self.step is None:
+            raise ValueError(f"method '{self.method}' takes fixed steps: give step")
+        if self.method in ("conserving", "implicit") and self.projection != "stages":
+            raise ValueError(f"method '{self.method}' lives on the closures: projection must be 'stages'")
+        if self.baumgarte is not None and self.projection != "never":
+            raise ValueError("baumgarte needs projection = 'never'")
+        return self
+
+
+class OutputTable(Schema):
+    """[output]: which times and columns go where."""
+
+    rate: Positive | None = None
+    times: Annotated[list[NotNegative], Field(min_length=1)] | None = None
+    columns: Annotated[list[str], Field(min_length=1)] | None = None
+    file: str | None = None
+
+    @model_validator(mode="after")
+    def _one(self) -> OutputTable:
+        if self.rate is not None and self.times is not None:
+            raise ValueError("give rate or times, not both")
+        if any(later <= earlier for earlier, later in pairwise(self.times or ())):
+            raise ValueError("times must grow")
+        return self
+
+
+class EventTable(Schema):
+    """[[events]]: a joint's position, a coordinate of a link's origin, or a singularity."""
+
+    name: str | None = None
+    joint: str | None = None
+    link: str | None = None
+    singularity: Literal["closures", "motors"] | None = None
+    axis: Literal["x", "y", "z"] = "z"
+    at: FiniteFloat
+    direction: Literal["rising", "falling", "both"] = "both"
+    stop: bool = True
+
+    @model_validator(mode="after")
+    def _one(self) -> EventTable:
+        exactly_one(self, "joint", "link", "singularity")
+        return self
+
+
+class Scene(Schema):
+    """A whole scene."""
+
+    robot: RobotTable
+    duration: Positive
+    initial: InitialTable = Field(default_factory=InitialTable)
+    motion: ReferenceTable | None = None
+    controller: (
+        Annotated[EffortsTable | PdTable | TorqueTable | PythonTable, Field(discriminator="kind")] | None
+    ) = None
+    effects: SceneEffects = Field(default_factory=SceneEffects)
+    solver: SolverTable = Field(default_factory=SolverTable)
+    output: OutputTable = Field(default_factory=OutputTable)
+    events: list[EventTable] = Field(default_factory=list)
+
+    @model_validator(mode="after")
+    def _either(self) -> Scene:
+        if self.motion is not None and self.controller is not None:
+            raise ValueError("give [motion] or [controller], not both")
+        return self
+
+
+def keys_at(place: tuple[str | int, ...], content: dict[str, Any]) -> list[str]:
+    """Give the keys known in the table at a place.
+
+    Args:
+        place: Keys of the table in the file.
+        content: The file's content, for the kind of its controller.
+    """
+    table: type[Schema] = Scene
+    for part in place:
+        if part == "controller":
+            table = CONTROLLERS[content["controller"]["kind"]]
+        elif isinstance(part, str) and part in table.model_fields:
+            inner = _schemas(table.model_fields[part].annotation)
+            table = inner[0] if inner else table
+    return [*table.model_fields]
+
+
+def _schemas(annotation: Any) -> list[type[Schema]]:
+    """Give the schemas in an annotation."""
+    if isinstance(annotation, type) and issubclass(annotation, Schema):
+        return [annotation]
+    return [schema for part in typing.get_args(annotation) for schema in _schemas(part)]

@@ -1,0 +1,250 @@
+"""From a scene file to a robot, its controller and effects, and their simulation."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..description.names import did_you_mean
+from ..description.side_cars.toml_file import Keys
+from ..effects import Effects, choose, with_effects
+from ..loading import load
+from ..simulation.events import Event
+from ..simulation.motion_law import Effort
+from ..simulation.result import Result
+from ..simulation.run import Progress
+from ..simulation.simulate import simulate
+from ..spatial import Array
+from ..structure.robot import HybridRobot
+from . import controllers
+from .effects import check_covers, read_rows, units
+from .events import events
+from .references import Point, Reference, from_points, from_table
+from .scene_file import SceneFile, naming, read_scene
+from .scene_tables import EffortsTable, PdTable, PythonTable, ReferenceTable, TorqueTable
+from .start import initial_state
+
+if TYPE_CHECKING:
+    from ..compiled.model import CompiledRobot
+
+
+@dataclass(frozen=True)
+class Stage:
+    """A scene made ready.
+
+    Attributes:
+        source: The file.
+        robot: The robot, with its payloads.
+        effects: What is computed.
+        q0: Positions at the start, shape (nq,).
+        v0: Rates at the start, shape (nv,).
+        effort: What the motors do: a law of (t, q, v), or constant efforts.
+        motion: The wanted motion, where the motors are prescribed and nothing is integrated.
+        events: What is watched for.
+        output_times: Times of the samples [s], or None for the ends of the steps.
+    """
+
+    source: SceneFile
+    robot: HybridRobot
+    effects: Effects
+    q0: Array
+    v0: Array
+    effort: Effort | Array | None
+    motion: Reference | None
+    events: tuple[Event, ...]
+    output_times: Array | None
+
+
+def stage(
+    path: str | PathLike[str] | SceneFile, *, effort: Effort | Array | None = None, allow_python: bool = False
+) -> Stage:
+    """Read a scene and make it ready.
+
+    Args:
+        path: The scene file.
+        effort: A controller of one's own, instead of the scene's.
+        allow_python: Whether a controller in Python that the scene names may run; it has every right that
+            this process has.
+
+    Raises:
+        HybridynError: Something in the scene is wrong: one line that names file, line and key.
+    """
+    source = path if isinstance(path, SceneFile) else read_scene(Path(path))
+    scene = source.scene
+    with naming(source, ("robot", "file")):
+        robot = load(
+            source.robot, base=scene.robot.base, motors=scene.robot.motors,
+            gravity=(scene.robot.gravity[0], scene.robot.gravity[1], scene.robot.gravity[2]),
+            xacro_args={name: _xacro(value) for name, value in scene.robot.xacro.items()} or None,
+            package_dirs=[source.beside(folder) for folder in scene.robot.package_dirs],
+        )  # fmt: skip
+    acting = units(source, robot) or "none"
+    with naming(source, ("effects",)):
+        robot = with_effects(robot, acting)
+        on = choose(robot, acting)
+    times = _output_times(source)
+    home = initial_state(source, robot, None)
+    if scene.motion is not None:
+        motion = _reference(source, ("motion",), scene.motion, robot, home[0])
+        return Stage(source, robot, on, *home, None, motion, events(source, robot), times)
+    made, reference = (
+        (effort, None) if effort is not None else _effort(source, robot, on, home[0], allow_python)
+    )
+    start = home if reference is None else initial_state(source, robot, reference)
+    return Stage(source, robot, on, *start, made, None, events(source, robot), times)
+
+
+def play(
+    ready: Stage, *, progress: Progress | None = None, checkpoint: str | PathLike[str] | None = None,
+    resume: Result | str | PathLike[str] | None = None, compiled: CompiledRobot | None = None,
+) -> Result:  # fmt: skip
+    """Simulate a scene to its end.
+
+    Args:
+        ready: The scene.
+        progress: As `simulate` takes it.
+        checkpoint: As `simulate` takes it.
+        resume: As `simulate` takes it.
+        compiled: As `simulate` takes it.
+
+    Raises:
+        HybridynError: The start is impossible.
+    """
+    scene, source = ready.source.scene, ready.source
+    if ready.motion is not None:
+        from .prescribed import follow_motion
+
+        if resume is not None:
+            raise source.error(("motion",), "nothing is integrated, so there is nothing to resume")
+        times = np.array([0.0, scene.duration]) if ready.output_times is None else ready.output_times
+        with naming(source, ("motion",)):
+            return follow_motion(ready.robot, ready.motion, times, ready.effects, ready.q0)
+    solver = scene.solver
+    with naming(source, ("solver",)):
+        return simulate(
+            ready.robot, ready.q0, ready.v0, (0.0, scene.duration), effort=ready.effort,
+            effects=ready.effects,
+            method=solver.method, step=solver.step, rtol=solver.rtol, atol=solver.atol,
+            projection=solver.projection, baumgarte=solver.baumgarte, events=ready.events,
+            output_times=ready.output_times, progress=progress, checkpoint=checkpoint, resume=resume,
+            compiled=compiled,
+        )  # fmt: skip
+
+
+def identity(source: SceneFile) -> str:
+    """Give a digest of what a scene says and of the files that it names; its end and outputs do not count."""
+    said = source.scene.model_dump(mode="json", exclude={"duration": True, "output": {"file", "columns"}})
+    digest = hashlib.sha256(json.dumps(said, sort_keys=True).encode())
+    for name in sorted(set(_files(said))):
+        path = Path(source.robot if name == source.scene.robot.file else source.beside(name))
+        digest.update(path.read_bytes() if path.is_file() else b"")
+    return digest.hexdigest()
+
+
+def _files(said: object) -> Iterator[str]:
+    """Give the files that a scene names."""
+    if isinstance(said, dict):
+        for key, value in said.items():
+            if key in ("file", "table") and isinstance(value, str):
+                yield value
+            else:
+                yield from _files(value)
+    elif isinstance(said, list):
+        for value in said:
+            yield from _files(value)
+
+
+def _xacro(value: str | bool | int | float) -> str:
+    """Write a value as xacro reads it."""
+    return str(value).lower() if isinstance(value, bool) else str(value)
+
+
+def _output_times(source: SceneFile) -> Array | None:
+    """Give the times of the samples, or None for every step."""
+    scene = source.scene
+    if scene.output.times is not None:
+        late = next((t for t in scene.output.times if t > scene.duration), None)
+        if late is not None:
+            raise source.error(("output", "times"), f"{late:g} s is after the end, {scene.duration:g} s")
+        return np.array(scene.output.times)
+    if scene.output.rate is None:
+        return None
+    count = int(np.floor(scene.duration * scene.output.rate * (1 + 1e-12)))
+    return np.minimum(np.arange(count + 1) / scene.output.rate, scene.duration)
+
+
+def _reference(
+    source: SceneFile, keys: Keys, table: ReferenceTable, robot: HybridRobot, start: Array
+) -> Reference:
+    """Build a wanted motion, and check that it covers the scene.
+
+    Raises:
+        HybridynError: It is wrong, or too short.
+    """
+    if table.points is not None:
+        for i, point in enumerate(table.points):
+            for name in point.joints:
+                if name not in robot.motors:
+                    raise source.error(
+                        (*keys, "points", i, "joints", name),
+                        f"'{name}' is not a motor{did_you_mean(name, robot.motors)}",
+                    )
+        with naming(source, (*keys, "points")):
+            points = [
+                Point(p.time, p.joints, {k: (pose,) for k, pose in p.platforms.items()}) for p in table.points
+            ]
+            return from_points(robot, points, start)
+    assert table.table is not None
+    with naming(source, (*keys, "table")):
+        out = from_table(robot, source.beside(table.table))
+    check_covers(source, (*keys, "table"), out.time)
+    return out
+
+
+def _effort(
+    source: SceneFile, robot: HybridRobot, on: Effects, start: Array, allow_python: bool
+) -> tuple[Effort | Array | None, Reference | None]:
+    """Build the scene's controller, and the motion that it follows."""
+    table = source.scene.controller
+    with naming(source, ("controller",)):
+        if isinstance(table, EffortsTable):
+            if table.efforts is not None:
+                return controllers.constant(robot, table.efforts), None
+            return _effort_table(source, robot, str(table.table)), None
+        if isinstance(table, PdTable):
+            reference = _reference(source, ("controller", "reference"), table.reference, robot, start)
+            return controllers.Pd(robot, reference, table.kp, table.kd), reference
+        if isinstance(table, TorqueTable):
+            reference = _reference(source, ("controller", "reference"), table.reference, robot, start)
+            known = on if table.effects is None else choose(robot, table.effects)
+            return controllers.ComputedTorque(robot, reference, table.kp, table.kd, known), reference
+        if isinstance(table, PythonTable):
+            return _python(source, robot, table, allow_python), None
+    return None, None
+
+
+def _python(source: SceneFile, robot: HybridRobot, table: PythonTable, allow: bool) -> Effort:
+    """Load a controller in Python, if it is allowed and lies beside the scene."""
+    if Path(table.file).name != table.file or not table.file.endswith(".py"):
+        raise source.error(("controller", "file"), "must be the name of a .py file beside the scene")
+    if not allow:
+        raise source.error(
+            ("controller", "file"),
+            f"the scene wants to run '{table.file}', a program with all your rights: read it, then pass "
+            "allow_python=True",
+        )
+    return controllers.from_file(robot, source.beside(table.file), table.function)
+
+
+def _effort_table(source: SceneFile, robot: HybridRobot, name: str) -> controllers.EffortTable:
+    """Read efforts over time."""
+    columns = [f"{motor}/effort" for motor in robot.motors]
+    rows = read_rows(source, ("controller", "table"), name, columns)
+    return controllers.EffortTable(rows[:, 0], rows[:, 1:])

@@ -1,0 +1,89 @@
+"""Where a scene starts."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..assembly.assemble import assemble
+from ..description.names import did_you_mean
+from ..spatial import Array
+from ..structure.robot import HybridRobot
+from .references import Reference
+from .scene_file import SceneFile, naming
+
+#: Rates that were asked for may differ by this from those that the loops allow, relative to the largest.
+RATES = 1e-6
+
+
+def initial_state(source: SceneFile, robot: HybridRobot, reference: Reference | None) -> tuple[Array, Array]:
+    """Assemble the state at the start, shapes (nq,), (nv,).
+
+    Args:
+        source: The scene.
+        robot: The robot.
+        reference: The motion that the controller follows, where the start may lie on it.
+
+    Raises:
+        HybridynError: It cannot be reached, or its rates would open loops.
+    """
+    initial = source.scene.initial
+    for keys, names in ((("joints",), initial.joints), (("rates", "joints"), initial.rates.joints)):
+        for name in names:
+            if name not in robot.joints:
+                raise source.error(
+                    ("initial", *keys, name), f"no such joint{did_you_mean(name, robot.joints)}"
+                )
+    platforms = {key: (pose, initial.rates.platforms.get(key)) for key, pose in initial.platforms.items()}
+    for key in initial.rates.platforms:
+        if key not in platforms:
+            raise source.error(("initial", "rates", "platforms", key), "its pose is not given in [initial]")
+    joints = {
+        name: (position, initial.rates.joints.get(name, 0.0))
+        for name, position in _positions(source, robot).items()
+    }
+    guess = robot.home
+    if initial.on_reference and reference is not None:
+        x, x_dot, _ = reference.at(0.0)
+        joints = {name: (x[i], x_dot[i]) for i, name in enumerate(robot.motors)}
+        guess = reference.guess
+    with naming(source, ("initial",)):
+        if not joints and not platforms:
+            return robot.home.copy(), np.zeros(robot.nv)
+        q, v, _ = assemble(robot, motors=joints, platforms=platforms, guess=guess)
+    if not initial.project:
+        _check_rates(source, robot, v)
+    return q, v
+
+
+def _positions(source: SceneFile, robot: HybridRobot) -> dict[str, float]:
+    """Give the joint positions that are given; motors not named stay at home where no platform is given."""
+    initial = source.scene.initial
+    joints = dict(initial.joints)
+    wanted = {*initial.rates.joints} if initial.platforms else {*initial.rates.joints, *robot.motors}
+    for name in robot.joints:
+        if name in wanted and name not in joints:
+            i = robot.joint_index[name]
+            q = robot.home[robot.q_slices[i]]
+            if robot.kinds[i] in ("revolute", "prismatic", "continuous"):
+                joints[name] = float(np.arctan2(q[1], q[0]) if robot.kinds[i] == "continuous" else q[0])
+    return joints
+
+
+def _check_rates(source: SceneFile, robot: HybridRobot, v: Array) -> None:
+    """Refuse rates that would open loops: `assemble` lets them yield to the closures.
+
+    Raises:
+        ModelError: Naming the joint whose rate cannot be.
+    """
+    rates = source.scene.initial.rates.joints
+    at = {name: robot.v_slices[robot.joint_index[name]].start for name in rates}
+    found = {name: float(v[i]) for name, i in at.items()}
+    largest = max((abs(rates[name]) / robot.unit[i] for name, i in at.items()), default=0.0)
+    for name in sorted(rates, key=lambda name: name in robot.motors):  # a passive one is named first
+        rate = rates[name]
+        if abs(found[name] - rate) > RATES * largest * robot.unit[at[name]]:
+            raise source.error(
+                ("initial", "rates", "joints", name),
+                f"the rates would open loops: {rate:g} for this joint, of which closed loops allow "
+                f"{found[name]:.6g}. Leave passive joints out, or set project = true",
+            )

@@ -1,0 +1,111 @@
+"""Methods that advance a state by one step on the constraint manifold.
+
+Inside a step the unknowns are the independent coordinates y and velocities u of one chart (`chart.py`),
+laid at the step's start:
+
+    y_dot = L T(xi)^-1 v(y, u),    u_dot = L a(t, q, v),    L = the chart's `independent`
+
+Every stage is lifted to an assembled posture before the direct model sees it. Errors are measured on q and v.
+Near postures of lost rank a stage must move as the step's start foretells; else it is on another branch.
+
+Source:
+    Butcher tableaus: the classical method; Dormand & Prince (1980). Charts by tangent space: Potra &
+    Rheinboldt (1991).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..spatial import Array
+from .system import Coordinates, State, Stepped, System, in_quickest_chart, weighted
+
+
+@dataclass(frozen=True)
+class Explicit:
+    """An explicit Runge-Kutta method.
+
+    Attributes:
+        order: Its order.
+        A: Stage weights, shape (stages, stages).
+        b: Weights of the result.
+        e: Weights of the error estimate over the stages and one more at the result, or None.
+    """
+
+    order: int
+    A: Array
+    b: Array
+    e: Array | None
+
+    def steps(self, system: System, state: State, h: float, count: int) -> list[Stepped]:
+        """Advance by h as often as the compiled path can be trusted to, `count` times at most.
+
+        Its charts are those of joints that are independent everywhere else (`compiled.lift_program`), not of
+        the tangent space at each step's start: results agree to the method's error.
+        """
+        law = system.law
+        tau = law.constant_effort
+        if law.steps is None or tau is None or not system.bound:
+            return []
+        taken = law.steps.take((self.A, self.b, self.e), (state.q, state.v, state.a), tau, h, count)
+        law.evaluations += len(self.b) * len(taken.q)
+        return [
+            Stepped(State(state.t + (k + 1) * h, q, v, a), taken.error_q, taken.error_v, 0, float(pivot))
+            for k, (q, v, a, pivot) in enumerate(zip(taken.q, taken.v, taken.a, taken.pivot, strict=True))
+        ]
+
+    def step(self, system: System, state: State, h: float) -> Stepped:
+        """Advance by h, on the compiled path as far as it can be trusted.
+
+        Raises:
+            AssemblyError: A stage is out of reach.
+        """
+        if taken := self.steps(system, state, h, 1):
+            return taken[0]
+        return in_quickest_chart(system, state, lambda chart: self._step(system, state, h, chart))
+
+    def _step(self, system: System, state: State, h: float, chart: Coordinates) -> Stepped:
+        """Advance by h in a chart.
+
+        Raises:
+            AssemblyError: A stage is out of reach.
+        """
+        u0 = chart.independent(state.v)
+        ky, ku = [u0], [chart.independent(state.a)]
+        for row in self.A[1:]:
+            y, u = (h * weighted(row, k) for k in (ky, ku))
+            t = state.t + h * float(row.sum())
+            y_dot, u_dot, _ = system.rates(chart, np.array([t]), [system.posture(chart, t, y, u0 + u, state)])
+            ky.append(y_dot[0])
+            ku.append(u_dot[0])
+        t = state.t + h
+        end = system.posture(chart, t, h * weighted(self.b, ky), u0 + h * weighted(self.b, ku), state)
+        y_dot, u_dot, a = system.rates(chart, np.array([t]), [end])
+        error_q = error_v = None
+        if self.e is not None:
+            error_q = chart.rates(h * weighted(self.e, [*ky, y_dot[0]]))
+            error_v = chart.rates(h * weighted(self.e, [*ku, u_dot[0]]))
+        return Stepped(State(t, end.q, end.v, a[0]), error_q, error_v, 0, chart.pivot)
+
+
+def _rows(*rows: list[float]) -> Array:
+    """Give a square lower triangular array from ragged rows."""
+    out = np.zeros((len(rows), len(rows)))
+    for i, row in enumerate(rows):
+        out[i, : len(row)] = row
+    return out
+
+
+RK4 = Explicit(4, _rows([], [1 / 2], [0, 1 / 2], [0, 0, 1]), np.array([1 / 6, 1 / 3, 1 / 3, 1 / 6]), None)
+DOPRI5 = Explicit(
+    5,
+    _rows(
+        [], [1 / 5], [3 / 40, 9 / 40], [44 / 45, -56 / 15, 32 / 9],
+        [19372 / 6561, -25360 / 2187, 64448 / 6561, -212 / 729],
+        [9017 / 3168, -355 / 33, 46732 / 5247, 49 / 176, -5103 / 18656],
+    ),
+    np.array([35 / 384, 0, 500 / 1113, 125 / 192, -2187 / 6784, 11 / 84]),
+    np.array([71 / 57600, 0, -71 / 16695, 71 / 1920, -17253 / 339200, 22 / 525, -1 / 40]),
+)  # fmt: skip

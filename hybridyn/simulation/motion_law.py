@@ -1,0 +1,183 @@
+"""What moves a robot in time: efforts, wrenches, a prescribed base, and the direct model's accelerations."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..dynamics.articulation import accelerate, articulate
+from ..dynamics.forward import base_motion as base_of
+from ..dynamics.forward import closure_residual, forward
+from ..dynamics.loads import all_loads
+from ..effects.choice import Choice, choose
+from ..errors import ModelError, TrajectoryError
+from ..spatial import Array
+from ..structure.robot import HybridRobot
+
+if TYPE_CHECKING:
+    from ..compiled.library.steps import Steps
+    from ..compiled.model import CompiledRobot
+
+Effort = Callable[[float, Array, Array], Array]
+Wrenches = Callable[[float, Array, Array], Mapping[str, Array]]
+BaseMotion = Callable[[float], tuple[Array, Array, Array]]
+
+
+#: Effects that store energy and lose none, beside those that are always there.
+CONSERVATIVE = {"gravity", "leg_inertia", "rotor_inertia", "spring"}
+
+
+class MotionLaw:
+    """Accelerations of a robot as a function of time and state.
+
+    Attributes:
+        robot: The robot.
+        on: The effects that are computed.
+        evaluations: States at which the direct model was run so far.
+    """
+
+    def __init__(
+        self,
+        robot: HybridRobot,
+        effort: Effort | Array | None = None,
+        wrenches: Wrenches | Mapping[str, Array] | None = None,
+        base_motion: BaseMotion | None = None,
+        effects: Choice = None,
+        compiled: CompiledRobot | None = None,
+    ) -> None:
+        """Collect what acts; see `simulate` for the arguments.
+
+        Raises:
+            ModelError: Effects that are unknown, without numbers or contradict each other; no inertia;
+                compiled models of another robot, or of other effects, or wrenches, which they do not know.
+            TrajectoryError: Efforts of the wrong shape; a base motion missing, or given to a base that has
+                none.
+        """
+        self.robot, self.evaluations = robot, 0
+        self.on = choose(robot, effects)
+        if self.on.inertia is None:
+            raise ModelError("nothing moves without the effect 'inertia'", element="inertia")
+        self._wrenches, self._base, self._compiled = wrenches, base_motion, compiled
+        if compiled is not None:
+            self._refuse_others(compiled)
+        moves = (base_motion is not None) + (self.on.base is not None)
+        if moves != (robot.base == "moving"):
+            raise TrajectoryError(
+                f"the base of '{robot.name}' is '{robot.base}', and {moves} motions of it are given: a base "
+                "that is 'moving' needs one (base_motion, or the effect 'base_motion'), another none"
+            )
+        self._law = effort if callable(effort) else None
+        self._effort = np.zeros(len(robot.motors))
+        if effort is not None and not callable(effort):
+            self._effort = np.asarray(effort, dtype=float)
+            if self._effort.shape != (len(robot.motors),) or not np.isfinite(self._effort).all():
+                raise TrajectoryError(
+                    f"effort must be {len(robot.motors)} finite numbers, or a callable of (t, q, v)"
+                )
+
+    def _refuse_others(self, compiled: CompiledRobot) -> None:
+        """Refuse compiled models that are not of this robot and these effects.
+
+        Raises:
+            ModelError: They are not.
+        """
+        if compiled.robot is not self.robot:
+            raise ModelError(f"compiled: these models are of another robot object, '{compiled.robot.name}'")
+        if compiled.effects.names != self.on.names:
+            raise ModelError("compiled: these models were compiled with other effects")
+        if self._wrenches is not None:
+            raise ModelError("compiled: compiled models know no wrenches; simulate without compiled=")
+
+    @property
+    def conserves(self) -> bool:
+        """True where nothing acts that could change the energy."""
+        names = set(self.on.names)
+        quiet = names - CONSERVATIVE == {"inertia", "velocity"} and self.robot.base != "moving"
+        return quiet and self._law is None and not self._effort.any() and not self._wrenches
+
+    @property
+    def steps(self) -> Steps | None:
+        """What takes steps in time in C, None where nothing does."""
+        return None if self._compiled is None else self._compiled.library.steps
+
+    @property
+    def constant_effort(self) -> Array | None:
+        """The motor efforts within their limits, shape (motors,), where they are the same at all times."""
+        if self._law is not None:
+            return None
+        limits = self.on.limits
+        return self._effort if limits is None else limits.clip(self.robot, self._effort[None])[0]
+
+    def closure_residual(self, q: Array) -> Array:
+        """Give the worst closure residual of assembled postures, shape (T, nq), relative to lengths, (T,)."""
+        quick = None if self._compiled is None else self._compiled.closure_residual(q)
+        return np.asarray(closure_residual(self.robot, q)) if quick is None else quick
+
+    def effort(self, t: float, q: Array, v: Array) -> Array:
+        """Give the motor efforts, shape (motors,).
+
+        Raises:
+            TrajectoryError: The user's callable gave the wrong shape, or numbers that are not finite.
+        """
+        if self._law is None:
+            return self._effort
+        tau = np.asarray(self._law(t, q, v), dtype=float)
+        if tau.shape != self._effort.shape or not np.isfinite(tau).all():
+            raise TrajectoryError(
+                f"effort(t, q, v) gave {tau} at t = {t:g} s; wanted {len(self._effort)} finite numbers"
+            )
+        return tau
+
+    def place_base(self, t: float, q: Array, v: Array) -> Array:
+        """Enter a prescribed base's pose and twist, in place; give its acceleration, shape (6,)."""
+        if self.on.base is not None:
+            pose, twist, acceleration = (x[0] for x in self.on.base.at(np.array([t])))
+        elif self._base is not None:
+            pose, twist, acceleration = (np.asarray(x, dtype=float) for x in self._base(t))
+        else:
+            return np.zeros(6)
+        q[:7], v[:6] = pose, twist
+        return np.asarray(acceleration)
+
+    def acceleration(self, t: float, q: Array, v: Array) -> Array:
+        """Give the accelerations at one state, shape (nv,); a prescribed base is placed in q and v first."""
+        out: Array = self.accelerations(np.array([t]), q[None], v[None])[0]
+        return out
+
+    def accelerations(self, t: Array, q: Array, v: Array) -> Array:
+        """Give the accelerations at many closed states, shapes (T,), (T, nq), (T, nv).
+
+        A prescribed base is placed in q and v first. These are the recursions of `ddm`, without its checks.
+
+        Raises:
+            SingularityError: A force acts on a motion without inertia, or closures lose rank.
+        """
+        base = np.array([self.place_base(*s) for s in zip(t, q, v, strict=True)])
+        tau = np.array([self.effort(*s) for s in zip(t, q, v, strict=True)]).reshape(len(t), -1)
+        if self.on.limits is not None:
+            tau = self.on.limits.clip(self.robot, tau)
+        self.evaluations += len(t)
+        if self._compiled is not None:
+            quick = self._compiled.accelerations(q, v, tau, base)
+            if quick is not None:
+                return quick
+        loads = all_loads(self.robot, self.on, q, v, t, self._gather(t, q, v))
+        a = np.zeros_like(v)
+        if self.robot.base == "moving":
+            a[:, :6] = base
+        whole = self.on.velocity is not None
+        states = forward(self.robot, q, v, None, self.on.gravity, classical=whole)
+        modules = articulate(self.robot, states, loads, tau, None, passing=True)
+        root = base_of(self.robot, q, v, a, self.on.gravity, classical=whole)[1]
+        accelerate(self.robot, modules, root, q, v, a)
+        return a
+
+    def _gather(self, t: Array, q: Array, v: Array) -> Mapping[str, Array] | None:
+        """Give the wrenches of a batch, each (T, 6) or (6,)."""
+        if not callable(self._wrenches):
+            return self._wrenches
+        each = [self._wrenches(*s) for s in zip(t, q, v, strict=True)]
+        links = sorted({link for one in each for link in one})
+        return {link: np.array([one.get(link, np.zeros(6)) for one in each]) for link in links}

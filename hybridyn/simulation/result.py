@@ -1,0 +1,174 @@
+"""What a simulation gives, and the file in which a run waits to be resumed."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import asdict, dataclass, field, fields, replace
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..errors import TrajectoryError
+from ..spatial import Array
+from ..structure.robot import HybridRobot
+from .events import Found
+from .system import State
+
+#: Layout of the file that `Result.save` writes.
+FORMAT = 1
+
+
+@dataclass
+class Counters:
+    """What a run cost.
+
+    Attributes:
+        steps: Steps taken.
+        rejected: Steps repeated with a shorter one.
+        evaluations: States at which the direct model was run (outputs not counted).
+        iterations: Iterations of nonlinear solves.
+        projections: Steps after which position and velocity were put back on the closures.
+    """
+
+    steps: int = 0
+    rejected: int = 0
+    evaluations: int = 0
+    iterations: int = 0
+    projections: int = 0
+
+
+@dataclass(frozen=True)
+class Result:
+    """A simulated motion. Equal runs give equal bits; no clock stands in it.
+
+    Attributes:
+        robot: Name of the robot.
+        method: The method.
+        t: Times, shape (T,), [s].
+        q: Positions, shape (T, nq).
+        v: Rates, shape (T, nv), [m/s, rad/s].
+        a: Accelerations, shape (T, nv), [m/s^2, rad/s^2].
+        tau: Motor efforts, shape (T, motors), [N or N m].
+        kinetic: Kinetic energy, shape (T,), [J].
+        potential: Potential energy under the effects that are on, shape (T,), [J].
+        residual: Worst closure residual relative to the module's length, shape (T,).
+        pivot: How far closures are from losing rank in every step, shape (steps,): their least relative
+            singular value at its start, or, where it was taken in C, the least pivot met over its usual size.
+        events: What was watched for and happened.
+        status: "finished", "event", "unreachable", "unsolved", "singular" or "interrupted".
+        message: What the status means, empty where finished.
+        counters: What the run cost.
+        state: The state reached, from which `simulate(..., resume=result)` goes on.
+        next_step: The step with which it goes on [s].
+        on_grid: Fixed steps already taken from `start`.
+        start: Start of the grid of fixed steps [s].
+    """
+
+    robot: str
+    method: str
+    t: Array
+    q: Array
+    v: Array
+    a: Array
+    tau: Array
+    kinetic: Array
+    potential: Array
+    residual: Array
+    pivot: Array
+    events: tuple[Found, ...]
+    status: str
+    message: str
+    counters: Counters
+    state: State
+    next_step: float
+    on_grid: int
+    start: float
+
+    @property
+    def energy(self) -> Array:
+        """Kinetic and potential energy together, shape (T,), [J]."""
+        return self.kinetic + self.potential
+
+    def save(self, path: str | PathLike[str]) -> None:
+        """Write the result to a file of NumPy's npz format, at once or not at all."""
+        data: dict[str, Any] = {name: getattr(self, name) for name in _ARRAYS}
+        data["format"] = np.array(FORMAT)
+        data["texts"] = np.array([self.robot, self.method, self.status, self.message])
+        data["counters"] = np.array(list(asdict(self.counters).values()))
+        data["state_t"], data["state_q"], data["state_v"], data["state_a"] = (
+            np.asarray(x) for x in (self.state.t, self.state.q, self.state.v, self.state.a)
+        )
+        data["going_on"] = np.array([self.next_step, float(self.on_grid), self.start])
+        data["event_names"] = np.array([e.name for e in self.events], dtype=str)
+        data["event_t"] = np.array([e.t for e in self.events])
+        data["event_q"] = np.array([e.q for e in self.events]).reshape(-1, self.q.shape[1])
+        data["event_v"] = np.array([e.v for e in self.events]).reshape(-1, self.v.shape[1])
+        part = Path(f"{os.fspath(path)}.part")
+        with part.open("wb") as file:
+            np.savez(file, **data)
+        part.replace(path)
+
+    @staticmethod
+    def load(path: str | PathLike[str]) -> Result:
+        """Read what `save` wrote.
+
+        Raises:
+            TrajectoryError: The file is none of ours.
+        """
+        try:
+            with np.load(path, allow_pickle=False) as file:
+                data = {name: file[name] for name in file.files}
+        except (ValueError, OSError, EOFError) as error:
+            raise TrajectoryError(f"not a result of a simulation: {error}", file=str(path)) from None
+        if int(data.get("format", np.array(0))) != FORMAT:
+            raise TrajectoryError("not a result of a simulation, or of another version", file=str(path))
+        robot, method, status, message = (str(x) for x in data["texts"])
+        events = tuple(
+            Found(str(name), float(t), q, v)
+            for name, t, q, v in zip(*(data[f"event_{x}"] for x in ("names", "t", "q", "v")), strict=True)
+        )
+        state = State(float(data["state_t"]), data["state_q"], data["state_v"], data["state_a"])
+        step, on_grid, start = (float(x) for x in data["going_on"])
+        arrays: dict[str, Any] = {name: data[name] for name in _ARRAYS}
+        return Result(
+            robot=robot, method=method, **arrays, events=events, status=status, message=message,
+            counters=Counters(*(int(x) for x in data["counters"])), state=state, next_step=step,
+            on_grid=int(on_grid), start=start,
+        )  # fmt: skip
+
+
+_ARRAYS = [f.name for f in fields(Result) if f.type == "Array"]
+
+
+@dataclass
+class Samples:
+    """Output states as they come."""
+
+    t: list[float] = field(default_factory=list)
+    q: list[Array] = field(default_factory=list)
+    v: list[Array] = field(default_factory=list)
+
+    def add(self, t: float, q: Array, v: Array) -> None:
+        """Keep one state."""
+        self.t.append(t)
+        self.q.append(q.copy())
+        self.v.append(v.copy())
+
+    def arrays(self, robot: HybridRobot) -> tuple[Array, Array, Array]:
+        """Give times, positions and rates as arrays."""
+        return (
+            np.array(self.t), np.array(self.q).reshape(-1, robot.nq), np.array(self.v).reshape(-1, robot.nv)
+        )  # fmt: skip
+
+
+def joined(first: Result, then: Result) -> Result:
+    """Give one result of a run and its continuation."""
+    arrays: dict[str, Any] = {
+        name: np.concatenate([getattr(first, name), getattr(then, name)]) for name in _ARRAYS
+    }
+    spent = [
+        a + b for a, b in zip(asdict(first.counters).values(), asdict(then.counters).values(), strict=True)
+    ]
+    return replace(then, **arrays, events=first.events + then.events, counters=Counters(*spent))

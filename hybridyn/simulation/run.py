@@ -1,0 +1,168 @@
+"""One run of a simulation: the loop over steps, its events and outputs, and what it gathers."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from os import PathLike
+from typing import Any
+
+import numpy as np
+
+from ..dynamics.energy import Energy, energy
+from ..dynamics.forward import closure_residual
+from ..errors import AssemblyError, SingularityError
+from ..spatial import Array
+from .conserving import Conserving
+from .dense_output import Between
+from .events import Event, Found, crossed, locate
+from .result import Counters, Result, Samples, joined
+from .stepping import Stepper
+from .system import State, StepError, System
+
+#: Steps between two writings of the checkpoint.
+CHECKPOINT_STEPS = 1000
+#: Output samples that go through the direct model together.
+BLOCK = 512
+
+Progress = Callable[[float, float], None]
+
+
+class Run:
+    """One run: the loop over steps, and what it has gathered."""
+
+    def __init__(
+        self, system: System, stepper: Stepper, method: str, events: tuple[Event, ...], wanted: Array | None,
+        state: State, earlier: Result | None,
+    ) -> None:  # fmt: skip
+        self._system, self._stepper, self._method = system, stepper, method
+        self._events, self._wanted, self._state = events, wanted, state
+        self._done, self._samples = earlier, Samples()
+        self._found: list[Found] = []
+        self._pivots: list[float] = []
+        self._next = 0
+        if wanted is not None:
+            ahead = stepper.sign * (wanted - state.t)
+            self._next = int(np.searchsorted(ahead, 0.0, side="left" if earlier is None else "right"))
+        if earlier is None and (
+            wanted is None or (self._next < len(wanted) and wanted[self._next] == state.t)
+        ):
+            self._samples.add(state.t, state.q, state.v)
+            self._next += 1
+        self._values = [e.function(state.t, state.q, state.v) for e in events]
+
+    def to(
+        self, end: float, progress: Progress | None, checkpoint: str | PathLike[str] | None, *, project: bool
+    ) -> Result:
+        """Run to the end, or to what comes before it."""
+        status, message = "finished", ""
+        self._project = project
+        try:
+            while self._stepper.sign * (end - self._state.t) > 0:
+                if self._step():
+                    status, message = "event", f"'{self._found[-1].name}' at t = {self._found[-1].t:g} s"
+                    break
+                if checkpoint is not None and self._stepper.counters.steps % CHECKPOINT_STEPS == 0:
+                    self.result("interrupted", f"checkpoint at t = {self._state.t:g} s").save(checkpoint)
+                if progress is not None:
+                    progress(self._state.t, end)
+        except KeyboardInterrupt:
+            status, message = "interrupted", f"at t = {self._state.t:g} s"
+        except AssemblyError as error:
+            status, message = "unreachable", f"after t = {self._state.t:g} s: {error}"
+        except StepError as error:
+            status, message = "unsolved", str(error)
+        except SingularityError as error:
+            status, message = "singular", f"after t = {self._state.t:g} s: {error}"
+        result = self.result(status, message)
+        if checkpoint is not None:
+            result.save(checkpoint)
+        return result
+
+    def _step(self) -> bool:
+        """Take one step with its events and outputs; say whether an event ends the run."""
+        before = self._state
+        stepped = self._stepper.advance(before)
+        after = stepped.state
+        exact = not isinstance(self._stepper.method, Conserving)
+        between = Between(self._system, before, after, exact=exact, project=self._project)
+        values = [e.function(after.t, after.q, after.v) for e in self._events]
+        found, last = self._events_in(between, before.t, values)
+        if last is not None:
+            a = self._system.law.acceleration(last.t, last.q, last.v)
+            after = State(last.t, last.q, last.v, a)
+        for t in self._outputs(before.t, after.t):
+            self._samples.add(t, *((after.q, after.v) if t == after.t else between.at(t)))
+        if last is not None and self._wanted is not None and self._samples.t[-1:] != [last.t]:
+            self._samples.add(last.t, last.q, last.v)
+        self._found += found
+        self._pivots.append(stepped.pivot)
+        self._state, self._values = after, values
+        return last is not None
+
+    def _events_in(
+        self, between: Between, t0: float, values: list[float]
+    ) -> tuple[list[Found], Found | None]:
+        """Give a step's events in their order, and the first that ends the run."""
+        sign = self._stepper.sign
+        found = []
+        for event, x0, x1 in zip(self._events, self._values, values, strict=True):
+            if crossed(event, x0, x1):
+                found.append((event, locate(event, between, t0, x0)))
+        found.sort(key=lambda pair: sign * pair[1].t)
+        last = next((f for e, f in found if e.terminal), None)
+        kept = [f for _, f in found if last is None or sign * (last.t - f.t) >= 0]
+        return kept, last
+
+    def _outputs(self, t0: float, t1: float) -> list[float]:
+        """Give the output times in a step."""
+        if self._wanted is None:
+            return [t1]
+        out = []
+        while self._next < len(self._wanted) and self._stepper.sign * (t1 - self._wanted[self._next]) >= 0:
+            out.append(float(self._wanted[self._next]))
+            self._next += 1
+        return out
+
+    def result(self, status: str, message: str) -> Result:
+        """Give what there is, completing the samples that came since the last time."""
+        law, robot, counters = self._system.law, self._system.law.robot, self._stepper.counters
+        counters.evaluations = law.evaluations
+        new, stepper = self._complete(), self._stepper
+        result = Result(
+            robot=robot.name, method=self._method, **new, pivot=np.array(self._pivots),
+            events=tuple(self._found), status=status, message=message, counters=replace(counters),
+            state=self._state, next_step=stepper.next_step, on_grid=stepper.on_grid, start=stepper.start,
+        )  # fmt: skip
+        if self._done is not None:
+            result = joined(self._done, result)
+        self._done, self._samples, self._found, self._pivots = result, Samples(), [], []
+        stepper.counters, law.evaluations = Counters(), 0
+        return result
+
+    def _complete(self) -> dict[str, Any]:
+        """Give times, q, v, a, efforts, energies and residuals of the new samples."""
+        law = self._system.law
+        robot, spent = law.robot, law.evaluations
+        late = [self._stepper.sign * (t - self._state.t) > 0 for t in self._samples.t]
+        if any(late):  # an interrupt between the outputs of a step and its end
+            at = late.index(True)
+            for x in (self._samples.t, self._samples.q, self._samples.v):
+                del x[at:]
+        t, q, v = self._samples.arrays(robot)
+        blocks = range(0, len(t), BLOCK)
+        parts = [law.accelerations(*(x[i : i + BLOCK] for x in (t, q, v))) for i in blocks]
+        a = np.concatenate([np.zeros((0, robot.nv)), *parts])
+        tau = np.array([law.effort(*s) for s in zip(t, q, v, strict=True)]).reshape(len(t), len(robot.motors))
+        if law.on.limits is not None:
+            tau = law.on.limits.clip(robot, tau)
+        law.evaluations = spent
+        residual = np.zeros(0)
+        if len(t):
+            closed = self._system.bound
+            residual = law.closure_residual(q) if closed else np.asarray(closure_residual(robot, q))
+        stored = energy(robot, q, v, effects=law.on) if len(t) else Energy(np.zeros(0), np.zeros(0))
+        return {
+            "t": t, "q": q, "v": v, "a": a, "tau": tau, "kinetic": stored.kinetic,
+            "potential": stored.potential, "residual": residual,
+        }  # fmt: skip

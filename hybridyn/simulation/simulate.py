@@ -1,0 +1,208 @@
+"""`simulate`: a robot's motion in time, on the manifold of its assembled postures."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from os import PathLike
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..dynamics.forward import as_batch
+from ..dynamics.state_checks import CLOSED
+from ..effects.choice import Choice
+from ..errors import AssemblyError, SingularityError, TrajectoryError
+from ..manifold.manifold import Manifold
+from ..spatial import Array
+from ..structure.robot import HybridRobot
+from .events import Event
+from .motion_law import BaseMotion, Effort, MotionLaw, Wrenches
+from .result import Result
+from .run import Progress, Run
+from .stepping import Stepper, build_method, control_of
+from .system import State, System
+
+if TYPE_CHECKING:
+    from ..compiled.model import CompiledRobot
+
+PROJECTIONS = ("stages", "steps", "never")
+#: Part of the rates that closing the loops may change; elsewhere it is no more than they open loops by.
+TURNED = 1e-3
+
+
+def simulate(
+    robot: HybridRobot,
+    q0: Array | None,
+    v0: Array | None,
+    times: Sequence[float] | Array,
+    *,
+    effort: Effort | Array | None = None,
+    effects: Choice = None,
+    wrenches: Wrenches | Mapping[str, Array] | None = None,
+    base_motion: BaseMotion | None = None,
+    method: str = "dopri5",
+    step: float | None = None,
+    rtol: float = 1e-8,
+    atol: float = 1e-10,
+    projection: str = "stages",
+    baumgarte: float | None = None,
+    events: Sequence[Event] = (),
+    output_times: Sequence[float] | Array | None = None,
+    initial_velocity: str = "refuse",
+    progress: Progress | None = None,
+    checkpoint: str | PathLike[str] | None = None,
+    resume: Result | str | PathLike[str] | None = None,
+    compiled: CompiledRobot | None = None,
+) -> Result:
+    """Integrate a robot's motion.
+
+    Args:
+        robot: The robot.
+        q0: Positions at the start, shape (nq,), assembled; not used with `resume`.
+        v0: Rates at the start, shape (nv,), [m/s, rad/s]; not used with `resume`.
+        times: Start and end [s], or all the times wanted, in order; an end before the start runs backwards.
+        effort: Efforts in the order of `robot.motors`, shape (motors,), [N or N m], or a function of (t, q,
+            v) that gives them; none where left out.
+        effects: As in `ddm`; their tables follow the simulated time.
+        wrenches: For each link a wrench ON it, shape (6,), [N, N m], in its frame, or a function of (t, q, v)
+            that gives such a mapping.
+        base_motion: For base="moving", a function of t that gives the root's pose x, y, z, qx, qy, qz, qw,
+            its twist and its spatial acceleration, both in its own frame (Pinocchio's).
+        method: "dopri5": adaptive, orders 5 and 4. "rk4": fixed steps, order 4. "implicit": L-stable, order
+            3, for stiff scenes, adaptive unless `step` is given. "conserving": fixed steps, order 2,
+            conserves energy.
+        step: Length of fixed steps [s]; for "dopri5" that of the first step.
+        rtol: Relative tolerance of one step's error in q and v (adaptive methods), see `stepping.Control`.
+        atol: Absolute tolerance, in radians and module lengths, and those per second.
+        projection: "stages": every stage is assembled, closures never open. "steps": closures may open within
+            a step and are closed after it where they are open by more than 1e-11. "never": they drift; for
+            comparison.
+        baumgarte: Rate [1/s] of Baumgarte's stabilisation, with projection="never"; for comparison.
+        events: What to watch for; found on the dense output to rounding.
+        output_times: Times of the samples; the ends of the steps where left out (or `times`, if more than
+            two).
+        initial_velocity: "refuse" a velocity at the start that does not keep the loops closed, or "project"
+            it.
+        progress: Called after every step with the time reached and the end.
+        checkpoint: File that holds the run's result so far, written every 1,000 steps and at the end.
+        resume: An earlier result, or its file, whose run goes on; the same arguments give the same bits as
+            one run.
+        compiled: `hybridyn.compile(robot, effects)`, which then gives the accelerations, and takes steps of
+            "rk4" and "dopri5" in C. Accelerations agree to rounding; a step's error is the method's, in
+            coordinates of independent joints instead of those of the tangent space. The general path takes
+            over where the compiled one cannot be trusted.
+
+    Returns:
+        The motion; `status` and `message` say how it ended. Postures that the loops cannot reach, and a
+        keyboard interrupt, end a run without losing what was computed.
+
+    Raises:
+        AssemblyError: The start does not close the loops, in position or velocity.
+        SingularityError: A force acts at the start on a motion without inertia, or closures lose rank there
+            and the rates are on none of the branches that meet.
+        TrajectoryError: Wrong arguments.
+        ModelError: The method is not for this robot.
+    """
+    control = control_of(method, step, rtol, atol)
+    _check_options(projection, baumgarte, initial_velocity, method)
+    times = _times(times, "times")
+    wanted = None if output_times is None else _times(output_times, "output_times")
+    if wanted is None and len(times) > 2:
+        wanted = times
+    manifold = Manifold(robot)
+    law = MotionLaw(robot, effort, wrenches, base_motion, effects, compiled)
+    system = System(manifold, law, projection == "stages", projection == "steps", baumgarte)
+    earlier = Result.load(resume) if isinstance(resume, str | PathLike) else resume
+    state = _start(system, q0, v0, float(times[0]), initial_velocity) if earlier is None else earlier.state
+    stepper = Stepper(system, build_method(method, system), control, projection, float(times[-1]), state)
+    if earlier is not None:
+        if (earlier.robot, earlier.method) != (robot.name, method):
+            raise TrajectoryError(f"resume: that run was of '{earlier.robot}' by '{earlier.method}'")
+        stepper.resume(earlier.next_step, earlier.on_grid, earlier.start)
+    run = Run(system, stepper, method, tuple(events), wanted, state, earlier)
+    return run.to(float(times[-1]), progress, checkpoint, project=projection != "never")
+
+
+def _times(times: Sequence[float] | Array, name: str) -> Array:
+    """Give times as an array.
+
+    Raises:
+        TrajectoryError: Not finite, not in order, or too few.
+    """
+    out = np.asarray(times, dtype=float)
+    least = 2 if name == "times" else 1
+    if out.ndim != 1 or len(out) < least or not np.isfinite(out).all():
+        raise TrajectoryError(f"{name} must be at least {least} finite numbers in order, not {times}")
+    steps = np.diff(out)
+    if len(steps) and not ((steps > 0).all() or (steps < 0).all()):
+        raise TrajectoryError(f"{name} must all rise or all fall")
+    return out
+
+
+def _check_options(projection: str, baumgarte: float | None, initial_velocity: str, method: str) -> None:
+    """Refuse options that mean nothing.
+
+    Raises:
+        TrajectoryError: Naming the option.
+    """
+    if projection not in PROJECTIONS:
+        raise TrajectoryError(f"projection must be one of {', '.join(PROJECTIONS)}, not {projection!r}")
+    if initial_velocity not in ("refuse", "project"):
+        raise TrajectoryError(f"initial_velocity must be 'refuse' or 'project', not {initial_velocity!r}")
+    if baumgarte is not None and projection != "never":
+        raise TrajectoryError("baumgarte is for projection='never': what is projected needs no stabilisation")
+    if method in ("conserving", "implicit") and projection != "stages":
+        raise TrajectoryError(f"method '{method}' lives on the closures: projection must be 'stages'")
+
+
+def _refuse_turned(manifold: Manifold, given: Array, v: Array) -> None:
+    """Refuse rates that keep the loops closed to first order only, where closures lose rank next to them.
+
+    Raises:
+        SingularityError: Putting them on the closures changes them.
+    """
+    change, size = (float(np.abs(x / manifold.unit).max(initial=0.0)) for x in (v - given, given))
+    if change > TURNED * size:
+        raise SingularityError(
+            f"v0 is {change / size:.2g} of itself away from what the loops allow: closures lose rank next to "
+            "q0, and these rates are on none of the branches that meet there. Take them from "
+            'hybridyn.assemble, or pass initial_velocity="project"',
+            what="closures", condition=np.inf,
+        )  # fmt: skip
+
+
+def _start(system: System, q0: Array | None, v0: Array | None, t: float, initial_velocity: str) -> State:
+    """Give the state at the start, closed to rounding.
+
+    Raises:
+        AssemblyError: Naming the module whose loops q0 or v0 leave open.
+        TrajectoryError: Wrong shapes.
+    """
+    manifold, law = system.manifold, system.law
+    robot = manifold.robot
+    if q0 is None or v0 is None:
+        raise TrajectoryError("q0 and v0 are needed where nothing is resumed")
+    q, v = as_batch(q0, robot.nq, "q0")[0][0].copy(), as_batch(v0, robot.nv, "v0")[0][0].copy()
+    law.place_base(t, q, v)
+    rounding = max((m.module.mechanism.rounding for m in manifold.looped), default=0.0)
+    residual, name = manifold.worst(q)
+    if residual > CLOSED + rounding:
+        raise AssemblyError(
+            f"module '{name}': q0 does not close the loops: open by {residual:.2g} of the module's length "
+            f"(limit {CLOSED + rounding:.0e}). Take it from hybridyn.assemble",
+            module=name, residual=residual,
+        )  # fmt: skip
+    opening, name = manifold.opening(q, v)
+    if opening > CLOSED + rounding and initial_velocity == "refuse":
+        raise AssemblyError(
+            f"module '{name}': v0 does not keep the loops closed: they open at {opening:.2g} of the largest "
+            f"rate (limit {CLOSED + rounding:.0e}). Take it from hybridyn.assemble, or pass "
+            'initial_velocity="project"',
+            module=name, residual=opening,
+        )  # fmt: skip
+    if manifold.looped:
+        given = v
+        q, v = manifold.project(q, v)
+        if initial_velocity == "refuse":
+            _refuse_turned(manifold, given, v)
+    return State(t, q, v, system.acceleration(t, q, v))

@@ -1,0 +1,232 @@
+"""Choosing steps: a fixed grid, or as long as the error allows; what to do where a step fails."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+import numpy as np
+
+from ..errors import AssemblyError, TrajectoryError
+from ..manifold.chart import AmbiguousBranchError
+from .conserving import Conserving
+from .explicit import DOPRI5, RK4, Explicit
+from .implicit import Implicit
+from .result import Counters
+from .system import State, StepError, Stepped, System
+
+METHODS = ("rk4", "dopri5", "implicit", "conserving")
+#: Closures and their rates (relative) are put right after a step that leaves them more open than this.
+DRIFT = 1e-11
+#: The shortest step, relative to the longest time in play.
+SHORTEST = 1e-13
+#: A grid point closer to the end than this part of a step is the end.
+SAME_POINT = 1e-9
+#: A fixed step that comes too near to another branch is taken in two parts, the first this long.
+PART = 0.38
+#: Most times that a step is parted.
+PARTINGS = 8
+#: Steps of the grid that the compiled path takes in one go.
+AHEAD = 64
+
+
+class Method(Protocol):
+    """What advances a state by one step."""
+
+    def step(self, system: System, state: State, h: float) -> Stepped:
+        """Advance by h."""
+        ...
+
+
+@dataclass(frozen=True)
+class Control:
+    """How steps are chosen.
+
+    Attributes:
+        fixed: Length of every step [s], or None where errors choose it.
+        first: Length of the first chosen step [s], or None.
+        rtol: Error of rates relative to the largest scaled rate, and of positions per radian or module
+            length.
+        atol: Absolute error, in radians and module lengths, and those per second.
+        order: Order of the error estimate plus one.
+    """
+
+    fixed: float | None
+    first: float | None
+    rtol: float
+    atol: float
+    order: int
+
+
+def control_of(method: str, step: float | None, rtol: float, atol: float) -> Control:
+    """Give a method's control.
+
+    Raises:
+        TrajectoryError: An unknown method, a missing step, or numbers that are not positive.
+    """
+    if method not in METHODS:
+        raise TrajectoryError(f"unknown method {method!r}; choose one of {', '.join(METHODS)}")
+    for name, x in (("step", step), ("rtol", rtol), ("atol", atol)):
+        if x is not None and not (np.isfinite(x) and x > 0):
+            raise TrajectoryError(f"{name} must be positive, not {x}")
+    if method in ("rk4", "conserving") and step is None:
+        raise TrajectoryError(f"method '{method}' takes fixed steps: give step [s]")
+    fixed = step if method != "dopri5" else None
+    return Control(fixed, step, rtol, atol, 5 if method == "dopri5" else 3)
+
+
+def build_method(method: str, system: System) -> Explicit | Implicit | Conserving:
+    """Give the method of a name."""
+    if method == "conserving":
+        return Conserving(system.law)
+    if method == "implicit":
+        return Implicit()
+    return RK4 if method == "rk4" else DOPRI5
+
+
+class Stepper:
+    """Steps from a start to an end.
+
+    Attributes:
+        counters: What was spent.
+        next_step: Length of the next step, signed [s].
+        on_grid: Fixed steps taken since `start`.
+        start: Start of the grid of fixed steps [s].
+        method: The method.
+    """
+
+    def __init__(
+        self, system: System, method: Method, control: Control, projection: str, end: float, begin: State
+    ) -> None:
+        self._system, self.method, self._control = system, method, control
+        self._drifts = projection == "steps"
+        self._end = end
+        self.sign = 1.0 if end >= begin.t else -1.0
+        self.counters = Counters()
+        self.on_grid, self.start = 0, begin.t
+        self.next_step = self.sign * (control.fixed or control.first or self._first(begin))
+        self._ahead: list[Stepped] = []
+        self._reached: State | None = None
+
+    def resume(self, next_step: float, on_grid: int, start: float) -> None:
+        """Go on as an earlier run would have."""
+        self.next_step = next_step
+        if self._control.fixed is None or abs(next_step) == self._control.fixed:
+            self.on_grid, self.start = on_grid, start
+
+    def advance(self, state: State) -> Stepped:
+        """Take one step that meets the control.
+
+        Raises:
+            AssemblyError: The motion leaves the postures that the loops can reach, whatever the step.
+            StepError: A step's equations cannot be solved.
+        """
+        stepped = self._fixed(state) if self._control.fixed else self._chosen(state)
+        self.counters.steps += 1
+        self.counters.iterations += stepped.iterations
+        return self._projected(stepped) if self._drifts else stepped
+
+    def _fixed(self, state: State) -> Stepped:
+        """Step to the next point of the grid, or to the end."""
+        h = self.next_step
+        if (
+            state.t != self.start + self.on_grid * h
+        ):  # a run that ended between grid points goes on from there
+            self.start, self.on_grid = state.t, 0
+        target = self.start + (self.on_grid + 1) * h
+        beyond = self.sign * (target - self._end)
+        if beyond > -SAME_POINT * abs(h):
+            target = self._end
+        whole = abs(beyond) <= SAME_POINT * abs(h) or beyond < 0
+        stepped = self._taken_ahead(state, h) if whole else None
+        stepped = stepped or self._in_parts(state, h if whole else target - state.t, PARTINGS)
+        self.on_grid += 1
+        at = stepped.state
+        self._reached = State(target, at.q, at.v, at.a)
+        return replace(stepped, state=self._reached)
+
+    def _taken_ahead(self, state: State, h: float) -> Stepped | None:
+        """Give the next of the steps that the compiled path took in one go; None where it took none."""
+        if state is not self._reached:
+            self._ahead = []
+        if not self._ahead and isinstance(self.method, Explicit):
+            left = int(abs(self._end - state.t) / abs(h) + SAME_POINT)
+            self._ahead = self.method.steps(self._system, state, h, min(left, AHEAD))[::-1]
+        return self._ahead.pop() if self._ahead else None
+
+    def _in_parts(self, state: State, h: float, partings: int) -> Stepped:
+        """Step by h, in unequal parts where a stage would come too near to another branch.
+
+        Raises:
+            AmbiguousBranchError: Shorter steps do as well.
+        """
+        try:
+            return self.method.step(self._system, state, h)
+        except AmbiguousBranchError:
+            if not partings:
+                raise
+        first = self._in_parts(state, PART * h, partings - 1)
+        second = self._in_parts(first.state, state.t + h - first.state.t, partings - 1)
+        self.counters.iterations += first.iterations
+        return replace(second, error_q=None, error_v=None, pivot=min(first.pivot, second.pivot))
+
+    def _chosen(self, state: State) -> Stepped:
+        """Repeat a step until its error is small enough."""
+        shortest = SHORTEST * max(abs(state.t), abs(self._end), abs(self._end - state.t))
+        while True:
+            left = self._end - state.t
+            h = self.next_step
+            last = abs(h) >= abs(left) * (1 - SAME_POINT)
+            if last:
+                h = left
+            failure: AssemblyError | StepError | None = None
+            try:
+                stepped = self.method.step(self._system, state, h)
+                error = self._error(state, stepped)
+            except (AssemblyError, StepError) as caught:
+                failure, error = caught, np.inf
+            factor = (
+                0.25
+                if failure
+                else float(np.clip(0.9 * max(error, 1e-10) ** (-1 / self._control.order), 0.2, 5))
+            )
+            if error <= 1.0:
+                if not (last and factor > 1 and abs(h) < abs(self.next_step)):
+                    self.next_step = h * factor
+                return replace(stepped, state=replace(stepped.state, t=self._end)) if last else stepped
+            self.counters.rejected += 1
+            self.next_step = h * min(factor, 0.9)
+            if abs(self.next_step) < shortest:
+                raise failure or StepError(
+                    f"the error of a step at t = {state.t:g} s stays above the tolerance down to "
+                    f"{abs(h):.1g} s; the motion is not smooth there, or stiff: try method='implicit'"
+                )
+
+    def _error(self, state: State, stepped: Stepped) -> float:
+        """Give the worst error relative to its tolerance."""
+        if stepped.error_q is None or stepped.error_v is None:
+            return 0.0
+        unit = self._system.manifold.unit
+        speed = max(float(np.abs(x / unit).max(initial=0.0)) for x in (state.v, stepped.state.v))
+        of_q = np.abs(stepped.error_q / unit).max(initial=0.0) / (self._control.atol + self._control.rtol)
+        of_v = np.abs(stepped.error_v / unit).max(initial=0.0) / (
+            self._control.atol + self._control.rtol * speed
+        )
+        worst = float(max(of_q, of_v))
+        return worst if np.isfinite(worst) else np.inf
+
+    def _projected(self, stepped: Stepped) -> Stepped:
+        """Put position and velocity back on the closures, where they have left them."""
+        manifold, state = self._system.manifold, stepped.state
+        if manifold.residual(state.q) <= DRIFT and manifold.opening(state.q, state.v)[0] <= DRIFT:
+            return stepped
+        self.counters.projections += 1
+        q, v = manifold.project(state.q, state.v)
+        return replace(stepped, state=State(state.t, q, v, self._system.acceleration(state.t, q, v)))
+
+    def _first(self, state: State) -> float:
+        """Guess a first step from how fast the robot moves and accelerates."""
+        unit = self._system.manifold.unit
+        v, a = (float(np.abs(x / unit).max(initial=0.0)) for x in (state.v, state.a))
+        span = abs(self._end - state.t)
+        return 0.01 * min(10 * span, 1 / v if v > 0 else span * 10, 1 / np.sqrt(a) if a > 0 else span * 10)

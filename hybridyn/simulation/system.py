@@ -1,0 +1,205 @@
+"""What is integrated: states, accelerations on the manifold, and the charts in which steps are taken."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+
+from ..errors import HybridynError
+from ..manifold.chart import AmbiguousBranchError, Chart, Posture
+from ..manifold.manifold import Manifold
+from ..spatial import Array
+from .motion_law import MotionLaw
+
+if TYPE_CHECKING:
+    from ..compiled.library.steps import JointChart
+
+#: Part of the speed by which rates may differ from those foretold where another branch is near.
+TURN = 0.3
+
+
+class StepError(HybridynError):
+    """A step could not be solved; a shorter one may."""
+
+
+@dataclass(frozen=True)
+class State:
+    """A robot at one moment.
+
+    Attributes:
+        t: Time [s].
+        q: Positions, shape (nq,), assembled.
+        v: Rates, shape (nv,).
+        a: Accelerations, shape (nv,).
+    """
+
+    t: float
+    q: Array
+    v: Array
+    a: Array
+
+
+@dataclass(frozen=True)
+class Stepped:
+    """What one step gave.
+
+    Attributes:
+        state: The new state.
+        error_q: Estimate of the error of positions as a displacement, shape (nv,), or None.
+        error_v: Estimate of the error of rates, shape (nv,), or None.
+        iterations: Iterations of nonlinear solves.
+        pivot: The chart's least pivot.
+    """
+
+    state: State
+    error_q: Array | None
+    error_v: Array | None
+    iterations: int
+    pivot: float
+
+
+class Coordinates(Protocol):
+    """Coordinates of the manifold about a posture: a `Chart`, or one of the compiled path."""
+
+    @property
+    def size(self) -> int:
+        """Number of coordinates."""
+        ...
+
+    @property
+    def narrow(self) -> bool:
+        """True where another branch may be near the posture that `lift` gave last."""
+        ...
+
+    @property
+    def pivot(self) -> float:
+        """How far closures are from losing rank."""
+        ...
+
+    def independent(self, x: Array) -> Array:
+        """Give the coordinates' share of rates, accelerations or displacements."""
+        ...
+
+    def lift(self, y: Array, u: Array, near: Array | None = None) -> Posture:
+        """Give posture and rates at coordinates and velocities."""
+        ...
+
+    def rates(self, u: Array) -> Array:
+        """Give the rates of u at the posture that `lift` gave last."""
+        ...
+
+
+@dataclass(frozen=True)
+class System:
+    """What is integrated.
+
+    Attributes:
+        manifold: The assembled postures.
+        law: The accelerations.
+        bound: False to let the closures drift inside a step (projected afterwards, or never).
+        guarded: Whether they are bound all the same where closures are close to losing rank: there drift
+            leads to another branch.
+        baumgarte: Rate of Baumgarte's stabilisation [1/s], or None.
+    """
+
+    manifold: Manifold
+    law: MotionLaw
+    bound: bool = True
+    guarded: bool = True
+    baumgarte: float | None = None
+
+    def acceleration(self, t: float, q: Array, v: Array) -> Array:
+        """Give the accelerations at one state, shape (nv,)."""
+        out: Array = self.accelerations(np.array([t]), q[None], v[None])[0]
+        return out
+
+    def accelerations(self, t: Array, q: Array, v: Array) -> Array:
+        """Give the accelerations at many states, stabilised where that is asked for, shape (T, nv)."""
+        a = self.law.accelerations(t, q, v)
+        if self.baumgarte is not None:
+            a += np.array([self.manifold.pull_back(*s, self.baumgarte) for s in zip(q, v, strict=True)])
+        return a
+
+    def chart(self, state: State) -> Chart:
+        """Lay the chart of a step."""
+        chart = self.manifold.chart(state.q, state.v, bound=self.bound or self.guarded)
+        if self.bound or (self.guarded and chart.close_to_lost_rank):
+            return chart
+        return self.manifold.chart(state.q, bound=False)
+
+    def joint_chart(self, state: State) -> JointChart | None:
+        """Give the compiled path's chart for a step, None where there is none."""
+        steps = self.law.steps
+        return None if steps is None or not self.bound else steps.chart(state.q)
+
+    def posture(
+        self, chart: Coordinates, t: float, y: Array, u: Array, start: State | None = None
+    ) -> Posture:
+        """Give a chart's posture with a prescribed base in its place.
+
+        Args:
+            chart: The chart.
+            t: Time [s].
+            y: Coordinates, shape (N,).
+            u: Velocities, shape (N,).
+            start: The state at the chart's origin, which foretells the posture.
+
+        Raises:
+            AssemblyError: The loops do not close there.
+            AmbiguousBranchError: Another branch is too near, or reached.
+        """
+        if start is None:
+            p = chart.lift(y, u)
+        else:
+            h = t - start.t
+            p = chart.lift(y, u, h * start.v + h * h / 2 * start.a)
+            if chart.narrow:
+                self._refuse_turns(p.v, start.v + h * start.a, t)
+        self.law.place_base(t, p.q, p.v)
+        return p
+
+    def _refuse_turns(self, v: Array, foretold: Array, t: float) -> None:
+        """Refuse rates that are not near those foretold.
+
+        Raises:
+            AmbiguousBranchError: They are not.
+        """
+        unit = self.manifold.unit
+        off, size = (float(np.abs(x / unit).max(initial=0.0)) for x in (v - foretold, foretold))
+        if off > TURN * size:
+            raise AmbiguousBranchError(
+                f"at t = {t:g} s, next to postures where closures lose rank, the motion turns away from "
+                "where it was heading: that is another branch, or the step is too long"
+            )
+
+    def rates(self, chart: Coordinates, t: Array, postures: list[Posture]) -> tuple[Array, Array, Array]:
+        """Give y_dot, u_dot and the accelerations of postures, shapes (T, N), (T, N), (T, nv)."""
+        a = self.accelerations(t, np.array([p.q for p in postures]), np.array([p.v for p in postures]))
+        pull = self.manifold.retraction.pull
+        y_dot = np.array([chart.independent(pull(p.xi, p.v)) for p in postures])
+        return y_dot, chart.independent(a.T).T, a
+
+
+def in_quickest_chart(system: System, state: State, step: Callable[[Coordinates], Stepped]) -> Stepped:
+    """Take a step in the compiled path's chart where that can be trusted, else in the tangent space's.
+
+    Raises:
+        AssemblyError, StepError: What `step` raises in the latter.
+    """
+    if (chart := system.joint_chart(state)) is not None:
+        with contextlib.suppress(AmbiguousBranchError):
+            return step(chart)
+    return step(system.chart(state))
+
+
+def weighted(weights: Array, k: list[Array]) -> Array:
+    """Give the weighted sum of stages, zero weights left out."""
+    out = np.zeros_like(k[0]) if k else np.zeros(())
+    for w, x in zip(weights, k, strict=False):
+        if w:
+            out = out + w * x
+    return out

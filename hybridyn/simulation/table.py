@@ -1,0 +1,91 @@
+"""The table of a simulated motion, in the columns that trajectories have, so that it can be read back."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from fnmatch import fnmatchcase
+
+import numpy as np
+
+from ..description.names import did_you_mean
+from ..effects import Effects
+from ..errors import TrajectoryError
+from ..spatial import Array, rotate, rotation_from_quaternion
+from ..structure.robot import HybridRobot
+from ..tables.columns import ENERGIES, RESIDUAL
+from ..tables.signals import JOINT_COMPONENTS, POSE, TWIST
+from ..tables.trajectory import base_acceleration
+from .result import Result
+
+
+def columns_of(robot: HybridRobot) -> list[str]:
+    """Give the columns: time, base, joints, efforts, energies, residual."""
+    out = ["time"]
+    if robot.base != "fixed":
+        root = robot.description.root
+        out += [f"{root}/pose/{part}" for part in POSE]
+        out += [f"{root}/{rate}/{part}" for rate in ("velocity", "acceleration") for part in TWIST]
+    for name, kind in _joints(robot):
+        position, rates = JOINT_COMPONENTS.get(kind, (("",), ("",)))
+        for quantity, parts in (("position", position), ("velocity", rates), ("acceleration", rates)):
+            out += [f"{name}/{quantity}/{part}".rstrip("/") for part in parts]
+    return [*out, *(f"{motor}/effort" for motor in robot.motors), *ENERGIES, RESIDUAL]
+
+
+def rows_of(robot: HybridRobot, result: Result) -> Array:
+    """Give the rows under `columns_of`, shape (T, columns)."""
+    parts = [result.t[:, None]]
+    if robot.base != "fixed":
+        R = rotation_from_quaternion(result.q[:, 3:7])
+        parts += [result.q[:, :7], rotate(R, result.v[:, :3]), rotate(R, result.v[:, 3:6])]
+        parts.append(base_acceleration(result.q, result.v, result.a))
+    for name, kind in _joints(robot):
+        i = robot.joint_index[name]
+        freedoms = robot.v_slices[i]
+        parts += [
+            _position(kind, result.q[:, robot.q_slices[i]]),
+            result.v[:, freedoms],
+            result.a[:, freedoms],
+        ]
+    parts += [result.tau, np.column_stack([result.kinetic, result.potential, result.energy, result.residual])]
+    return np.hstack(parts)
+
+
+def picked(columns: Sequence[str], patterns: Sequence[str] | None) -> list[int]:
+    """Give the numbers of the columns that patterns like "*/effort" name, the time always; None names all.
+
+    Raises:
+        TrajectoryError: A pattern fits no column.
+    """
+    if patterns is None:
+        return [*range(len(columns))]
+    for pattern in patterns:
+        if not any(fnmatchcase(column, pattern) for column in columns):
+            raise TrajectoryError(f"'{pattern}' fits no column{did_you_mean(pattern, columns)}")
+    return [
+        i for i, column in enumerate(columns)
+        if column == "time" or any(fnmatchcase(column, pattern) for pattern in patterns)
+    ]  # fmt: skip
+
+
+def remarks(robot: HybridRobot, method: str, effects: Effects) -> list[str]:
+    """Give the lines at the head of the table: robot, method, effects that were on and off."""
+    return [
+        f"hybridyn simulation of {robot.name}, base {robot.base}, method {method}",
+        f"effects on: {', '.join(effects.names) or 'none'}",
+        f"effects off: {', '.join(effects.absent) or 'none'}",
+    ]
+
+
+def _joints(robot: HybridRobot) -> list[tuple[str, str]]:
+    """Give name and kind of the joints, without the root joint of a base that moves."""
+    pairs = zip(robot.joints, robot.kinds, strict=True)
+    return [(name, kind) for i, (name, kind) in enumerate(pairs) if i or robot.base == "fixed"]
+
+
+def _position(kind: str, q: Array) -> Array:
+    """Give positions as tables hold them: an angle for cosine and sine, without jumps."""
+    if kind not in ("continuous", "planar"):
+        return q
+    angle = np.unwrap(np.arctan2(q[:, -1], q[:, -2]))
+    return np.column_stack([q[:, :-2], angle])

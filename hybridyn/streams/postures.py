@@ -1,0 +1,140 @@
+"""From a table's motion to postures of the whole robot, with rows in the error messages."""
+
+from __future__ import annotations
+
+import contextlib
+import re
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, NamedTuple
+
+from ..errors import AssemblyError, HybridynError
+
+if TYPE_CHECKING:
+    from ..description.records import Array
+    from ..structure.robot import HybridRobot
+    from ..tables.columns import Layout
+    from ..tables.trajectory import Motion
+
+HISTORY = (
+    "The motion of joints without a motor depends on what came before: give the position and velocity of "
+    "every joint, or let 'hybridyn simulate' compute them"
+)
+
+
+class Postures(NamedTuple):
+    """Samples on the spanning tree.
+
+    Attributes:
+        motion: The rows they come from.
+        q: Positions, shape (T, nq).
+        v: Rates, shape (T, nv).
+        a: Accelerations, shape (T, nv).
+    """
+
+    motion: Motion
+    q: Array
+    v: Array
+    a: Array
+
+    def after(self, lead: int) -> Postures:
+        """Give the samples after the first `lead` ones."""
+        rest = self.motion.part(lead, self.motion.size)
+        return Postures(rest, self.q[lead:], self.v[lead:], self.a[lead:])
+
+
+def postures(robot: HybridRobot, motion: Motion, layout: Layout, guess: Array | None) -> Postures:
+    """Give the robot's postures: read from the table where it names every joint, assembled where not.
+
+    Args:
+        robot: The robot.
+        motion: Some rows of the table.
+        layout: The meaning of the table's columns.
+        guess: Posture near the first row, shape (nq,); None is the home posture. Rows without time are
+            assembled each from the home posture.
+
+    Raises:
+        HybridynError: As `hybridyn.assemble` does; the message names file, row and time.
+    """
+    if not layout.full_state:
+        with rows_named(layout, motion):
+            return Postures(motion, *_assembled(robot, motion, guess))
+    from ..tables.trajectory import full_state
+
+    root = robot.description.root if robot.base != "fixed" else None
+    joints = {joint.name: joint for joint in robot.description.joints}
+    order = [joints[name] for name in robot.joints if name in joints]
+    return Postures(motion, *full_state(motion, order, root))
+
+
+def all_postures(robot: HybridRobot, file: str) -> tuple[Layout, list[Postures]]:
+    """Read a whole table.
+
+    Args:
+        robot: The robot.
+        file: The table.
+
+    Returns:
+        The meaning of its columns, and its rows, block by block.
+
+    Raises:
+        HybridynError: The table is wrong, or cannot be followed.
+    """
+    from ..tables.columns import read_layout
+    from ..tables.csv_table import open_table
+    from ..tables.trajectory import read_motions
+
+    found: list[Postures] = []
+    with open_table(file) as table:
+        layout = read_layout(
+            table.columns, robot.description, motors=robot.motors, base=robot.base, file=table.file
+        )
+        for motion in read_motions(table, layout):
+            connected = found and layout.time is not None and not layout.full_state
+            found.append(postures(robot, motion, layout, found[-1].q[-1] if connected else None))
+    return layout, found
+
+
+def _assembled(robot: HybridRobot, motion: Motion, guess: Array | None) -> tuple[Array, Array, Array]:
+    """Assemble rows: as one motion, or one by one where they have nothing to do with each other."""
+    import numpy as np
+
+    import hybridyn
+
+    if motion.time is not None:
+        return hybridyn.assemble(robot, motors=motion.joints, platforms=motion.platforms, guess=guess)
+    rows = []
+    for index in range(motion.size):
+        row = motion.part(index, index + 1)
+        try:
+            rows.append(hybridyn.assemble(robot, motors=row.joints, platforms=row.platforms))
+        except AssemblyError as error:
+            error.sample = index
+            raise
+    q, v, a = (np.concatenate(level) for level in zip(*rows, strict=True))
+    return q, v, a
+
+
+@contextlib.contextmanager
+def rows_named(layout: Layout, motion: Motion) -> Iterator[None]:
+    """Put file, row and time before the message of an error that knows its sample, and rows for samples.
+
+    Args:
+        layout: The meaning of the table's columns.
+        motion: The rows that are being worked on.
+    """
+    try:
+        yield
+    except HybridynError as error:
+        sample = getattr(error, "sample", None)
+        message = str(error)
+        if isinstance(error, AssemblyError) and error.open_freedoms:
+            message = f"{message}. {HISTORY}"
+            error.args = (f"{layout.file}: {message}",)
+        if sample is not None:
+            time = "" if motion.time is None else f" (t = {motion.time[sample]:.6g} s)"
+            message = re.sub(rf" at sample {sample}\b", "", message)
+            message = re.sub(r"\bsample (\d+)", lambda m: f"row {motion.first_row + int(m[1])}", message)
+            if layout.full_state and isinstance(error, AssemblyError):
+                message += ", or leave the passive joints out of the table: the posture is then assembled"
+            error.args = (f"{layout.file}, row {motion.first_row + sample}{time}: {message}",)
+        raise

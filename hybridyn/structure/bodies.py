@@ -1,0 +1,145 @@
+"""Rigid bodies of a robot: links that fixed joints hold together count as one.
+
+A body's frame is the frame of its topmost link, which is the child frame of the joint that moves it:
+Pinocchio's joint frame. Joints are numbered as `pin.buildModelFromXML` does, depth-first, siblings by name.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from ..description.records import Description, Joint, Link
+from ..errors import ModelError
+from ..spatial import Array
+
+
+@dataclass
+class Body:
+    """One rigid body.
+
+    Attributes:
+        name: Name of its heaviest link (the topmost where nothing has mass).
+        joint: Number of the joint that moves it, -1 for the root.
+        heaviest: Mass of the link that names it [kg].
+        mass: Mass [kg].
+        com: Centre of mass, shape (3,), [m], body frame.
+        inertia: Inertia about the centre of mass, shape (3, 3), [kg m^2], body axes.
+    """
+
+    name: str
+    joint: int
+    heaviest: float = 0.0
+    mass: float = 0.0
+    com: Array = field(default_factory=lambda: np.zeros(3))
+    inertia: Array = field(default_factory=lambda: np.zeros((3, 3)))
+
+    @property
+    def massless(self) -> bool:
+        """True where the body has neither mass nor inertia."""
+        return self.mass == 0.0 and not self.inertia.any()
+
+    def add(self, link: Link, R: Array, p: Array) -> None:
+        """Add a link whose frame stands at (R, p) in the body."""
+        if link.mass > self.heaviest:
+            self.name, self.heaviest = link.name, link.mass
+        com, inertia = p + R @ link.com, R @ link.inertia @ R.T
+        total = self.mass + link.mass
+        self.inertia = self.inertia + inertia
+        if total > 0:
+            d = com - self.com
+            # Steiner about the common centre, in the form that does not cancel.
+            self.inertia += self.mass * link.mass / total * (d @ d * np.eye(3) - np.outer(d, d))
+            self.com = self.com + link.mass / total * d
+        self.mass = total
+
+
+@dataclass(frozen=True)
+class BodyJoint:
+    """A movable joint between two bodies.
+
+    Attributes:
+        joint: The joint's record.
+        parent: Number of the parent body.
+        child: Number of the child body.
+        R: Child axes in the parent *body* at joint position zero, shape (3, 3).
+        p: Child origin in the parent *body* at joint position zero, shape (3,), [m].
+    """
+
+    joint: Joint
+    parent: int
+    child: int
+    R: Array
+    p: Array
+
+
+@dataclass(frozen=True)
+class Bodies:
+    """The tree of bodies.
+
+    Attributes:
+        bodies: Bodies; the child of `joints[i]` is body i + 1, body 0 holds the root link.
+        joints: Movable joints in Pinocchio's order.
+        place: Body number and placement (R, p) in it of every link, by link name.
+    """
+
+    bodies: list[Body]
+    joints: list[BodyJoint]
+    place: dict[str, tuple[int, Array, Array]]
+
+    @cached_property
+    def reach(self) -> float:
+        """Longest offset from one joint to the next [m]: what a distance must be small against to be none."""
+        return max((float(np.abs(j.p).max()) for j in self.joints), default=0.0) or 1.0
+
+    @cached_property
+    def size(self) -> float:
+        """A length of the robot [m], for parts without an extent of their own."""
+        offsets = [float(np.abs(j.p).max()) for j in self.joints]
+        spreads = [float(np.sqrt(max(np.trace(b.inertia), 0.0) / b.mass)) for b in self.bodies if b.mass]
+        centres = [float(np.abs(b.com).max()) for b in self.bodies]
+        return max(offsets, default=0.0) or max([*centres, *spreads], default=0.0) or 1.0
+
+    def path(self, a: int, b: int) -> list[int]:
+        """Give the numbers of the joints between two bodies."""
+        out = []
+        while a != b:
+            deeper = max(a, b)  # parents come first, so the larger number is never an ancestor of the other
+            out.append(deeper - 1)
+            up = self.joints[deeper - 1].parent
+            a, b = (up, b) if deeper == a else (a, up)
+        return out
+
+
+def merge_fixed_joints(description: Description) -> Bodies:
+    """Build the tree of bodies of a description."""
+    links = {link.name: link for link in description.links}
+    children: dict[str, list[Joint]] = {}
+    for joint in description.joints:
+        children.setdefault(joint.parent, []).append(joint)
+    out = Bodies([], [], {})
+    identity = (np.eye(3), np.zeros(3))
+    stack: list[tuple[str, Joint | None]] = [(description.root, None)]
+    while stack:
+        name, above = stack.pop()
+        link = links[name]
+        if above is None:
+            body, (R, p) = 0, identity
+            out.bodies.append(Body(name, -1))
+        else:
+            body, R, p = out.place[above.parent]
+            R, p = R @ above.placement[:3, :3], p + R @ above.placement[:3, 3]
+            if above.kind != "fixed":
+                parent, body = body, len(out.bodies)
+                out.joints.append(BodyJoint(above, parent, body, R, p))
+                out.bodies.append(Body(name, body - 1))
+                R, p = identity
+        out.place[name] = (body, R, p)
+        out.bodies[body].add(link, R, p)
+        stack.extend((j.child, j) for j in sorted(children.get(name, []), key=lambda j: j.name, reverse=True))
+    if len(out.place) != len(links):
+        lost = sorted(set(links) - set(out.place))
+        raise ModelError(f"links {lost} hang on no path from the root link", file=description.source)
+    return out

@@ -1,0 +1,165 @@
+"""From the modules of the kinematic graph to modules with numbers and names."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from ..description.records import Description
+from ..linkage.joints import ROOT_JOINT, TreeJoint
+from ..linkage.reduction import ROUNDED
+from ..spatial import Array
+from .bodies import Bodies
+from .graph import ModuleGraph, leave_whole
+from .mechanism import Mechanism
+from .module import Module, check_mechanism
+from .module_spec import ModuleSpec, module_spec
+
+
+class ModuleBuilder:
+    """Modules one after the other, bases before what they carry; equal ones share their mechanism.
+
+    Attributes:
+        modules: The modules so far.
+        output_of: For each body that can carry a module, the module it is an output of and its number there.
+    """
+
+    def __init__(
+        self,
+        bodies: Bodies,
+        description: Description,
+        joints: list[str],
+        q_slices: tuple[slice, ...],
+        v_slices: tuple[slice, ...],
+        home: Array,
+        tolerances: tuple[float | None, float],
+    ) -> None:
+        """Prepare an empty robot.
+
+        Args:
+            bodies: The robot's bodies.
+            description: What the files say.
+            joints: Names of the movable joints, the free-flyer's first.
+            q_slices: Slice of q of each joint.
+            v_slices: Slice of v of each joint.
+            home: Home position, shape (nq,).
+            tolerances: The rank's, or None, and the closures' (`build_robot`).
+        """
+        self.bodies, self.description = bodies, description
+        self.number = {name: i for i, name in enumerate(joints)}
+        self.q_slices, self.v_slices, self.home = q_slices, v_slices, home
+        self.tolerances = tolerances
+        self.modules: list[Module] = []
+        self.shared: dict[bytes, Mechanism] = {}
+        self.output_of: dict[int, tuple[int, int]] = {0: (-1, 0)}
+        self.motor_number = {name: i for i, name in enumerate(description.motors)}
+
+    def add_base(self) -> None:
+        """Add the free base: no legs, one platform, a = identity."""
+        root = replace(self.bodies.bodies[0], name="", joint=0, heaviest=0.0)
+        joint = TreeJoint("", "floating", 0, np.eye(3), np.zeros(3), np.array([0.0, 0.0, 1.0]))
+        spec = ModuleSpec(
+            spanning=(joint,),
+            tree=(joint,),
+            tree_joint=(0,),
+            tree_body=(0, 1),
+            platforms=(),
+            closures=(),
+            couplings=(),
+            cut_closures=(),
+            cut_couplings=(),
+            wrists=(),
+            legs=((1,),),
+            outputs=(1,),
+            outputs_inertia=(root,),
+            leg_bodies=(None,),
+            home=self.home[:7],
+        )
+        name = self.bodies.bodies[0].name
+        self._append(
+            spec, name, base="world", outputs=(name,), joints=(ROOT_JOINT,), legs=(("", (ROOT_JOINT,)),)
+        )
+        self.output_of[0] = (0, 0)
+
+    def add(self, graph: ModuleGraph) -> None:
+        """Add a module of the kinematic graph."""
+        names = [self.bodies.joints[j].joint.name for j in graph.joints]
+        q_index = np.concatenate([np.arange(self.home.size)[self.q_slices[self.number[n]]] for n in names])
+        spec = module_spec(self.bodies, graph, self.home[q_index])
+        report = self._mechanism(spec).reduction.report
+        if graph.wrists and report.dropped > ROUNDED:
+            leave_whole(self.bodies, graph)
+            spec = module_spec(self.bodies, graph, self.home[q_index])
+        body = dict(enumerate([graph.base] + [j + 1 for j in graph.joints]))
+        outputs = [body[spec.tree_body[o]] for o in spec.outputs]
+        link = [self.bodies.bodies[b].name for b in outputs]
+        name = link[0] if link else self.bodies.bodies[graph.joints[-1] + 1].name
+        legs = tuple(self._leg(leg) for leg in graph.legs)
+        closures = [c.name for c in graph.closures] + [c.name for c in graph.couplings]
+        base = self.bodies.bodies[graph.base].name
+        self._append(
+            spec, name, base, tuple(link), tuple(names), legs, tuple(closures), self.output_of[graph.base]
+        )
+        for i, o in enumerate(outputs):
+            self.output_of[o] = (len(self.modules) - 1, i)
+
+    def _leg(self, bodies: list[int]) -> tuple[str, tuple[str, ...]]:
+        """Give a leg's name and the names of its joints."""
+        links = [self.bodies.bodies[b].name for b in bodies]
+        return _leg_name(links), tuple(self.bodies.joints[b - 1].joint.name for b in bodies)
+
+    def _mechanism(self, spec: ModuleSpec) -> Mechanism:
+        """Give the mechanism of a module, the one of an equal module where there is one."""
+        key = spec.key
+        if key not in self.shared:
+            self.shared[key] = Mechanism(spec, *self.tolerances, self.bodies.size)
+        return self.shared[key]
+
+    def _append(
+        self,
+        spec: ModuleSpec,
+        name: str,
+        base: str,
+        outputs: tuple[str, ...],
+        joints: tuple[str, ...],
+        legs: tuple[tuple[str, tuple[str, ...]], ...],
+        closures: tuple[str, ...] = (),
+        stands_on: tuple[int, int] = (-1, 0),
+    ) -> None:
+        """Append a module: its numbers, its names, and the module and output that it stands on."""
+        mechanism = self._mechanism(spec)
+        check_mechanism(mechanism, name, self.description.source, self.tolerances[1])
+        every_q, every_v = np.arange(self.q_slices[-1].stop), np.arange(self.v_slices[-1].stop)
+        numbers = [self.number[j] for j in joints]
+        tree_joint = {joints[s]: i for i, s in enumerate(spec.tree_joint) if s is not None}
+        motors = tuple(j for j in joints if j in self.motor_number)
+        columns = [mechanism.tree.v_slices[tree_joint[m]].start for m in motors]
+        self.modules.append(
+            Module(
+                name=name,
+                base=base,
+                outputs=outputs,
+                legs=legs,
+                joints=joints,
+                closures=closures,
+                motors=motors,
+                mechanism=mechanism,
+                parent=stands_on[0],
+                parent_output=stands_on[1],
+                q_index=np.concatenate([every_q[self.q_slices[i]] for i in numbers]),
+                v_index=np.concatenate([every_v[self.v_slices[i]] for i in numbers]),
+                motor_index=np.array([self.motor_number[m] for m in motors], dtype=int),
+                motor_columns=np.array(columns, dtype=int),
+            )
+        )
+
+
+def _leg_name(links: list[str]) -> str:
+    """Name a leg by what its links' names have in common, else by its first link."""
+    first = links[0]
+    common = next(
+        (first[:n] for n in range(len(first), 0, -1) if all(x.startswith(first[:n]) for x in links)), ""
+    )
+    common = common.rstrip("_-. ")
+    return common if len(common) >= 3 and len(links) > 1 else first

@@ -1,0 +1,229 @@
+"""From the kinematic graph to modules: loops that share a joint are one module, what is left is serial.
+
+On a spanning tree the biconnected components are found by merging, for every closure, the joints on the tree
+path between its two links (a matroid's components are those of its fundamental circuits). A coupling merges
+its joints and all on the paths between them. Each class of joints is a module; modules form a tree.
+
+Inside a module, a *platform* is a body whose removal, with the base, leaves three legs or more. It is cut
+free of the leg that carries it, and terminal massless wrists become point or universal closures (`wrists`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ..description.records import Closure, Description
+from ..errors import ModelError
+from ..linkage.closures import TreeClosure, TreeCoupling
+from .bodies import Bodies, merge_fixed_joints
+from .wrists import Wrist, find_wrist, wrist_closure
+
+
+@dataclass
+class ModuleGraph:
+    """One module of the kinematic graph; bodies and joints by their numbers in `Bodies`.
+
+    Attributes:
+        base: Base body.
+        joints: Joints of the spanning tree, in order.
+        closures: Closures between bodies of the module (body numbers instead of tree numbers).
+        couplings: Couplings (joint numbers of `Bodies`).
+        carried: Bodies that carry another module.
+        platforms: Platform bodies that are cut free.
+        wrists: Chains of massless joints that are cut, with what replaces them.
+        cut_closures: Closures after the cut.
+        legs: Groups of bodies that platforms and base hold apart.
+    """
+
+    base: int
+    joints: list[int]
+    closures: list[TreeClosure] = field(default_factory=list)
+    couplings: list[TreeCoupling] = field(default_factory=list)
+    carried: list[int] = field(default_factory=list)
+    platforms: list[int] = field(default_factory=list)
+    wrists: list[Wrist] = field(default_factory=list)
+    cut_closures: list[TreeClosure] = field(default_factory=list)
+    legs: list[list[int]] = field(default_factory=list)
+
+
+def find_modules(
+    description: Description, held: frozenset[str] = frozenset()
+) -> tuple[Bodies, list[ModuleGraph]]:
+    """Cut a robot into modules, bases before what they carry; joints in `held` are never cut."""
+    bodies = merge_fixed_joints(description)
+    closures = [body_closure(bodies, c, description) for c in description.closures]
+    number = {j.joint.name: i for i, j in enumerate(bodies.joints)}
+    couplings = [
+        TreeCoupling(c.name, tuple((number[name], k) for name, k in c.terms), c.offset)
+        for c in description.couplings
+    ]
+    owner = _classes(bodies, closures, couplings)
+    modules: dict[int, ModuleGraph] = {}
+    for i in range(len(bodies.joints)):
+        modules.setdefault(owner[i], ModuleGraph(bodies.joints[owner[i]].parent, [])).joints.append(i)
+    for closure in closures:
+        modules[owner[bodies.path(closure.body_a, closure.body_b)[0]]].closures.append(closure)
+    for coupling in couplings:
+        modules[owner[coupling.terms[0][0]]].couplings.append(coupling)
+    for module in modules.values():
+        if module.base:
+            modules[owner[module.base - 1]].carried.append(module.base)
+    kept = {number[name] for name in (*description.motors, *held)}
+    for module in modules.values():
+        _cut(bodies, module, kept)
+    return bodies, list(modules.values())
+
+
+def leave_whole(bodies: Bodies, module: ModuleGraph) -> None:
+    """Undo a module's cuts: its closures and joints stay as the author wrote them.
+
+    Cut joints become rows. Where rows are redundant, and the file is rounded, rows hold only in the
+    least-squares sense while joints hold exactly: such modules are not cut.
+    """
+    module.platforms, module.wrists = [], []
+    module.cut_closures = list(module.closures)
+    module.legs = _components(bodies, module, {module.base})
+
+
+def body_closure(bodies: Bodies, closure: Closure, description: Description) -> TreeClosure:
+    """Move a closure from its links to their bodies."""
+    a, Ra, pa = bodies.place[closure.link_a]
+    b, Rb, pb = bodies.place[closure.link_b]
+    if a == b:
+        raise ModelError(
+            f"closure '{closure.name}' joins '{closure.link_a}' and '{closure.link_b}', which are one rigid "
+            "body (fixed joints hold them together); remove the closure, or make one of the joints movable",
+            file=description.source,
+            line=closure.line,
+            element=closure.name,
+        )
+    A, B = closure.frame_a, closure.frame_b
+    return TreeClosure(
+        closure.name, closure.kind,
+        a, Ra @ A[:3, :3], pa + Ra @ A[:3, 3], b, Rb @ B[:3, :3], pb + Rb @ B[:3, 3],
+        closure.translations, closure.rotation,
+    )  # fmt: skip
+
+
+def _classes(bodies: Bodies, closures: list[TreeClosure], couplings: list[TreeCoupling]) -> list[int]:
+    """Give for each joint the first joint of its module (union-find along the fundamental circuits)."""
+    leader = list(range(len(bodies.joints)))
+
+    def find(i: int) -> int:
+        while leader[i] != i:
+            leader[i] = leader[leader[i]]
+            i = leader[i]
+        return i
+
+    def merge(joints: list[int]) -> None:
+        roots = sorted({find(i) for i in joints})
+        for root in roots[1:]:
+            leader[root] = roots[0]
+
+    for closure in closures:
+        merge(bodies.path(closure.body_a, closure.body_b))
+    for coupling in couplings:
+        joints = [i for i, _ in coupling.terms]
+        for i in joints:
+            merge([*joints, *bodies.path(joints[0] + 1, i + 1)])
+    return [find(i) for i in range(len(leader))]
+
+
+def _cut(bodies: Bodies, module: ModuleGraph, driven: set[int]) -> None:
+    """Choose platforms, cut them and the terminal wrists free, and group what is left into legs."""
+    module.cut_closures = list(module.closures)
+    if not module.closures:
+        module.legs = _components(bodies, module, {module.base})
+        return
+    held = driven | {i for c in module.couplings for i, _ in c.terms}
+    _cut_terminal_wrists(bodies, module, held)
+    for body in sorted(i + 1 for i in module.joints):
+        if _legs_touching(bodies, module, body) < 3:
+            continue
+        wrist = find_wrist(bodies, module.joints, module.cut_closures, module.carried, held, body)
+        if wrist:
+            module.platforms.append(body)
+            module.wrists.append(wrist)
+            module.cut_closures.append(wrist_closure(bodies, wrist))
+    module.legs = _components(bodies, module, {module.base, *module.platforms})
+
+
+def _cut_terminal_wrists(bodies: Bodies, module: ModuleGraph, held: set[int]) -> None:
+    """Replace a weld to a massless body at the end of a wrist by the closure that the wrist amounts to."""
+    for at, closure in enumerate(list(module.cut_closures)):
+        if closure.rotation != "fixed" or closure.translations != (0, 1, 2):
+            continue
+        for end, other in ((closure.body_b, closure.body_a), (closure.body_a, closure.body_b)):
+            rest = [c for c in module.cut_closures if c is not closure]
+            if not _is_free_end(bodies, module, rest, end):
+                continue
+            wrist = find_wrist(bodies, module.joints, rest, module.carried, held, end)
+            if wrist and other not in [j + 1 for j in wrist.joints]:
+                R, p = _weld(closure, end)
+                wrist = Wrist(wrist.joints, wrist.kind, wrist.parent, end, other, R, p, closure.name)
+                module.wrists.append(wrist)
+                module.cut_closures[at] = wrist_closure(bodies, wrist)
+                break
+
+
+def _weld(closure: TreeClosure, end: int) -> tuple[np.ndarray, np.ndarray]:
+    """Give the placement of body `end` in the body that a weld holds it to."""
+    Ra, pa, Rb, pb = closure.R_a, closure.p_a, closure.R_b, closure.p_b
+    if end == closure.body_a:
+        Ra, pa, Rb, pb = Rb, pb, Ra, pa
+    R = Ra @ Rb.T
+    return R, pa - R @ pb
+
+
+def _is_free_end(bodies: Bodies, module: ModuleGraph, closures: list[TreeClosure], body: int) -> bool:
+    """Say whether nothing but its own joint and one closure holds a massless body."""
+    return (
+        body != module.base
+        and bodies.bodies[body].massless
+        and body not in module.carried
+        and not any(body in (c.body_a, c.body_b) for c in closures)
+        and not any(bodies.joints[i].parent == body for i in module.joints)
+    )
+
+
+def _edges(bodies: Bodies, module: ModuleGraph) -> list[tuple[int, int]]:
+    """List the edges of the module's graph after the cuts, as pairs of bodies."""
+    gone = {i for w in module.wrists for i in w.joints}
+    edges = [(bodies.joints[i].parent, bodies.joints[i].child) for i in module.joints if i not in gone]
+    edges += [(c.body_a, c.body_b) for c in module.cut_closures]
+    for coupling in module.couplings:
+        first = coupling.terms[0][0] + 1
+        edges += [(first, i + 1) for i, _ in coupling.terms[1:]]
+    return edges
+
+
+def _components(bodies: Bodies, module: ModuleGraph, without: set[int]) -> list[list[int]]:
+    """Group the module's bodies into connected components when some bodies are taken away."""
+    gone = {i + 1 for w in module.wrists for i in w.joints}
+    left = {i + 1 for i in module.joints if i + 1 not in gone} - without
+    group = {body: body for body in left}
+
+    def find(b: int) -> int:
+        while group[b] != b:
+            b = group[b]
+        return b
+
+    for a, b in _edges(bodies, module):
+        if a in left and b in left:
+            low, high = sorted((find(a), find(b)))
+            group[high] = low
+    out: dict[int, list[int]] = {}
+    for body in sorted(left):
+        out.setdefault(find(body), []).append(body)
+    return list(out.values())
+
+
+def _legs_touching(bodies: Bodies, module: ModuleGraph, body: int) -> int:
+    """Count the legs that hold a body: components without it and the base, and direct joints to the base."""
+    edges = _edges(bodies, module)
+    near = {b if a == body else a for a, b in edges if body in (a, b)}
+    components = _components(bodies, module, {module.base, body, *module.platforms})
+    direct = sum(1 for a, b in edges if {a, b} == {body, module.base})
+    return sum(1 for c in components if near & set(c)) + direct

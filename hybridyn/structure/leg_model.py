@@ -1,0 +1,169 @@
+"""The legs of one module as a Pinocchio model: H, F_b by RNEA; A, D, S1 by CRBA.
+
+The leg trees hang from a free-flyer that stands for the base body (appendices A to C of the paper); gravity
+is zero there, since it comes in through the base's acceleration. Outputs carry no inertia here: it is theirs
+in the module.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+
+from ..linkage.joints import NQ, NV, TreeJoint
+from ..linkage.tree import Tree
+from ..spatial import Array
+from .bodies import Body
+
+
+def pinocchio_joint(joint: TreeJoint) -> pin.JointModel:
+    """Give Pinocchio's joint for one of ours, aligned with an axis where it can be."""
+    aligned = {
+        "revolute": (pin.JointModelRX, pin.JointModelRY, pin.JointModelRZ),
+        "continuous": (pin.JointModelRUBX, pin.JointModelRUBY, pin.JointModelRUBZ),
+        "prismatic": (pin.JointModelPX, pin.JointModelPY, pin.JointModelPZ),
+    }
+    if joint.kind in aligned:
+        for i in range(3):
+            if joint.axis[i] == 1.0:
+                return aligned[joint.kind][i]()
+        unaligned = {
+            "revolute": pin.JointModelRevoluteUnaligned,
+            "continuous": _continuous,
+            "prismatic": pin.JointModelPrismaticUnaligned,
+        }
+        return unaligned[joint.kind](joint.axis)
+    return {
+        "spherical": pin.JointModelSpherical,
+        "planar": pin.JointModelPlanar,
+        "floating": pin.JointModelFreeFlyer,
+    }[joint.kind]()
+
+
+def _continuous(axis: Array) -> pin.JointModel:
+    """Give a continuous joint about any axis; Python cannot set its axis, the URDF reader can."""
+    x, y, z = (float(value) for value in axis)
+    return pin.buildModelFromXML(
+        '<robot name="one"><link name="a"/><link name="b"><inertial><mass value="1"/>'
+        '<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>'
+        f'<joint name="j" type="continuous"><parent link="a"/><child link="b"/><axis xyz="{x!r} {y!r} '
+        f'{z!r}"/>'
+        "</joint></robot>"
+    ).joints[1]
+
+
+def pinocchio_inertia(body: Body) -> pin.Inertia:
+    """Give Pinocchio's inertia of a body, entry by entry: the constructor would refuse unphysical ones."""
+    out = pin.Inertia.Zero()
+    out.mass = body.mass
+    out.lever = body.com
+    # To the last digit symmetric: Pinocchio compares halves without regard to their size.
+    out.inertia = (body.inertia + body.inertia.T) / 2
+    return out
+
+
+class LegModel:
+    """Pinocchio's model of a module's leg trees; joints that move no leg's mass are left out.
+
+    Attributes:
+        model: The Pinocchio model, a free-flyer first.
+        columns: Freedoms of the module's tree, in the order of the model's velocities after the free-flyer.
+    """
+
+    def __init__(self, tree: Tree, bodies: list[Body | None]) -> None:
+        """Build the model.
+
+        Args:
+            tree: The module's tree after the cuts.
+            bodies: For each body of the tree after the base, its inertia, or None for an output.
+        """
+        self._built_from = (tree, bodies)
+        heavy = [body is not None and not body.massless for body in bodies]
+        for i in reversed(range(len(tree.joints))):
+            parent = tree.joints[i].parent
+            if heavy[i] and parent:
+                heavy[parent - 1] = True
+        self.model = pin.Model()
+        self.model.gravity.linear = np.zeros(3)
+        self.model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "base")
+        children: dict[int, list[int]] = {}
+        for i, joint in enumerate(tree.joints):
+            children.setdefault(joint.parent, []).append(i)
+        q_columns: list[int] = []
+        v_columns: list[int] = []
+        stack = [(i, 1) for i in reversed(children.get(0, []))]
+        while stack:
+            i, parent = stack.pop()
+            if not heavy[i]:
+                continue
+            joint = tree.joints[i]
+            number = self.model.addJoint(
+                parent, pinocchio_joint(joint), pin.SE3(joint.R, joint.p), joint.name
+            )
+            body = bodies[i]
+            if body is not None:
+                self.model.appendBodyToJoint(number, pinocchio_inertia(body), pin.SE3.Identity())
+            q_columns += range(tree.q_slices[i].start, tree.q_slices[i].start + NQ[joint.kind])
+            v_columns += range(tree.v_slices[i].start, tree.v_slices[i].start + NV[joint.kind])
+            stack.extend((k, number) for k in reversed(children.get(i + 1, [])))
+        self._q_columns, self.columns = np.array(q_columns, dtype=int), np.array(v_columns, dtype=int)
+        self._nv = tree.nv
+        self.empty = not v_columns
+        if not self.empty:
+            self._data = self.model.createData()
+            assert self.model.check(self._data), "joints must be added depth-first"
+            self._pool = pin.ModelPool(self.model, 1)
+        self._base_q = np.array([0.0, 0, 0, 0, 0, 0, 1])
+
+    def __reduce__(self) -> tuple[type[LegModel], tuple[Tree, list[Body | None]]]:
+        """Build it anew in another process: Pinocchio's pools do not travel."""
+        return LegModel, self._built_from
+
+    def rnea(self, V: Array, V_dot: Array, q: Array, v: Array, a: Array) -> tuple[Array, Array]:
+        """Give the legs' inverse dynamic model, Eqs. (54)-(62).
+
+        Args:
+            V: Twist of the base, shape (T, 6), base frame.
+            V_dot: Spatial acceleration of the base less gravity, shape (T, 6), base frame.
+            q: Positions of the module's tree, shape (T, nq).
+            v: Rates, shape (T, nv).
+            a: Accelerations, shape (T, nv).
+
+        Returns:
+            F_b: Wrench of the base on the legs at the base frame's origin, shape (T, 6), [N, N m].
+            H: Generalised forces of the legs, shape (T, nv); zero for freedoms that move no leg's mass.
+        """
+        T = len(V)
+        H = np.zeros((T, self._nv))
+        if self.empty or not T:
+            return np.zeros((T, 6)), H
+        Q = np.asfortranarray(np.concatenate([np.tile(self._base_q, (T, 1)), q[:, self._q_columns]], 1).T)
+        U = np.asfortranarray(np.concatenate([V, v[:, self.columns]], axis=1).T)
+        A = np.asfortranarray(np.concatenate([V_dot, a[:, self.columns]], axis=1).T)
+        out = (
+            pin.rneaInParallel(1, self._pool, Q, U, A).reshape(-1, T, order="F").T
+        )  # one sample comes back flat
+        H[:, self.columns] = out[:, 6:]
+        return out[:, :6].copy(), H
+
+    def crba(self, q: Array) -> Array:
+        """Give the legs' mass matrix with the base, M_leg = [[S1, D^T], [D, A]], Eqs. (63)-(75).
+
+        Args:
+            q: Positions of the module's tree, shape (T, nq).
+
+        Returns:
+            Shape (T, 6 + nv, 6 + nv): base first, then the tree's freedoms.
+        """
+        T = len(q)
+        M = np.zeros((T, 6 + self._nv, 6 + self._nv))
+        if self.empty:
+            return M
+        at = np.concatenate([np.arange(6), 6 + self.columns])
+        full = np.concatenate([np.tile(self._base_q, (T, 1)), q[:, self._q_columns]], axis=1)
+        out = np.empty((T, len(at), len(at)))
+        for t in range(T):
+            out[t] = pin.crba(self.model, self._data, full[t])
+        upper = np.triu(out)
+        M[:, at[:, None], at] = upper + np.swapaxes(np.triu(out, 1), 1, 2)
+        return M

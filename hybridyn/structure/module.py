@@ -1,0 +1,108 @@
+"""A module in a robot: its names, its place in q, v, tau, and what it stands on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..errors import AssemblyError, ModelError
+from ..spatial import Index
+from .mechanism import Mechanism
+
+
+@dataclass(frozen=True)
+class Module:
+    """One module of a robot.
+
+    Attributes:
+        name: Name, for messages: its first platform or output, else its last body.
+        base: Link that names the base body.
+        outputs: Links that name the output bodies.
+        legs: Legs as (name, joint names).
+        joints: Names of all its joints.
+        closures: Names of its closures and couplings.
+        motors: Names of its driven joints.
+        mechanism: The numbers, shared by equal modules.
+        parent: Number of the module that it stands on, -1 for the root body.
+        parent_output: Number of the output of the parent that is its base.
+        q_index: Its coordinates in the robot's q.
+        v_index: Its freedoms in the robot's v.
+        motor_index: Its motors in the robot's tau.
+        motor_columns: Its motors' freedoms in x.
+    """
+
+    name: str
+    base: str
+    outputs: tuple[str, ...]
+    legs: tuple[tuple[str, tuple[str, ...]], ...]
+    joints: tuple[str, ...]
+    closures: tuple[str, ...]
+    motors: tuple[str, ...]
+    mechanism: Mechanism
+    parent: int
+    parent_output: int
+    q_index: Index
+    v_index: Index
+    motor_index: Index
+    motor_columns: Index
+
+    @property
+    def mobility(self) -> int:
+        """The paper's N_k."""
+        return self.mechanism.mobility
+
+    def freedom_names(self) -> list[str]:
+        """Name the freedoms of the tree after the cuts: joints, and the platforms' six."""
+        m = self.mechanism
+        names = []
+        for i, (joint, source) in enumerate(zip(m.tree.joints, m.spec.tree_joint, strict=True)):
+            label = f"platform '{self.name}'" if source is None else f"joint '{self.joints[source]}'"
+            axes = [f"{label} ({axis})" for axis in ("x", "y", "z", "rx", "ry", "rz")]
+            width = m.tree.v_slices[i].stop - m.tree.v_slices[i].start
+            names += axes if joint.kind == "floating" else [label] * width
+        return names
+
+    def named_rows(self) -> list[tuple[str, slice]]:
+        """Name the rows of the closures after the cuts: the author's closures, carrying wrists, couplings."""
+        closures, authors = self.mechanism.closures, len(self.mechanism.spec.closures)
+        carried = [f"wrist of '{name}'" for name in self.outputs] * (len(closures.closures) - authors)
+        names = [
+            *self.closures[:authors],
+            *carried[: len(closures.closures) - authors],
+            *self.closures[authors:],
+        ]
+        return list(zip(names, closures.row_slices, strict=True))
+
+    def row_name(self, row: int) -> str:
+        """Say which closure or coupling a closure row belongs to."""
+        return next(f"closure '{name}'" for name, at in self.named_rows() if at.start <= row < at.stop)
+
+
+def check_mechanism(mechanism: Mechanism, name: str, source: str | None, closure_tolerance: float) -> None:
+    """Refuse a module whose loops close nowhere, or whose rank is in doubt.
+
+    Raises:
+        AssemblyError: No posture closes the loops.
+        ModelError: Singular values leave the rank in doubt.
+    """
+    if not len(mechanism.postures):
+        raise AssemblyError(
+            f"module '{name}': no posture closes its loops; the best residual found is "
+            f"{mechanism.best_residual:.2g} of the module's size (limit {closure_tolerance:.0e}). "
+            "Check the closures' frames and axes, give a home posture near an assembled one, or, where the "
+            "file is rounded that much, raise closure_tolerance",
+            module=name,
+            residual=mechanism.best_residual,
+        )
+    report = mechanism.reduction.report
+    doubt = report.doubted if report.clear else (report.kept, report.dropped)
+    if doubt and not mechanism.rank_is_given:
+        raise ModelError(
+            f"module '{name}': the rank of its closures is in doubt: relative singular values {doubt[0]:.1e} "
+            f"and {doubt[1]:.1e} stand on both sides of it. Say which count with rank_tolerance: "
+            f"{np.sqrt(doubt[0] * doubt[1]):.0e} where the lesser is rounding in the file, "
+            f"{doubt[1] / 10:.0e} where it is not",
+            file=source,
+            element=name,
+        )

@@ -1,0 +1,175 @@
+"""A module in its own numbering, without names: what makes two modules equal.
+
+Body 0 is the base; body i + 1 is the child of joint i, in the spanning tree and, separately, in the tree
+after the cuts, where platforms hang from the base by `floating` joints.
+"""
+
+from __future__ import annotations
+
+import pickle
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..linkage.closures import TreeClosure, TreeCoupling
+from ..linkage.joints import TreeJoint
+from ..spatial import Array
+from .bodies import Bodies, Body
+from .graph import ModuleGraph
+
+
+@dataclass(frozen=True)
+class WristSpec:
+    """A cut wrist in the spanning tree's numbering.
+
+    Attributes:
+        joints: Joints of the chain.
+        end: Body at the end of the chain.
+        target: Body that the end is held to.
+        R: Axes of the end in the target, shape (3, 3).
+        p: Origin of the end in the target, shape (3,), [m].
+        carries: True where the end is a platform.
+    """
+
+    joints: tuple[int, ...]
+    end: int
+    target: int
+    R: Array
+    p: Array
+    carries: bool
+
+
+@dataclass(frozen=True)
+class ModuleSpec:
+    """The numbers of one module.
+
+    Attributes:
+        spanning: Joints of the spanning tree.
+        tree: Joints of the tree after the cuts.
+        tree_joint: For each joint of `tree`, its number in `spanning`, or None for a platform.
+        tree_body: For each body of `tree`, its number in `spanning`.
+        platforms: Joints of `tree` that stand for a free platform.
+        closures: The author's closures, bodies of `spanning`.
+        couplings: The author's couplings, joints of `spanning`.
+        cut_closures: Closures after the cuts, bodies of `tree`.
+        cut_couplings: The couplings, joints of `tree`.
+        wrists: The wrists that were cut.
+        legs: Bodies of `tree` in each leg.
+        outputs: Bodies of `tree` whose inertia the module carries: platforms and bases of other modules.
+        outputs_inertia: Their inertias.
+        leg_bodies: For each body of `tree` after the base, its inertia, or None for an output.
+        home: Home position of the spanning tree, shape (nq,).
+    """
+
+    spanning: tuple[TreeJoint, ...]
+    tree: tuple[TreeJoint, ...]
+    tree_joint: tuple[int | None, ...]
+    tree_body: tuple[int, ...]
+    platforms: tuple[int, ...]
+    closures: tuple[TreeClosure, ...]
+    couplings: tuple[TreeCoupling, ...]
+    cut_closures: tuple[TreeClosure, ...]
+    cut_couplings: tuple[TreeCoupling, ...]
+    wrists: tuple[WristSpec, ...]
+    legs: tuple[tuple[int, ...], ...]
+    outputs: tuple[int, ...]
+    outputs_inertia: tuple[Body, ...]
+    leg_bodies: tuple[Body | None, ...]
+    home: Array
+
+    @property
+    def key(self) -> bytes:
+        """The content: equal for equal modules."""
+        return pickle.dumps(self)
+
+
+def module_spec(bodies: Bodies, graph: ModuleGraph, home: Array) -> ModuleSpec:
+    """Number a module's bodies and joints by themselves and forget their names.
+
+    Args:
+        bodies: The robot's bodies.
+        graph: The module.
+        home: Home position of the module's spanning tree, shape (nq,).
+    """
+    local = {graph.base: 0} | {joint + 1: i + 1 for i, joint in enumerate(graph.joints)}
+    joint_local = {joint: i for i, joint in enumerate(graph.joints)}
+    spanning = [_tree_joint(bodies, joint, local) for joint in graph.joints]
+    tree, tree_joint, tree_body, platforms = _cut_tree(graph, spanning, joint_local)
+    of_tree = {body: i for i, body in enumerate(tree_body)}
+    tree_of = {joint: i for i, joint in enumerate(tree_joint) if joint is not None}
+
+    def closure(c: TreeClosure, number: dict[int, int]) -> TreeClosure:
+        return replace(c, name="", kind="", body_a=number[c.body_a], body_b=number[c.body_b])
+
+    def coupling(c: TreeCoupling, number: dict[int, int]) -> TreeCoupling:
+        return replace(c, name="", terms=tuple((number[i], k) for i, k in c.terms))
+
+    to_tree = {body: of_tree[n] for body, n in local.items() if n in of_tree}
+    joint_to_tree = {joint: tree_of[n] for joint, n in joint_local.items() if n in tree_of}
+    outputs = _outputs(graph)
+    inertia = {b: replace(bodies.bodies[b], name="", joint=0, heaviest=0.0) for b in local if b != graph.base}
+    back = {n: body for body, n in to_tree.items()}
+    return ModuleSpec(
+        spanning=tuple(spanning),
+        tree=tuple(tree),
+        tree_joint=tuple(tree_joint),
+        tree_body=tuple(tree_body),
+        platforms=tuple(platforms),
+        closures=tuple(closure(c, local) for c in graph.closures),
+        couplings=tuple(coupling(c, joint_local) for c in graph.couplings),
+        cut_closures=tuple(closure(c, to_tree) for c in graph.cut_closures),
+        cut_couplings=tuple(coupling(c, joint_to_tree) for c in graph.couplings),
+        wrists=tuple(
+            WristSpec(
+                tuple(joint_local[j] for j in w.joints),
+                local[w.end],
+                local[w.target],
+                w.R,
+                w.p,
+                w.closure is None,
+            )
+            for w in sorted(graph.wrists, key=lambda w: w.joints)
+        ),
+        legs=tuple(tuple(to_tree[b] for b in leg) for leg in graph.legs),
+        outputs=tuple(to_tree[b] for b in outputs),
+        outputs_inertia=tuple(inertia[b] for b in outputs),
+        leg_bodies=tuple(None if back[i] in outputs else inertia[back[i]] for i in range(1, len(tree) + 1)),
+        home=home,
+    )
+
+
+def _tree_joint(bodies: Bodies, joint: int, local: dict[int, int]) -> TreeJoint:
+    """Give a joint of the robot in the module's numbering."""
+    j = bodies.joints[joint]
+    return TreeJoint("", j.joint.kind, local[j.parent], j.R, j.p, j.joint.axis)
+
+
+def _cut_tree(
+    graph: ModuleGraph, spanning: list[TreeJoint], joint_local: dict[int, int]
+) -> tuple[list[TreeJoint], list[int | None], list[int], list[int]]:
+    """Take the wrists out of the tree and hang the platforms from the base."""
+    gone = {joint_local[j] for w in graph.wrists for j in w.joints}
+    platform = {joint_local[b - 1] for b in graph.platforms}
+    tree: list[TreeJoint] = []
+    tree_joint: list[int | None] = []
+    tree_body, platforms = [0], []
+    number = {0: 0}
+    for i, joint in enumerate(spanning):
+        if i in platform:
+            platforms.append(len(tree))
+            tree.append(TreeJoint("", "floating", 0, np.eye(3), np.zeros(3), np.array([0.0, 0.0, 1.0])))
+            tree_joint.append(None)
+        elif i in gone:
+            continue
+        else:
+            tree.append(replace(joint, parent=number[joint.parent]))
+            tree_joint.append(i)
+        number[i + 1] = len(tree)
+        tree_body.append(i + 1)
+    return tree, tree_joint, tree_body, platforms
+
+
+def _outputs(graph: ModuleGraph) -> list[int]:
+    """Give the bodies whose inertia the module carries: platforms, bases of modules, serial bodies."""
+    serial = [] if graph.closures or graph.couplings else [j + 1 for j in graph.joints]
+    return sorted({*graph.platforms, *graph.carried, *serial})

@@ -1,0 +1,64 @@
+"""The one builder of Pinocchio's model of a whole robot's spanning tree."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pinocchio as pin
+
+from ..errors import ModelError
+from ..linkage.joints import TreeJoint
+from .leg_model import pinocchio_inertia, pinocchio_joint
+
+if TYPE_CHECKING:
+    from .robot import HybridRobot
+
+#: Pinocchio's model is quadratic in the number of joints, and its Data cubic.
+MOST_JOINTS = 10_000
+
+
+def build_model(robot: HybridRobot) -> pin.Model:
+    """Build the model: joints depth-first, siblings by name, one operational frame per link.
+
+    Raises:
+        ModelError: The robot has more than `MOST_JOINTS` joints.
+    """
+    if len(robot.joints) > MOST_JOINTS:
+        raise ModelError(
+            f"robot '{robot.name}' has {len(robot.joints)} joints; a Pinocchio model of it is refused above "
+            f"{MOST_JOINTS} (its memory grows with the square of their number); use hybridyn's own functions"
+        )
+    model = pin.Model()
+    model.name = robot.name
+    model.gravity.linear = robot.gravity
+    number = {0: 0}
+    if robot.base != "fixed":
+        number[0] = model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), robot.joints[0])
+        model.addJointFrame(number[0])
+    model.appendBodyToJoint(number[0], pinocchio_inertia(robot.bodies.bodies[0]), pin.SE3.Identity())
+    for j in robot.bodies.joints:
+        joint = TreeJoint(j.joint.name, j.joint.kind, j.parent, j.R, j.p, j.joint.axis)
+        number[j.child] = model.addJoint(
+            number[j.parent], pinocchio_joint(joint), pin.SE3(j.R, j.p), j.joint.name
+        )
+        model.addJointFrame(number[j.child])
+        body = robot.bodies.bodies[j.child]
+        model.appendBodyToJoint(number[j.child], pinocchio_inertia(body), pin.SE3.Identity())
+    for link, (body_number, R, p) in robot.bodies.place.items():
+        model.addBodyFrame(link, number[body_number], pin.SE3(np.asarray(R), np.asarray(p)), 0)
+    _limits(model, robot)
+    return model
+
+
+def _limits(model: pin.Model, robot: HybridRobot) -> None:
+    """Copy the joints' limits where they have one freedom."""
+    for j in robot.bodies.joints:
+        joint = model.joints[model.getJointId(j.joint.name)]
+        if joint.nv != 1:
+            continue
+        model.velocityLimit[joint.idx_v] = j.joint.velocity
+        model.effortLimit[joint.idx_v] = j.joint.effort
+        if joint.nq == 1:
+            model.lowerPositionLimit[joint.idx_q] = j.joint.lower
+            model.upperPositionLimit[joint.idx_q] = j.joint.upper

@@ -1,0 +1,246 @@
+"""HybridRobot: a tree of modules on a fixed, moving or floating base.
+
+Positions q, rates v and accelerations a live on the spanning tree, every movable URDF joint, in the order and
+the coordinates of `pin.buildModelFromXML`; a moving or floating base puts a free-flyer first.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from ..description.names import did_you_mean
+from ..description.records import Description
+from ..errors import ModelError
+from ..linkage.joints import NQ, NV, ROOT_JOINT, TreeJoint
+from ..spatial import Array, slices, spatial_inertia
+from .bodies import Bodies
+from .building import ModuleBuilder
+from .graph import find_modules
+from .module import Module
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    import pinocchio as pin
+
+    from ..effects.inputs import Payload
+
+Base = Literal["fixed", "moving", "floating"]
+
+
+@dataclass(frozen=True)
+class HybridRobot:
+    """A robot made of modules.
+
+    Attributes:
+        description: What the files say.
+        base: "fixed", "moving" (prescribed) or "floating" (free).
+        gravity: Acceleration of gravity in the world, shape (3,), [m/s^2].
+        modules: Modules, bases before what they carry; a floating base is the first.
+        joints: Names of the movable joints in the order of q and v ("root_joint" first on a moving base).
+        kinds: Kind of each joint.
+        q_slices: Slice of q of each joint.
+        v_slices: Slice of v of each joint.
+        motors: Names of the motors, the order of tau.
+        bodies: Bodies; the child of URDF joint i (without the root joint) is body i + 1.
+        closure_tolerance: Largest closure residual at home and in `assemble` over the module's length.
+        home: Home position, shape (nq,).
+        rank_tolerance: What `build_robot` was given.
+        held: Joints that are never cut away in a wrist.
+        payloads: Payloads that were added to the links (`hybridyn.with_effects`).
+    """
+
+    description: Description
+    base: Base
+    gravity: Array
+    modules: tuple[Module, ...]
+    joints: tuple[str, ...]
+    kinds: tuple[str, ...]
+    q_slices: tuple[slice, ...]
+    v_slices: tuple[slice, ...]
+    motors: tuple[str, ...]
+    bodies: Bodies
+    closure_tolerance: float
+    home: Array
+    rank_tolerance: float | None = None
+    held: frozenset[str] = frozenset()
+    payloads: tuple[Payload, ...] = ()
+
+    @property
+    def name(self) -> str:
+        """Name of the robot."""
+        return self.description.name
+
+    @property
+    def nq(self) -> int:
+        """Number of position coordinates."""
+        return self.q_slices[-1].stop if self.q_slices else 0
+
+    @property
+    def nv(self) -> int:
+        """Number of velocities."""
+        return self.v_slices[-1].stop if self.v_slices else 0
+
+    @property
+    def mobility(self) -> int:
+        """Number of independent velocities, a free base's six among them, a prescribed base's not."""
+        return sum(module.mobility for module in self.modules)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What the reader remarked."""
+        return self.description.notes
+
+    @cached_property
+    def joint_index(self) -> dict[str, int]:
+        """For each joint its number in `joints`."""
+        return {name: i for i, name in enumerate(self.joints)}
+
+    @cached_property
+    def cut_joints(self) -> frozenset[str]:
+        """Massless passive joints that were cut away in wrists."""
+        wrists = ((module, wrist) for module in self.modules for wrist in module.mechanism.spec.wrists)
+        return frozenset(module.joints[i] for module, wrist in wrists for i in wrist.joints)
+
+    @cached_property
+    def body_of_joint(self) -> dict[str, int]:
+        """For each joint the body that it moves."""
+        return {j.joint.name: j.child for j in self.bodies.joints} | {ROOT_JOINT: 0}
+
+    @cached_property
+    def body_owner(self) -> dict[int, tuple[int, int]]:
+        """Module that moves each body and the body's number in its spanning tree; root: (-1, 0)."""
+        out = {0: (-1, 0)}
+        for k, module in enumerate(self.modules):
+            for i, joint in enumerate(module.joints):
+                out[self.body_of_joint[joint]] = (k, i + 1)
+        return out
+
+    @cached_property
+    def unit(self) -> Array:
+        """Unit of each freedom, shape (nv,): its module's length where it is one of metres, else a radian."""
+        out = np.ones(self.nv)
+        if self.base == "moving":
+            out[:3] = 2.0 ** np.round(np.log2(self.bodies.size))
+        for module in self.modules:
+            out[module.v_index] = module.mechanism.spanning_col_scale
+        return out
+
+    @cached_property
+    def root_inertia(self) -> Array:
+        """6-D inertia of the root body, shape (6, 6), body frame."""
+        root = self.bodies.bodies[0]
+        return spatial_inertia(root.mass, root.com, root.inertia)
+
+    @cached_property
+    def model(self) -> pin.Model:
+        """Pinocchio's model of the spanning tree, built on first use.
+
+        Raises:
+            ModelError: The robot has more than 10,000 joints, which Pinocchio cannot hold.
+        """
+        from .pinocchio_model import build_model
+
+        return build_model(self)
+
+
+def build_robot(
+    description: Description,
+    *,
+    base: Base = "fixed",
+    gravity: tuple[float, float, float] | Array = (0.0, 0.0, -9.81),
+    rank_tolerance: float | None = None,
+    closure_tolerance: float = 1e-4,
+    held: Iterable[str] = (),
+    payloads: tuple[Payload, ...] = (),
+) -> HybridRobot:
+    """Build a robot from its description.
+
+    Args:
+        description: What the files say.
+        base: "fixed", "moving" (prescribed motion) or "floating" (free).
+        gravity: Acceleration of gravity in the world, shape (3,), [m/s^2].
+        rank_tolerance: Relative singular value under which closure rows are dependent; found where left out.
+        closure_tolerance: Largest residual that counts as closed, relative to a module's length.
+        held: Joints that are never cut away in a wrist, so that they can have joint effects.
+        payloads: Payloads that the description has on its links already.
+
+    Raises:
+        ModelError: The description makes no robot, or the rank of a module's closures is in doubt.
+        AssemblyError: A module's loops close nowhere.
+    """
+    if base not in ("fixed", "moving", "floating"):
+        raise ModelError(f"base must be 'fixed', 'moving' or 'floating', not {base!r}")
+    kept = _held(description, held)
+    bodies, graphs = find_modules(description, kept)
+    joints = [j.joint.name for j in bodies.joints]
+    kinds = [str(j.joint.kind) for j in bodies.joints]
+    if base != "fixed":
+        joints, kinds = [ROOT_JOINT, *joints], ["floating", *kinds]
+    q_slices, v_slices = (tuple(slices(size[kind] for kind in kinds)) for size in (NQ, NV))
+    home = _home(description, bodies, kinds, base)
+    tolerances = (rank_tolerance, closure_tolerance)
+    build = ModuleBuilder(bodies, description, joints, q_slices, v_slices, home, tolerances)
+    if base == "floating":
+        build.add_base()
+    for graph in graphs:
+        build.add(graph)
+    return HybridRobot(
+        description=description,
+        base=base,
+        gravity=np.asarray(gravity, dtype=float),
+        modules=tuple(build.modules),
+        joints=tuple(joints),
+        kinds=tuple(kinds),
+        q_slices=q_slices,
+        v_slices=v_slices,
+        motors=tuple(description.motors),
+        bodies=bodies,
+        closure_tolerance=closure_tolerance,
+        home=home,
+        rank_tolerance=rank_tolerance,
+        held=kept,
+        payloads=payloads,
+    )
+
+
+def _held(description: Description, held: Iterable[str]) -> frozenset[str]:
+    """Give the joints that must not be cut: those named, and those with an effect of the robot's own.
+
+    Raises:
+        ModelError: A name is no movable joint.
+    """
+    movable = [joint.name for joint in description.joints if joint.kind != "fixed"]
+    for name in held:
+        if name not in movable:
+            raise ModelError(
+                f"held: no such movable joint '{name}'{did_you_mean(name, movable)}", element=name
+            )
+    tables = [
+        numbers
+        for _, values in description.effects
+        for numbers in values.values()
+        if isinstance(numbers, dict)
+    ]
+    stated = {name for numbers in tables for name in numbers}
+    stated |= {joint.name for joint in description.joints if joint.rotor_inertia}
+    return frozenset(held) | (stated & set(movable)) - set(description.motors)
+
+
+def _home(description: Description, bodies: Bodies, kinds: list[str], base: str) -> Array:
+    """Give the home position of the whole robot, shape (nq,)."""
+    parts = [np.array([0.0, 0, 0, 0, 0, 0, 1])] if base != "fixed" else []
+    for joint, kind in zip(bodies.joints, kinds[len(parts) :], strict=True):
+        value = np.asarray(description.home.get(joint.joint.name, (0.0,)), dtype=float)
+        if len(value) == NQ[kind] and kind != "continuous":
+            parts.append(value)
+        elif kind == "continuous":
+            angle = value[0] if len(value) == 1 else np.arctan2(value[1], value[0])
+            parts.append(np.array([np.cos(angle), np.sin(angle)]))
+        else:
+            parts.append(TreeJoint("", joint.joint.kind, 0, joint.R, joint.p, joint.joint.axis).neutral)
+    return np.concatenate(parts) if parts else np.zeros(0)

@@ -1,0 +1,177 @@
+"""Checking a model: everything that a careful colleague would tell, each finding with its place and its mend.
+
+    finding       one finding; every code with its severity
+    subject       the file as XML, as records and as a robot
+    shapes        boxes about the links, from visuals, collisions and meshes
+    masses, units, limits, couplings, names, loops      one kind of finding each
+
+`hybridyn.check("robot.urdf")` gives them all, the worst first.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from os import PathLike, fspath
+
+import numpy as np
+
+from ...description import Description, read
+from ...description.reading import open_robot
+from ...description.urdf.xml_node import Node
+from ...errors import AssemblyError, HybridynError, ModelError
+from ...structure.robot import HybridRobot, build_robot
+from .couplings import check_couplings
+from .finding import CODES, SEVERITIES, Finding, Severity, worst
+from .limits import check_limits
+from .loops import check_modules
+from .masses import check_masses
+from .names import check_meshes, check_names, duplicated_names
+from .places import Places
+from .shapes import read_shapes
+from .subject import Subject
+from .units import check_units
+
+__all__ = ["CODES", "SEVERITIES", "Finding", "Severity", "check", "is_readable", "worst"]
+
+UNREADABLE = ("unreadable", "duplicate-name")
+
+
+def check(
+    path: str | PathLike[str],
+    *,
+    motors: Sequence[str] | None = None,
+    xacro_args: Mapping[str, str] | None = None,
+    package_dirs: Sequence[str | PathLike[str]] = (),
+    rank_tolerance: float | None = None,
+    closure_tolerance: float = 1e-4,
+    meshes: bool = True,
+) -> list[Finding]:
+    """Give what is wrong with a robot's files, the worst first; never raises for what the files hold.
+
+    Args:
+        path: The robot's file, or the name of a shipped robot.
+        motors: Names of the driven joints, instead of what the files say.
+        xacro_args: Arguments of a xacro file by name.
+        package_dirs: Folders in which `$(find package)` and `package://` look.
+        rank_tolerance: As `hybridyn.load` takes it.
+        closure_tolerance: As `hybridyn.load` takes it.
+        meshes: Whether mesh files are looked for and loaded.
+
+    Returns:
+        Findings; none where all is well. Where the file cannot be read, only why.
+    """
+    from ...description.shipped import find_robot
+
+    try:
+        file = find_robot(path)
+        root = open_robot(file, xacro_args, package_dirs)
+    except ModelError as error:
+        return [_unreadable(error, fspath(path))]
+    found = duplicated_names(root)
+    try:
+        description = read(file, motors=motors, xacro_args=xacro_args, package_dirs=package_dirs)
+    except HybridynError as error:
+        return found or [_unreadable(error, file)]
+    with np.errstate(all="ignore"):  # numbers too large or too small for sums are findings, not warnings
+        robot, problem = _built(root, description, rank_tolerance, closure_tolerance)
+        found += problem
+        found += _all(root, description, robot, package_dirs, meshes)
+    return sorted(found, key=lambda finding: (SEVERITIES.index(finding.severity), finding.line or 0))
+
+
+def is_readable(findings: Sequence[Finding]) -> bool:
+    """Say whether findings come from a file that could be read.
+
+    Args:
+        findings: What `check` gave.
+    """
+    return not any(finding.code in UNREADABLE for finding in findings)
+
+
+def _all(
+    root: Node,
+    description: Description,
+    robot: HybridRobot | None,
+    package_dirs: Sequence[str | PathLike[str]],
+    meshes: bool,
+) -> Iterator[Finding]:
+    shapes = read_shapes(root, package_dirs, meshes=meshes)
+    subject = Subject(root, description, package_dirs, shapes, robot)
+    judges = (
+        check_masses, check_units, check_limits, check_couplings, check_names, check_meshes, check_modules,
+    )  # fmt: skip
+    for judge in judges:
+        yield from judge(subject)
+
+
+def _built(
+    root: Node, description: Description, rank_tolerance: float | None, closure_tolerance: float
+) -> tuple[HybridRobot | None, list[Finding]]:
+    """Build the robot, or give the finding that says why that fails."""
+    try:
+        robot = build_robot(description, rank_tolerance=rank_tolerance, closure_tolerance=closure_tolerance)
+        return robot, []
+    except AssemblyError as error:
+        return None, [
+            Finding(
+                "loops-close-nowhere",
+                f"module '{error.module}'",
+                str(error),
+                "there is no posture at which this robot could stand",
+                "look at the frames and the axes of its closures, one after the other",
+                *_first_closure(root, description, error.module),
+            )
+        ]
+    except ModelError as error:
+        doubt = "rank_tolerance" in str(error)
+        place = _first_closure(root, description, error.element)
+        return None, [
+            Finding(
+                "rank-in-doubt" if doubt else "no-robot",
+                f"'{error.element}'" if error.element else "",
+                _without_place(error),
+                "the number of freedoms decides everything else" if doubt else "nothing can be computed",
+                "pass --rank-tolerance as the message says, or write more digits"
+                if doubt
+                else "mend what the message names",
+                *place,
+            )
+        ]
+
+
+def _first_closure(root: Node, description: Description, element: str | None) -> tuple[str, int | None]:
+    """Give the place of a closure: that of this name, else one at the link of this name, else the first."""
+    closures = sorted(
+        description.closures,
+        key=lambda closure: (closure.name != element, element not in (closure.link_a, closure.link_b)),
+    )
+    places = Places(root)
+    for closure in closures[:1]:
+        for tag in ("loop", "constraint", "loop_joint"):
+            place = places.of(tag, closure.name, closure.line)
+            if place[1]:
+                return place
+    return places.file, None
+
+
+def _without_place(error: ModelError) -> str:
+    """Give an error's message without the file and line that it starts with."""
+    message = str(error)
+    for prefix in (f"{error.file}:{error.line}: ", f"{error.file}: "):
+        message = message.removeprefix(prefix)
+    return message
+
+
+def _unreadable(error: HybridynError, file: str) -> Finding:
+    place = (error.file, error.line) if isinstance(error, ModelError) else (file, None)
+    message = _without_place(error) if isinstance(error, ModelError) else str(error)
+    element = getattr(error, "element", None)
+    return Finding(
+        "unreadable",
+        f"'{element}'" if element else "",
+        message,
+        "nothing else can be said before the file can be read",
+        "mend what the message names, and check again",
+        place[0] or file,
+        place[1],
+    )

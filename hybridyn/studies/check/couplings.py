@@ -1,0 +1,78 @@
+"""Traps of `<mimic>`: followers that are driven, chains, multipliers of zero, limits that stop the leader."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+from ...description.records import Coupling
+from .finding import Finding
+from .subject import Subject
+
+#: How far a leader's range, mapped to the follower, may exceed the follower's: rounding of the file.
+ROUNDED = 1e-3
+
+
+def check_couplings(subject: Subject) -> Iterator[Finding]:
+    """Judge every coupling that came from `<mimic>`."""
+    mimics = {c.name: c for c in subject.description.couplings if c.name == c.terms[0][0]}
+    motors = set(subject.description.motors)
+    for name, coupling in mimics.items():
+        leaders = [(joint, -k / coupling.terms[0][1]) for joint, k in coupling.terms[1:]]
+        if name in motors:
+            yield _finding(
+                subject,
+                "mimic-motor",
+                coupling,
+                "is a motor, and mimics another joint",
+                "one motion then has two motors, or a motor that is not there",
+                "take it off the motors, or take <mimic> off",
+            )
+        for leader, ratio in leaders:
+            if ratio == 0.0:
+                yield _finding(
+                    subject,
+                    "mimic-zero",
+                    coupling,
+                    f"mimics '{leader}' with multiplier 0",
+                    "it is held still, whatever the leader does",
+                    'write the multiplier, or make the joint type="fixed"',
+                )
+            elif leader in mimics:
+                yield _finding(
+                    subject,
+                    "mimic-chain",
+                    coupling,
+                    f"mimics '{leader}', which mimics another joint",
+                    "hybridyn follows the chain; many programs do not",
+                    "let it mimic the first joint, with the product of the multipliers",
+                )
+            else:
+                yield from _limits(subject, coupling, leader, ratio)
+
+
+def _limits(subject: Subject, coupling: Coupling, leader: str, ratio: float) -> Iterator[Finding]:
+    """Compare the range that the leader's limits give the follower with the follower's own."""
+    first, second = subject.joints[leader], subject.joints[coupling.name]
+    ends = [first.lower, first.upper, second.lower, second.upper]
+    if not all(map(math.isfinite, ends)) or first.lower >= first.upper or second.lower >= second.upper:
+        return
+    offset = coupling.offset / coupling.terms[0][1]
+    reached = sorted(ratio * end + offset for end in (first.lower, first.upper))
+    slack = ROUNDED * (second.upper - second.lower)
+    if second.lower - slack <= reached[0] and reached[1] <= second.upper + slack:
+        return
+    yield _finding(
+        subject,
+        "mimic-limits",
+        coupling,
+        f"would move from {reached[0]:.4g} to {reached[1]:.4g} with '{leader}', but its limits are "
+        f"{second.lower:g} to {second.upper:g}",
+        "the leader stops before its own limits, or the follower's are wrong",
+        "widen the follower's limits, or check multiplier and offset",
+    )
+
+
+def _finding(subject: Subject, code: str, coupling: Coupling, message: str, why: str, mend: str) -> Finding:
+    place = subject.places.of("joint", coupling.name, coupling.line)
+    return Finding(code, f"joint '{coupling.name}'", message, why, mend, *place)

@@ -1,0 +1,177 @@
+"""Masses and inertias that no body can have, or not one of the link's shape."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from ...description.records import Link
+from ...description.validate import INERTIA_SLACK
+from .finding import Finding
+from .shapes import volume_of_box
+from .subject import Subject
+
+#: Denser than osmium, 22,590 kg/m^3: no body of that size has this mass.
+DENSEST = 23_000.0
+#: A centre of mass may lie outside its link's box by this part of the box's diagonal (covers, empty shapes).
+OUTSIDE = 0.5
+#: A radius of gyration may exceed the farthest point of the shape by this factor before it is remarked.
+LARGER = 1.5
+#: Below this part of the shape's half diagonal an inertia looks like a placeholder.
+SMALLER = 0.02
+#: Without a shape a radius of gyration is compared with the whole robot's size.
+WHOLE = 3.0
+#: An inertia below this part of mass x (robot's size)^2 is rounding around zero: a point mass.
+POINT = 1e-12
+#: Masses of one robot that differ by more lose digits in each other's sums.
+RATIO = 1e7
+
+
+def check_masses(subject: Subject) -> Iterator[Finding]:
+    """Judge every link's mass, centre of mass and inertia."""
+    for link in subject.description.links:
+        yield from _inertia(subject, link)
+        yield from _size(subject, link)
+        yield from _missing(subject, link)
+    yield from _ratio(subject)
+
+
+def _inertia(subject: Subject, link: Link) -> Iterator[Finding]:
+    if not link.inertia.any():
+        return
+    moments = np.linalg.eigvalsh(link.inertia)
+    largest = float(np.abs(moments).max())
+    if largest < POINT * link.mass * subject.extent**2:
+        return
+    slack = INERTIA_SLACK * largest
+    stated = f"principal moments {moments[0]:.3g}, {moments[1]:.3g}, {moments[2]:.3g} kg m^2"
+    if moments[0] < -slack:
+        yield subject.of_link(
+            "negative-inertia",
+            link.name,
+            f"{stated}: one is negative",
+            "kinetic energy may become negative, and a simulation may blow up",
+            "look for a wrong sign, or products of inertia larger than the moments; take the tensor about "
+            "the centre of mass",
+        )
+    elif moments[2] > moments[0] + moments[1] + slack:
+        yield subject.of_link(
+            "triangle-inequality",
+            link.name,
+            f"{stated}: the largest exceeds the sum of the others by "
+            f"{moments[2] - moments[0] - moments[1]:.2g}",
+            "no distribution of mass has such an inertia, so torques about these axes are wrong",
+            "export the tensor again, about the centre of mass, in the axes that <inertial><origin> states",
+        )
+    if link.mass == 0.0:
+        yield subject.of_link(
+            "inertia-without-mass",
+            link.name,
+            f"has inertia ({stated}) but no mass",
+            "its weight is missing",
+            "state its mass; for a rotor write rotor_inertia in model.toml instead",
+        )
+
+
+def _size(subject: Subject, link: Link) -> Iterator[Finding]:
+    """Compare mass and inertia with the link's shape, or, where it has none, with the robot's size."""
+    if link.mass <= 0.0:
+        return
+    box = subject.box(link.name)
+    gyration = float(np.sqrt(max(np.linalg.eigvalsh(link.inertia)[-1], 0.0) / link.mass))
+    if box is None:
+        if subject.extent > 0 and gyration > WHOLE * subject.extent:
+            yield _too_large(subject, link, gyration, subject.extent, "the whole robot's size")
+        return
+    lower, upper = box
+    diagonal = float(np.linalg.norm(upper - lower))
+    if diagonal == 0.0:
+        return
+    far = float(np.linalg.norm(np.maximum(np.abs(lower - link.com), np.abs(upper - link.com))))
+    outside = float(np.linalg.norm(np.maximum(0.0, np.maximum(lower - link.com, link.com - upper))))
+    if outside > OUTSIDE * diagonal:
+        com = ", ".join(f"{x:.3g}" for x in link.com)
+        yield subject.of_link(
+            "com-outside",
+            link.name,
+            f"its centre of mass ({com}) m lies {outside:.3g} m outside its shape, whose diagonal is "
+            f"{diagonal:.3g} m",
+            "gravity and inertia act at a wrong lever",
+            "state <inertial><origin> in the link's frame in metres, not in the CAD's or the world's",
+        )
+    elif gyration > LARGER * far:
+        yield _too_large(subject, link, gyration, far, "the farthest point of its shape")
+    if 0.0 < gyration < SMALLER * diagonal / 2:
+        yield subject.of_link(
+            "inertia-too-small",
+            link.name,
+            f"its radius of gyration is {gyration:.2g} m, its shape's half diagonal {diagonal / 2:.2g} m",
+            "torques that turn it come out too small",
+            "a placeholder, or g m^2 read as kg m^2? Write the inertia in kg m^2 about the centre of mass",
+        )
+    volume = volume_of_box(lower, upper)
+    if volume > 0 and link.mass > DENSEST * volume:
+        yield subject.of_link(
+            "too-dense",
+            link.name,
+            f"{link.mass:.4g} kg in a box of {volume:.3g} m^3: {link.mass / volume:.3g} kg/m^3",
+            "its weight and inertia are too large, or its shape too small",
+            "masses in grams, or a mesh whose scale turns metres into millimetres? Write kg and m",
+        )
+
+
+def _too_large(subject: Subject, link: Link, gyration: float, size: float, what: str) -> Finding:
+    """Say that an inertia is too large, and which unit would explain it."""
+    return subject.of_link(
+        "inertia-too-large",
+        link.name,
+        f"its radius of gyration is {gyration:.3g} m; {what} is {size:.3g} m away"
+        if "point" in what
+        else f"its radius of gyration is {gyration:.3g} m; {what} is {size:.3g} m",
+        "efforts in fast motions are dominated by an inertia that is not there",
+        unit_guess(gyration / size) + "write the inertia in kg m^2, about the centre of mass",
+    )
+
+
+def unit_guess(ratio: float) -> str:
+    """Say which slip of units makes a radius of gyration too large by about this ratio.
+
+    Args:
+        ratio: Radius of gyration over the size of the shape, about 0.3 to 1 where all is well.
+    """
+    if ratio > 3e3:
+        return "it looks like g mm^2 (1 g mm^2 = 1e-9 kg m^2) beside a mass in kg: "
+    if ratio > 1e2:
+        return "it looks like kg mm^2 (1e-6 kg m^2), or g mm^2 with the mass in grams: "
+    if ratio > 8:
+        return "it looks like kg cm^2 (1e-4 kg m^2): "
+    return "taken about a point far from the centre of mass? "
+
+
+def _missing(subject: Subject, link: Link) -> Iterator[Finding]:
+    joint = subject.joint_above.get(link.name)
+    if link.mass or link.inertia.any() or link.name not in subject.shapes:
+        return
+    if joint is not None and joint.kind != "fixed":
+        yield subject.of_link(
+            "missing-inertial",
+            link.name,
+            f"moves (joint '{joint.name}') and has a shape, but no mass",
+            "it counts as weightless",
+            "add <inertial> with mass, centre of mass and inertia, or join it to a link that has them",
+        )
+
+
+def _ratio(subject: Subject) -> Iterator[Finding]:
+    masses = {link.mass: link for link in subject.description.links if link.mass > 0}
+    if not masses or max(masses) < RATIO * min(masses):
+        return
+    small, large = masses[min(masses)], masses[max(masses)]
+    yield subject.of_link(
+        "mass-ratio",
+        small.name,
+        f"{small.mass:.3g} kg beside {large.mass:.3g} kg of link '{large.name}'",
+        "solutions lose digits, and one of the two is probably in another unit",
+        "write masses in kg; give a link that stands for a frame no mass at all",
+    )

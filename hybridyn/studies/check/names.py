@@ -1,0 +1,108 @@
+"""Names that are stated twice, links without a role, meshes that are not there, and the reader's remarks."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from ...description.urdf.xml_node import Node
+from .finding import Finding
+from .places import Places
+from .subject import Subject
+
+NAMED = ("link", "joint", "loop", "constraint", "loop_joint", "coupling")
+TOLD_ELSEWHERE = ("unphysical inertia", "no file says which joints", "both ignored")
+
+
+def duplicated_names(root: Node) -> list[Finding]:
+    """Give every name that two elements of a kind share; a robot cannot be read then.
+
+    Args:
+        root: Root element.
+    """
+    out, places = [], Places(root)
+    for kind in NAMED:
+        lines: dict[str, int | None] = {}
+        for node in root.children(kind):
+            name = str(node.xml.get("name", "")).strip()
+            if name and name in lines:
+                place = places.of(kind, name, node.line)
+                first = "" if places.expanded else f", first in line {lines[name]}"
+                out.append(
+                    Finding(
+                        "duplicate-name",
+                        f"{kind} '{name}'",
+                        f"is stated twice{first}",
+                        "what refers to the name may mean either",
+                        "rename one of the two, and what belongs to it",
+                        *place,
+                    )
+                )
+            elif name:
+                lines[name] = node.line
+    return out
+
+
+def check_names(subject: Subject) -> Iterator[Finding]:
+    """Judge names and roles."""
+    description = subject.description
+    for name in subject.links.keys() & subject.joints.keys():
+        yield subject.of_link(
+            "same-name",
+            name,
+            "a joint has the same name",
+            "Pinocchio's getFrameId refuses a name that means two frames; hybridyn keeps them apart",
+            "rename one if you use robot.model directly",
+        )
+    yield from _unused(subject)
+    for note in description.notes:
+        if not any(text in note for text in TOLD_ELSEWHERE):
+            yield Finding(
+                "reader",
+                "",
+                note,
+                "something in the file was passed over or taken in a particular way",
+                "nothing to do if that is what you mean",
+                description.source,
+            )
+
+
+def _unused(subject: Subject) -> Iterator[Finding]:
+    """Name links that could be left out: without mass, shape, anything on them or a closure."""
+    description = subject.description
+    used = {joint.parent for joint in description.joints}
+    used |= {link for closure in description.closures for link in (closure.link_a, closure.link_b)}
+    text = repr(description.effects)
+    for link in description.links:
+        joint = subject.joint_above.get(link.name)
+        idle = not (link.mass or link.inertia.any() or link.name in used or link.name in subject.shapes)
+        if idle and joint is not None and joint.kind == "fixed" and f"'{link.name}'" not in text:
+            yield subject.of_link(
+                "unused-link",
+                link.name,
+                f"has no mass, no shape and nothing on it (fixed joint '{joint.name}')",
+                "it costs nothing, and is right where it marks a frame (a tool, a sensor)",
+                "leave it out if nobody needs the frame",
+            )
+
+
+def check_meshes(subject: Subject) -> Iterator[Finding]:
+    """Judge the files of the meshes."""
+    told: set[str] = set()
+    for link, shapes in subject.shapes.items():
+        for shape in shapes:
+            if shape.wrong is None or shape.mesh is None or shape.mesh in told:
+                continue
+            told.add(shape.mesh)
+            missing = shape.wrong == "missing"
+            uses = sum(other.mesh == shape.mesh for group in subject.shapes.values() for other in group)
+            again = f" (used {uses} times)" if uses > 1 else ""
+            yield subject.of_link(
+                "missing-mesh" if missing else "broken-mesh",
+                link,
+                f"mesh '{shape.mesh}' {'is not there' if missing else shape.wrong}{again}",
+                "the link is not drawn, and its mass cannot be judged by its shape",
+                "put the file there, or name the folder of its package with --package-dir"
+                if missing
+                else "export it again as STL, DAE or OBJ",
+                shape.line,
+            )

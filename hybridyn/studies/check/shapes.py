@@ -1,0 +1,159 @@
+"""The shapes of a robot's links: boxes about them, volumes, and meshes that are absent or broken.
+
+Elements are read with their lines; files of meshes are loaded by trimesh, as yourdfpy does, and only where a
+mesh is named.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import product
+from os import PathLike
+from pathlib import Path
+from urllib.parse import unquote
+
+import numpy as np
+
+from ...description.urdf.placement import origin_of
+from ...description.urdf.xacro import _share_dirs
+from ...description.urdf.xml_node import Node
+from ...errors import ModelError
+from ...spatial import Array
+
+LARGEST_MESH = 100 * 2**20  # bytes: larger ones are not loaded for their box
+
+
+@dataclass(frozen=True)
+class Shape:
+    """One visual or collision shape of a link.
+
+    Attributes:
+        kind: "box", "cylinder", "capsule", "sphere" or "mesh".
+        role: "visual" or "collision".
+        line: Line in the file, or None.
+        corners: Corners of its own box in the link, shape (8, 3), [m], or None where its mesh is not known.
+        mesh: What the file calls the mesh, or None.
+        wrong: Why the mesh is not known, or None: "missing" or a reader's complaint.
+    """
+
+    kind: str
+    role: str
+    line: int | None
+    corners: Array | None
+    mesh: str | None = None
+    wrong: str | None = None
+
+
+def read_shapes(
+    root: Node, package_dirs: Sequence[str | PathLike[str]], *, meshes: bool = True
+) -> dict[str, list[Shape]]:
+    """Read the shapes of every link; what cannot be understood is left out (other programs judge it).
+
+    Args:
+        root: Root element of a URDF.
+        package_dirs: Folders in which `package://` looks.
+        meshes: Whether mesh files are loaded.
+    """
+    load = _MeshBoxes(root.file.removesuffix(" (expanded)"), package_dirs) if meshes else None
+    out: dict[str, list[Shape]] = {}
+    for link in root.children("link"):
+        for node in link.children("visual", "collision"):
+            try:
+                shape = _shape(node, load)
+            except ModelError:
+                continue
+            if shape is not None:
+                out.setdefault(link.text("name"), []).append(shape)
+    return out
+
+
+def _shape(node: Node, load: _MeshBoxes | None) -> Shape | None:
+    geometry = node.child("geometry")
+    inner = geometry.children()[:1] if geometry is not None else []
+    if not inner:
+        return None
+    shape, mesh, wrong = inner[0], None, None
+    if shape.tag == "box":
+        half = np.abs(shape.numbers("size", 3)) / 2
+        lower, upper = -half, half
+    elif shape.tag in ("cylinder", "capsule"):
+        r, length = abs(shape.number("radius")), abs(shape.number("length"))
+        upper = np.array([r, r, length / 2 + (r if shape.tag == "capsule" else 0.0)])
+        lower = -upper
+    elif shape.tag == "sphere":
+        upper = np.full(3, abs(shape.number("radius")))
+        lower = -upper
+    elif shape.tag == "mesh":
+        mesh = shape.text("filename")
+        if load is None:
+            return Shape("mesh", node.tag, node.line, None, mesh)
+        found = load(mesh)
+        if isinstance(found, str):
+            return Shape("mesh", node.tag, node.line, None, mesh, found)
+        scale = shape.numbers("scale", 3, (1.0, 1.0, 1.0))
+        lower, upper = np.sort(np.array(found) * scale, axis=0)
+    else:
+        return None
+    corners = np.array(list(product(*zip(lower, upper, strict=True))))
+    placement = origin_of(node.child("origin"))
+    corners = corners @ placement[:3, :3].T + placement[:3, 3]
+    return Shape(shape.tag, node.tag, node.line, corners, mesh, wrong)
+
+
+class _MeshBoxes:
+    """Boxes about meshes, each file loaded once."""
+
+    def __init__(self, file: str, package_dirs: Sequence[str | PathLike[str]]) -> None:
+        self.folder = Path(file).parent
+        self.roots = [Path(folder) for folder in package_dirs]
+        paths = os.environ.get("ROS_PACKAGE_PATH", "").split(os.pathsep)
+        self.roots += [Path(path) for path in paths if path]
+        self.roots += [Path(folder) for folder in _share_dirs()]
+        self.roots += [folder / "example-robot-data" / "robots" for folder in self.roots]
+        self.roots += [self.folder.resolve(), *self.folder.resolve().parents][:5]
+        self.known: dict[str, tuple[Array, Array] | str] = {}
+
+    def __call__(self, name: str) -> tuple[Array, Array] | str:
+        """Give lower and upper corner of a mesh in its own units, or what is wrong with it."""
+        if name not in self.known:
+            self.known[name] = self._load(name)
+        return self.known[name]
+
+    def _load(self, name: str) -> tuple[Array, Array] | str:
+        file = self._find(unquote(name))
+        if file is None:
+            return "missing"
+        if file.stat().st_size > LARGEST_MESH:
+            return f"is larger than {LARGEST_MESH // 2**20} MiB"
+        import warnings
+
+        import trimesh
+
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                bounds = trimesh.load(file, force="mesh").bounds
+        except Exception as error:  # readers of some twenty formats: whatever goes wrong, the mesh is broken
+            return f"cannot be read ({type(error).__name__}: {' '.join(str(error).split())[:100]})"
+        if bounds is None or not np.isfinite(bounds).all():
+            return "holds no triangles"
+        return np.asarray(bounds[0], dtype=float), np.asarray(bounds[1], dtype=float)
+
+    def _find(self, name: str) -> Path | None:
+        for prefix in ("package://", "model://"):
+            if name.startswith(prefix):
+                inside = name.removeprefix(prefix)
+                package, _, rest = inside.partition("/")
+                places = [root / inside for root in self.roots]
+                places += [root / rest for root in self.roots if root.name == package]
+                break
+        else:
+            places = [self.folder / name.removeprefix("file://")]
+        return next((place for place in places if place.is_file()), None)
+
+
+def volume_of_box(lower: Array, upper: Array) -> float:
+    """Give the volume of a box [m^3]."""
+    return float(np.prod(upper - lower))

@@ -1,0 +1,88 @@
+"""What rates and accelerations cost that do not come with the trajectory: from a spline, from differences."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from ...assembly.assemble import assemble
+from ...dynamics.inverse import idm
+from ...effects.choice import Effects
+from ...errors import HybridynError
+from ...spatial import Array
+from ...structure.robot import HybridRobot
+from ...tables.rates import derivatives
+from .points import Point, timed
+
+EDGE = 40
+"""Rows at either end whose rates a spline cannot know well."""
+
+SAME = 1e-12
+"""Rates that differ by less come from the same rule: the table gives none, and was given a spline's."""
+
+LINE = "rates of the trajectory"
+
+
+def by_rates(
+    robot: HybridRobot, time: Array | None, q: Array, v: Array, a: Array, effects: Effects
+) -> Iterator[Point]:
+    """Measure rates from a spline and from differences of the motors' positions, against those of the table.
+
+    Args:
+        robot: The robot.
+        time: Times, shape (T,), [s], or None.
+        q: Positions, shape (T, nq).
+        v: Rates, shape (T, nv).
+        a: Accelerations, shape (T, nv).
+        effects: What is computed.
+    """
+    kinds = {robot.kinds[robot.joint_index[motor]] for motor in robot.motors}
+    obstacle = _obstacle(time, kinds - {"revolute", "prismatic"}, robot)
+    if obstacle or time is None:
+        yield Point(LINE, "spline, differences", np.inf, np.inf, "", obstacle)
+        return
+    at = [robot.q_slices[robot.joint_index[motor]].start for motor in robot.motors]
+    p = q[:, at]
+    inner = slice(EDGE, len(time) - EDGE)
+    wanted = idm(robot, q[inner], v[inner], a[inner], effects=effects)
+    peak = np.abs(wanted).max(axis=0)
+    peak = np.where(peak > 0, peak, 1.0)
+
+    def spline() -> tuple[Array, Array]:
+        return derivatives(time, p, slice(0, len(time)))
+
+    def differences() -> tuple[Array, Array]:
+        rate = np.gradient(p, time, axis=0)
+        return rate, np.gradient(rate, time, axis=0)
+
+    against = ""
+    for words, rule in (("quintic spline", spline), ("central differences", differences)):
+        (rate, acceleration), seconds = timed(rule)
+        try:
+            motors = {m: (p[:, i], rate[:, i], acceleration[:, i]) for i, m in enumerate(robot.motors)}
+            moved = assemble(robot, motors=motors, guess=q[0])
+            tau = idm(robot, *(x[inner] for x in moved), effects=effects)
+        except HybridynError as failure:
+            yield Point(LINE, words, np.inf, np.inf, "", str(failure))
+            continue
+        off = float((np.abs(tau - wanted) / peak).max(initial=0.0))
+        if off < SAME:  # nothing is known of its error
+            against = ", against that spline"
+            reason = "the table gives no rates: this is where they come from, nothing judges them"
+            yield Point(LINE, words, np.inf, np.inf, "", reason)
+            continue
+        own = seconds / len(time)
+        fragment = f"# rates by {words} of the motors' positions"
+        what = f"take rates by {words}"
+        use = "comparison" if against else "program"
+        yield Point(LINE, words + against, off, own, fragment, use=use, what=what, own=own)  # type: ignore[arg-type]
+
+
+def _obstacle(time: Array | None, odd_kinds: set[str], robot: HybridRobot) -> str:
+    """Say why rates cannot be taken from positions, or ""."""
+    if time is None or len(time) < 3 * EDGE:
+        return f"not measured: needs times and {3 * EDGE} rows or more"
+    if robot.base != "fixed" or odd_kinds or not robot.motors:
+        return "not measured: needs a fixed base and motors on revolute and prismatic joints"
+    return ""

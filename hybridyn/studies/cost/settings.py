@@ -1,0 +1,115 @@
+"""Ways to integrate a scene that are compared."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Any, NamedTuple
+
+from ...scenes.stage import Stage
+from .points import Use
+
+FACTORS = (8.0, 4.0, 2.0, 1.0)
+"""Fixed steps, over the mean step of the scene's own solver."""
+
+TOLERANCES = (1e-3, 1e-5, 1e-7, 1e-9)
+"""Relative tolerances of the methods that choose their steps."""
+
+DROPPABLE = (
+    "leg_inertia", "velocity", "rotor_inertia", "viscous_friction", "coulomb_friction", "stribeck_friction",
+)  # fmt: skip
+"""Effects that a scene may do without and still be the same scene."""
+
+ENGINES = {"": "", "float64": ", C in float64", "float32": ", C in float32"}
+
+
+class Setting(NamedTuple):
+    """One configuration.
+
+    Attributes:
+        line: Family that it belongs to.
+        words: What distinguishes it there.
+        options: Arguments of `simulate`.
+        dtype: Numbers of the accelerations written out as C, or "" for the general path.
+        effects: The effects that are on, or None for the scene's.
+        use: How it can be had, see `Point`.
+    """
+
+    line: str
+    words: str
+    options: dict[str, Any]
+    dtype: str = ""
+    effects: tuple[str, ...] | None = None
+    use: Use = "command"
+
+
+def own_options(ready: Stage) -> dict[str, Any]:
+    """Give what the scene's own [solver] says, as `simulate` takes it."""
+    return dict(ready.source.scene.solver.model_dump(exclude_none=True))
+
+
+def usual_setting(options: dict[str, Any]) -> Setting:
+    """Give the scene's own way."""
+    adaptive = options["method"] == "dopri5" or "step" not in options
+    pace = f"rtol {options['rtol']:.0e}" if adaptive else f"step {options['step']:g} s"
+    return Setting("as the scene says", f"{options['method']}, {pace} (usual)", options, use="usual")
+
+
+def of_integration(step: float) -> Iterator[Setting]:
+    """Give methods, steps and tolerances, projections, and accelerations by the general path or in C.
+
+    Args:
+        step: A step around which fixed steps are tried [s].
+    """
+    for dtype, engine in ENGINES.items():
+        yield from _family("dopri5", "stages", step, dtype, engine)
+        yield from _family("rk4", "stages", step, dtype, engine)
+    for projection in ("steps", "never"):
+        for method in ("dopri5", "rk4"):
+            yield from _family(method, projection, step, "", f", projected {projection}")
+    yield from _adaptive("implicit", "stages", "", "")
+    yield from _fixed("implicit", "stages", step, "", ", fixed steps")
+    yield from _fixed("conserving", "stages", step, "", "")
+
+
+def _family(method: str, projection: str, step: float, dtype: str, suffix: str) -> Iterator[Setting]:
+    """Give one line's settings, coarse to fine."""
+    if method == "dopri5":
+        yield from _adaptive(method, projection, dtype, suffix)
+    else:
+        yield from _fixed(method, projection, step, dtype, suffix)
+
+
+def _adaptive(method: str, projection: str, dtype: str, suffix: str) -> Iterator[Setting]:
+    """Give tolerances."""
+    for rtol in TOLERANCES:
+        options = {"method": method, "rtol": rtol, "atol": rtol * 1e-2, "projection": projection}
+        yield Setting(method + suffix, f"rtol {rtol:.0e}", options, dtype, use=_use(dtype, projection))
+
+
+def _fixed(method: str, projection: str, step: float, dtype: str, suffix: str) -> Iterator[Setting]:
+    """Give steps."""
+    for factor in FACTORS:
+        options = {"method": method, "step": float(f"{factor * step:g}"), "projection": projection}
+        words = f"step {options['step']:g} s"
+        yield Setting(method + suffix, words, options, dtype, use=_use(dtype, projection))
+
+
+def _use(dtype: str, projection: str) -> Use:
+    """Say how a setting can be had: commands know no float32, and loops that drift open are no result."""
+    if projection == "never":
+        return "comparison"
+    return "program" if dtype == "float32" else "command"
+
+
+def of_effects(names: Sequence[str], options: dict[str, Any]) -> Iterator[Setting]:
+    """Give the scene's own solver without one effect, and without all that can be left out.
+
+    Args:
+        names: Effects of the scene.
+        options: Its solver.
+    """
+    there = [name for name in DROPPABLE if name in names]
+    for out in [*([name] for name in there), *([there] if len(there) > 1 else [])]:
+        kept = tuple(name for name in names if name not in out)
+        words = " and ".join(name.replace("_", " ") for name in out)
+        yield Setting("effects", f"without {words}", options, effects=kept)

@@ -1,0 +1,290 @@
+"""What a motion asks of each motor: peaks, RMS, power and energy, gathered block by block.
+
+Means are integrals over time by the trapezoidal rule (plain means where a table has no time):
+
+    RMS effort = sqrt(1/T integral tau^2 dt),  mean power = 1/T integral tau q_dot dt.
+
+Everything is at the joint, behind the gear; with a gear ratio n the rotor turns n q_dot and gives tau / n.
+Losses inside the gear are not known.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..spatial import Array
+from ..structure.robot import HybridRobot
+
+#: Peaks that differ by less than this (relative) are one: the first counts, whatever rounding says.
+TIE = 1e-6
+#: Points of the speed-effort cloud that are kept per motor; beyond twice as many every second one is dropped.
+CLOUD = 2000
+#: A limit is violated beyond this part of it: a motion that just touches it does not exceed it.
+TOUCHING = 1e-9
+
+
+@dataclass(frozen=True)
+class Peak:
+    """The largest value of a quantity, by size.
+
+    Attributes:
+        value: The value, with its sign.
+        at: Its time [s], or the number of its row where the table has no time.
+    """
+
+    value: float
+    at: float
+
+
+@dataclass(frozen=True)
+class MotorLoad:
+    """What one motor has to do. Efforts in N or N m, speeds in m/s or rad/s, powers in W, energies in J.
+
+    Attributes:
+        motor: Name of the driven joint.
+        linear: Whether it is prismatic.
+        effort: Peak effort.
+        rms_effort: RMS effort.
+        speed: Peak speed.
+        rms_speed: RMS speed.
+        power: Largest power that it gives.
+        braking_power: Largest power that it takes, negative.
+        mean_power: Mean power, what it takes subtracted; None without time.
+        energy_given: Energy that it gives while it drives; None without time.
+        energy_taken: Energy that it takes while it brakes, positive; None without time.
+        travel: Least and greatest position [m or rad]; None for a continuous joint.
+        effort_limit: Effort limit of the file, inf where it states none.
+        speed_limit: Speed limit of the file, inf where it states none.
+        over_effort: Number of samples above the effort limit.
+        over_speed: Number of samples above the speed limit.
+        gear_ratio: Rotor turns per joint turn (rad/m for a slide).
+    """
+
+    motor: str
+    linear: bool
+    effort: Peak
+    rms_effort: float
+    speed: Peak
+    rms_speed: float
+    power: Peak
+    braking_power: Peak
+    mean_power: float | None
+    energy_given: float | None
+    energy_taken: float | None
+    travel: tuple[float, float] | None
+    effort_limit: float
+    speed_limit: float
+    over_effort: int
+    over_speed: int
+    gear_ratio: float
+
+    @property
+    def rotor_torque(self) -> float:
+        """Largest torque of the rotor [N m]."""
+        return abs(self.effort.value / self.gear_ratio)
+
+    @property
+    def rotor_rms_torque(self) -> float:
+        """RMS torque of the rotor [N m]."""
+        return abs(self.rms_effort / self.gear_ratio)
+
+    @property
+    def rotor_speed(self) -> float:
+        """Largest speed of the rotor [rad/s]."""
+        return abs(self.speed.value * self.gear_ratio)
+
+
+class Sizing:
+    """What a motion asks of a robot's motors, gathered block by block in the order of time."""
+
+    def __init__(self, robot: HybridRobot) -> None:
+        """Start with nothing gathered.
+
+        Args:
+            robot: The robot.
+        """
+        records = {joint.name: joint for joint in robot.description.joints}
+        self.joints = [records[name] for name in robot.motors]
+        count = len(self.joints)
+        self.samples, self.duration = 0, 0.0
+        self._peaks = {name: _Peaks(count) for name in ("effort", "speed", "power", "braking")}
+        self._integrals = np.zeros((5, count))  # of effort^2, speed^2, power, power given, power taken
+        self._sums = np.zeros((5, count))  # the same over samples, for tables without time
+        self._lower, self._upper = np.full(count, np.inf), np.full(count, -np.inf)
+        self._over = np.zeros((2, count), dtype=int)
+        self._last: tuple[float, Array] | None = None
+        self.cloud = _Cloud()
+
+    @property
+    def limits(self) -> Array:
+        """Effort and speed limits of the motors, shape (2, motors)."""
+        out = [[joint.effort for joint in self.joints], [joint.velocity for joint in self.joints]]
+        return np.array(out).reshape(2, -1)
+
+    def add(self, time: Array | None, first_row: int, position: Array, speed: Array, effort: Array) -> None:
+        """Take in consecutive samples.
+
+        Args:
+            time: Times, shape (T,), [s], or None.
+            first_row: Number of the first sample, where there is no time.
+            position: Positions of the motors, shape (T, motors), nan for continuous joints.
+            speed: Their rates, shape (T, motors).
+            effort: Their efforts, shape (T, motors).
+        """
+        power = effort * speed
+        at = np.arange(first_row, first_row + len(effort), dtype=float) if time is None else time
+        for name, values in (
+            ("effort", effort),
+            ("speed", speed),
+            ("power", np.maximum(power, 0.0)),
+            ("braking", np.minimum(power, 0.0)),
+        ):
+            self._peaks[name].add(values, at)
+        self._over += np.array(
+            [
+                (np.abs(values) > limit * (1 + TOUCHING)).sum(axis=0)
+                for values, limit in zip((effort, speed), self.limits, strict=True)
+            ]
+        )
+        self._lower = np.minimum(self._lower, position.min(axis=0, initial=np.inf))
+        self._upper = np.maximum(self._upper, position.max(axis=0, initial=-np.inf))
+        self.samples += len(effort)
+        rows = np.stack([effort, speed], axis=1)
+        self._sums += _integrands(rows).sum(axis=0)
+        if time is not None:
+            self._integrate(time, rows)
+        self.cloud.add(np.stack([speed, effort], axis=-1))
+
+    def _integrate(self, time: Array, rows: Array) -> None:
+        """Add to the integrals; `rows` is effort and speed, shape (T, 2, motors)."""
+        if self._last is not None:
+            time, rows = np.r_[self._last[0], time], np.concatenate([self._last[1][None], rows])
+        values = _integrands(rows)
+        self._integrals += np.einsum("t,tim->im", np.diff(time), values[1:] + values[:-1]) / 2
+        self.duration += float(time[-1] - time[0])
+        self._last = (float(time[-1]), rows[-1])
+
+    def loads(self) -> list[MotorLoad]:
+        """Give what was gathered, one entry per motor."""
+        timed = self.duration > 0
+        sums, whole = (self._integrals, self.duration) if timed else (self._sums, max(self.samples, 1))
+        effort, speed, power, given, taken = sums
+        out = []
+        for i, joint in enumerate(self.joints):
+            peaks = {name: peaks.of(i) for name, peaks in self._peaks.items()}
+            bounded = np.isfinite(self._lower[i]) and np.isfinite(self._upper[i])
+            out.append(
+                MotorLoad(
+                    motor=joint.name,
+                    linear=joint.kind == "prismatic",
+                    effort=peaks["effort"],
+                    rms_effort=float(np.sqrt(effort[i] / whole)),
+                    speed=peaks["speed"],
+                    rms_speed=float(np.sqrt(speed[i] / whole)),
+                    power=peaks["power"],
+                    braking_power=peaks["braking"],
+                    mean_power=float(power[i] / whole) if timed else None,
+                    energy_given=float(given[i]) if timed else None,
+                    energy_taken=float(-taken[i]) if timed else None,
+                    travel=(float(self._lower[i]), float(self._upper[i])) if bounded else None,
+                    effort_limit=joint.effort,
+                    speed_limit=joint.velocity,
+                    over_effort=int(self._over[0, i]),
+                    over_speed=int(self._over[1, i]),
+                    gear_ratio=joint.gear_ratio,
+                )
+            )
+        return out
+
+
+def motor_rows(robot: HybridRobot, q: Array, v: Array) -> tuple[Array, Array]:
+    """Give positions and rates of the motors, shapes (T, motors); positions of continuous joints are nan.
+
+    Args:
+        robot: The robot.
+        q: Positions of the spanning tree, shape (T, nq).
+        v: Rates, shape (T, nv).
+    """
+    position, speed = np.full((2, len(q), len(robot.motors)), np.nan)
+    for i, name in enumerate(robot.motors):
+        joint = robot.joint_index[name]
+        speed[:, i] = v[:, robot.v_slices[joint].start]
+        if robot.kinds[joint] != "continuous":
+            position[:, i] = q[:, robot.q_slices[joint].start]
+    return position, speed
+
+
+def violations(loads: Sequence[MotorLoad]) -> list[str]:
+    """Name the limits that a motion exceeds, one sentence each.
+
+    Args:
+        loads: What the motors have to do.
+    """
+    out = []
+    for load in loads:
+        units = ("N", "m/s") if load.linear else ("N m", "rad/s")
+        for what, peak, limit, count, unit in (
+            ("effort", load.effort, load.effort_limit, load.over_effort, units[0]),
+            ("speed", load.speed, load.speed_limit, load.over_speed, units[1]),
+        ):
+            if count:
+                times = f"{abs(peak.value) / limit:.3g} times" if limit > 0 else "over"
+                out.append(
+                    f"motor '{load.motor}': {what} of {abs(peak.value):.6g} {unit} is {times} its limit of "
+                    f"{limit:g} {unit}, exceeded in {count:,} sample{'s' if count > 1 else ''}"
+                )
+    return out
+
+
+class _Peaks:
+    """The largest of each column, and where."""
+
+    def __init__(self, count: int) -> None:
+        self.value, self.at = np.zeros(count), np.full(count, np.nan)
+
+    def add(self, values: Array, at: Array) -> None:
+        if not len(values):
+            return
+        sizes = np.abs(values)
+        first = (sizes >= sizes.max(axis=0) * (1 - TIE)).argmax(axis=0)
+        found = np.take_along_axis(values, first[None], axis=0)[0]
+        better = np.isnan(self.at) | (np.abs(found) > np.abs(self.value) * (1 + TIE))
+        self.value = np.where(better, found, self.value)
+        self.at = np.where(better, at[first], self.at)
+
+    def of(self, column: int) -> Peak:
+        return Peak(float(self.value[column]), float(self.at[column]))
+
+
+class _Cloud:
+    """Evenly thinned samples of speed and effort."""
+
+    def __init__(self) -> None:
+        self._parts: list[Array] = []
+        self._stride, self._seen, self._kept = 1, 0, 0
+
+    def add(self, points: Array) -> None:
+        start = -self._seen % self._stride
+        self._seen += len(points)
+        self._parts.append(points[start :: self._stride])
+        self._kept += len(self._parts[-1])
+        while self._kept > 2 * CLOUD:
+            self._parts = [self.points[::2]]
+            self._stride *= 2
+            self._kept = len(self._parts[0])
+
+    @property
+    def points(self) -> Array:
+        """Speed and effort, shape (points, motors, 2)."""
+        return np.concatenate(self._parts) if self._parts else np.zeros((0, 0, 2))
+
+
+def _integrands(rows: Array) -> Array:
+    """Give what is integrated, shape (T, 5, motors), from effort and speed, shape (T, 2, motors)."""
+    effort, speed = rows[:, 0], rows[:, 1]
+    power = effort * speed
+    parts = [effort**2, speed**2, power, np.maximum(power, 0.0), np.minimum(power, 0.0)]
+    return np.stack(parts, axis=1)

@@ -1,0 +1,144 @@
+"""A lattice of poses, flooded from its origin: from every pose that is reached its neighbours are tried.
+
+A step to a neighbour is taken whole as far as that goes, and what is left then in smaller steps.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ...errors import ModelError
+from ...linkage.targets import COORDINATES
+from ...spatial import Array, Index
+from .measures import Measures
+from .steps import OUT_OF_REACH, REACHED, Closing
+
+#: A step to a neighbour is tried whole, then in so many parts.
+PARTS = (1, 4, 16)
+#: Poses that are closed at once; fixed, so that no result depends on the number of processes.
+CHUNK = 256
+#: More poses than this are a mistake.
+MOST = 200_000
+
+Spread = Callable[[Callable[..., Any], Iterable[tuple[Any, ...]]], Iterator[Any]]
+"""Applies a function, always the same, to tuples of arguments, in order; perhaps in other processes."""
+
+
+def in_this_process(function: Callable[..., Any], tasks: Iterable[tuple[Any, ...]]) -> Iterator[Any]:
+    """Apply a function to tuples of arguments, one after the other."""
+    return itertools.starmap(function, tasks)
+
+
+@dataclass(frozen=True)
+class Work:
+    """What is done to chunks of postures; it travels to other processes once.
+
+    Attributes:
+        closing: Goes from poses to neighbouring ones.
+        measures: Measures postures.
+    """
+
+    closing: Closing
+    measures: Measures
+
+    def __call__(self, what: str, *arguments: Any) -> Any:
+        """Do one of the two, "close" or "measure"."""
+        return self.closing(*arguments) if what == "close" else self.measures(*arguments)
+
+
+Point = tuple[int, ...]
+"""A lattice point: steps from the origin along each axis."""
+Pair = tuple[Point, Point]
+"""A step from one point to a neighbour."""
+
+
+class Flood:
+    """The lattice, flooded from its origin."""
+
+    def __init__(self, work: Work, start: Array, step: Array, q: Array) -> None:
+        self.work, self.close, self.start, self.step = work, work.closing, start, step
+        names = self.close.sweep.names
+        self.columns = [names.index(axis) for axis in self.close.sweep.axes]
+        self.angular = [COORDINATES.index(axis) >= 3 for axis in self.close.sweep.axes]
+        self.reached: dict[Point, Array] = {(0,) * len(step): q}
+        self.waiting: dict[Point, list[Point]] = {}
+        self.hard: list[list[Pair]] = [[] for _ in PARTS]
+        self.blocked: Counter[str] = Counter()
+
+    def values(self, index: Index) -> Array:
+        """Give the coordinates of lattice points (n, axes), shape (n, names)."""
+        out = np.tile(self.start, (len(index), 1))
+        out[:, self.columns] += index * self.step
+        return out
+
+    def found(self) -> tuple[Index, Array]:
+        """Give the lattice points that were reached, in order, and the module's postures there."""
+        index = np.array(list(self.reached)).reshape(-1, len(self.step))
+        order = np.lexsort(index.T[::-1])
+        return index[order], np.array(list(self.reached.values()))[order]
+
+    def run(self, spread: Spread, progress: Callable[[int], None] | None) -> None:
+        """Reach whatever can be reached: by whole steps as far as they go, then the rest in smaller ones."""
+        self._neighbours(next(iter(self.reached)))
+        while (found := self._next()) is not None:
+            level, pairs = found
+            done = 0
+            for q, state in spread(self.work, self._chunks(level, pairs)):
+                for posture, what, pair in zip(q, state, pairs[done : done + len(q)], strict=True):
+                    self._arrived(level, pair, posture, int(what))
+                done += len(q)
+                if progress:
+                    progress(len(self.reached))
+            if len(self.reached) > MOST:
+                raise ModelError(
+                    f"the workspace has more than {MOST:,} poses: take larger steps or fewer coordinates, or "
+                    "state limits in the robot's file"
+                )
+
+    def _next(self) -> tuple[int, list[Pair]] | None:
+        """Give the steps to take next, and the number of their entry in `PARTS`; None at the end."""
+        if self.waiting:  # one step to each point: from the first neighbour not tried yet
+            pairs = [(sides.pop(0), to) for to, sides in self.waiting.items()]
+            self.waiting = {to: sides for to, sides in self.waiting.items() if sides}
+            return 0, pairs
+        for level in range(1, len(PARTS)):
+            pairs = [pair for pair in self.hard[level] if pair[1] not in self.reached]
+            self.hard[level] = []
+            if pairs:
+                return level, pairs
+        return None
+
+    def _arrived(self, level: int, pair: Pair, posture: Array, what: int) -> None:
+        """Enter what a step came to."""
+        to = pair[1]
+        if to in self.reached:
+            return
+        if what == REACHED:
+            self.reached[to] = posture
+            self.waiting.pop(to, None)
+            self._neighbours(to)
+        elif what == OUT_OF_REACH and level + 1 < len(PARTS):
+            self.hard[level + 1].append(pair)
+        else:
+            names = self.close.robot.modules[self.close.sweep.module].joints
+            self.blocked["reach" if what == OUT_OF_REACH else names[what]] += 1
+
+    def _neighbours(self, at: Point) -> None:
+        """Let the neighbours of a point wait to be reached from it."""
+        for axis, direction in itertools.product(range(len(at)), (1, -1)):
+            to = (*at[:axis], at[axis] + direction, *at[axis + 1 :])
+            turned = self.angular[axis] and abs(to[axis]) * self.step[axis] > np.pi
+            if to not in self.reached and not turned:
+                self.waiting.setdefault(to, []).append(at)
+
+    def _chunks(self, level: int, pairs: list[Pair]) -> Iterator[tuple[Any, ...]]:
+        for i in range(0, len(pairs), CHUNK):
+            part = pairs[i : i + CHUNK]
+            before, after = (self.values(np.array([pair[side] for pair in part])) for side in (0, 1))
+            yield "close", PARTS[level], before, after, np.array([self.reached[at] for at, _ in part])

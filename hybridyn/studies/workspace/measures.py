@@ -1,0 +1,129 @@
+"""What a posture of a module is worth: conditioning, and the efforts that hold it.
+
+Let t be the twist of the platform relative to the module's base, linear velocities over the module's length
+L, in an orthonormal basis of the twists that the loops allow, and q_dot the rates of its motors (metres over
+L):
+
+    q_dot = J t          conditioning: smallest over largest singular value of J, 0 singular, 1 isotropic
+    J^T tau = F          efforts that hold a wrench F on the platform; more motors than freedoms share it
+
+The conditioning counts what the platform is asked for: of t only the velocities of its independent
+coordinates, and angular velocity only where an angle is among them. `effort_per_force` is the largest effort
+of any motor against a force of 1 N at the link's origin in the worst direction, `effort_per_torque` against
+1 N m. Efforts that hold gravity are those of the inverse model at rest.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...assembly.findings import SINGULAR
+from ...dynamics.inverse import idm
+from ...errors import ActuationError
+from ...linkage.targets import COORDINATES
+from ...linkage.tree import Motion
+from ...spatial import Array, Mask
+from ...structure.robot import HybridRobot
+from .sweep import Sweep
+
+#: Efforts below this part of all of them are rounding: a Delta's platform passes no torque to its motors.
+ZERO = 1e-12
+#: Twists below this part of the largest are no motion of the platform.
+NOTHING = 1e-7
+
+
+class Measures:
+    """Measures postures; it travels to other processes."""
+
+    def __init__(self, robot: HybridRobot, sweep: Sweep) -> None:
+        """Measure a module of a robot.
+
+        Args:
+            robot: The robot.
+            sweep: The module, and the link that counts as its platform.
+        """
+        self.robot, self.sweep = robot, sweep
+        m = robot.modules[sweep.module].mechanism
+        t = self._twists(m.tree.sweep(m.postures), m.basis(m.generic_K).Psi)
+        values = np.linalg.svd(t, compute_uv=False)
+        #: Freedoms of the platform, at generic postures.
+        self.rank = int(np.sum(np.median(values / values[:, :1], axis=0) > NOTHING))
+
+    def _twists(self, motion: Motion, Psi: Array) -> Array:
+        """Give the platform's twist along motions, linear over L, shape (T, 6, N), base axes."""
+        m = self.robot.modules[self.sweep.module].mechanism
+        body, _, p = self.robot.bodies.place[self.sweep.link]
+        number = m.tree_body(self.robot.body_owner[body][1])
+        point = motion.p[:, number] + np.matmul(motion.R[:, number], p)
+        out: Array = np.matmul(m.tree.jacobian(motion, number, point), Psi)
+        out[:, :3] /= m.length
+        return out
+
+    def __call__(self, q: Array) -> dict[str, Array]:
+        """Measure postures.
+
+        Args:
+            q: Postures of the robot, shape (T, nq).
+
+        Returns:
+            By name, shape (T,) each: "conditioning"; where the motors suffice "effort_per_force" [N/N or
+            N m/N], "effort_per_torque" [N/(N m) or 1]; "<motor>/effort", the efforts that hold the robot's
+            weight [N or N m]. Efforts of singular postures are inf.
+        """
+        conditioning, holding = self._maps(q)
+        out = {"conditioning": conditioning}
+        singular = conditioning < SINGULAR
+        if holding is not None:
+            for name, part in (("effort_per_force", slice(0, 3)), ("effort_per_torque", slice(3, 6))):
+                worst = np.linalg.norm(holding[:, :, part], axis=2).max(axis=1)
+                worst[worst < ZERO * np.linalg.norm(holding, axis=(1, 2))] = 0.0
+                out[name] = np.where(singular, np.inf, worst)
+        for name, effort in self._gravity(q, singular).items():
+            out[name] = effort
+        return out
+
+    def _maps(self, q: Array) -> tuple[Array, Array | None]:
+        """Give the conditioning, shape (T,), and efforts per wrench, shape (T, motors, 6), base axes."""
+        module = self.robot.modules[self.sweep.module]
+        m = module.mechanism
+        if not module.motors or not module.mobility:
+            return np.zeros(len(q)), None
+        motion = m.cut_motion(m.spanning.sweep(q[:, module.q_index]))
+        Psi = m.basis(m.closures.matrix(motion)).Psi
+        unit = m.reduction.col_scale[module.motor_columns]
+        rates = Psi[:, module.motor_columns] / unit[:, None]
+        U, s, Vt = np.linalg.svd(self._twists(motion, Psi), full_matrices=False)
+        U, s, Vt = U[:, :, : self.rank], s[:, : self.rank], Vt[:, : self.rank]
+        # Coordinates w of the twists, t = U w, that motions without a twist do not change: q_dot = J w.
+        J = np.matmul(rates, np.swapaxes(Vt, 1, 2) / np.maximum(s, np.finfo(float).tiny)[:, None])
+        if len(module.motors) < self.rank:
+            return np.zeros(len(q)), None
+        # Equal powers: (unit tau) . J w = F . t, the force's three over L.
+        wrench = np.swapaxes(U, 1, 2) * np.array([m.length] * 3 + [1.0] * 3)
+        holding = np.matmul(np.linalg.pinv(np.swapaxes(J, 1, 2)), wrench) / unit[:, None]
+        return self._conditioning(U, J), holding
+
+    def _conditioning(self, U: Array, J: Array) -> Array:
+        """Give the conditioning of J over the asked-for part of the twists U w, shape (T,)."""
+        asked = [COORDINATES.index(name) for name in self.sweep.names if name in COORDINATES[:3]]
+        if len(asked) < len(self.sweep.names):
+            asked += [3, 4, 5]
+        U, s, Vt = np.linalg.svd(U[:, asked], full_matrices=False)
+        rank = len(self.sweep.names)
+        s, Vt = np.maximum(s[:, :rank], np.finfo(float).tiny), Vt[:, :rank]
+        values = np.linalg.svd(np.matmul(J, np.swapaxes(Vt, 1, 2) / s[:, None]), compute_uv=False)
+        out: Array = values[:, rank - 1] / np.maximum(values[:, 0], np.finfo(float).tiny)
+        return out
+
+    def _gravity(self, q: Array, singular: Mask) -> dict[str, Array]:
+        """Give the efforts of the module's motors that hold the robot's weight, none where motors miss."""
+        module = self.robot.modules[self.sweep.module]
+        if not module.motors:
+            return {}
+        rest = np.zeros((len(q), self.robot.nv))
+        try:
+            tau = idm(self.robot, q, rest, rest, on_singular="least-norm")[:, module.motor_index]
+        except ActuationError:
+            return {}
+        tau = np.where(singular[:, None], np.inf, tau)
+        return {f"{name}/effort": tau[:, i] for i, name in enumerate(module.motors)}

@@ -1,0 +1,110 @@
+"""One step of a workspace: from poses at hand to neighbouring ones, on the same branch and within limits."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...assembly.assemble import module_task, settled, spanning_positions
+from ...assembly.follow import SAME_BRANCH, SMALL
+from ...assembly.module_request import module_request
+from ...assembly.requests import gather_requests
+from ...linkage.newton import close
+from ...linkage.rigid_motion import RigidMotion
+from ...spatial import Array, Index, Mask
+from ...structure.robot import HybridRobot
+from .sweep import Sweep, pose_of
+
+#: Newton's steps from one pose to the next; where more are needed the pose is at the end of what is reached.
+ITERATIONS = 25
+#: A joint may pass its limit by this [m, rad]: rounding.
+ROUNDING = 1e-9
+#: What a step came to; else the number of the joint that is at its limit.
+REACHED, OUT_OF_REACH = -1, -2
+
+
+class JointLimits:
+    """Position limits of a module's joints with one freedom."""
+
+    def __init__(self, robot: HybridRobot, module: int, respected: bool) -> None:
+        chosen = robot.modules[module]
+        records = {joint.name: joint for joint in robot.description.joints}
+        tree = chosen.mechanism.spanning
+        rows = []
+        for number, (name, at) in enumerate(zip(chosen.joints, tree.q_slices, strict=True)):
+            joint = records.get(name)
+            if joint is not None and joint.kind in ("revolute", "prismatic") and joint.lower < joint.upper:
+                rows.append((number, at.start, joint.lower, joint.upper))
+        rows = rows if respected else []
+        self.joints = np.array([row[0] for row in rows], dtype=int)
+        self.columns = np.array([row[1] for row in rows], dtype=int)
+        self.lower = np.array([row[2] for row in rows])
+        self.upper = np.array([row[3] for row in rows])
+
+    def broken(self, q: Array) -> Index:
+        """Give for each posture of the module, shape (T, its nq), the joint farthest outside, or REACHED."""
+        if not len(self.joints):
+            return np.full(len(q), REACHED)
+        positions = q[:, self.columns]
+        outside = np.maximum(self.lower - positions, positions - self.upper)
+        worst = outside.argmax(axis=1)
+        out: Index = np.where(outside.max(axis=1) > ROUNDING, self.joints[worst], REACHED)
+        return out
+
+
+class Closing:
+    """Closes the loops of a module for poses near postures at hand; it travels to other processes."""
+
+    def __init__(self, robot: HybridRobot, sweep: Sweep, limits: bool) -> None:
+        self.robot, self.sweep = robot, sweep
+        self.limits = JointLimits(robot, sweep.module, limits)
+
+    def __call__(self, parts: int, before: Array, after: Array, q: Array) -> tuple[Array, Index]:
+        """Go from poses to neighbouring ones.
+
+        Args:
+            parts: In how many steps.
+            before: Coordinates at hand, shape (T, names).
+            after: Those that are wanted.
+            q: Postures of the module at hand, shape (T, its nq).
+
+        Returns:
+            Postures reached, and for each REACHED, OUT_OF_REACH or the number of the joint at its limit.
+        """
+        out, alive = q.copy(), np.ones(len(q), dtype=bool)
+        for i in range(1, parts + 1):
+            left = np.flatnonzero(alive)
+            if not len(left):
+                break
+            way = before[left] + i / parts * (after - before)[left]
+            out[left], alive[left] = self._once(way, out[left])
+        state = np.full(len(q), OUT_OF_REACH)
+        state[alive] = self.limits.broken(out[alive])
+        return out, state
+
+    def _once(self, values: Array, q: Array) -> tuple[Array, Mask]:
+        """Close for coordinates near postures; say where that worked and the step was as predicted."""
+        robot, module = self.robot, self.robot.modules[self.sweep.module]
+        m = module.mechanism
+        requests = gather_requests(robot, {}, {self.sweep.key: pose_of(self.sweep, values)})
+        base = robot.bodies.place[module.base][0]
+        still = {base: RigidMotion.at_rest(len(values))}
+        request = module_request(requests, robot, self.sweep.module, base, still)
+        task = module_task(robot, module, request)
+        start = m.cut(q, None, None, m.spanning.sweep(q))[0]
+        samples = np.arange(len(q))
+        known = task.with_known(start, samples)
+        motion = m.tree.sweep(known)
+        problem = task.problem
+        dx = problem.solve(problem.matrix(motion, every=False), -problem.residual(known, samples, motion))
+        predicted = m.tree.integrate(known, dx * problem.col_scale)
+        result = close(problem, known, samples, iterations=ITERATIONS)
+        off = np.abs(m.tree.difference(predicted, result.q) / problem.col_scale).max(axis=1, initial=0.0)
+        good = task.closed(result) & (off <= SAME_BRANCH * np.abs(dx).max(axis=1, initial=0.0) + SMALL)
+        out = q.copy()
+        if good.any():
+            x = settled(m, result.q[good])
+            out[good] = spanning_positions(module, x, m.tree.sweep(x), q[good])
+            residual = m.spanning_closures.residual(out[good], m.spanning.sweep(out[good]))
+            closed = np.abs(residual * m.spanning_row_scale).max(axis=1, initial=0.0) <= task.tolerance
+            good[np.flatnonzero(good)] = closed
+        return out, good

@@ -1,0 +1,248 @@
+"""What a workspace is swept over: coordinates of a module's platform that can be asked for independently."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ...description.names import did_you_mean
+from ...errors import TrajectoryError
+from ...linkage.targets import COORDINATES, CoordinateTarget, roll_pitch_yaw
+from ...linkage.tree import Motion
+from ...spatial import Array, quaternion_from_rotation, rotation_from_axis_angle
+from ...structure.robot import HybridRobot
+
+#: A coordinate is independent of those before it while this part of its motion is its own: a 3-RPS moves a
+#: little in x when it rolls, and nobody would ask it for x.
+INDEPENDENT = 0.1
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """The coordinates of a link in its module's base link.
+
+    Attributes:
+        module: Number of the module.
+        link: The link.
+        base: The module's base link.
+        names: Coordinates that together determine the link's motion, in the order of `COORDINATES`.
+        axes: Those that are swept.
+        home: Values of `names` at the home posture, shape (names,), [m, rad].
+    """
+
+    module: int
+    link: str
+    base: str
+    names: tuple[str, ...]
+    axes: tuple[str, ...]
+    home: Array
+
+    @property
+    def key(self) -> str:
+        """The link as `hybridyn.assemble` names it."""
+        return f"{self.link}@{self.base}"
+
+
+def find_module(robot: HybridRobot, wanted: int | str | None) -> int:
+    """Give the number of a module from its number (from 1), its name or that of one of its outputs.
+
+    Args:
+        robot: The robot.
+        wanted: Number or name; None takes the only module with closures.
+
+    Raises:
+        TrajectoryError: There is none, or None is not enough to tell.
+    """
+    looped = [k for k, module in enumerate(robot.modules) if module.closures]
+    if wanted is None:
+        if len(looped) != 1:
+            known = [f"{k + 1} ({robot.modules[k].name})" for k in looped or range(len(robot.modules))]
+            raise TrajectoryError(f"say which module: {', '.join(known)}")
+        return looped[0]
+    names = {name: k for k, module in enumerate(robot.modules) for name in (module.name, *module.outputs)}
+    names |= {str(k + 1): k for k in range(len(robot.modules))}
+    if str(wanted) not in names:
+        hint = did_you_mean(str(wanted), names) or f"; there are {len(robot.modules)}, numbered from 1"
+        raise TrajectoryError(f"there is no module '{wanted}'{hint}")
+    return names[str(wanted)]
+
+
+def find_sweep(
+    robot: HybridRobot,
+    module: int | str | None,
+    link: str | None,
+    axes: Sequence[str] | None,
+    q: Array,
+) -> Sweep:
+    """Choose what is swept.
+
+    Args:
+        robot: The robot.
+        module: As `find_module` takes it.
+        link: A link of the module; its first platform where left out, else its last body.
+        axes: Coordinates to sweep; where left out all if the link has at most three independent ones, else
+            its translations.
+        q: Posture at which the coordinates must be independent, shape (nq,).
+
+    Raises:
+        TrajectoryError: Unknown names, or coordinates that cannot be asked for.
+    """
+    number = find_module(robot, module)
+    chosen = robot.modules[number]
+    link = link or _platform(robot, number)
+    if link not in robot.bodies.place:
+        raise TrajectoryError(f"there is no link '{link}'{did_you_mean(link, robot.bodies.place)}")
+    if robot.body_owner[robot.bodies.place[link][0]][0] != number:
+        raise TrajectoryError(f"link '{link}' does not belong to module '{chosen.name}'")
+    J, values = _at_home(robot, number, link, q)
+    for name in axes or ():
+        if name not in COORDINATES:
+            known = f"{did_you_mean(name, COORDINATES)}; known: {', '.join(COORDINATES)}"
+            raise TrajectoryError(f"there is no coordinate '{name}'{known}")
+    names = _independent(J, tuple(axes or ()))
+    if missing := [name for name in axes or () if name not in names]:
+        raise TrajectoryError(
+            f"'{missing[0]}' of link '{link}' cannot be asked for by itself; independent are "
+            f"{', '.join(_independent(J, ()))}"
+        )
+    linear = tuple(name for name in names if name in COORDINATES[:3])
+    swept = tuple(name for name in names if name in axes) if axes else names if len(names) <= 3 else linear
+    if not swept:
+        raise TrajectoryError(f"link '{link}' does not move")
+    home = values[[COORDINATES.index(name) for name in names]]
+    return Sweep(number, link, chosen.base, names, swept, home)
+
+
+def coordinate_target(
+    robot: HybridRobot, link: str, base: str, length: float
+) -> tuple[int, CoordinateTarget]:
+    """Give the module of a link, and all its coordinates in a base link as a target, every value zero.
+
+    Args:
+        robot: The robot.
+        link: The link.
+        base: The base link of its module.
+        length: Unit of length [m].
+    """
+    body, R, p = robot.bodies.place[link]
+    number, local = robot.body_owner[body]
+    tree_body = robot.modules[number].mechanism.tree_body(local)
+    _, base_R, base_p = robot.bodies.place[base]
+    zero = np.zeros((1, 6))
+    units = np.array([length] * 3 + [1.0] * 3)
+    return number, CoordinateTarget(tree_body, COORDINATES, base_R, base_p, (R, p), zero, zero, zero, units)
+
+
+def coordinates_of(target: CoordinateTarget, motion: Motion) -> Array:
+    """Give a link's coordinates, shape (T, 6), [m, rad].
+
+    Args:
+        target: The link, as `coordinate_target` gives it.
+        motion: Motion of its module's tree after the cuts.
+    """
+    R = motion.R[:, target.body]
+    p = motion.p[:, target.body] + np.matmul(R, target.shift[1])
+    turned = np.matmul(target.R.T, np.matmul(R, target.shift[0]))
+    return np.concatenate([(p - target.p) @ target.R, roll_pitch_yaw(turned)], axis=1)
+
+
+def _platform(robot: HybridRobot, number: int) -> str:
+    """Give the link that counts as a module's platform: what other modules stand on, else a tool."""
+    module = robot.modules[number]
+    carries = any(other.parent == number for other in robot.modules)
+    if module.outputs and (carries or module.mechanism.spec.platforms):
+        return module.outputs[0]
+    parents = {joint.parent for joint in robot.description.joints}
+    tools = [
+        joint.child
+        for joint in robot.description.joints
+        if joint.kind == "fixed"
+        and joint.child not in parents
+        and robot.body_owner[robot.bodies.place[joint.child][0]][0] == number
+    ]
+    return tools[-1] if tools else module.outputs[0] if module.outputs else module.name
+
+
+def _at_home(robot: HybridRobot, number: int, link: str, q: Array) -> tuple[Array, Array]:
+    """Give what the module's motions do to a link's coordinates, shape (6, N), scaled, and their values."""
+    module = robot.modules[number]
+    m = module.mechanism
+    _, target = coordinate_target(robot, link, module.base, m.length)
+    spanning = m.spanning.sweep(q[None, module.q_index])
+    motion = m.cut_motion(spanning)
+    Psi = m.basis(m.closures.matrix(motion)).Psi[0]
+    orthonormal = np.linalg.qr(Psi / m.reduction.col_scale[:, None])[0] * m.reduction.col_scale[:, None]
+    J = target.matrix(m.tree, motion)[0] @ orthonormal / target.units[:, None]
+    return J, coordinates_of(target, motion)[0]
+
+
+def _independent(J: Array, first: tuple[str, ...]) -> tuple[str, ...]:
+    """Choose coordinates, rows of J (6, N), with independent motions; those in `first` have precedence."""
+    s = np.linalg.svd(J, compute_uv=False)
+    freedoms = int(np.sum(s > INDEPENDENT**4 * s[0])) if s.size and s[0] else 0
+    order = [*first, *(name for name in _preferred(J) if name not in first)]
+    largest = float(np.linalg.norm(J, axis=1).max(initial=0.0))
+    chosen: list[str] = []
+    basis = np.zeros((0, J.shape[1]))
+    for part in (INDEPENDENT, INDEPENDENT**2, INDEPENDENT**4):  # a last resort: all that can be told apart
+        for name in order:
+            row = J[COORDINATES.index(name)]
+            own = row - basis.T @ (basis @ row)
+            size = float(np.linalg.norm(own))
+            if size > part * largest and name not in chosen and len(basis) < freedoms:
+                chosen.append(name)
+                basis = np.vstack([basis, own / size])
+    return tuple(name for name in COORDINATES if name in chosen)
+
+
+def _preferred(J: Array) -> tuple[str, ...]:
+    """Give the coordinates in the order in which they are asked for: translations first, if they suffice.
+
+    A platform on a ball joint is asked for its angles, wherever its link's origin is.
+    """
+    s = np.linalg.svd(J, compute_uv=False)
+    freedoms = int(np.sum(s > INDEPENDENT * s[0])) if s.size and s[0] else 0
+    turning = np.linalg.svd(J[3:], compute_uv=False)
+    moving = np.linalg.svd(J[:3], compute_uv=False)
+    only_turns = freedoms <= 3 and turning[freedoms - 1] > INDEPENDENT * turning[0]
+    only_moves = freedoms <= 3 and moving[freedoms - 1] > INDEPENDENT * moving[0]
+    if freedoms and only_turns and not only_moves:
+        return (*COORDINATES[3:], *COORDINATES[:3])
+    return COORDINATES
+
+
+def values_at(sweep: Sweep, at: Mapping[str, float]) -> Array:
+    """Give the values of a sweep's coordinates with some of them replaced, shape (names,).
+
+    Args:
+        sweep: The sweep.
+        at: Values by coordinate [m, rad].
+
+    Raises:
+        TrajectoryError: A coordinate is not one of the sweep's.
+    """
+    for name in at:
+        if name not in sweep.names:
+            raise TrajectoryError(
+                f"'{name}' of link '{sweep.link}' cannot be chosen; its independent coordinates are "
+                f"{', '.join(sweep.names)}"
+            )
+    return np.array([at.get(name, value) for name, value in zip(sweep.names, sweep.home, strict=True)])
+
+
+def pose_of(sweep: Sweep, values: Array) -> Any:
+    """Give coordinates, shape (T, names), as `assemble` takes a pose: whole where all six are given.
+
+    Args:
+        sweep: The sweep.
+        values: The coordinates [m, rad].
+    """
+    if len(sweep.names) < len(COORDINATES):
+        return dict(zip(sweep.names, values.T, strict=True))
+    R = np.broadcast_to(np.eye(3), (len(values), 3, 3))
+    for angle, axis in zip(values[:, 3:].T, np.eye(3), strict=True):  # R = Rz(yaw) Ry(pitch) Rx(roll)
+        R = np.matmul(rotation_from_axis_angle(axis, np.cos(angle), np.sin(angle)), R)
+    return np.concatenate([values[:, :3], quaternion_from_rotation(R)], axis=1)

@@ -1,0 +1,213 @@
+"""The workspace of a module: every pose on a lattice that its platform can reach from home.
+
+The lattice has the home posture (or a posture reached from it) as a point. From each pose that is reached its
+neighbours are closed, starting from the posture at hand, so that every posture is on home's assembly branch
+and no joint passes a limit on the way: what is found is what the robot can really go to. A neighbour counts
+as reached where the loops close, where the step is the one that their derivative predicts (else in smaller
+steps), and where every joint keeps its limits.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...assembly.assemble import assemble
+from ...dynamics.forward import closure_residual
+from ...errors import AssemblyError, ModelError, TrajectoryError
+from ...linkage.targets import COORDINATES
+from ...spatial import Array, Index
+from ...structure.robot import HybridRobot
+from .flood import CHUNK, Flood, Spread, Work, in_this_process
+from .measures import Measures
+from .steps import OUT_OF_REACH, REACHED, Closing
+from .sweep import Sweep, find_sweep, values_at
+
+#: Lattice points along the module's length, and steps of an angle [rad], by number of swept coordinates.
+POINTS = {1: 200, 2: 50, 3: 24, 4: 8, 5: 5, 6: 4}
+TURNS = {1: 0.02, 2: 0.05, 3: 0.1, 4: 0.2, 5: 0.3, 6: 0.4}
+#: Parts of the way from home to an origin elsewhere.
+WALK = (8, 32, 128)
+
+
+@dataclass(frozen=True)
+class Workspace:
+    """The poses that a module's platform reaches.
+
+    Attributes:
+        sweep: Link and coordinates.
+        steps: Step of each swept coordinate, shape (axes,), [m, rad].
+        start: Values of all coordinates at the lattice's origin, shape (names,).
+        index: Lattice points that were reached, steps from the origin, shape (n, axes).
+        coordinates: Their coordinates, shape (n, names), [m, rad].
+        q: Postures of the whole robot, shape (n, nq); other modules stand at home.
+        motors: Positions of the module's motors by name, shape (n,) each; none of continuous joints.
+        measures: What each posture is worth by name, shape (n,) each, as `workspace_measures` says.
+        blocked: How many steps were refused, by joint whose limit refused them; "reach" where loops cannot
+            close or the branch ends.
+    """
+
+    sweep: Sweep
+    steps: Array
+    start: Array
+    index: Index
+    coordinates: Array
+    q: Array
+    motors: dict[str, Array]
+    measures: dict[str, Array]
+    blocked: dict[str, int]
+
+    @property
+    def size(self) -> float:
+        """Number of points times the cell of the lattice: volume, area or length, [m, rad] to the axes."""
+        return float(len(self.index) * np.prod(self.steps))
+
+
+def workspace(
+    robot: HybridRobot,
+    module: int | str | None = None,
+    *,
+    link: str | None = None,
+    axes: Sequence[str] | None = None,
+    at: Mapping[str, float] | None = None,
+    steps: Mapping[str, float] | None = None,
+    limits: bool = True,
+    spread: Spread = in_this_process,
+    progress: Callable[[int], None] | None = None,
+) -> Workspace:
+    """Find every pose on a lattice that a module's platform reaches from home.
+
+    Args:
+        robot: The robot; its other modules stay at home.
+        module: Number (from 1) or name; the only module with closures where left out.
+        link: A link of the module; its platform where left out.
+        axes: Coordinates that are swept, of x, y, z, roll, pitch, yaw relative to the module's base link;
+            where left out all independent ones up to three, else the translations.
+        at: Values of coordinates that are not swept, or of the lattice's origin [m, rad]; home's where left
+            out.
+        steps: Step of swept coordinates [m, rad]; a part of the module's length where left out.
+        limits: Whether joints keep their limits.
+        spread: How chunks of work are done.
+        progress: Called with the number of poses done.
+
+    Raises:
+        TrajectoryError: Unknown names, or coordinates that cannot be asked for.
+        ModelError: The origin lies outside the limits, or there are too many poses.
+        AssemblyError: The origin cannot be reached.
+    """
+    home = _closed_home(robot)
+    sweep = find_sweep(robot, module, link, axes, home)
+    start, step = values_at(sweep, at or {}), _steps(robot, sweep, steps or {})
+    work = Work(Closing(robot, sweep, limits), Measures(robot, sweep))
+    columns = robot.modules[sweep.module].q_index
+    q0 = home.copy()
+    q0[columns] = _at_start(work.closing, start, home)
+    _refuse_outside(work.closing, q0[columns])
+    flood = Flood(work, start, step, q0[columns])
+    flood.run(spread, progress)
+    index, inner = flood.found()
+    q = np.tile(q0, (len(index), 1))
+    q[:, columns] = inner
+    return Workspace(
+        sweep=sweep,
+        steps=step,
+        start=start,
+        index=index,
+        coordinates=flood.values(index),
+        q=q,
+        motors=_motors(robot, sweep, q),
+        measures=_measured(work, q, spread),
+        blocked=dict(flood.blocked),
+    )
+
+
+def _steps(robot: HybridRobot, sweep: Sweep, given: Mapping[str, float]) -> Array:
+    """Give the step of each swept coordinate, shape (axes,), [m, rad].
+
+    Raises:
+        TrajectoryError: A step is given of a coordinate that is not swept.
+        ModelError: A step is not positive.
+    """
+    for name in given:
+        if name not in sweep.axes:
+            raise TrajectoryError(f"'{name}' is not swept; swept are {', '.join(sweep.axes)}")
+    length = robot.modules[sweep.module].mechanism.length
+    return np.array([_step(name, sweep, length, given) for name in sweep.axes])
+
+
+def _refuse_outside(close: Closing, q: Array) -> None:
+    """Refuse an origin, shape (nq of the module,), outside the joints' limits.
+
+    Raises:
+        ModelError: Naming the joint.
+    """
+    joint = close.limits.broken(q[None])[0]
+    if joint == REACHED:
+        return
+    name = close.robot.modules[close.sweep.module].joints[joint]
+    raise ModelError(
+        f"joint '{name}' is outside its limits at the workspace's origin: correct [home] in model.toml "
+        "or the limits, choose another origin (at), or leave limits out of account (limits=False)",
+        file=close.robot.description.source,
+        element=name,
+    )
+
+
+def _measured(work: Work, q: Array, spread: Spread) -> dict[str, Array]:
+    """Give the measures of postures, shape (n,) each."""
+    parts = list(spread(work, (("measure", q[i : i + CHUNK]) for i in range(0, len(q), CHUNK))))
+    return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+
+
+def _motors(robot: HybridRobot, sweep: Sweep, q: Array) -> dict[str, Array]:
+    """Give the positions of a module's motors, shape (n,) each."""
+    joints = {name: robot.joint_index[name] for name in robot.modules[sweep.module].motors}
+    return {
+        name: q[:, robot.q_slices[joint].start]
+        for name, joint in joints.items()
+        if robot.kinds[joint] != "continuous"
+    }
+
+
+def _closed_home(robot: HybridRobot) -> Array:
+    """Give the home posture, assembled at its motors' positions where its loops are open."""
+    if not robot.description.closures or closure_residual(robot, robot.home) <= robot.closure_tolerance:
+        return robot.home
+    motors = {}
+    for name in robot.motors:
+        joint = robot.joint_index[name]
+        at = robot.home[robot.q_slices[joint]]
+        motors[name] = float(at[0]) if len(at) == 1 else float(np.arctan2(at[1], at[0]))
+    return assemble(robot, motors=motors)[0]
+
+
+def _at_start(close: Closing, start: Array, home: Array) -> Array:
+    """Walk from home to the lattice's origin: the module's posture there, shape (its nq,).
+
+    Raises:
+        AssemblyError: The origin is out of reach.
+    """
+    sweep = close.sweep
+    q: Array = home[close.robot.modules[sweep.module].q_index]
+    if (start == sweep.home).all():
+        return q
+    for parts in WALK:
+        reached, state = close(parts, sweep.home[None], start[None], q[None])
+        if state[0] != OUT_OF_REACH:
+            out: Array = reached[0]
+            return out
+    there = ", ".join(f"{name} {value:.4g}" for name, value in zip(sweep.names, start, strict=True))
+    raise AssemblyError(
+        f"link '{sweep.link}' does not reach the workspace's origin ({there}) from home; choose another",
+        module=close.robot.modules[sweep.module].name,
+    )
+
+
+def _step(name: str, sweep: Sweep, length: float, steps: Mapping[str, float]) -> float:
+    linear, dimensions = COORDINATES.index(name) < 3, len(sweep.axes)
+    step = steps.get(name, length / POINTS[dimensions] if linear else TURNS[dimensions])
+    if not 0 < step < np.inf:
+        raise ModelError(f"the step of '{name}' must be positive, not {step:g}")
+    return float(step)

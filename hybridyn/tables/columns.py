@@ -1,0 +1,290 @@
+"""What the header of a trajectory says: which columns describe which joint, link and wrench.
+
+    time                                     [s], strictly increasing
+    <joint>/position|velocity|acceleration   a joint with one freedom [m or rad, per s, per s^2]
+    <joint>/effort                           [N or N m], of every motor, where efforts lead to accelerations
+    <joint>/position/qx ...                  other joints, by the components in `signals.JOINT_COMPONENTS`
+    <link>/pose/x|y|z|qx|qy|qz|qw            pose of a link relative to the root link, the whole of it,
+    <link>/pose/x|y|z|roll|pitch|yaw         or any of these coordinates: fixed-axis angles, as in URDF's rpy
+    <link>/velocity/x|y|z|wx|wy|wz           of the link's origin, and angular, in the root link's axes
+    <link>/acceleration/x|y|z|wx|wy|wz       classical: the time derivative of that velocity
+    <link>@<other>/...                       the same relative to another link and in its axes
+    <link>/wrench/fx|fy|fz|mx|my|mz          acts on the link, at its origin and in its axes [N, N m]
+
+The rates of a pose given by coordinates are the rates of the same coordinates. The pose of the root link of a
+robot on a moving or floating base is the base's own, in the world. A table that names every joint is a *full
+state*; any other one names motors, platforms or a mixture, from which the posture is assembled. With efforts
+no accelerations are read but that of a moving base, whose motion is prescribed.
+
+Tables of simulations hold a full state and, beside it, `<motor>/effort`, `energy/kinetic|potential|total`
+[J] and `residual`: the reader skips these, so that a run can be read back.
+
+Tables of results: `<motor>/effort` of the inverse model; of the direct one `<joint>/acceleration` of every
+joint (`<joint>/acceleration/wx` ... by components) and `<root>/acceleration/x` .. `wz` of a floating base.
+Reactions, forces [N] and moments [N m]:
+
+    <root>/reaction/fx|fy|fz|mx|my|mz        of the ground on the root body, about its origin, in its axes
+    <module>/reaction/fx ... mz              of a module's base body on the module, about the origin of that
+                                             body, in its axes; modules bear the name of their first output
+    <closure>/wrench/fx ... mz               of a closure on its successor (opposite on its predecessor),
+                                             about the origin of the successor's closure frame, in the axes of
+                                             the predecessor's
+    <coupling>/multiplier                    of a coupling's relation as it is written
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field, replace
+
+from ..description.names import did_you_mean, listed
+from ..description.records import Description, Joint
+from ..errors import TrajectoryError
+from .signals import (
+    JOINT_COMPONENTS,
+    POSE,
+    RATES,
+    TWIST,
+    WRENCH,
+    Signal,
+    joint_signal,
+    pose_signal,
+    wrench_columns,
+)
+
+_FORM = re.compile(
+    r"(?P<owner>.+)/(?P<quantity>position|velocity|acceleration|effort|pose|wrench)(/(?P<component>\w+))?"
+)
+_FORMS_ADVICE = (
+    "columns are 'time', '<joint>/position|velocity|acceleration', '<link>/pose|velocity|acceleration/...' "
+    "and '<link>/wrench/fx' .. 'mz'"
+)
+
+ENERGIES = ("energy/kinetic", "energy/potential", "energy/total")
+RESIDUAL = "residual"
+"""Columns of a simulated run beside its motion."""
+
+_Columns = dict[str, dict[str, dict[str, int]]]  # owner, quantity, component: column
+
+
+@dataclass(frozen=True)
+class Layout:
+    """The meaning of a table's columns.
+
+    Attributes:
+        file: Path of the table, for messages.
+        time: Column of the time, or None: rows are then samples that have nothing to do with each other.
+        joints: Joints by name.
+        poses: Poses by name.
+        wrenches: Columns of the wrenches by link.
+        efforts: Column of the efforts by joint.
+        full_state: Whether every joint of the tree is given, so that nothing is left to assemble.
+    """
+
+    file: str | None
+    time: int | None
+    joints: dict[str, Signal] = field(default_factory=dict)
+    poses: dict[str, Signal] = field(default_factory=dict)
+    wrenches: dict[str, tuple[int, ...]] = field(default_factory=dict)
+    efforts: dict[str, int] = field(default_factory=dict)
+    full_state: bool = False
+
+    @property
+    def signals(self) -> tuple[Signal, ...]:
+        """Every joint and pose."""
+        return (*self.joints.values(), *self.poses.values())
+
+
+def read_layout(
+    columns: Sequence[str],
+    description: Description,
+    *,
+    motors: Sequence[str],
+    base: str = "fixed",
+    file: str | None = None,
+    efforts: bool = False,
+) -> Layout:
+    """Find out what each column means, and that nothing is missing.
+
+    Args:
+        columns: Header of the table.
+        description: The robot.
+        motors: Names of its driven joints.
+        base: "fixed", "moving" or "floating".
+        file: Path of the table, for messages.
+        efforts: Whether the caller reads `<motor>/effort`, of every motor, and no accelerations; they are
+            refused otherwise.
+
+    Raises:
+        TrajectoryError: A column is unknown, one that is needed is missing, or together they make no sense.
+    """
+    joints = {joint.name: joint for joint in description.joints}
+    movable = [joint.name for joint in description.joints if joint.kind != "fixed"]
+    links = {link.name for link in description.links}
+    time, of_joints, of_links = _sorted_columns(columns, joints, links, file)
+    moving_joints = {name: given for name, given in of_joints.items() if given.keys() - {"effort"}}
+    moving_links = {key: given for key, given in of_links.items() if given.keys() - {"wrench"}}
+    wrenches = {link: given["wrench"] for link, given in of_links.items() if "wrench" in given}
+    wanted = RATES[:1] if efforts else RATES
+    of_base = RATES if base == "moving" else wanted
+    layout = Layout(
+        file=file,
+        time=time,
+        joints={name: joint_signal(joints[name], cols, file, wanted) for name, cols in moving_joints.items()},
+        poses={
+            key: pose_signal(key, cols, file, of_base if key == description.root else wanted)
+            for key, cols in moving_links.items()
+        },
+        wrenches={link: wrench_columns(link, given, file) for link, given in wrenches.items()},
+        efforts={name: given["effort"][""] for name, given in of_joints.items() if "effort" in given},
+        full_state=moving_joints.keys() >= set(movable),
+    )
+    if layout.efforts and not efforts and RESIDUAL in columns:  # a run: what it says of efforts is an output
+        layout = replace(layout, efforts={})
+    if layout.efforts and not efforts:
+        joint = next(iter(layout.efforts))
+        raise TrajectoryError("efforts are not an input here", file=file, column=f"{joint}/effort")
+    if efforts:
+        _check_efforts(layout, motors)
+    _check_base(layout, description.root, base)
+    _check_inputs(layout, movable, motors, description.root)
+    _check_time(layout)
+    return layout
+
+
+def _check_efforts(layout: Layout, motors: Sequence[str]) -> None:
+    """Check that every motor has its effort and nothing else has one."""
+    for name in layout.efforts:
+        if name not in motors:
+            message = (
+                f"joint '{name}' is not driven{did_you_mean(name, motors)}; drop it, or name it as a motor"
+            )
+            raise TrajectoryError(message, file=layout.file, column=f"{name}/effort")
+    absent = [name for name in motors if name not in layout.efforts]
+    if absent:
+        message = f"is missing: every motor needs its effort ({listed(absent)} left); write 0 for a free one"
+        raise TrajectoryError(message, file=layout.file, column=f"{absent[0]}/effort")
+
+
+def acceleration_columns(description: Description, joints: Iterable[str], base: str) -> list[str]:
+    """Give the columns of accelerations, in the order of the spanning tree; a prescribed base has none.
+
+    Args:
+        description: The robot.
+        joints: Names of the movable joints in order; what is no joint's name is the base's.
+        base: "fixed", "moving" or "floating".
+    """
+    kinds = {joint.name: joint.kind for joint in description.joints}
+    out = [f"{description.root}/acceleration/{name}" for name in TWIST] if base == "floating" else []
+    for joint in joints:
+        if joint in kinds:
+            parts = JOINT_COMPONENTS.get(kinds[joint], (("",), ("",)))[1]
+            out += [f"{joint}/acceleration/{name}".rstrip("/") for name in parts]
+    return out
+
+
+def _check_base(layout: Layout, root: str, base: str) -> None:
+    signal = layout.poses.get(root)
+    if base == "fixed" and signal is not None:
+        message = f"'{root}' is the root link and the base is fixed; choose a moving base, or drop its pose"
+        raise TrajectoryError(message, file=layout.file, column=f"{root}/pose/{signal.components[0]}")
+    if base != "fixed" and (signal is None or signal.components != POSE):
+        column = f"{root}/pose/{'x' if signal is None else 'qx'}"
+        message = f"is missing: with a {base} base the table gives the whole pose of '{root}' in the world"
+        if base == "floating":
+            message += "; how a free base moves depends on what came before, 'hybridyn simulate' computes it"
+        raise TrajectoryError(message, file=layout.file, column=column)
+
+
+def _check_inputs(layout: Layout, movable: Iterable[str], motors: Sequence[str], root: str) -> None:
+    """Check that the joints and poses given are a full state, or something to assemble from."""
+    platforms = [key for key in layout.poses if key != root]
+    if layout.full_state:
+        if platforms:
+            message = f"every joint is given too; drop the poses of {listed(platforms)} or the passive joints"
+            components = layout.poses[platforms[0]].components
+            raise TrajectoryError(message, file=layout.file, column=f"{platforms[0]}/pose/{components[0]}")
+        return
+    passive = [name for name in layout.joints if name not in motors]
+    if passive:
+        rest = [name for name in movable if name not in layout.joints]
+        message = f"'{passive[0]}' is not a motor; drop it, or give every joint (missing: {listed(rest)})"
+        raise TrajectoryError(message, file=layout.file, column=f"{passive[0]}/position")
+    absent = [name for name in motors if name not in layout.joints]
+    if absent and not platforms:
+        message = f"is missing: give the motors ({listed(absent)} left) or the pose of a platform"
+        raise TrajectoryError(message, file=layout.file, column=f"{absent[0]}/position")
+    if not motors and not platforms:
+        message = "the robot has no motors; give the pose of a platform, or every joint"
+        raise TrajectoryError(message, file=layout.file)
+
+
+def _check_time(layout: Layout) -> None:
+    """Check that rates which are not given can be fitted over time."""
+    if layout.time is not None:
+        return
+    for signal in layout.signals:
+        if signal.missing:
+            rate = f"{signal.name}/{signal.missing[0]}"
+            message = f"is missing, and so is '{rate}': without time no rates can be fitted"
+            raise TrajectoryError(message, file=layout.file, column="time")
+
+
+def _sorted_columns(
+    columns: Sequence[str], joints: dict[str, Joint], links: set[str], file: str | None
+) -> tuple[int | None, _Columns, _Columns]:
+    """Sort columns by what they belong to: time; joint, quantity, component; link, quantity, component."""
+    time = None
+    of_joints: _Columns = {}
+    of_links: _Columns = {}
+    in_parts = {match["owner"] for match in map(_FORM.fullmatch, columns) if match and _is_part(match)}
+    for index, column in enumerate(columns):
+        if column == "time":
+            time = index
+            continue
+        if column in (*ENERGIES, RESIDUAL):
+            continue
+        match = _FORM.fullmatch(column)
+        if match is None or (match["quantity"] == "effort" and match["component"]):
+            hint = did_you_mean(column, ["time"])
+            raise TrajectoryError(f"is not known{hint}; {_FORMS_ADVICE}", file=file, column=column)
+        owner, quantity, component = match["owner"], match["quantity"], match["component"] or ""
+        if not component or quantity == "position" or (quantity in RATES and owner in in_parts):
+            _check_joint(column, owner, quantity, joints, links, file)
+            of_joints.setdefault(owner, {}).setdefault(quantity, {})[component] = index
+        else:
+            _check_link(column, owner, joints, links, file)
+            of_links.setdefault(owner, {}).setdefault(quantity, {})[component] = index
+    return time, of_joints, of_links
+
+
+def _is_part(match: re.Match[str]) -> bool:
+    return match["quantity"] == "position" and match["component"] is not None
+
+
+def _check_joint(
+    column: str, owner: str, quantity: str, joints: dict[str, Joint], links: set[str], file: str | None
+) -> None:
+    if quantity in ("pose", "wrench"):
+        names = "|".join(POSE if quantity == "pose" else WRENCH)
+        raise TrajectoryError(f"lacks its component: '{owner}/{quantity}/{names}'", file=file, column=column)
+    if owner not in joints:
+        hint = did_you_mean(owner, joints) or (f" ('{owner}' is a link)" if owner in links else "")
+        raise TrajectoryError(f"the robot has no joint '{owner}'{hint}", file=file, column=column)
+    if joints[owner].kind == "fixed":
+        raise TrajectoryError(f"joint '{owner}' is fixed", file=file, column=column)
+
+
+def _check_link(column: str, owner: str, joints: dict[str, Joint], links: set[str], file: str | None) -> None:
+    if owner in links:
+        return
+    pairs = [(owner[:at], owner[at + 1 :]) for at, letter in enumerate(owner) if letter == "@"]
+    if any(link != other and link in links and other in links for link, other in pairs):
+        if column.startswith(f"{owner}/wrench/"):
+            message = f"a wrench acts on one link, in its own axes: '{pairs[0][0]}/wrench/...'"
+            raise TrajectoryError(message, file=file, column=column)
+        return
+    wrong = next((name for pair in pairs[:1] for name in pair if name not in links), owner)
+    hint = did_you_mean(wrong, links) or (f" ('{wrong}' is a joint)" if wrong in joints else "")
+    raise TrajectoryError(f"the robot has no link '{wrong}'{hint}", file=file, column=column)

@@ -1,0 +1,100 @@
+"""Tables going out: CSV or Parquet, complete or not there at all.
+
+A file is written beside its target under another name and takes the target's place when its last row is in.
+Numbers have as many digits as it takes to read the same bits back.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import csv
+import os
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import TextIO
+
+from ..description.records import Array
+from ..errors import TrajectoryError
+from .parquet import load_polars, parquet_writer
+
+Write = Callable[[Array], None]
+
+
+@contextlib.contextmanager
+def open_results(
+    target: str | Path | None, columns: Sequence[str], remarks: Sequence[str] = ()
+) -> Iterator[Write]:
+    """Give a function that writes blocks of rows; the file appears when the context ends without an error.
+
+    Args:
+        target: A `.csv` or `.parquet` file, or None (or "-") for CSV on standard output.
+        columns: Names of the columns.
+        remarks: Lines before the header of a CSV file, behind `#`, or in a Parquet file's metadata.
+
+    Yields:
+        A function that takes rows, shape (rows, columns), and writes them.
+
+    Raises:
+        TrajectoryError: The ending is neither `.csv` nor `.parquet`, or the place cannot be written.
+    """
+    if target is None or str(target) == "-":
+        yield _csv_writer(sys.stdout, columns, remarks)
+        sys.stdout.flush()
+        return
+    file = Path(os.path.realpath(target))  # a link keeps pointing at what it points at
+    check_target(target)
+    if file.suffix.lower() == ".parquet":
+        with _replacing(file) as draft, parquet_writer(draft, columns, remarks) as write:
+            yield write
+    elif file.exists() and not file.is_file():  # a device or a pipe is written to, never replaced
+        with open(file, "w", encoding="utf-8", newline="") as text:
+            yield _csv_writer(text, columns, remarks)
+    else:
+        with _replacing(file) as draft, open(draft, "x", encoding="utf-8", newline="") as text:
+            yield _csv_writer(text, columns, remarks)
+
+
+def check_target(target: str | Path) -> None:
+    """Check, before any work is done, that a result file can be written.
+
+    Args:
+        target: Path of the result file.
+
+    Raises:
+        TrajectoryError: The ending is unknown, the folder is missing or closed, or polars is missing.
+    """
+    file = Path(os.path.realpath(target))
+    special = file.exists() and not file.is_file() and not file.is_dir()
+    if file.suffix.lower() not in (".csv", ".parquet") and not special:
+        raise TrajectoryError("a result file ends in .csv or .parquet", file=str(target))
+    if file.is_dir():
+        raise TrajectoryError("is a folder", file=str(target))
+    if not file.parent.is_dir():
+        raise TrajectoryError(f"the folder '{file.parent}' does not exist", file=str(target))
+    if not special and not os.access(file.parent, os.W_OK):
+        raise TrajectoryError(f"the folder '{file.parent}' cannot be written to", file=str(target))
+    if file.suffix.lower() == ".parquet":
+        load_polars(str(target))
+
+
+@contextlib.contextmanager
+def _replacing(file: Path) -> Iterator[Path]:
+    """Give the name of a draft beside `file`; rename it to `file` at the end, remove it on any error."""
+    draft = file.with_name(f".{file.name}.{os.getpid()}.tmp")
+    draft.unlink(missing_ok=True)  # left by a killed process that had our number
+    try:
+        yield draft
+        os.replace(draft, file)
+    finally:
+        draft.unlink(missing_ok=True)
+
+
+def _csv_writer(text: TextIO, columns: Sequence[str], remarks: Sequence[str]) -> Write:
+    text.write("".join(f"# {line}\n" for line in remarks))
+    csv.writer(text, lineterminator="\n").writerow(columns)
+
+    def write(rows: Array) -> None:
+        text.write("".join(",".join(map(repr, row)) + "\n" for row in rows.tolist()))
+
+    return write

@@ -1,0 +1,156 @@
+"""Signals: the moving things of a table, each with the columns of its position and of its rates."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from ..description.records import Joint
+from ..errors import TrajectoryError
+
+POSE = ("x", "y", "z", "qx", "qy", "qz", "qw")
+TWIST = ("x", "y", "z", "wx", "wy", "wz")
+COORDINATES = ("x", "y", "z", "roll", "pitch", "yaw")
+ANGLES = ("roll", "pitch", "yaw")
+RATES = ("velocity", "acceleration")
+WRENCH = ("fx", "fy", "fz", "mx", "my", "mz")
+
+JOINT_COMPONENTS = {
+    "spherical": (("qx", "qy", "qz", "qw"), ("wx", "wy", "wz")),
+    "planar": (("x", "y", "yaw"), ("x", "y", "wz")),
+    "floating": (POSE, TWIST),
+}
+"""Components of position and of velocity of the joints with several freedoms."""
+
+
+@dataclass(frozen=True)
+class Signal:
+    """A moving thing, a joint or a pose, and where its numbers stand.
+
+    Attributes:
+        name: Joint, or link as the header writes it (`link`, `link@other`).
+        components: Names of the position's components; ("",) for a joint with one freedom.
+        position: Column of each component.
+        velocity: Columns of the rates, or None where the table does not give them.
+        acceleration: Columns of their derivatives, or None.
+        wraps: Indices of the components that are angles on the whole circle.
+        wanted: Which rates the reader of the table has a use for; what else is not given is zero.
+    """
+
+    name: str
+    components: tuple[str, ...]
+    position: tuple[int, ...]
+    velocity: tuple[int, ...] | None
+    acceleration: tuple[int, ...] | None
+    wraps: tuple[int, ...] = ()
+    wanted: tuple[str, ...] = RATES
+
+    @property
+    def missing(self) -> tuple[str, ...]:
+        """Names of the rates that are wanted and that the table does not give."""
+        given = {"velocity": self.velocity, "acceleration": self.acceleration}
+        return tuple(name for name in self.wanted if given[name] is None)
+
+
+def joint_signal(
+    joint: Joint, given: dict[str, dict[str, int]], file: str | None, wanted: tuple[str, ...] = RATES
+) -> Signal:
+    """Give the signal of a joint.
+
+    Args:
+        joint: The joint.
+        given: Columns by quantity and component.
+        file: Path of the table, for messages.
+        wanted: Rates that are needed, of "velocity" and "acceleration".
+
+    Raises:
+        TrajectoryError: A component is missing or does not belong there, or rates that must be given are.
+    """
+    components, rates = JOINT_COMPONENTS.get(joint.kind, (("",), ("",)))
+    what = f"joint '{joint.name}' ({joint.kind})"
+    signal = Signal(
+        name=joint.name,
+        components=components,
+        position=_picked(given.get("position", {}), components, f"{joint.name}/position", what, file),
+        velocity=_rates(given, "velocity", rates, joint.name, what, file),
+        acceleration=_rates(given, "acceleration", rates, joint.name, what, file),
+        wraps=(0,) if joint.kind == "continuous" else (),
+        wanted=wanted,
+    )
+    if joint.kind in JOINT_COMPONENTS and signal.missing:
+        message = f"is missing: rates of a {joint.kind} joint are not fitted"
+        raise TrajectoryError(message, file=file, column=f"{joint.name}/{signal.missing[0]}/{rates[0]}")
+    return signal
+
+
+def pose_signal(
+    key: str, given: dict[str, dict[str, int]], file: str | None, wanted: tuple[str, ...] = RATES
+) -> Signal:
+    """Give the signal of a pose: the whole of it by a quaternion, or some of its coordinates.
+
+    Args:
+        key: The link, as the header writes it.
+        given: Columns by quantity and component.
+        file: Path of the table, for messages.
+        wanted: Rates that are needed, of "velocity" and "acceleration".
+
+    Raises:
+        TrajectoryError: A component is missing or does not belong there.
+    """
+    pose = given.get("pose", {})
+    components: tuple[str, ...] = POSE
+    rates: tuple[str, ...] = TWIST
+    if pose and not set(pose) & set(POSE[3:]):  # no quaternion: any of the six coordinates
+        components = rates = tuple(name for name in COORDINATES if name in pose) or COORDINATES
+    what = f"the pose of '{key}' by its {'quaternion' if components == POSE else 'coordinates'}"
+    return Signal(
+        name=key,
+        components=components,
+        position=_picked(pose, components, f"{key}/pose", what, file),
+        velocity=_rates(given, "velocity", rates, key, what, file),
+        acceleration=_rates(given, "acceleration", rates, key, what, file),
+        wraps=tuple(index for index, name in enumerate(components) if name in ANGLES),
+        wanted=wanted,
+    )
+
+
+def _rates(
+    given: dict[str, dict[str, int]],
+    quantity: str,
+    names: tuple[str, ...],
+    owner: str,
+    what: str,
+    file: str | None,
+) -> tuple[int, ...] | None:
+    if quantity not in given:
+        return None
+    return _picked(given[quantity], names, f"{owner}/{quantity}", what, file)
+
+
+def wrench_columns(key: str, given: dict[str, int], file: str | None) -> tuple[int, ...]:
+    """Give the columns of a wrench: all six components.
+
+    Args:
+        key: The link.
+        given: Columns by component.
+        file: Path of the table, for messages.
+
+    Raises:
+        TrajectoryError: A component is missing or does not belong there.
+    """
+    return _picked(given, WRENCH, f"{key}/wrench", f"a wrench on '{key}'", file)
+
+
+def _picked(
+    given: dict[str, int], names: tuple[str, ...], prefix: str, what: str, file: str | None
+) -> tuple[int, ...]:
+    """Give the columns of exactly these components, or name the one that is unknown or missing."""
+    expected = ", ".join(f"{prefix}/{name}" if name else prefix for name in names)
+    for name in given:
+        if name not in names:
+            column = f"{prefix}/{name}" if name else prefix
+            raise TrajectoryError(f"does not belong here: {what} takes {expected}", file=file, column=column)
+    for name in names:
+        if name not in given:
+            column = f"{prefix}/{name}" if name else prefix
+            raise TrajectoryError(f"is missing: {what} takes {expected}", file=file, column=column)
+    return tuple(given[name] for name in names)

@@ -1,0 +1,271 @@
+"""From the rows of a table to the motion of joints and platforms, block by block."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from ..description.records import Array, Joint
+from ..errors import TrajectoryError
+from ..spatial import cross, rotate, rotate_back, rotation_from_quaternion
+from .columns import Layout
+from .csv_table import Block, Table
+from .rates import FEWEST_ROWS, HALO, Window, aligned, angular_rates, derivatives, turns, windows
+from .signals import POSE, Signal
+
+QUATERNION_TOLERANCE = 1e-6  # seven digits in a file are enough to pass; more is not a rotation
+LARGEST_TURN = 2.0 * np.pi / 3.0  # between two rows, for a fit: near half a turn its sense is a guess
+
+Triple = tuple[Array, Array, Array]  # position, velocity, acceleration
+Parts = Array | dict[str, Array]
+"""A whole pose or its rates, shape (T, 7) or (T, 6), or some of its coordinates by name, shape (T,) each."""
+
+
+@dataclass(frozen=True)
+class Motion:
+    """What some consecutive rows of a table say.
+
+    Attributes:
+        first_row: Number of the first row in the table (from 1).
+        size: Number of rows.
+        time: Times, shape (T,), [s], or None.
+        joints: Position, velocity and acceleration by joint, shape (T,) each, or (T, n).
+        platforms: Pose, velocity and acceleration by link, as `hybridyn.assemble` takes them.
+        wrenches: Wrenches by link, shape (T, 6), [N, N m], in the link's frame.
+        efforts: Efforts by joint, shape (T,), [N or N m].
+    """
+
+    first_row: int
+    size: int
+    time: Array | None
+    joints: dict[str, Triple] = field(default_factory=dict)
+    platforms: dict[str, tuple[Parts, Parts, Parts]] = field(default_factory=dict)
+    wrenches: dict[str, Array] = field(default_factory=dict)
+    efforts: dict[str, Array] = field(default_factory=dict)
+
+    def part(self, start: int, stop: int) -> Motion:
+        """Give the rows from `start` to before `stop`, counted from 0."""
+        rows = slice(start, stop)
+        size = len(range(self.size)[rows])
+        return Motion(self.first_row + start, size, *_each(lambda x: x[rows], self._content()))
+
+    def after(self, before: Motion) -> Motion:
+        """Give these rows with those that come before them in front."""
+        content = _each(lambda x, y: np.concatenate([x, y]), before._content(), self._content())
+        return Motion(before.first_row, before.size + self.size, *content)
+
+    def _content(self) -> tuple[Any, ...]:
+        return self.time, self.joints, self.platforms, self.wrenches, self.efforts
+
+
+def _each(function: Callable[..., Any], *trees: Any) -> Any:
+    """Apply a function to the arrays of equal trees of dicts and tuples; None stays None."""
+    first = trees[0]
+    if isinstance(first, dict):
+        return {key: _each(function, *(tree[key] for tree in trees)) for key in first}
+    if isinstance(first, tuple):
+        return tuple(_each(function, *branches) for branches in zip(*trees, strict=True))
+    return None if first is None else function(*trees)
+
+
+def read_motions(table: Table, layout: Layout) -> Iterator[Motion]:
+    """Turn the rows of a table into motion, block by block, and fit the rates that it does not give.
+
+    Velocities come from a spline through the positions; accelerations from one through the velocities where
+    the table gives these, else through the positions (`rates.py`). The block size does not change them.
+
+    Args:
+        table: The table, not read yet.
+        layout: The meaning of its columns.
+
+    Yields:
+        The motion of one block after the other.
+
+    Raises:
+        TrajectoryError: Time does not increase, a quaternion is not normalised, or rows are too few or too
+            coarse for the rates to be fitted.
+    """
+    file = layout.file
+    fitted = any(signal.missing for signal in layout.signals)
+    for window in windows(_checked(table, layout), HALO if fitted else 0):
+        time = None if layout.time is None else window.values[:, layout.time]
+        if fitted and len(window.values) < FEWEST_ROWS:
+            message = f"{len(window.values)} rows are too few to fit the missing rates ({FEWEST_ROWS} needed)"
+            raise TrajectoryError(f"{message}; give velocities and accelerations", file=file)
+        own = window.values[window.core]
+        yield Motion(
+            first_row=window.first_row,
+            size=len(own),
+            time=None if time is None else time[window.core],
+            joints={name: _joint(signal, window, time, file) for name, signal in layout.joints.items()},
+            platforms={key: _platform(signal, window, time, file) for key, signal in layout.poses.items()},
+            wrenches={link: own[:, list(columns)] for link, columns in layout.wrenches.items()},
+            efforts={joint: own[:, column] for joint, column in layout.efforts.items()},
+        )
+
+
+def _checked(table: Table, layout: Layout) -> Iterator[Block]:
+    """Pass blocks on once their times increase and their quaternions have length one."""
+    last = -np.inf
+    for block in table.blocks:
+        if layout.time is not None:
+            last = _check_times(block, layout.time, last, layout.file)
+        for signal in layout.signals:
+            if "qx" in signal.components:
+                _check_quaternions(block, signal, table.columns, layout.file)
+        yield block
+
+
+def _check_times(block: Block, column: int, last: float, file: str | None) -> float:
+    """Check that times increase, from the last one of the block before; give the last one of this block."""
+    times = np.concatenate([[last], block.values[:, column]])
+    late = np.flatnonzero(times[1:] <= times[:-1])
+    if len(late):
+        index = int(late[0])
+        message = f"{float(times[index + 1])!r} s does not come after {float(times[index])!r} s"
+        raise TrajectoryError(message, file=file, row=block.first_row + index, column="time")
+    return float(times[-1])
+
+
+def _check_quaternions(block: Block, signal: Signal, columns: Sequence[str], file: str | None) -> None:
+    part = list(signal.position[signal.components.index("qx") :])
+    with np.errstate(over="ignore"):  # 1e300 squared is as wrong as infinity
+        lengths = np.linalg.norm(block.values[:, part], axis=1)
+    wrong = np.flatnonzero(~(np.abs(lengths - 1.0) <= QUATERNION_TOLERANCE))
+    if len(wrong):
+        message = (
+            f"the quaternion has length {lengths[wrong[0]]:.9g}, not 1 (within {QUATERNION_TOLERANCE:g})"
+        )
+        row = block.first_row + int(wrong[0])
+        raise TrajectoryError(message, file=file, row=row, column=columns[part[0]])
+
+
+def _joint(signal: Signal, window: Window, time: Array | None, file: str | None) -> Triple:
+    triple = _levels(signal, window, time, file)
+    return triple if len(signal.components) > 1 else (triple[0][:, 0], triple[1][:, 0], triple[2][:, 0])
+
+
+def _platform(
+    signal: Signal, window: Window, time: Array | None, file: str | None
+) -> tuple[Parts, Parts, Parts]:
+    if signal.components != POSE:
+        pose, velocity, acceleration = _levels(signal, window, time, file)
+        return (
+            dict(zip(signal.components, pose.T, strict=True)),
+            dict(zip(signal.components, velocity.T, strict=True)),
+            dict(zip(signal.components, acceleration.T, strict=True)),
+        )
+    if signal.velocity is None:
+        _check_turns(signal, window, file)
+    pose, velocity, acceleration = _levels(signal, window, time, file)
+    lengths = np.linalg.norm(pose[:, 3:], axis=1, keepdims=True)
+    return np.hstack([pose[:, :3], pose[:, 3:] / lengths]), velocity, acceleration
+
+
+def _check_turns(signal: Signal, window: Window, file: str | None) -> None:
+    """Refuse to fit orientations that turn so far between two rows that the way round is a guess."""
+    angles = turns(window.values[:, list(signal.position[3:])])
+    index = int(np.argmax(angles))
+    if angles[index] > LARGEST_TURN:
+        row = window.first_row - window.core.start + index + 1
+        message = (
+            f"'{signal.name}' turns by {np.degrees(angles[index]):.0f} degrees since the row before, too far "
+            f"to fit its velocity ({np.degrees(LARGEST_TURN):.0f} at most); give velocities or more rows"
+        )
+        raise TrajectoryError(message, file=file, row=row, column=f"{signal.name}/pose/qx")
+
+
+def _levels(signal: Signal, window: Window, time: Array | None, file: str | None) -> Triple:
+    """Give position, velocity and acceleration of a block's own rows, fitted where columns are missing."""
+    core = window.core
+    position = window.values[:, list(signal.position)]
+    velocity = window.values[:, list(signal.velocity)] if signal.velocity else None
+    acceleration = window.values[:, list(signal.acceleration)] if signal.acceleration else None
+    if velocity is not None and acceleration is not None:
+        return position[core], velocity[core], acceleration[core]
+    if not signal.missing:
+        assert velocity is not None
+        return position[core], velocity[core], np.zeros_like(velocity[core])
+    assert time is not None  # read_layout wants it where rates are missing
+    try:
+        with np.errstate(all="ignore"):  # numbers too large for a fit are found below
+            if velocity is None:
+                first, second = _fit(signal, time, position, core)
+            else:
+                first, second = velocity[core], derivatives(time, velocity, core)[0]
+    except ValueError as error:  # scipy finds no spline: LinAlgError, or overflow on the way to it
+        message = f"the times are too close together or too far apart to fit the rates of '{signal.name}'"
+        raise TrajectoryError(message, file=file, column="time") from error
+    wrong = np.flatnonzero(~np.isfinite(np.hstack([first, second])).all(axis=1))
+    if len(wrong):
+        message = f"no finite rates of '{signal.name}' can be fitted around here"
+        raise TrajectoryError(message, file=file, row=window.first_row + int(wrong[0]))
+    return position[core], first, second if acceleration is None else acceleration[core]
+
+
+def _fit(signal: Signal, time: Array, position: Array, core: slice) -> tuple[Array, Array]:
+    """Fit velocity and acceleration to positions; a pose's angular part as angular velocity."""
+    values = position.copy()
+    values[:, list(signal.wraps)] = np.unwrap(values[:, list(signal.wraps)], axis=0)
+    if signal.components != POSE:
+        return derivatives(time, values, core)
+    values[:, 3:] = aligned(values[:, 3:])
+    first, second = derivatives(time, values, core)
+    omega, omega_dot = angular_rates(values[core, 3:], first[:, 3:], second[:, 3:])
+    return np.hstack([first[:, :3], omega]), np.hstack([second[:, :3], omega_dot])
+
+
+def full_state(motion: Motion, joints: Sequence[Joint], root: str | None = None) -> Triple:
+    """Give the state on the spanning tree from a motion that names every joint.
+
+    Args:
+        motion: The motion.
+        joints: The movable joints, in the order of q.
+        root: Name of the root link, whose pose leads, where the base moves; else None.
+
+    Returns:
+        q, v and a, shapes (T, nq), (T, nv), (T, nv), in Pinocchio's coordinates.
+    """
+    parts = []
+    if root is not None:
+        pose, twist, acceleration = map(np.asarray, motion.platforms[root])  # whole, never by coordinates
+        parts.append(_base_coordinates(pose, twist, acceleration))
+    parts += [_joint_coordinates(joint.kind, *motion.joints[joint.name]) for joint in joints]
+    q, v, a = (np.hstack(level) for level in zip(*parts, strict=True))
+    return q, v, a
+
+
+def _joint_coordinates(kind: str, position: Array, velocity: Array, acceleration: Array) -> Triple:
+    p, v, a = (level.reshape(len(level), -1) for level in (position, velocity, acceleration))
+    if kind in ("continuous", "planar"):
+        p = np.hstack([p[:, :-1], np.cos(p[:, -1:]), np.sin(p[:, -1:])])
+    if kind in ("spherical", "floating"):
+        p = np.hstack([p[:, :-4], p[:, -4:] / np.linalg.norm(p[:, -4:], axis=1, keepdims=True)])
+    return p, v, a
+
+
+def _base_coordinates(pose: Array, twist: Array, acceleration: Array) -> Triple:
+    """Turn a pose with its twist and classical acceleration in world axes into a free-flyer's coordinates."""
+    R = rotation_from_quaternion(pose[:, 3:])
+    v, omega = rotate_back(R, twist[:, :3]), rotate_back(R, twist[:, 3:])
+    linear = rotate_back(R, acceleration[:, :3]) - cross(omega, v)
+    return pose, np.hstack([v, omega]), np.hstack([linear, rotate_back(R, acceleration[:, 3:])])
+
+
+def base_acceleration(q: Array, v: Array, a: Array) -> Array:
+    """Give a free-flyer's acceleration as tables hold it: classical and angular, in world axes.
+
+    Args:
+        q: Positions, the free-flyer's first, shape (T, nq).
+        v: Rates, shape (T, nv).
+        a: Accelerations in Pinocchio's coordinates, shape (T, nv).
+
+    Returns:
+        Shape (T, 6), [m/s^2, rad/s^2].
+    """
+    R = rotation_from_quaternion(q[:, 3:7])
+    classical = a[:, :3] + cross(v[:, 3:6], v[:, :3])
+    return np.hstack([rotate(R, classical), rotate(R, a[:, 3:6])])
