@@ -1,7 +1,7 @@
 """hybridyn: dynamics of hybrid robots, exact and linear in the number of modules.
 
-The public names and the files they live in stand in `__init__.pyi`. Each is imported when it is first used, so that
-the command line starts quickly.
+`__init__.pyi` lists the public names and the files they live in. A name is imported when it is first used, so
+that the command line starts quickly.
 """
 
 import lazy_loader

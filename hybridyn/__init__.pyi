@@ -1,12 +1,13 @@
-"""The public names of hybridyn and the files they live in: the one table that import, `__all__` and type checkers read."""
+"""The public names and the files they live in: one table for imports, `__all__` and type checkers."""
 
 from .assembly.assemble import assemble
 from .assembly.assemblies import Assemblies, assemblies
+from .assembly.residual import closure_residual
+from .compiled.compiling import compile
 from .compiled.derivatives import ddm_jacobian, idm_jacobian
-from .compiled.model import CompiledRobot, compile
+from .compiled.model import CompiledRobot
 from .dynamics.direct import ddm
 from .dynamics.energy import Energy, Power, centre_of_mass, energy, momentum, power
-from .dynamics.forward import closure_residual
 from .dynamics.inverse import idm
 from .dynamics.link_motion import LinkMotion, kinematics
 from .dynamics.reactions import Reactions

@@ -6,7 +6,8 @@ import logging
 from collections.abc import Mapping, Sequence
 from os import PathLike
 
-from .structure.robot import Base, HybridRobot, build_robot
+from .structure.building import build_robot
+from .structure.robot import Base, HybridRobot
 
 _log = logging.getLogger("hybridyn")
 

@@ -24,7 +24,7 @@ import hybridyn
 from hybridyn.oracle import Oracle
 from hybridyn.oracle.tree import Posture
 from hybridyn.tables.columns import read_layout
-from hybridyn.tables.csv_table import open_table
+from hybridyn.tables.opening import open_table
 from hybridyn.tables.trajectory import read_motions
 
 Array = NDArray[np.float64]

@@ -18,7 +18,7 @@ from shipped import shipped
 
 import hybridyn
 from hybridyn.description import Description
-from hybridyn.structure.robot import build_robot
+from hybridyn.structure.building import build_robot
 
 SAMPLES = 4
 

@@ -13,7 +13,8 @@ from hybridyn import load
 from hybridyn.manifold.manifold import Manifold
 from hybridyn.simulation.motion_law import MotionLaw
 from hybridyn.simulation.system import State, System
-from hybridyn.structure.robot import HybridRobot, build_robot
+from hybridyn.structure.building import build_robot
+from hybridyn.structure.robot import HybridRobot
 
 Swing = tuple[HybridRobot, np.ndarray, np.ndarray]
 

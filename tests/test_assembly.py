@@ -20,8 +20,8 @@ from hybridyn import AssemblyError, HybridRobot, TrajectoryError, closure_residu
 from hybridyn.description.records import Description
 from hybridyn.oracle import Base, Oracle
 from hybridyn.spatial import Array
+from hybridyn.structure.building import build_robot
 from hybridyn.structure.graph import find_modules
-from hybridyn.structure.robot import build_robot
 
 CLOSED = 1e-12  # of the module's size, on the closures' generic range
 SAME = 1e-9  # the same posture, through the conditioning of a mechanism of this collection

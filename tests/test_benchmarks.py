@@ -38,9 +38,9 @@ from benchmarks.singular import APPROACHES, load
 from benchmarks.slow import table
 from benchmarks.standing import flown, losses
 from benchmarks.timing import interleaved
-from hybridyn.compiled.model import write_programs
+from hybridyn.compiled.programs.sources import write_programs
 from hybridyn.effects.choice import choose
-from hybridyn.structure.robot import build_robot
+from hybridyn.structure.building import build_robot
 
 FIT = 1e-12  # a power law is fitted exactly
 DIFFERENCES = 1e-3  # of the largest rate: second-order central differences at 5 ms of a motion of 1 Hz

@@ -15,9 +15,9 @@ import pytest
 import hybridyn
 from hybridyn.cli import COMMANDS, main
 from hybridyn.cli.common.progress import Progress
-from hybridyn.cli.common.summary import aligned_rows
+from hybridyn.cli.common.text import aligned_rows
 from hybridyn.errors import AssemblyError
-from hybridyn.tables.csv_table import open_table
+from hybridyn.tables.opening import open_table
 
 ARM = """<robot name="arm">
   <link name="base"/>

@@ -8,7 +8,7 @@ from command_line import ROOT, Said, call, read_table, table_text
 from comparing import SOLVED, close_to
 
 import hybridyn
-from hybridyn.tables.csv_table import open_table
+from hybridyn.tables.opening import open_table
 from hybridyn.tables.signals import TWIST, WRENCH
 
 ROUND_TRIP = 1e-9  # two solutions of the loops and of the inertia, relative to the largest acceleration

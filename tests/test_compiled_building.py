@@ -26,7 +26,7 @@ from hybridyn.compiled.library.compilers import Compiler, find_compiler
 from hybridyn.compiled.model import _revived
 from hybridyn.effects.choice import choose
 from hybridyn.errors import CompileError, ModelError
-from hybridyn.structure.robot import build_robot
+from hybridyn.structure.building import build_robot
 from tests.compiled_toys import inputs, toy
 from tests.shipped import shipped
 

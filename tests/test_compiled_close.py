@@ -13,7 +13,7 @@ from hybridyn.compiled.programs.whole_robot import programs
 from hybridyn.dynamics.inverse import idm
 from hybridyn.manifold.manifold import Manifold
 from hybridyn.oracle import Base
-from hybridyn.structure.robot import build_robot
+from hybridyn.structure.building import build_robot
 
 AWAY = 1e-3  # rad, module lengths: how far the others were at the last tick
 CALLS = 6  # Newton needs four from there

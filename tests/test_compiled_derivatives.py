@@ -14,8 +14,9 @@ from hybridyn.compiled.equations.states import random_states
 from hybridyn.compiled.library.calls import load
 from hybridyn.compiled.programs.whole_robot import programs
 from hybridyn.errors import HybridynError, ModelError, SingularityError, TrajectoryError
+from hybridyn.structure.building import build_robot
 from hybridyn.structure.leg_model import pinocchio_inertia
-from hybridyn.structure.robot import HybridRobot, build_robot
+from hybridyn.structure.robot import HybridRobot
 
 __all__ = ["own_cache"]
 

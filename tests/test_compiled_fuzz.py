@@ -25,7 +25,8 @@ from hybridyn.compiled.programs.whole_robot import programs
 from hybridyn.description import read
 from hybridyn.errors import CompileError, HybridynError
 from hybridyn.oracle import Base, Oracle
-from hybridyn.structure.robot import HybridRobot, build_robot
+from hybridyn.structure.building import build_robot
+from hybridyn.structure.robot import HybridRobot
 from tests.compiled_toys import own_cache
 
 __all__ = ["own_cache"]

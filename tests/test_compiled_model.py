@@ -13,7 +13,8 @@ import hybridyn
 import hybridyn.effects
 from hybridyn.compiled.equations.states import random_states
 from hybridyn.compiled.library.calls import BLOCK, Library
-from hybridyn.compiled.model import CompiledRobot, robot_key
+from hybridyn.compiled.model import CompiledRobot
+from hybridyn.compiled.programs.sources import robot_key
 from hybridyn.compiled.verifying import AGREE, difference, verify
 from hybridyn.description.shipped import shipped_robots
 from hybridyn.errors import AssemblyError, CompileError, HybridynError, ModelError, TrajectoryError

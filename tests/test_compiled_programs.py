@@ -16,7 +16,8 @@ from hybridyn.compiled.programs.whole_robot import programs
 from hybridyn.dynamics.link_motion import body_motions
 from hybridyn.errors import ModelError
 from hybridyn.oracle import Base
-from hybridyn.structure.robot import HybridRobot, build_robot
+from hybridyn.structure.building import build_robot
+from hybridyn.structure.robot import HybridRobot
 
 AGREE = 1e-10  # the claim: two ways of elimination, each good to some hundred roundings
 EXACT = 1e-13  # one chain of products, summed in another order

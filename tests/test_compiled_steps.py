@@ -19,7 +19,8 @@ from hybridyn.errors import AssemblyError
 from hybridyn.manifold.manifold import Manifold
 from hybridyn.oracle import Base
 from hybridyn.simulation import stepping
-from hybridyn.structure.robot import HybridRobot, build_robot
+from hybridyn.structure.building import build_robot
+from hybridyn.structure.robot import HybridRobot
 from tests.compiled_toys import own_cache
 
 __all__ = ["own_cache"]

@@ -14,7 +14,7 @@ from hybridyn.effects import Damper, RotorInertia, Spring, ViscousFriction
 from hybridyn.errors import ModelError, SingularityError
 from hybridyn.simulation.conserving import Conserving
 from hybridyn.simulation.motion_law import MotionLaw
-from hybridyn.structure.robot import build_robot
+from hybridyn.structure.building import build_robot
 
 KEPT = 1e-9  # of the peak kinetic energy, the project's claim over 1e5 steps
 SHORT = 2e-11  # the same over 2,000 steps

@@ -16,7 +16,7 @@ from hybridyn import effects as fx
 from hybridyn.cli import main
 from hybridyn.effects.choice import choose
 from hybridyn.errors import AssemblyError
-from hybridyn.structure.robot import build_robot
+from hybridyn.structure.building import build_robot
 from hybridyn.studies.effect_sets import EffectSets
 from hybridyn.studies.effect_worth import Selection, Worth, subsets
 from tests.compiled_toys import own_cache

@@ -16,7 +16,8 @@ from shipped import shipped
 import hybridyn
 from hybridyn.effects import choose
 from hybridyn.scenes.stage import stage
-from hybridyn.structure.robot import HybridRobot, build_robot
+from hybridyn.structure.building import build_robot
+from hybridyn.structure.robot import HybridRobot
 from hybridyn.studies.cost import loops, models, runs, settings
 from hybridyn.studies.cost.fragments import effects_fragment
 from hybridyn.studies.cost.loops import Newton, by_closing

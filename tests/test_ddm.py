@@ -17,7 +17,7 @@ from hybridyn import HybridRobot, ddm, idm
 from hybridyn.description import Description
 from hybridyn.dynamics.forward import forward
 from hybridyn.oracle import Base, Oracle
-from hybridyn.structure.robot import build_robot
+from hybridyn.structure.building import build_robot
 
 FREE = 1e-12  # of the robot's weight: what a floating base may still feel
 SEEDS = [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (1, 2, 3))]

@@ -24,7 +24,7 @@ from hybridyn.dynamics.forward import forward
 from hybridyn.dynamics.loads import gather_loads
 from hybridyn.errors import AssemblyError, SingularityError, TrajectoryError
 from hybridyn.oracle import Base, Extended, Oracle
-from hybridyn.structure.robot import build_robot
+from hybridyn.structure.building import build_robot
 
 EPS = float(np.finfo(float).eps)
 LIMIT = 1e-8  # a light leg's inertia over its mass ratio, between ratios of 1e-9 and 1e-12

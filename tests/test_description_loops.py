@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from robot_texts import FOUR_BAR, LOOP, line_of, read_text, robot
 
 from hybridyn.description import Closure
-from hybridyn.description.urdf.placement import placement_from, rotation_from_rpy
+from hybridyn.description.placement import placement_from, rotation_from_rpy
 from hybridyn.errors import ModelError
 
 Array = NDArray[np.float64]

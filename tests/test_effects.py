@@ -20,7 +20,7 @@ from hybridyn import effects as fx
 from hybridyn.dynamics.energy import leg_bodies
 from hybridyn.effects.choice import DEFAULT, STANDARD, UNITS, choose
 from hybridyn.errors import ActuationError, ModelError, SingularityError, TrajectoryError
-from hybridyn.structure.robot import build_robot
+from hybridyn.structure.building import build_robot
 
 States = tuple[np.ndarray, np.ndarray, np.ndarray]
 INERTIA = ["inertia", "leg_inertia", "velocity"]

@@ -16,7 +16,8 @@ from shipped import shipped, states_near_home
 import hybridyn
 from hybridyn.errors import TrajectoryError
 from hybridyn.oracle import Base
-from hybridyn.structure.robot import HybridRobot, build_robot
+from hybridyn.structure.building import build_robot
+from hybridyn.structure.robot import HybridRobot
 
 EXACT = 1e-12
 BALANCE = 1e-9  # of the largest power: rounding of the difference

@@ -9,7 +9,7 @@ from shipped import ROBOTS, shipped
 
 import hybridyn
 from hybridyn.assembly.free_motions import FreeMotions, free_motions, free_motions_of
-from hybridyn.structure.robot import build_robot
+from hybridyn.structure.building import build_robot
 
 ROOT = Path(__file__).parents[1]
 NONE = FreeMotions((), (), ())

@@ -28,7 +28,7 @@ from hybridyn.errors import HybridynError
 from hybridyn.oracle import Oracle
 from hybridyn.streams.postures import postures
 from hybridyn.tables.columns import read_layout
-from hybridyn.tables.csv_table import open_table
+from hybridyn.tables.opening import open_table
 from hybridyn.tables.trajectory import read_motions
 
 LONGEST = 10.0  # seconds for one case, on a loaded machine

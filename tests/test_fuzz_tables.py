@@ -9,7 +9,7 @@ import pytest
 from hybridyn.description.records import Description, Joint, Link
 from hybridyn.errors import TrajectoryError
 from hybridyn.tables.columns import read_layout
-from hybridyn.tables.csv_table import open_table
+from hybridyn.tables.opening import open_table
 from hybridyn.tables.trajectory import full_state, read_motions
 
 ROUNDS = 4_000

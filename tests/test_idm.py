@@ -17,7 +17,7 @@ from hybridyn import ActuationError, AssemblyError, HybridRobot, SingularityErro
 from hybridyn.description.records import Closure, Description, Joint, Link
 from hybridyn.oracle import Base, Oracle
 from hybridyn.spatial import Array
-from hybridyn.structure.robot import build_robot
+from hybridyn.structure.building import build_robot
 
 BASES: tuple[Base, ...] = ("fixed", "moving", "floating")
 STATES = {

@@ -17,7 +17,7 @@ from hybridyn.errors import AssemblyError, HybridynError, TrajectoryError
 from hybridyn.streams import blocks as blocks_file
 from hybridyn.streams.blocks import Block, Done, blocks, in_order, rows_at_once
 from hybridyn.streams.workers import Failure, Workers
-from hybridyn.tables.csv_table import open_table
+from hybridyn.tables.opening import open_table
 from hybridyn.tables.trajectory import Motion
 
 FIVE_BAR = ROOT / "urdf/five_bar.urdf.xacro"

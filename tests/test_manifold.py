@@ -15,7 +15,8 @@ from hybridyn.errors import AssemblyError
 from hybridyn.linkage.retraction import Retraction
 from hybridyn.linkage.tree import NQ, NV
 from hybridyn.manifold.manifold import Manifold
-from hybridyn.structure.robot import HybridRobot, build_robot
+from hybridyn.structure.building import build_robot
+from hybridyn.structure.robot import HybridRobot
 
 KINDS = (
     "loop_fixed", "loop_cylindrical", "loop_planar", "loop_rows_y_perpendicular", "loop_rows_xz_parallel",

@@ -18,7 +18,8 @@ from hybridyn.dynamics.forward import forward
 from hybridyn.dynamics.loads import gather_loads
 from hybridyn.oracle import Oracle
 from hybridyn.spatial import Array
-from hybridyn.structure.robot import HybridRobot, build_robot
+from hybridyn.structure.building import build_robot
+from hybridyn.structure.robot import HybridRobot
 
 EQUAL = 1e-12  # of the largest entry: the same model on two ways, no cancellation between large terms
 GRAVITY = np.array([0.0, 0, 9.81, 0, 0, 0])  # the base's acceleration, less gravity

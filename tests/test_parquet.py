@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from hybridyn.errors import TrajectoryError
-from hybridyn.tables.csv_table import open_table
+from hybridyn.tables.opening import open_table
 from hybridyn.tables.parquet import parquet_writer
 
 pl = pytest.importorskip("polars")

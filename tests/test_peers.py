@@ -27,7 +27,7 @@ from shipped import ROBOTS, shipped, states_near_home
 
 from hybridyn import ddm
 from hybridyn.description import Description
-from hybridyn.structure.robot import build_robot
+from hybridyn.structure.building import build_robot
 
 PROXIMAL = 1e-9  # what constraintDynamics reaches at its best mu on robots of condition 1e4
 MU = 10.0 ** np.arange(-12, -1)

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from hybridyn.tables.csv_table import Block
 from hybridyn.tables.rates import aligned, angular_rates, derivatives, turns, windows
+from hybridyn.tables.table import Block
 
 ROUNDING = 1e-13
 STEP = 1e-2

@@ -13,7 +13,7 @@ import hybridyn
 from hybridyn import HybridRobot, Reactions
 from hybridyn.oracle import Base, Oracle
 from hybridyn.spatial import Array
-from hybridyn.structure.robot import build_robot
+from hybridyn.structure.building import build_robot
 
 BASES: tuple[Base, ...] = ("fixed", "moving", "floating")
 SEED = 12

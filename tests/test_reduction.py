@@ -18,8 +18,8 @@ from hybridyn.errors import ModelError
 from hybridyn.linkage.elimination import null_basis
 from hybridyn.linkage.reduction import LEG_PIVOT, RANK_GAP, decide_rank
 from hybridyn.spatial import Array
+from hybridyn.structure.building import build_robot
 from hybridyn.structure.mechanism import Mechanism
-from hybridyn.structure.robot import build_robot
 
 SAME_SPACE = 1e-10  # of two bases of one null space, each of condition up to some hundreds
 CLOSED_BY = 1e-13  # rows times Psi, relative to Psi's largest entry

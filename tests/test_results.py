@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from hybridyn.errors import TrajectoryError
-from hybridyn.tables.csv_table import open_table
+from hybridyn.tables.opening import open_table
 from hybridyn.tables.results import check_target, open_results
 
 NUMBERS = np.array([[0.1, -0.0], [1.0 / 3.0, 5e-324], [1.7976931348623157e308, -123456789.123456789]])

@@ -17,7 +17,7 @@ import hybridyn
 from hybridyn import HybridRobot, ModelError
 from hybridyn.description.records import Description, Joint, Link
 from hybridyn.oracle import Base, Oracle
-from hybridyn.structure.robot import build_robot
+from hybridyn.structure.building import build_robot
 
 BASES: tuple[Base, ...] = ("fixed", "moving", "floating")
 SAMPLES = 4

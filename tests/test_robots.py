@@ -14,7 +14,7 @@ from hybridyn.description import Description, read
 from hybridyn.errors import ModelError
 from hybridyn.oracle import Oracle
 from hybridyn.tables.columns import read_layout
-from hybridyn.tables.csv_table import open_table
+from hybridyn.tables.opening import open_table
 
 ROOT = Path(__file__).parents[1]
 

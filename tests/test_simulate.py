@@ -16,7 +16,8 @@ from hybridyn.effects import BaseMotion
 from hybridyn.errors import AssemblyError, TrajectoryError
 from hybridyn.manifold.manifold import Manifold
 from hybridyn.simulation.result import Result
-from hybridyn.structure.robot import HybridRobot, build_robot
+from hybridyn.structure.building import build_robot
+from hybridyn.structure.robot import HybridRobot
 
 REFERENCE = {"method": "DOP853", "rtol": 1e-12, "atol": 1e-13}  # of the motions derived by hand
 TIGHT = {"rtol": 1e-11, "atol": 1e-12}  # asked of simulate

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from hybridyn.errors import TrajectoryError
-from hybridyn.tables.csv_table import LINE_LIMIT, open_table
+from hybridyn.tables.csv_table import LINE_LIMIT
+from hybridyn.tables.opening import open_table
 
 
 def write(path: Path, text: str | bytes) -> Path:

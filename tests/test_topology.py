@@ -15,8 +15,9 @@ import hybridyn
 from hybridyn.description.records import Closure, Coupling, Description, Joint, Link
 from hybridyn.errors import ModelError
 from hybridyn.oracle import Oracle
+from hybridyn.structure.building import build_robot
 from hybridyn.structure.graph import find_modules
-from hybridyn.structure.robot import HybridRobot, build_robot
+from hybridyn.structure.robot import HybridRobot
 
 Z = np.array([0.0, 0.0, 1.0])
 

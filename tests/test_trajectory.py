@@ -10,7 +10,7 @@ import pytest
 from hybridyn.description.records import Description, Joint, JointKind, Link
 from hybridyn.errors import TrajectoryError
 from hybridyn.tables.columns import read_layout
-from hybridyn.tables.csv_table import open_table
+from hybridyn.tables.opening import open_table
 from hybridyn.tables.results import open_results
 from hybridyn.tables.trajectory import Motion, full_state, read_motions
 

@@ -15,7 +15,7 @@ from shipped import ROBOTS
 import hybridyn
 from hybridyn.colours import ALARM, CLOSURE, MOTOR, module_colour, rgb
 from hybridyn.description import read
-from hybridyn.structure.robot import build_robot
+from hybridyn.structure.building import build_robot
 from hybridyn.view.camera import Camera, camera_around
 from hybridyn.view.drawing import draw, hull
 from hybridyn.view.measures import Measures

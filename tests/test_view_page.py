@@ -19,7 +19,7 @@ from command_line import ROOT, program
 import hybridyn
 from hybridyn.colours import CLOSURE, MOTOR, module_colour, rgb
 from hybridyn.description import read
-from hybridyn.structure.robot import build_robot
+from hybridyn.structure.building import build_robot
 from hybridyn.view.drawing import draw
 from hybridyn.view.page import Page
 from hybridyn.view.run import Run

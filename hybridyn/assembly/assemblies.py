@@ -12,7 +12,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..dynamics.forward import closure_residual
 from ..errors import AssemblyError, TrajectoryError
 from ..linkage.newton import SMALLEST_STEP
 from ..linkage.rigid_motion import RigidMotion
@@ -23,6 +22,7 @@ from .assemble import module_task, place_base, settled, spanning_positions
 from .follow import Task, first_posture
 from .module_request import module_request
 from .requests import Requests, gather_requests
+from .residual import closure_residual
 
 #: Two postures are one where nothing that tells them apart differs by more (module lengths, cosines).
 SAME = 1e-5

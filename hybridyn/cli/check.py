@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import click
 
 from .common.options import RobotChoice, RobotCommand, takes_robot
-from .common.summary import counted
+from .common.text import counted
 
 if TYPE_CHECKING:
     from ..studies.check.check import Finding

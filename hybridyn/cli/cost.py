@@ -15,7 +15,7 @@ import click
 from .common.figures import figure_file, save
 from .common.options import complete_data, complete_robot, existing_file, result_file, robot_file, scene_file
 from .common.progress import Progress
-from .common.summary import aligned_rows
+from .common.text import aligned_rows
 
 if TYPE_CHECKING:
     from ..studies.cost.points import Study

@@ -11,7 +11,8 @@ import click
 from .common.engine import WORTH_OF_EFFECTS, Engine, choose_engine, takes_engine
 from .common.figures import save_chart, takes_plot
 from .common.options import RobotCommand, existing_file, takes_effects, takes_robot
-from .common.summary import aligned_rows, counted, effects_line
+from .common.summary import effects_line
+from .common.text import aligned_rows, counted
 
 if TYPE_CHECKING:
     from ..effects import Effects

@@ -45,7 +45,7 @@ def command(
     if output is None and not stats:
         raise click.UsageError("say where the files go, -o DIR, or ask for --stats")
     from ..compiled.export import export
-    from ..compiled.variants import statistics
+    from ..compiled.programs.statistics import statistics
 
     robot = load()
     dtype = "float32" if float32 else "float64"

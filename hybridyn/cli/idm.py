@@ -173,7 +173,7 @@ def read_weights(words: tuple[str, ...], motors: Sequence[str]) -> dict[str, flo
         click.UsageError: A word is neither `motor=value` nor a file, or a motor is unknown.
     """
     from ..description.names import did_you_mean
-    from ..tables.csv_table import open_table
+    from ..tables.opening import open_table
 
     weights: dict[str, float] = {}
     for word in words:

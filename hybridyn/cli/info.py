@@ -13,7 +13,7 @@ import click
 
 from .common.figures import drawing_file, save_structure
 from .common.options import RobotCommand, takes_robot
-from .common.summary import counted
+from .common.text import counted
 
 if TYPE_CHECKING:
     from ..structure.module import Module

@@ -29,7 +29,7 @@ def command(table: str, output: str) -> None:
     import numpy as np
 
     from ..figures.table import chart_of_table
-    from ..tables.csv_table import open_table
+    from ..tables.opening import open_table
 
     with open_table(table) as source:
         columns = source.columns

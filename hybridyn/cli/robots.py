@@ -17,7 +17,7 @@ def command(as_json: bool) -> None:
     """
     from ..description.shipped import shipped_robots, shown
     from ..errors import ModelError
-    from .common.summary import aligned_rows
+    from .common.text import aligned_rows
 
     robots = shipped_robots().values()
     if not robots:

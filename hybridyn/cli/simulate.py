@@ -17,7 +17,8 @@ from .common.engine import WORTH_IN_TIME, Engine, choose_engine, takes_engine
 from .common.figures import save_chart, takes_plot
 from .common.options import complete_robot, existing_file, result_file, scene_file
 from .common.progress import Progress
-from .common.summary import counted, effects_line
+from .common.summary import effects_line
+from .common.text import counted
 
 if TYPE_CHECKING:
     from ..scenes.stage import Stage

@@ -17,8 +17,9 @@ import click
 
 from .common.figures import save, takes_plot
 from .common.options import RobotCommand, takes_effects, takes_robot
-from .common.summary import aligned_rows, counted, effects_line, fitted_rates
+from .common.summary import effects_line, fitted_rates
 from .common.tables import Plan, Tables, run, takes_jobs, takes_source
+from .common.text import aligned_rows, counted
 from .idm import efforts, takes_passive
 
 if TYPE_CHECKING:

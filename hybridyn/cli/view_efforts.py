@@ -32,7 +32,7 @@ def efforts_along(
     import hybridyn
 
     from ..effects import choose
-    from ..tables.csv_table import open_table
+    from ..tables.opening import open_table
 
     wanted = [f"{motor}/effort" for motor in robot.motors]
     if not wanted:

@@ -15,7 +15,7 @@ from ..streams.workers import Failure, Workers
 from .common.figures import save, takes_plot
 from .common.options import RobotChoice, RobotCommand, result_file, takes_robot
 from .common.progress import Progress
-from .common.summary import aligned_rows, counted
+from .common.text import aligned_rows, counted
 
 if TYPE_CHECKING:
     from ..studies.workspace.workspace import Workspace

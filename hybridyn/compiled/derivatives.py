@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..dynamics.direct import ddm
-from ..dynamics.forward import as_batch, same_samples
 from ..dynamics.inverse import idm
 from ..effects.choice import Choice, choose
 from ..errors import CompileError, ModelError, SingularityError, TrajectoryError
@@ -22,6 +21,7 @@ from ..linkage.joints import NV
 from ..spatial import Array
 from ..structure.leg_model import pinocchio_inertia
 from ..structure.robot import HybridRobot
+from ..structure.samples import as_batch, same_samples
 from .code.scalars import TRUSTED
 from .needs import WITHOUT_CASADI
 

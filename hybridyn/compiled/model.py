@@ -2,35 +2,31 @@
 
 from __future__ import annotations
 
-import hashlib
 import logging
-import pickle
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ..dynamics.direct import ddm
-from ..dynamics.forward import as_batch, same_samples
 from ..dynamics.inverse import idm
 from ..dynamics.link_motion import LinkMotion, motions_of, named_links
-from ..effects.choice import Choice, Effects, choose
+from ..effects.choice import Effects
 from ..errors import HybridynError, ModelError
 from ..spatial import Array
 from ..structure.robot import HybridRobot
+from ..structure.samples import as_batch, same_samples
 from .code.scalars import Scalar
 from .library.cache import Built, cached
 from .library.calls import REFUSED, Library, Numbers
-from .library.compilers import best_lanes, find_compiler
+from .library.compilers import best_lanes
 from .programs.body_rows import body_motion, body_rows
-from .verifying import verify
+from .programs.sources import robot_key, source_of, write_programs
 
 if TYPE_CHECKING:
     import casadi as ca
 
-    from .code.library_source import Source
     from .program import Program
 
 log = logging.getLogger("hybridyn.compiled")
@@ -244,11 +240,15 @@ class CompiledRobot:
 
 
 def _revived(robot: HybridRobot, effects: Effects, built: Built, threads: int) -> CompiledRobot:
-    """Give a compiled robot that came from another process; built anew where its library is gone."""
+    """Return a compiled robot that came from another process, built anew where its library is gone.
+
+    The process that sent it has checked the same source.
+    """
     try:
         library = Library(built)
     except OSError:
-        return compile(robot, effects, threads=threads, dtype=built.about["number"])
+        number = str(built.about["number"])
+        library = Library(built_library(robot, effects, Scalar(number, best_lanes(number))))
     return CompiledRobot(robot, effects, library, threads)
 
 
@@ -267,76 +267,19 @@ def as_batches(arrays: dict[str, Array], sizes: dict[str, int]) -> None:
         as_batch(array, sizes[key], key)
 
 
-def compile(
-    robot: HybridRobot, effects: Choice = None, *, threads: int = 1, dtype: str = "float64"
-) -> CompiledRobot:
-    """Write a robot's models out as C, build them, and check them against the general path.
-
-    What was built once is found again in the user's cache folder.
+def built_library(
+    robot: HybridRobot, effects: Effects, scalar: Scalar, accept: Callable[[Built], None] = lambda built: None
+) -> Built:
+    """Return the library of a robot's models, from the cache or built.
 
     Args:
         robot: The robot.
-        effects: As `hybridyn.idm` takes them.
-        threads: Threads that share a batch.
-        dtype: "float64", or "float32" for twice the speed of a batch and seven digits.
-
-    Returns:
-        The models; call its `idm` and `ddm` as those of the general path.
+        effects: What is computed.
+        scalar: What a number is.
+        accept: Raises where a new library is not what it should be.
 
     Raises:
-        CompileError: There is no C compiler, casadi is not installed, or the built model differs from the
-            general path.
-        ModelError: An effect is not for written-out models.
+        CompileError: There is no compiler, it fails, or casadi is not installed.
     """
-    if dtype not in ("float64", "float32"):
-        raise ModelError(f"dtype must be 'float64' or 'float32', not {dtype!r}")
-    if threads < 1:
-        raise ModelError(f"threads must be at least 1, not {threads}")
-    on = choose(robot, effects)
-    find_compiler()
-    scalar = Scalar(dtype, best_lanes(dtype))
-
-    def accept(built: Built) -> None:
-        verify(CompiledRobot(robot, on, Library(built), 1))
-
-    built = cached(robot_key(robot, on) + repr(scalar), lambda: source_of(robot, on, scalar), accept=accept)
-    return CompiledRobot(robot, on, Library(built), threads)
-
-
-def robot_key(robot: HybridRobot, effects: Effects) -> str:
-    """Name everything that the models of a robot depend on."""
-    facts = (
-        robot.description, robot.base, robot.gravity, robot.motors, robot.home, robot.closure_tolerance,
-        robot.rank_tolerance, sorted(robot.held), robot.payloads, effects,
-    )  # fmt: skip
-    return hashlib.sha256(pickle.dumps(facts)).hexdigest()
-
-
-def source_of(robot: HybridRobot, effects: Effects, scalar: Scalar) -> Source:
-    """Print the models of a robot.
-
-    Raises:
-        CompileError: casadi is not installed.
-    """
-    from .needs import needs_casadi
-
-    needs_casadi()
-    from .code.library_source import library_source
-
-    return library_source(list(write_programs(robot, effects, scalar.name).values()), scalar)
-
-
-def write_programs(robot: HybridRobot, effects: Effects, dtype: str = "float64") -> dict[str, Program]:
-    """Write a robot's models out.
-
-    Raises:
-        CompileError: casadi is not installed.
-    """
-    from .needs import needs_casadi
-
-    needs_casadi()
-    from .programs.whole_robot import programs
-
-    return {
-        name: replace(program, name=name) for name, program in programs(robot, effects, dtype=dtype).items()
-    }
+    key = robot_key(robot, effects) + repr(scalar)
+    return cached(key, lambda: source_of(robot, effects, scalar), accept=accept)

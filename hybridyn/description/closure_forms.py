@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from .placement import rotation_to_axis, turned
 from .records import Array, RotationKind
-from .urdf.placement import rotation_to_axis, turned
 
 
 @dataclass(frozen=True)

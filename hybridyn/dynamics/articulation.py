@@ -16,8 +16,8 @@ from ..linkage.reduction import Basis
 from ..manifold.branch import along_branch
 from ..spatial import Array, motion_matrix
 from ..structure.robot import HybridRobot
+from ..structure.state import ModuleState
 from .balance import LegTerms, balance_of_legs, congruence, largest, leg_terms, size_of_solution
-from .forward import ModuleState
 from .inertia_solve import EPS, InertiaFactor, factor_inertia
 from .loads import Loads, ModuleLoad
 from .lost_digits import flag_accelerations

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..linkage.reduction import Basis
 from ..spatial import Array
-from .forward import ModuleState
+from ..structure.state import ModuleState
 from .inertia_solve import InertiaFactor
 from .loads import Loads
 

@@ -12,14 +12,16 @@ from typing import Literal, overload
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..effects.choice import Choice, Effects, choose, times
-from ..errors import ModelError, TrajectoryError
+from ..effects.choice import Choice, choose, times
+from ..errors import TrajectoryError
 from ..spatial import Array
 from ..structure.robot import HybridRobot
+from ..structure.samples import as_batch, same_samples
 from .articulation import accelerate, articulate
-from .forward import as_batch, base_motion, forward, same_samples
-from .inverse import reactions_of
-from .loads import Loads, all_loads
+from .forward import base_motion, forward
+from .inverse_recursion import reactions_of
+from .loads import all_loads
+from .passive import needs_inertia
 from .reactions import Reactions
 from .state_checks import check_closed
 
@@ -84,7 +86,7 @@ def ddm(
     v, tau = as_batch(v, robot.nv, "v")[0], as_batch(tau, len(robot.motors), "tau")[0]
     same_samples(q=q, v=v, tau=tau)
     on, time = choose(robot, effects), times(time, len(q))
-    _needs_inertia(on)
+    needs_inertia(on)
     a = np.zeros_like(v)
     if base_acceleration is not None:
         a[:, :6] = _of_base(robot, base_acceleration, len(q))
@@ -116,43 +118,3 @@ def _of_base(robot: HybridRobot, acceleration: Array, samples: int) -> Array:
     if not one and len(given) != samples:
         raise TrajectoryError(f"base_acceleration has shape {given.shape}; wanted (6,) or ({samples}, 6)")
     return given
-
-
-def _needs_inertia(on: Effects) -> None:
-    """Refuse a direct model without inertia.
-
-    Raises:
-        ModelError: There is none.
-    """
-    if on.inertia is None:
-        raise ModelError(
-            "the direct model needs the effect 'inertia': without it efforts make no accelerations; the "
-            "inverse model does statics",
-            element="inertia",
-        )
-
-
-def solve_passive(robot: HybridRobot, q: Array, v: Array, a: Array, loads: Loads) -> Array:
-    """Give the accelerations whose motors' (and moving base's) entries are those of `a`, the rest unforced.
-
-    The same two sweeps with Psi Z, the prescribed part in the drift, and no motor effort: Z spans what the
-    motors leave free.
-
-    Args:
-        robot: The robot.
-        q: Positions, shape (T, nq).
-        v: Rates, shape (T, nv).
-        a: Accelerations, shape (T, nv).
-        loads: External wrenches.
-    """
-    _needs_inertia(loads.on)
-    whole = loads.on.velocity is not None
-    states = forward(robot, q, v, None, loads.on.gravity, classical=whole)
-    check_closed(states, q, accelerations=False)
-    modules = articulate(robot, states, loads, np.zeros((len(q), len(robot.motors))), a)
-    out = np.zeros_like(a)
-    if robot.base == "moving":
-        out[:, :6] = a[:, :6]
-    root = base_motion(robot, q, v, a, loads.on.gravity, classical=whole)[1]
-    accelerate(robot, modules, root, q, v, out)
-    return out

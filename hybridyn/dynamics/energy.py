@@ -16,8 +16,8 @@ from ..linkage.rigid_motion import RigidMotion
 from ..spatial import Array, cross, rotate, rotate_back
 from ..structure.bodies import Body
 from ..structure.robot import HybridRobot
-from .forward import as_batch
-from .link_motion import body_motions, link_motions
+from ..structure.samples import as_batch
+from .link_motion import body_motions, link_motions, observed_motions
 from .loads import gather_loads
 
 
@@ -77,7 +77,7 @@ def energy(robot: HybridRobot, q: Array, v: Array, *, effects: Choice = None) ->
         kinetic += 0.5 * np.sum(rotor.p[0] * v[:, rotor.columns] ** 2, axis=1)
     for joint_law in on.joints:
         potential += joint_law.energy(q)
-    motions = on.link_motions(robot, q, v)
+    motions = observed_motions(robot, on, q, v)
     for link_law in on.links:
         potential += link_law.energy(motions)
     return Energy(kinetic[0], potential[0]) if single else Energy(kinetic, potential)
@@ -137,11 +137,11 @@ def power(
     supplied, lost = np.zeros((2, len(q)))
     outer = replace(on, links=tuple(law for law in on.links if isinstance(law, Wrench)))
     gather_loads(robot, wrenches, len(q))  # refuses what idm refuses
-    for given in (wrenches or {}, *outer.wrenches(robot, q, v, clock)):
+    for given in (wrenches or {}, *outer.wrenches(observed_motions(robot, outer, q, v), clock, len(q))):
         supplied += _work(robot, q, v, given)
     for joint_law in on.joints:
         lost += joint_law.power(q, v)
-    motions = on.link_motions(robot, q, v)
+    motions = observed_motions(robot, on, q, v)
     for link_law in on.links:
         lost += link_law.power(motions)
     out = (np.sum(tau * v[:, columns], axis=1), supplied, lost)

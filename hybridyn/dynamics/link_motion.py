@@ -8,11 +8,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..effects.choice import Effects
 from ..errors import TrajectoryError
 from ..linkage.rigid_motion import RigidMotion
 from ..spatial import Array, cross, quaternion_from_rotation, rotate, rotation_from_quaternion
 from ..structure.robot import HybridRobot
-from .forward import as_batch
+from ..structure.samples import as_batch
 
 
 @dataclass(frozen=True)
@@ -97,6 +98,11 @@ def link_motions(robot: HybridRobot, q: Array, v: Array, links: Iterable[str]) -
     bodies = body_motions(robot, q, v, np.zeros_like(v), wanted)
     places = {link: robot.bodies.place[link] for link in links}
     return {link: bodies[b].then(RigidMotion.at_rest(len(q), R, p)) for link, (b, R, p) in places.items()}
+
+
+def observed_motions(robot: HybridRobot, on: Effects, q: Array, v: Array) -> dict[str, RigidMotion]:
+    """Compute the motion in the world of the links that some effect's law needs, at zero accelerations."""
+    return link_motions(robot, q, v, on.observed_links) if on.observed_links else {}
 
 
 def body_motions(

@@ -17,9 +17,10 @@ from ..errors import TrajectoryError
 from ..spatial import Array, rotate, wrench_to_base
 from ..structure.module_spec import ModuleSpec
 from ..structure.robot import HybridRobot
+from .link_motion import observed_motions
 
 if TYPE_CHECKING:
-    from .forward import ModuleState
+    from ..structure.state import ModuleState
 
 
 @dataclass
@@ -146,8 +147,9 @@ def all_loads(
     """
     loads = gather_loads(robot, wrenches, len(q))
     loads.on, loads.joints, loads.rotors = on, on.joint_efforts(robot, q, v), on.rotor_diagonal(robot)
-    for given in on.wrenches(robot, q, v, time) if on.links else ():
-        _enter(robot, loads, given, len(q))
+    if on.links:
+        for given in on.wrenches(observed_motions(robot, on, q, v), time, len(q)):
+            _enter(robot, loads, given, len(q))
     return loads
 
 

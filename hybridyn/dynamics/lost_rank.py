@@ -16,7 +16,7 @@ from ..linkage.reduction import Basis
 from ..manifold.branch import along_branch
 from ..spatial import Array
 from ..structure.module import Module
-from .forward import ModuleState
+from ..structure.state import ModuleState
 
 #: A smallest pivot below this part of the largest is rounding: the row is lost at that posture.
 LOST = 1e-13

@@ -15,7 +15,7 @@ from .lost_rank import LOST
 
 if TYPE_CHECKING:
     from ..structure.mechanism import Mechanism
-    from .forward import ModuleState
+    from ..structure.state import ModuleState
     from .loads import ModuleLoad
 
 

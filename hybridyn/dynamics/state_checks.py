@@ -8,7 +8,7 @@ from ..errors import AssemblyError
 from ..linkage.gimbal_lock import is_locked
 from ..spatial import Array, cross, select
 from ..structure.module import Module
-from .forward import ModuleState
+from ..structure.state import ModuleState
 
 #: Positions and rates handed to the dynamics must close the loops to this part of the module's length.
 CLOSED = 1e-6

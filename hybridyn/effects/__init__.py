@@ -6,10 +6,11 @@ recursions (`recursion`), efforts and inertia on joints (`joints`, `friction`, `
 robot.
 """
 
+from ..structure.payload import Payload
 from .choice import DEFAULT, UNITS, Effects, choose
 from .elastic import RotorInertia, Spring, Stop
 from .friction import CoulombFriction, Damper, StribeckFriction, ViscousFriction
-from .inputs import BaseMotion, Limits, Payload
+from .inputs import BaseMotion, Limits
 from .links import GroundContact, Wrench
 from .rebuild import with_effects
 from .terms import Gravity, Inertia, LegInertia, VelocityTerms

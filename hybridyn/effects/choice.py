@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -11,17 +11,18 @@ import numpy as np
 from ..description.names import did_you_mean, listed
 from ..errors import ModelError, TrajectoryError
 from ..spatial import Array
+from ..structure.payload import Payload
 from .elastic import RotorInertia, Spring, Stop
 from .friction import CoulombFriction, Damper, StribeckFriction, ViscousFriction
-from .inputs import BaseMotion, Limits, Payload
+from .inputs import BaseMotion, Limits
 from .joints import OnJoints, placed
 from .links import GroundContact, Wrench
 from .terms import Gravity, Inertia, LegInertia, VelocityTerms
 
 if TYPE_CHECKING:
-    from ..dynamics.forward import ModuleState
     from ..linkage.rigid_motion import RigidMotion
     from ..structure.robot import HybridRobot
+    from ..structure.state import ModuleState
 
 JOINTS = (RotorInertia, ViscousFriction, CoulombFriction, StribeckFriction, Spring, Damper, Stop)
 LINKS = (Wrench, GroundContact)
@@ -129,26 +130,28 @@ class Effects:
             out[law.columns] += law.p[0]
         return out
 
-    def link_motions(self, robot: HybridRobot, q: Array, v: Array) -> dict[str, RigidMotion]:
-        """Give the motion in the world of the links that some law looks at."""
-        from ..dynamics.link_motion import link_motions
-
-        wanted = [link for law in self.links if law.needs_motion for link in law.links]
-        return link_motions(robot, q, v, wanted) if wanted else {}
+    @property
+    def observed_links(self) -> tuple[str, ...]:
+        """Links whose motion some law needs."""
+        return tuple(link for law in self.links if law.needs_motion for link in law.links)
 
     def wrenches(
-        self, robot: HybridRobot, q: Array, v: Array, time: Array | None
+        self, motions: Mapping[str, RigidMotion], time: Array | None, samples: int
     ) -> Iterator[dict[str, Array]]:
-        """Give each law's wrenches by link, shape (T, 6), [N, N m], in the links' frames at their origins.
+        """Yield each law's wrenches by link, shape (T, 6), [N, N m], in the links' frames at their origins.
+
+        Args:
+            motions: Motion in the world of the links in `observed_links`.
+            time: Times, shape (T,), [s], or None.
+            samples: Number of samples T.
 
         Raises:
             TrajectoryError: A law follows a table and there is no time, or its table is too short.
         """
-        motions = self.link_motions(robot, q, v)
         for law in self.links:
             if law.needs_time and time is None:
                 raise TrajectoryError(f"the effect '{law.name}' follows a table: pass time=")
-            yield law.wrenches(time, motions, len(q))
+            yield law.wrenches(time, motions, samples)
 
 
 def times(time: object, samples: int) -> Array | None:

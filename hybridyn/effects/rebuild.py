@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from ..structure.payload import Payload
 from .choice import JOINTS, Choice, Effects, listed_units
-from .inputs import BaseMotion, Payload
+from .inputs import BaseMotion
 
 if TYPE_CHECKING:
     from ..structure.robot import HybridRobot
@@ -25,7 +26,7 @@ def with_effects(robot: HybridRobot, effects: Choice) -> HybridRobot:
         ModelError: An unknown effect or link, or a floating base that is to be prescribed.
     """
     from ..errors import ModelError
-    from ..structure.robot import build_robot
+    from ..structure.building import build_robot
 
     if effects is None or isinstance(effects, Effects):
         return robot

@@ -13,8 +13,8 @@ import numpy as np
 from ..spatial import Array, crf, rotate_back, rotation_from_quaternion
 
 if TYPE_CHECKING:
-    from ..dynamics.forward import ModuleState
     from ..structure.robot import HybridRobot
+    from ..structure.state import ModuleState
 
 
 @dataclass(frozen=True)

@@ -21,10 +21,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..dynamics.forward import ModuleState
 from ..errors import SingularityError
 from ..linkage.reduction import Basis
 from ..spatial import Array
+from ..structure.state import ModuleState
 
 #: Singular values below this part of the largest are replaced by their limits: an error of this size, where
 #: positions, known to 1e-16 over it across the branch, would leave one of 1e-16 over its square.

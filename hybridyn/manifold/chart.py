@@ -17,21 +17,18 @@ the step is taken otherwise.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..errors import AssemblyError
 from ..linkage.retraction import Retraction
-from ..spatial import Array
+from ..spatial import Array, Index
 from ..structure.module import Module
 from .branch import LOST, Branch, branch_of, derivative
 from .loop_rows import LoopRows
-
-if TYPE_CHECKING:
-    from .manifold import Manifold
 
 #: Newton stops once its step (rad, module lengths) is no more than this; the next one would be rounding.
 LAST_STEP = 1e-12
@@ -91,6 +88,25 @@ class LoopedModule:
     def closed(self) -> float:
         """Largest scaled residual of an assembled posture."""
         return CLOSED + self.module.mechanism.rounding
+
+
+@dataclass(frozen=True)
+class Space:
+    """What every chart of one robot needs.
+
+    Attributes:
+        looped: Modules with loops.
+        free: Freedoms of the modules without loops, shape (k,).
+        unit: Unit of each freedom, shape (nv,).
+        retraction: Moves on the whole spanning tree.
+        prescribed: Number of the first freedoms that are prescribed: 6 for a "moving" base, else 0.
+    """
+
+    looped: Sequence[LoopedModule]
+    free: Index
+    unit: Array
+    retraction: Retraction
+    prescribed: int
 
 
 class _Part:
@@ -236,12 +252,11 @@ class Chart:
             rank.
     """
 
-    def __init__(self, manifold: Manifold, q: Array, v: Array | None, bound: bool) -> None:
-        self._manifold, self.q = manifold, q.copy()
-        self._looped = manifold.looped if bound else []
+    def __init__(self, space: Space, q: Array, v: Array | None, bound: bool) -> None:
+        self._space, self.q = space, q.copy()
+        self._looped = space.looped if bound else []
         held = [m.module.v_index for m in self._looped]
-        first = 6 * (manifold.robot.base == "moving")
-        self._free = manifold.free if bound else np.arange(first, manifold.robot.nv)
+        self._free = space.free if bound else np.arange(space.prescribed, len(space.unit))
         self._parts = [
             _Part(m, q[m.module.q_index], None if v is None else v[m.module.v_index]) for m in self._looped
         ]
@@ -253,7 +268,7 @@ class Chart:
 
     def independent(self, x: Array) -> Array:
         """Give the independent share of rates, accelerations or displacements, shape (nv,) or (nv, k)."""
-        unit = self._manifold.unit if x.ndim == 1 else self._manifold.unit[:, None]
+        unit = self._space.unit if x.ndim == 1 else self._space.unit[:, None]
         scaled = x / unit
         return np.concatenate(
             [scaled[self._free]] + [p.Z.T @ scaled[i] for p, i in zip(self._parts, self._held, strict=True)]
@@ -299,10 +314,10 @@ class Chart:
             AssemblyError: The loops do not close there.
             AmbiguousBranchError: Another branch is too near.
         """
-        unit = self._manifold.unit
+        unit = self._space.unit
         xi = np.zeros(len(unit))
         xi[self._free] = y[: len(self._free)] * unit[self._free]
-        q = self._manifold.retraction.move(self.q, xi)
+        q = self._space.retraction.move(self.q, xi)
         for looped, part, index, at in zip(self._looped, self._parts, self._held, self._at, strict=True):
             guess = None if near is None else near[index] / part.unit
             xi[index], q[looped.module.q_index] = part.lift(y[at], guess)
@@ -314,8 +329,8 @@ class Chart:
 
     def _spread(self, u: Array, held: list[Array]) -> Array:
         """Enter scaled shares into the whole robot's freedoms."""
-        out = np.zeros((len(self._manifold.unit), *u.shape[1:]))
+        out = np.zeros((len(self._space.unit), *u.shape[1:]))
         out[self._free] = u[: len(self._free)]
         for index, x in zip(self._held, held, strict=True):
             out[index] = x
-        return out * (self._manifold.unit if u.ndim == 1 else self._manifold.unit[:, None])
+        return out * (self._space.unit if u.ndim == 1 else self._space.unit[:, None])

@@ -13,7 +13,7 @@ from ..linkage.retraction import Retraction
 from ..spatial import Array
 from ..structure.mechanism import Mechanism
 from ..structure.robot import HybridRobot
-from .chart import Chart, LoopedModule
+from .chart import Chart, LoopedModule, Space
 from .loop_rows import LoopRows
 
 
@@ -25,6 +25,7 @@ class Manifold:
         looped: Modules with loops.
         retraction: Moves on the whole spanning tree.
         unit: Unit of each freedom, shape (nv,).
+        space: What its charts need.
         position_unit: Unit of each position coordinate, shape (nq,).
         mobility: Number of independent velocities.
     """
@@ -48,6 +49,8 @@ class Manifold:
             slides = q.start + TRANSLATIONS.get(kind, 0)
             self.position_unit[q.start : slides] = self.unit[v.start]
         self.mobility = robot.mobility
+        prescribed = 6 if robot.base == "moving" else 0
+        self.space = Space(self.looped, self.free, self.unit, self.retraction, prescribed)
 
     def _rows(self, mechanism: Mechanism) -> LoopRows:
         """Give the rows of a module, shared by equal modules."""
@@ -66,7 +69,7 @@ class Manifold:
         Raises:
             SingularityError: The rates are on none of the branches that meet there.
         """
-        return Chart(self, q, v, bound)
+        return Chart(self.space, q, v, bound)
 
     def residual(self, q: Array) -> float:
         """Give the worst scaled closure residual of a posture, shape (nq,)."""

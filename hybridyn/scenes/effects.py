@@ -11,7 +11,7 @@ from ..effects import UNITS, BaseMotion, Payload, Wrench
 from ..effects.choice import WORDS, listed_units
 from ..errors import HybridynError, TrajectoryError
 from ..spatial import Array
-from ..tables.csv_table import open_table
+from ..tables.opening import open_table
 from ..tables.signals import POSE, WRENCH
 
 if TYPE_CHECKING:

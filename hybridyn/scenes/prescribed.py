@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from ..assembly.assemble import assemble
+from ..assembly.residual import closure_residual
 from ..dynamics.energy import energy
-from ..dynamics.forward import closure_residual
 from ..dynamics.inverse import idm
 from ..effects import Effects
 from ..simulation.result import Counters, Result

@@ -14,7 +14,7 @@ from ..simulation.dense_output import QUINTIC
 from ..spatial import Array, Index, Mask
 from ..structure.robot import HybridRobot
 from ..tables.columns import read_layout
-from ..tables.csv_table import open_table
+from ..tables.opening import open_table
 from ..tables.trajectory import Motion, read_motions
 
 

@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..assembly.residual import closure_residual
 from ..dynamics.articulation import accelerate, articulate
 from ..dynamics.forward import base_motion as base_of
-from ..dynamics.forward import closure_residual, forward
+from ..dynamics.forward import forward
 from ..dynamics.loads import all_loads
 from ..effects.choice import Choice, choose
 from ..errors import ModelError, TrajectoryError

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
+from ..assembly.residual import closure_residual
 from ..dynamics.energy import Energy, energy
-from ..dynamics.forward import closure_residual
 from ..errors import AssemblyError, SingularityError
 from ..spatial import Array
 from .conserving import Conserving

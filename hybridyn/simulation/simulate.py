@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..dynamics.forward import as_batch
 from ..dynamics.state_checks import CLOSED
 from ..effects.choice import Choice
 from ..errors import AssemblyError, SingularityError, TrajectoryError
 from ..manifold.manifold import Manifold
 from ..spatial import Array
 from ..structure.robot import HybridRobot
+from ..structure.samples import as_batch
 from .events import Event
 from .motion_law import BaseMotion, Effort, MotionLaw, Wrenches
 from .result import Result

@@ -80,7 +80,7 @@ def all_postures(robot: HybridRobot, file: str) -> tuple[Layout, list[Postures]]
         HybridynError: The table is wrong, or cannot be followed.
     """
     from ..tables.columns import read_layout
-    from ..tables.csv_table import open_table
+    from ..tables.opening import open_table
     from ..tables.trajectory import read_motions
 
     found: list[Postures] = []

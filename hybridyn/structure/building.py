@@ -3,18 +3,27 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..description.names import did_you_mean
 from ..description.records import Description
-from ..linkage.joints import ROOT_JOINT, TreeJoint
+from ..errors import ModelError
+from ..linkage.joints import NQ, NV, ROOT_JOINT, TreeJoint
 from ..linkage.reduction import ROUNDED
-from ..spatial import Array
+from ..spatial import Array, slices
 from .bodies import Bodies
-from .graph import ModuleGraph, leave_whole
+from .graph import ModuleGraph, find_modules, leave_whole
 from .mechanism import Mechanism
 from .module import Module, check_mechanism
 from .module_spec import ModuleSpec, module_spec
+from .robot import Base, HybridRobot
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from .payload import Payload
 
 
 class ModuleBuilder:
@@ -163,3 +172,101 @@ def _leg_name(links: list[str]) -> str:
     )
     common = common.rstrip("_-. ")
     return common if len(common) >= 3 and len(links) > 1 else first
+
+
+def build_robot(
+    description: Description,
+    *,
+    base: Base = "fixed",
+    gravity: tuple[float, float, float] | Array = (0.0, 0.0, -9.81),
+    rank_tolerance: float | None = None,
+    closure_tolerance: float = 1e-4,
+    held: Iterable[str] = (),
+    payloads: tuple[Payload, ...] = (),
+) -> HybridRobot:
+    """Build a robot from its description.
+
+    Args:
+        description: What the files say.
+        base: "fixed", "moving" (prescribed motion) or "floating" (free).
+        gravity: Acceleration of gravity in the world, shape (3,), [m/s^2].
+        rank_tolerance: Relative singular value under which closure rows are dependent; found where left out.
+        closure_tolerance: Largest residual that counts as closed, relative to a module's length.
+        held: Joints that are never cut away in a wrist, so that they can have joint effects.
+        payloads: Payloads that the description has on its links already.
+
+    Raises:
+        ModelError: The description makes no robot, or the rank of a module's closures is in doubt.
+        AssemblyError: A module's loops close nowhere.
+    """
+    if base not in ("fixed", "moving", "floating"):
+        raise ModelError(f"base must be 'fixed', 'moving' or 'floating', not {base!r}")
+    kept = _held(description, held)
+    bodies, graphs = find_modules(description, kept)
+    joints = [j.joint.name for j in bodies.joints]
+    kinds = [str(j.joint.kind) for j in bodies.joints]
+    if base != "fixed":
+        joints, kinds = [ROOT_JOINT, *joints], ["floating", *kinds]
+    q_slices, v_slices = (tuple(slices(size[kind] for kind in kinds)) for size in (NQ, NV))
+    home = _home(description, bodies, kinds, base)
+    tolerances = (rank_tolerance, closure_tolerance)
+    build = ModuleBuilder(bodies, description, joints, q_slices, v_slices, home, tolerances)
+    if base == "floating":
+        build.add_base()
+    for graph in graphs:
+        build.add(graph)
+    return HybridRobot(
+        description=description,
+        base=base,
+        gravity=np.asarray(gravity, dtype=float),
+        modules=tuple(build.modules),
+        joints=tuple(joints),
+        kinds=tuple(kinds),
+        q_slices=q_slices,
+        v_slices=v_slices,
+        motors=tuple(description.motors),
+        bodies=bodies,
+        closure_tolerance=closure_tolerance,
+        home=home,
+        rank_tolerance=rank_tolerance,
+        held=kept,
+        payloads=payloads,
+    )
+
+
+def _held(description: Description, held: Iterable[str]) -> frozenset[str]:
+    """Give the joints that must not be cut: those named, and those with an effect of the robot's own.
+
+    Raises:
+        ModelError: A name is no movable joint.
+    """
+    movable = [joint.name for joint in description.joints if joint.kind != "fixed"]
+    for name in held:
+        if name not in movable:
+            raise ModelError(
+                f"held: no such movable joint '{name}'{did_you_mean(name, movable)}", element=name
+            )
+    tables = [
+        numbers
+        for _, values in description.effects
+        for numbers in values.values()
+        if isinstance(numbers, dict)
+    ]
+    stated = {name for numbers in tables for name in numbers}
+    stated |= {joint.name for joint in description.joints if joint.rotor_inertia}
+    return frozenset(held) | (stated & set(movable)) - set(description.motors)
+
+
+def _home(description: Description, bodies: Bodies, kinds: list[str], base: str) -> Array:
+    """Give the home position of the whole robot, shape (nq,)."""
+    parts = [np.array([0.0, 0, 0, 0, 0, 0, 1])] if base != "fixed" else []
+    for joint, kind in zip(bodies.joints, kinds[len(parts) :], strict=True):
+        value = np.asarray(description.home.get(joint.joint.name, (0.0,)), dtype=float)
+        if len(value) == NQ[kind] and kind != "continuous":
+            parts.append(value)
+        elif kind == "continuous":
+            angle = value[0] if len(value) == 1 else np.arctan2(value[1], value[0])
+            parts.append(np.array([np.cos(angle), np.sin(angle)]))
+        else:
+            parts.append(TreeJoint("", joint.joint.kind, 0, joint.R, joint.p, joint.joint.axis).neutral)
+    return np.concatenate(parts) if parts else np.zeros(0)

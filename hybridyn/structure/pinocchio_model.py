@@ -2,58 +2,64 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
 import numpy as np
 import pinocchio as pin
 
 from ..errors import ModelError
 from ..linkage.joints import TreeJoint
+from ..spatial import Array
+from .bodies import Bodies
 from .leg_model import pinocchio_inertia, pinocchio_joint
-
-if TYPE_CHECKING:
-    from .robot import HybridRobot
 
 #: Pinocchio's model is quadratic in the number of joints, and its Data cubic.
 MOST_JOINTS = 10_000
 
 
-def build_model(robot: HybridRobot) -> pin.Model:
+def build_model(bodies: Bodies, joints: Sequence[str], base: str, gravity: Array, name: str) -> pin.Model:
     """Build the model: joints depth-first, siblings by name, one operational frame per link.
+
+    Args:
+        bodies: The robot's bodies and the joints between them.
+        joints: Names of the movable joints, "root_joint" first unless the base is fixed.
+        base: "fixed", "moving" or "floating".
+        gravity: Acceleration of gravity in the world, shape (3,), [m/s^2].
+        name: Name of the robot.
 
     Raises:
         ModelError: The robot has more than `MOST_JOINTS` joints.
     """
-    if len(robot.joints) > MOST_JOINTS:
+    if len(joints) > MOST_JOINTS:
         raise ModelError(
-            f"robot '{robot.name}' has {len(robot.joints)} joints; a Pinocchio model of it is refused above "
+            f"robot '{name}' has {len(joints)} joints; a Pinocchio model of it is refused above "
             f"{MOST_JOINTS} (its memory grows with the square of their number); use hybridyn's own functions"
         )
     model = pin.Model()
-    model.name = robot.name
-    model.gravity.linear = robot.gravity
+    model.name = name
+    model.gravity.linear = gravity
     number = {0: 0}
-    if robot.base != "fixed":
-        number[0] = model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), robot.joints[0])
+    if base != "fixed":
+        number[0] = model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), joints[0])
         model.addJointFrame(number[0])
-    model.appendBodyToJoint(number[0], pinocchio_inertia(robot.bodies.bodies[0]), pin.SE3.Identity())
-    for j in robot.bodies.joints:
+    model.appendBodyToJoint(number[0], pinocchio_inertia(bodies.bodies[0]), pin.SE3.Identity())
+    for j in bodies.joints:
         joint = TreeJoint(j.joint.name, j.joint.kind, j.parent, j.R, j.p, j.joint.axis)
         number[j.child] = model.addJoint(
             number[j.parent], pinocchio_joint(joint), pin.SE3(j.R, j.p), j.joint.name
         )
         model.addJointFrame(number[j.child])
-        body = robot.bodies.bodies[j.child]
+        body = bodies.bodies[j.child]
         model.appendBodyToJoint(number[j.child], pinocchio_inertia(body), pin.SE3.Identity())
-    for link, (body_number, R, p) in robot.bodies.place.items():
+    for link, (body_number, R, p) in bodies.place.items():
         model.addBodyFrame(link, number[body_number], pin.SE3(np.asarray(R), np.asarray(p)), 0)
-    _limits(model, robot)
+    _limits(model, bodies)
     return model
 
 
-def _limits(model: pin.Model, robot: HybridRobot) -> None:
+def _limits(model: pin.Model, bodies: Bodies) -> None:
     """Copy the joints' limits where they have one freedom."""
-    for j in robot.bodies.joints:
+    for j in bodies.joints:
         joint = model.joints[model.getJointId(j.joint.name)]
         if joint.nv != 1:
             continue

@@ -12,22 +12,16 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from ..description.names import did_you_mean
 from ..description.records import Description
-from ..errors import ModelError
-from ..linkage.joints import NQ, NV, ROOT_JOINT, TreeJoint
-from ..spatial import Array, slices, spatial_inertia
+from ..linkage.joints import ROOT_JOINT
+from ..spatial import Array, spatial_inertia
 from .bodies import Bodies
-from .building import ModuleBuilder
-from .graph import find_modules
 from .module import Module
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
-
     import pinocchio as pin
 
-    from ..effects.inputs import Payload
+    from .payload import Payload
 
 Base = Literal["fixed", "moving", "floating"]
 
@@ -145,102 +139,4 @@ class HybridRobot:
         """
         from .pinocchio_model import build_model
 
-        return build_model(self)
-
-
-def build_robot(
-    description: Description,
-    *,
-    base: Base = "fixed",
-    gravity: tuple[float, float, float] | Array = (0.0, 0.0, -9.81),
-    rank_tolerance: float | None = None,
-    closure_tolerance: float = 1e-4,
-    held: Iterable[str] = (),
-    payloads: tuple[Payload, ...] = (),
-) -> HybridRobot:
-    """Build a robot from its description.
-
-    Args:
-        description: What the files say.
-        base: "fixed", "moving" (prescribed motion) or "floating" (free).
-        gravity: Acceleration of gravity in the world, shape (3,), [m/s^2].
-        rank_tolerance: Relative singular value under which closure rows are dependent; found where left out.
-        closure_tolerance: Largest residual that counts as closed, relative to a module's length.
-        held: Joints that are never cut away in a wrist, so that they can have joint effects.
-        payloads: Payloads that the description has on its links already.
-
-    Raises:
-        ModelError: The description makes no robot, or the rank of a module's closures is in doubt.
-        AssemblyError: A module's loops close nowhere.
-    """
-    if base not in ("fixed", "moving", "floating"):
-        raise ModelError(f"base must be 'fixed', 'moving' or 'floating', not {base!r}")
-    kept = _held(description, held)
-    bodies, graphs = find_modules(description, kept)
-    joints = [j.joint.name for j in bodies.joints]
-    kinds = [str(j.joint.kind) for j in bodies.joints]
-    if base != "fixed":
-        joints, kinds = [ROOT_JOINT, *joints], ["floating", *kinds]
-    q_slices, v_slices = (tuple(slices(size[kind] for kind in kinds)) for size in (NQ, NV))
-    home = _home(description, bodies, kinds, base)
-    tolerances = (rank_tolerance, closure_tolerance)
-    build = ModuleBuilder(bodies, description, joints, q_slices, v_slices, home, tolerances)
-    if base == "floating":
-        build.add_base()
-    for graph in graphs:
-        build.add(graph)
-    return HybridRobot(
-        description=description,
-        base=base,
-        gravity=np.asarray(gravity, dtype=float),
-        modules=tuple(build.modules),
-        joints=tuple(joints),
-        kinds=tuple(kinds),
-        q_slices=q_slices,
-        v_slices=v_slices,
-        motors=tuple(description.motors),
-        bodies=bodies,
-        closure_tolerance=closure_tolerance,
-        home=home,
-        rank_tolerance=rank_tolerance,
-        held=kept,
-        payloads=payloads,
-    )
-
-
-def _held(description: Description, held: Iterable[str]) -> frozenset[str]:
-    """Give the joints that must not be cut: those named, and those with an effect of the robot's own.
-
-    Raises:
-        ModelError: A name is no movable joint.
-    """
-    movable = [joint.name for joint in description.joints if joint.kind != "fixed"]
-    for name in held:
-        if name not in movable:
-            raise ModelError(
-                f"held: no such movable joint '{name}'{did_you_mean(name, movable)}", element=name
-            )
-    tables = [
-        numbers
-        for _, values in description.effects
-        for numbers in values.values()
-        if isinstance(numbers, dict)
-    ]
-    stated = {name for numbers in tables for name in numbers}
-    stated |= {joint.name for joint in description.joints if joint.rotor_inertia}
-    return frozenset(held) | (stated & set(movable)) - set(description.motors)
-
-
-def _home(description: Description, bodies: Bodies, kinds: list[str], base: str) -> Array:
-    """Give the home position of the whole robot, shape (nq,)."""
-    parts = [np.array([0.0, 0, 0, 0, 0, 0, 1])] if base != "fixed" else []
-    for joint, kind in zip(bodies.joints, kinds[len(parts) :], strict=True):
-        value = np.asarray(description.home.get(joint.joint.name, (0.0,)), dtype=float)
-        if len(value) == NQ[kind] and kind != "continuous":
-            parts.append(value)
-        elif kind == "continuous":
-            angle = value[0] if len(value) == 1 else np.arctan2(value[1], value[0])
-            parts.append(np.array([np.cos(angle), np.sin(angle)]))
-        else:
-            parts.append(TreeJoint("", joint.joint.kind, 0, joint.R, joint.p, joint.joint.axis).neutral)
-    return np.concatenate(parts) if parts else np.zeros(0)
+        return build_model(self.bodies, self.joints, self.base, self.gravity, self.name)

@@ -6,7 +6,8 @@ import re
 
 import numpy as np
 
-from ..compiled.model import CompiledRobot, compile
+from ..compiled.compiling import compile
+from ..compiled.model import CompiledRobot
 from ..dynamics.in_blocks import efforts_in_blocks
 from ..effects.choice import Effects
 from ..errors import CompileError, HybridynError

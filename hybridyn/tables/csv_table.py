@@ -1,9 +1,8 @@
-"""Tables of numbers with named columns, read in blocks.
+"""CSV tables, read in blocks.
 
-A table is a CSV file (UTF-8; separator comma, semicolon or tab; decimal point; quotes allowed; a byte order
-mark, CRLF line ends and lines that start with `#` are accepted) or a Parquet file (`parquet.py`). The header
-is checked before any number; every cell must be a finite number; memory stays that of one block however long
-the table is.
+UTF-8; separator comma, semicolon or tab; decimal point. Quotes, a byte order mark, CRLF line ends and lines
+that start with `#` are accepted. The header is checked before any number. Every cell must be a finite number.
+Memory stays that of one block however long the table is.
 """
 
 from __future__ import annotations
@@ -15,95 +14,28 @@ import os
 import re
 import sys
 from collections.abc import Callable, Iterator
-from pathlib import Path
-from typing import NamedTuple, Self, TextIO
+from typing import TextIO
 
 import numpy as np
 
 from ..description.records import Array
 from ..errors import TrajectoryError
+from .table import EMPTY_CELL, NUMBERS, Block, Table, as_number, check_columns
 
-BLOCK_ROWS = 2_000  # rows per block: large enough to amortise a batch, small enough for any robot's memory
 LINE_LIMIT = 16_000_000  # characters in a line: a file without line ends must not fill the memory
 
-_NUMBERS = re.compile(
-    r"[0-9eE+\-.,; \t]*"
-)  # what float() takes beyond this (1_000, other scripts) is refused
-EMPTY_CELL = "the cell is empty"
 
-
-class Block(NamedTuple):
-    """Some consecutive rows of a table.
-
-    Attributes:
-        first_row: Number of the first row in the table (from 1, the header not counted).
-        values: Numbers, shape (rows, columns), all finite.
-    """
-
-    first_row: int
-    values: Array
-
-
-class Table:
-    """An open table: its columns, and its rows as an iterator of blocks. Close it, or use it in `with`.
-
-    Attributes:
-        file: Path as the user gave it, for messages.
-        columns: Names of the columns, in file order.
-        blocks: Iterator over the rows, to be consumed once.
-        fraction: Call it to know how much of the file has been read, in [0, 1]; None where that is unknown.
-        rows: About how many rows there are, by the size of the file; None where that is unknown.
-    """
-
-    def __init__(
-        self,
-        file: str,
-        columns: tuple[str, ...],
-        blocks: Iterator[Block],
-        fraction: Callable[[], float | None],
-        close: Callable[[], object],
-        rows: int | None = None,
-    ) -> None:
-        self.file, self.columns, self.blocks, self.fraction = file, columns, blocks, fraction
-        self.rows = rows
-        self._close = close
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *error: object) -> None:
-        self.close()
-
-    def close(self) -> None:
-        """Close the file; harmless when it is closed already."""
-        self._close()
-
-
-def open_table(path: str | Path, *, block_rows: int = BLOCK_ROWS) -> Table:
-    """Open a table and check its header.
+def open_csv(file: str, block_rows: int) -> Table:
+    """Open a CSV table and check its header.
 
     Args:
-        path: A `.csv` (or any other text) file, a `.parquet` file, or "-" for CSV on standard input.
+        file: Path of the file, or "-" for standard input.
         block_rows: Rows per block.
 
-    Returns:
-        The table, its first block not read yet.
-
     Raises:
-        TrajectoryError: The file cannot be read or its header is wrong.
+        TrajectoryError: The file is no UTF-8 text, or its header is wrong.
+        OSError: The file cannot be read.
     """
-    file = str(path)
-    try:
-        if file.lower().endswith(".parquet"):
-            from .parquet import open_parquet  # polars is an extra
-
-            return open_parquet(file, block_rows)
-        return _open_csv(file, block_rows)
-    except OSError as error:
-        raise TrajectoryError(f"cannot be read: {error.strerror or error}", file=file) from error
-
-
-def _open_csv(file: str, block_rows: int) -> Table:
     if file == "-":
         text: TextIO = io.TextIOWrapper(sys.stdin.buffer, encoding="utf-8-sig")
         close: Callable[[], object] = text.detach  # type: ignore[attr-defined]
@@ -167,30 +99,6 @@ def _header(line: str, file: str) -> tuple[str, tuple[str, ...]]:
     return separator, columns
 
 
-def check_columns(columns: tuple[str, ...], file: str | None) -> None:
-    """Check that every column has one readable name of its own.
-
-    Args:
-        columns: Names of the columns.
-        file: Path of the table, for messages.
-
-    Raises:
-        TrajectoryError: A name is empty, a number, unprintable, or stands twice.
-    """
-    seen: set[str] = set()
-    for position, name in enumerate(columns, start=1):
-        if not name:
-            raise TrajectoryError(f"column {position} of the header has no name", file=file)
-        if not name.isprintable():
-            raise TrajectoryError(f"column {position} has an unprintable name, {name!a}", file=file)
-        if name in seen:
-            raise TrajectoryError("the header names it twice", file=file, column=name)
-        if _as_number(name) is not None:
-            message = f"the header has a number, {name}, for a name: the first line must name the columns"
-            raise TrajectoryError(message, file=file)
-        seen.add(name)
-
-
 def _csv_blocks(
     lines: Iterator[str], file: str, columns: tuple[str, ...], separator: str, block_rows: int
 ) -> Iterator[Block]:
@@ -207,7 +115,7 @@ def _csv_blocks(
 
 def _parse_fast(lines: list[str], width: int, separator: str) -> Array | None:
     """Parse rows that are plain numbers, or return None where anything is unusual."""
-    if not all(_NUMBERS.fullmatch(line) for line in lines):
+    if not all(NUMBERS.fullmatch(line) for line in lines):
         return None
     rows = [line.split(separator) for line in lines]
     if any(len(row) != width for row in rows):
@@ -231,7 +139,7 @@ def _parse_slow(
             message = f"has {len(cells)} cells, the header names {len(columns)} columns"
             raise TrajectoryError(message, file=file, row=row)
         for column, cell in enumerate(cells):
-            number = _as_number(cell)
+            number = as_number(cell)
             if number is None or not np.isfinite(number):
                 raise TrajectoryError(_fault(cell), file=file, row=row, column=columns[column])
             values[index, column] = number
@@ -247,13 +155,6 @@ def _cells(line: str, separator: str) -> list[str]:
         return line.split(separator)
 
 
-def _as_number(cell: str) -> float | None:
-    try:
-        return float(cell) if _NUMBERS.fullmatch(cell) else None
-    except ValueError:
-        return None
-
-
 def _fault(cell: str) -> str:
     """Say what is wrong with a cell that is no finite number."""
     cell = cell.strip()
@@ -262,6 +163,6 @@ def _fault(cell: str) -> str:
     shown = ascii(cell[:40] + ("..." if len(cell) > 40 else ""))
     if re.fullmatch(r"[+-]?\d+,\d+", cell):
         return f"{shown} has a decimal comma; write a decimal point"
-    if _as_number(cell) is not None or re.fullmatch(r"[+-]?(nan|inf|infinity)", cell, re.IGNORECASE):
+    if as_number(cell) is not None or re.fullmatch(r"[+-]?(nan|inf|infinity)", cell, re.IGNORECASE):
         return f"{shown} is not a finite number"
     return f"{shown} is not a number"

@@ -17,7 +17,7 @@ import numpy as np
 
 from ..description.records import Array
 from ..errors import TrajectoryError
-from .csv_table import EMPTY_CELL, Block, Table, check_columns
+from .table import EMPTY_CELL, Block, Table, check_columns
 
 PART_ROWS = 50_000  # rows decoded, or kept before they go to disk: Parquet's pages do not follow our blocks
 

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..description.records import Array
-from .csv_table import Block
+from .table import Block
 
 DEGREE = 5  # accelerations are then smooth themselves, and right to the fourth order of the step
 FEWEST_ROWS = DEGREE + 1

@@ -12,9 +12,9 @@ from ..description.records import Array, Joint
 from ..errors import TrajectoryError
 from ..spatial import cross, rotate, rotate_back, rotation_from_quaternion
 from .columns import Layout
-from .csv_table import Block, Table
 from .rates import FEWEST_ROWS, HALO, Window, aligned, angular_rates, derivatives, turns, windows
 from .signals import POSE, Signal
+from .table import Block, Table
 
 QUATERNION_TOLERANCE = 1e-6  # seven digits in a file are enough to pass; more is not a rotation
 LARGEST_TURN = 2.0 * np.pi / 3.0  # between two rows, for a fit: near half a turn its sense is a guess

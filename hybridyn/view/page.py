@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from ..dynamics.forward import closure_residual
+from ..assembly.residual import closure_residual
 from ..errors import HybridynError
 from ..spatial import Array
 from ..structure.robot import HybridRobot

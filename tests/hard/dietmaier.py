@@ -17,7 +17,8 @@ import mpmath
 import numpy as np
 
 from hybridyn.description.records import Closure, Description, Joint, Link
-from hybridyn.structure.robot import HybridRobot, build_robot
+from hybridyn.structure.building import build_robot
+from hybridyn.structure.robot import HybridRobot
 
 BASE = np.array([
     [0, 0, 0], [1.107915, 0, 0], [0.549094, 0.756063, 0],

@@ -13,7 +13,8 @@ import numpy as np
 from hybridyn import HybridRobot
 from hybridyn.description import Description
 from hybridyn.description.records import Coupling, Joint, Link
-from hybridyn.structure.robot import Base, build_robot
+from hybridyn.structure.building import build_robot
+from hybridyn.structure.robot import Base
 
 GRAVITY = np.array([0.0, 0.0, -9.81])
 SLIDES = {"prismatic": 1, "planar": 2, "floating": 3}  # coordinates in metres: a joint's first

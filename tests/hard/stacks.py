@@ -12,7 +12,7 @@ from shipped import shipped
 from hybridyn import HybridRobot, assemble, idm
 from hybridyn.description import Description
 from hybridyn.description.records import Closure, Joint, Link
-from hybridyn.structure.robot import build_robot
+from hybridyn.structure.building import build_robot
 
 SPATIAL, PLANAR = "6-UPS", "planar 3-RPR"
 DOWN = {SPATIAL: (0.0, 0.0, -9.81), PLANAR: (0.0, -9.81, 0.0)}

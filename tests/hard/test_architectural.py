@@ -22,7 +22,7 @@ import hybridyn
 from hybridyn import SingularityError
 from hybridyn.assembly.findings import SINGULAR, architecturally_singular, findings, motor_share
 from hybridyn.description import Description
-from hybridyn.structure.robot import build_robot
+from hybridyn.structure.building import build_robot
 
 if TYPE_CHECKING:
     from conftest import Claim

@@ -14,7 +14,7 @@ from shipped import shipped
 import hybridyn
 from hybridyn import AssemblyError, HybridRobot, TrajectoryError, closure_residual
 from hybridyn.assembly.assemblies import SAME
-from hybridyn.structure.robot import build_robot
+from hybridyn.structure.building import build_robot
 
 EPS = float(np.finfo(float).eps)
 DIGITS = 50

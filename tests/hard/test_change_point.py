@@ -26,7 +26,7 @@ from singular_postures import PLACES, posture
 from hybridyn import SingularityError, ddm, idm
 from hybridyn.description import Description
 from hybridyn.oracle import Oracle
-from hybridyn.structure.robot import build_robot
+from hybridyn.structure.building import build_robot
 
 if TYPE_CHECKING:
     from conftest import Claim

@@ -11,7 +11,7 @@ from shipped import shipped
 from hybridyn import HybridRobot, closure_residual, simulate
 from hybridyn.effects import Spring
 from hybridyn.simulation.result import Result
-from hybridyn.structure.robot import build_robot
+from hybridyn.structure.building import build_robot
 
 STEP = 0.004  # [s], of the conserving method: 20 steps in the fastest swing
 KEPT = (

@@ -23,7 +23,7 @@ from hybridyn.assembly.findings import findings
 from hybridyn.description import Description
 from hybridyn.description.records import Joint, Link
 from hybridyn.oracle import Base, Extended, Oracle
-from hybridyn.structure.robot import build_robot
+from hybridyn.structure.building import build_robot
 
 EPS = float(np.finfo(float).eps)
 BACKWARD, FORWARD = 1e-13, 100 * EPS

@@ -12,7 +12,7 @@ from test_idm import symmetric_five_bar
 
 import hybridyn
 from hybridyn import AssemblyError, HybridRobot, closure_residual
-from hybridyn.structure.robot import build_robot
+from hybridyn.structure.building import build_robot
 
 CRANK, ROD, BASE = 0.4, 0.55, 0.5  # of the five-bar [m]
 CLOSED = 1e-13  # closure residual, of the module's size: the suite's general claim for one module

@@ -17,7 +17,7 @@ from test_singular_postures import FORWARD, LOST_MOTORS, case
 
 from hybridyn import HybridRobot, SingularityError, assemble, ddm, idm
 from hybridyn.oracle import Base, Oracle
-from hybridyn.structure.robot import build_robot
+from hybridyn.structure.building import build_robot
 
 if TYPE_CHECKING:
     from conftest import Claim

@@ -28,7 +28,7 @@ from extended_judge import EPS, Judge
 from singular_postures import PLACES, posture
 
 from hybridyn import HybridRobot, SingularityError, ddm, idm
-from hybridyn.structure.robot import build_robot
+from hybridyn.structure.building import build_robot
 
 if TYPE_CHECKING:
     from conftest import Claim

@@ -22,7 +22,7 @@ from test_masses import apart, arm, efforts
 
 from hybridyn import HybridRobot, ddm, idm
 from hybridyn.oracle import Extended, Oracle
-from hybridyn.structure.robot import build_robot
+from hybridyn.structure.building import build_robot
 
 EPS = float(np.finfo(float).eps)
 BACKWARD, FORWARD = 1e-13, 100 * EPS

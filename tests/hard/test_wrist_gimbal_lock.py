@@ -21,7 +21,7 @@ from shipped import shipped
 from hybridyn import ddm, idm
 from hybridyn.description import Description
 from hybridyn.oracle import Oracle
-from hybridyn.structure.robot import build_robot
+from hybridyn.structure.building import build_robot
 
 if TYPE_CHECKING:
     from conftest import Claim

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ...errors import HybridynError, ModelError
-from .summary import counted
+from .text import counted
 
 if TYPE_CHECKING:
     from ...compiled.model import CompiledRobot

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 
 import click
 
+from .text import aligned_rows, counted
+
 if TYPE_CHECKING:
     from ...effects import Effects
     from ...streams.blocks import Done
@@ -142,29 +144,3 @@ def fitted_rates(layout: Layout) -> list[str]:
         f"not in the table, fitted by a quintic spline over time: {' and '.join(missing)} of {listed(names)}"
         for missing, names in groups.items()
     ]
-
-
-def aligned_rows(rows: Sequence[Sequence[str]], right: Sequence[int] = ()) -> list[str]:
-    """Set cells in columns.
-
-    Args:
-        rows: Cells by row.
-        right: Columns that are flush right.
-
-    Returns:
-        One line per row.
-    """
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    lines = []
-    for row in rows:
-        cells = [
-            cell.rjust(width) if column in right else cell.ljust(width)
-            for column, (cell, width) in enumerate(zip(row, widths, strict=True))
-        ]
-        lines.append("  ".join(cells).rstrip())
-    return lines
-
-
-def counted(number: int, thing: str) -> str:
-    """Give "1 motor", "1,000 motors"."""
-    return f"{number:,} {thing}" + ("" if number == 1 else "s")

@@ -23,8 +23,8 @@ if TYPE_CHECKING:
     from ...streams.blocks import Done
     from ...structure.robot import HybridRobot
     from ...tables.columns import Layout
-    from ...tables.csv_table import Table
     from ...tables.results import Write
+    from ...tables.table import Table
 
 
 class Gathered(Protocol):
@@ -193,7 +193,7 @@ def run(
         HybridynError: A file or a row is wrong; nothing is written then.
     """
     from ...tables.columns import read_layout
-    from ...tables.csv_table import open_table
+    from ...tables.opening import open_table
     from ...tables.trajectory import read_motions
 
     keep_freed_memory()

@@ -7,13 +7,13 @@ from dataclasses import dataclass
 from typing import Any
 
 from ..program import Call, Program
-from ..trimming import trimmed
 from .across_copies import across_copies
 from .across_samples import across_samples
 from .kernels import kernel_graph, kernel_text
 from .rules import check
 from .scalars import TRUSTED, Scalar, text_of
 from .tables import Tables
+from .trimming import trimmed
 
 #: Statements that one compiler process is given before another is started.
 UNIT = 4000

@@ -5,12 +5,12 @@ from __future__ import annotations
 import re
 
 from ..program import Program
-from ..trimming import trimmed
 from .across_samples import across_samples
 from .kernels import kernel_graph, kernel_text
 from .rules import check
 from .scalars import text_of
 from .tables import Tables
+from .trimming import trimmed
 
 FUNCTIONS = (
     "SQRT", "FABS", "TAN", "ASIN", "ACOS", "ATAN", "SINH", "COSH", "TANH", "ASINH", "ACOSH", "ATANH", "EXP",

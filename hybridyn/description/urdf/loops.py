@@ -12,9 +12,10 @@ import numpy as np
 
 from ..closure_forms import FORMS, Form, form_of_rows, frames_on_axis
 from ..names import did_you_mean, listed
+from ..placement import rotation_to_axis, turned
 from ..records import Array, Closure, Coupling, Joint
 from ..robot_file import FREEDOMS
-from .placement import axis_of, origin_of, rotation_to_axis, turned
+from .placement import axis_of, origin_of
 from .xml_node import Node
 
 POSE = ("xyz", "rpy", "quat_xyzw")

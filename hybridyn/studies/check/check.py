@@ -19,7 +19,8 @@ from ...description import Description, read
 from ...description.reading import open_robot
 from ...description.urdf.xml_node import Node
 from ...errors import AssemblyError, HybridynError, ModelError
-from ...structure.robot import HybridRobot, build_robot
+from ...structure.building import build_robot
+from ...structure.robot import HybridRobot
 from .couplings import check_couplings
 from .finding import CODES, SEVERITIES, Finding, Severity, worst
 from .limits import check_limits

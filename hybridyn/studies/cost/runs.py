@@ -77,7 +77,7 @@ class Runner:
         if not dtype:
             return None
         if dtype not in self._compiled:
-            from ...compiled.model import compile
+            from ...compiled.compiling import compile
 
             try:
                 self._compiled[dtype] = compile(self.ready.robot, self.ready.effects, dtype=dtype)

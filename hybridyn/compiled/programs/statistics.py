@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from ..effects.choice import Choice
-from ..structure.robot import HybridRobot
-from .code.operations import operations_table
-from .needs import needs_casadi
-from .program import Program
+from ...effects.choice import Choice
+from ...structure.robot import HybridRobot
+from ..code.operations import operations_table
+from ..needs import needs_casadi
+from ..program import Program
 
 MODELS = ("idm", "ddm")
 
@@ -27,7 +27,7 @@ def statistics(robot: HybridRobot, effects: Choice = None) -> str:
         CompileError: casadi is not installed.
     """
     needs_casadi()
-    from .programs.whole_robot import programs
+    from .whole_robot import programs
 
     variants: dict[str, dict[str, Program]] = {
         name: programs(robot, effects, models=MODELS, regroup=regroup, align=align, parameters=parameters)

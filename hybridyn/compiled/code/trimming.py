@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from .program import Call, Program, Start
+from ..program import Call, Program, Start
 
 
 def trimmed(program: Program) -> Program:

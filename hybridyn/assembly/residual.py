@@ -1,0 +1,39 @@
+"""How far loops are open."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from ..spatial import Array
+from ..structure.module import Module
+from ..structure.robot import HybridRobot
+from ..structure.samples import as_batch
+
+
+def residuals(robot: HybridRobot, q: Array) -> Iterator[tuple[Module, Array]]:
+    """Give each looped module with its scaled closure residuals, shape (T, rows)."""
+    for module in robot.modules:
+        m = module.mechanism
+        if m.spanning_closures.rows:
+            qk = q[:, module.q_index]
+            residual = m.spanning_closures.residual(qk, m.spanning.sweep(qk))
+            yield module, residual * m.spanning_row_scale
+
+
+def closure_residual(robot: HybridRobot, q: Array) -> Array:
+    """Give the worst closure residual of each sample, relative to its module's length.
+
+    Args:
+        robot: The robot.
+        q: Positions, shape (nq,) or (T, nq).
+
+    Returns:
+        Shape () or (T,): metres over the module's length, or radians, whichever is worst.
+    """
+    batch, single = as_batch(q, robot.nq, "q")
+    worst = np.zeros(len(batch))
+    for _, residual in residuals(robot, batch):
+        worst = np.maximum(worst, np.abs(residual).max(axis=1))
+    return worst[0] if single else worst

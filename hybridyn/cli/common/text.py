@@ -1,0 +1,35 @@
+"""Text for the terminal: counts and columns."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    pass
+
+
+def aligned_rows(rows: Sequence[Sequence[str]], right: Sequence[int] = ()) -> list[str]:
+    """Set cells in columns.
+
+    Args:
+        rows: Cells by row.
+        right: Columns that are flush right.
+
+    Returns:
+        One line per row.
+    """
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    lines = []
+    for row in rows:
+        cells = [
+            cell.rjust(width) if column in right else cell.ljust(width)
+            for column, (cell, width) in enumerate(zip(row, widths, strict=True))
+        ]
+        lines.append("  ".join(cells).rstrip())
+    return lines
+
+
+def counted(number: int, thing: str) -> str:
+    """Give "1 motor", "1,000 motors"."""
+    return f"{number:,} {thing}" + ("" if number == 1 else "s")

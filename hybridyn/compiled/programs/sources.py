@@ -1,0 +1,55 @@
+"""From a robot to the programs of its models, and to their C."""
+
+from __future__ import annotations
+
+import hashlib
+import pickle
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from ...effects.choice import Effects
+from ...structure.robot import HybridRobot
+from ..code.scalars import Scalar
+
+if TYPE_CHECKING:
+    from ..code.library_source import Source
+    from ..program import Program
+
+
+def robot_key(robot: HybridRobot, effects: Effects) -> str:
+    """Name everything that the models of a robot depend on."""
+    facts = (
+        robot.description, robot.base, robot.gravity, robot.motors, robot.home, robot.closure_tolerance,
+        robot.rank_tolerance, sorted(robot.held), robot.payloads, effects,
+    )  # fmt: skip
+    return hashlib.sha256(pickle.dumps(facts)).hexdigest()
+
+
+def source_of(robot: HybridRobot, effects: Effects, scalar: Scalar) -> Source:
+    """Print the models of a robot.
+
+    Raises:
+        CompileError: casadi is not installed.
+    """
+    from .needs import needs_casadi
+
+    needs_casadi()
+    from .code.library_source import library_source
+
+    return library_source(list(write_programs(robot, effects, scalar.name).values()), scalar)
+
+
+def write_programs(robot: HybridRobot, effects: Effects, dtype: str = "float64") -> dict[str, Program]:
+    """Write a robot's models out.
+
+    Raises:
+        CompileError: casadi is not installed.
+    """
+    from .needs import needs_casadi
+
+    needs_casadi()
+    from .programs.whole_robot import programs
+
+    return {
+        name: replace(program, name=name) for name, program in programs(robot, effects, dtype=dtype).items()
+    }

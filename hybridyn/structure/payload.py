@@ -1,0 +1,65 @@
+"""Payloads: bodies that a link holds."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import ClassVar
+
+import numpy as np
+
+from ..description.names import did_you_mean
+from ..description.records import Description, Link
+from ..errors import ModelError
+from .bodies import Body
+
+
+@dataclass(frozen=True)
+class Payload:
+    """A rigid body held by a link: its mass, centre and inertia are added to the link's.
+
+    `mass` [kg]; `com` [m], link frame; `inertia` about the centre of mass [kg m^2], link axes, shape (3, 3).
+    It changes the robot: take that from `hybridyn.with_effects`, which then carries it under any effects.
+    """
+
+    link: str
+    mass: float
+    com: tuple[float, ...] = (0.0, 0.0, 0.0)
+    inertia: tuple[tuple[float, ...], ...] = ((0.0,) * 3,) * 3
+    name: ClassVar[str] = "payload"
+
+    def __post_init__(self) -> None:
+        # Tuples, so that two equal payloads compare equal whatever they were written as.
+        com, inertia = np.asarray(self.com, dtype=float), np.asarray(self.inertia, dtype=float)
+        if com.shape != (3,) or inertia.shape != (3, 3):
+            raise ModelError(f"payload on '{self.link}': com has 3 numbers, inertia 3 x 3", element=self.link)
+        object.__setattr__(self, "com", tuple(com.tolist()))
+        object.__setattr__(self, "inertia", tuple(tuple(row) for row in inertia.tolist()))
+        finite = np.isfinite([self.mass, *com, *inertia.ravel()]).all()
+        if not finite or self.mass < 0 or not np.array_equal(inertia, inertia.T):
+            raise ModelError(
+                f"payload on '{self.link}': mass must not be negative, inertia symmetric", element=self.link
+            )
+        moments = np.linalg.eigvalsh(inertia)
+        if moments[0] < -1e-12 * abs(moments[-1]) or moments[0] + moments[1] < moments[2] * (1 - 1e-9):
+            raise ModelError(
+                f"payload on '{self.link}': no body has principal moments {moments}", element=self.link
+            )
+
+    def onto(self, description: Description) -> Description:
+        """Give a description whose link carries the payload.
+
+        Raises:
+            ModelError: There is no such link.
+        """
+        links = {link.name: link for link in description.links}
+        if self.link not in links:
+            raise ModelError(
+                f"payload on unknown link '{self.link}'{did_you_mean(self.link, links)}", element=self.link
+            )
+        body = Body("", -1)
+        origin = (np.eye(3), np.zeros(3))
+        body.add(links[self.link], *origin)
+        body.add(Link("", self.mass, np.array(self.com), np.array(self.inertia)), *origin)
+        heavier = replace(links[self.link], mass=body.mass, com=body.com, inertia=body.inertia)
+        every = tuple(heavier if link.name == self.link else link for link in description.links)
+        return replace(description, links=every)

@@ -1,0 +1,60 @@
+"""One module at every sample: what the recursions hand from one to the next."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+from ..linkage.tree import Motion
+from ..spatial import Array
+from .mechanism import Mechanism
+from .module import Module
+
+
+@dataclass
+class ModuleState:
+    """One module at every sample.
+
+    Attributes:
+        module: The module.
+        spanning: Motion of its spanning tree relative to its base.
+        motion: The same motion for the tree after the cuts.
+        q: Positions on the tree after the cuts, shape (T, nq).
+        v: Rates x_dot, shape (T, n).
+        a: Accelerations x_ddot, shape (T, n); zero where none were given.
+        V: Twist of the base, shape (T, 6), base frame.
+        V_dot: Spatial acceleration of the base less gravity, shape (T, 6), base frame.
+        outputs: Twists V_o of the outputs, shape (T, outputs, 6), own frames.
+        outputs_dot: Their spatial accelerations less gravity, shape (T, outputs, 6), own frames.
+        convective: The part of those that relative twists v_o bring, crm(V_o) v_o, shape (T, outputs, 6).
+
+    With `forward(..., classical=True)` twists and accelerations are those that an observer sees who moves
+    along with the origin of the frame concerned: V_lin = 0, and V_dot_lin is the classical acceleration.
+    """
+
+    module: Module
+    spanning: Motion
+    motion: Motion
+    q: Array
+    v: Array
+    a: Array
+    V: Array
+    V_dot: Array
+    outputs: Array
+    outputs_dot: Array
+    convective: Array
+
+    @cached_property
+    def K(self) -> Array:
+        """Closure rows of the module, shape (T, rows, n)."""
+        return self.mechanism.closures.matrix(self.motion)
+
+    @property
+    def mechanism(self) -> Mechanism:
+        """The module's numbers."""
+        return self.module.mechanism
+
+    def placement(self, output: int) -> tuple[Array, Array]:
+        """Give the placement (R, p) of an output in the base, shapes (T, 3, 3), (T, 3)."""
+        body = self.mechanism.spec.outputs[output]
+        return self.motion.R[:, body], self.motion.p[:, body]

@@ -1,0 +1,33 @@
+"""Open a table of either kind: CSV or Parquet."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from ..errors import TrajectoryError
+from .csv_table import open_csv
+from .table import BLOCK_ROWS, Table
+
+
+def open_table(path: str | Path, *, block_rows: int = BLOCK_ROWS) -> Table:
+    """Open a table and check its header.
+
+    Args:
+        path: A `.csv` (or any other text) file, a `.parquet` file, or "-" for CSV on standard input.
+        block_rows: Rows per block.
+
+    Returns:
+        The table, its first block not read yet.
+
+    Raises:
+        TrajectoryError: The file cannot be read or its header is wrong.
+    """
+    file = str(path)
+    try:
+        if file.lower().endswith(".parquet"):
+            from .parquet import open_parquet  # polars is an extra
+
+            return open_parquet(file, block_rows)
+        return open_csv(file, block_rows)
+    except OSError as error:
+        raise TrajectoryError(f"cannot be read: {error.strerror or error}", file=file) from error

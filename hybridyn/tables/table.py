@@ -1,0 +1,97 @@
+"""An open table: named columns, and rows in blocks."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator
+from typing import NamedTuple, Self
+
+from ..description.records import Array
+from ..errors import TrajectoryError
+
+BLOCK_ROWS = 2_000  # rows per block: large enough to amortise a batch, small enough for any robot's memory
+
+
+NUMBERS = re.compile(r"[0-9eE+\-.,; \t]*")  # what float() takes beyond this (1_000, other scripts) is refused
+
+
+EMPTY_CELL = "the cell is empty"
+
+
+class Block(NamedTuple):
+    """Some consecutive rows of a table.
+
+    Attributes:
+        first_row: Number of the first row in the table (from 1, the header not counted).
+        values: Numbers, shape (rows, columns), all finite.
+    """
+
+    first_row: int
+    values: Array
+
+
+class Table:
+    """An open table: its columns, and its rows as an iterator of blocks. Close it, or use it in `with`.
+
+    Attributes:
+        file: Path as the user gave it, for messages.
+        columns: Names of the columns, in file order.
+        blocks: Iterator over the rows, to be consumed once.
+        fraction: Call it to know how much of the file has been read, in [0, 1]; None where that is unknown.
+        rows: About how many rows there are, by the size of the file; None where that is unknown.
+    """
+
+    def __init__(
+        self,
+        file: str,
+        columns: tuple[str, ...],
+        blocks: Iterator[Block],
+        fraction: Callable[[], float | None],
+        close: Callable[[], object],
+        rows: int | None = None,
+    ) -> None:
+        self.file, self.columns, self.blocks, self.fraction = file, columns, blocks, fraction
+        self.rows = rows
+        self._close = close
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Close the file; harmless when it is closed already."""
+        self._close()
+
+
+def check_columns(columns: tuple[str, ...], file: str | None) -> None:
+    """Check that every column has one readable name of its own.
+
+    Args:
+        columns: Names of the columns.
+        file: Path of the table, for messages.
+
+    Raises:
+        TrajectoryError: A name is empty, a number, unprintable, or stands twice.
+    """
+    seen: set[str] = set()
+    for position, name in enumerate(columns, start=1):
+        if not name:
+            raise TrajectoryError(f"column {position} of the header has no name", file=file)
+        if not name.isprintable():
+            raise TrajectoryError(f"column {position} has an unprintable name, {name!a}", file=file)
+        if name in seen:
+            raise TrajectoryError("the header names it twice", file=file, column=name)
+        if as_number(name) is not None:
+            message = f"the header has a number, {name}, for a name: the first line must name the columns"
+            raise TrajectoryError(message, file=file)
+        seen.add(name)
+
+
+def as_number(cell: str) -> float | None:
+    """Return the number that a cell holds, or None."""
+    try:
+        return float(cell) if NUMBERS.fullmatch(cell) else None
+    except ValueError:
+        return None
