@@ -132,11 +132,6 @@ def test_methods_say_what_they_cannot_do(monkeypatch: pytest.MonkeyPatch) -> Non
     monkeypatch.setitem(sys.modules, "mujoco", None)
     with pytest.raises(NotMeasuredError, match="mujoco is not installed"):
         by_name["ddm", "MuJoCo"].prepare(robot)
-    monkeypatch.delattr(hybridyn, "compile", raising=False)
-    monkeypatch.setitem(hybridyn._HOME, "compile", "nowhere")
-    monkeypatch.delitem(hybridyn._HOME, "compile")
-    with pytest.raises(NotMeasuredError, match="does not compile"):
-        by_name["ddm", "hybridyn, compiled"].prepare(robot)
     assert {m.name for m in peers.METHODS if m.threads} == {
         "hybridyn, compiled",
         "hybridyn, compiled, float32",

@@ -159,7 +159,7 @@ def test_without_a_compiler_the_general_path_works(
     def none() -> Any:
         raise engine.HybridynError("no C compiler was found: install gcc")
 
-    monkeypatch.setattr("hybridyn.compiled.model.find_compiler", none)
+    monkeypatch.setattr("hybridyn.compiled.compiling.find_compiler", none)
     output = str(tmp_path / "efforts.csv")
     assert main(["idm", "tanev", "--engine", "compiled", "-o", output]) == 1
     assert "install gcc" in capsys.readouterr().err

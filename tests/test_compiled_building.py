@@ -41,7 +41,7 @@ def empty_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 @pytest.fixture
 def fresh_compiler(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("hybridyn.compiled.cache.find_compiler", find_compiler.__wrapped__)
+    monkeypatch.setattr("hybridyn.compiled.library.cache.find_compiler", find_compiler.__wrapped__)
 
 
 def source() -> Source:
@@ -119,7 +119,7 @@ def test_a_model_that_is_not_accepted_stays_unknown() -> None:
 
 BUILDER = """
 import sys
-from hybridyn.compiled.cache import cached
+from hybridyn.compiled.library.cache import cached
 from tests.test_compiled_building import source, works
 assert works(cached("a robot", source))
 """

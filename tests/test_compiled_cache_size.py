@@ -178,7 +178,7 @@ def test_a_lock_that_is_never_given_back_stops_nobody(at: Path, monkeypatch: pyt
 
 WORKER = """
 import ctypes, sys, time
-import hybridyn.compiled.keeping as keeping
+import hybridyn.compiled.library.eviction as keeping
 from tests.test_compiled_cache_size import built
 keeping.LIMIT, keeping.IN_USE = int(sys.argv[1]), 2.0
 until, turn = time.monotonic() + 5.0, 0

@@ -265,7 +265,7 @@ def test_without_casadi() -> None:
     """In a process that cannot import it: what to install, for models and for their derivatives."""
     code = (
         "import sys; sys.modules['casadi'] = None\n"
-        "import hybridyn\nfrom hybridyn.shipped import shipped_robots\n"
+        "import hybridyn\nfrom hybridyn.description.shipped import shipped_robots\n"
         "robot = hybridyn.load(str(shipped_robots()['five_bar'].file), gravity=(0, 0, -1.625))\n"
         "for what in (lambda: hybridyn.compile(robot), lambda: hybridyn.ddm_jacobian):\n"
         "    try: what()\n"

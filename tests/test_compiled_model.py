@@ -281,7 +281,9 @@ def test_without_casadi_the_message_says_what_to_install(
 def test_a_cached_model_needs_no_source(
     own_cache: None, lx4: CompiledRobot, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("hybridyn.compiled.cache._build", lambda *_: pytest.fail("it is built already"))
+    monkeypatch.setattr(
+        "hybridyn.compiled.library.cache._build", lambda *_: pytest.fail("it is built already")
+    )
     again = hybridyn.compile(lx4.robot)
     assert isinstance(again.library, Library)
 

@@ -1,30 +1,71 @@
-"""The public names, whatever was imported before."""
+"""The public names and the floors of the package."""
 
 from __future__ import annotations
 
-import subprocess
-import sys
+import ast
 
 import pytest
+from snippets import ROOT
 
 import hybridyn
 
-
-@pytest.mark.parametrize(
-    "first",
-    [
-        "import hybridyn",
-        "from hybridyn import ddm",
-        "import hybridyn.ddm",
-        "from hybridyn.ddm import articulate",
-    ],
+PACKAGE = ROOT / "hybridyn"
+#: The floors from the ground; what stands on one floor may import from those below, and within its own folder.
+FLOORS = (
+    {"errors", "spatial", "colours"},
+    {"description"},
+    {"linkage", "tables", "oracle"},
+    {"structure"},
+    {"assembly", "manifold", "effects"},
+    {"dynamics", "loading"},
+    {"compiled", "streams"},
+    {"simulation"},
+    {"scenes", "view"},
+    {"studies"},
+    {"figures"},
+    {"cli"},
+    {"__main__"},
 )
-def test_verbs_are_functions_whichever_file_came_first(first: str) -> None:
-    check = "import hybridyn; assert callable(hybridyn.ddm); assert callable(hybridyn.idm)"
-    after = "from hybridyn import idm, ddm; assert callable(idm); assert callable(ddm)"
-    subprocess.run([sys.executable, "-c", f"{first}; {check}; {after}"], check=True)
+LEVEL = {room: level for level, floor in enumerate(FLOORS) for room in floor}
 
 
-def test_every_public_name_is_there() -> None:
+def imports(file: str) -> list[tuple[str, str]]:
+    """Room and place of what a file imports, inside functions and under TYPE_CHECKING too."""
+    path, found = PACKAGE / file, []
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.ImportFrom) and node.level:
+            above = path.relative_to(PACKAGE).parts[: -node.level]
+            parts = [*above, *(node.module or "").split(".")]
+            rooms = [parts[0]] if parts[0] else [alias.name for alias in node.names]
+            found += [(room, f"{file}:{node.lineno}") for room in rooms]
+        elif isinstance(node, ast.Import | ast.ImportFrom):
+            names = [node.module or ""] if isinstance(node, ast.ImportFrom) else [a.name for a in node.names]
+            found += [(n.split(".")[1], f"{file}:{node.lineno}") for n in names if n.startswith("hybridyn.")]
+    return found
+
+
+@pytest.mark.parametrize("room", sorted(LEVEL))
+def test_imports_run_downwards(room: str) -> None:
+    files = [PACKAGE / f"{room}.py", *(PACKAGE / room).rglob("*.py")]
+    upwards = [
+        f"{place} imports {target}"
+        for file in files
+        if file.is_file()
+        for target, place in imports(str(file.relative_to(PACKAGE)))
+        if target != room and LEVEL.get(target, 0) >= LEVEL[room]
+    ]
+    assert upwards == []
+
+
+def test_every_room_has_a_floor() -> None:
+    rooms = {
+        path.stem for path in PACKAGE.iterdir() if path.suffix == ".py" or (path / "__init__.py").exists()
+    }
+    assert rooms - {"__init__"} == set(LEVEL)
+
+
+def test_every_public_name_is_there_and_no_file() -> None:
     for name in hybridyn.__all__:
         assert getattr(hybridyn, name) is not None
+        assert not (PACKAGE / f"{name}.py").exists()
+        assert not (PACKAGE / name).exists()

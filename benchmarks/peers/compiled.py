@@ -20,13 +20,10 @@ def compiled(robot: HybridRobot, threads: int = 1, dtype: str = "float64") -> An
     """Compile a robot.
 
     Raises:
-        NotMeasuredError: This version does not compile, no C compiler is here, or this robot is refused.
+        NotMeasuredError: No C compiler is here, or this robot is refused.
     """
-    build = getattr(hybridyn, "compile", None)
-    if build is None:
-        raise NotMeasuredError("this version of hybridyn does not compile models")
     try:
-        return build(robot, threads=threads, dtype=dtype)
+        return hybridyn.compile(robot, threads=threads, dtype=dtype)
     except (HybridynError, ImportError) as error:
         raise NotMeasuredError(f"hybridyn.compile: {str(error).splitlines()[0]}") from None
 

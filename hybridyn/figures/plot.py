@@ -1,6 +1,6 @@
 """Figures of tables and results, as matplotlib's `Figure` without pyplot: nothing opens a window.
 
-`hybridyn.charts` says what is drawn, as plain data; the same charts become pages that need no network.
+`hybridyn.figures` says what is drawn, as plain data; the same charts become pages that need no network.
 """
 
 from __future__ import annotations

@@ -214,6 +214,6 @@ def test_scenes_start(name: str) -> None:
         if len(taken) == 2:
             raise KeyboardInterrupt
 
-    result = hybridyn.scene.play(ready, progress=stop)
+    result = hybridyn.scenes.stage.play(ready, progress=stop)
     assert (result.status, result.counters.steps) == ("interrupted", 2)
     assert (SCENES[name].parent / "README.md").is_file()

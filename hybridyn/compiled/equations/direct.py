@@ -1,4 +1,4 @@
-"""The direct model of one module, written: Eqs. (38)-(53) in the form of `hybridyn.articulation`.
+"""The direct model of one module, written: Eqs. (38)-(53) in the form of `hybridyn.dynamics.articulation`.
 
 One graph, cut into four stages: outwards (motion), inwards (articulated inertia), outwards (accelerations),
 wrists. Over s = [V_dot_base; y] the module's quadratic form is M, b; its closures give y = Psi u + Psi_b

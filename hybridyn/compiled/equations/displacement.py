@@ -1,4 +1,4 @@
-"""Joint displacements in expressions: `hybridyn.retraction` written out, joint by joint.
+"""Joint displacements in expressions: `hybridyn.linkage.retraction` written out, joint by joint.
 
 With q = move(q_0, xi) the rates v obey xi_dot = T(xi)^-1 v.
 """

@@ -1,4 +1,4 @@
-"""Closure rows of a module's core over s = [V_dot_base; y], with their drift (see `hybridyn.closure`)."""
+"""Closure rows of a module's core over s = [V_dot_base; y], with their drift (see `linkage.closures`)."""
 
 from __future__ import annotations
 

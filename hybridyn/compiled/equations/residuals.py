@@ -1,4 +1,4 @@
-"""Closure residuals and their rows on a module's spanning tree (see `hybridyn.closure`), for Newton's method.
+"""Closure residuals and their rows on a module's spanning tree (see `linkage.closures`), for Newton's method.
 
 Unlike the rows of the models (`loops`) these hold of loops that are still open.
 """

@@ -31,10 +31,10 @@ def source_of(robot: HybridRobot, effects: Effects, scalar: Scalar) -> Source:
     Raises:
         CompileError: casadi is not installed.
     """
-    from .needs import needs_casadi
+    from ..needs import needs_casadi
 
     needs_casadi()
-    from .code.library_source import library_source
+    from ..code.library_source import library_source
 
     return library_source(list(write_programs(robot, effects, scalar.name).values()), scalar)
 
@@ -45,10 +45,10 @@ def write_programs(robot: HybridRobot, effects: Effects, dtype: str = "float64")
     Raises:
         CompileError: casadi is not installed.
     """
-    from .needs import needs_casadi
+    from ..needs import needs_casadi
 
     needs_casadi()
-    from .programs.whole_robot import programs
+    from .whole_robot import programs
 
     return {
         name: replace(program, name=name) for name, program in programs(robot, effects, dtype=dtype).items()
