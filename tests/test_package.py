@@ -10,7 +10,7 @@ from snippets import ROOT
 import hybridyn
 
 PACKAGE = ROOT / "hybridyn"
-#: The floors from the ground; what stands on one floor may import from those below, and within its own folder.
+#: The floors from the ground. A room imports from its own folder and from the floors below.
 FLOORS = (
     {"errors", "spatial", "colours"},
     {"description"},
