@@ -60,7 +60,7 @@ class Problem(NamedTuple):
 
     @property
     def singles(self) -> list[tuple[Array, Array, Array]]:
-        """Give the judged states one by one."""
+        """Return the judged states one by one."""
         q, v, given = self.states
         return [(q[i].copy(), v[i].copy(), given[i].copy()) for i in self.judged]
 

@@ -102,7 +102,7 @@ def prepare(case: str, model: Model, folder: Path) -> None:
 
 
 def counted(case: str, method: Method, batch: int, folder: Path) -> tuple[float, float]:
-    """Give the instructions per sample, and those of them in the library made for the robot.
+    """Return the instructions per sample, and those of them in the library made for the robot.
 
     Raises:
         NotMeasuredError: The method cannot do the robot, or the process died.

@@ -51,7 +51,7 @@ class Case:
 
 
 def case_of(name: str) -> Case:
-    """Give a case by name: a shipped robot, "stack 16", "snake 8" or "ur5"."""
+    """Return a case by name: a shipped robot, "stack 16", "snake 8" or "ur5"."""
     family, _, number = name.partition(" ")
     modules = int(number or 0)
     if name == "lx4":
@@ -111,7 +111,7 @@ def stack(modules: int, gravity: tuple[float, float, float] = DOWNWARD) -> hybri
 
 
 def stack_motion(modules: int, samples: int) -> dict[str, tuple[Array, Array, Array]]:
-    """Give a smooth motion of every platform relative to the one below, of one second's period.
+    """Return a smooth motion of every platform relative to the one below, of one second's period.
 
     Args:
         modules: Number of modules.
@@ -137,7 +137,7 @@ def stack_motion(modules: int, samples: int) -> dict[str, tuple[Array, Array, Ar
 
 
 def waves(samples: int, phases: Array) -> Array:
-    """Give sin(2 pi t + phase), its rate and acceleration, shape (3, T, phases)."""
+    """Return sin(2 pi t + phase), its rate and acceleration, shape (3, T, phases)."""
     omega = 2.0 * np.pi
     angles = omega * STEP * np.arange(samples)[:, None] + phases
     return np.array([np.sin(angles), omega * np.cos(angles), -(omega**2) * np.sin(angles)])

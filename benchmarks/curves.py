@@ -174,13 +174,13 @@ def _write(
 
 
 def widened(low: float, high: float) -> tuple[float, float]:
-    """Give limits at least some powers of ten apart, so that axes show more than one of them."""
+    """Return limits at least some powers of ten apart, so that axes show more than one of them."""
     missing = (DECADES - abs(math.log10(high / low))) / 2
     factor = 10.0 ** max(missing, 0.0)
     return (low / factor, high * factor) if low < high else (low * factor, high / factor)
 
 
 def _end(curve: Curve, reverse: bool) -> tuple[float, float]:
-    """Give the point that a curve's name belongs to, the rightmost."""
+    """Return the point that a curve's name belongs to, the rightmost."""
     at = int(np.argmin(curve.x) if reverse else np.argmax(curve.x))
     return float(curve.x[at]), float(curve.y[at])

@@ -52,7 +52,7 @@ class Figure(NamedTuple):
 
 
 def colour(method: str) -> str:
-    """Give a method's colour, whatever follows its name."""
+    """Return a method's colour, whatever follows its name."""
     found = [name for name in COLOURS if method.startswith(name)]
     return COLOURS[max(found, key=len)] if found else FALLBACK
 
@@ -120,7 +120,7 @@ def scaling(sizes: Sequence[Size]) -> Figure | None:
 
 
 def work_and_error(points: Sequence[Point]) -> tuple[list[float], list[float]]:
-    """Give times and errors, none of them zero."""
+    """Return times and errors, none of them zero."""
     return [p.us for p in points], [max(p.error, LEAST_ERROR) for p in points]
 
 

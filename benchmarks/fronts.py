@@ -19,7 +19,7 @@ Item = TypeVar("Item")
 def front(
     points: Iterable[Item], cost: Callable[[Item], float], error: Callable[[Item], float]
 ) -> list[Item]:
-    """Give the points that no other beats in both cost and error, cheapest first."""
+    """Return the points that no other beats in both cost and error, cheapest first."""
     out: list[Item] = []
     for one in sorted(points, key=lambda p: (cost(p), error(p))):
         if math.isfinite(error(one)) and (not out or error(one) < error(out[-1])):
@@ -28,7 +28,7 @@ def front(
 
 
 def cheapest(points: Iterable[Point], error: float = GOOD) -> Point | None:
-    """Give the fastest point that reaches an error, else the most accurate one, None without any."""
+    """Return the fastest point that reaches an error, else the most accurate one, None without any."""
     measured = [point for point in points if math.isfinite(point.us)]
     good = [point for point in measured if point.error <= error]
     if good:

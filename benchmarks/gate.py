@@ -17,12 +17,12 @@ class WrongModelError(Exception):
 
 
 def relative(found: Array, expected: Array) -> float:
-    """Give the largest difference relative to the largest entry."""
+    """Return the largest difference relative to the largest entry."""
     return float(np.abs(found - expected).max() / np.abs(expected).max())
 
 
 def round_trip_limit(modules: int) -> float:
-    """Give what ddm(idm(a)) may differ from a by, relative to its largest entry."""
+    """Return what ddm(idm(a)) may differ from a by, relative to its largest entry."""
     return max(LEAST_ROUND_TRIP, ROUND_TRIP * modules**3)
 
 

@@ -78,7 +78,7 @@ def _ratio(points: Iterable[Point], name: str, batch: int, us: float) -> float:
 
 
 def _threads(points: Sequence[Point], machine: float) -> Goal:
-    """Give the rate of all threads over that of one, by the number of threads."""
+    """Return the rate of all threads over that of one, by the number of threads."""
     own = [p for p in points if p.case == "lx4" and p.method == OURS[0] and p.batch == BATCH]
     times = {p.threads: p.us for p in own if math.isfinite(p.us)}
     most = max(times, default=1)

@@ -80,7 +80,7 @@ def run_hard(folder: Path, jobs: int = 3) -> int:
 
 
 def table(lines: Iterable[str]) -> list[Row]:
-    """Give one row per test, case, quantity and claim, the worst number of each, in that order.
+    """Return one row per test, case, quantity and claim, the worst number of each, in that order.
 
     Args:
         lines: What the `claim` fixture wrote, one JSON object per line, in any order.
@@ -100,12 +100,12 @@ def table(lines: Iterable[str]) -> list[Row]:
 
 
 def cells(row: Row) -> tuple[str, str, str, str, str, str]:
-    """Give a row's cells; two digits are all that other machines' rounding leaves alike."""
+    """Return a row's cells; two digits are all that other machines' rounding leaves alike."""
     return (row.case, row.quantity, f"{row.claim:.3g}", f"{row.measured:.2g}", row.margin, row.test)
 
 
 def page(rows: list[Row], status: int) -> str:
-    """Give the table as Markdown, by file of tests; what fails stands first.
+    """Return the table as Markdown, by file of tests; what fails stands first.
 
     Args:
         rows: The rows, by test.
@@ -125,7 +125,7 @@ def page(rows: list[Row], status: int) -> str:
 
 
 def _lines(rows: list[Row]) -> list[str]:
-    """Give the lines of a Markdown table, without its column of files."""
+    """Return the lines of a Markdown table, without its column of files."""
     out = ["| case | quantity | claim | measured | margin | test |", "|---|---|--:|--:|--:|---|"]
     for row in rows:
         case, quantity, claim, measured, margin, test = (cell.replace("|", "\\|") for cell in cells(row))

@@ -42,12 +42,12 @@ class Box(NamedTuple):
 
 
 def around(x: float, y: float, reach: float) -> Box:
-    """Give the square about a point."""
+    """Return the square about a point."""
     return Box(x - reach, y - reach, x + reach, y + reach)
 
 
 def beside(point: tuple[float, float], text: str, taken: Sequence[Box], panel: Box) -> Box | None:
-    """Give room for a name next to a point: right, left, above or below it; None where there is none.
+    """Return room for a name next to a point: right, left, above or below it; None where there is none.
 
     Args:
         point: Where the curve is [points].

@@ -75,7 +75,7 @@ def written(setting: Setting) -> str:
 
 
 def grid(**values: tuple[float, ...]) -> tuple[Setting, ...]:
-    """Give all combinations of some settings, the last varying fastest."""
+    """Return all combinations of some settings, the last varying fastest."""
     out: list[dict[str, float]] = [{}]
     for name, each in values.items():
         out = [{**one, name: value} for one in out for value in each]

@@ -45,7 +45,7 @@ double run(long length) {
 
 
 def peak() -> tuple[float, float]:
-    """Give the most operations per second of one core, and of all at once, in double precision."""
+    """Return the most operations per second of one core, and of all at once, in double precision."""
     lanes = best_lanes("float64")
     with tempfile.TemporaryDirectory() as folder:
         source, library = Path(folder, "peak.c"), Path(folder, "peak.so")
@@ -72,7 +72,7 @@ def peak() -> tuple[float, float]:
 
 
 def measure(case: str) -> list[Limit]:
-    """Give both models of a robot: operations of a sample, time in a batch on one thread, and the peak."""
+    """Return both models of a robot: operations of a sample, time in a batch on one thread, and the peak."""
     own = case_of(case)
     robot = own.load()
     compiled, (most, together) = hybridyn.compile(robot), peak()

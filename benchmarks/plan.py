@@ -72,7 +72,7 @@ class Task:
 
 
 def short() -> list[Task]:
-    """Give the jobs of the short run: every section, in under a minute on two cores."""
+    """Return the jobs of the short run: every section, in under a minute on two cores."""
     effort = accuracy.Effort(judged=2, batch=32, rounds=2, sweep=9)
     load = throughput.Load((1, 32), (1, 2), 1)
     steps = simulation.Steps(
@@ -104,7 +104,7 @@ def short() -> list[Task]:
 
 
 def full() -> list[Task]:
-    """Give the jobs of the full run."""
+    """Return the jobs of the full run."""
     out: list[Task] = []
     cases = [*SHIPPED, *(f"stack {n}" for n in STACKS if n != 4), *(f"snake {n}" for n in SNAKES), "ur5"]
     for model in ("ddm", "idm"):
@@ -135,7 +135,7 @@ def full() -> list[Task]:
 
 
 def fingerprint() -> str:
-    """Give a hash of everything that a measurement depends on, the machine's load apart."""
+    """Return a hash of everything that a measurement depends on, the machine's load apart."""
     digest = hashlib.sha256()
     folders = (ROOT / "hybridyn", ROOT / "benchmarks", ROOT / "urdf")
     for path in sorted(p for folder in folders for p in folder.rglob("*") if p.is_file()):
@@ -161,12 +161,12 @@ class Cache:
     print: str
 
     def path(self, task: Task) -> Path:
-        """Give the file of a job; it depends on the job's arguments."""
+        """Return the file of a job; it depends on the job's arguments."""
         key = hashlib.sha256(repr((task.section, task.name, task.arguments)).encode()).hexdigest()[:12]
         return self.folder / f"{task.section}-{key}.json"
 
     def get(self, task: Task) -> tuple[list[Any], dict[str, str]] | None:
-        """Give the rows and the machine of a finished job, None where there is none."""
+        """Return the rows and the machine of a finished job, None where there is none."""
         try:
             stored = json.loads(self.path(task).read_text())
         except (OSError, ValueError):
@@ -186,7 +186,7 @@ class Cache:
 
 
 def measured(task: Task, cache: Cache | None) -> tuple[list[Any], dict[str, str], bool]:
-    """Give a job's rows and machine, and whether they were remembered.
+    """Return a job's rows and machine, and whether they were remembered.
 
     Raises:
         WrongModelError: A model is wrong.

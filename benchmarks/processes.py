@@ -68,12 +68,12 @@ def _follow() -> None:
 
 
 def resident() -> float:
-    """Give the memory that this process holds [bytes], NaN where the system does not tell."""
+    """Return the memory that this process holds [bytes], NaN where the system does not tell."""
     return _status("VmRSS")
 
 
 def peak() -> float:
-    """Give the most memory that this process held since `forget_peak` [bytes], NaN where nobody tells."""
+    """Return the most memory that this process held since `forget_peak` [bytes], NaN where nobody tells."""
     return _status("VmHWM")
 
 

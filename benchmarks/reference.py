@@ -51,7 +51,7 @@ class Reference:
     kind: str
 
     def off(self, found: Array) -> float:
-        """Give the worst state's largest error, relative to the largest entry of its reference."""
+        """Return the worst state's largest error, relative to the largest entry of its reference."""
         if not np.isfinite(found).all():
             return float("inf")
         return max(
@@ -78,7 +78,7 @@ def refer(robot: HybridRobot, model: Model, q: Array, v: Array, given: Array) ->
 
 
 def digits(robot: HybridRobot, model: Model, q: Array, v: Array, given: Array) -> Any:
-    """Give answers computed in 40 digits, rounded to long doubles."""
+    """Return answers computed in 40 digits, rounded to long doubles."""
     import mpmath
 
     with mpmath.workdps(DIGITS):
@@ -90,20 +90,20 @@ def digits(robot: HybridRobot, model: Model, q: Array, v: Array, given: Array) -
 
 
 def extended(robot: HybridRobot, model: Model, q: Array, v: Array, given: Array) -> tuple[Any, float]:
-    """Give answers in long double, and how much finer its rounding is than that of doubles."""
+    """Return answers in long double, and how much finer its rounding is than that of doubles."""
     arithmetic = LongDouble()
     gain = arithmetic.epsilon / float(np.finfo(float).eps)
     return answers(Oracle(robot.description, robot.base, arithmetic=arithmetic), model, q, v, given), gain
 
 
 def answers(oracle: Oracle, model: Model, q: Array, v: Array, given: Array) -> Any:
-    """Give an oracle's answers at some states."""
+    """Return an oracle's answers at some states."""
     call = oracle.ddm if model == "ddm" else oracle.idm
     return np.array([call(*state) for state in zip(q, v, given, strict=True)])
 
 
 def floor(robot: HybridRobot, q: Array, v: Array, tau: Array) -> float:
-    """Give how much the direct model moves when one state's loops are closed to the last digit.
+    """Return how much the direct model moves when one state's loops are closed to the last digit.
 
     Args:
         robot: The robot.

@@ -81,7 +81,7 @@ def measure(
 def _tried(
     line: Line, nv: int, task: Callable[..., tuple[float, float]], *arguments: object
 ) -> tuple[float, float, str]:
-    """Give time and memory of a task in a process of its own, or why there are none."""
+    """Return time and memory of a task in a process of its own, or why there are none."""
     try:
         if line.model != "assemble":
             _method(line).check_size(nv)
@@ -104,7 +104,7 @@ def write_motion(case: str, samples: int, path: Path) -> tuple[float, int]:
 
 
 def compilation(case: str) -> tuple[float, float]:
-    """Give the time [us] and the memory [MiB] of compiling a robot.
+    """Return the time [us] and the memory [MiB] of compiling a robot.
 
     Raises:
         NotMeasuredError: It cannot be.
@@ -118,7 +118,7 @@ def compilation(case: str) -> tuple[float, float]:
 
 
 def point(case: str, line: Line, path: Path) -> tuple[float, float]:
-    """Give time per sample [us], and what the process grew by from the loaded robot on [MiB].
+    """Return time per sample [us], and what the process grew by from the loaded robot on [MiB].
 
     Raises:
         NotMeasuredError: The method cannot do this robot.
@@ -133,7 +133,7 @@ def point(case: str, line: Line, path: Path) -> tuple[float, float]:
 
 
 def _call(robot: HybridRobot, line: Line, motion: tuple[Array, Array, Array, Array]) -> Callable[[], object]:
-    """Give the call of a line."""
+    """Return the call of a line."""
     q, v, a, tau = motion
     if line.model == "assemble":
         target = (
@@ -149,12 +149,12 @@ def _call(robot: HybridRobot, line: Line, motion: tuple[Array, Array, Array, Arr
 
 
 def _method(line: Line) -> Method:
-    """Give the method of a line."""
+    """Return the method of a line."""
     return next(m for m in METHODS if (m.model, m.name) == (line.model, line.method))
 
 
 def _motors(robot: HybridRobot, q: Array, v: Array, a: Array) -> dict[str, tuple[Array, Array, Array]]:
-    """Give the motors' part of a motion, sliding motors only."""
+    """Return the motors' part of a motion, sliding motors only."""
     out = {}
     for name in robot.motors:
         k = robot.joint_index[name]

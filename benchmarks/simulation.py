@@ -136,7 +136,7 @@ class Judge:
         self.error = self.state(q[-1], v[-1])
 
     def state(self, q: Array, v: Array) -> float:
-        """Give the error of a final state, relative to the way and to the largest rate."""
+        """Return the error of a final state, relative to the way and to the largest rate."""
         with np.errstate(all="ignore"):
             error = max(np.abs(q - self.q).max() / self._way, np.abs(v - self.v).max() / self._rate)
         return float(error) if np.isfinite(error) else math.inf
@@ -200,7 +200,7 @@ def mujocos(at: Start, integrator: str, step: float, time_constant: float) -> Ca
 
 
 def with_compiled(at: Start) -> dict[str, Any]:
-    """Give the option of a run on the compiled model, none where nothing can be compiled here."""
+    """Return the option of a run on the compiled model, none where nothing can be compiled here."""
     try:
         return {"compiled": compiled.compiled(at.robot)}
     except NotMeasuredError:
@@ -208,7 +208,7 @@ def with_compiled(at: Start) -> dict[str, Any]:
 
 
 def own_flights(at: Start, steps: Steps) -> Iterator[Prepared]:
-    """Give hybridyn's runs: method, setting, and what prepares it."""
+    """Return hybridyn's runs: method, setting, and what prepares it."""
     closed = {"stages": "closed in stages", "steps": "closed after steps", "never": "not closed"}
     wanted = [(GENERAL, h, projection) for projection in closed for h in steps.rk4]
     wanted += [(compiled.NAME, h, "stages") for h in steps.compiled]  # open postures are the general path's
@@ -239,7 +239,7 @@ def fly_ours(at: Start, engine: str, options: dict[str, Any]) -> Callable[[], Fl
 
 
 def peer_flights(at: Start, steps: Steps) -> Iterator[Prepared]:
-    """Give the others' runs."""
+    """Return the others' runs."""
     for solver in rk4.SOLVERS:
         for hold in rk4.HOLDS if solver == "constraintDynamics" else rk4.HOLDS[:1]:
             for h in steps.projected if hold == "projection" else steps.peers:
@@ -281,7 +281,7 @@ def measure(case: str, steps: Steps) -> list[Check | Flight]:
 
 
 def _timed(fly: Callable[[], Flown]) -> tuple[Flown, float]:
-    """Give what a run gave, and its time [s]."""
+    """Return what a run gave, and its time [s]."""
     started = time.perf_counter()
     flown = fly()
     return flown, time.perf_counter() - started

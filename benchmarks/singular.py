@@ -35,13 +35,13 @@ State = tuple[Array, Array, Array]
 
 
 def parallelogram(angle: float) -> State:
-    """Give the state q, v, tau at an angle of the crank."""
+    """Return the state q, v, tau at an angle of the crank."""
     side = np.array([1.0, -1.0, 1.0])
     return angle * side, RATE * side, np.array([EFFORT])
 
 
 def slider_crank(angle: float) -> State:
-    """Give the state q, v, a at an angle of the crank: crank, rod, slide."""
+    """Return the state q, v, a at an angle of the crank: crank, rod, slide."""
     s, c, ratio = math.sin(angle), math.cos(angle), CRANK / ROD
     lean = math.asin(ratio * s)  # of the rod, the other way
     lean_rate = ratio * c * RATE / math.cos(lean)
@@ -80,7 +80,7 @@ def load(approach: Approach) -> HybridRobot:
 
 
 def exact(robot: HybridRobot, model: Model, state: State) -> tuple[Array, float]:
-    """Give the answer at a state in 60 digits, and how far it moves when the loop is closed to the last."""
+    """Return the answer at a state in 60 digits, and how far it moves when the loop is closed to the last."""
     import mpmath
 
     with mpmath.workdps(DIGITS):
@@ -121,7 +121,7 @@ def measure(case: str, distances: tuple[float, ...]) -> list[Near]:
 
 
 def error(solve: Solver, state: State, answer: Array) -> tuple[float, float, str]:
-    """Give a method's relative error at a state, no floor yet, and what it said instead of an answer."""
+    """Return a method's relative error at a state, no floor yet, and what it said instead of an answer."""
     try:
         found = solve(*state)
     except (HybridynError, np.linalg.LinAlgError) as said:

@@ -69,7 +69,7 @@ def flown(flights: Sequence[Flight]) -> Iterator[str]:
 
 
 def _compared(results: Results) -> Iterator[tuple[str, str, Point, list[Point]]]:
-    """Give model, robot, the fastest peer and everything measured of each robot that a peer can do."""
+    """Return model, robot, the fastest peer and everything measured of each robot that a peer can do."""
     for model in ("ddm", "idm"):
         for case, own in grouped(results[model], "case").items():
             peer = cheapest(p for p in own if not p.method.startswith(OWN))
@@ -78,7 +78,7 @@ def _compared(results: Results) -> Iterator[tuple[str, str, Point, list[Point]]]
 
 
 def _ours(points: Sequence[Point], engine: str, batch: bool) -> Point | None:
-    """Give the fastest of an engine, one sample per call or in a batch."""
+    """Return the fastest of an engine, one sample per call or in a batch."""
     return cheapest(p for p in points if p.method.startswith(engine) and (p.batch > 1) == batch)
 
 

@@ -68,7 +68,7 @@ def measure(model: Model, case: str, load: Load) -> list[Point]:
 def loads_of(
     method: Method, problem: Problem, load: Load
 ) -> Iterator[tuple[tuple[str, str, int, int, float], Callable[[], object]]]:
-    """Give a method's calls: hybridyn's at every batch and number of threads, a peer's in a loop.
+    """Return a method's calls: hybridyn's at every batch and number of threads, a peer's in a loop.
 
     Raises:
         NotMeasuredError: It cannot do this robot.
@@ -97,7 +97,7 @@ def loads_of(
 
 
 def cheapest(at: Callable[[Setting], Solver], settings: tuple[Setting, ...], problem: Problem) -> Setting:
-    """Give the setting that reaches `GOOD` in the least time, or the most accurate one where none does."""
+    """Return the setting that reaches `GOOD` in the least time, or the most accurate one where none does."""
     singles = problem.singles
     solvers = [at(setting) for setting in settings]
     errors = [problem.reference.off(np.array([solve(*s) for s in singles])) for solve in solvers]

@@ -58,7 +58,7 @@ def interleaved(
 
 
 def timed(call: Callable[[], object], repeats: int) -> float:
-    """Give the time of one of some calls in a row [s]."""
+    """Return the time of one of some calls in a row [s]."""
     started = time.perf_counter()
     for _ in range(repeats):
         call()

@@ -20,12 +20,12 @@ Colour = tuple[int, int, int]
 
 
 def module_colour(number: int) -> str:
-    """Give the colour of a module as "#rrggbb"; the ground is number -1."""
+    """Return the colour of a module as "#rrggbb"; the ground is number -1."""
     return GROUND if number < 0 else MODULES[number % len(MODULES)]
 
 
 def rgb(colour: str) -> Colour:
-    """Give red, green and blue, 0 to 255, of "#rrggbb"."""
+    """Return red, green and blue, 0 to 255, of "#rrggbb"."""
     return int(colour[1:3], 16), int(colour[3:5], 16), int(colour[5:7], 16)
 
 

@@ -29,7 +29,7 @@ JOINT_DIGITS = 6  # a joint's position stands alone: any value is one that the r
 
 
 def sinusoid(time: Array, harmonic: int, phase: float, amplitude: float) -> Array:
-    """Give amplitude sin(omega t + phase), its rate and acceleration, shape (3, samples).
+    """Return amplitude sin(omega t + phase), its rate and acceleration, shape (3, samples).
 
     The period of the first harmonic is the table's duration, time[-1].
     """
@@ -39,7 +39,7 @@ def sinusoid(time: Array, harmonic: int, phase: float, amplitude: float) -> Arra
 
 
 def wave(time: Array, number: int, amplitude: float, offset: float = 0.0) -> Array:
-    """Give one coordinate's motion.
+    """Return one coordinate's motion.
 
     Args:
         time: From zero to one period, shape (samples,), [s].

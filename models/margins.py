@@ -101,14 +101,14 @@ def thinned(signals: Mapping[str, tuple[Any, ...]], every: int) -> dict[str, tup
 
 
 def velocity(posture: Posture, link: str) -> Array:
-    """Give the twist of a link's origin for each tree velocity, shape (6, nv), world axes."""
+    """Return the twist of a link's origin for each tree velocity, shape (6, nv), world axes."""
     frame = posture.links[link]
     twist = posture.G[6 * frame.body :][:6]
     return np.vstack([twist[:3] + np.cross(twist[3:].T, frame.r).T, twist[3:]])
 
 
 def margin(oracle: Oracle, q: Array, part: Part) -> float:
-    """Give the margin of one module at one posture, shape (nq,)."""
+    """Return the margin of one module at one posture, shape (nq,)."""
     posture = oracle.posture(q)
     motions = oracle.unit[:, None] * posture.Z
     relative = velocity(posture, part.platform) - velocity(posture, part.base)
@@ -123,7 +123,7 @@ def margin(oracle: Oracle, q: Array, part: Part) -> float:
 
 
 def smallest_margin(name: str, every: int = EVERY) -> float:
-    """Give the margin of a robot's trajectory."""
+    """Return the margin of a robot's trajectory."""
     robot = load(name)
     oracle = Oracle(robot.description, robot.base)
     postures = states(robot, name, every)[0]

@@ -20,7 +20,7 @@ FLAGS = (
 
 
 def chromium() -> str:
-    """Give the path of a Chromium, or skip the test."""
+    """Return the path of a Chromium, or skip the test."""
     if importlib.util.find_spec("playwright") is None:
         pytest.skip("playwright is not installed: pip install -e '.[dev]'")
     found = next((path for name in NAMES if (path := shutil.which(name))), None)
@@ -33,7 +33,7 @@ def chromium() -> str:
 
 @contextmanager
 def browser(profile: Path) -> Iterator[Any]:
-    """Give a browser's context with an empty profile, drawing without a graphics card."""
+    """Return a browser's context with an empty profile, drawing without a graphics card."""
     program = chromium()
     from playwright.sync_api import sync_playwright
 

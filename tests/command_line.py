@@ -45,11 +45,11 @@ def program(*words: object, **options: object) -> subprocess.Popen[str]:
 
 
 def table_text(header: list[str], rows: np.ndarray) -> str:
-    """Give a CSV table."""
+    """Return a CSV table."""
     return "\n".join([",".join(header), *(",".join(map(repr, row)) for row in rows.tolist()), ""])
 
 
 def read_table(text: str) -> dict[str, np.ndarray]:
-    """Give the columns of a CSV table by name."""
+    """Return the columns of a CSV table by name."""
     header, *rows = csv.reader(text.splitlines())
     return dict(zip(header, np.array(rows, dtype=float).T, strict=True))

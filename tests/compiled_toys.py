@@ -53,7 +53,7 @@ def own_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
 def random_function(
     rng: np.random.Generator, name: str, inputs: list[int], outputs: list[int]
 ) -> ca.Function:
-    """Give a function of random operations whose values stay moderate."""
+    """Return a function of random operations whose values stay moderate."""
     columns = [ca.SX.sym(f"i{k}", size) for k, size in enumerate(inputs)]
     values: list[Any] = [x[k] for x in columns for k in range(x.numel())] or [ca.SX(0.7)]
 
@@ -68,7 +68,7 @@ def random_function(
 
 
 def toy(seed: int, copies: int) -> Program:
-    """Give a program of legs, a module and legs again, with every kind of source and target."""
+    """Return a program of legs, a module and legs again, with every kind of source and target."""
     rng = np.random.default_rng(seed)
     legs = Kernel("legs", random_function(rng, "legs", [3, 2, 2], [3, 2, 1, 4]), "legs")
     module = Kernel("module", random_function(rng, "module", [2, 2, 3], [3, 0, 1]), "module")
@@ -126,6 +126,6 @@ def toy(seed: int, copies: int) -> Program:
 
 
 def inputs(program: Program, samples: int, seed: int = 0) -> list[np.ndarray[Any, Any]]:
-    """Give random inputs of a program, shapes (samples, n)."""
+    """Return random inputs of a program, shapes (samples, n)."""
     rng = np.random.default_rng(seed)
     return [rng.normal(size=(samples, size)) for _, size in program.inputs]

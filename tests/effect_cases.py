@@ -67,7 +67,7 @@ CASES: dict[str, Callable[[HybridRobot], Units]] = {
 
 
 def every(robot: HybridRobot) -> Units:
-    """Give all of them."""
+    """Return all of them."""
     return [unit for case in CASES.values() for unit in case(robot)]
 
 
@@ -75,7 +75,7 @@ def rate_of(
     robot: HybridRobot, value: Callable[[np.ndarray, np.ndarray], np.ndarray], q: np.ndarray, v: np.ndarray,
     a: np.ndarray, step: float = 2e-4,
 ) -> np.ndarray:  # fmt: skip
-    """Give the time derivative of value(q, v) along motions by central differences, shape (T,)."""
+    """Return the time derivative of value(q, v) along motions by central differences, shape (T,)."""
 
     def at(h: float) -> np.ndarray:
         moved = [pin.integrate(robot.model, x, h * x_dot) for x, x_dot in zip(q, v, strict=True)]

@@ -24,7 +24,7 @@ def efforts(description: Description, count: int, seed: int = 5) -> np.ndarray:
 
 @lru_cache(maxsize=256)
 def drawn(kind: str, base: Base, seed: int = 0) -> tuple[Description, Wrenches, States]:
-    """Give a random mechanism with outer wrenches and two states."""
+    """Return a random mechanism with outer wrenches and two states."""
     description = random_mechanism(seed, kind=kind)
     wrenches = random_wrenches(description, seed)
     return description, wrenches, random_states(description, base, seed, 2, wrenches=wrenches)
@@ -33,6 +33,6 @@ def drawn(kind: str, base: Base, seed: int = 0) -> tuple[Description, Wrenches, 
 def judged(
     description: Description, base: Base, q: np.ndarray, v: np.ndarray, tau: np.ndarray, **given: np.ndarray
 ) -> np.ndarray:
-    """Give the oracle's accelerations, shape (samples, nv)."""
+    """Return the oracle's accelerations, shape (samples, nv)."""
     oracle = Oracle(description, base)
     return np.array([oracle.ddm(*state, **given) for state in zip(q, v, tau, strict=True)])

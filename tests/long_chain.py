@@ -49,7 +49,7 @@ def stack(one: Description, count: int) -> Description:
 
 
 def peak_megabytes() -> float:
-    """Give the most memory that this program had; `ru_maxrss` would count what started it."""
+    """Return the most memory that this program had; `ru_maxrss` would count what started it."""
     status = Path("/proc/self/status")
     if status.exists():
         return float(re.findall(r"VmHWM:\s+(\d+) kB", status.read_text())[0]) / 1e3

@@ -60,7 +60,7 @@ def random_mechanism(seed: int, *, kind: str | None = None, base: Base = "fixed"
 
 
 def home_posture(description: Description, base: Base) -> np.ndarray:
-    """Give the home posture on the spanning tree, a free base at the world's origin, shape (nq,)."""
+    """Return the home posture on the spanning tree, a free base at the world's origin, shape (nq,)."""
     oracle = Oracle(description, base)
     q = np.zeros(oracle.nq)
     for name, (kind, at, _) in oracle.coordinates.items():
@@ -93,7 +93,7 @@ def is_well_conditioned(oracle: Oracle, q: np.ndarray, recipe: Kind, margin: flo
 
 
 def recipe_of(description: Description) -> Kind:
-    """Give the recipe that a description was drawn by."""
+    """Return the recipe that a description was drawn by."""
     return KINDS[description.name.rsplit("_", 1)[0]]
 
 
@@ -153,7 +153,7 @@ def random_states(
 def drawn(
     kind: str, base: Base = "fixed", seed: int = 0
 ) -> tuple[Description, np.ndarray, np.ndarray, np.ndarray]:
-    """Give one mechanism with one state."""
+    """Return one mechanism with one state."""
     description = random_mechanism(seed, kind=kind)
     q, v, a = (x[0] for x in random_states(description, base, seed, 1))
     return description, q, v, a

@@ -102,13 +102,13 @@ class MuJoCo:
         return out
 
     def in_our_order(self, a: np.ndarray) -> np.ndarray:
-        """Give accelerations in the order of the spanning tree."""
+        """Return accelerations in the order of the spanning tree."""
         return np.array(
             [a[self.model.joint(name).dofadr[0]] for name in Oracle(self.description).coordinates]
         )
 
     def rigid(self, q: np.ndarray, v: np.ndarray, tau: np.ndarray) -> np.ndarray:
-        """Give accelerations from MuJoCo's inertia, bias and constraint rows, its softness left out.
+        """Return accelerations from MuJoCo's inertia, bias and constraint rows, its softness left out.
 
         [M, J^T; J, 0] [a; -f] = [tau - bias; -J_dot v], J_dot from `mj_jacDot`: MuJoCo itself neglects it.
         """

@@ -51,7 +51,7 @@ def cut(text: str, draw: random.Random) -> bytes:
 
 
 def elements(text: str) -> list[re.Match[str]]:
-    """Give the spans of whole elements: empty ones, and those that hold no element of their own name."""
+    """Return the spans of whole elements: empty ones, and those that hold no element of their own name."""
     return list(re.finditer(r"<([\w:]+)\b[^<>]*/>|<([\w:]+)\b[^<>]*>(?:(?!<\2\b).)*?</\2>", text, re.DOTALL))
 
 

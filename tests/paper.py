@@ -65,7 +65,7 @@ class Module:
         self.J = self.a @ self.J_r  # Eq. (4)
 
     def _reduced(self, points: list[np.ndarray], sweeps: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
-        """Give a_k and a_dot_k in base axes: constant for six freedoms, else from what the legs forbid."""
+        """Return a_k and a_dot_k in base axes: constant for six freedoms, else from what the legs forbid."""
         normals = [leg.placements[0][:3, 1] for leg in self.legs if len(leg.names) == 2]
         if not normals:
             return np.eye(6), np.zeros((6, 6))
@@ -79,11 +79,11 @@ class Module:
         return a, a_dot
 
     def v_dot(self, v_r_dot: np.ndarray) -> np.ndarray:
-        """Give the classical acceleration of the platform relative to its base, axes of R_k."""
+        """Return the classical acceleration of the platform relative to its base, axes of R_k."""
         return self.a @ v_r_dot + self.a_dot @ self.v_r  # Eq. (6)
 
     def q_ddot(self, v_r_dot: np.ndarray) -> list[np.ndarray]:
-        """Give the legs' joint accelerations."""
+        """Return the legs' joint accelerations."""
         return [
             J_inv @ (J_v @ self.a @ v_r_dot + gamma)
             for J_inv, J_v, gamma in zip(self.J_inv, self.J_v, self.gamma, strict=True)
@@ -139,7 +139,7 @@ class Stack:
     def inverse(
         self, v_r_dot: list[np.ndarray], V_dot: np.ndarray, F_e: list[np.ndarray]
     ) -> tuple[list[np.ndarray], list[np.ndarray], list[np.ndarray]]:
-        """Give Gamma_k, F_k (in R_k) and V_dot_k of every module; V_dot is the base's, less gravity."""
+        """Return Gamma_k, F_k (in R_k) and V_dot_k of every module; V_dot is the base's, less gravity."""
         self.forward()
         F_p, H_b, F_b, V_dots = [], [], [], []
         for m, u_dot in zip(self.modules, v_r_dot, strict=True):
@@ -166,7 +166,7 @@ class Stack:
     def direct(
         self, Gamma: list[np.ndarray], V_dot: np.ndarray, F_e: list[np.ndarray], *, repaired: bool = False
     ) -> tuple[list[np.ndarray], list[np.ndarray], list[np.ndarray]]:
-        """Give v_r_dot_k, F_k (in R_k) and V_dot_k of every module; `repaired` adds a_dot v_r to xi."""
+        """Return v_r_dot_k, F_k (in R_k) and V_dot_k of every module; `repaired` adds a_dot v_r to xi."""
         self.forward()
         I_star = [m.platform.I for m in self.modules]
         beta_star = [

@@ -18,7 +18,7 @@ def skew(x: np.ndarray) -> np.ndarray:
 
 
 def screw(R: np.ndarray, L: np.ndarray) -> np.ndarray:
-    """Give kT_{k-1} from axes R and origin L of frame k in frame k-1."""
+    """Return kT_{k-1} from axes R and origin L of frame k in frame k-1."""
     return np.block([[R.T, -R.T @ skew(L)], [np.zeros((3, 3)), R.T]])  # Eq. (26)
 
 
@@ -47,7 +47,7 @@ class Rigid:
         return np.block([[self.mass * np.eye(3), -skew(self.MS)], [skew(self.MS), self.U]])  # Eq. (13)
 
     def quadratic(self, w: np.ndarray) -> np.ndarray:
-        """Give what of the Newton-Euler equation does not hold accelerations."""
+        """Return what of the Newton-Euler equation does not hold accelerations."""
         return np.concatenate([np.cross(w, np.cross(w, self.MS)), np.cross(w, self.U @ w)])  # Eqs. (58), (72)
 
 
@@ -77,14 +77,14 @@ class Leg:
         ]
 
     def positions(self, tip: np.ndarray) -> np.ndarray:
-        """Give the joint positions that bring the tip to a point of the base frame, in closed form."""
+        """Return the joint positions that bring the tip to a point of the base frame, in closed form."""
         root = self.placements[0]
         x, y, z = root[:3, :3].T @ (tip - root[:3, 3])
         turns = [np.arctan2(x, z)] + [np.arctan2(-y, np.hypot(x, z))] * (len(self.names) == 3)
         return np.array([*turns, np.sqrt(x * x + y * y + z * z) - self.placements[-1][2, 3]])
 
     def steps(self, q: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
-        """Give axes and origin of every link's frame in the one before."""
+        """Return axes and origin of every link's frame in the one before."""
         out = []
         for M, z, slide, x in zip(self.placements, self.axes, self.slides, q, strict=True):
             if slide:
@@ -95,7 +95,7 @@ class Leg:
         return out
 
     def tip(self, q: np.ndarray, q_dot: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Give J_i (8) and J_dot_i q_dot_i (9), base axes, base at rest."""
+        """Return J_i (8) and J_dot_i q_dot_i (9), base axes, base at rest."""
         R, V, V_dot, columns = np.eye(3), np.zeros(6), np.zeros(6), []
         T = np.eye(6)
         for j in range(len(q)):
@@ -109,13 +109,13 @@ class Leg:
     def link(
         self, j: int, q: np.ndarray, q_dot: np.ndarray, q_ddot: np.ndarray, V: np.ndarray, V_dot: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Give jT_{j-1}, V_j, V_dot_j."""
+        """Return jT_{j-1}, V_j, V_dot_j."""
         R, L = self.steps(q)[j]
         T = screw(R, L)  # Eq. (54)
         return T, T @ V + q_dot[j] * self.b[j], T @ V_dot + q_ddot[j] * self.b[j] + self.gamma(j, q, q_dot, V)
 
     def gamma(self, j: int, q: np.ndarray, q_dot: np.ndarray, V: np.ndarray) -> np.ndarray:
-        """Give what V_dot_j holds beside the accelerations of link j-1 and of joint j."""
+        """Return what V_dot_j holds beside the accelerations of link j-1 and of joint j."""
         R, L = self.steps(q)[j]
         w, slide = V[3:], float(self.slides[j])
         turned = np.cross(R.T @ w, q_dot[j] * self.axes[j])
@@ -125,7 +125,7 @@ class Leg:
     def newton_euler(
         self, q: np.ndarray, q_dot: np.ndarray, q_ddot: np.ndarray, V: np.ndarray, V_dot: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Give H_i, and the leg's share of F_b in the base frame."""
+        """Return H_i, and the leg's share of F_b in the base frame."""
         F, T = [], []
         for j, body in enumerate(self.links):
             step, V, V_dot = self.link(j, q, q_dot, q_ddot, V, V_dot)  # Eqs. (55), (56)
@@ -139,7 +139,7 @@ class Leg:
         return H, f  # Eqs. (60), (62)
 
     def direct(self, q: np.ndarray, q_dot: np.ndarray, V: np.ndarray) -> tuple[np.ndarray, ...]:
-        """Give A, D, h of (34), and the leg's 1T^T Ic_1 1T, 1T^T G, 1T^T beta^c_1 of (73), base frame."""
+        """Return A, D, h of (34), and the leg's 1T^T Ic_1 1T, 1T^T G, 1T^T beta^c_1 of (73), base frame."""
         n, zero = len(q), np.zeros(6)
         A = np.array([self.newton_euler(q, 0 * q, e, zero, zero)[0] for e in np.eye(n)]).T
         h = self.newton_euler(q, q_dot, 0 * q, V, zero)[0]

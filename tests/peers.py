@@ -15,7 +15,7 @@ KNOWN: tuple[JointKind, ...] = ("fixed", "revolute", "continuous", "prismatic", 
 
 
 def example_urdf(name: str) -> str:
-    """Give the text of a URDF file of `example-robot-data`, by the file's name."""
+    """Return the text of a URDF file of `example-robot-data`, by the file's name."""
     listed = files("example-robot-data") or []
     return Path(next(str(f.locate()) for f in listed if f.name == name)).read_text()
 
@@ -110,7 +110,7 @@ class Peer:
         return Q
 
     def forces(self, wrenches: dict[str, np.ndarray]) -> pin.StdVec_Force:
-        """Give outer wrenches on links as Pinocchio's `f_ext`."""
+        """Return outer wrenches on links as Pinocchio's `f_ext`."""
         out = pin.StdVec_Force([pin.Force.Zero() for _ in range(self.model.njoints)])
         for name, wrench in wrenches.items():
             index, placement = self.links[name]
@@ -118,12 +118,12 @@ class Peer:
         return out
 
     def energy(self, q: np.ndarray, v: np.ndarray) -> float:
-        """Give kinetic and potential energy."""
+        """Return kinetic and potential energy."""
         kinetic = pin.computeKineticEnergy(self.model, self.data, q, v)
         return float(kinetic + pin.computePotentialEnergy(self.model, self.data, q))
 
     def constraint_models(self) -> pin.StdVec_RigidConstraintModel:
-        """Give Pinocchio's models of the closures, points and welds."""
+        """Return Pinocchio's models of the closures, points and welds."""
         models = pin.StdVec_RigidConstraintModel()
         for closure in self.description.closures:
             kind = {"spherical": pin.ContactType.CONTACT_3D, "fixed": pin.ContactType.CONTACT_6D}[
@@ -137,7 +137,7 @@ class Peer:
         return models
 
     def constraint_dynamics(self, q: np.ndarray, v: np.ndarray, tau: np.ndarray, mu: float) -> np.ndarray:
-        """Give accelerations by `pin.constraintDynamics`, for point and weld closures."""
+        """Return accelerations by `pin.constraintDynamics`, for point and weld closures."""
         models = self.constraint_models()
         datas = pin.StdVec_RigidConstraintData()
         for model in models:

@@ -16,7 +16,7 @@ Triple = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
 def position(robot: HybridRobot, joint: str, q: np.ndarray) -> np.ndarray:
-    """Give a joint's angle or length from q, shape (..., nq)."""
+    """Return a joint's angle or length from q, shape (..., nq)."""
     number = robot.joints.index(joint)
     x = q[..., robot.q_slices[number]]
     return np.arctan2(x[..., 1], x[..., 0]) if robot.kinds[number] == "continuous" else x[..., 0]
@@ -25,7 +25,7 @@ def position(robot: HybridRobot, joint: str, q: np.ndarray) -> np.ndarray:
 def of_joints(
     robot: HybridRobot, q: np.ndarray, v: np.ndarray, a: np.ndarray, joints: Iterable[str] | None = None
 ) -> dict[str, Triple]:
-    """Give positions, rates and accelerations of joints, the motors where left out."""
+    """Return positions, rates and accelerations of joints, the motors where left out."""
     out = {}
     for joint in robot.motors if joints is None else joints:
         at = robot.v_slices[robot.joints.index(joint)].start
@@ -34,7 +34,7 @@ def of_joints(
 
 
 def of_link(robot: HybridRobot, q: np.ndarray, v: np.ndarray, a: np.ndarray, link: str, other: str) -> Triple:
-    """Give a link's pose, velocity and classical acceleration as seen from another link, whose axes turn.
+    """Return a link's pose, velocity and classical acceleration as seen from another link, whose axes turn.
 
     Shapes (T, 7), (T, 6), (T, 6).
     """
@@ -69,5 +69,5 @@ def of_link(robot: HybridRobot, q: np.ndarray, v: np.ndarray, a: np.ndarray, lin
 
 
 def far_apart(robot: HybridRobot, q0: np.ndarray, q1: np.ndarray) -> float:
-    """Give the largest joint step between two batches of postures, turns and signs of quaternions apart."""
+    """Return the largest joint step between two batches of postures, turns and signs of quaternions apart."""
     return float(max(np.abs(pin.difference(robot.model, x, y)).max() for x, y in zip(q0, q1, strict=True)))

@@ -52,7 +52,7 @@ class Kind:
 
 
 def on(s: Sketch, link: str) -> Place:
-    """Give a place on a link for the next part."""
+    """Return a place on a link for the next part."""
     return s.place(s.poses[link][:3, 3] + s.rng.uniform(-0.15, 0.15, 3))
 
 

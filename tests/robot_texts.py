@@ -42,7 +42,7 @@ FOUR_BAR = f'<robot name="four_bar">{TREE}{LOOP}\n</robot>\n'
 
 
 def robot(*parts: str) -> str:
-    """Give the open four-bar with other elements below `<robot>`."""
+    """Return the open four-bar with other elements below `<robot>`."""
     return f'<robot name="four_bar" xmlns:drake="http://drake">{TREE}\n' + "\n".join(parts) + "\n</robot>\n"
 
 
@@ -60,5 +60,5 @@ def read_text(folder: Path, text: str | bytes, **options: object) -> Description
 
 
 def line_of(text: str, part: str) -> int:
-    """Give the line (from 1) where a part first stands in a text."""
+    """Return the line (from 1) where a part first stands in a text."""
     return text[: text.index(part)].count("\n") + 1

@@ -40,7 +40,7 @@ def unit(x: Any) -> np.ndarray:
 
 
 def turn(axis: np.ndarray, angle: float) -> np.ndarray:
-    """Give the rotation by `angle` about a unit axis."""
+    """Return the rotation by `angle` about a unit axis."""
     K = np.cross(np.eye(3), axis)
     return np.eye(3) + np.sin(angle) * K + (1 - np.cos(angle)) * K @ K
 
@@ -68,7 +68,7 @@ class Place:
     axes: np.ndarray
 
     def __call__(self, x: float, y: float, z: float = 0.0) -> np.ndarray:
-        """Give a point of the place in the world."""
+        """Return a point of the place in the world."""
         return self.origin + self.axes @ [x, y, z]
 
     @property
@@ -111,7 +111,7 @@ class Sketch:
         return float(self.rng.uniform(-size, size))
 
     def place(self, origin: np.ndarray | None = None) -> Place:
-        """Give a random frame to lay a part out on."""
+        """Return a random frame to lay a part out on."""
         origin = self.rng.uniform(-0.2, 0.2, 3) if origin is None else origin
         return Place(origin, self.random_rotation())
 
@@ -135,7 +135,7 @@ class Sketch:
         self.links[index] = Link(link, mass, 0.1 * d, (inertia + inertia.T) / 2)
 
     def spot(self, link: str) -> str:
-        """Give the link itself, or now and then a new link fixed to it."""
+        """Return the link itself, or now and then a new link fixed to it."""
         if self.rng.random() > self.fixed_links:
             return link
         name = self._name("fixed")
@@ -226,7 +226,7 @@ class Sketch:
         )
 
     def description(self, name: str) -> Description:
-        """Give the finished record, links and joints in shuffled file order."""
+        """Return the finished record, links and joints in shuffled file order."""
         links = [self.links[i] for i in self.rng.permutation(len(self.links))]
         joints = [self.joints[i] for i in self.rng.permutation(len(self.joints))]
         return Description(

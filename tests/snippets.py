@@ -35,7 +35,7 @@ class Block(NamedTuple):
 
 
 def blocks(page: Path, language: str | None = None) -> list[Block]:
-    """Give the blocks of a page, of one language or of all."""
+    """Return the blocks of a page, of one language or of all."""
     text = page.read_text(encoding="utf-8")
     found = []
     for match in re.finditer(r"^```(\w+)([^\n]*)\n(.*?)^```$", text, re.MULTILINE | re.DOTALL):

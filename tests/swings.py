@@ -21,7 +21,7 @@ Swing = tuple[HybridRobot, np.ndarray, np.ndarray]
 
 @lru_cache
 def swing(name: str) -> Swing:
-    """Give a robot with a closed posture and rates: a shipped one, or a random mechanism as 'kind:base'."""
+    """Return a robot with a closed posture and rates: a shipped one, or a random mechanism as 'kind:base'."""
     if ":" in name:
         kind, base = name.split(":")
         description = random_mechanism(0, kind=kind)
@@ -34,7 +34,7 @@ def swing(name: str) -> Swing:
 
 
 def begin(of: Swing, **acting: object) -> tuple[System, State]:
-    """Give the system and the state at time zero."""
+    """Return the system and the state at time zero."""
     robot, q, v = of
     law = MotionLaw(robot, **acting)  # type: ignore[arg-type]
     return System(Manifold(robot), law), State(0.0, q, v, law.acceleration(0.0, q.copy(), v.copy()))
@@ -48,7 +48,7 @@ def chain(folder: Path, bodies: str, joints: str, **options: object) -> HybridRo
 
 
 def rod(name: str, mass: float, com: str, inertia: tuple[float, float, float]) -> str:
-    """Give a link with principal inertia about its centre of mass."""
+    """Return a link with principal inertia about its centre of mass."""
     xx, yy, zz = inertia
     return (
         f'<link name="{name}"><inertial><origin xyz="{com}"/><mass value="{mass}"/>'
@@ -59,7 +59,7 @@ def rod(name: str, mass: float, com: str, inertia: tuple[float, float, float]) -
 def hinge(
     name: str, parent: str, child: str, at: str = "0 0 0", kind: str = "revolute", axis: str = "0 1 0"
 ) -> str:
-    """Give a joint without limits that matter."""
+    """Return a joint without limits that matter."""
     return (
         f'<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>'
         f'<origin xyz="{at}"/><axis xyz="{axis}"/>'

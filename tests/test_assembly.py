@@ -54,7 +54,7 @@ def same(robot: HybridRobot, got: States, wanted: States) -> None:
 
 
 def base_pose(robot: HybridRobot, q: Array, v: Array, a: Array) -> States:
-    """Give the root link's pose in the world and its rates, root axes turned to the world's."""
+    """Return the root link's pose in the world and its rates, root axes turned to the world's."""
     R = np.array([pin.Quaternion(x[3:7] / np.linalg.norm(x[3:7])).matrix() for x in q])
 
     def turned(x: Array) -> Array:
@@ -158,7 +158,7 @@ def test_absolute_and_relative_poses_agree() -> None:
 def coordinates(
     robot: HybridRobot, states: States, link: str, other: str, names: list[str]
 ) -> tuple[dict, dict, dict]:
-    """Give some of x, y, z, roll, pitch, yaw with rates and accelerations."""
+    """Return some of x, y, z, roll, pitch, yaw with rates and accelerations."""
     pose, velocity, acceleration = of_link(robot, *states, link, other)
     out: list[dict[str, Array]] = [{}, {}, {}]
     for t in range(len(pose)):
@@ -237,7 +237,7 @@ def test_single_samples_come_back_as_single_samples() -> None:
 
 
 def waves(robot: HybridRobot, time: Array, size: float) -> dict[str, tuple[Array, Array, Array]]:
-    """Give motors moving about home, smooth, with exact rates."""
+    """Return motors moving about home, smooth, with exact rates."""
     out = {}
     for i, motor in enumerate(robot.motors):
         w, phase = 2.0 + 0.3 * i, 0.7 * i
@@ -346,7 +346,7 @@ def test_the_guess_chooses_the_branch() -> None:
 
 
 def stretched(robot: HybridRobot, excess: float) -> dict[str, float]:
-    """Give crank angles that hold the elbows 2 L2 + excess apart: the rods' line is stretched."""
+    """Return crank angles that hold the elbows 2 L2 + excess apart: the rods' line is stretched."""
     L1, L2, width = 0.4, 0.55, 0.5
     t = np.arccos((L2 + excess / 2 - width / 2) / L1)
     return {"left": np.pi - t, "right": t}

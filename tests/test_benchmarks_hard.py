@@ -12,7 +12,7 @@ from benchmarks.hard import Row, cells, page, run_hard, table
 
 
 def line(test: str, case: str, quantity: str, measured: float, bound: float) -> dict[str, str | float]:
-    """Give a line as the fixture writes it."""
+    """Return a line as the fixture writes it."""
     path = f"tests/hard/{test}"
     return {"test": path, "case": case, "quantity": quantity, "measured": measured, "bound": bound}
 

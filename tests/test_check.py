@@ -35,7 +35,7 @@ def joint(
 
 
 def arm(*parts: str, kind: str = "revolute", inside: str = BALL, **limits: float) -> str:
-    """Give a robot of one moving link, with other elements."""
+    """Return a robot of one moving link, with other elements."""
     return (
         f'<robot name="arm">{link("base")}{link("arm", inside)}{joint("turn", "base", "arm", kind, **limits)}'
         + "".join(parts)
@@ -70,7 +70,7 @@ ON_AXIS, BESIDE = (inertial(1, 1, 1, 1, com) for com in ("1 0 0", "1 0.1 0"))
 
 
 def crank_and_slide(*names: str, rod: str = ON_AXIS) -> str:
-    """Give a crank that pushes a slide by a rod with a ball at either end."""
+    """Return a crank that pushes a slide by a rod with a ball at either end."""
 
     def joint(name: str, kind: str, parent: str, child: str, xyz: str, axis: str, rpy: str = "0 0 0") -> str:
         return (
@@ -105,7 +105,7 @@ SLIDE = link("foot", BALL) + joint("height", "rocker", "foot", "prismatic").repl
 
 
 def tilted(by: float) -> str:
-    """Give the four-bar's tree with one axis tilted out of the plane."""
+    """Return the four-bar's tree with one axis tilted out of the plane."""
     elbow = '<origin xyz="1 0 0"/><parent link="crank"/>'
     return TREE.replace(elbow, elbow.replace("/>", f' rpy="{by} 0 0"/>', 1))
 

@@ -34,7 +34,7 @@ class FiveBar:
         self.tau = hybridyn.idm(self.robot, self.q, self.v, self.a)
 
     def columns(self, joints: tuple[str, ...]) -> tuple[list[str], np.ndarray]:
-        """Give positions and velocities of joints, and the efforts."""
+        """Return positions and velocities of joints, and the efforts."""
         at = [self.robot.joints.index(name) for name in joints]
         header = ["time", *(f"{name}/{rate}" for rate in ("position", "velocity") for name in joints)]
         header += [f"{name}/effort" for name in self.robot.motors]

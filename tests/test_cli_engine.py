@@ -85,7 +85,7 @@ class Motion(NamedTuple):
 
 @pytest.fixture(scope="module")
 def near_singular() -> Motion:
-    """Give a motion of the five-bar that comes twice to where the lower links lie on each other.
+    """Return a motion of the five-bar that comes twice to where the lower links lie on each other.
 
     There the left upper link has turned by the angle from home to the middle between the motors, and the
     right one by as much the other way.

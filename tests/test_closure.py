@@ -22,7 +22,7 @@ EXACTLY = 1e-15
 
 
 def two_arms() -> Tree:
-    """Give two arms from one base, with every kind of joint, body 4 and body 8 at their ends."""
+    """Return two arms from one base, with every kind of joint, body 4 and body 8 at their ends."""
     rng = np.random.default_rng(0)
     kinds = ["revolute", "spherical", "prismatic", "continuous", "planar", "revolute", "floating", "revolute"]
     joints = []
@@ -51,7 +51,7 @@ def postures(tree: Tree, size: float = 1.0) -> tuple[Array, Array, Array]:
 
 
 def closed_there(tree: Tree, name: str) -> tuple[Closures, Array, Array, Array]:
-    """Give one closure that is closed at one posture, with everything that it leaves free moved away."""
+    """Return one closure that is closed at one posture, with everything that it leaves free moved away."""
     q, v, a = (x[:1] for x in postures(tree))
     rng = np.random.default_rng(9)
     motion = tree.sweep(q)
@@ -165,7 +165,7 @@ def ball_tree() -> Tree:
 
 
 def turned(rotation: str, r: Array) -> Array:
-    """Give the rotation residual when B is turned by rotation vectors from A, shape (T, rows)."""
+    """Return the rotation residual when B is turned by rotation vectors from A, shape (T, rows)."""
     tree = ball_tree()
     zero = np.zeros(3)
     one = TreeClosure("", "", 0, np.eye(3), zero, 1, np.eye(3), zero, (), rotation)  # type: ignore[arg-type]
@@ -204,7 +204,7 @@ def test_parallel_axes_that_should_be_perpendicular_are_not_closed() -> None:
 
 
 def gear(kinds: list[str], terms: tuple[tuple[int, float], ...], angles: Array, offset: float = 0.0) -> Array:
-    """Give a coupling's residual at joint positions, shape (T,)."""
+    """Return a coupling's residual at joint positions, shape (T,)."""
     z = np.array([0.0, 0, 1])
     tree = Tree([TreeJoint("", k, i, np.eye(3), np.zeros(3), z) for i, k in enumerate(kinds)])  # type: ignore[arg-type]
     q = tree.integrate(np.tile(tree.neutral(), (len(angles), 1)), angles)

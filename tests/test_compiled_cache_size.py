@@ -32,7 +32,7 @@ def at(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def source(number: int) -> Source:
-    """Give a library that knows its number."""
+    """Return a library that knows its number."""
     visible = '__attribute__((visibility("default")))'
     return Source((f"{visible} int number(void) {{ return {number}; }}\n",), {"number": number})
 
@@ -65,7 +65,7 @@ def limit(monkeypatch: pytest.MonkeyPatch, libraries: float) -> None:
 
 
 def count(at: Path) -> tuple[int, int, int]:
-    """Give how many keys, records and libraries there are."""
+    """Return how many keys, records and libraries there are."""
     keys, models, libraries = (len(list((at / name).iterdir())) for name in ("keys", "models", "libraries"))
     return keys, models, libraries
 

@@ -33,7 +33,7 @@ def robot(request: pytest.FixtureRequest) -> HybridRobot:
 
 
 def states_along(robot: HybridRobot, times: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Give closed states along a motion of the motors, smooth in time."""
+    """Return closed states along a motion of the motors, smooth in time."""
     rng = np.random.default_rng(2)
     motion = {}
     for name in robot.motors:
@@ -45,12 +45,12 @@ def states_along(robot: HybridRobot, times: np.ndarray) -> tuple[np.ndarray, np.
 
 
 def parameters_of(robot: HybridRobot) -> np.ndarray:
-    """Give ten inertial parameters of each body."""
+    """Return ten inertial parameters of each body."""
     return np.concatenate([pinocchio_inertia(body).toDynamicParameters() for body in robot.bodies.bodies])
 
 
 def rate(values: np.ndarray) -> np.ndarray:
-    """Give the time derivative at the middle of five samples, fourth order."""
+    """Return the time derivative at the middle of five samples, fourth order."""
     out: np.ndarray = (values[0] - 8 * values[1] + 8 * values[3] - values[4]) / (12 * STEP)
     return out
 

@@ -45,7 +45,7 @@ States = tuple[np.ndarray, np.ndarray, np.ndarray]
 def off(
     robot: HybridRobot, states: States, agree: float = AGREE, models: tuple[str, ...] = ("ddm", "idm")
 ) -> tuple[list[str], int]:
-    """Give trusted samples that the general path refuses or differs from, and how many are not trusted.
+    """Return trusted samples that the general path refuses or differs from, and how many are not trusted.
 
     Args:
         robot: The robot.
@@ -80,7 +80,7 @@ def efforts(robot: HybridRobot, count: int) -> np.ndarray:
 
 
 def near(place: str, distance: float, count: int) -> tuple[HybridRobot, States]:
-    """Give states at a singular posture."""
+    """Return states at a singular posture."""
     description, q = posture(place, distance)
     robot, oracle, rng = build_robot(description), Oracle(description, "fixed"), np.random.default_rng(3)
     slow = min(1.0, 3 * distance**0.5) if "constraint" in place else 1.0  # as the hard cases' states
@@ -146,7 +146,7 @@ WRIST = """<robot name="wrist">{links}{joints}</robot>"""
 
 
 def light_wrist(folder: Path, mass: float) -> HybridRobot:
-    """Give an arm with a roll-pitch-roll wrist whose inner links have next to no mass, axes askew."""
+    """Return an arm with a roll-pitch-roll wrist whose inner links have next to no mass, axes askew."""
     links, joints = "", ""
     for i, m in enumerate((1.0, 2.0, mass, mass, 1.5)):
         links += (

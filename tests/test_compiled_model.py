@@ -84,7 +84,7 @@ def test_kinematics_are_the_general_paths(lx4: CompiledRobot, states: Arrays) ->
 
 
 def spoiled(states: Arrays, kind: str) -> list[Any]:
-    """Give inputs of `ddm` with something wrong."""
+    """Return inputs of `ddm` with something wrong."""
     q, v, _, tau = (x[:5].copy() for x in states)
     if kind == "nan":
         v[3, 7] = np.nan

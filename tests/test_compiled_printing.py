@@ -26,7 +26,7 @@ STEP = 1e-30  # of complex steps: no difference is taken, so it may vanish besid
 
 
 def one_kernel(name: str, columns: list[ca.SX], outputs: list[ca.SX]) -> Program:
-    """Give a program of one call."""
+    """Return a program of one call."""
     function = ca.Function(name, columns, [ca.vertcat(*outputs)])
     starts = np.cumsum([0] + [x.numel() for x in columns])
     sources = tuple(

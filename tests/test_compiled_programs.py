@@ -36,7 +36,7 @@ FEW = (
 
 
 def worst(robot: HybridRobot, effects: object = None, count: int = 3) -> tuple[float, float]:
-    """Give the largest relative difference of trusted samples, and the part of samples that are trusted."""
+    """Return the largest relative difference of trusted samples, and the part of samples that are trusted."""
     q, v, a, tau = random_states(robot, count)
     if effects is not None:
         a = hybridyn.ddm(robot, q, v, tau, effects=effects)  # type: ignore[call-overload]

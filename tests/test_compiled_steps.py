@@ -88,7 +88,7 @@ def gough(own_cache: None) -> CompiledRobot:
 
 
 def pushed(model: CompiledRobot, seed: int = 3) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Give a fast state, and efforts that hold a slow one but for a bit."""
+    """Return a fast state, and efforts that hold a slow one but for a bit."""
     q, v, _, _ = (x[0] for x in assembled_states(model.robot, 1, seed))
     v *= FAST / np.abs(v).max()
     still = np.zeros_like(v)

@@ -24,19 +24,19 @@ STEP = 0.004
 
 
 def springs(robot: hybridyn.HybridRobot) -> list[object]:
-    """Give springs on the motors: a platform whose slides are free falls for ever, on springs it swings."""
+    """Return springs on the motors: a platform whose slides are free falls for ever, on springs it swings."""
     stiffness = dict.fromkeys(robot.motors, 3000.0)
     return ["default", Spring(stiffness, dict.fromkeys(robot.motors, 0.01))]
 
 
 def swinging(name: str) -> tuple[Swing, list[object] | None]:
-    """Give a bounded motion without friction."""
+    """Return a bounded motion without friction."""
     of = swing(name)
     return of, springs(of[0]) if name == "gough_stewart" else None
 
 
 def drift(result: hybridyn.simulation.result.Result) -> float:
-    """Give the worst change of energy over the peak kinetic energy."""
+    """Return the worst change of energy over the peak kinetic energy."""
     return float(np.abs(result.energy - result.energy[0]).max() / result.kinetic.max())
 
 

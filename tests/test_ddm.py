@@ -123,7 +123,7 @@ def test_serial_robots_against_aba(name: str) -> None:
 
 
 def driven(robot: HybridRobot, q: np.ndarray, v: np.ndarray, tau: np.ndarray) -> list[np.ndarray]:
-    """Give B tau of every module, B = (S_a Psi)^T from the module's own motions."""
+    """Return B tau of every module, B = (S_a Psi)^T from the module's own motions."""
     out = []
     for state in forward(robot, q, v, None):
         m = state.mechanism

@@ -96,7 +96,7 @@ def test_what_closes_nothing_passes(tmp_path: Path, element: str) -> None:
 
 
 def frames(*names: str) -> str:
-    """Give massless frame links, the first ones on the coupler, the last one on the rocker."""
+    """Return massless frame links, the first ones on the coupler, the last one on the rocker."""
     return "".join(
         f'<link name="{name}"/><joint name="{name}_frame" type="fixed"><parent link="{parent}"/>'
         f'<child link="{name}"/></joint>'

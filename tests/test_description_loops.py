@@ -36,7 +36,7 @@ def read_closure(folder: Path, element: str) -> Closure:
 
 
 def rows(closure: Closure, relative: Array) -> Array:
-    """Give the rows by their definition in `records.Closure`, origin B in origin A being `relative`."""
+    """Return the rows by their definition in `records.Closure`, origin B in origin A being `relative`."""
     a_to_b = np.linalg.inv(closure.frame_a) @ ORIGIN_A @ relative @ np.linalg.inv(ORIGIN_B) @ closure.frame_b
     z = a_to_b[:3, 2]
     rotation = {

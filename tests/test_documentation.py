@@ -79,7 +79,7 @@ def test_every_page_is_in_the_table_of_contents() -> None:
 
 
 def equations() -> list[tuple[str, str, str]]:
-    """Give equations, function and file of each row of the theory page's table."""
+    """Return equations, function and file of each row of the theory page's table."""
     text = (DOCS / "theory.md").read_text()
     return re.findall(
         r"^\| (\([^|]+) \| [^|]+ \| `hybridyn\.([\w.]+)` \| `([\w/.]+)` \|$", text, re.MULTILINE

@@ -31,7 +31,7 @@ ROBOTS = {"five_bar": "fixed", "scara_delta": "fixed", "gough_stewart": "floatin
 
 
 def prepared(name: str) -> tuple[HybridRobot, States]:
-    """Give a shipped robot and three states of it."""
+    """Return a shipped robot and three states of it."""
     description, base = shipped(name), ROBOTS.get(name, "fixed")
     return build_robot(description, base=base), states_near_home(description, base, 0, 3)
 
@@ -42,7 +42,7 @@ def drawn(request: pytest.FixtureRequest) -> tuple[HybridRobot, States]:
 
 
 def moved(robot: HybridRobot, states: States, effects: Any) -> tuple[States, np.ndarray]:
-    """Give states and efforts that belong together; a free base accelerates as efforts let it."""
+    """Return states and efforts that belong together; a free base accelerates as efforts let it."""
     q, v, a = states
     if robot.base != "floating":
         return states, idm(robot, q, v, a, effects=effects, time=0.7)
@@ -149,13 +149,13 @@ def test_nothing_named_is_nothing_computed() -> None:
 
 
 def change(robot: HybridRobot, states: States, effect: Any) -> np.ndarray:
-    """Give what an effect adds to the efforts of a robot."""
+    """Return what an effect adds to the efforts of a robot."""
     q, v, a = states
     return idm(robot, q, v, a, effects=["default", effect], time=0.7) - idm(robot, q, v, a)
 
 
 def motor_rates(robot: HybridRobot, x: np.ndarray) -> np.ndarray:
-    """Give the motors' entries of rates or accelerations."""
+    """Return the motors' entries of rates or accelerations."""
     return x[:, [robot.v_slices[robot.joint_index[motor]].start for motor in robot.motors]]
 
 
@@ -252,7 +252,7 @@ def test_statics_is_the_virtual_work_of_weights(name: str) -> None:
 
 
 def motor_positions(robot: HybridRobot, q: np.ndarray) -> np.ndarray:
-    """Give the motors' positions, shape (motors,)."""
+    """Return the motors' positions, shape (motors,)."""
     return q[[robot.q_slices[robot.joint_index[motor]].start for motor in robot.motors]]
 
 
@@ -280,7 +280,7 @@ def test_velocity_terms_off_keeps_the_drift_of_the_closures(name: str) -> None:
 
 
 def accelerations_at_rest(robot: HybridRobot, q: np.ndarray, a: np.ndarray) -> np.ndarray:
-    """Give accelerations that close the loops at rest, the motors' those of a."""
+    """Return accelerations that close the loops at rest, the motors' those of a."""
     motors = {
         m: (x, 0 * x, y)
         for m, x, y in zip(

@@ -39,7 +39,7 @@ def against_pinocchio(robot: HybridRobot, q: np.ndarray, v: np.ndarray) -> None:
 
 
 def potential_size(robot: HybridRobot) -> float:
-    """Give the weight of a robot over one metre, [J]."""
+    """Return the weight of a robot over one metre, [J]."""
     return 9.81 * sum(link.mass for link in robot.description.links)
 
 

@@ -26,7 +26,7 @@ def four_bar(
     mass: float = 1.0,
     motor: str = "crank",
 ) -> hybridyn.HybridRobot:
-    """Give a planar four-bar with cranks of one metre, whose joints stand at these angles at home."""
+    """Return a planar four-bar with cranks of one metre, whose joints stand at these angles at home."""
 
     def link(name: str, reach: float, mass: float) -> str:
         return f'<link name="{name}">{INERTIAL.format(x=reach / 2, mass=mass)}</link>'

@@ -42,7 +42,7 @@ Texts = dict[str, str]
 
 @lru_cache
 def originals(name: str) -> Texts:
-    """Give a shipped robot's files by their ending, and the start of its trajectory from its motors."""
+    """Return a shipped robot's files by their ending, and the start of its trajectory from its motors."""
     path = ROOT / f"urdf/{name}.urdf.xacro"
     robot = hybridyn.load(path)
     time = 0.05 * np.arange(ROWS)
@@ -62,7 +62,7 @@ def originals(name: str) -> Texts:
 
 @lru_cache
 def with_side_car() -> Texts:
-    """Give the five-bar with its loop in a side-car: a point, which is all that a plane needs."""
+    """Return the five-bar with its loop in a side-car: a point, which is all that a plane needs."""
     texts = dict(originals("five_bar"))
     loop = re.search(r"<loop\b.*?</loop>", texts[".urdf"], re.DOTALL)
     assert loop is not None
@@ -181,7 +181,7 @@ def judge(robot: hybridyn.HybridRobot, block, tau: np.ndarray, case: str) -> Non
 
 
 def terms(robot: hybridyn.HybridRobot, v: np.ndarray, a: np.ndarray) -> float:
-    """Give the size of what is added up to efforts, of which much may cancel [N m]."""
+    """Return the size of what is added up to efforts, of which much may cancel [N m]."""
     reach = 1.0 + sum(np.abs(joint.placement[:3, 3]).max() for joint in robot.description.joints)
     rates = (np.abs(v).max() ** 2 + np.abs(a).max()) * reach
     total = 0.0

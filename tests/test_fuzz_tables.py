@@ -78,7 +78,7 @@ def use(path: Path) -> None:
 
 
 def refused(path: Path) -> str | None:
-    """Give the message with which a file is refused, or None if it is read."""
+    """Return the message with which a file is refused, or None if it is read."""
     try:
         use(path)
     except TrajectoryError as error:

@@ -110,7 +110,7 @@ GRAVITY = 9.81
 
 
 def symmetric_five_bar() -> Description:
-    """Give a vertical five-bar in the x-z plane: motors at x = 0 and WIDTH, turning from x to z."""
+    """Return a vertical five-bar in the x-z plane: motors at x = 0 and WIDTH, turning from x to z."""
     axis = np.array([0.0, -1.0, 0.0])
 
     def at(x: float) -> Array:
@@ -144,7 +144,7 @@ def symmetric_five_bar() -> Description:
 
 
 def rod_angles(left: float, right: float) -> tuple[float, float]:
-    """Give both rods' angles: the tip is above the line between the elbows."""
+    """Return both rods' angles: the tip is above the line between the elbows."""
     B = np.array([L1 * np.cos(left), L1 * np.sin(left)])
     D = np.array([WIDTH + L1 * np.cos(right), L1 * np.sin(right)])
     between = D - B
@@ -155,7 +155,7 @@ def rod_angles(left: float, right: float) -> tuple[float, float]:
 
 
 def efforts_by_hand(angle: Array, rate: Array, acceleration: Array) -> Array:
-    """Give both motor torques by Lagrange's equation on four bars, angles (left, right) of the cranks.
+    """Return both motor torques by Lagrange's equation on four bars, angles (left, right) of the cranks.
 
     Rods: L2 (e(b1) - e(b2)) = r(angles) gives b', b'' by differentiating twice; then, for every bar, virtual
     work of m (acceleration of its middle + g) and of I b'' along d(bar)/d(crank angle).
@@ -339,7 +339,7 @@ def test_a_robot_without_motors_that_rests_on_nothing_is_refused() -> None:
 
 
 def flat_five_bar() -> tuple[HybridRobot, Array]:
-    """Give the five-bar where both rods stand in one line: the motors cannot hold the tip across it."""
+    """Return the five-bar where both rods stand in one line: the motors cannot hold the tip across it."""
     robot = build_robot(symmetric_five_bar())
     # cranks at angles +-t with elbows 2 L2 apart on a level line
     t = np.arccos((L2 - WIDTH / 2) / L1)

@@ -13,7 +13,7 @@ SAMPLES, SIZE = 5, 4
 
 
 def drawn(rank: int, grade: float = 1.0, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
-    """Give roots C, (samples, rank, size), and C^T C, its coordinates graded."""
+    """Return roots C, (samples, rank, size), and C^T C, its coordinates graded."""
     C = np.random.default_rng(seed).normal(size=(SAMPLES, rank, SIZE)) * grade ** -np.linspace(0, 0.5, SIZE)
     return C, np.matmul(np.swapaxes(C, 1, 2), C)
 

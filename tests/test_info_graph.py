@@ -64,7 +64,7 @@ def test_equal_modules_are_one_pile() -> None:
 
 
 def tree(count: int) -> list[Card]:
-    """Give a tree of many unlike modules, some of which branch."""
+    """Return a tree of many unlike modules, some of which branch."""
     out = [Card("ground", ("base",), (), "#888888", (), None)]
     for k in range(count):
         leg = Leg(3, (Sign("R", False),) * (1 + k % 12))

@@ -31,7 +31,7 @@ def steps(system: System, state: State, method: object, span: float, count: int)
 
 
 def apart(system: System, x: State, y: State) -> float:
-    """Give how far two states are apart in q and v, without units."""
+    """Return how far two states are apart in q and v, without units."""
     dq = system.manifold.retraction.difference(x.q, y.q)
     return float(np.abs(np.concatenate([dq, x.v - y.v]) / np.tile(system.manifold.unit, 2)).max())
 
@@ -70,7 +70,7 @@ def test_error_estimate_tells_the_error() -> None:
 
 @pytest.fixture
 def stiff(tmp_path: Path) -> tuple[System, State]:
-    """Give a mass on a spring of 1e6 N/m and a damper of 1e6 N s/m, out of its rest by 1 mm."""
+    """Return a mass on a spring of 1e6 N/m and a damper of 1e6 N s/m, out of its rest by 1 mm."""
     text = rod("mass", 1.0, "0 0 0", (0.1, 0.1, 0.1)), hinge("slide", "base", "mass", kind="prismatic")
     robot = chain(tmp_path, *text)
     effects = ["inertia", "leg_inertia", "velocity", Spring({"slide": 1e6}), Damper({"slide": 1e6})]

@@ -143,7 +143,7 @@ def test_no_process_outlives_the_command(tmp_path: Path, number: int, status: in
 
 
 def offspring(parent: int) -> list[int]:
-    """Give the processes that a process has started."""
+    """Return the processes that a process has started."""
     out = []
     for entry in Path("/proc").iterdir():
         try:
@@ -237,7 +237,7 @@ class SameProcess:
         self.most = max(self.most, len(self.results))
 
     def take(self) -> Any:
-        """Give the oldest result."""
+        """Return the oldest result."""
         return self.results.pop(0)
 
 

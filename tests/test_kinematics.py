@@ -34,7 +34,7 @@ def case(request: pytest.FixtureRequest) -> tuple[Tree, Peer, np.ndarray, np.nda
 
 
 def frames(peer: Peer, tree: Tree) -> list[tuple[int, np.ndarray]]:
-    """Give Pinocchio's joint and the turn of our body's axes in it (the peer aligns joints with z)."""
+    """Return Pinocchio's joint and the turn of our body's axes in it (the peer aligns joints with z)."""
     turns = {
         index: placement.rotation
         for index, placement in peer.links.values()

@@ -29,7 +29,7 @@ AWAY = 0.05  # how far charts are followed, rad or module lengths
 
 
 def state_of(kind: str, base: str = "fixed") -> tuple[HybridRobot, np.ndarray, np.ndarray]:
-    """Give a random robot with a state."""
+    """Return a random robot with a state."""
     description = random_mechanism(0, kind=kind)
     q, v, _ = random_states(description, base, 0, 1)  # type: ignore[arg-type]
     return build_robot(description, base=base), q[0], v[0]  # type: ignore[arg-type]
@@ -119,7 +119,7 @@ ALL = ("revolute", "continuous", "prismatic", "spherical", "planar", "floating")
 
 
 def moves(kinds: tuple[str, ...]) -> tuple[Retraction, np.ndarray, int]:
-    """Give the moves of some joints with a random posture and the number of freedoms."""
+    """Return the moves of some joints with a random posture and the number of freedoms."""
     at = np.cumsum([0] + [NQ[k] for k in kinds]), np.cumsum([0] + [NV[k] for k in kinds])
     slices = [[slice(int(x), int(y)) for x, y in pairwise(a)] for a in at]
     retraction = Retraction(kinds, *slices)

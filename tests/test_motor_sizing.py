@@ -21,7 +21,7 @@ QUADRATURE = 3e-5  # trapezoids over half waves of 200 samples: (pi / 200)^2 / 1
 
 
 def robot_text(kind: str) -> str:
-    """Give a point mass on a horizontal slide, or at the end of a rod that swings about y."""
+    """Return a point mass on a horizontal slide, or at the end of a rod that swings about y."""
     com = f"0 0 {-LENGTH}" if kind == "revolute" else "0 0 0"
     axis = "0 1 0" if kind == "revolute" else "1 0 0"
     return f"""<robot name="single"><link name="ground"/><link name="bob"><inertial><origin xyz="{com}"/>

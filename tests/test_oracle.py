@@ -155,7 +155,7 @@ GRAVITY = 9.81
 
 
 def five_bar_closed_form(theta: np.ndarray, theta_dot: np.ndarray, theta_ddot: np.ndarray) -> np.ndarray:
-    """Give the efforts on the cranks of a vertical five-bar, from its kinetic energy.
+    """Return the efforts on the cranks of a vertical five-bar, from its kinetic energy.
 
     Cranks of length l_i turn by theta_i at A_1 = (0, 0) and A_2 = (b, 0), y upwards; rods of length r_i join
     their tips P_i to one pin C. With d = P_2 - P_1 and D = |d|, the law of cosines puts the foot of C on d at

@@ -265,7 +265,7 @@ def classical(V: Array, V_dot: Array) -> Array:
 
 
 def motion(R: Array, p: Array) -> Array:
-    """Give X of a placement, from twists of the body to twists of the link."""
+    """Return X of a placement, from twists of the body to twists of the link."""
     return np.asarray(pin.SE3(R, p).toActionMatrixInverse())
 
 
@@ -288,7 +288,7 @@ def test_symmetries_of_the_printed_terms(case: Case) -> None:
 
 
 def round_trip(case: Case, *, repaired: bool) -> Array:
-    """Give DDM(IDM(v_r_dot)) - v_r_dot of the paper's models."""
+    """Return DDM(IDM(v_r_dot)) - v_r_dot of the paper's models."""
     Gamma = case.stack.inverse(case.v_r_dot, GRAVITY, case.F_e)[0]
     back = case.stack.direct(Gamma, GRAVITY, case.F_e, repaired=repaired)[0]
     return np.concatenate(back) - np.concatenate(case.v_r_dot)

@@ -35,7 +35,7 @@ def solved(kind: str, base: Base, count: int = 2) -> Case:
 
 
 def left_over(case: Case, t: int) -> tuple[Array, float]:
-    """Give what the tree still needs once motors, closures and outer wrenches have acted, shape (nv,)."""
+    """Return what the tree still needs once motors, closures and outer wrenches have acted, shape (nv,)."""
     robot, q, v, a, wrenches, tau, reactions = case
     model, data = robot.model, robot.model.createData()
     pin.forwardKinematics(model, data, q[t])
@@ -117,7 +117,7 @@ def test_the_base_carries_what_all_bodies_together_need(kind: str, base: Base) -
 
 
 def carried_by(robot: HybridRobot, number: int) -> set[int]:
-    """Give the bodies of a module and of all that stand on it."""
+    """Return the bodies of a module and of all that stand on it."""
     modules = {number}
     for k, module in enumerate(robot.modules):
         if module.parent in modules:

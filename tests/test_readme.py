@@ -35,7 +35,7 @@ def test_python_runs(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 def shown() -> list[tuple[str, str]]:
-    """Give the commands that the README shows with their output."""
+    """Return the commands that the README shows with their output."""
     pairs = []
     for block in blocks(README, "console"):
         for part in re.split(r"^\$ ", block.text, flags=re.MULTILINE)[1:]:

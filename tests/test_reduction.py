@@ -28,7 +28,7 @@ STARS = ("gough", "gough_eight_motors", "star_four", "sps", "rps3", "central", "
 
 
 def bases(m: Mechanism, q: Array, v: Array, legs: bool) -> tuple[Array, Array, Array, Array]:
-    """Give scaled rows and drift term, and the scaled basis and drift: leg by leg, or in one piece."""
+    """Return scaled rows and drift term, and the scaled basis and drift: leg by leg, or in one piece."""
     motion = m.tree.sweep(q, v)
     K, gamma = m.closures.matrix(motion), m.closures.rates(motion, v)[1]
     r = m.reduction
@@ -127,7 +127,7 @@ def test_singular_samples_do_not_change_their_neighbours() -> None:
 
 
 def rounded(description: Description, digits: int) -> Description:
-    """Give the description as a CAD export would write it."""
+    """Return the description as a CAD export would write it."""
 
     def short(M: Array) -> Array:
         return np.round(M, digits)

@@ -174,7 +174,7 @@ def test_unknown_base_is_refused() -> None:
 
 
 def long_chain(joints: int) -> HybridRobot:
-    """Give a comb: one trunk joint, the others side by side on it."""
+    """Return a comb: one trunk joint, the others side by side on it."""
     Z, M = np.array([0.0, 0.0, 1.0]), np.eye(4)
     links = tuple(Link(f"l{i}", 1.0, np.zeros(3), np.eye(3)) for i in range(joints + 1))
     records = tuple(Joint(f"j{i}", "revolute", f"l{min(i, 1)}", f"l{i + 1}", M, Z) for i in range(joints))

@@ -90,7 +90,7 @@ def five_bar_rates(robot: HybridRobot) -> object:
         return np.array([-np.sin(p), -np.cos(p)])
 
     def equations(p: np.ndarray, w: np.ndarray, length: np.ndarray) -> np.ndarray:
-        """Give the accelerations of the driven angles."""
+        """Return the accelerations of the driven angles."""
         K = np.array([reach[0] * across(p[0]), -reach[1] * across(p[1]), length[0] * across(p[2]),
                       -length[1] * across(p[3])]).T  # fmt: skip
         gamma = -(w**2 * np.array([reach[0], -reach[1], length[0], -length[1]])) @ np.array(

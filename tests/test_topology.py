@@ -35,7 +35,7 @@ def joint(name: str, parent: str, child: str, kind: str = "revolute", x: float =
 def planar(
     *joints: Joint, closures: tuple[tuple[str, str, float, float], ...] = (), **options: object
 ) -> Description:
-    """Give a planar robot; closures as (link, link, x in each)."""
+    """Return a planar robot; closures as (link, link, x in each)."""
     names = dict.fromkeys(["base", *(j.child for j in joints)])
     records = []
     for i, (a, b, xa, xb) in enumerate(closures):
@@ -46,13 +46,13 @@ def planar(
 
 
 def joints_of(description: Description) -> list[set[str]]:
-    """Give the joints of each module."""
+    """Return the joints of each module."""
     bodies, graphs = find_modules(description)
     return [{bodies.joints[j].joint.name for j in g.joints} for g in graphs]
 
 
 def cut_wrists(robot: HybridRobot) -> list[int]:
-    """Give the number of joints in each wrist that was cut."""
+    """Return the number of joints in each wrist that was cut."""
     return sorted(len(w.joints) for m in robot.modules for w in m.mechanism.spec.wrists)
 
 
@@ -220,7 +220,7 @@ def test_crossing_pairs_are_cut_to_universals(kind: str, sizes: set[int]) -> Non
 
 
 def end_of_a_wrist(description: Description) -> tuple[str, str]:
-    """Give the last joint and link of a chain of three that is welded to the platform."""
+    """Return the last joint and link of a chain of three that is welded to the platform."""
     bodies, graphs = find_modules(description)
     wrist = next(w for w in graphs[0].wrists if len(w.joints) == 3 and w.closure)
     return bodies.joints[wrist.joints[-1]].joint.name, bodies.joints[wrist.joints[-1]].joint.child

@@ -68,7 +68,7 @@ def pose_columns(owner: str, pose: np.ndarray) -> dict[str, np.ndarray]:
 
 
 def pose_at(t: float) -> pin.SE3:
-    """Give some smooth pose."""
+    """Return some smooth pose."""
     turn = pin.exp3(np.array([0.4 * np.sin(t), 0.9 * np.cos(1.3 * t), 0.5 * t]))
     return pin.SE3(turn, np.array([np.sin(t), np.cos(0.7 * t), 0.2 * t]))
 

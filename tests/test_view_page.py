@@ -92,7 +92,7 @@ def until(tab: Any, holds: Callable[[], bool]) -> None:
 
 
 def picture(tab: Any) -> np.ndarray:
-    """Give the pixels left of the panel, shape (height, width, 3), 0 to 1."""
+    """Return the pixels left of the panel, shape (height, width, 3), 0 to 1."""
     from PIL import Image
 
     whole = np.asarray(Image.open(io.BytesIO(tab.screenshot())).convert("RGB")) / 255
@@ -113,7 +113,7 @@ def coverage(pixels: np.ndarray, colour: str) -> int:
 
 
 def grip(tab: Any, label: str) -> tuple[Any, float, float, float]:
-    """Give the mouse of a tab, the middle of a slider's knob, and the width of the slider."""
+    """Return the mouse of a tab, the middle of a slider's knob, and the width of the slider."""
     text = tab.get_by_text(label, exact=True).first
     text.scroll_into_view_if_needed()
     row = text.locator("xpath=ancestor::*[.//*[@role='slider']][1]")

@@ -21,7 +21,7 @@ CLEAN = {name: value for name, value in os.environ.items() if name not in ("PYTH
 
 
 def files_of(*names: str) -> set[str]:
-    """Give the files of some folders of this repository, or files themselves."""
+    """Return the files of some folders of this repository, or files themselves."""
     out = set()
     for name in names:
         path = ROOT / name
@@ -43,7 +43,7 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def environment(folder: Path) -> Path:
-    """Give an empty virtual environment's folder of programs."""
+    """Return an empty virtual environment's folder of programs."""
     subprocess.run([sys.executable, "-m", "venv", "--without-pip", str(folder)], check=True)
     return folder / "bin"
 
@@ -113,7 +113,7 @@ def test_an_installed_wheel_works_in_any_folder(
 
 
 def readme_commands() -> list[str]:
-    """Give the README's commands in their order, files of the clone written by their robots' names."""
+    """Return the README's commands in their order, files of the clone written by their robots' names."""
     commands = []
     for block in blocks(ROOT / "README.md", "console"):
         commands += re.findall(r"^\$ (.*)$", block.text, re.MULTILINE)

@@ -103,7 +103,7 @@ def test_a_single_slide_reaches_its_limits(tmp_path: Path) -> None:
 
 
 def motor_map(robot: hybridyn.HybridRobot, found: Workspace, i: int) -> Array:
-    """Give motor positions over the tool's x and z by central differences of assembled postures."""
+    """Return motor positions over the tool's x and z by central differences of assembled postures."""
     columns = []
     for axis in range(2):
         ends = []

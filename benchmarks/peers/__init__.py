@@ -29,5 +29,5 @@ METHODS: tuple[Method, ...] = (
 
 
 def methods_of(model: Model) -> list[Method]:
-    """Give the methods for one of the models."""
+    """Return the methods for one of the models."""
     return [method for method in METHODS if method.model == model]

@@ -60,7 +60,7 @@ class Translated:
         self.data.qvel[self.to_v] = v
 
     def state(self) -> tuple[Array, Array]:
-        """Give the state."""
+        """Return the state."""
         x = self.data.qpos[self.to_q]
         q = np.zeros(len(x) + int(self.turning.sum()))
         q[self.sine] = np.where(self.turning, np.sin(x), 0.0)

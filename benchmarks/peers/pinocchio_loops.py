@@ -66,7 +66,7 @@ def loops(robot: HybridRobot) -> Loops:
 
 
 def tree(robot: HybridRobot) -> pin.Model:
-    """Give the spanning tree's model.
+    """Return the spanning tree's model.
 
     Raises:
         NotMeasuredError: Couplings hold it.
@@ -100,10 +100,10 @@ def planar(robot: HybridRobot) -> bool:
 
 
 def motor_index(robot: HybridRobot) -> Index:
-    """Give the index in v of each motor."""
+    """Return the index in v of each motor."""
     return np.array([robot.v_slices[robot.joint_index[name]].start for name in robot.motors], dtype=int)
 
 
 def others(index: Index, size: int) -> Index:
-    """Give what is not in an index."""
+    """Return what is not in an index."""
     return np.setdiff1d(np.arange(size), index)

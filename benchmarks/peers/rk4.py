@@ -91,7 +91,7 @@ def advance(acceleration: Acceleration, q: Array, v: Array, h: float) -> tuple[A
 
 
 def projected(own: Loops, q: Array, v: Array) -> tuple[Array, Array]:
-    """Give the closed state near one, by steps of least norm."""
+    """Return the closed state near one, by steps of least norm."""
     for _ in range(MOST_STEPS):
         K = closure_rows(own, q)
         missing = np.concatenate([data.c1Mc2.translation for data in own.constraint_data])

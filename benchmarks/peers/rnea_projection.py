@@ -26,7 +26,7 @@ Parts = list[tuple[Index, Index, Index]]  # rows, motors and passive freedoms of
 
 
 def closure_rows(own: Loops, q: Array) -> Array:
-    """Give K, shape (rows, nv)."""
+    """Return K, shape (rows, nv)."""
     pin.computeJointJacobians(own.model, own.data, q)
     for constraint, data in zip(own.constraints, own.constraint_data, strict=True):
         constraint.calc(own.model, own.data, data)
@@ -35,7 +35,7 @@ def closure_rows(own: Loops, q: Array) -> Array:
 
 
 def project(K: Array, Q: Array, motors: Index, passive: Index) -> Array:
-    """Give the motors' efforts (..., motors) that do the work of Q (..., nv)."""
+    """Return the motors' efforts (..., motors) that do the work of Q (..., nv)."""
     K_p = np.swapaxes(K[..., passive], -1, -2)
     if K_p.shape[-1] == K_p.shape[-2]:
         forces = np.linalg.solve(K_p, Q[..., passive, None])
@@ -96,7 +96,7 @@ def per_module(robot: HybridRobot) -> Callable[[Setting], Solver]:
 
 
 def _parts(robot: HybridRobot, own: Loops) -> Parts:
-    """Give each module's rows of K, motors and passive freedoms; one without loops has no rows."""
+    """Return each module's rows of K, motors and passive freedoms; one without loops has no rows."""
     owner = {name: k for k, module in enumerate(robot.modules) for name in module.closures}
     rows: list[list[int]] = [[] for _ in robot.modules]
     at = 0

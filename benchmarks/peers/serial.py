@@ -14,7 +14,7 @@ from hybridyn.spatial import Array
 
 
 def _tree(robot: HybridRobot) -> pin.Model:
-    """Give the model of a robot without loops.
+    """Return the model of a robot without loops.
 
     Raises:
         NotMeasuredError: It has loops.

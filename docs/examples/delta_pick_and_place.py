@@ -39,7 +39,7 @@ def step(s: np.ndarray, span: tuple[float, float]) -> np.ndarray:
 
 
 def half(rows: int, duration: float, direction: float) -> tuple[dict[str, np.ndarray], ...]:
-    """Give x, y and z of the tool on the way there (1) or back (-1), with rates and accelerations."""
+    """Return x, y and z of the tool on the way there (1) or back (-1), with rates and accelerations."""
     s = np.linspace(0.0, 1.0, rows)
     x = direction * ACROSS * (step(s, OVER) - [[0.5], [0], [0]])
     z = LIFT * (step(s, UP) - step(s, DOWN)) + [[FLOOR], [0], [0]]

@@ -21,7 +21,7 @@ PEAK, RATED = 1100.0, 500.0  # force of the drive, for a moment and for ever [N]
 
 
 def motion(robot: hybridyn.HybridRobot, t: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Give positions, rates and accelerations of every joint: platforms lean, the direction goes round."""
+    """Return positions, rates and accelerations of every joint: platforms lean, the direction goes round."""
     poses = hybridyn.kinematics(robot, robot.home, np.zeros(robot.nv))
     heights = np.diff([0.0, *(poses[f"m{k}_platform"].pose[2] for k in range(1, 5))])
     w = 2 * np.pi / ROUND
@@ -37,7 +37,7 @@ def motion(robot: hybridyn.HybridRobot, t: np.ndarray) -> tuple[np.ndarray, np.n
 
 
 def loads(robot: hybridyn.HybridRobot, t: np.ndarray) -> list[MotorLoad]:
-    """Give what the motion asks of each motor."""
+    """Return what the motion asks of each motor."""
     q, v, a = motion(robot, t)
     sizing = Sizing(robot)
     sizing.add(t, 1, *motor_rows(robot, q, v), hybridyn.idm(robot, q, v, a, effects="model"))

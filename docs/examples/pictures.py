@@ -77,19 +77,19 @@ def snapshots(
 
 
 def figure(width: float, height: float) -> Figure:
-    """Give an empty figure, in inches."""
+    """Return an empty figure, in inches."""
     return Figure(figsize=(width, height))
 
 
 def row(picture: Figure, count: int, bottom: float, height: float, *, views: bool = False) -> list[Axes]:
-    """Give axes side by side, `bottom` and `height` in parts of the figure; `views` need no numbers."""
+    """Return axes side by side, `bottom` and `height` in parts of the figure; `views` need no numbers."""
     left, gap = (0.01, 0.01) if views else (0.075, 0.085)
     width = (0.985 - left - (count - 1) * gap) / count
     return [picture.add_axes((left + i * (width + gap), bottom, width, height)) for i in range(count)]
 
 
 def plain(axis: Axes, title: str, unit: str, across: str = "time [s]") -> None:
-    """Give an axis its title and units, and take away what says nothing."""
+    """Return an axis its title and units, and take away what says nothing."""
     axis.set_title(title, loc="left", fontsize=9, color=INK)
     axis.set_xlabel(across, fontsize=8, color=INK)
     axis.set_ylabel(unit, fontsize=8, color=INK)

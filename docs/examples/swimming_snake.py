@@ -19,13 +19,13 @@ RAMP, ROUND = 0.3, 0.9  # bending takes one, the bend's way around the body the 
 
 
 def wave(t: np.ndarray, modules: int) -> np.ndarray:
-    """Give positions, rates and accelerations of the legs, shape (3, T, motors)."""
+    """Return positions, rates and accelerations of the legs, shape (3, T, motors)."""
     fine = 1e-4  # derivatives of a smooth function, by differences
     return np.array([f(t, modules, fine) for f in (_place, _rate, _change)])
 
 
 def _place(t: np.ndarray, modules: int, fine: float = 0.0) -> np.ndarray:
-    """Give the legs' positions, shape (T, motors)."""
+    """Return the legs' positions, shape (T, motors)."""
     del fine
     grow, shrink = _step(t / RAMP), _step((t - RAMP - ROUND) / RAMP)
     angle = 2 * np.pi * _step((t - RAMP) / ROUND)
@@ -49,7 +49,7 @@ def _step(x: np.ndarray) -> np.ndarray:
 
 
 def turned(run_q: np.ndarray) -> np.ndarray:
-    """Give by how much the root is turned from where it began, shape (T,), [degrees]."""
+    """Return by how much the root is turned from where it began, shape (T,), [degrees]."""
     out: np.ndarray = np.degrees(2 * np.arctan2(np.linalg.norm(run_q[:, 3:6], axis=1), np.abs(run_q[:, 6])))
     return out
 

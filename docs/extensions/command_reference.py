@@ -17,7 +17,7 @@ WIDTH = 90  # of the lines of help
 
 
 def help_of(name: str) -> str:
-    """Give what `hybridyn NAME --help` prints."""
+    """Return what `hybridyn NAME --help` prints."""
     command = commands.get_command(click.Context(commands), name)
     assert command is not None, name
     parent = click.Context(commands, info_name="hybridyn", terminal_width=WIDTH, max_content_width=WIDTH)
@@ -28,7 +28,7 @@ class Commands(SphinxDirective):
     """All commands in the order of `hybridyn --help`."""
 
     def run(self) -> list[nodes.Node]:
-        """Give a section per command."""
+        """Return a section per command."""
         sections: list[nodes.Node] = []
         for name in COMMANDS:
             command = commands.get_command(click.Context(commands), name)

@@ -18,7 +18,7 @@ VERBS, RECORDS, ERRORS = "Functions", "Classes", "Errors"
 
 
 def public_names() -> dict[str, list[str]]:
-    """Give the public names of hybridyn by kind."""
+    """Return the public names of hybridyn by kind."""
     found: dict[str, list[str]] = {VERBS: [], RECORDS: [], ERRORS: []}
     for name in hybridyn.__all__:
         value = getattr(hybridyn, name)
@@ -33,7 +33,7 @@ class PublicNames(SphinxDirective):
     """All public names, functions first."""
 
     def run(self) -> list[nodes.Node]:
-        """Give a section per kind, each name by autodoc."""
+        """Return a section per kind, each name by autodoc."""
         lines: list[str] = []
         for kind, names in public_names().items():
             lines += [kind, "-" * len(kind), ""]
@@ -46,7 +46,7 @@ class PublicNames(SphinxDirective):
 
 
 def plain_names(*event: Any) -> tuple[str | None, str | None]:
-    """Give a signature in which types that have a name (`Array`) go by it, inside other types too."""
+    """Return a signature in which types that have a name (`Array`) go by it, inside other types too."""
     arguments, result = (
         text and re.sub(r"TypeAliasForwardRef\('(\w+)'\)", r"\1", text) for text in event[-2:]
     )

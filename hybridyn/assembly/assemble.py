@@ -152,7 +152,7 @@ def settled(m: Mechanism, x: Array) -> Array:
 def _rates_and_accelerations(
     module: Module, problem: LoopProblem, request: ModuleRequest, x: Array
 ) -> tuple[Array, Array]:
-    """Give rates and accelerations of the tree after the cuts, from the same rows."""
+    """Return rates and accelerations of the tree after the cuts, from the same rows."""
     m, samples = module.mechanism, np.arange(len(x))
     motion = m.tree.sweep(x)
     K = problem.matrix(motion)
@@ -181,7 +181,7 @@ def _solve(module: Module, problem: LoopProblem, K: Array, known: Array, wanted:
 
 
 def spanning_positions(module: Module, x: Array, target: Motion, guess: Array) -> Array:
-    """Give positions of the spanning tree: the legs', and the wrists' that put ends on their targets.
+    """Return positions of the spanning tree: the legs', and the wrists' that put ends on their targets.
 
     Args:
         module: The module.
@@ -245,6 +245,6 @@ def move_module(robot: HybridRobot, number: int, joints: Mapping[str, float], gu
 
 
 def _position(robot: HybridRobot, q: Array, joint: str) -> float:
-    """Give the position of a joint with one freedom in a posture, shape (nq,)."""
+    """Return the position of a joint with one freedom in a posture, shape (nq,)."""
     at = q[robot.q_slices[robot.joint_index[joint]]]
     return float(at[0] if len(at) == 1 else np.arctan2(at[1], at[0]))

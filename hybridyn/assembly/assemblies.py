@@ -191,7 +191,7 @@ class _Search:
         return any(place[p.other][0] != base for p in poses)
 
     def _module(self, number: int, row: int) -> Found:
-        """Give a module's postures on one posture of the modules below, searched once per request."""
+        """Return a module's postures on one posture of the modules below, searched once per request."""
         robot, module = self.robot, self.robot.modules[number]
         m = module.mechanism
         below = {body: _row(motion, row) for body, motion in self._bodies.items()}
@@ -213,7 +213,7 @@ class _Search:
 
 
 def _row(motion: RigidMotion, rows: int | Index) -> RigidMotion:
-    """Give some samples of a frame's motion."""
+    """Return some samples of a frame's motion."""
     at = np.atleast_1d(rows)
     return RigidMotion(*(x[at] for x in (motion.R, motion.p, motion.w, motion.pd, motion.wd, motion.pdd)))
 
@@ -252,7 +252,7 @@ def postures(robot: HybridRobot, module: Module, task: Task, starts: int, seed: 
 
 
 def _reached(task: Task, q: Array) -> Array:
-    """Give the closed postures that starts lead to, shapes (starts, nq) and (closed, nq)."""
+    """Return the closed postures that starts lead to, shapes (starts, nq) and (closed, nq)."""
     problem, q = task.problem, task.with_known(q, np.zeros(len(q), dtype=int))
     active, there = np.arange(len(q)), np.zeros(len(q), dtype=bool)
     for _ in range(MOST_STEPS):
@@ -278,7 +278,7 @@ def _reached(task: Task, q: Array) -> Array:
 
 
 def _marks(module: Module, x: Array) -> Array:
-    """Give what tells postures apart, without unit, shape (T, marks): see `assemblies`."""
+    """Return what tells postures apart, without unit, shape (T, marks): see `assemblies`."""
     m = module.mechanism
     motion = m.tree.sweep(x)
     marks = [motion.p[:, 1:].reshape(len(x), -1) / m.length]

@@ -19,7 +19,7 @@ BOUNDED = 1e6
 
 
 def check_determined(module: Module, problem: LoopProblem, generic: Array) -> int:
-    """Give the generic rank of a problem's rows over its free freedoms.
+    """Return the generic rank of a problem's rows over its free freedoms.
 
     Args:
         module: The module.
@@ -135,7 +135,7 @@ def _what_is_singular(module: Module, problem: LoopProblem, K: Array) -> tuple[s
 
 
 def full_rank_blocks(generic: Array, free: Mask) -> list[Block]:
-    """Give the connected blocks of rows and free columns; none where one has not full column rank."""
+    """Return the connected blocks of rows and free columns; none where one has not full column rank."""
     cols = np.flatnonzero(free)
     touched: Mask = np.abs(generic[:, :, cols]).max(axis=0, initial=0.0) > 1e-12
     label = np.arange(len(cols))

@@ -14,7 +14,7 @@ SINGULAR = 1e-5
 
 
 def home_residuals(robot: HybridRobot) -> list[float]:
-    """Give for each module how far its loops are open at the home posture, relative to its length.
+    """Return for each module how far its loops are open at the home posture, relative to its length.
 
     Args:
         robot: The robot.
@@ -29,7 +29,7 @@ def home_residuals(robot: HybridRobot) -> list[float]:
 
 
 def findings(robot: HybridRobot) -> list[str]:
-    """Give what looks wrong, one sentence each, the reader's notes first.
+    """Return what looks wrong, one sentence each, the reader's notes first.
 
     Args:
         robot: The robot.
@@ -77,7 +77,7 @@ def singular_at_home(module: Module, robot: HybridRobot) -> str:
 
 
 def motor_share(module: Module, Psi: Array) -> Array | None:
-    """Give the least share of the motors in a motion: smallest singular value of S_a Psi, Psi orthonormal.
+    """Return the least share of the motors in a motion: smallest singular value of S_a Psi, Psi orthonormal.
 
     Metres count over the module's length, as radians do.
 

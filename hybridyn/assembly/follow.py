@@ -53,7 +53,7 @@ class Task:
     row_names: Sequence[str]
 
     def with_known(self, q: Array, samples: Index) -> Array:
-        """Give positions with the given joints at their values."""
+        """Return positions with the given joints at their values."""
         q = q.copy()
         for joint in self.given:
             at = self.problem.tree.q_slices[joint]
@@ -77,7 +77,7 @@ class Task:
         return out
 
     def between(self, sample: int, fractions: Array) -> Task:
-        """Give the task at fractions of the way from a sample to the next, shape (n,), its own samples."""
+        """Return the task at fractions of the way from a sample to the next, shape (n,), its own samples."""
         tree = self.problem.tree
         start = np.tile(self.known[sample], (len(fractions), 1))
         whole = tree.difference(self.known[sample : sample + 1], self.known[sample + 1 : sample + 2])
@@ -125,7 +125,7 @@ def follow(task: Task, guess: Array, *, keep_branch: bool = True) -> Array:
 
 
 def first_posture(task: Task, guess: Array) -> Array:
-    """Give the closed posture that a guess leads to.
+    """Return the closed posture that a guess leads to.
 
     That is the one at the end of a walk from the guess on its own assembly branch; where there is none, the
     one that Newton finds from the guess, or from seeded restarts about it.
@@ -210,7 +210,7 @@ def _coarse_to_fine(task: Task, start: Array, samples: Index) -> tuple[Array, Ma
 
 
 def _interpolated(task: Task, q: Array, have: Index, todo: Index, before: Index) -> tuple[Array, Array]:
-    """Give starts at samples between those at hand: cubic between four neighbours, else what is nearest.
+    """Return starts at samples between those at hand: cubic between four neighbours, else what is nearest.
 
     Returns:
         Positions of the sample before, and the step from there, shapes (n, nq), (n, nv).

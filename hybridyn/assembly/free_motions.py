@@ -37,7 +37,7 @@ class FreeMotions:
 
 
 def free_motions(module: Module) -> FreeMotions:
-    """Give the motions of a module that lack a motor or inertia.
+    """Return the motions of a module that lack a motor or inertia.
 
     Args:
         module: The module.
@@ -81,7 +81,7 @@ def free_motions_of(robot: HybridRobot) -> list[str]:
 
 
 def own_inertia(m: Mechanism, Psi: Array) -> Array:
-    """Give the inertia of a module alone along motions at its first generic posture.
+    """Return the inertia of a module alone along motions at its first generic posture.
 
     Args:
         m: The module's numbers.
@@ -100,7 +100,7 @@ def own_inertia(m: Mechanism, Psi: Array) -> Array:
 
 
 def _effects(m: Mechanism) -> Array:
-    """Give what rates do to outputs and to centres of mass, shape (rows, n), scaled."""
+    """Return what rates do to outputs and to centres of mass, shape (rows, n), scaled."""
     motion = m.tree.sweep(m.postures[:1])
     units = np.array([m.length] * 3 + [1.0] * 3)[:, None]
     rows = [m.tree.jacobian(motion, body)[0] / units for body in m.spec.outputs]
@@ -112,7 +112,7 @@ def _effects(m: Mechanism) -> Array:
 
 
 def _null_space(A: Array, tolerance: float) -> Array:
-    """Give orthonormal columns that A maps to almost nothing, shape (n, k)."""
+    """Return orthonormal columns that A maps to almost nothing, shape (n, k)."""
     if not A.shape[1]:
         return np.zeros((0, 0))
     _, s, Vt = np.linalg.svd(A, full_matrices=True)
@@ -122,7 +122,7 @@ def _null_space(A: Array, tolerance: float) -> Array:
 
 
 def _complement(Q: Array) -> Array:
-    """Give orthonormal columns that complete orthonormal columns Q to a basis."""
+    """Return orthonormal columns that complete orthonormal columns Q to a basis."""
     if not Q.shape[1]:
         return np.eye(len(Q))
     out: Array = np.linalg.svd(Q, full_matrices=True)[0][:, Q.shape[1] :]

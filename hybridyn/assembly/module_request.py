@@ -104,7 +104,7 @@ class ModuleRequest:
 def module_request(
     requests: Requests, robot: HybridRobot, number: int, base_body: int, bodies: Mapping[int, RigidMotion]
 ) -> ModuleRequest:
-    """Give what is wanted of one module.
+    """Return what is wanted of one module.
 
     Args:
         requests: Everything that is wanted.
@@ -145,14 +145,14 @@ def module_request(
 
 
 def _units(m: Mechanism) -> Array:
-    """Give the units of a pose's six rows: the module's length, and a radian."""
+    """Return the units of a pose's six rows: the module's length, and a radian."""
     return np.array([m.length] * 3 + [1.0] * 3)
 
 
 def _coordinate_target(
     robot: HybridRobot, module: Module, base_body: int, pose: PoseRequest, place: tuple[int, Array, Array]
 ) -> CoordinateTarget:
-    """Give the target of a partial pose; `place` is the link's body in the tree and its placement there.
+    """Return the target of a partial pose; `place` is the link's body in the tree and its placement there.
 
     Raises:
         AssemblyError: The pose is not relative to the module's base.
@@ -179,7 +179,7 @@ def _in_base(
     pose: PoseRequest,
     motion: RigidMotion,
 ) -> RigidMotion:
-    """Give a link's wanted motion in its module's base body.
+    """Return a link's wanted motion in its module's base body.
 
     Raises:
         AssemblyError: The pose is relative to a link further out.

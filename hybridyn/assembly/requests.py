@@ -107,7 +107,7 @@ def _known(name: str, known: Mapping[str, object], what: str) -> None:
 
 
 def _triple(value: object) -> tuple[object, object, object]:
-    """Give (position, rate, acceleration), None where left out."""
+    """Return (position, rate, acceleration), None where left out."""
     parts = list(value) if isinstance(value, (tuple, list)) else [value]
     if not 1 <= len(parts) <= 3:
         raise TrajectoryError("give (position, rate, acceleration), of which the last two may be left out")
@@ -116,7 +116,7 @@ def _triple(value: object) -> tuple[object, object, object]:
 
 
 def _three(value: object, name: str) -> list[Array]:
-    """Give position, rate and acceleration of a joint, each of shape () or (T,), zero where left out.
+    """Return position, rate and acceleration of a joint, each of shape () or (T,), zero where left out.
 
     Raises:
         TrajectoryError: Another shape, or a number that is not finite.
@@ -129,7 +129,7 @@ def _three(value: object, name: str) -> list[Array]:
 
 
 def _lengths(part: object) -> list[int]:
-    """Give the batch sizes in one part of a pose."""
+    """Return the batch sizes in one part of a pose."""
     if part is None:
         return []
     if isinstance(part, Mapping):
@@ -175,7 +175,7 @@ def _pose(robot: HybridRobot, key: str, parts: Sequence[object], T: int) -> Pose
 
 
 def _array(key: str, value: object, width: int, T: int) -> Array:
-    """Give one part of a pose as (T, width), zero where left out.
+    """Return one part of a pose as (T, width), zero where left out.
 
     Raises:
         TrajectoryError: Another shape, or a number that is not finite.

@@ -13,7 +13,7 @@ from ..structure.samples import as_batch
 
 
 def residuals(robot: HybridRobot, q: Array) -> Iterator[tuple[Module, Array]]:
-    """Give each looped module with its scaled closure residuals, shape (T, rows)."""
+    """Return each looped module with its scaled closure residuals, shape (T, rows)."""
     for module in robot.modules:
         m = module.mechanism
         if m.spanning_closures.rows:
@@ -23,7 +23,7 @@ def residuals(robot: HybridRobot, q: Array) -> Iterator[tuple[Module, Array]]:
 
 
 def closure_residual(robot: HybridRobot, q: Array) -> Array:
-    """Give the worst closure residual of each sample, relative to its module's length.
+    """Return the worst closure residual of each sample, relative to its module's length.
 
     Args:
         robot: The robot.

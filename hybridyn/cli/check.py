@@ -105,7 +105,7 @@ def _facts(finding: Finding) -> dict[str, object]:
 
 
 def _lines(found: list[Finding], width: int, everything: bool) -> Iterator[str]:
-    """Give the findings as text, those of one code together."""
+    """Return the findings as text, those of one code together."""
     groups: dict[str, list[Finding]] = {}
     for finding in found:
         groups.setdefault(finding.code, []).append(finding)

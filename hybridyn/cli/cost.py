@@ -32,7 +32,7 @@ SENTENCE = 1e-3
 
 
 def _source(ctx: click.Context, param: click.Parameter, value: str) -> str:
-    """Give the file of a scene, or of a robot, which may be named."""
+    """Return the file of a scene, or of a robot, which may be named."""
     return (scene_file if value.endswith(".toml") else robot_file)(ctx, param, value)
 
 
@@ -182,7 +182,7 @@ def _tell(study: Study, target: float | None, *, to_stderr: bool) -> int:
 
 
 def _report(study: Study) -> list[str]:
-    """Give the lines to print."""
+    """Return the lines to print."""
     from ..studies.cost.points import advice, error_words, front
 
     worth = front(study.points, study.own_error)
@@ -215,7 +215,7 @@ def _failures(study: Study) -> list[str]:
 
 
 def _time(seconds: float) -> str:
-    """Give a time as words."""
+    """Return a time as words."""
     unit, factor = ("us", 1e6) if seconds < 1e-2 else ("s", 1.0)
     return f"{seconds * factor:.3g} {unit}"
 

@@ -145,7 +145,7 @@ def engine_lines(engine: Engine, sets: EffectSets | None) -> list[str]:
 
 
 def contribution_lines(robot: HybridRobot, contributions: Sequence[Contribution]) -> list[str]:
-    """Give the table of what each effect adds to each motor's effort."""
+    """Return the table of what each effect adds to each motor's effort."""
     kinds = {joint.name: joint.kind for joint in robot.description.joints}
     rows = [["effect", "motor", "peak", "RMS", "unit", "share"]]
     for effect in contributions:
@@ -160,7 +160,7 @@ def contribution_lines(robot: HybridRobot, contributions: Sequence[Contribution]
 
 
 def cost_lines(contributions: Sequence[Contribution], seconds: float) -> list[str]:
-    """Give the table of what each effect costs in time."""
+    """Return the table of what each effect costs in time."""
     rows = [["effect", "time per sample", "of the whole"]]
     for effect in contributions:
         rows.append([effect.name, f"{effect.seconds * 1e6:.1f} us", f"{effect.seconds / seconds:.1%}"])

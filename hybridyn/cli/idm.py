@@ -60,7 +60,7 @@ def command(
     effects: tuple[str, ...],
     engine: str | None,
 ) -> None:
-    """Give the motor efforts that move ROBOT (URDF or xacro) as TRAJECTORY (CSV or Parquet) says.
+    """Return the motor efforts that move ROBOT (URDF or xacro) as TRAJECTORY (CSV or Parquet) says.
 
     ROBOT may be the name of a shipped robot ('hybridyn robots'), which has a trajectory of its own.
 
@@ -121,7 +121,7 @@ def efforts(
     reactions: bool = False,
     compiled: CompiledRobot | None = None,
 ) -> Rows:
-    """Give the efforts of a block, shape (T, motors), and the reactions' rows where they are wanted.
+    """Return the efforts of a block, shape (T, motors), and the reactions' rows where they are wanted.
 
     Args:
         robot: The robot.

@@ -101,7 +101,7 @@ def _assemblies(robot: HybridRobot, starts: int) -> Iterator[str]:
 
 
 def _head(robot: HybridRobot) -> Iterator[str]:
-    """Give the lines about the robot as a whole."""
+    """Return the lines about the robot as a whole."""
     description = robot.description
     yield f"{robot.name} ({description.source})"
     free = counted(robot.mobility, "freedom")
@@ -156,7 +156,7 @@ class _Tree:
             stack += [(child, inner) for child in reversed(below)]
 
     def _equal_chain(self, number: int) -> list[int]:
-        """Give a module with those that follow one another on it, where all are like one that was shown."""
+        """Return a module with those that follow one another on it, where all are like one that was shown."""
         modules = self.robot.modules
         chain = [number]
         if not modules[number].closures or id(modules[number].mechanism) not in self.first:

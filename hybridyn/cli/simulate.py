@@ -113,7 +113,7 @@ def _engine(ready: Stage, asked: str | None) -> Engine:
 
 
 def _own_target(ready: Stage) -> str | None:
-    """Give the result file that the scene names."""
+    """Return the result file that the scene names."""
     from ..errors import TrajectoryError
     from ..tables.results import check_target
 
@@ -130,7 +130,7 @@ def _own_target(ready: Stage) -> str | None:
 
 @contextlib.contextmanager
 def _between_steps() -> Iterator[list[int]]:
-    """Give a list that Ctrl-C puts its mark in, so that runs stop between steps; twice stops at once."""
+    """Return a list that Ctrl-C puts its mark in, so that runs stop between steps; twice stops at once."""
     marks: list[int] = []
 
     def mark(number: int, frame: object) -> None:

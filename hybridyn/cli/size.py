@@ -163,7 +163,7 @@ class _Report:
 
 
 def _table(loads: Sequence[MotorLoad], timed: bool) -> list[str]:
-    """Give the table for people: one line per motor."""
+    """Return the table for people: one line per motor."""
     at = "at [s]" if timed else "row"
     rows = [["motor", "peak effort", at, "RMS", "peak speed", at, "peak power", at, "braking"]]
     rows[0] += ["mean power", "energy given", "taken"] if timed else []

@@ -25,7 +25,7 @@ SMALLEST, LARGEST = 64, 4096  # pixels
 
 
 def _target(ending: str) -> Callable[[click.Context, click.Parameter, str | None], str | None]:
-    """Give a check of a file's ending and folder."""
+    """Return a check of a file's ending and folder."""
 
     def check(ctx: click.Context, param: click.Parameter, value: str | None) -> str | None:
         if value is None:
@@ -164,7 +164,7 @@ def _run(robot: HybridRobot, motion: str, effects: tuple[str, ...]) -> Run:
 
 @contextmanager
 def _appearing(target: str) -> Iterator[str]:
-    """Give a file to write to, which takes its name when it is complete."""
+    """Return a file to write to, which takes its name when it is complete."""
     partial = f"{target}.part{os.path.splitext(target)[1]}"
     try:
         yield partial

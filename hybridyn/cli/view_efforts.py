@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 def efforts_along(
     robot: HybridRobot, file: str, found: Sequence[Postures], effects: tuple[str, ...]
 ) -> tuple[Array | None, str]:
-    """Give the efforts along a motion: the table's own where it has all of them, else the inverse model's.
+    """Return the efforts along a motion: the table's own where it has all of them, else the inverse model's.
 
     Args:
         robot: The robot.

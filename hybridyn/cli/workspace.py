@@ -127,7 +127,7 @@ def command(
 
 @contextlib.contextmanager
 def _spread(jobs: int) -> Iterator[Any]:
-    """Give a function that applies another one to many tasks, here or in other processes."""
+    """Return a function that applies another one to many tasks, here or in other processes."""
     from ..studies.workspace.flood import in_this_process
 
     if jobs == 1:

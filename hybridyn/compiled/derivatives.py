@@ -46,7 +46,7 @@ AGREE = 1e-6
 def idm_jacobian(
     robot: HybridRobot, q: ArrayLike, v: ArrayLike, a: ArrayLike, *, effects: Choice = None
 ) -> Jacobians:
-    """Give the derivatives of motor efforts.
+    """Return the derivatives of motor efforts.
 
     Args:
         robot: The robot.
@@ -69,7 +69,7 @@ def idm_jacobian(
 def ddm_jacobian(
     robot: HybridRobot, q: ArrayLike, v: ArrayLike, tau: ArrayLike, *, effects: Choice = None
 ) -> Jacobians:
-    """Give the derivatives of accelerations.
+    """Return the derivatives of accelerations.
 
     Args:
         robot: The robot.
@@ -191,7 +191,7 @@ class Derivatives:
 
 
 def _tangent(robot: HybridRobot, q: ca.SX) -> ca.SX:
-    """Give dq over the freedoms, shape (nq, nv): how coordinates change as joints move."""
+    """Return dq over the freedoms, shape (nq, nv): how coordinates change as joints move."""
     E = ca.SX(robot.nq, robot.nv)
     for kind, at, to in zip(robot.kinds, robot.q_slices, robot.v_slices, strict=True):
         x = q[at.start : at.stop]
@@ -216,7 +216,7 @@ def _tangent(robot: HybridRobot, q: ca.SX) -> ca.SX:
 
 
 def _quaternion_rates(x: ca.SX) -> ca.SX:
-    """Give d(x, y, z, w) over a body rotation, shape (4, 3)."""
+    """Return d(x, y, z, w) over a body rotation, shape (4, 3)."""
     a, b, c, w = x[0], x[1], x[2], x[3]
     return 0.5 * ca.vertcat(
         ca.horzcat(w, -c, b), ca.horzcat(c, w, -a), ca.horzcat(-b, a, w), ca.horzcat(-a, -b, -c)

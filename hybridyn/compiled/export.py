@@ -99,7 +99,7 @@ def c_name(text: str) -> str:
 
 
 def _body_names(robot: HybridRobot) -> list[str]:
-    """Give each body a name: that of the first link that is part of it and stands in its frame."""
+    """Return each body a name: that of the first link that is part of it and stands in its frame."""
     names = [""] * len(robot.bodies.bodies)
     for link, (body, _, _) in robot.bodies.place.items():
         names[body] = names[body] or link
@@ -107,18 +107,18 @@ def _body_names(robot: HybridRobot) -> list[str]:
 
 
 def _places(names: Sequence[str], places: Sequence[slice]) -> list[str]:
-    """Give lines that say where each name's numbers are."""
+    """Return lines that say where each name's numbers are."""
     return [f"     {at.start}..{at.stop - 1}  {name}" for name, at in zip(names, places, strict=True)]
 
 
 def _comment(lines: Sequence[str]) -> str:
-    """Give a comment in C, whatever names stand in it."""
+    """Return a comment in C, whatever names stand in it."""
     text = "\n".join(" ".join(re.split(r"[\r\n]", line)) for line in lines)
     return f"/* {re.sub(r'/(?=[*])|[*](?=/)', lambda sign: sign.group() + ' ', text)} */"
 
 
 def _header(robot: HybridRobot, programs: list[Program], name: str, dtype: str) -> str:
-    """Give the header."""
+    """Return the header."""
     from .equations.guards import CLOSED
 
     motors = [f"     {i}  {motor}" for i, motor in enumerate(robot.motors)]
@@ -147,7 +147,7 @@ def _header(robot: HybridRobot, programs: list[Program], name: str, dtype: str) 
 
 
 def _makefile(name: str) -> str:
-    """Give the Makefile."""
+    """Return the Makefile."""
     return "\n".join(
         [
             f"# {WRITTEN}.", "CFLAGS ?= -O2 -march=native", "WARN = -std=c99 -Wall -Wextra -pedantic", "",
@@ -162,7 +162,7 @@ def _makefile(name: str) -> str:
 def _readme(
     robot: HybridRobot, effects: Sequence[str], programs: list[Program], name: str, dtype: str
 ) -> str:
-    """Give the README."""
+    """Return the README."""
     functions = "\n".join(f"    {prototype(program, name, dtype)};" for program in programs)
     return f"""# Dynamics of '{robot.description.name}' in C
 

@@ -60,7 +60,7 @@ CHECK = """    trusted = 0;
 
 
 def test_text(robot: HybridRobot, effects: Effects, programs: list[Program], name: str, dtype: str) -> str:
-    """Give the test in C.
+    """Return the test in C.
 
     Args:
         robot: The robot.
@@ -125,7 +125,7 @@ def rates_read(program: Program) -> Array:
 
 
 def _array(name: str, values: Array, dtype: str) -> str:
-    """Give samples as an array in C."""
+    """Return samples as an array in C."""
     rounded: Array = values.astype(dtype).astype(np.float64)
     rows = ",\n    ".join("{" + ", ".join(map(literal, row)) + "}" for row in rounded.tolist())
     shape = f"[{values.shape[0]}][{max(values.shape[1], 1)}]"

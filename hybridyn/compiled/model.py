@@ -64,7 +64,7 @@ class CompiledRobot:
         return _revived, (self.robot, self.effects, self.library.built, self.threads)
 
     def idm(self, q: ArrayLike, v: ArrayLike, a: ArrayLike) -> Numbers:
-        """Give motor efforts, as `hybridyn.idm` does.
+        """Return motor efforts, as `hybridyn.idm` does.
 
         Args:
             q: Positions, shape (nq,) or (T, nq).
@@ -85,7 +85,7 @@ class CompiledRobot:
     def ddm(
         self, q: ArrayLike, v: ArrayLike, tau: ArrayLike, *, base_acceleration: ArrayLike | None = None
     ) -> Numbers:
-        """Give accelerations, as `hybridyn.ddm` does.
+        """Return accelerations, as `hybridyn.ddm` does.
 
         Args:
             q: Positions, shape (nq,) or (T, nq).
@@ -110,7 +110,7 @@ class CompiledRobot:
         return self._run("ddm", given)
 
     def accelerations(self, q: Array, v: Array, tau: Array, base: Array) -> Array | None:
-        """Give accelerations for `simulate`: of closed states, within effort limits.
+        """Return accelerations for `simulate`: of closed states, within effort limits.
 
         Args:
             q: Positions, shape (T, nq).
@@ -151,7 +151,7 @@ class CompiledRobot:
     def kinematics(
         self, q: Array, v: Array, a: Array | None = None, links: Sequence[str] | None = None
     ) -> dict[str, LinkMotion]:
-        """Give poses, twists and accelerations of links, as `hybridyn.kinematics` does."""
+        """Return poses, twists and accelerations of links, as `hybridyn.kinematics` does."""
         a = np.zeros(np.shape(v)) if a is None else a
         rows = self._run("kinematics", {"q": q, "v": v, "a": a})
         places = self.robot.bodies.place
@@ -181,7 +181,7 @@ class CompiledRobot:
         return write_programs(self.robot, self.effects)
 
     def _base(self, acceleration: ArrayLike | None, samples: tuple[int, ...]) -> ArrayLike:
-        """Give the acceleration of a moving base for every sample."""
+        """Return the acceleration of a moving base for every sample."""
         if acceleration is None:
             return self._still if not samples else np.zeros((*samples, 6), self.dtype)
         if np.shape(acceleration) == (6,) and samples:
@@ -216,7 +216,7 @@ class CompiledRobot:
         return result[0] if arrays["q"].ndim == 1 else result
 
     def _again(self, name: str, given: dict[str, Array], doubtful: np.ndarray[Any, Any]) -> Array:
-        """Give samples by the general path."""
+        """Return samples by the general path."""
         self.recomputed += len(doubtful)
         log.info(
             "%s: %d of %d samples computed by the general path (first: %d)",

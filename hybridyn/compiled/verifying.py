@@ -89,7 +89,7 @@ def _lift(model: CompiledRobot, q: Array, v: Array) -> None:
 
 
 def _rounding(model: CompiledRobot, q: Array, v: Array, a: Array, efforts: Array) -> float:
-    """Give what rounding the accelerations does to the general path's own efforts, relative.
+    """Return what rounding the accelerations does to the general path's own efforts, relative.
 
     In a long stack thrown about at random it is more than `AGREE`: terms cancel from module to module, and no
     arithmetic of this width can do better.
@@ -100,7 +100,7 @@ def _rounding(model: CompiledRobot, q: Array, v: Array, a: Array, efforts: Array
 
 
 def difference(result: Numbers, reference: Array) -> Array:
-    """Give the difference of each sample, relative to its largest entry, shape (T,)."""
+    """Return the difference of each sample, relative to its largest entry, shape (T,)."""
     scale = np.abs(reference).max(axis=1, initial=0.0)
     out: Array = np.abs(result - reference).max(axis=1, initial=0.0) / np.where(scale > 0, scale, 1.0)
     return out

@@ -56,6 +56,6 @@ def apply_frame_names(robot: RobotFile) -> None:
 
 
 def weld_or_point(name: str, kind: str, link_a: str, link_b: str, line: int | None) -> Closure:
-    """Give the closure that makes the origins (3d) or the whole frames (6d) of two links coincide."""
+    """Return the closure that makes the origins (3d) or the whole frames (6d) of two links coincide."""
     form = CLOSURE_TYPES[kind]
     return Closure(name, kind, link_a, np.eye(4), link_b, np.eye(4), form.translations, form.rotation, line)

@@ -17,7 +17,7 @@ RANKING: tuple[MotorSource, ...] = ("side-car", "model file", "transmission", "i
 
 
 def choose_motors(robot: RobotFile, motors: Sequence[str] | None) -> tuple[tuple[str, ...], str]:
-    """Give the names of the driven joints and the rule that found them.
+    """Return the names of the driven joints and the rule that found them.
 
     The order of sources: the caller, the side-car's `name_mot`, the model file's `motors`, URDF
     transmissions, URDF+ `independent=`. Where none speaks: all one-freedom joints that follow no other if the
@@ -81,7 +81,7 @@ def _by_rule(robot: RobotFile) -> tuple[tuple[str, ...], str]:
 
 
 def _free_joints(robot: RobotFile) -> list[Joint]:
-    """Give the joints with one freedom that mimic no other."""
+    """Return the joints with one freedom that mimic no other."""
     followers = {coupling.name for coupling in robot.couplings if _is_mimic(coupling)}
     return [joint for joint in robot.joints if FREEDOMS[joint.kind] == 1 and joint.name not in followers]
 

@@ -11,7 +11,7 @@ LISTED_NAMES = 8
 
 
 def closest(name: str, known: Iterable[str]) -> str | None:
-    """Give the known name that is most like `name`, or None where none comes near."""
+    """Return the known name that is most like `name`, or None where none comes near."""
     words = tuple(known)
     return _remembered(name, words) if len(words) < 100 else _closest(name, words)
 
@@ -29,7 +29,7 @@ _remembered = functools.lru_cache(maxsize=1024)(_closest)  # a file repeats its 
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:
-    """Give " (did you mean 'x'?)" for a name that is nearly known, else an empty string."""
+    """Return " (did you mean 'x'?)" for a name that is nearly known, else an empty string."""
     best = closest(name, known)
     return f" (did you mean '{best}'?)" if best else ""
 

@@ -8,7 +8,7 @@ from .records import Array
 
 
 def rotation_from_rpy(roll: float, pitch: float, yaw: float) -> Array:
-    """Give Rz(yaw) Ry(pitch) Rx(roll), shape (3, 3): URDF's fixed-axis angles [rad]."""
+    """Return Rz(yaw) Ry(pitch) Rx(roll), shape (3, 3): URDF's fixed-axis angles [rad]."""
     (cr, cp, cy), (sr, sp, sy) = np.cos([roll, pitch, yaw]), np.sin([roll, pitch, yaw])
     return np.array(
         [
@@ -20,7 +20,7 @@ def rotation_from_rpy(roll: float, pitch: float, yaw: float) -> Array:
 
 
 def rotation_from_quaternion(x: float, y: float, z: float, w: float) -> Array:
-    """Give the rotation of a unit quaternion, shape (3, 3)."""
+    """Return the rotation of a unit quaternion, shape (3, 3)."""
     return np.array(
         [
             [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
@@ -31,7 +31,7 @@ def rotation_from_quaternion(x: float, y: float, z: float, w: float) -> Array:
 
 
 def rotation_to_axis(axis: Array) -> Array:
-    """Give a rotation that turns z to a unit axis, shape (3, 3); exact for the coordinate axes.
+    """Return a rotation that turns z to a unit axis, shape (3, 3); exact for the coordinate axes.
 
     The turn about the axis itself is free; this one follows the cyclic order x, y, z where it can.
     """
@@ -42,12 +42,12 @@ def rotation_to_axis(axis: Array) -> Array:
 
 
 def placement_from(rotation: Array, position: Array) -> Array:
-    """Give the homogeneous matrix of a rotation (3, 3) and a position (3,) [m], shape (4, 4)."""
+    """Return the homogeneous matrix of a rotation (3, 3) and a position (3,) [m], shape (4, 4)."""
     placement = np.eye(4)
     placement[:3, :3], placement[:3, 3] = rotation, position
     return placement
 
 
 def turned(placement: Array, rotation: Array) -> Array:
-    """Give a frame with the same origin and its axes turned by `rotation` in its own axes, shape (4, 4)."""
+    """Return a frame with the same origin and its axes turned by `rotation` in its own axes, shape (4, 4)."""
     return placement_from(placement[:3, :3] @ rotation, placement[:3, 3])

@@ -81,7 +81,7 @@ def open_robot(
     xacro_args: Mapping[str, object] | None = None,
     package_dirs: Sequence[str | os.PathLike[str]] = (),
 ) -> Node:
-    """Give the root element of a robot file, expanded if it is xacro, whatever it says.
+    """Return the root element of a robot file, expanded if it is xacro, whatever it says.
 
     Args:
         path: The file.
@@ -97,7 +97,7 @@ def open_robot(
 def _open(
     file: str, xacro_args: Mapping[str, object], package_dirs: Sequence[str | os.PathLike[str]]
 ) -> tuple[Node, list[str]]:
-    """Give the root element of a file, expanded if it is xacro, and the notes of the expansion."""
+    """Return the root element of a file, expanded if it is xacro, and the notes of the expansion."""
     text = read_bytes(file)
     if not file.endswith(".xacro"):
         root = parse(text, file)
@@ -137,7 +137,7 @@ def _read_model_file(robot: RobotFile, file: str) -> dict[str, tuple[float, ...]
 
 
 def read_bytes(file: str) -> bytes:
-    """Give the content of a file.
+    """Return the content of a file.
 
     Raises:
         ModelError: It cannot be read, or is absurdly large.

@@ -53,7 +53,7 @@ class ShippedRobot:
 
 
 def data_folder() -> Path | None:
-    """Give the folder that holds `urdf/` and `models/`, or None where they were not installed."""
+    """Return the folder that holds `urdf/` and `models/`, or None where they were not installed."""
     for folder in (PACKAGE.parent, PACKAGE / "_data"):
         if (folder / "urdf").is_dir() and (folder / "models" / "robots.toml").is_file():
             return folder
@@ -62,7 +62,7 @@ def data_folder() -> Path | None:
 
 @lru_cache(maxsize=1)
 def shipped_robots() -> dict[str, ShippedRobot]:
-    """Give the shipped robots by name, those of the README first, then benchmark mechanisms."""
+    """Return the shipped robots by name, those of the README first, then benchmark mechanisms."""
     folder = data_folder()
     if folder is None:
         return {}
@@ -76,7 +76,7 @@ def shipped_robots() -> dict[str, ShippedRobot]:
 
 
 def find_robot(path: str | os.PathLike[str], folder: str | os.PathLike[str] = "") -> str:
-    """Give the file of a robot: a path that exists, else the shipped robot of that name.
+    """Return the file of a robot: a path that exists, else the shipped robot of that name.
 
     Args:
         path: A path, or a name.
@@ -113,7 +113,7 @@ def no_such_robot(word: str) -> str:
 
 
 def main_names() -> list[str]:
-    """Give the names of the robots of the README, benchmark mechanisms left out."""
+    """Return the names of the robots of the README, benchmark mechanisms left out."""
     return [name for name, robot in shipped_robots().items() if not robot.is_benchmark]
 
 
@@ -133,7 +133,7 @@ def find_data(word: str) -> str | None:
 
 
 def own_trajectory(file: str) -> str | None:
-    """Give the trajectory that comes with a shipped robot, or None.
+    """Return the trajectory that comes with a shipped robot, or None.
 
     Args:
         file: The robot's file.
@@ -145,7 +145,7 @@ def own_trajectory(file: str) -> str | None:
 
 
 def shown(file: Path) -> str:
-    """Give a path as a user would write it: relative where that is shorter.
+    """Return a path as a user would write it: relative where that is shorter.
 
     Args:
         file: The file.
@@ -165,7 +165,7 @@ def _stem(file: Path) -> str:
 
 
 def _record(folder: Path, name: str, file: Path, facts: dict[str, object]) -> ShippedRobot:
-    """Give a robot's record from the catalogue; what is not in it is told by the file's first comment."""
+    """Return a robot's record from the catalogue; what is not in it is told by the file's first comment."""
     home = folder / "models" / name
     if not home.is_dir():
         home = folder / "models" / "benchmarks" / name

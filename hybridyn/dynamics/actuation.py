@@ -38,7 +38,7 @@ class Sharing:
 
 
 def motor_units(module: Module) -> Array:
-    """Give the factor that turns each motor's effort into work per scaled coordinate, shape (motors,)."""
+    """Return the factor that turns each motor's effort into work per scaled coordinate, shape (motors,)."""
     out: Array = module.mechanism.reduction.col_scale[module.motor_columns]
     return out
 
@@ -46,7 +46,7 @@ def motor_units(module: Module) -> Array:
 def motor_efforts(
     robot: HybridRobot, module: Module, Psi: Array, Q: Array, size: Array, sharing: Sharing
 ) -> Array:
-    """Give the efforts of a module's motors.
+    """Return the efforts of a module's motors.
 
     Args:
         robot: The robot.
@@ -101,7 +101,7 @@ def _least_norm(
     sharing: Sharing,
     samples: Index | None = None,
 ) -> Array:
-    """Give the least of |tau / share| with B tau = Q, by singular values.
+    """Return the least of |tau / share| with B tau = Q, by singular values.
 
     Along orthonormal motions, so that what no motor can produce does not depend on the coordinates u.
     """
@@ -131,7 +131,7 @@ def _least_norm(
 
 
 def load_share(robot: HybridRobot, module: Module, sharing: Sharing) -> Array:
-    """Give each motor's share: its effort limit, or 1 / sqrt(weight), [N or N m].
+    """Return each motor's share: its effort limit, or 1 / sqrt(weight), [N or N m].
 
     Raises:
         ActuationError: Motors of different units, without weights and without effort limits.

@@ -142,7 +142,7 @@ def _articulate_module(
 def _onto_base(
     item: ArticulatedModule, legs: LegTerms, I_star: Array, beta_star: Array, blur: Array
 ) -> tuple[Array, Array, Array]:
-    """Give what a module adds to its base's inertia and bias, Eqs. (45)-(48) in congruence form.
+    """Return what a module adds to its base's inertia and bias, Eqs. (45)-(48) in congruence form.
 
     The third result is the rounding of the inertias that it hands on, which takes their way.
     """
@@ -161,7 +161,7 @@ def _onto_base(
 
 
 def _rounding(inertia: Array) -> Array:
-    """Give inertias, shape (T, outputs, 6, 6), no smaller than the rounding of some.
+    """Return inertias, shape (T, outputs, 6, 6), no smaller than the rounding of some.
 
     Entries err by eps sqrt(I_ii I_jj) at most, and six times the diagonal is no smaller than that.
     """
@@ -209,7 +209,7 @@ def accelerate(
 
 
 def _own_bias(state: ModuleState, load: ModuleLoad, on: Effects) -> Array:
-    """Give crf(V)(I V) + F_e of every output, shape (T, outputs, 6), Eq. (38)."""
+    """Return crf(V)(I V) + F_e of every output, shape (T, outputs, 6), Eq. (38)."""
     out = np.zeros_like(state.outputs)
     for o, inertia in enumerate(state.mechanism.inertias):
         V = state.outputs[:, o]
@@ -218,7 +218,7 @@ def _own_bias(state: ModuleState, load: ModuleLoad, on: Effects) -> Array:
 
 
 def _motions(state: ModuleState, prescribed: Array | None, passing: bool) -> tuple[Basis, list[Array]]:
-    """Give a module's motions, and its outputs' accelerations at zero x_ddot (own frames, shape (T, 6)).
+    """Return a module's motions, and its outputs' accelerations at zero x_ddot (own frames, shape (T, 6)).
 
     Those of `prescribed`, shape (T, nv), or None, are the motions that leave the motors' accelerations as
     given.

@@ -34,7 +34,7 @@ class LegTerms:
 
 
 def leg_terms(state: ModuleState, loads: Loads, k: int) -> LegTerms:
-    """Give what the legs of module k bring."""
+    """Return what the legs of module k bring."""
     M = loads.on.leg_matrix(state)
     if (rotor := loads.rotor_diagonal(state)) is not None:
         M[:, 6:, 6:] += np.diag(rotor)
@@ -72,7 +72,7 @@ class Balance:
 
 
 def balance_of_legs(s: ModuleState, legs: LegTerms, basis: Basis, tau: Array) -> Balance:
-    """Give the legs' share of a module's balance, with its motors."""
+    """Return the legs' share of a module's balance, with its motors."""
     Psi, A, D = basis.Psi, legs.M[:, 6:, 6:], legs.M[:, 6:, :6]
     A_t = congruence(Psi, A)
     needed = legs.f - legs.h - np.einsum("tij,tj->ti", A, basis.drift)
@@ -88,7 +88,7 @@ def balance_of_legs(s: ModuleState, legs: LegTerms, basis: Basis, tau: Array) ->
 
 
 def size_of_solution(x: Balance, inertia: InertiaFactor, y: Array) -> Array:
-    """Give the size of what y = A_t^-1 Q_0 was summed from, shape (T,)."""
+    """Return the size of what y = A_t^-1 Q_0 was summed from, shape (T,)."""
     resisted = np.square(inertia.R[:, :1, :1].max(axis=(1, 2), initial=0.0))
     kept = largest(x.Q_0)
     terms = largest(y) * np.maximum(x.size / np.where(kept > 0, kept, np.inf), 1.0)
@@ -97,18 +97,18 @@ def size_of_solution(x: Balance, inertia: InertiaFactor, y: Array) -> Array:
 
 
 def congruence(B: Array, M: Array) -> Array:
-    """Give B^T M B, shapes (T, n, N) and (T, n, n)."""
+    """Return B^T M B, shapes (T, n, N) and (T, n, n)."""
     out: Array = np.matmul(np.swapaxes(B, 1, 2), np.matmul(M, B))
     return out
 
 
 def largest(x: Array) -> Array:
-    """Give the largest entry of each sample, shape (T,)."""
+    """Return the largest entry of each sample, shape (T,)."""
     out: Array = np.abs(x).max(axis=1, initial=0.0)
     return out
 
 
 def _size(B: Array, force: Array) -> Array:
-    """Give the largest term of B^T force, shape (T,)."""
+    """Return the largest term of B^T force, shape (T,)."""
     out: Array = np.einsum("tij,ti->tj", np.abs(B), np.abs(force)).max(axis=1, initial=0.0)
     return out

@@ -50,7 +50,7 @@ def ddm(
     time: ArrayLike | None = None,
     reactions: bool = False,
 ) -> Array | tuple[Array, Reactions]:
-    """Give the accelerations of a robot under motor efforts.
+    """Return the accelerations of a robot under motor efforts.
 
     u_dot = A_t^-1 (Q_0 - E V_dot_base), module after module, Eqs. (40), (51).
 

@@ -57,7 +57,7 @@ class Power:
 
 
 def energy(robot: HybridRobot, q: Array, v: Array, *, effects: Choice = None) -> Energy:
-    """Give kinetic and potential energy.
+    """Return kinetic and potential energy.
 
     Args:
         robot: The robot.
@@ -84,7 +84,7 @@ def energy(robot: HybridRobot, q: Array, v: Array, *, effects: Choice = None) ->
 
 
 def _of_bodies(robot: HybridRobot, q: Array, v: Array, on: Effects) -> tuple[Array, Array]:
-    """Give kinetic and potential energy of the bodies, shapes (T,)."""
+    """Return kinetic and potential energy of the bodies, shapes (T,)."""
     model = effective_model(robot, on)
     data = model.createData()
     out = np.zeros((2, len(q)))
@@ -113,7 +113,7 @@ def power(
     robot: HybridRobot, q: Array, v: Array, tau: Array, *, wrenches: Mapping[str, Array] | None = None,
     effects: Choice = None, time: ArrayLike | None = None,
 ) -> Power:  # fmt: skip
-    """Give what motors and wrenches supply and what friction takes.
+    """Return what motors and wrenches supply and what friction takes.
 
     Args:
         robot: The robot.
@@ -149,7 +149,7 @@ def power(
 
 
 def momentum(robot: HybridRobot, q: Array, v: Array) -> Array:
-    """Give momentum and angular momentum about the centre of mass, world axes.
+    """Return momentum and angular momentum about the centre of mass, world axes.
 
     Args:
         robot: The robot.
@@ -174,7 +174,7 @@ def momentum(robot: HybridRobot, q: Array, v: Array) -> Array:
 
 
 def centre_of_mass(robot: HybridRobot, q: Array) -> Array:
-    """Give the centre of mass in the world, shape (3,) or (T, 3), [m].
+    """Return the centre of mass in the world, shape (3,) or (T, 3), [m].
 
     Args:
         robot: The robot.
@@ -207,7 +207,7 @@ def _state(robot: HybridRobot, q: Array, v: Array) -> tuple[Array, Array, bool]:
 
 
 def _moving_bodies(robot: HybridRobot, q: Array, v: Array) -> Iterator[tuple[Body, RigidMotion]]:
-    """Give the bodies with mass that can move and their motions."""
+    """Return the bodies with mass that can move and their motions."""
     for number, motion in body_motions(robot, q, v, np.zeros_like(v)).items():
         body = robot.bodies.bodies[number]
         if (number or robot.base != "fixed") and not body.massless:
@@ -215,7 +215,7 @@ def _moving_bodies(robot: HybridRobot, q: Array, v: Array) -> Iterator[tuple[Bod
 
 
 def leg_bodies(robot: HybridRobot) -> set[int]:
-    """Give the bodies whose inertia the legs carry."""
+    """Return the bodies whose inertia the legs carry."""
     out = set()
     for module in robot.modules:
         spec = module.mechanism.spec
@@ -226,7 +226,7 @@ def leg_bodies(robot: HybridRobot) -> set[int]:
 
 
 def _work(robot: HybridRobot, q: Array, v: Array, wrenches: Mapping[str, Array]) -> Array:
-    """Give the power of wrenches on links, shape (T,)."""
+    """Return the power of wrenches on links, shape (T,)."""
     out = np.zeros(len(q))
     for link, m in link_motions(robot, q, v, list(wrenches)).items():
         W = np.broadcast_to(wrenches[link], (len(q), 6))

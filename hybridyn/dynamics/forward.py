@@ -25,7 +25,7 @@ def base_motion(
     *,
     classical: bool = False,
 ) -> tuple[Array, Array]:
-    """Give V_0 and V_dot_0 - g of the body that the first modules stand on, shapes (T, 6).
+    """Return V_0 and V_dot_0 - g of the body that the first modules stand on, shapes (T, 6).
 
     For "fixed" and "floating" that is the world; for "moving" the root body, whose motion is prescribed.
     `classical` as in `forward`.
@@ -101,7 +101,7 @@ def forward(
 
 
 def _base_of(states: list[ModuleState], module: Module, root: tuple[Array, Array]) -> tuple[Array, Array]:
-    """Give twist and acceleration of the body that a module stands on."""
+    """Return twist and acceleration of the body that a module stands on."""
     if module.parent < 0:
         return root
     below = states[module.parent]

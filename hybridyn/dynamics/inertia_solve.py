@@ -52,7 +52,7 @@ class InertiaFactor:
         return x, left
 
     def null_space(self, sample: int) -> Array:
-        """Give the massless motions of one sample, shape (N, massless)."""
+        """Return the massless motions of one sample, shape (N, massless)."""
         N, k = self.R.shape[1], int(self.massless[sample])
         r = N - k
         null = np.zeros((N, k))

@@ -52,7 +52,7 @@ def idm(
     on_singular: str = "raise",
     reactions: bool = False,
 ) -> Array | tuple[Array, Reactions]:
-    """Give the motor efforts that move a robot as prescribed.
+    """Return the motor efforts that move a robot as prescribed.
 
     B tau = Psi^T H + sum_o a_o^T W_o, module after module from the outermost inwards, Eqs. (16), (31)-(33).
 
@@ -129,7 +129,7 @@ def _one_of(name: str, value: str, *allowed: str) -> None:
 
 
 def _weights(robot: HybridRobot, weights: Mapping[str, float] | Array | None) -> Array | None:
-    """Give weights in the order of the motors.
+    """Return weights in the order of the motors.
 
     Raises:
         ActuationError: A weight is missing, unknown or not positive.

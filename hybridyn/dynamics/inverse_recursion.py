@@ -16,7 +16,7 @@ from .reactions import Reactions, module_reactions
 
 
 def reactions_of(robot: HybridRobot, q: Array, v: Array, a: Array, tau: Array, loads: Loads) -> Reactions:
-    """Give the wrenches between modules and in the closures of a motion under known efforts."""
+    """Return the wrenches between modules and in the closures of a motion under known efforts."""
     result, on = Reactions.empty(len(q)), loads.on
     states = forward(robot, q, v, a, on.gravity, classical=on.velocity is not None)
     backward(robot, states, loads, None, tau, result, (q, v, a))
@@ -89,19 +89,19 @@ def backward(
 
 
 def _terms(col_scale: Array, H: Array) -> Array:
-    """Give the largest generalised force as work per scaled coordinate, shape (T,), [N m]."""
+    """Return the largest generalised force as work per scaled coordinate, shape (T,), [N m]."""
     out: Array = np.abs(H * col_scale).max(axis=1, initial=0.0)
     return out
 
 
 def _work(W: Array, length: float) -> Array:
-    """Give the size of a wrench as work per scaled coordinate, shape (T,), [N m]."""
+    """Return the size of a wrench as work per scaled coordinate, shape (T,), [N m]."""
     out: Array = np.linalg.norm(W[:, :3], axis=1) * length + np.linalg.norm(W[:, 3:], axis=1)
     return out
 
 
 def _root_body(robot: HybridRobot, loads: Loads, given: tuple[Array, Array, Array]) -> Array:
-    """Give what the root body itself must receive (a free base has it in its module)."""
+    """Return what the root body itself must receive (a free base has it in its module)."""
     if robot.base == "floating":
         return np.zeros_like(loads.root)
     V, V_dot = base_motion(robot, *given, loads.on.gravity, classical=loads.on.velocity is not None)

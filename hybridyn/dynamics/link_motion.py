@@ -34,7 +34,7 @@ class LinkMotion:
 def kinematics(
     robot: HybridRobot, q: Array, v: Array, a: Array | None = None, links: Sequence[str] | None = None
 ) -> dict[str, LinkMotion]:
-    """Give poses, twists and accelerations of links in the world.
+    """Return poses, twists and accelerations of links in the world.
 
     Args:
         robot: The robot.
@@ -58,7 +58,7 @@ def kinematics(
 
 
 def named_links(robot: HybridRobot, links: Sequence[str] | None) -> Iterable[str]:
-    """Give the links that are asked for: every one for None.
+    """Return the links that are asked for: every one for None.
 
     Raises:
         TrajectoryError: An unknown link.
@@ -73,7 +73,7 @@ def named_links(robot: HybridRobot, links: Sequence[str] | None) -> Iterable[str
 def motions_of(
     robot: HybridRobot, bodies: Mapping[int, RigidMotion], links: Iterable[str], single: bool
 ) -> dict[str, LinkMotion]:
-    """Give the motion of links from that of bodies; for a single sample without the axis of samples."""
+    """Return the motion of links from that of bodies; for a single sample without the axis of samples."""
     out = {}
     for link in links:
         body, R, p = robot.bodies.place[link]
@@ -108,7 +108,7 @@ def observed_motions(robot: HybridRobot, on: Effects, q: Array, v: Array) -> dic
 def body_motions(
     robot: HybridRobot, q: Array, v: Array, a: Array, modules: Container[int] | None = None
 ) -> dict[int, RigidMotion]:
-    """Give the motion of every body in the world, or of those of some modules (with all below them)."""
+    """Return the motion of every body in the world, or of those of some modules (with all below them)."""
     bodies = {0: _root(robot, q, v, a)}
     for k, module in enumerate(robot.modules):
         if (robot.base == "floating" and k == 0) or (modules is not None and k not in modules):
@@ -123,7 +123,7 @@ def body_motions(
 
 
 def _root(robot: HybridRobot, q: Array, v: Array, a: Array) -> RigidMotion:
-    """Give the motion of the root body in the world, from Pinocchio's local velocities."""
+    """Return the motion of the root body in the world, from Pinocchio's local velocities."""
     if robot.base == "fixed":
         return RigidMotion.at_rest(len(q))
     R = rotation_from_quaternion(q[:, 3:7])

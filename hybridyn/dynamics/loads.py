@@ -43,7 +43,7 @@ class ModuleLoad:
     base: list[Array] = field(default_factory=list)
 
     def on_output(self, state: ModuleState, output: int) -> Array:
-        """Give the wrench on an output, shape (T, 6), its own frame: minus the paper's F_e."""
+        """Return the wrench on an output, shape (T, 6), its own frame: minus the paper's F_e."""
         out = np.zeros_like(state.V)
         for number, wrench in self.outputs:
             if number == output:
@@ -51,7 +51,7 @@ class ModuleLoad:
         return out
 
     def through_wrist(self, state: ModuleState, number: int) -> Array:
-        """Give what wrenches on a cut wrist's links hand to its target, (T, 6), base axes, at its end."""
+        """Return what wrenches on a cut wrist's links hand to its target, (T, 6), base axes, at its end."""
         m = state.mechanism
         wrist, spanning = m.spec.wrists[number], state.spanning
         out = np.zeros_like(state.V)
@@ -72,7 +72,7 @@ class ModuleLoad:
         return out
 
     def on_legs(self, state: ModuleState) -> tuple[Array, Array]:
-        """Give what the wrenches on leg links do to the base, (T, 6), and along x, (T, n)."""
+        """Return what the wrenches on leg links do to the base, (T, 6), and along x, (T, n)."""
         m = state.mechanism
         base, along = np.zeros_like(state.V), np.zeros((len(state.V), m.tree.nv))
         for wrench in self.base:
@@ -106,7 +106,7 @@ class Loads:
     rotors: Array | None = None
 
     def on_legs(self, k: int, state: ModuleState) -> tuple[Array, Array]:
-        """Give what loads on module k do to its base, (T, 6), and along x, (T, n)."""
+        """Return what loads on module k do to its base, (T, 6), and along x, (T, n)."""
         base, along = self.modules[k].on_legs(state)
         if self.joints is not None:
             passive = np.zeros_like(along)
@@ -115,7 +115,7 @@ class Loads:
         return base, along
 
     def rotor_diagonal(self, state: ModuleState) -> Array | None:
-        """Give what rotors add to the diagonal of a module's inertia along x, shape (n,), or None."""
+        """Return what rotors add to the diagonal of a module's inertia along x, shape (n,), or None."""
         if self.rotors is None:
             return None
         out = np.zeros((1, state.mechanism.tree.nv))

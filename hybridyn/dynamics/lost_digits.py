@@ -23,7 +23,7 @@ _log = logging.getLogger("hybridyn")
 
 
 def robot_weight(robot: HybridRobot) -> float:
-    """Give the weight of all bodies [N]."""
+    """Return the weight of all bodies [N]."""
     mass = sum(body.mass for body in robot.bodies.bodies)
     return mass * float(np.linalg.norm(robot.gravity))
 
@@ -58,7 +58,7 @@ def flag_accelerations(module: Module, x_ddot: Array, terms: Array, gravity: flo
 
 
 def _lost(left: Array, size: Array, natural: float) -> Index:
-    """Give the samples at which a sum is rounding, and one that matters."""
+    """Return the samples at which a sum is rounding, and one that matters."""
     if natural <= 0.0:
         return np.zeros(0, dtype=int)
     return np.flatnonzero((left <= NOISE * size) & (NOISE * size > HARMLESS * natural))

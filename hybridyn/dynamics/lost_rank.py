@@ -101,19 +101,19 @@ def refuse_lost_digits(module: Module, basis: Basis, Q: Array, size: Array, weig
 
 
 def _condition(pivot: float) -> float:
-    """Give the condition number that a smallest pivot, as a part of the largest, stands for."""
+    """Return the condition number that a smallest pivot, as a part of the largest, stands for."""
     return 1 / float(pivot) if pivot > 0 else np.inf
 
 
 def _refusal(module: Module, what: str, sample: int, condition: float, says: str) -> SingularityError:
-    """Give the error for a sample at which a module lost rank."""
+    """Return the error for a sample at which a module lost rank."""
     return SingularityError(
         f"module '{module.name}': {says}", module=module.name, what=what, condition=condition, sample=sample
     )
 
 
 def along_motion(state: ModuleState, basis: Basis) -> Basis:
-    """Give the motions at postures of lost rank: those of the branch that the module is moving on.
+    """Return the motions at postures of lost rank: those of the branch that the module is moving on.
 
     A single freedom that moves is that branch itself, to the last digit. At rest, and where branches only
     touch, nothing tells the branch: those samples are left as they are, pivots included.
@@ -139,7 +139,7 @@ def along_motion(state: ModuleState, basis: Basis) -> Basis:
 
 
 def possible_motions(module: Module, K: Array) -> Array:
-    """Give all motions that are possible for an instant at a posture of lost rank, more than the mobility.
+    """Return all motions that are possible for an instant at a posture of lost rank, more than the mobility.
 
     Args:
         module: The module.

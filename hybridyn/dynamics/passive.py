@@ -29,7 +29,7 @@ def needs_inertia(on: Effects) -> None:
 
 
 def solve_passive(robot: HybridRobot, q: Array, v: Array, a: Array, loads: Loads) -> Array:
-    """Give the accelerations whose motors' (and moving base's) entries are those of `a`, the rest unforced.
+    """Return the accelerations whose motors' (and moving base's) entries are those of `a`, the rest unforced.
 
     The same two sweeps with Psi Z, the prescribed part in the drift, and no motor effort: Z spans what the
     motors leave free.

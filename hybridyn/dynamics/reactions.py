@@ -51,11 +51,11 @@ class Reactions:
 
     @classmethod
     def empty(cls, samples: int) -> Reactions:
-        """Give reactions to be filled in."""
+        """Return reactions to be filled in."""
         return cls(np.zeros((samples, 6)), {}, {}, {}, {})
 
     def sample(self, t: int) -> Reactions:
-        """Give the reactions at one sample."""
+        """Return the reactions at one sample."""
         return Reactions(
             self.base[t],
             {name: w[t] for name, w in self.modules.items()},
@@ -109,7 +109,7 @@ def module_reactions(
 
 
 def _multipliers(state: ModuleState, needed: Array) -> tuple[Array, Array]:
-    """Give what a module's rows transmit, and what they may transmit besides without any motion.
+    """Return what a module's rows transmit, and what they may transmit besides without any motion.
 
     Args:
         state: The module's state.
@@ -186,6 +186,6 @@ def _handed_on(state: ModuleState, load: ModuleLoad, author: TreeClosure) -> Arr
 
 
 def _frames(motion: Motion, c: TreeClosure) -> tuple[Array, Array, Array, Array]:
-    """Give axes and origins of a closure's frames A and B in the base, shapes (T, 3, 3), (T, 3), twice."""
+    """Return axes and origins of a closure's frames A and B in the base, shapes (T, 3, 3), (T, 3), twice."""
     Ra, Rb = motion.R[:, c.body_a], motion.R[:, c.body_b]
     return Ra @ c.R_a, motion.p[:, c.body_a] + Ra @ c.p_a, Rb @ c.R_b, motion.p[:, c.body_b] + Rb @ c.p_b

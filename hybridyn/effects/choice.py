@@ -75,7 +75,7 @@ class Effects:
         return tuple(name for name in UNITS if name not in self.names)
 
     def only(self, names: Collection[str]) -> Effects:
-        """Give those of the effects that are named."""
+        """Return those of the effects that are named."""
 
         def kept(unit: Any) -> Any:
             return unit if unit is not None and unit.name in names else None
@@ -89,31 +89,31 @@ class Effects:
         )  # fmt: skip
 
     def leg_forces(self, s: ModuleState) -> tuple[Array, Array]:
-        """Give F_b, shape (T, 6), and H, shape (T, n), of a module's legs."""
+        """Return F_b, shape (T, 6), and H, shape (T, n), of a module's legs."""
         if self.leg_inertia is None:
             return np.zeros_like(s.V), np.zeros_like(s.v)
         V, v = self.velocity.twists(s) if self.velocity else (np.zeros_like(s.V), np.zeros_like(s.v))
         return self.leg_inertia.forces(s, V, v)
 
     def leg_bias(self, s: ModuleState) -> tuple[Array, Array]:
-        """Give p, shape (T, 6), and h, shape (T, n), of a module's legs."""
+        """Return p, shape (T, 6), and h, shape (T, n), of a module's legs."""
         if self.leg_inertia is None or self.velocity is None:
             return np.zeros_like(s.V), np.zeros_like(s.v)
         return self.leg_inertia.bias(s)
 
     def leg_matrix(self, s: ModuleState) -> Array:
-        """Give M_leg, shape (T, 6 + n, 6 + n)."""
+        """Return M_leg, shape (T, 6 + n, 6 + n)."""
         if self.leg_inertia is None:
             n = 6 + s.mechanism.tree.nv
             return np.zeros((len(s.V), n, n))
         return self.leg_inertia.matrix(s)
 
     def body_bias(self, V: Array, inertia: Array) -> Array:
-        """Give crf(V) (I V) of a platform, shape (T, 6)."""
+        """Return crf(V) (I V) of a platform, shape (T, 6)."""
         return self.velocity.of_body(V, inertia) if self.velocity else np.zeros_like(V)
 
     def joint_efforts(self, robot: HybridRobot, q: Array, v: Array) -> Array | None:
-        """Give the efforts of joint laws on the spanning tree, shape (T, nv), or None without laws."""
+        """Return the efforts of joint laws on the spanning tree, shape (T, nv), or None without laws."""
         if not self.joints:
             return None
         out = np.zeros((len(q), robot.nv))
@@ -122,7 +122,7 @@ class Effects:
         return out
 
     def rotor_diagonal(self, robot: HybridRobot) -> Array | None:
-        """Give what rotors add to the diagonal of the spanning tree's inertia, shape (nv,), or None."""
+        """Return what rotors add to the diagonal of the spanning tree's inertia, shape (nv,), or None."""
         if not self.rotors:
             return None
         out = np.zeros(robot.nv)
@@ -155,7 +155,7 @@ class Effects:
 
 
 def times(time: object, samples: int) -> Array | None:
-    """Give the time of each sample, shape (samples,), from one time, one per sample, or None.
+    """Return the time of each sample, shape (samples,), from one time, one per sample, or None.
 
     Raises:
         TrajectoryError: Another shape, or not finite.
@@ -225,7 +225,7 @@ def choose(robot: HybridRobot, effects: Choice) -> Effects:
 
 
 def listed_units(robot: HybridRobot, effects: Choice) -> list[Any]:
-    """Give the effect objects that names and objects stand for, each name once.
+    """Return the effect objects that names and objects stand for, each name once.
 
     Raises:
         ModelError: An unknown name, or a name whose numbers the robot's files do not state.
@@ -246,7 +246,7 @@ def listed_units(robot: HybridRobot, effects: Choice) -> list[Any]:
 
 
 def _meaning(robot: HybridRobot, word: str) -> tuple[str, ...]:
-    """Give the names that a word stands for."""
+    """Return the names that a word stands for."""
     if word == "none":
         return ()
     if word == "default":
@@ -262,7 +262,7 @@ def _meaning(robot: HybridRobot, word: str) -> tuple[str, ...]:
 
 
 def _stated(robot: HybridRobot, name: str) -> list[Any]:
-    """Give the objects of a named effect, with the numbers of the robot's files.
+    """Return the objects of a named effect, with the numbers of the robot's files.
 
     Raises:
         ModelError: The files state none.

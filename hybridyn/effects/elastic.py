@@ -28,22 +28,22 @@ class RotorInertia:
     any_freedoms: ClassVar[bool] = False
 
     def numbers(self, robot: HybridRobot) -> dict[str, tuple[float, ...]]:
-        """Give J n^2 by joint."""
+        """Return J n^2 by joint."""
         if self.inertia is not None:
             return given(self.name, self.inertia)
         joints = (j.joint for j in robot.bodies.joints)
         return {j.name: (j.rotor_inertia * j.gear_ratio**2,) for j in joints if j.rotor_inertia}
 
     def effort(self, p: Numerals, x: Array, v: Array) -> Array:
-        """Give no effort: a rotor acts through accelerations."""
+        """Return no effort: a rotor acts through accelerations."""
         return np.zeros_like(v)
 
     def energy(self, p: Numerals, x: Array) -> Array:
-        """Give nothing: its energy is kinetic."""
+        """Return nothing: its energy is kinetic."""
         return np.zeros_like(x)
 
     def power(self, p: Numerals, x: Array, v: Array) -> Array:
-        """Give nothing: it loses none."""
+        """Return nothing: it loses none."""
         return np.zeros_like(v)
 
 
@@ -60,7 +60,7 @@ class Spring:
     any_freedoms: ClassVar[bool] = False
 
     def numbers(self, robot: HybridRobot) -> dict[str, tuple[float, ...]]:
-        """Give k, rest and the period (infinite but for endless joints) by joint."""
+        """Return k, rest and the period (infinite but for endless joints) by joint."""
         odd = sorted(set(self.rest) - set(self.stiffness))
         if odd:
             raise ModelError(f"{self.name}: 'rest' names '{odd[0]}', 'stiffness' does not", element=odd[0])
@@ -69,15 +69,15 @@ class Spring:
         return {n: (k, float(self.rest.get(n, 0.0)), float(n in endless)) for n, (k,) in known.items()}
 
     def effort(self, p: Numerals, x: Array, v: Array) -> Array:
-        """Give -k (x - rest)."""
+        """Return -k (x - rest)."""
         return -p[0] * self._stretch(p, x)
 
     def energy(self, p: Numerals, x: Array) -> Array:
-        """Give k (x - rest)^2 / 2."""
+        """Return k (x - rest)^2 / 2."""
         return 0.5 * p[0] * self._stretch(p, x) ** 2
 
     def power(self, p: Numerals, x: Array, v: Array) -> Array:
-        """Give nothing: a spring loses none."""
+        """Return nothing: a spring loses none."""
         return np.zeros_like(v)
 
     def _stretch(self, p: Numerals, x: Array) -> Array:
@@ -104,7 +104,7 @@ class Stop:
     any_freedoms: ClassVar[bool] = False
 
     def numbers(self, robot: HybridRobot) -> dict[str, tuple[float, ...]]:
-        """Give k, lower and upper limit by joint."""
+        """Return k, lower and upper limit by joint."""
         if not (np.isfinite(self.damping) and self.damping >= 0):
             raise ModelError(f"{self.name}: damping must be finite and not negative, not {self.damping:g}")
         record = {j.joint.name: j.joint for j in robot.bodies.joints}
@@ -121,7 +121,7 @@ class Stop:
         return out
 
     def effort(self, p: Numerals, x: Array, v: Array) -> Array:
-        """Give the push back."""
+        """Return the push back."""
         low, high = np.maximum(p[1] - x, 0.0), np.maximum(x - p[2], 0.0)
         push_low = low * np.maximum(1.0 - self.damping * v, 0.0)
         push_high = high * np.maximum(1.0 + self.damping * v, 0.0)
@@ -129,12 +129,12 @@ class Stop:
         return out
 
     def energy(self, p: Numerals, x: Array) -> Array:
-        """Give k d^2 / 2."""
+        """Return k d^2 / 2."""
         out: Array = 0.5 * p[0] * (np.maximum(p[1] - x, 0.0) ** 2 + np.maximum(x - p[2], 0.0) ** 2)
         return out
 
     def power(self, p: Numerals, x: Array, v: Array) -> Array:
-        """Give what the effort takes beyond the change of energy stored."""
+        """Return what the effort takes beyond the change of energy stored."""
         elastic = p[0] * (np.maximum(p[1] - x, 0.0) - np.maximum(x - p[2], 0.0))
         out: Array = (elastic - self.effort(p, x, v)) * v
         return out

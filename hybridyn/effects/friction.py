@@ -19,15 +19,15 @@ class Dissipative:
     """What friction laws share: no energy stored, all work of the effort lost."""
 
     def effort(self, p: Numerals, x: Array, v: Array) -> Array:
-        """Give the effort, shape (T, k)."""
+        """Return the effort, shape (T, k)."""
         raise NotImplementedError
 
     def energy(self, p: Numerals, x: Array) -> Array:
-        """Give nothing: friction stores none."""
+        """Return nothing: friction stores none."""
         return np.zeros_like(x)
 
     def power(self, p: Numerals, x: Array, v: Array) -> Array:
-        """Give -tau v, shape (T, k), [W]."""
+        """Return -tau v, shape (T, k), [W]."""
         return -self.effort(p, x, v) * v
 
 
@@ -43,11 +43,11 @@ class ViscousFriction(Dissipative):
     any_freedoms: ClassVar[bool] = True
 
     def numbers(self, robot: HybridRobot) -> dict[str, tuple[float, ...]]:
-        """Give c by joint."""
+        """Return c by joint."""
         return stated(robot, "damping") if self.coefficient is None else given(self.name, self.coefficient)
 
     def effort(self, p: Numerals, x: Array, v: Array) -> Array:
-        """Give -c v."""
+        """Return -c v."""
         return -p[0] * v
 
 
@@ -65,12 +65,12 @@ class CoulombFriction(Dissipative):
     any_freedoms: ClassVar[bool] = False
 
     def numbers(self, robot: HybridRobot) -> dict[str, tuple[float, ...]]:
-        """Give f by joint."""
+        """Return f by joint."""
         positive(self.name, "width", self.width)
         return stated(robot, "friction") if self.level is None else given(self.name, self.level)
 
     def effort(self, p: Numerals, x: Array, v: Array) -> Array:
-        """Give -f tanh(v / width)."""
+        """Return -f tanh(v / width)."""
         return -p[0] * np.tanh(v / self.width)
 
 
@@ -91,7 +91,7 @@ class StribeckFriction(Dissipative):
     any_freedoms: ClassVar[bool] = False
 
     def numbers(self, robot: HybridRobot) -> dict[str, tuple[float, ...]]:
-        """Give f, s, v_s by joint."""
+        """Return f, s, v_s by joint."""
         positive(self.name, "width", self.width)
         out = given(self.name, self.level, self.static, self.speed)
         for joint, (level, static, speed) in out.items():
@@ -104,7 +104,7 @@ class StribeckFriction(Dissipative):
         return out
 
     def effort(self, p: Numerals, x: Array, v: Array) -> Array:
-        """Give the friction."""
+        """Return the friction."""
         return -(p[0] + (p[1] - p[0]) * np.exp(-((v / p[2]) ** 2))) * np.tanh(v / self.width)
 
 
@@ -120,9 +120,9 @@ class Damper(Dissipative):
     any_freedoms: ClassVar[bool] = True
 
     def numbers(self, robot: HybridRobot) -> dict[str, tuple[float, ...]]:
-        """Give c by joint."""
+        """Return c by joint."""
         return given(self.name, self.coefficient)
 
     def effort(self, p: Numerals, x: Array, v: Array) -> Array:
-        """Give -c v."""
+        """Return -c v."""
         return -p[0] * v

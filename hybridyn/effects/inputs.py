@@ -31,7 +31,7 @@ class Limits:
     name: ClassVar[str] = "limits"
 
     def bounds(self, robot: HybridRobot) -> Array:
-        """Give the limit of each motor, shape (motors,).
+        """Return the limit of each motor, shape (motors,).
 
         Raises:
             ModelError: An unknown motor, or a limit that is not positive.
@@ -51,7 +51,7 @@ class Limits:
         return np.array([self.effort.get(motor, np.inf) for motor in robot.motors])
 
     def clip(self, robot: HybridRobot, tau: Array) -> Array:
-        """Give efforts within the limits, shape (T, motors)."""
+        """Return efforts within the limits, shape (T, motors)."""
         bound = self.bounds(robot)
         return np.clip(tau, -bound, bound)
 
@@ -103,7 +103,7 @@ class BaseMotion:
         return spline, spline.derivative(1), spline.derivative(2)
 
     def at(self, time: Array) -> tuple[Array, Array, Array]:
-        """Give the base's q (T, 7), v and a (T, 6): Pinocchio's local velocities and spatial acceleration.
+        """Return the base's q (T, 7), v and a (T, 6): Pinocchio's local velocities and spatial acceleration.
 
         Raises:
             TrajectoryError: A time outside the table.
@@ -120,7 +120,7 @@ class BaseMotion:
     def into(
         self, robot: HybridRobot, time: Array | None, q: Array, v: Array, a: Array
     ) -> tuple[Array, Array, Array]:
-        """Give q, v, a with the base's part replaced.
+        """Return q, v, a with the base's part replaced.
 
         Raises:
             ModelError: The robot's base is not "moving".

@@ -39,19 +39,19 @@ class JointEffect(Protocol):
     any_freedoms: ClassVar[bool]
 
     def numbers(self, robot: HybridRobot) -> dict[str, tuple[float, ...]]:
-        """Give the law's numbers for each joint that has it."""
+        """Return the law's numbers for each joint that has it."""
         ...
 
     def effort(self, p: Numerals, x: Array, v: Array) -> Array:
-        """Give the effort, shape (T, k), for the law's numbers, positions x and rates v (T, k)."""
+        """Return the effort, shape (T, k), for the law's numbers, positions x and rates v (T, k)."""
         ...
 
     def energy(self, p: Numerals, x: Array) -> Array:
-        """Give the energy stored, shape (T, k), [J]."""
+        """Return the energy stored, shape (T, k), [J]."""
         ...
 
     def power(self, p: Numerals, x: Array, v: Array) -> Array:
-        """Give the power lost, shape (T, k), [W], never negative."""
+        """Return the power lost, shape (T, k), [W], never negative."""
         ...
 
 
@@ -76,23 +76,23 @@ class OnJoints:
     p: Numerals
 
     def positions(self, q: Array) -> Array:
-        """Give joint positions, shape (T, k), [m or rad]; of endless joints the angle in [-pi, pi]."""
+        """Return joint positions, shape (T, k), [m or rad]; of endless joints the angle in [-pi, pi]."""
         x = q[:, self.at]
         if self.turns.any():
             x[:, self.turns] = np.arctan2(q[:, self.at[self.turns] + 1], x[:, self.turns])
         return x
 
     def effort(self, q: Array, v: Array) -> Array:
-        """Give the efforts, shape (T, k), for the robot's q and v."""
+        """Return the efforts, shape (T, k), for the robot's q and v."""
         return self.effect.effort(self.p, self.positions(q), v[:, self.columns])
 
     def energy(self, q: Array) -> Array:
-        """Give the energy stored, shape (T,), [J]."""
+        """Return the energy stored, shape (T,), [J]."""
         out: Array = self.effect.energy(self.p, self.positions(q)).sum(axis=1)
         return out
 
     def power(self, q: Array, v: Array) -> Array:
-        """Give the power lost, shape (T,), [W]."""
+        """Return the power lost, shape (T,), [W]."""
         out: Array = self.effect.power(self.p, self.positions(q), v[:, self.columns]).sum(axis=1)
         return out
 
@@ -139,7 +139,7 @@ def placed(effect: JointEffect, robot: HybridRobot) -> OnJoints | None:
 
 
 def stated(robot: HybridRobot, attribute: str) -> dict[str, tuple[float, ...]]:
-    """Give what the robot's files state of its joints, where it is not zero."""
+    """Return what the robot's files state of its joints, where it is not zero."""
     joints = (j.joint for j in robot.bodies.joints)
     return {j.name: (float(getattr(j, attribute)),) for j in joints if getattr(j, attribute)}
 

@@ -37,15 +37,15 @@ class LinkEffect(Protocol):
     def wrenches(
         self, time: Array | None, motions: Mapping[str, RigidMotion], samples: int
     ) -> dict[str, Array]:
-        """Give wrenches ON links in their frames at their origins, shape (samples, 6), [N, N m]."""
+        """Return wrenches ON links in their frames at their origins, shape (samples, 6), [N, N m]."""
         ...
 
     def energy(self, motions: Mapping[str, RigidMotion]) -> Array:
-        """Give the energy stored, shape (T,), [J]."""
+        """Return the energy stored, shape (T,), [J]."""
         ...
 
     def power(self, motions: Mapping[str, RigidMotion]) -> Array:
-        """Give the power lost, shape (T,), [W]."""
+        """Return the power lost, shape (T,), [W]."""
         ...
 
 
@@ -125,7 +125,7 @@ class Wrench:
     def wrenches(
         self, time: Array | None, motions: Mapping[str, RigidMotion], samples: int
     ) -> dict[str, Array]:
-        """Give the wrench at each sample."""
+        """Return the wrench at each sample."""
         if self.time is None:
             W = np.tile(np.asarray(self.wrench, dtype=float), (samples, 1))
         else:
@@ -139,11 +139,11 @@ class Wrench:
         return {self.link: W}
 
     def energy(self, motions: Mapping[str, RigidMotion]) -> Array:
-        """Give nothing."""
+        """Return nothing."""
         return np.zeros(())
 
     def power(self, motions: Mapping[str, RigidMotion]) -> Array:
-        """Give nothing: it loses none."""
+        """Return nothing: it loses none."""
         return np.zeros(())
 
 
@@ -194,7 +194,7 @@ class GroundContact:
         return tuple(self.points)
 
     def _touch(self, m: RigidMotion, point: Array) -> tuple[Array, Array, Array, Array]:
-        """Give arm and velocity of a point, its penetration, and the force on it, world axes."""
+        """Return arm and velocity of a point, its penetration, and the force on it, world axes."""
         arm = rotate(m.R, np.tile(point, (len(m.p), 1)))
         velocity = m.pd + cross(m.w, arm)
         depth = np.maximum(self.height - m.p[:, 2] - arm[:, 2], 0.0)
@@ -209,7 +209,7 @@ class GroundContact:
     def wrenches(
         self, time: Array | None, motions: Mapping[str, RigidMotion], samples: int
     ) -> dict[str, Array]:
-        """Give the ground's wrench on each link."""
+        """Return the ground's wrench on each link."""
         out = {}
         for link, points in self._points.items():
             m, W = motions[link], np.zeros((samples, 6))
@@ -221,7 +221,7 @@ class GroundContact:
         return out
 
     def energy(self, motions: Mapping[str, RigidMotion]) -> Array:
-        """Give the sum of k d^2 / 2."""
+        """Return the sum of k d^2 / 2."""
         touches = [
             self._touch(motions[link], point) for link, points in self._points.items() for point in points
         ]
@@ -229,7 +229,7 @@ class GroundContact:
         return out
 
     def power(self, motions: Mapping[str, RigidMotion]) -> Array:
-        """Give what the forces take beyond the change of energy stored."""
+        """Return what the forces take beyond the change of energy stored."""
         lost = np.zeros(())
         for link, points in self._points.items():
             for point in points:

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 def with_effects(robot: HybridRobot, effects: Choice) -> HybridRobot:
-    """Give the robot rebuilt as effects need it, or the same one where they need nothing.
+    """Return the robot rebuilt as effects need it, or the same one where they need nothing.
 
     Payloads go onto their links (under whatever effects are named later), joints with an effect are held: not
     cut away in a wrist; a prescribed base puts a free-flyer first in q, v, a.

@@ -27,7 +27,7 @@ class Gravity:
     name: ClassVar[str] = "gravity"
 
     def carried(self, robot: HybridRobot, q: Array) -> Array:
-        """Give g in the axes of the body that the first modules stand on, shape (T, 3)."""
+        """Return g in the axes of the body that the first modules stand on, shape (T, 3)."""
         g = np.tile(robot.gravity, (len(q), 1))
         return rotate_back(rotation_from_quaternion(q[:, 3:7]), g) if robot.base == "moving" else g
 
@@ -43,7 +43,7 @@ class Inertia:
     name: ClassVar[str] = "inertia"
 
     def motion(self, v: Array, a: Array) -> tuple[Array, Array]:
-        """Give the rates and accelerations that the forward recursion runs with."""
+        """Return the rates and accelerations that the forward recursion runs with."""
         return v, a
 
 
@@ -58,15 +58,15 @@ class LegInertia:
     name: ClassVar[str] = "leg_inertia"
 
     def forces(self, s: ModuleState, V: Array, v: Array) -> tuple[Array, Array]:
-        """Give F_b, shape (T, 6), and H, shape (T, n), Eqs. (54)-(62), for the twists and rates named."""
+        """Return F_b, shape (T, 6), and H, shape (T, n), Eqs. (54)-(62), for the twists and rates named."""
         return s.mechanism.legs.rnea(V, s.V_dot, s.q, v, s.a)
 
     def bias(self, s: ModuleState) -> tuple[Array, Array]:
-        """Give p, shape (T, 6), and h, shape (T, n), Eqs. (71)-(73)."""
+        """Return p, shape (T, 6), and h, shape (T, n), Eqs. (71)-(73)."""
         return s.mechanism.legs.rnea(s.V, np.zeros_like(s.V), s.q, s.v, np.zeros_like(s.v))
 
     def matrix(self, s: ModuleState) -> Array:
-        """Give M_leg, shape (T, 6 + n, 6 + n), Eqs. (63)-(75)."""
+        """Return M_leg, shape (T, 6 + n, 6 + n), Eqs. (63)-(75)."""
         return s.mechanism.legs.crba(s.q)
 
 
@@ -82,9 +82,9 @@ class VelocityTerms:
     name: ClassVar[str] = "velocity"
 
     def twists(self, s: ModuleState) -> tuple[Array, Array]:
-        """Give the base's twist and the rates that the legs' forces see."""
+        """Return the base's twist and the rates that the legs' forces see."""
         return s.V, s.v
 
     def of_body(self, V: Array, inertia: Array) -> Array:
-        """Give crf(V) (I V), shape (T, 6), Eq. (30)."""
+        """Return crf(V) (I V), shape (T, 6), Eq. (30)."""
         return crf(V, V @ inertia)

@@ -15,7 +15,7 @@ HEIGHT, MARGIN = 250, 120  # of a panel, around all of them [pixels]
 
 
 def page_of_chart(chart: Chart) -> str:
-    """Give a chart as the text of an HTML file that holds all it needs.
+    """Return a chart as the text of an HTML file that holds all it needs.
 
     Args:
         chart: The chart.

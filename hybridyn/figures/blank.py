@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
 
 def empty_figure(width: float, height: float) -> Figure:
-    """Give an empty figure.
+    """Return an empty figure.
 
     Args:
         width: Its width [inch].

@@ -51,7 +51,7 @@ class Envelope:
         self._each *= 2
 
     def lines(self) -> tuple[Array, Array]:
-        """Give what is drawn: x, shape (n,), and values, shape (n, columns)."""
+        """Return what is drawn: x, shape (n,), and values, shape (n, columns)."""
         x, low, high = [*self._x], [*self._low], [*self._high]
         if self._rest is not None:
             x.append(self._rest[0][:1])

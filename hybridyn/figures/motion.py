@@ -41,7 +41,7 @@ class Group(NamedTuple):
 
 
 def groups(robot: HybridRobot, quantity: str) -> list[Group]:
-    """Give the motors in groups.
+    """Return the motors in groups.
 
     Args:
         robot: The robot.
@@ -116,7 +116,7 @@ def _motor_panels(robot: HybridRobot, data: dict[str, Array], quantity: str) -> 
 
 
 def _power(robot: HybridRobot, data: dict[str, Array]) -> list[Panel]:
-    """Give the power of the motors, module by module, where the rows hold their rates."""
+    """Return the power of the motors, module by module, where the rows hold their rates."""
     lines = []
     for module in robot.modules:
         pairs = [(f"{motor}/effort", f"{motor}/velocity") for motor in module.motors]

@@ -66,7 +66,7 @@ class Panel:
         return max((float(np.abs(line.y).max(initial=0.0)) for line in self.lines), default=0.0)
 
     def limits(self) -> list[tuple[float, int | None]]:
-        """Give the limits that lines come near to, with the line's number, or None where all share it."""
+        """Return the limits that lines come near to, with the line's number, or None where all share it."""
         near = {line.limit: number for number, line in enumerate(self.lines) if line.is_near_limit}
         shared = len({line.limit for line in self.lines}) == 1
         return [(limit, None if shared else number) for limit, number in sorted(near.items())]

@@ -107,7 +107,7 @@ def _height(card: Card) -> float:
 
 
 def _lanes(cards: list[Card]) -> list[int]:
-    """Give how far each card is set in: one more wherever the tree branches."""
+    """Return how far each card is set in: one more wherever the tree branches."""
     below = [0] * len(cards)
     for card in cards:
         if card.parent is not None:
@@ -206,7 +206,7 @@ def _key(ax: Axes, cards: list[Card], height: float) -> None:
 
 
 def _fitting(text: str, letters: int) -> str:
-    """Give a text, with its middle left out where it is too long."""
+    """Return a text, with its middle left out where it is too long."""
     if len(text) <= letters:
         return text
     half = (letters - 3) // 2

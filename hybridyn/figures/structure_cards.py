@@ -73,7 +73,7 @@ class Card:
 
 
 def cards(robot: HybridRobot) -> list[Card]:
-    """Give the cards of a robot, each after the one that it stands on, branches one after the other.
+    """Return the cards of a robot, each after the one that it stands on, branches one after the other.
 
     Args:
         robot: The robot.
@@ -123,7 +123,7 @@ class _Deck:
         return chain[-1]
 
     def _chain(self, number: int) -> list[int]:
-        """Give a module with those above it that are joints in series as well, or equal to it."""
+        """Return a module with those above it that are joints in series as well, or equal to it."""
         modules, chain = self.robot.modules, [number]
         serial = self._is_serial(modules[number])
         while len(below := self.children.get(chain[-1], [])) == 1:
@@ -194,7 +194,7 @@ def _counted(number: int, thing: str) -> str:
 
 
 def dot_of_cards(drawn: list[Card]) -> str:
-    """Give the cards as a graph in the language of Graphviz, for those who have it.
+    """Return the cards as a graph in the language of Graphviz, for those who have it.
 
     Args:
         drawn: The cards.
@@ -214,5 +214,5 @@ def dot_of_cards(drawn: list[Card]) -> str:
 
 
 def leg_text(leg: Leg) -> str:
-    """Give a leg's joints as letters, motors with a star: "R R P*"."""
+    """Return a leg's joints as letters, motors with a star: "R R P*"."""
     return " ".join(f"{sign.letter}{'*' if sign.driven else ''}" for sign in leg.joints) or "no joints"

@@ -51,7 +51,7 @@ def chart_of_table(columns: Sequence[str], rows: Array, *, title: str = "") -> C
 
 
 def _of_joints(data: dict[str, Array], part: str) -> tuple[Line, ...]:
-    """Give one quantity of every joint, or of the motors where efforts tell them."""
+    """Return one quantity of every joint, or of the motors where efforts tell them."""
     motors = {name.partition("/")[0] for name in data if name.endswith("/effort")}
     ending = f"/{part}"
     found = {name.removesuffix(ending): x for name, x in data.items() if name.endswith(ending)}

@@ -67,7 +67,7 @@ def figure_of_workspace(found: Workspace, *, title: str = "") -> Figure:
 
 
 def _maps(found: Workspace) -> dict[str, Array]:
-    """Give what is drawn by name; the efforts against gravity as the largest of all motors."""
+    """Return what is drawn by name; the efforts against gravity as the largest of all motors."""
     maps = {name: values for name, values in found.measures.items() if name in LABELS and values.any()}
     held = [values for name, values in found.measures.items() if name.endswith("/effort")]
     if held:

@@ -104,7 +104,7 @@ class _Group:
         self.sign = on_b - tree.support[self.a[:, None], self.cols]
 
     def moved_by(self, free: Mask) -> _Group:
-        """Give the same group over some freedoms only, where every closure involves as many of them."""
+        """Return the same group over some freedoms only, where every closure involves as many of them."""
         count = free[self.cols].sum(axis=1)
         out = copy(self)
         if (count == count[0]).all():
@@ -114,7 +114,7 @@ class _Group:
         return out
 
     def frames(self, motion: Motion) -> tuple[Array, Array, Array, Array]:
-        """Give axes and origins of A and B in the base: (T, g, 3, 3), (T, g, 3), twice."""
+        """Return axes and origins of A and B in the base: (T, g, 3, 3), (T, g, 3), twice."""
         Ra, Rb = select(motion.R, self.a), select(motion.R, self.b)
         return (
             compose(Ra, self.R_a), select(motion.p, self.a) + rotate(Ra, self.p_a),
@@ -122,7 +122,7 @@ class _Group:
         )  # fmt: skip
 
     def normals(self, A: Array, B: Array) -> Array:
-        """Give the vectors whose product with the relative angular velocity is zero, (T, g, rows, 3)."""
+        """Return the vectors whose product with the relative angular velocity is zero, (T, g, rows, 3)."""
         if self.rotation == "free":
             return np.zeros((*A.shape[:2], 0, 3))
         if self.rotation == "fixed":
@@ -131,7 +131,7 @@ class _Group:
         return np.stack([cross(B[..., :, 2], A[..., :, i]) for i in axes], axis=-2)
 
     def residual(self, motion: Motion) -> Array:
-        """Give the residuals, shape (T, g, rows): metres, then radians."""
+        """Return the residuals, shape (T, g, rows): metres, then radians."""
         A, pa, B, pb = self.frames(motion)
         shift = rotate_back(A, pb - pa)[..., self.translations]
         if self.rotation == "free":
@@ -151,7 +151,7 @@ class _Group:
         return np.concatenate([shift, turn], axis=-1)
 
     def matrix(self, tree: Tree, motion: Motion, columns: tuple[Array, Array]) -> Array:
-        """Give the rows over the involved freedoms, shape (T, g, rows, involved)."""
+        """Return the rows over the involved freedoms, shape (T, g, rows, involved)."""
         A, _, B, pb = self.frames(motion)
         linear, angular = (select(c, self.cols) * self.sign[..., None] for c in columns)
         origin = select(motion.p, tree.dof_body[self.cols])
@@ -161,7 +161,7 @@ class _Group:
         return np.concatenate([shift, turn], axis=-2)
 
     def rates(self, motion: Motion) -> tuple[Array, Array]:
-        """Give the first two time derivatives of the residuals along the motion, shapes (T, g, rows)."""
+        """Return the first two time derivatives of the residuals along the motion, shapes (T, g, rows)."""
         A, pa, B, pb = self.frames(motion)
         wa, wb, wda, wdb = (select(x, i) for x in (motion.w, motion.wd) for i in (self.a, self.b))
         ra, rb = pa - select(motion.p, self.a), pb - select(motion.p, self.b)
@@ -181,7 +181,7 @@ class _Group:
         return np.concatenate([shift, turn], axis=-1), np.concatenate([shift_dot, turn_dot], axis=-1)
 
     def _normals_dot(self, A: Array, B: Array, wa: Array, wb: Array) -> Array:
-        """Give the time derivatives of `normals` where A and B turn at wa and wb."""
+        """Return the time derivatives of `normals` where A and B turn at wa and wb."""
         if self.rotation == "free":
             return np.zeros((*A.shape[:2], 0, 3))
         if self.rotation == "fixed":
@@ -195,7 +195,7 @@ class _Group:
 
 
 def common_measure(numbers: list[float]) -> float:
-    """Give the largest number that divides all, their ratios taken as small fractions; 0 for none."""
+    """Return the largest number that divides all, their ratios taken as small fractions; 0 for none."""
     sizes = [abs(x) for x in numbers if x]
     if not sizes:
         return 0.0
@@ -242,7 +242,7 @@ class Closures:
             self.is_angle[at.start + len(c.translations) : at.stop] = True
 
     def residual(self, q: Array, motion: Motion) -> Array:
-        """Give by how much the loops are open, shape (T, rows), [m, rad]."""
+        """Return by how much the loops are open, shape (T, rows), [m, rad]."""
         out = np.zeros((len(q), self.rows))
         for group in self._groups:
             out[:, group.rows] = group.residual(motion)
@@ -267,7 +267,7 @@ class Closures:
         return out
 
     def matrix(self, motion: Motion, scales: tuple[Array, Array] | None = None) -> Array:
-        """Give the constraint rows K over the tree's freedoms, shape (T, rows, nv).
+        """Return the constraint rows K over the tree's freedoms, shape (T, rows, nv).
 
         Args:
             motion: Motion of the tree (positions suffice).
@@ -286,14 +286,14 @@ class Closures:
         return K
 
     def moved_by(self, free: Mask) -> Closures:
-        """Give the same closures whose matrix is filled in for some freedoms only, shape (nv,)."""
+        """Return the same closures whose matrix is filled in for some freedoms only, shape (nv,)."""
         out = copy(self)
         out._groups = [group.moved_by(free) for group in self._groups]
         out._coupling_rows = self._coupling_rows * free
         return out
 
     def rates(self, motion: Motion, v: Array) -> tuple[Array, Array]:
-        """Give K q_dot and the second derivative of the residual along the motion, shapes (T, rows).
+        """Return K q_dot and the second derivative of the residual along the motion, shapes (T, rows).
 
         With a motion swept at zero joint accelerations, the second is the drift term gamma.
         """

@@ -96,7 +96,7 @@ def null_basis(K: Array, gamma: Array, rank: int) -> tuple[Array, Array, Array]:
 
 
 def least_squares(A: Array, b: Array, *, relative: float = 1e-12, rank: int | None = None) -> Array:
-    """Give the least-norm least-squares solution of A x = b by singular values, shapes (B, m, n), (B, m).
+    """Return the least-norm least-squares solution of A x = b by singular values, shapes (B, m, n), (B, m).
 
     The leading `rank` singular values count, or, where left out, those above `relative` times the largest.
     """

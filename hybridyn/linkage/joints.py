@@ -62,7 +62,7 @@ class TreeJoint:
         return np.eye(6)[:, list(columns)]
 
     def transform(self, q: Array) -> tuple[Array, Array]:
-        """Give where a joint of several freedoms puts its child: rotations (T, 3, 3), shifts (T, 3).
+        """Return where a joint of several freedoms puts its child: rotations (T, 3, 3), shifts (T, 3).
 
         Joints of one freedom are evaluated all at once by their tree (`Tree.sweep`).
         """
@@ -110,7 +110,7 @@ class TreeJoint:
         return out
 
     def difference(self, q0: Array, q1: Array) -> Array:
-        """Give the twist dq with `integrate(q0, dq) = q1`, shape (T, nv)."""
+        """Return the twist dq with `integrate(q0, dq) = q1`, shape (T, nv)."""
         if self.kind in ("revolute", "prismatic"):
             return q1 - q0
         out = np.empty((len(q0), NV[self.kind]))
@@ -131,7 +131,7 @@ class TreeJoint:
 
 
 def _turned(x: Array, y: Array) -> Array:
-    """Give the angles from unit vectors x to y, shape (T,)."""
+    """Return the angles from unit vectors x to y, shape (T,)."""
     out: Array = np.arctan2(x[:, 0] * y[:, 1] - x[:, 1] * y[:, 0], x[:, 0] * y[:, 0] + x[:, 1] * y[:, 1])
     return out
 

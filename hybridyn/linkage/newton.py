@@ -81,7 +81,7 @@ class LoopProblem:
         return float(self.col_scale.max(initial=1.0)) if len(self.col_scale) else 1.0
 
     def residual(self, q: Array, samples: Index, motion: Motion | None = None) -> Array:
-        """Give the scaled residuals at samples (numbers into the targets), shape (T, rows)."""
+        """Return the scaled residuals at samples (numbers into the targets), shape (T, rows)."""
         motion = motion or self.tree.sweep(q)
         rows = [t.residual(motion, samples) / t.units for t in self.targets]
         return np.concatenate([self.closures.residual(q, motion) * self.row_scale, *rows], axis=1)
@@ -92,7 +92,7 @@ class LoopProblem:
         return self.closures.moved_by(self.free)
 
     def matrix(self, motion: Motion, *, every: bool = True) -> Array:
-        """Give the scaled rows over all freedoms, or at least over the free ones, shape (T, rows, nv)."""
+        """Return the scaled rows over all freedoms, or at least over the free ones, shape (T, rows, nv)."""
         closures = self.closures if every else self.moving
         K = closures.matrix(motion, (self.row_scale, self.col_scale))
         if not self.targets:
@@ -101,7 +101,7 @@ class LoopProblem:
         return np.concatenate([K, *rows], axis=1)
 
     def solve(self, K: Array, rhs: Array, damping: Array | None = None) -> Array:
-        """Give the least-norm x of the free freedoms with K x = rhs, scaled, shape (T, nv); others zero."""
+        """Return the least-norm x of the free freedoms with K x = rhs, scaled, shape (T, nv); others zero."""
         out = np.zeros((len(K), self.tree.nv))
         if self.blocks and (damping is None or not damping.any()):
             hard = self._solve_blocks(K, rhs, out)
@@ -115,7 +115,7 @@ class LoopProblem:
         return out
 
     def turned(self, before: Array, after: Array) -> Array:
-        """Give by how much rows have turned, |J^-1 (J' - J)| over the free freedoms, shape (T,).
+        """Return by how much rows have turned, |J^-1 (J' - J)| over the free freedoms, shape (T,).
 
         Args:
             before: J, scaled rows over all freedoms, shape (T, rows, nv).
@@ -149,7 +149,7 @@ class LoopProblem:
 
 
 def _turned(J: Array, change: Array, rank: int) -> Array:
-    """Give |J^-1 change| on the leading singular values (2-norm), shape (T,)."""
+    """Return |J^-1 change| on the leading singular values (2-norm), shape (T,)."""
     if 0 in J.shape:
         return np.zeros(len(J))
     U, s, Vt = np.linalg.svd(J, full_matrices=False)

@@ -126,7 +126,7 @@ class Reduction:
         return self.n - self.rank
 
     def scaled(self, K: Array) -> Array:
-        """Give rows without units, shape (T, rows, n)."""
+        """Return rows without units, shape (T, rows, n)."""
         return K * self.row_scale[:, None] * self.col_scale
 
     def fix_ranks(self, K: Array, tolerance: float) -> None:

@@ -45,7 +45,7 @@ class Retraction:
         self.flat = not self._turning
 
     def move(self, q: Array, xi: Array) -> Array:
-        """Give the posture that a displacement leads to, shapes (nq,), (nv,)."""
+        """Return the posture that a displacement leads to, shapes (nq,), (nv,)."""
         out = q.copy()
         out[self._q] += xi[self._v]
         for tree, _, at, to in self._others:
@@ -53,7 +53,7 @@ class Retraction:
         return out
 
     def difference(self, q0: Array, q1: Array) -> Array:
-        """Give the displacement xi with `move(q0, xi) = q1`, shape (nv,)."""
+        """Return the displacement xi with `move(q0, xi) = q1`, shape (nv,)."""
         width = len(self._v) + sum(to.stop - to.start for _, _, _, to in self._others)
         xi = np.zeros(width)
         xi[self._v] = q1[self._q] - q0[self._q]
@@ -62,15 +62,15 @@ class Retraction:
         return xi
 
     def pull(self, xi: Array, v: Array) -> Array:
-        """Give xi_dot = T(xi)^-1 v, shapes (nv,) and (nv,) or (nv, k)."""
+        """Return xi_dot = T(xi)^-1 v, shapes (nv,) and (nv,) or (nv, k)."""
         return self._map(xi, v, inverse=True)
 
     def push(self, xi: Array, rate: Array) -> Array:
-        """Give v = T(xi) xi_dot, shapes (nv,) and (nv,) or (nv, k)."""
+        """Return v = T(xi) xi_dot, shapes (nv,) and (nv,) or (nv, k)."""
         return self._map(xi, rate, inverse=False)
 
     def centred(self, xi: Array) -> Array:
-        """Give the displacement in coordinates about the posture halfway, shape (nv,)."""
+        """Return the displacement in coordinates about the posture halfway, shape (nv,)."""
         if self.flat:
             return xi
         out = xi.copy()
@@ -105,12 +105,12 @@ class Retraction:
 
 
 def _alone(kind: str) -> Tree:
-    """Give a tree of one joint."""
+    """Return a tree of one joint."""
     return Tree([TreeJoint("", kind, 0, np.eye(3), np.zeros(3), np.array([0.0, 0.0, 1.0]))])  # type: ignore[arg-type]
 
 
 def _right_jacobian(r: Array) -> Array:
-    """Give the body's angular velocity over the rate of its rotation vector, shape (3, 3)."""
+    """Return the body's angular velocity over the rate of its rotation vector, shape (3, 3)."""
     angle, S = float(np.linalg.norm(r)), hat(r)
     if angle < SMALL_ANGLE:
         return np.asarray(np.eye(3) - S / 2 + S @ S / 6)
@@ -119,7 +119,7 @@ def _right_jacobian(r: Array) -> Array:
 
 
 def _right_jacobian_inverse(r: Array) -> Array:
-    """Give the rate of a rotation vector over the body's angular velocity, shape (3, 3)."""
+    """Return the rate of a rotation vector over the body's angular velocity, shape (3, 3)."""
     angle, S = float(np.linalg.norm(r)), hat(r)
     if angle < SMALL_ANGLE:
         return np.asarray(np.eye(3) + S / 2 + S @ S / 12)

@@ -32,14 +32,14 @@ class RigidMotion:
 
     @classmethod
     def at_rest(cls, samples: int, R: Array | None = None, p: Array | None = None) -> RigidMotion:
-        """Give a frame at rest at a placement (identity where left out)."""
+        """Return a frame at rest at a placement (identity where left out)."""
         zero = np.zeros((samples, 3))
         axes = np.broadcast_to(np.eye(3) if R is None else R, (samples, 3, 3))
         return cls(axes, np.broadcast_to(zero[0] if p is None else p, (samples, 3)), zero, zero, zero, zero)
 
     @classmethod
     def of_body(cls, motion: Motion, body: int) -> RigidMotion:
-        """Give a body of a swept tree in the tree's base."""
+        """Return a body of a swept tree in the tree's base."""
         return cls(*(x[:, body] for x in (motion.R, motion.p, motion.w, motion.pd, motion.wd, motion.pdd)))
 
     def then(self, inner: RigidMotion) -> RigidMotion:
@@ -56,7 +56,7 @@ class RigidMotion:
         )
 
     def seen_from(self, base: RigidMotion) -> RigidMotion:
-        """Give this frame's motion relative to another frame that is known in the same reference."""
+        """Return this frame's motion relative to another frame that is known in the same reference."""
         r, w = self.p - base.p, self.w - base.w
         slide = self.pd - base.pd - cross(base.w, r)
         wd = self.wd - base.wd - cross(base.w, w)

@@ -31,11 +31,11 @@ class Target(Protocol):
         ...
 
     def residual(self, motion: Motion, samples: Index) -> Array:
-        """Give what is missing, shape (T, rows)."""
+        """Return what is missing, shape (T, rows)."""
         ...
 
     def matrix(self, tree: Tree, motion: Motion) -> Array:
-        """Give the rows over the rates of the tree, shape (T, rows, nv)."""
+        """Return the rows over the rates of the tree, shape (T, rows, nv)."""
         ...
 
     def rates(self, motion: Motion, samples: Index) -> tuple[Array, Array]:
@@ -43,11 +43,11 @@ class Target(Protocol):
         ...
 
     def between(self, sample: int, fractions: Array) -> Target:
-        """Give the target on the way from a sample to the next, one new sample per fraction, at rest."""
+        """Return the target on the way from a sample to the next, one new sample per fraction, at rest."""
         ...
 
     def from_here(self, motion: Motion) -> Target:
-        """Give the target whose sample 0 is what the body does now and whose sample 1 is sample 0."""
+        """Return the target whose sample 0 is what the body does now and whose sample 1 is sample 0."""
         ...
 
 
@@ -72,28 +72,28 @@ class PoseTarget:
     units: Array
 
     def residual(self, motion: Motion, samples: Index) -> Array:
-        """Give the pose that is there less the pose wanted, shape (T, 6)."""
+        """Return the pose that is there less the pose wanted, shape (T, 6)."""
         wanted = self.R[samples]
         turn = rotation_vector(np.matmul(motion.R[:, self.body], np.swapaxes(wanted, 1, 2)))
         return np.concatenate([motion.p[:, self.body] - self.p[samples], turn], axis=1)
 
     def matrix(self, tree: Tree, motion: Motion) -> Array:
-        """Give the rows over the rates, shape (T, 6, nv)."""
+        """Return the rows over the rates, shape (T, 6, nv)."""
         return tree.jacobian(motion, self.body)
 
     def rates(self, motion: Motion, samples: Index) -> tuple[Array, Array]:
-        """Give the velocities wanted, and the accelerations wanted less what the rates already cause."""
+        """Return the velocities wanted, and the accelerations wanted less what the rates already cause."""
         bias = np.concatenate([motion.pdd[:, self.body], motion.wd[:, self.body]], axis=1)
         return self.velocity[samples], self.acceleration[samples] - bias
 
     def between(self, sample: int, fractions: Array) -> PoseTarget:
-        """Give the pose on the way from a sample to the next: straight, turning about one axis."""
+        """Return the pose on the way from a sample to the next: straight, turning about one axis."""
         R0, R1, p0, p1 = self.R[sample], self.R[sample + 1], self.p[sample], self.p[sample + 1]
         turn = rotation_from_vector(fractions[:, None] * rotation_vector(R0.T @ R1))
         return replace(self, R=R0 @ turn, p=p0 + fractions[:, None] * (p1 - p0))
 
     def from_here(self, motion: Motion) -> PoseTarget:
-        """Give the way from where the body is now to sample 0."""
+        """Return the way from where the body is now to sample 0."""
         R, p = motion.R[:1, self.body], motion.p[:1, self.body]
         return replace(self, R=np.concatenate([R, self.R[:1]]), p=np.concatenate([p, self.p[:1]]))
 
@@ -125,18 +125,18 @@ class CoordinateTarget:
     units: Array
 
     def _rows(self) -> list[int]:
-        """Give the numbers of the coordinates among `COORDINATES`."""
+        """Return the numbers of the coordinates among `COORDINATES`."""
         return [COORDINATES.index(name) for name in self.names]
 
     def _frame(self, motion: Motion) -> tuple[Array, Array, Array]:
-        """Give the link's axes and origin in the reference, and its offset in the body, base axes."""
+        """Return the link's axes and origin in the reference, and its offset in the body, base axes."""
         R = motion.R[:, self.body]
         offset = np.matmul(R, self.shift[1])
         p = motion.p[:, self.body] + offset
         return np.matmul(self.R.T, np.matmul(R, self.shift[0])), (p - self.p) @ self.R, offset
 
     def residual(self, motion: Motion, samples: Index) -> Array:
-        """Give the coordinates there less those wanted, shape (T, rows); angles within half a turn."""
+        """Return the coordinates there less those wanted, shape (T, rows); angles within half a turn."""
         R, p, _ = self._frame(motion)
         there = np.concatenate([p, roll_pitch_yaw(R)], axis=1)[:, self._rows()]
         out: Array = there - self.value[samples]
@@ -145,7 +145,7 @@ class CoordinateTarget:
         return out
 
     def matrix(self, tree: Tree, motion: Motion) -> Array:
-        """Give the rows over the rates, shape (T, rows, nv)."""
+        """Return the rows over the rates, shape (T, rows, nv)."""
         R, _, offset = self._frame(motion)
         J = tree.jacobian(motion, self.body)
         linear = J[:, :3] - np.matmul(hat(offset), J[:, 3:])
@@ -154,7 +154,7 @@ class CoordinateTarget:
         return rows
 
     def rates(self, motion: Motion, samples: Index) -> tuple[Array, Array]:
-        """Give the rates wanted, and the accelerations wanted less what the rates already cause."""
+        """Return the rates wanted, and the accelerations wanted less what the rates already cause."""
         R, _, offset = self._frame(motion)
         w, wd = motion.w[:, self.body], motion.wd[:, self.body]
         velocity = motion.pd[:, self.body] + cross(w, offset)
@@ -165,27 +165,27 @@ class CoordinateTarget:
         return self.rate[samples], self.acceleration[samples] - caused[:, self._rows()]
 
     def between(self, sample: int, fractions: Array) -> CoordinateTarget:
-        """Give the coordinates on the way from a sample to the next."""
+        """Return the coordinates on the way from a sample to the next."""
         step = self.value[sample + 1] - self.value[sample]
         angle = np.array(self._rows()) >= 3
         step[angle] -= 2 * np.pi * np.round(step[angle] / (2 * np.pi))
         return replace(self, value=self.value[sample] + fractions[:, None] * step)
 
     def from_here(self, motion: Motion) -> CoordinateTarget:
-        """Give the way from where the body is now to sample 0."""
+        """Return the way from where the body is now to sample 0."""
         now = self.residual(motion, np.zeros(len(motion.p), dtype=int))[:1] + self.value[:1]
         return replace(self, value=np.concatenate([now, self.value[:1]]))
 
 
 def roll_pitch_yaw(R: Array) -> Array:
-    """Give roll, pitch and yaw of rotations (..., 3, 3), URDF's order."""
+    """Return roll, pitch and yaw of rotations (..., 3, 3), URDF's order."""
     pitch = np.arctan2(-R[..., 2, 0], np.hypot(R[..., 0, 0], R[..., 1, 0]))
     roll, yaw = np.arctan2(R[..., 2, 1], R[..., 2, 2]), np.arctan2(R[..., 1, 0], R[..., 0, 0])
     return np.stack([roll, pitch, yaw], -1)
 
 
 def _euler_map(R: Array) -> Array:
-    """Give the angular velocity of unit rates of roll, pitch, yaw as columns, shape (T, 3, 3)."""
+    """Return the angular velocity of unit rates of roll, pitch, yaw as columns, shape (T, 3, 3)."""
     _, pitch, yaw = np.moveaxis(roll_pitch_yaw(R), -1, 0)
     E = np.zeros_like(R)
     E[:, 0, 0], E[:, 1, 0] = np.cos(yaw) * np.cos(pitch), np.sin(yaw) * np.cos(pitch)
@@ -196,7 +196,7 @@ def _euler_map(R: Array) -> Array:
 
 
 def _coordinate_map(R: Array) -> Array:
-    """Give rates of the six coordinates over velocity and angular velocity, shape (T, 6, 6)."""
+    """Return rates of the six coordinates over velocity and angular velocity, shape (T, 6, 6)."""
     out = np.zeros((len(R), 6, 6))
     out[:, :3, :3] = np.eye(3)
     out[:, 3:, 3:] = np.linalg.pinv(_euler_map(R))
@@ -204,7 +204,7 @@ def _coordinate_map(R: Array) -> Array:
 
 
 def _coordinate_drift(R: Array, twist: Array) -> Array:
-    """Give the coordinates' accelerations at zero acceleration of the body, shape (T, 6)."""
+    """Return the coordinates' accelerations at zero acceleration of the body, shape (T, 6)."""
     E = _euler_map(R)
     E_inv = np.linalg.pinv(E)
     rates = np.matmul(E_inv, twist[:, 3:, None])[..., 0]

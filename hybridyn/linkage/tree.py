@@ -48,7 +48,7 @@ class Motion:
     pdd: Array
 
     def take(self, samples: Index | Mask) -> Motion:
-        """Give the motion at some samples (numbers or a mask)."""
+        """Return the motion at some samples (numbers or a mask)."""
         kept = (
             np.ascontiguousarray(x.transpose(*range(1, x.ndim), 0)[..., samples])
             for x in (self.R, self.p, self.w, self.pd, self.wd, self.pdd)
@@ -56,12 +56,12 @@ class Motion:
         return Motion(*(x.transpose(-1, *range(x.ndim - 1)) for x in kept))
 
     def twist(self, body: int) -> Array:
-        """Give the body's twist relative to the base in its own frame, shape (T, 6): the paper's v_k."""
+        """Return the body's twist relative to the base in its own frame, shape (T, 6): the paper's v_k."""
         R = self.R[:, body]
         return np.concatenate([rotate_back(R, self.pd[:, body]), rotate_back(R, self.w[:, body])], axis=-1)
 
     def acceleration(self, body: int) -> Array:
-        """Give the body's *spatial* acceleration relative to the base in its own frame, shape (T, 6)."""
+        """Return the body's *spatial* acceleration relative to the base in its own frame, shape (T, 6)."""
         R, w, pd = self.R[:, body], self.w[:, body], self.pd[:, body]
         linear = self.pdd[:, body] - cross(w, pd)
         return np.concatenate([rotate_back(R, linear), rotate_back(R, self.wd[:, body])], axis=-1)
@@ -111,12 +111,12 @@ class Tree:
         self._slides = np.array([j.R @ j.axis for j in joints]).reshape(-1, 3)
 
     def _of_kind(self, kind: str) -> tuple[Index, Index]:
-        """Give the numbers of the joints of a kind, and where their positions begin in q."""
+        """Return the numbers of the joints of a kind, and where their positions begin in q."""
         numbers = [i for i, j in enumerate(self.joints) if j.kind == kind]
         return np.array(numbers, dtype=int), np.array([self.q_slices[i].start for i in numbers], dtype=int)
 
     def neutral(self) -> Array:
-        """Give the zero position, shape (nq,)."""
+        """Return the zero position, shape (nq,)."""
         return np.concatenate([np.zeros(0), *(joint.neutral for joint in self.joints)])
 
     def integrate(self, q: Array, dq: Array) -> Array:
@@ -127,7 +127,7 @@ class Tree:
         return out
 
     def difference(self, q0: Array, q1: Array) -> Array:
-        """Give the joint twists dq with `integrate(q0, dq) = q1`, shape (T, nv)."""
+        """Return the joint twists dq with `integrate(q0, dq) = q1`, shape (T, nv)."""
         out = np.empty((len(q0), self.nv))
         for joint, at, to in zip(self.joints, self.q_slices, self.v_slices, strict=True):
             out[:, to] = joint.difference(q0[:, at], q1[:, at])
@@ -157,7 +157,7 @@ class Tree:
         return R, p
 
     def sweep(self, q: Array, v: Array | None = None, a: Array | None = None) -> Motion:
-        """Give the motion of every body; rates and accelerations left out are zero.
+        """Return the motion of every body; rates and accelerations left out are zero.
 
         With `a` left out, `wd` and `pdd` are what remains at zero joint accelerations (J_dot q_dot).
 
@@ -201,7 +201,7 @@ class Tree:
             wd[:, children], pdd[:, children] = wd1, pdd1
 
     def _joint_rates(self, R: Array, rates: Array) -> tuple[Array, Array]:
-        """Give S times the joint rates per body in base axes: linear and angular, shape (T, bodies, 3)."""
+        """Return S times the joint rates per body in base axes: linear and angular, shape (T, bodies, 3)."""
         T, n = len(R), len(self.joints) + 1
         linear, angular = np.zeros((2, n, 3, T))  # samples innermost in memory
         own = rates.T[self._single_dofs][:, None]
@@ -214,7 +214,7 @@ class Tree:
         return rotate(R, linear.transpose(2, 0, 1)), rotate(R, angular.transpose(2, 0, 1))
 
     def columns(self, motion: Motion) -> tuple[Array, Array]:
-        """Give what a unit rate of each freedom does to its own body, in base axes.
+        """Return what a unit rate of each freedom does to its own body, in base axes.
 
         Returns:
             Velocity of the body's origin and angular velocity, each of shape (T, nv, 3). A point x of a body
@@ -224,7 +224,7 @@ class Tree:
         return rotate(R, self.S_linear), rotate(R, self.S_angular)
 
     def jacobian(self, motion: Motion, body: int, point: Array | None = None) -> Array:
-        """Give the velocity of a point of a body and its angular velocity over the joint rates, base axes.
+        """Return the velocity of a point of a body and its angular velocity over the joint rates, base axes.
 
         Args:
             motion: Motion of the tree.
@@ -242,7 +242,7 @@ class Tree:
 
 
 def _turn_parts(joints: Sequence[TreeJoint]) -> tuple[Array, Array, Array]:
-    """Give C0, C1, C2 of each child's axes in its parent, C0 + C1 cos + C2 sin, shapes (joints, 3, 3)."""
+    """Return C0, C1, C2 of each child's axes in its parent, C0 + C1 cos + C2 sin, shapes (joints, 3, 3)."""
     parts = np.zeros((3, len(joints), 3, 3))
     for i, joint in enumerate(joints):
         along = np.outer(joint.axis, joint.axis)

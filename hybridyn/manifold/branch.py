@@ -118,14 +118,14 @@ def branch_of(
 
 
 def derivative(f: Callable[[float], Array]) -> Array:
-    """Give f'(0), by differences of fourth order."""
+    """Return f'(0), by differences of fourth order."""
     h = DIFFERENCE
     out: Array = (8 * (f(h) - f(-h)) - (f(2 * h) - f(-2 * h))) / (12 * h)
     return out
 
 
 def along_branch(state: ModuleState, basis: Basis) -> Basis:
-    """Give the motions of a module, those of the branch that it is on where its closures lose rank.
+    """Return the motions of a module, those of the branch that it is on where its closures lose rank.
 
     Args:
         state: The module's state.
@@ -158,20 +158,20 @@ class _Path:
         self.bend = np.zeros_like(direction)
 
     def at(self, s: float) -> tuple[Array, Array]:
-        """Give posture and velocity after a way s, shapes (1, nq), (n,)."""
+        """Return posture and velocity after a way s, shapes (1, nq), (n,)."""
         unit = self._m.reduction.col_scale
         q = self._m.tree.integrate(self._q, ((s * self.direction + s * s / 2 * self.bend) * unit)[None])
         return q, self.direction + s * self.bend
 
     def rows(self, q: Array, moved: Array) -> Array:
-        """Give the rows at a displacement from a posture, shape (rows, n)."""
+        """Return the rows at a displacement from a posture, shape (rows, n)."""
         m = self._m
         x = m.tree.integrate(q, (moved * m.reduction.col_scale)[None])
         out: Array = m.reduction.scaled(m.closures.matrix(m.tree.sweep(x)))[0]
         return out
 
     def gamma(self, q: Array, moved: Array, rate: Array) -> Array:
-        """Give the drift terms at a displacement from a posture for rates (k, n), shape (k, rows)."""
+        """Return the drift terms at a displacement from a posture for rates (k, n), shape (k, rows)."""
         m = self._m
         x = m.tree.integrate(q, (moved * m.reduction.col_scale)[None])
         rates = rate * m.reduction.col_scale
@@ -188,7 +188,7 @@ class _Path:
         return out
 
     def slopes(self, s: float) -> tuple[Array, Array, Array]:
-        """Give K', K' + gamma_v and gamma' after a way s, shapes (rows, n), (rows, n), (rows,)."""
+        """Return K', K' + gamma_v and gamma' after a way s, shapes (rows, n), (rows, n), (rows,)."""
         q, v = self.at(s)
         none, each = 0 * v, np.eye(len(v))
         slope = derivative(lambda h: self.rows(q, h * v))
@@ -197,7 +197,7 @@ class _Path:
 
 
 def _motions_at(state: ModuleState, t: int) -> tuple[Array, Array] | None:
-    """Give tangents and drift of one sample, scaled, shapes (n, N) and (n,); None where nothing is weak.
+    """Return tangents and drift of one sample, scaled, shapes (n, N) and (n,); None where nothing is weak.
 
     The weak rows, and what they ask for, are integrals of their derivatives from where rank is lost; taken by
     the midpoint rule, their error is the square of the distance.
@@ -236,7 +236,7 @@ def _motions_at(state: ModuleState, t: int) -> tuple[Array, Array] | None:
 def _limits(
     slopes: tuple[Array, Array, Array], N: Array, rest: Array, known: Array, k: int
 ) -> tuple[Array, Array]:
-    """Give tangents and drift from the limits of k weak rows.
+    """Return tangents and drift from the limits of k weak rows.
 
     Args:
         slopes: K', K' + gamma_v and gamma', as `_Path.slopes` gives them.

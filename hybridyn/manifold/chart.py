@@ -130,7 +130,7 @@ class _Part:
         self.narrow, self.lost = False, False
 
     def _branch(self, K: Array, v: Array, parts: tuple[Array, Array, Array]) -> Branch | None:
-        """Give the branch that scaled rates are on, where closures lose rank."""
+        """Return the branch that scaled rates are on, where closures lose rank."""
         rows, move = self.looped.rows, self.looped.retraction.move
 
         def along(direction: Array) -> Array:
@@ -177,7 +177,7 @@ class _Part:
         )
 
     def _newton_step(self, G: Array, residual: Array) -> Array:
-        """Give the step of the dependent coordinates.
+        """Return the step of the dependent coordinates.
 
         Raises:
             AmbiguousBranchError: There is none, and the loops are open.
@@ -212,7 +212,7 @@ class _Part:
         )
 
     def close(self) -> Array:
-        """Give the closed positions next to the origin; weak rows are left alone, if that closes the loops.
+        """Return the closed positions next to the origin; weak rows are left alone, if that closes the loops.
 
         Raises:
             AssemblyError: There are none.
@@ -230,7 +230,7 @@ class _Part:
         return self.lift(np.zeros(self.Z.shape[1]), np.zeros(len(self.unit)))[1]
 
     def rates(self, u: Array) -> Array:
-        """Give the scaled rates at the posture that `lift` gave last, u of shape (N,) or (N, k).
+        """Return the scaled rates at the posture that `lift` gave last, u of shape (N,) or (N, k).
 
         Where rank is lost, rows that are rounding have no say: rates keep the chart's direction there.
         """
@@ -267,7 +267,7 @@ class Chart:
         self.pivot = min((p.pivot for p in self._parts), default=1.0)
 
     def independent(self, x: Array) -> Array:
-        """Give the independent share of rates, accelerations or displacements, shape (nv,) or (nv, k)."""
+        """Return the independent share of rates, accelerations or displacements, shape (nv,) or (nv, k)."""
         unit = self._space.unit if x.ndim == 1 else self._space.unit[:, None]
         scaled = x / unit
         return np.concatenate(
@@ -275,7 +275,7 @@ class Chart:
         )
 
     def at_origin(self, u: Array) -> Array:
-        """Give the rates at the chart's origin, shape (nv,) or (nv, k)."""
+        """Return the rates at the chart's origin, shape (nv,) or (nv, k)."""
         return self._spread(u, [p.Z @ u[at] for p, at in zip(self._parts, self._at, strict=True)])
 
     @property
@@ -291,7 +291,7 @@ class Chart:
         return any(part.narrow for part in self._parts)
 
     def close(self) -> Array:
-        """Give the closed posture next to the origin, shape (nq,).
+        """Return the closed posture next to the origin, shape (nq,).
 
         Raises:
             AssemblyError: There is none.
@@ -302,7 +302,7 @@ class Chart:
         return q
 
     def lift(self, y: Array, u: Array, near: Array | None = None) -> Posture:
-        """Give posture and rates at independent coordinates and velocities.
+        """Return posture and rates at independent coordinates and velocities.
 
         Args:
             y: Coordinates, shape (N,).
@@ -324,7 +324,7 @@ class Chart:
         return Posture(q, xi, self.rates(u))
 
     def rates(self, u: Array) -> Array:
-        """Give the rates of u at the posture that `lift` gave last, shape (nv,) or (nv, k)."""
+        """Return the rates of u at the posture that `lift` gave last, shape (nv,) or (nv, k)."""
         return self._spread(u, [p.rates(u[at]) for p, at in zip(self._parts, self._at, strict=True)])
 
     def _spread(self, u: Array, held: list[Array]) -> Array:

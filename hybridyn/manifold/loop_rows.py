@@ -46,7 +46,7 @@ class LoopRows:
         return int(self.model.addFrame(pin.Frame(where, body, pin.SE3(R, p), pin.FrameType.OP_FRAME)))
 
     def at(self, q: Array) -> tuple[Array, Array]:
-        """Give scaled residuals (rows,) and scaled rows (rows, nv) at q, shape (nq,)."""
+        """Return scaled residuals (rows,) and scaled rows (rows, nv) at q, shape (nq,)."""
         J = pin.computeJointJacobians(self.model, self.data, q)
         residual, K = np.zeros(len(self._scale)), np.zeros((len(self._scale), self.model.nv))
         rows = self._closures.row_slices
@@ -62,7 +62,7 @@ class LoopRows:
 
 
 def _closure(c: TreeClosure, A: Array, pa: Array, B: Array, pb: Array, J: Array) -> tuple[Array, Array]:
-    """Give residual and rows of one closure from its frames and the relative Jacobian about the origin."""
+    """Return residual and rows of one closure from its frames and the relative Jacobian about the origin."""
     picked = A[:, c.translations]
     x, y, z = pb
     lever = np.array([[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]])  # minus the vector product with pb
@@ -79,12 +79,12 @@ def _closure(c: TreeClosure, A: Array, pa: Array, B: Array, pb: Array, J: Array)
 
 
 def _cross(a: Array, b: Array) -> Array:
-    """Give a x b (np.cross takes thirty times as long)."""
+    """Return a x b (np.cross takes thirty times as long)."""
     return np.array([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
 
 
 def _tilt(axis: Array) -> Array:
-    """Give by how much an axis leans from z, as an angle along x and y, shape (2,)."""
+    """Return by how much an axis leans from z, as an angle along x and y, shape (2,)."""
     sine = float(np.hypot(axis[0], axis[1]))
     if sine > 1e-9:
         return np.asarray(axis[:2] * (np.arctan2(sine, axis[2]) / sine))

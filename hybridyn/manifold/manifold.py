@@ -53,7 +53,7 @@ class Manifold:
         self.space = Space(self.looped, self.free, self.unit, self.retraction, prescribed)
 
     def _rows(self, mechanism: Mechanism) -> LoopRows:
-        """Give the rows of a module, shared by equal modules."""
+        """Return the rows of a module, shared by equal modules."""
         if id(mechanism) not in self._shared:
             self._shared[id(mechanism)] = LoopRows(mechanism)
         return self._shared[id(mechanism)]
@@ -72,16 +72,16 @@ class Manifold:
         return Chart(self.space, q, v, bound)
 
     def residual(self, q: Array) -> float:
-        """Give the worst scaled closure residual of a posture, shape (nq,)."""
+        """Return the worst scaled closure residual of a posture, shape (nq,)."""
         return self.worst(q)[0]
 
     def worst(self, q: Array) -> tuple[float, str]:
-        """Give the worst scaled closure residual of a posture, and the name of its module."""
+        """Return the worst scaled closure residual of a posture, and the name of its module."""
         each = [(float(np.abs(m.rows.at(q[m.module.q_index])[0]).max()), m.module.name) for m in self.looped]
         return max(each, default=(0.0, ""))
 
     def pull_back(self, q: Array, v: Array, rate: float) -> Array:
-        """Give Baumgarte's accelerations, shape (nv,): K a = -2 rate K v - rate^2 residual."""
+        """Return Baumgarte's accelerations, shape (nv,): K a = -2 rate K v - rate^2 residual."""
         out = np.zeros_like(v)
         for m in self.looped:
             index, unit = m.module.v_index, m.rows.unit
@@ -91,7 +91,7 @@ class Manifold:
         return out
 
     def opening(self, q: Array, v: Array) -> tuple[float, str]:
-        """Give how fast the loops open, relative to the rates, and the name of the worst module."""
+        """Return how fast the loops open, relative to the rates, and the name of the worst module."""
         worst, name = 0.0, ""
         for m in self.looped:
             x = v[m.module.v_index] / m.rows.unit
@@ -102,7 +102,7 @@ class Manifold:
         return worst, name
 
     def project(self, q: Array, v: Array) -> tuple[Array, Array]:
-        """Give the closed posture near q, and the rates near v that keep it closed (least scaled change).
+        """Return the closed posture near q, and the rates near v that keep it closed (least scaled change).
 
         Raises:
             AssemblyError: No closed posture was found.
@@ -113,13 +113,13 @@ class Manifold:
         return closed, self.with_base(v, chart.at_origin(chart.independent(v)))
 
     def with_base(self, v: Array, moved: Array) -> Array:
-        """Give `moved` with the rates of a prescribed base taken from v."""
+        """Return `moved` with the rates of a prescribed base taken from v."""
         if self.robot.base == "moving":
             moved[:6] = v[:6]
         return moved
 
 
 def _retraction(mechanism: Mechanism) -> Retraction:
-    """Give the moves on a module's spanning tree."""
+    """Return the moves on a module's spanning tree."""
     tree = mechanism.spanning
     return Retraction([j.kind for j in tree.joints], tree.q_slices, tree.v_slices)

@@ -24,12 +24,12 @@ class Factor(NamedTuple):
     Z: Numbers
 
     def least_norm(self, b: Numbers) -> Numbers:
-        """Give the least-norm least-squares solution of `A x = b`."""
+        """Return the least-norm least-squares solution of `A x = b`."""
         x: Numbers = self.V @ (self.inverse @ (self.U.T @ b))
         return x
 
     def least_norm_normal(self, b: Numbers) -> Numbers:
-        """Give the least-norm solution of `A^T A x = b`."""
+        """Return the least-norm solution of `A^T A x = b`."""
         x: Numbers = self.V @ (self.inverse @ (self.inverse.T @ (self.V.T @ b)))
         return x
 
@@ -95,7 +95,7 @@ class Extended:
         return self.factor(A, 0.0).least_norm(B)
 
     def _qr(self, A: Numbers, tolerance: float, largest: float) -> tuple[Numbers, Numbers, list[int], int]:
-        """Give Q (square), R, the column order and the rank of `A[:, order] = Q R`."""
+        """Return Q (square), R, the column order and the rank of `A[:, order] = Q R`."""
         rows, columns = A.shape
         R, Q, order = A.copy(), self.array(np.eye(rows)), list(range(columns))
         rank = 0
@@ -121,5 +121,5 @@ Arithmetic = Float64 | Extended
 
 
 def cross(a: Numbers, b: Numbers) -> Numbers:
-    """Give the cross product of two 3-vectors, of any arithmetic."""
+    """Return the cross product of two 3-vectors, of any arithmetic."""
     return np.array([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])

@@ -33,7 +33,7 @@ class Bodies:
         self.inertia = sum(float(np.trace(x.inertia)) for x in description.links)
 
     def needed(self, posture: Posture, V: Numbers, V_dot: Numbers, wrenches: Wrenches) -> Numbers:
-        """Give the wrench W that the motion of each body needs beyond gravity and outer wrenches.
+        """Return the wrench W that the motion of each body needs beyond gravity and outer wrenches.
 
         Args:
             posture: Where the bodies are.
@@ -63,7 +63,7 @@ class Bodies:
         return W
 
     def inertia_root(self, posture: Posture, motions: Numbers) -> Numbers:
-        """Give C with `C^T C = motions^T G^T M G motions`: link velocities times square roots of masses."""
+        """Return C with `C^T C = motions^T G^T M G motions`: link velocities times square roots of masses."""
         count = motions.shape[1]
         moved = (posture.G @ motions).reshape(len(posture.G) // 6, 6, count)
         blocks = [self.arithmetic.array(np.zeros((0, count)))]
@@ -78,7 +78,7 @@ class Bodies:
         return np.concatenate(blocks)
 
     def root(self, inertia: Numbers) -> Numbers:
-        """Give X with `X^T X = inertia`, by Cholesky with pivoting; a zero or singular inertia is fine.
+        """Return X with `X^T X = inertia`, by Cholesky with pivoting; a zero or singular inertia is fine.
 
         A pivot within the rounding of the data, which are doubles in any arithmetic, is zero.
         """

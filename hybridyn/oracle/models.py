@@ -20,7 +20,7 @@ CLOSED_TOLERANCE = 1e-9  # residual that `close` accepts, against the robot's le
 
 
 def largest(x: Numbers) -> float:
-    """Give the largest magnitude in an array, zero for none."""
+    """Return the largest magnitude in an array, zero for none."""
     return max((abs(float(value)) for value in x.reshape(-1)), default=0.0)
 
 
@@ -67,7 +67,7 @@ class Oracle:
         return self.tree.posture(q)
 
     def residual(self, q: Numbers) -> Numbers:
-        """Give what the closures and couplings miss at q, all zero where they hold, shape (n,).
+        """Return what the closures and couplings miss at q, all zero where they hold, shape (n,).
 
         In the order of `rows`, slides in metres; then one negative cosine for every pair of axes that should
         agree and point apart by more than a right angle (the rows alone vanish there too).
@@ -78,11 +78,11 @@ class Oracle:
         )
 
     def rows(self, q: Numbers) -> Numbers:
-        """Give K, the rows of closures, then couplings, on tree velocities, shape (rows, nv)."""
+        """Return K, the rows of closures, then couplings, on tree velocities, shape (rows, nv)."""
         return self.posture(q).K
 
     def motions(self, q: Numbers) -> Numbers:
-        """Give a basis of the tree velocities that the closures allow, shape (nv, mobility)."""
+        """Return a basis of the tree velocities that the closures allow, shape (nv, mobility)."""
         return self.unit[:, None] * self.posture(q).Z
 
     def integrate(self, q: Numbers, step: Numbers) -> Numbers:
@@ -112,12 +112,12 @@ class Oracle:
         return q
 
     def project_velocity(self, q: Numbers, v: Numbers) -> Numbers:
-        """Give the nearest velocity that the closures allow."""
+        """Return the nearest velocity that the closures allow."""
         posture, v = self.posture(q), self.arithmetic.array(v)
         return v - self.tree.least_change(posture, posture.K @ v)
 
     def consistent_acceleration(self, q: Numbers, v: Numbers, a: Numbers) -> Numbers:
-        """Give the nearest acceleration that keeps the closures closed, `K a + k = 0`."""
+        """Return the nearest acceleration that keeps the closures closed, `K a + k = 0`."""
         posture, a = self.posture(q), self.arithmetic.array(a)
         k = self.tree.drifts(posture, self.arithmetic.array(v))[2]
         return a - self.tree.least_change(posture, posture.K @ a + k)
@@ -125,7 +125,7 @@ class Oracle:
     # ---------------------------------------------------------------- dynamics
 
     def motor_map(self, posture: Posture) -> Numbers:
-        """Give what each motor's effort does along Z, `Z^T S^T`, shape (mobility, motors)."""
+        """Return what each motor's effort does along Z, `Z^T S^T`, shape (mobility, motors)."""
         return (self.unit[self.motors, None] * posture.Z[self.motors]).T
 
     def idm(
@@ -137,7 +137,7 @@ class Oracle:
         weights: Sequence[float] | None = None,
         passive: Literal["given", "solved"] = "given",
     ) -> Numbers:
-        """Give the motor efforts of a motion, shape (motors,), [N or N m], order `description.motors`.
+        """Return the motor efforts of a motion, shape (motors,), [N or N m], order `description.motors`.
 
         Args:
             q: Closed posture, shape (nq,).
@@ -158,7 +158,7 @@ class Oracle:
         weights: Sequence[float] | None = None,
         passive: Literal["given", "solved"] = "given",
     ) -> tuple[Numbers, Numbers]:
-        """Give the motor efforts, and the effort that no motor can produce, on tree coordinates, (nv,)."""
+        """Return the motor efforts, and the effort that no motor can produce, on tree coordinates, (nv,)."""
         if passive == "solved":
             a = self.solve_passive(q, v, a, wrenches)
         posture, a = self.posture(q), self.arithmetic.array(a)
@@ -172,7 +172,7 @@ class Oracle:
         return tau, posture.Z @ (needed - B @ tau) / self.unit
 
     def support(self, q: Numbers, v: Numbers, a: Numbers, wrenches: Wrenches | None = None) -> Numbers:
-        """Give the wrench that carries the robot, [force; moment] on the root link, in its frame, (6,).
+        """Return the wrench that carries the robot, [force; moment] on the root link, in its frame, (6,).
 
         It is what all bodies together need, whatever passes between them.
         """
@@ -206,7 +206,7 @@ class Oracle:
         base_acceleration: Numbers | None = None,
         wrenches: Wrenches | None = None,
     ) -> Numbers:
-        """Give the tree accelerations under motor efforts, shape (nv,); least norm where nothing has mass.
+        """Return the tree accelerations under motor efforts, shape (nv,); least norm where nothing has mass.
 
         Args:
             q: Closed posture, shape (nq,).
@@ -238,7 +238,7 @@ class Oracle:
         g: Numbers,
         wrenches: Wrenches,
     ) -> Numbers:
-        """Give the `a = a_p + unit Z y` that needs no other effort along Z than the given one."""
+        """Return the `a = a_p + unit Z y` that needs no other effort along Z than the given one."""
         W = self.bodies.needed(posture, V, (posture.G @ a_p).reshape(-1, 6) + g, wrenches)
         Q = posture.G.T @ W.reshape(-1)
         along = Z.T @ (self.unit * (effort - Q))
@@ -258,7 +258,7 @@ class Oracle:
         return self.arithmetic.factor(C, self.inertia_tolerance, scale)
 
     def massless(self, q: Numbers) -> Numbers:
-        """Give a basis of the allowed tree accelerations that nothing resists, shape (nv, massless)."""
+        """Return a basis of the allowed tree accelerations that nothing resists, shape (nv, massless)."""
         posture = self.posture(q)
         C = self._inertia(posture, posture.Z)
         basis: Numbers = self.unit[:, None] * (posture.Z @ C.Z)

@@ -33,7 +33,7 @@ SLIDES: dict[JointKind, int] = {
 
 
 def quaternion_matrix(xyzw: Numbers) -> Numbers:
-    """Give the rotation of a quaternion (x, y, z, w) of any norm."""
+    """Return the rotation of a quaternion (x, y, z, w) of any norm."""
     u, w = xyzw[:3], xyzw[3]
     skew = np.array([cross(u, e) for e in np.eye(3)]).T
     R: Numbers = ((w * w - u @ u) * np.eye(3) + 2 * np.outer(u, u) + 2 * w * skew) / (xyzw @ xyzw)
@@ -41,7 +41,7 @@ def quaternion_matrix(xyzw: Numbers) -> Numbers:
 
 
 def rotation_about_z(c: Any, s: Any) -> Numbers:
-    """Give the rotation about z with that cosine and sine."""
+    """Return the rotation about z with that cosine and sine."""
     return np.array([[c, -s, 0 * c], [s, c, 0 * c], [0 * c, 0 * c, 1 + 0 * c]])
 
 
@@ -74,7 +74,7 @@ class Loop(NamedTuple):
         return np.array([row.at_b for row in self.rows])
 
     def drift(self, V: Numbers) -> Numbers:
-        """Give the rows' drift, shape (rows,), from the velocities of all bodies, shape (bodies, 6)."""
+        """Return the rows' drift, shape (rows,), from the velocities of all bodies, shape (bodies, 6)."""
         return np.array([row.drift(V[self.A.body], V[self.B.body]) for row in self.rows])
 
 
@@ -163,7 +163,7 @@ class Tree:
         self.free = slice(6 if base == "moving" else 0, self.nv)
 
     def _placement(self, placement: Numbers) -> tuple[Numbers, Numbers]:
-        """Give rotation and origin of a placement, the rotation made orthonormal to the last digit."""
+        """Return rotation and origin of a placement, the rotation made orthonormal to the last digit."""
         M = self.arithmetic.array(placement)
         R = M[:3, :3]
         for _ in range(3):
@@ -171,7 +171,7 @@ class Tree:
         return R, M[:3, 3]
 
     def _triad(self, joint: Joint) -> Numbers:
-        """Give axes (columns) in the child frame whose third is the joint's, for joints with one axis."""
+        """Return axes (columns) in the child frame whose third is the joint's, for joints with one axis."""
         if joint.kind not in ("revolute", "continuous", "prismatic"):
             return self.arithmetic.array(np.eye(3))
         z = self.arithmetic.array(joint.axis)
@@ -181,7 +181,7 @@ class Tree:
         return np.array([x, cross(z, x), z]).T
 
     def _displacement(self, kind: JointKind, q: Numbers) -> tuple[Numbers, Numbers]:
-        """Give rotation and position of B in A for a joint's coordinates."""
+        """Return rotation and position of B in A for a joint's coordinates."""
         R, t = self.arithmetic.array(np.eye(3)), self.arithmetic.array(np.zeros(3))
         if kind == "revolute":
             R = rotation_about_z(self.arithmetic.cos(q[0]), self.arithmetic.sin(q[0]))
@@ -235,7 +235,7 @@ class Tree:
         return Loop(A, B, constraint_rows(A, B, closure.translations, closure.rotation))
 
     def _closure_rows(self, closures: list[Loop], G: list[Numbers]) -> tuple[Numbers, Numbers]:
-        """Give K, and what its rows are divided by."""
+        """Return K, and what its rows are divided by."""
         K = [row.at_a @ G[loop.A.body] + row.at_b @ G[loop.B.body] for loop in closures for row in loop.rows]
         scale = [self.length if row.slides else 1.0 for loop in closures for row in loop.rows]
         for coupling in self.description.couplings:
@@ -267,7 +267,7 @@ class Tree:
         return q
 
     def drifts(self, posture: Posture, v: Numbers) -> tuple[Numbers, Numbers, Numbers]:
-        """Give body velocities G v, their drift g, (bodies, 6), and the closures' drift k, (rows,)."""
+        """Return body velocities G v, their drift g, (bodies, 6), and the closures' drift k, (rows,)."""
         V = (posture.G @ v).reshape(-1, 6)
         g = self.arithmetic.array(np.zeros(V.shape))
         for loop in posture.joints:
@@ -282,13 +282,13 @@ class Tree:
         return V, g, np.concatenate(k)
 
     def least_change(self, posture: Posture, missing: Numbers) -> Numbers:
-        """Give the least tree rates x with `K x = missing`, none on a prescribed base."""
+        """Return the least tree rates x with `K x = missing`, none on a prescribed base."""
         x = self.arithmetic.array(np.zeros(self.nv))
         x[self.free] = posture.factor.least_norm(missing / posture.scale)
         return self.unit * x
 
     def values(self, posture: Posture, q: Numbers) -> Numbers:
-        """Give what the closures and couplings miss, shape (rows,), in the order of K; slides in metres."""
+        """Return what the closures and couplings miss, shape (rows,), in the order of K; slides in metres."""
         values = [row.value for loop in posture.closures for row in loop.rows]
         for coupling in self.description.couplings:
             value, turns = -self.arithmetic.array(coupling.offset)[()], []
@@ -316,6 +316,6 @@ class Tree:
 
 
 def _attach(link: Frame, R: Numbers, t: Numbers) -> Frame:
-    """Give a frame fixed in a link, from its rotation and origin there."""
+    """Return a frame fixed in a link, from its rotation and origin there."""
     offset = link.E @ t
     return Frame(link.x + offset, link.E @ R, link.r + offset, link.body)

@@ -22,7 +22,7 @@ Gains = float | Mapping[str, float]
 
 
 def by_motor(robot: HybridRobot, what: str, numbers: Gains) -> Array:
-    """Give one number per motor, shape (motors,).
+    """Return one number per motor, shape (motors,).
 
     Args:
         robot: The robot.
@@ -65,7 +65,7 @@ class EffortTable:
         self.time, self.tau = table("efforts", time, tau, np.shape(tau)[-1])
 
     def __call__(self, t: float, q: Array, v: Array) -> Array:
-        """Give the efforts at a time, shape (motors,).
+        """Return the efforts at a time, shape (motors,).
 
         Raises:
             TrajectoryError: The table does not reach that far.
@@ -93,7 +93,7 @@ class Pd:
         self._kp, self._kd = by_motor(robot, "kp", kp), by_motor(robot, "kd", kd)
 
     def __call__(self, t: float, q: Array, v: Array) -> Array:
-        """Give the efforts, shape (motors,)."""
+        """Return the efforts, shape (motors,)."""
         x, x_dot, _ = self._reference.at(t)
         out: Array = self._kp * self._axes.behind(x, q) + self._kd * (x_dot - v[self._axes.columns])
         return out
@@ -127,7 +127,7 @@ class ComputedTorque:
         self._on = on.only([name for name in on.names if name != "limits"])
 
     def __call__(self, t: float, q: Array, v: Array) -> Array:
-        """Give the efforts, shape (motors,)."""
+        """Return the efforts, shape (motors,)."""
         x, x_dot, x_ddot = self._reference.at(t)
         late = self._kp * self._axes.behind(x, q) + self._kd * (x_dot - v[self._axes.columns])
         a = np.zeros(self._robot.nv)
@@ -136,7 +136,7 @@ class ComputedTorque:
 
 
 def constant(robot: HybridRobot, efforts: Mapping[str, float]) -> Array:
-    """Give constant efforts by motor as an array, zero where not named, shape (motors,).
+    """Return constant efforts by motor as an array, zero where not named, shape (motors,).
 
     Raises:
         ModelError: An unknown motor.

@@ -23,7 +23,7 @@ LISTS = ("payload", "wrench", "base_motion", "use")
 
 
 def units(source: SceneFile, robot: HybridRobot) -> list[Any]:
-    """Give the effect objects of a scene; its own numbers replace those of the robot's files.
+    """Return the effect objects of a scene; its own numbers replace those of the robot's files.
 
     Raises:
         ModelError: An unknown effect, joint or link, or numbers that make no sense.

@@ -19,7 +19,7 @@ from .references import Reference
 def follow_motion(
     robot: HybridRobot, reference: Reference, times: Array, effects: Effects, guess: Array
 ) -> Result:
-    """Give the motion of a robot whose motors follow a reference exactly, and the efforts that this takes.
+    """Return the motion of a robot whose motors follow a reference exactly, and the efforts that this takes.
 
     Args:
         robot: The robot; its motors must determine its posture.

@@ -50,14 +50,14 @@ class MotorAxes:
         )
 
     def positions(self, q: Array) -> Array:
-        """Give the motors' positions, shape (motors,); of endless joints the angle in [-pi, pi]."""
+        """Return the motors' positions, shape (motors,); of endless joints the angle in [-pi, pi]."""
         x: Array = q[self.at]
         if self.turns.any():
             x[self.turns] = np.arctan2(q[self.at[self.turns] + 1], x[self.turns])
         return x
 
     def behind(self, wanted: Array, q: Array) -> Array:
-        """Give how far the motors are behind, shape (motors,); endless joints take the short way round."""
+        """Return how far the motors are behind, shape (motors,); endless joints take the short way round."""
         out = wanted - self.positions(q)
         out[self.turns] = (out[self.turns] + np.pi) % (2 * np.pi) - np.pi
         return out
@@ -80,7 +80,7 @@ class Reference:
     guess: Array
 
     def at(self, t: float) -> tuple[Array, Array, Array]:
-        """Give positions, rates and accelerations of the motors at a time, shape (motors,) each.
+        """Return positions, rates and accelerations of the motors at a time, shape (motors,) each.
 
         Raises:
             TrajectoryError: The motion ends before that time.
@@ -156,7 +156,7 @@ def from_points(robot: HybridRobot, points: Sequence[Point], start: Array) -> Re
 
 
 def _posture(robot: HybridRobot, axes: MotorAxes, point: Point, q: Array) -> tuple[Array, Array]:
-    """Give a point's posture near q (q itself where motors say it all) and its motor positions."""
+    """Return a point's posture near q (q itself where motors say it all) and its motor positions."""
     if point.platforms:
         out = assemble(robot, motors=dict(point.joints), platforms=dict(point.platforms), guess=q)[0]
         return out, axes.positions(out)

@@ -48,12 +48,12 @@ class SceneFile:
     scene: Scene
 
     def error(self, keys: Keys, message: str) -> ModelError:
-        """Give an error that names file, line and key."""
+        """Return an error that names file, line and key."""
         key = ".".join(str(part) for part in keys if isinstance(part, str))
         return ModelError(f"'{key}': {message}", file=self.file, line=line_of(self.text, keys), element=key)
 
     def beside(self, path: str) -> str:
-        """Give a path that the scene names, seen from here."""
+        """Return a path that the scene names, seen from here."""
         return str(Path(self.file).parent / path)
 
     @property
@@ -100,7 +100,7 @@ def naming(source: SceneFile, keys: Keys) -> Iterator[None]:
 
 
 def _problem(error: ValidationError, content: dict[str, Any]) -> tuple[Keys, str]:
-    """Give the keys and the text of the problem that says most: an unknown key, else the deepest one."""
+    """Return the keys and the text of the problem that says most: an unknown key, else the deepest one."""
     found = [(_keys(problem["loc"], content, problem["type"]), problem) for problem in error.errors()]
     keys, problem = max(found, key=lambda pair: (pair[1]["type"] == "extra_forbidden", len(pair[0])))
     if problem["type"] == "extra_forbidden":
@@ -116,7 +116,7 @@ def _problem(error: ValidationError, content: dict[str, Any]) -> tuple[Keys, str
 
 
 def _keys(place: Keys, content: Any, kind: str) -> Keys:
-    """Give the keys of a problem as the file has them, without pydantic's own marks of alternatives."""
+    """Return the keys of a problem as the file has them, without pydantic's own marks of alternatives."""
     out: list[str | int] = []
     for i, part in enumerate(place):
         inside = isinstance(content, dict) and part in content

@@ -268,7 +268,7 @@ class Scene(Schema):
 
 
 def keys_at(place: tuple[str | int, ...], content: dict[str, Any]) -> list[str]:
-    """Give the keys known in the table at a place.
+    """Return the keys known in the table at a place.
 
     Args:
         place: Keys of the table in the file.
@@ -285,7 +285,7 @@ def keys_at(place: tuple[str | int, ...], content: dict[str, Any]) -> list[str]:
 
 
 def _schemas(annotation: Any) -> list[type[Schema]]:
-    """Give the schemas in an annotation."""
+    """Return the schemas in an annotation."""
     if isinstance(annotation, type) and issubclass(annotation, Schema):
         return [annotation]
     return [schema for part in typing.get_args(annotation) for schema in _schemas(part)]

@@ -149,7 +149,7 @@ def identity(source: SceneFile) -> str:
 
 
 def _files(said: object) -> Iterator[str]:
-    """Give the files that a scene names."""
+    """Return the files that a scene names."""
     if isinstance(said, dict):
         for key, value in said.items():
             if key in ("file", "table") and isinstance(value, str):
@@ -167,7 +167,7 @@ def _xacro(value: str | bool | int | float) -> str:
 
 
 def _output_times(source: SceneFile) -> Array | None:
-    """Give the times of the samples, or None for every step."""
+    """Return the times of the samples, or None for every step."""
     scene = source.scene
     if scene.output.times is not None:
         late = next((t for t in scene.output.times if t > scene.duration), None)

@@ -56,7 +56,7 @@ def initial_state(source: SceneFile, robot: HybridRobot, reference: Reference | 
 
 
 def _positions(source: SceneFile, robot: HybridRobot) -> dict[str, float]:
-    """Give the joint positions that are given; motors not named stay at home where no platform is given."""
+    """Return the joint positions that are given; motors not named stay at home where no platform is given."""
     initial = source.scene.initial
     joints = dict(initial.joints)
     wanted = {*initial.rates.joints} if initial.platforms else {*initial.rates.joints, *robot.motors}

@@ -244,27 +244,27 @@ class Conserving:
         return _Attempt(F, end)
 
     def _force(self, end: _End, B: Array, drift: Array) -> Array:
-        """Give B^T (M drift + c + gravity - elastic), shape (N,)."""
+        """Return B^T (M drift + c + gravity - elastic), shape (N,)."""
         force = pin.rnea(self._model, self._data, end.q, end.v, drift) + self._rotors * drift - end.elastic
         out: Array = B.T @ force
         return out
 
 
 def _mean_basis(B0: Array, B1: Array) -> Array:
-    """Give an orthonormal basis halfway between two spaces, shapes (nv, N); B0 orthonormal, B0^T B1 = 1."""
+    """Return an orthonormal basis halfway between two spaces, shapes (nv, N); B0 orthonormal, B0^T B1 = 1."""
     Z1 = _orthonormal(B1)  # the basis of the second space that is closest to B0
     return _orthonormal(B0 + Z1)
 
 
 def _orthonormal(B: Array) -> Array:
-    """Give B (B^T B)^-1/2, the closest orthonormal basis of the same space."""
+    """Return B (B^T B)^-1/2, the closest orthonormal basis of the same space."""
     square, turn = np.linalg.eigh(B.T @ B)
     out: Array = B @ (turn / np.sqrt(square)) @ turn.T
     return out
 
 
 def _broyden(inverse: Array, dz: Array, dF: Array) -> Array:
-    """Give Broyden's update of an inverse Jacobian."""
+    """Return Broyden's update of an inverse Jacobian."""
     moved = inverse @ dF
     scale = dz @ moved
     if scale == 0.0 or not np.isfinite(scale):

@@ -67,7 +67,7 @@ class Between:
         return np.array([0 * xi, h * self._before.v, h * h * second0, xi, h * rate, h * h * second1])
 
     def _turning(self, xi: Array, rate: Array, v: Array) -> Array:
-        """Give d(T^-1)/dt v."""
+        """Return d(T^-1)/dt v."""
         manifold = self._system.manifold
         pull = manifold.retraction.pull
         size = DIFFERENCE / max(1.0, float(np.abs(rate / manifold.unit).max(initial=0.0)))
@@ -80,7 +80,7 @@ class Between:
         return self._system.law.acceleration(state.t, state.q.copy(), state.v.copy())
 
     def at(self, t: float) -> tuple[Array, Array]:
-        """Give positions and rates at a time, shapes (nq,), (nv,).
+        """Return positions and rates at a time, shapes (nq,), (nv,).
 
         Raises:
             AssemblyError: The loops do not close there.

@@ -86,7 +86,7 @@ def locate(event: Event, between: Between, t0: float, before: float) -> Found:
 def near_singularity(
     robot: HybridRobot, threshold: float = 1e-3, *, what: str = "closures", terminal: bool = True
 ) -> Event:
-    """Give the event of coming close to a singularity.
+    """Return the event of coming close to a singularity.
 
     Args:
         robot: The robot.

@@ -91,7 +91,7 @@ class Explicit:
 
 
 def _rows(*rows: list[float]) -> Array:
-    """Give a square lower triangular array from ragged rows."""
+    """Return a square lower triangular array from ragged rows."""
     out = np.zeros((len(rows), len(rows)))
     for i, row in enumerate(rows):
         out[i, : len(row)] = row

@@ -111,7 +111,7 @@ class Implicit:
         )
 
     def _jacobian(self, system: System, chart: Coordinates, state: State, z0: Array, f0: Array) -> Array:
-        """Give d(y_dot, u_dot)/d(y, u) at the start of the step, shape (2 N, 2 N)."""
+        """Return d(y_dot, u_dot)/d(y, u) at the start of the step, shape (2 N, 2 N)."""
         N = chart.size
         size = (DIFFERENCE if chart.pivot > HELD else WIDE_DIFFERENCE) * np.maximum(1.0, np.abs(z0))
         postures = []

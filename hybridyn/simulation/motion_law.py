@@ -117,7 +117,7 @@ class MotionLaw:
         return np.asarray(closure_residual(self.robot, q)) if quick is None else quick
 
     def effort(self, t: float, q: Array, v: Array) -> Array:
-        """Give the motor efforts, shape (motors,).
+        """Return the motor efforts, shape (motors,).
 
         Raises:
             TrajectoryError: The user's callable gave the wrong shape, or numbers that are not finite.
@@ -148,7 +148,7 @@ class MotionLaw:
         return out
 
     def accelerations(self, t: Array, q: Array, v: Array) -> Array:
-        """Give the accelerations at many closed states, shapes (T,), (T, nq), (T, nv).
+        """Return the accelerations at many closed states, shapes (T,), (T, nq), (T, nv).
 
         A prescribed base is placed in q and v first. These are the recursions of `ddm`, without its checks.
 
@@ -176,7 +176,7 @@ class MotionLaw:
         return a
 
     def _gather(self, t: Array, q: Array, v: Array) -> Mapping[str, Array] | None:
-        """Give the wrenches of a batch, each (T, 6) or (6,)."""
+        """Return the wrenches of a batch, each (T, 6) or (6,)."""
         if not callable(self._wrenches):
             return self._wrenches
         each = [self._wrenches(*s) for s in zip(t, q, v, strict=True)]

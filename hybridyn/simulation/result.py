@@ -157,14 +157,14 @@ class Samples:
         self.v.append(v.copy())
 
     def arrays(self, robot: HybridRobot) -> tuple[Array, Array, Array]:
-        """Give times, positions and rates as arrays."""
+        """Return times, positions and rates as arrays."""
         return (
             np.array(self.t), np.array(self.q).reshape(-1, robot.nq), np.array(self.v).reshape(-1, robot.nv)
         )  # fmt: skip
 
 
 def joined(first: Result, then: Result) -> Result:
-    """Give one result of a run and its continuation."""
+    """Return one result of a run and its continuation."""
     arrays: dict[str, Any] = {
         name: np.concatenate([getattr(first, name), getattr(then, name)]) for name in _ARRAYS
     }

@@ -103,7 +103,7 @@ class Run:
     def _events_in(
         self, between: Between, t0: float, values: list[float]
     ) -> tuple[list[Found], Found | None]:
-        """Give a step's events in their order, and the first that ends the run."""
+        """Return a step's events in their order, and the first that ends the run."""
         sign = self._stepper.sign
         found = []
         for event, x0, x1 in zip(self._events, self._values, values, strict=True):
@@ -115,7 +115,7 @@ class Run:
         return kept, last
 
     def _outputs(self, t0: float, t1: float) -> list[float]:
-        """Give the output times in a step."""
+        """Return the output times in a step."""
         if self._wanted is None:
             return [t1]
         out = []
@@ -125,7 +125,7 @@ class Run:
         return out
 
     def result(self, status: str, message: str) -> Result:
-        """Give what there is, completing the samples that came since the last time."""
+        """Return what there is, completing the samples that came since the last time."""
         law, robot, counters = self._system.law, self._system.law.robot, self._stepper.counters
         counters.evaluations = law.evaluations
         new, stepper = self._complete(), self._stepper
@@ -141,7 +141,7 @@ class Run:
         return result
 
     def _complete(self) -> dict[str, Any]:
-        """Give times, q, v, a, efforts, energies and residuals of the new samples."""
+        """Return times, q, v, a, efforts, energies and residuals of the new samples."""
         law = self._system.law
         robot, spent = law.robot, law.evaluations
         late = [self._stepper.sign * (t - self._state.t) > 0 for t in self._samples.t]

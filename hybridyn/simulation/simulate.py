@@ -124,7 +124,7 @@ def simulate(
 
 
 def _times(times: Sequence[float] | Array, name: str) -> Array:
-    """Give times as an array.
+    """Return times as an array.
 
     Raises:
         TrajectoryError: Not finite, not in order, or too few.
@@ -172,7 +172,7 @@ def _refuse_turned(manifold: Manifold, given: Array, v: Array) -> None:
 
 
 def _start(system: System, q0: Array | None, v0: Array | None, t: float, initial_velocity: str) -> State:
-    """Give the state at the start, closed to rounding.
+    """Return the state at the start, closed to rounding.
 
     Raises:
         AssemblyError: Naming the module whose loops q0 or v0 leave open.

@@ -59,7 +59,7 @@ class Control:
 
 
 def control_of(method: str, step: float | None, rtol: float, atol: float) -> Control:
-    """Give a method's control.
+    """Return a method's control.
 
     Raises:
         TrajectoryError: An unknown method, a missing step, or numbers that are not positive.
@@ -76,7 +76,7 @@ def control_of(method: str, step: float | None, rtol: float, atol: float) -> Con
 
 
 def build_method(method: str, system: System) -> Explicit | Implicit | Conserving:
-    """Give the method of a name."""
+    """Return the method of a name."""
     if method == "conserving":
         return Conserving(system.law)
     if method == "implicit":
@@ -146,7 +146,7 @@ class Stepper:
         return replace(stepped, state=self._reached)
 
     def _taken_ahead(self, state: State, h: float) -> Stepped | None:
-        """Give the next of the steps that the compiled path took in one go; None where it took none."""
+        """Return the next of the steps that the compiled path took in one go; None where it took none."""
         if state is not self._reached:
             self._ahead = []
         if not self._ahead and isinstance(self.method, Explicit):
@@ -203,7 +203,7 @@ class Stepper:
                 )
 
     def _error(self, state: State, stepped: Stepped) -> float:
-        """Give the worst error relative to its tolerance."""
+        """Return the worst error relative to its tolerance."""
         if stepped.error_q is None or stepped.error_v is None:
             return 0.0
         unit = self._system.manifold.unit

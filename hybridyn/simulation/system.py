@@ -81,15 +81,15 @@ class Coordinates(Protocol):
         ...
 
     def independent(self, x: Array) -> Array:
-        """Give the coordinates' share of rates, accelerations or displacements."""
+        """Return the coordinates' share of rates, accelerations or displacements."""
         ...
 
     def lift(self, y: Array, u: Array, near: Array | None = None) -> Posture:
-        """Give posture and rates at coordinates and velocities."""
+        """Return posture and rates at coordinates and velocities."""
         ...
 
     def rates(self, u: Array) -> Array:
-        """Give the rates of u at the posture that `lift` gave last."""
+        """Return the rates of u at the posture that `lift` gave last."""
         ...
 
 
@@ -113,12 +113,12 @@ class System:
     baumgarte: float | None = None
 
     def acceleration(self, t: float, q: Array, v: Array) -> Array:
-        """Give the accelerations at one state, shape (nv,)."""
+        """Return the accelerations at one state, shape (nv,)."""
         out: Array = self.accelerations(np.array([t]), q[None], v[None])[0]
         return out
 
     def accelerations(self, t: Array, q: Array, v: Array) -> Array:
-        """Give the accelerations at many states, stabilised where that is asked for, shape (T, nv)."""
+        """Return the accelerations at many states, stabilised where that is asked for, shape (T, nv)."""
         a = self.law.accelerations(t, q, v)
         if self.baumgarte is not None:
             a += np.array([self.manifold.pull_back(*s, self.baumgarte) for s in zip(q, v, strict=True)])
@@ -132,14 +132,14 @@ class System:
         return self.manifold.chart(state.q, bound=False)
 
     def joint_chart(self, state: State) -> JointChart | None:
-        """Give the compiled path's chart for a step, None where there is none."""
+        """Return the compiled path's chart for a step, None where there is none."""
         steps = self.law.steps
         return None if steps is None or not self.bound else steps.chart(state.q)
 
     def posture(
         self, chart: Coordinates, t: float, y: Array, u: Array, start: State | None = None
     ) -> Posture:
-        """Give a chart's posture with a prescribed base in its place.
+        """Return a chart's posture with a prescribed base in its place.
 
         Args:
             chart: The chart.
@@ -177,7 +177,7 @@ class System:
             )
 
     def rates(self, chart: Coordinates, t: Array, postures: list[Posture]) -> tuple[Array, Array, Array]:
-        """Give y_dot, u_dot and the accelerations of postures, shapes (T, N), (T, N), (T, nv)."""
+        """Return y_dot, u_dot and the accelerations of postures, shapes (T, N), (T, N), (T, nv)."""
         a = self.accelerations(t, np.array([p.q for p in postures]), np.array([p.v for p in postures]))
         pull = self.manifold.retraction.pull
         y_dot = np.array([chart.independent(pull(p.xi, p.v)) for p in postures])
@@ -197,7 +197,7 @@ def in_quickest_chart(system: System, state: State, step: Callable[[Coordinates]
 
 
 def weighted(weights: Array, k: list[Array]) -> Array:
-    """Give the weighted sum of stages, zero weights left out."""
+    """Return the weighted sum of stages, zero weights left out."""
     out = np.zeros_like(k[0]) if k else np.zeros(())
     for w, x in zip(weights, k, strict=False):
         if w:

@@ -19,7 +19,7 @@ from .result import Result
 
 
 def columns_of(robot: HybridRobot) -> list[str]:
-    """Give the columns: time, base, joints, efforts, energies, residual."""
+    """Return the columns: time, base, joints, efforts, energies, residual."""
     out = ["time"]
     if robot.base != "fixed":
         root = robot.description.root
@@ -33,7 +33,7 @@ def columns_of(robot: HybridRobot) -> list[str]:
 
 
 def rows_of(robot: HybridRobot, result: Result) -> Array:
-    """Give the rows under `columns_of`, shape (T, columns)."""
+    """Return the rows under `columns_of`, shape (T, columns)."""
     parts = [result.t[:, None]]
     if robot.base != "fixed":
         R = rotation_from_quaternion(result.q[:, 3:7])
@@ -52,7 +52,7 @@ def rows_of(robot: HybridRobot, result: Result) -> Array:
 
 
 def picked(columns: Sequence[str], patterns: Sequence[str] | None) -> list[int]:
-    """Give the numbers of the columns that patterns like "*/effort" name, the time always; None names all.
+    """Return the numbers of the columns that patterns like "*/effort" name, the time always; None names all.
 
     Raises:
         TrajectoryError: A pattern fits no column.
@@ -69,7 +69,7 @@ def picked(columns: Sequence[str], patterns: Sequence[str] | None) -> list[int]:
 
 
 def remarks(robot: HybridRobot, method: str, effects: Effects) -> list[str]:
-    """Give the lines at the head of the table: robot, method, effects that were on and off."""
+    """Return the lines at the head of the table: robot, method, effects that were on and off."""
     return [
         f"hybridyn simulation of {robot.name}, base {robot.base}, method {method}",
         f"effects on: {', '.join(effects.names) or 'none'}",
@@ -78,13 +78,13 @@ def remarks(robot: HybridRobot, method: str, effects: Effects) -> list[str]:
 
 
 def _joints(robot: HybridRobot) -> list[tuple[str, str]]:
-    """Give name and kind of the joints, without the root joint of a base that moves."""
+    """Return name and kind of the joints, without the root joint of a base that moves."""
     pairs = zip(robot.joints, robot.kinds, strict=True)
     return [(name, kind) for i, (name, kind) in enumerate(pairs) if i or robot.base == "fixed"]
 
 
 def _position(kind: str, q: Array) -> Array:
-    """Give positions as tables hold them: an angle for cosine and sine, without jumps."""
+    """Return positions as tables hold them: an angle for cosine and sine, without jumps."""
     if kind not in ("continuous", "planar"):
         return q
     angle = np.unwrap(np.arctan2(q[:, -1], q[:, -2]))

@@ -148,7 +148,7 @@ def blocks(motions: Iterable[Motion], rows: int, connected: bool) -> Iterator[Bl
 
 
 def rows_at_once(robot: HybridRobot, jobs: int, expected: int | None) -> int:
-    """Give how many rows make a block: fewer for a large robot; with several processes equal shares.
+    """Return how many rows make a block: fewer for a large robot; with several processes equal shares.
 
     Args:
         robot: The robot.

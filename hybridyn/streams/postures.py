@@ -37,13 +37,13 @@ class Postures(NamedTuple):
     a: Array
 
     def after(self, lead: int) -> Postures:
-        """Give the samples after the first `lead` ones."""
+        """Return the samples after the first `lead` ones."""
         rest = self.motion.part(lead, self.motion.size)
         return Postures(rest, self.q[lead:], self.v[lead:], self.a[lead:])
 
 
 def postures(robot: HybridRobot, motion: Motion, layout: Layout, guess: Array | None) -> Postures:
-    """Give the robot's postures: read from the table where it names every joint, assembled where not.
+    """Return the robot's postures: read from the table where it names every joint, assembled where not.
 
     Args:
         robot: The robot.

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
 
 def reaction_columns(robot: HybridRobot) -> list[str]:
-    """Give the columns: the root's, then each module's with its closures'.
+    """Return the columns: the root's, then each module's with its closures'.
 
     Args:
         robot: The robot.
@@ -28,7 +28,7 @@ def reaction_columns(robot: HybridRobot) -> list[str]:
 
 
 def reaction_rows(robot: HybridRobot, reactions: Reactions) -> Array:
-    """Give the rows that belong to `reaction_columns`.
+    """Return the rows that belong to `reaction_columns`.
 
     Args:
         robot: The robot.
@@ -65,7 +65,7 @@ def shared_wrenches(robot: HybridRobot) -> list[str]:
 
 
 def _bodies(robot: HybridRobot) -> list[str]:
-    """Give the root link and the modules; a free base is a module of its own under the root link's name."""
+    """Return the root link and the modules; a free base is a module of its own under the root link's name."""
     return list(dict.fromkeys([robot.description.root, *(module.name for module in robot.modules)]))
 
 

@@ -96,7 +96,7 @@ class Workers:
         self._given += 1
 
     def take(self) -> Any:
-        """Give the result of the oldest task, or its `Failure`.
+        """Return the result of the oldest task, or its `Failure`.
 
         Raises:
             HybridynError: The process is gone.

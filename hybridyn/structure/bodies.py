@@ -103,7 +103,7 @@ class Bodies:
         return max(offsets, default=0.0) or max([*centres, *spreads], default=0.0) or 1.0
 
     def path(self, a: int, b: int) -> list[int]:
-        """Give the numbers of the joints between two bodies."""
+        """Return the numbers of the joints between two bodies."""
         out = []
         while a != b:
             deeper = max(a, b)  # parents come first, so the larger number is never an ancestor of the other

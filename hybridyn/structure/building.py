@@ -114,12 +114,12 @@ class ModuleBuilder:
             self.output_of[o] = (len(self.modules) - 1, i)
 
     def _leg(self, bodies: list[int]) -> tuple[str, tuple[str, ...]]:
-        """Give a leg's name and the names of its joints."""
+        """Return a leg's name and the names of its joints."""
         links = [self.bodies.bodies[b].name for b in bodies]
         return _leg_name(links), tuple(self.bodies.joints[b - 1].joint.name for b in bodies)
 
     def _mechanism(self, spec: ModuleSpec) -> Mechanism:
-        """Give the mechanism of a module, the one of an equal module where there is one."""
+        """Return the mechanism of a module, the one of an equal module where there is one."""
         key = spec.key
         if key not in self.shared:
             self.shared[key] = Mechanism(spec, *self.tolerances, self.bodies.size)
@@ -235,7 +235,7 @@ def build_robot(
 
 
 def _held(description: Description, held: Iterable[str]) -> frozenset[str]:
-    """Give the joints that must not be cut: those named, and those with an effect of the robot's own.
+    """Return the joints that must not be cut: those named, and those with an effect of the robot's own.
 
     Raises:
         ModelError: A name is no movable joint.
@@ -258,7 +258,7 @@ def _held(description: Description, held: Iterable[str]) -> frozenset[str]:
 
 
 def _home(description: Description, bodies: Bodies, kinds: list[str], base: str) -> Array:
-    """Give the home position of the whole robot, shape (nq,)."""
+    """Return the home position of the whole robot, shape (nq,)."""
     parts = [np.array([0.0, 0, 0, 0, 0, 0, 1])] if base != "fixed" else []
     for joint, kind in zip(bodies.joints, kinds[len(parts) :], strict=True):
         value = np.asarray(description.home.get(joint.joint.name, (0.0,)), dtype=float)

@@ -108,7 +108,7 @@ def body_closure(bodies: Bodies, closure: Closure, description: Description) -> 
 
 
 def _classes(bodies: Bodies, closures: list[TreeClosure], couplings: list[TreeCoupling]) -> list[int]:
-    """Give for each joint the first joint of its module (union-find along the fundamental circuits)."""
+    """Return for each joint the first joint of its module (union-find along the fundamental circuits)."""
     leader = list(range(len(bodies.joints)))
 
     def find(i: int) -> int:
@@ -169,7 +169,7 @@ def _cut_terminal_wrists(bodies: Bodies, module: ModuleGraph, held: set[int]) ->
 
 
 def _weld(closure: TreeClosure, end: int) -> tuple[np.ndarray, np.ndarray]:
-    """Give the placement of body `end` in the body that a weld holds it to."""
+    """Return the placement of body `end` in the body that a weld holds it to."""
     Ra, pa, Rb, pb = closure.R_a, closure.p_a, closure.R_b, closure.p_b
     if end == closure.body_a:
         Ra, pa, Rb, pb = Rb, pb, Ra, pa

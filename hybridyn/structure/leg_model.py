@@ -17,7 +17,7 @@ from .bodies import Body
 
 
 def pinocchio_joint(joint: TreeJoint) -> pin.JointModel:
-    """Give Pinocchio's joint for one of ours, aligned with an axis where it can be."""
+    """Return Pinocchio's joint for one of ours, aligned with an axis where it can be."""
     aligned = {
         "revolute": (pin.JointModelRX, pin.JointModelRY, pin.JointModelRZ),
         "continuous": (pin.JointModelRUBX, pin.JointModelRUBY, pin.JointModelRUBZ),
@@ -41,7 +41,7 @@ def pinocchio_joint(joint: TreeJoint) -> pin.JointModel:
 
 
 def _continuous(axis: Array) -> pin.JointModel:
-    """Give a continuous joint about any axis; Python cannot set its axis, the URDF reader can."""
+    """Return a continuous joint about any axis; Python cannot set its axis, the URDF reader can."""
     x, y, z = (float(value) for value in axis)
     return pin.buildModelFromXML(
         '<robot name="one"><link name="a"/><link name="b"><inertial><mass value="1"/>'
@@ -53,7 +53,7 @@ def _continuous(axis: Array) -> pin.JointModel:
 
 
 def pinocchio_inertia(body: Body) -> pin.Inertia:
-    """Give Pinocchio's inertia of a body, entry by entry: the constructor would refuse unphysical ones."""
+    """Return Pinocchio's inertia of a body, entry by entry: the constructor would refuse unphysical ones."""
     out = pin.Inertia.Zero()
     out.mass = body.mass
     out.lever = body.com
@@ -120,7 +120,7 @@ class LegModel:
         return LegModel, self._built_from
 
     def rnea(self, V: Array, V_dot: Array, q: Array, v: Array, a: Array) -> tuple[Array, Array]:
-        """Give the legs' inverse dynamic model, Eqs. (54)-(62).
+        """Return the legs' inverse dynamic model, Eqs. (54)-(62).
 
         Args:
             V: Twist of the base, shape (T, 6), base frame.
@@ -147,7 +147,7 @@ class LegModel:
         return out[:, :6].copy(), H
 
     def crba(self, q: Array) -> Array:
-        """Give the legs' mass matrix with the base, M_leg = [[S1, D^T], [D, A]], Eqs. (63)-(75).
+        """Return the legs' mass matrix with the base, M_leg = [[S1, D^T], [D, A]], Eqs. (63)-(75).
 
         Args:
             q: Positions of the module's tree, shape (T, nq).

@@ -109,7 +109,7 @@ class Mechanism:
         self.bodies = np.array(self.spec.tree_body)
 
     def cut(self, q: Array, v: Array | None, a: Array | None, motion: Motion) -> tuple[Array, Array, Array]:
-        """Give positions, rates, accelerations of `tree` from those of the spanning tree and its motion."""
+        """Return positions, rates, accelerations of `tree` from those of the spanning tree and its motion."""
         T = len(q)
         out_q = np.zeros((T, self.tree.nq))
         out_v, out_a = np.zeros((2, T, self.tree.nv))
@@ -130,7 +130,7 @@ class Mechanism:
         return out_q, out_v, out_a
 
     def locked_carriers(self, spanning: Motion) -> Index:
-        """Give the samples at which a wrist that carries a platform is near gimbal lock."""
+        """Return the samples at which a wrist that carries a platform is near gimbal lock."""
         near = np.zeros(len(spanning.p), dtype=bool)
         for number, wrist in enumerate(self.spec.wrists):
             if wrist.carries and len(wrist.joints) == 3:
@@ -180,39 +180,39 @@ class Mechanism:
         out[:, self._q_from] = x[:, self._q_to]
 
     def tree_body(self, body: int) -> int:
-        """Give the number in `tree` of a body of the spanning tree (a welded wrist's end is its target)."""
+        """Return the number in `tree` of a body of the spanning tree (a welded wrist's end is its target)."""
         for wrist in self.spec.wrists:
             if wrist.end == body:
                 body = wrist.target
         return int(np.flatnonzero(self.bodies == body)[0])
 
     def wrist_joints(self, wrist: int) -> tuple[TreeJoint, ...]:
-        """Give a wrist's joints as a chain of their own, hanging from the wrist's parent body."""
+        """Return a wrist's joints as a chain of their own, hanging from the wrist's parent body."""
         joints = self.spec.wrists[wrist].joints
         return tuple(replace(self.spanning.joints[j], parent=i) for i, j in enumerate(joints))
 
     def wrist_positions(self, wrist: int) -> Index:
-        """Give the position coordinates of a wrist in the spanning tree."""
+        """Return the position coordinates of a wrist in the spanning tree."""
         every = np.arange(self.spanning.nq)
         return np.concatenate([every[self.spanning.q_slices[i]] for i in self.spec.wrists[wrist].joints])
 
     def cut_motion(self, motion: Motion) -> Motion:
-        """Give the same motion for the bodies of `tree` (they are bodies of the spanning tree)."""
+        """Return the same motion for the bodies of `tree` (they are bodies of the spanning tree)."""
         take = self.bodies
         return Motion(
             *(select(x, take) for x in (motion.R, motion.p, motion.w, motion.pd, motion.wd, motion.pdd))
         )
 
     def basis(self, K: Array, gamma: Array | None = None) -> Basis:
-        """Give Psi and drift on `tree` from its closure rows (drift 0 where gamma is left out)."""
+        """Return Psi and drift on `tree` from its closure rows (drift 0 where gamma is left out)."""
         return self.reduction.basis(K, np.zeros(K.shape[:2]) if gamma is None else gamma)
 
     def jacobian(self, motion: Motion, body: int) -> Array:
-        """Give a body's twist in its own frame over x_dot, shape (T, 6, n); J Psi is the paper's a."""
+        """Return a body's twist in its own frame over x_dot, shape (T, 6, n); J Psi is the paper's a."""
         return to_body_axes(motion.R[:, body], self.tree.jacobian(motion, body))
 
     def wrist_link_jacobian(self, spanning: Motion, motion: Motion, body: int) -> Array:
-        """Give the twist in its own frame of a link inside a wrist that was cut, over x_dot, (T, 6, n).
+        """Return the twist in its own frame of a link inside a wrist that was cut, over x_dot, (T, 6, n).
 
         Args:
             spanning: Motion of the spanning tree.
@@ -232,7 +232,7 @@ class Mechanism:
         return to_body_axes(spanning.R[:, body], J)
 
     def wrist_rates(self, motion: Motion, wrist: int) -> Array:
-        """Give the twist of a wrist's end, relative to its parent, over the wrist's scaled joint rates.
+        """Return the twist of a wrist's end, relative to its parent, over the wrist's scaled joint rates.
 
         Args:
             motion: Motion of the spanning tree.
@@ -289,7 +289,7 @@ class Mechanism:
                 motion = None
 
     def wrist_columns(self, wrist: int) -> Index:
-        """Give the freedoms of a wrist in the spanning tree."""
+        """Return the freedoms of a wrist in the spanning tree."""
         every = np.arange(self.spanning.nv)
         return np.concatenate([every[self.spanning.v_slices[i]] for i in self.spec.wrists[wrist].joints])
 

@@ -139,7 +139,7 @@ def module_spec(bodies: Bodies, graph: ModuleGraph, home: Array) -> ModuleSpec:
 
 
 def _tree_joint(bodies: Bodies, joint: int, local: dict[int, int]) -> TreeJoint:
-    """Give a joint of the robot in the module's numbering."""
+    """Return a joint of the robot in the module's numbering."""
     j = bodies.joints[joint]
     return TreeJoint("", j.joint.kind, local[j.parent], j.R, j.p, j.joint.axis)
 
@@ -170,6 +170,6 @@ def _cut_tree(
 
 
 def _outputs(graph: ModuleGraph) -> list[int]:
-    """Give the bodies whose inertia the module carries: platforms, bases of modules, serial bodies."""
+    """Return the bodies whose inertia the module carries: platforms, bases of modules, serial bodies."""
     serial = [] if graph.closures or graph.couplings else [j + 1 for j in graph.joints]
     return sorted({*graph.platforms, *graph.carried, *serial})

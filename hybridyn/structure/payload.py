@@ -46,7 +46,7 @@ class Payload:
             )
 
     def onto(self, description: Description) -> Description:
-        """Give a description whose link carries the payload.
+        """Return a description whose link carries the payload.
 
         Raises:
             ModelError: There is no such link.

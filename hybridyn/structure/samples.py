@@ -10,7 +10,7 @@ from ..spatial import Array
 
 
 def as_batch(array: ArrayLike, width: int, name: str) -> tuple[Array, bool]:
-    """Give samples as (T, width) and say whether one single sample came in.
+    """Return samples as (T, width) and say whether one single sample came in.
 
     Raises:
         TrajectoryError: Wrong shape, or a number that is not finite.

@@ -55,6 +55,6 @@ class ModuleState:
         return self.module.mechanism
 
     def placement(self, output: int) -> tuple[Array, Array]:
-        """Give the placement (R, p) of an output in the base, shapes (T, 3, 3), (T, 3)."""
+        """Return the placement (R, p) of an output in the base, shapes (T, 3, 3), (T, 3)."""
         body = self.mechanism.spec.outputs[output]
         return self.motion.R[:, body], self.motion.p[:, body]

@@ -111,7 +111,7 @@ def _kind(bodies: Bodies, chain: list[int]) -> str | None:
 
 
 def _crossing(bodies: Bodies, first: int, second: int) -> Array | None:
-    """Give the point where two neighbouring revolute axes cross, in the body between them, or None."""
+    """Return the point where two neighbouring revolute axes cross, in the body between them, or None."""
     a, joint = bodies.joints[first].joint.axis, bodies.joints[second]
     b, p = joint.R @ joint.joint.axis, joint.p
     normal = np.cross(a, b)
@@ -124,7 +124,7 @@ def _crossing(bodies: Bodies, first: int, second: int) -> Array | None:
 
 
 def wrist_closure(bodies: Bodies, wrist: Wrist) -> TreeClosure:
-    """Give the closure between the wrist's parent and its target that the wrist amounts to."""
+    """Return the closure between the wrist's parent and its target that the wrist amounts to."""
     first, last = bodies.joints[wrist.joints[0]], bodies.joints[wrist.joints[-1]]
     c_first, c_last = np.zeros(3), np.zeros(3)
     if len(wrist.joints) > 1:
@@ -155,7 +155,7 @@ def wrist_closure(bodies: Bodies, wrist: Wrist) -> TreeClosure:
 
 
 def _axis_frame(axis: Array) -> Array:
-    """Give axes whose third is `axis`."""
+    """Return axes whose third is `axis`."""
     other = np.zeros(3)
     other[np.argmin(np.abs(axis))] = 1.0
     x = np.cross(other, axis)

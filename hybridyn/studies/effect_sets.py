@@ -32,7 +32,7 @@ class EffectSets:
         self.refused: dict[tuple[str, ...], str] = {}
 
     def __len__(self) -> int:
-        """Give how many models were built."""
+        """Return how many models were built."""
         return len(self._models)
 
     @property
@@ -41,7 +41,7 @@ class EffectSets:
         return sum(model.recomputed for model in self._models.values())
 
     def idm(self, q: Array, v: Array, a: Array, on: Effects) -> Array:
-        """Give motor efforts, as `hybridyn.idm` does.
+        """Return motor efforts, as `hybridyn.idm` does.
 
         What holds a robot without inertia is what holds one with inertia that is at rest, so sets without
         inertia need no model of their own.
@@ -72,7 +72,7 @@ class EffectSets:
         return out
 
     def _model(self, names: tuple[str, ...]) -> CompiledRobot | None:
-        """Give the model of some effects; None where it cannot be written out.
+        """Return the model of some effects; None where it cannot be written out.
 
         A robot whose direct model is undefined without the legs' inertia, say, has none: there is nothing to
         check it against.

@@ -133,11 +133,11 @@ class Worth:
         self._additions: dict[str, Array] = {}
 
     def run(self, names: Names) -> Array:
-        """Give the efforts of a set of effects from the inverse model itself, shape (T, motors)."""
+        """Return the efforts of a set of effects from the inverse model itself, shape (T, motors)."""
         return self._whole(names | self._always)
 
     def of(self, names: Names) -> Array | None:
-        """Give the efforts of a set of effects, shape (T, motors); None where no motor can produce them."""
+        """Return the efforts of a set of effects, shape (T, motors); None where no motor can produce them."""
         if names == self._everything:
             return self.full
         core = self._core(frozenset(name for name in names if name in DEFAULT))
@@ -146,13 +146,13 @@ class Worth:
         return reduce(np.add, (self._added(name) for name in names if name not in DEFAULT), core)
 
     def _core(self, names: Names) -> Array | None:
-        """Give the efforts of some of the four effects that are not linear in each other."""
+        """Return the efforts of some of the four effects that are not linear in each other."""
         if names not in self._cores:
             self._cores[names] = self._derived(names)
         return self._cores[names]
 
     def _derived(self, names: Names) -> Array | None:
-        """Give the efforts of some of the four: as a difference where that spares a run, or a model."""
+        """Return the efforts of some of the four: as a difference where that spares a run, or a model."""
         legs = names & LEGS
         if legs and not names - legs:  # they have no weight and do not resist
             return self._core(NOTHING)
@@ -163,7 +163,7 @@ class Worth:
         return self._try(names)
 
     def _added(self, name: str) -> Array:
-        """Give what another effect adds to the efforts; not a number where some motor is missing."""
+        """Return what another effect adds to the efforts; not a number where some motor is missing."""
         if name not in self._additions:
             base, with_it = self._core(self._basis), self._with(name)
             found = np.full_like(self.full, np.nan) if base is None or with_it is None else with_it - base
@@ -171,12 +171,12 @@ class Worth:
         return self._additions[name]
 
     def _with(self, name: str) -> Array | None:
-        """Give the efforts of the four effects and one more."""
+        """Return the efforts of the four effects and one more."""
         names = self._basis | {name}
         return self.full if names == self._everything else self._try(names)
 
     def contributions(self) -> tuple[list[Contribution], float]:
-        """Give what each effect adds to the efforts of all the others (inertia: with all that needs it).
+        """Return what each effect adds to the efforts of all the others (inertia: with all that needs it).
 
         Returns:
             One entry per effect, and the time per sample with all of them [s].
@@ -197,7 +197,7 @@ class Worth:
         return out, seconds[everything]
 
     def cheapest(self, within: float) -> Selection:
-        """Give the fastest set of effects whose efforts stay near those of all of them.
+        """Return the fastest set of effects whose efforts stay near those of all of them.
 
         Args:
             within: Largest departure from the full effort, as a part of that motor's peak effort.
@@ -238,7 +238,7 @@ class Worth:
         return {names: float(value) / max(samples, 1) for names, value in best.items()}
 
     def _priced(self, names: Names) -> float:
-        """Give the time of a set from those of its parts [s]."""
+        """Return the time of a set from those of its parts [s]."""
         cores, extra = self._prices
         core = frozenset(name for name in names if name in DEFAULT)
         return cores.get(core, np.inf) + sum(extra[name] for name in names if name in extra)
@@ -259,7 +259,7 @@ class Worth:
         return names if "inertia" in names else names - frozenset(NEEDS_INERTIA)
 
     def _try(self, names: Names) -> Array | None:
-        """Give the efforts of a set of effects, None where a passive motion would need one."""
+        """Return the efforts of a set of effects, None where a passive motion would need one."""
         try:
             return self.run(names)
         except ActuationError:
@@ -272,7 +272,7 @@ def subsets(names: list[str] | tuple[str, ...]) -> list[Names]:
 
 
 def _peaks(added: Array) -> Array:
-    """Give each motor's largest value, with its sign; of equal ones the first."""
+    """Return each motor's largest value, with its sign; of equal ones the first."""
     size = np.abs(added)
     first = np.argmax(~(size < size.max(axis=0, initial=0.0) * (1 - TIE)), axis=0)
     return np.asarray(np.take_along_axis(added, first[None], axis=0)[0])

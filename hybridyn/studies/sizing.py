@@ -168,7 +168,7 @@ class Sizing:
         self._last = (float(time[-1]), rows[-1])
 
     def loads(self) -> list[MotorLoad]:
-        """Give what was gathered, one entry per motor."""
+        """Return what was gathered, one entry per motor."""
         timed = self.duration > 0
         sums, whole = (self._integrals, self.duration) if timed else (self._sums, max(self.samples, 1))
         effort, speed, power, given, taken = sums
@@ -201,7 +201,7 @@ class Sizing:
 
 
 def motor_rows(robot: HybridRobot, q: Array, v: Array) -> tuple[Array, Array]:
-    """Give positions and rates of the motors, shapes (T, motors); positions of continuous joints are nan.
+    """Return positions and rates of the motors, shapes (T, motors); positions of continuous joints are nan.
 
     Args:
         robot: The robot.
@@ -283,7 +283,7 @@ class _Cloud:
 
 
 def _integrands(rows: Array) -> Array:
-    """Give what is integrated, shape (T, 5, motors), from effort and speed, shape (T, 2, motors)."""
+    """Return what is integrated, shape (T, 5, motors), from effort and speed, shape (T, 2, motors)."""
     effort, speed = rows[:, 0], rows[:, 1]
     power = effort * speed
     parts = [effort**2, speed**2, power, np.maximum(power, 0.0), np.minimum(power, 0.0)]

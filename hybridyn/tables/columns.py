@@ -168,7 +168,7 @@ def _check_efforts(layout: Layout, motors: Sequence[str]) -> None:
 
 
 def acceleration_columns(description: Description, joints: Iterable[str], base: str) -> list[str]:
-    """Give the columns of accelerations, in the order of the spanning tree; a prescribed base has none.
+    """Return the columns of accelerations, in the order of the spanning tree; a prescribed base has none.
 
     Args:
         description: The robot.

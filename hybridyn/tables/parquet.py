@@ -101,7 +101,7 @@ def _parquet_blocks(
 def parquet_writer(
     file: Path, columns: Sequence[str], remarks: Sequence[str] = ()
 ) -> Iterator[Callable[[Array], None]]:
-    """Give a function that writes rows; polars streams them into one file when the context ends.
+    """Return a function that writes rows; polars streams them into one file when the context ends.
 
     Args:
         file: Path of the file, which must not be an old result that is still wanted.

@@ -36,7 +36,7 @@ class Window(NamedTuple):
 
 
 def windows(blocks: Iterable[Block], halo: int = HALO) -> Iterator[Window]:
-    """Give each block with up to `halo` rows of its neighbours on either side.
+    """Return each block with up to `halo` rows of its neighbours on either side.
 
     Args:
         blocks: Blocks of consecutive rows.
@@ -66,7 +66,7 @@ def _window(rows: Array, start: int, first: int, stop: int, halo: int) -> Window
 
 
 def derivatives(time: Array, values: Array, core: slice) -> tuple[Array, Array]:
-    """Give the first two time derivatives of sampled values, by an interpolating quintic spline.
+    """Return the first two time derivatives of sampled values, by an interpolating quintic spline.
 
     Args:
         time: Strictly increasing times, shape (rows,), [s]; at least `FEWEST_ROWS`.
@@ -97,7 +97,7 @@ def aligned(quaternions: Array) -> Array:
 
 
 def turns(quaternions: Array) -> Array:
-    """Give the angles between neighbouring rotations.
+    """Return the angles between neighbouring rotations.
 
     Args:
         quaternions: Unit quaternions, shape (rows, 4).
@@ -110,7 +110,7 @@ def turns(quaternions: Array) -> Array:
 
 
 def angular_rates(p: Array, p_dot: Array, p_ddot: Array) -> tuple[Array, Array]:
-    """Give angular velocity and acceleration of a quaternion that need not stay normalised.
+    """Return angular velocity and acceleration of a quaternion that need not stay normalised.
 
     The rotation is that of p / |p|. With w = p_dot p^-1, the vector part of 2 w is omega whatever |p| does;
     its derivative is w_dot = p_ddot p^-1 - w w.
@@ -130,7 +130,7 @@ def angular_rates(p: Array, p_dot: Array, p_ddot: Array) -> tuple[Array, Array]:
 
 
 def _product(a: Array, b: Array) -> Array:
-    """Give the quaternion product a b, shapes (rows, 4)."""
+    """Return the quaternion product a b, shapes (rows, 4)."""
     vector = a[:, 3:] * b[:, :3] + b[:, 3:] * a[:, :3] + np.cross(a[:, :3], b[:, :3])
     scalar: NDArray[np.float64] = a[:, 3] * b[:, 3] - np.sum(a[:, :3] * b[:, :3], axis=1)
     return np.column_stack([vector, scalar])

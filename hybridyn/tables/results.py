@@ -25,7 +25,7 @@ Write = Callable[[Array], None]
 def open_results(
     target: str | Path | None, columns: Sequence[str], remarks: Sequence[str] = ()
 ) -> Iterator[Write]:
-    """Give a function that writes blocks of rows; the file appears when the context ends without an error.
+    """Return a function that writes blocks of rows; the file appears when the context ends without an error.
 
     Args:
         target: A `.csv` or `.parquet` file, or None (or "-") for CSV on standard output.
@@ -80,7 +80,7 @@ def check_target(target: str | Path) -> None:
 
 @contextlib.contextmanager
 def _replacing(file: Path) -> Iterator[Path]:
-    """Give the name of a draft beside `file`; rename it to `file` at the end, remove it on any error."""
+    """Return the name of a draft beside `file`; rename it to `file` at the end, remove it on any error."""
     draft = file.with_name(f".{file.name}.{os.getpid()}.tmp")
     draft.unlink(missing_ok=True)  # left by a killed process that had our number
     try:

@@ -54,7 +54,7 @@ class Signal:
 def joint_signal(
     joint: Joint, given: dict[str, dict[str, int]], file: str | None, wanted: tuple[str, ...] = RATES
 ) -> Signal:
-    """Give the signal of a joint.
+    """Return the signal of a joint.
 
     Args:
         joint: The joint.
@@ -85,7 +85,7 @@ def joint_signal(
 def pose_signal(
     key: str, given: dict[str, dict[str, int]], file: str | None, wanted: tuple[str, ...] = RATES
 ) -> Signal:
-    """Give the signal of a pose: the whole of it by a quaternion, or some of its coordinates.
+    """Return the signal of a pose: the whole of it by a quaternion, or some of its coordinates.
 
     Args:
         key: The link, as the header writes it.
@@ -127,7 +127,7 @@ def _rates(
 
 
 def wrench_columns(key: str, given: dict[str, int], file: str | None) -> tuple[int, ...]:
-    """Give the columns of a wrench: all six components.
+    """Return the columns of a wrench: all six components.
 
     Args:
         key: The link.
@@ -143,7 +143,7 @@ def wrench_columns(key: str, given: dict[str, int], file: str | None) -> tuple[i
 def _picked(
     given: dict[str, int], names: tuple[str, ...], prefix: str, what: str, file: str | None
 ) -> tuple[int, ...]:
-    """Give the columns of exactly these components, or name the one that is unknown or missing."""
+    """Return the columns of exactly these components, or name the one that is unknown or missing."""
     expected = ", ".join(f"{prefix}/{name}" if name else prefix for name in names)
     for name in given:
         if name not in names:

@@ -47,13 +47,13 @@ class Motion:
     efforts: dict[str, Array] = field(default_factory=dict)
 
     def part(self, start: int, stop: int) -> Motion:
-        """Give the rows from `start` to before `stop`, counted from 0."""
+        """Return the rows from `start` to before `stop`, counted from 0."""
         rows = slice(start, stop)
         size = len(range(self.size)[rows])
         return Motion(self.first_row + start, size, *_each(lambda x: x[rows], self._content()))
 
     def after(self, before: Motion) -> Motion:
-        """Give these rows with those that come before them in front."""
+        """Return these rows with those that come before them in front."""
         content = _each(lambda x, y: np.concatenate([x, y]), before._content(), self._content())
         return Motion(before.first_row, before.size + self.size, *content)
 
@@ -179,7 +179,7 @@ def _check_turns(signal: Signal, window: Window, file: str | None) -> None:
 
 
 def _levels(signal: Signal, window: Window, time: Array | None, file: str | None) -> Triple:
-    """Give position, velocity and acceleration of a block's own rows, fitted where columns are missing."""
+    """Return position, velocity and acceleration of a block's own rows, fitted where columns are missing."""
     core = window.core
     position = window.values[:, list(signal.position)]
     velocity = window.values[:, list(signal.velocity)] if signal.velocity else None
@@ -219,7 +219,7 @@ def _fit(signal: Signal, time: Array, position: Array, core: slice) -> tuple[Arr
 
 
 def full_state(motion: Motion, joints: Sequence[Joint], root: str | None = None) -> Triple:
-    """Give the state on the spanning tree from a motion that names every joint.
+    """Return the state on the spanning tree from a motion that names every joint.
 
     Args:
         motion: The motion.
@@ -256,7 +256,7 @@ def _base_coordinates(pose: Array, twist: Array, acceleration: Array) -> Triple:
 
 
 def base_acceleration(q: Array, v: Array, a: Array) -> Array:
-    """Give a free-flyer's acceleration as tables hold it: classical and angular, in world axes.
+    """Return a free-flyer's acceleration as tables hold it: classical and angular, in world axes.
 
     Args:
         q: Positions, the free-flyer's first, shape (T, nq).

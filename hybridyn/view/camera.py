@@ -29,7 +29,7 @@ class Camera:
 
     @property
     def axes(self) -> Array:
-        """Give right, up and back, the columns of a matrix of shape (3, 3), in the world."""
+        """Return right, up and back, the columns of a matrix of shape (3, 3), in the world."""
         back = self.eye - self.target
         back = back / np.linalg.norm(back)
         right = np.cross([0.0, 0.0, 1.0], back)
@@ -37,7 +37,7 @@ class Camera:
         return np.column_stack([right, np.cross(back, right), back])
 
     def project(self, points: Array) -> tuple[Array, Array]:
-        """Give places in the picture and depths.
+        """Return places in the picture and depths.
 
         Args:
             points: Points in the world, shape (..., 3), [m].
@@ -56,7 +56,7 @@ class Camera:
 def camera_around(
     corners: Array, width: int, height: int, *, turn: float = -0.9, lift: float = 0.38, room: float = 1.04
 ) -> Camera:
-    """Give a camera that sees the whole robot.
+    """Return a camera that sees the whole robot.
 
     Args:
         corners: Lower and upper corner of the box that it shall see, shape (2, 3), [m].

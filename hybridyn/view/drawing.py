@@ -61,11 +61,11 @@ class _Pen:
         self.length = float(np.median(lengths)) if lengths else robot.bodies.reach
 
     def module_of(self, body: int) -> int:
-        """Give the number of the module that moves a body."""
+        """Return the number of the module that moves a body."""
         return self.robot.body_owner[body][0]
 
     def radius(self, module: int) -> float:
-        """Give the radius of a module's rods."""
+        """Return the radius of a module's rods."""
         if module >= 0 and self.robot.modules[module].closures:
             return THIN * float(self.robot.modules[module].mechanism.length)
         own = {body for body, (owner, _) in self.robot.body_owner.items() if owner == module}
@@ -82,7 +82,7 @@ class _Pen:
         self.solids.append(Solid(visual.link, module, body, vertices, visual.faces, colour, visual.colour))
 
     def colour(self, body: int) -> str:
-        """Give a body's colour: its module's, paler in the legs."""
+        """Return a body's colour: its module's, paler in the legs."""
         module = self.module_of(body)
         if module < 0:
             return GROUND
@@ -112,7 +112,7 @@ class _Pen:
                 self._rod(body.name, "link", module, Point(number, centre), Point(number, end), colour)
 
     def _points_of_bodies(self) -> list[list[Array]]:
-        """Give for each body the places of its joints and closures, each once."""
+        """Return for each body the places of its joints and closures, each once."""
         bodies = self.robot.bodies
         points: list[list[Array]] = [[np.zeros(3)] if body.joint >= 0 else [] for body in bodies.bodies]
         for joint in bodies.joints:
@@ -155,7 +155,7 @@ class _Pen:
                     self._ball(record.name, "joint", module, end, HUB, JOINT)
 
     def _crowded(self) -> dict[int, int]:
-        """Give the bodies of universal and ball joints made of passive hinges, each with the last of them.
+        """Return the bodies of universal and ball joints made of passive hinges, each with the last of them.
 
         Such hinges follow one another in one point; drawn as drums they would be a lump.
         """
@@ -225,7 +225,7 @@ class _Pen:
 
 
 def _ends(robot: HybridRobot, closure: Closure) -> tuple[Point, Point]:
-    """Give the origins of a closure's frames A and B."""
+    """Return the origins of a closure's frames A and B."""
     out = []
     for link, frame in ((closure.link_a, closure.frame_a), (closure.link_b, closure.frame_b)):
         body, R, p = robot.bodies.place[link]
@@ -234,7 +234,7 @@ def _ends(robot: HybridRobot, closure: Closure) -> tuple[Point, Point]:
 
 
 def _distinct(points: Iterable[Array], near: float) -> list[Array]:
-    """Give points without those that are where another one is."""
+    """Return points without those that are where another one is."""
     out: list[Array] = []
     for point in points:
         if all(np.abs(point - other).max() > near for other in out):
@@ -243,7 +243,7 @@ def _distinct(points: Iterable[Array], near: float) -> list[Array]:
 
 
 def hull(points: Array, half: float) -> tuple[Array, Index] | None:
-    """Give the convex hull of points, thickened where they lie in one plane.
+    """Return the convex hull of points, thickened where they lie in one plane.
 
     Args:
         points: The points, shape (N, 3), [m].

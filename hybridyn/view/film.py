@@ -23,7 +23,7 @@ QUALITY = 7  # of imageio-ffmpeg, 0 to 10
 
 
 def corners_of(robot: HybridRobot, picture: Picture, run: Run) -> Array:
-    """Give the box that holds a robot all along a motion, shape (2, 3), [m]."""
+    """Return the box that holds a robot all along a motion, shape (2, 3), [m]."""
     samples = np.unique(np.linspace(0, len(run.q) - 1, LOOKS).round().astype(int))
     boxes = np.array([extent(picture, place_bodies(robot, run.q[i])) for i in samples])
     return np.stack([boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)])
@@ -32,7 +32,7 @@ def corners_of(robot: HybridRobot, picture: Picture, run: Run) -> Array:
 def frames_of_run(
     robot: HybridRobot, picture: Picture, run: Run, size: tuple[int, int], *, own_colours: bool = False
 ) -> Iterator[Image]:
-    """Give the pictures of a motion in its own time, faster where it is longer than `LONGEST`.
+    """Return the pictures of a motion in its own time, faster where it is longer than `LONGEST`.
 
     Args:
         robot: The robot.
@@ -59,7 +59,7 @@ def frames_of_run(
 def frames_around(
     robot: HybridRobot, picture: Picture, q: Array, size: tuple[int, int], *, own_colours: bool = False
 ) -> Iterator[Image]:
-    """Give the pictures of a walk around a robot that stands still; arguments as for `frames_of_run`."""
+    """Return the pictures of a walk around a robot that stands still; arguments as for `frames_of_run`."""
     placement = place_bodies(robot, q)
     count = round(AROUND * RATE)
     corners = extent(picture, placement)

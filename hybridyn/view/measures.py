@@ -42,7 +42,7 @@ class Measures:
         self._functions = [near_singularity(robot, 0.0, what=what).function for what in kinds]
 
     def closeness(self, q: Array) -> Closeness:
-        """Give how far a posture is from singularities.
+        """Return how far a posture is from singularities.
 
         Args:
             q: The posture, shape (nq,).
@@ -52,7 +52,7 @@ class Measures:
         return Closeness(max(closures, 0.0), max(motors, 0.0))
 
     def holding(self, q: Array) -> tuple[Array | None, str]:
-        """Give the efforts that hold a posture at rest.
+        """Return the efforts that hold a posture at rest.
 
         Args:
             q: The posture, shape (nq,).

@@ -87,19 +87,19 @@ def legend_html(robot: HybridRobot, numbers: Sequence[int]) -> str:
 
 
 def effort_units(robot: HybridRobot) -> list[str]:
-    """Give the unit of each motor's effort."""
+    """Return the unit of each motor's effort."""
     kinds = {joint.name: joint.kind for joint in robot.description.joints}
     return ["N" if kinds[name] == "prismatic" else "N m" for name in robot.motors]
 
 
 def effort_limits(robot: HybridRobot) -> list[float]:
-    """Give the limit of each motor's effort, inf where there is none."""
+    """Return the limit of each motor's effort, inf where there is none."""
     limits = {joint.name: joint.effort for joint in robot.description.joints}
     return [limits[name] for name in robot.motors]
 
 
 def effort_scale(units: Sequence[str], span: Array | None) -> Array:
-    """Give the effort of a full bar for each motor: the largest of any motor of its unit.
+    """Return the effort of a full bar for each motor: the largest of any motor of its unit.
 
     Args:
         units: Unit of each motor's effort.

@@ -24,7 +24,7 @@ class Placement(NamedTuple):
     p: Array
 
     def of(self, points: Sequence[Point]) -> Array:
-        """Give the places of points in the world, shape (len(points), 3), [m]."""
+        """Return the places of points in the world, shape (len(points), 3), [m]."""
         if not points:
             return np.zeros((0, 3))
         at = np.array([point.body for point in points])
@@ -33,7 +33,7 @@ class Placement(NamedTuple):
 
 
 def place_bodies(robot: HybridRobot, q: Array) -> Placement:
-    """Give where every body is.
+    """Return where every body is.
 
     Args:
         robot: The robot.
@@ -56,7 +56,7 @@ def place_bodies(robot: HybridRobot, q: Array) -> Placement:
 
 
 def extent(picture: Picture, placement: Placement) -> Array:
-    """Give the lower and the upper corner of the box around everything that is drawn, shape (2, 3), [m]."""
+    """Return the lower and the upper corner of the box around everything that is drawn, shape (2, 3), [m]."""
     points = [end for rod in picture.rods for end in (rod.start, rod.end)]
     points += [ball.at for ball in picture.balls]
     corners = [placement.of(points)]

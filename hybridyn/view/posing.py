@@ -76,7 +76,7 @@ class Poser:
         self._others: dict[str, tuple[str, ...]] = {}
 
     def value(self, q: Array, joint: str) -> float:
-        """Give the position of a joint with one freedom, an angle in (-pi, pi] where it has no limits."""
+        """Return the position of a joint with one freedom, an angle in (-pi, pi] where it has no limits."""
         at = self.robot.q_slices[self.robot.joint_index[joint]]
         if self._kind(joint) == "continuous":
             return float(np.arctan2(q[at.start + 1], q[at.start]))
@@ -134,7 +134,7 @@ class Poser:
         return move_module(self.robot, lever.module, joints, q)
 
     def _found_others(self, q: Array, lever: Lever) -> tuple[str, ...]:
-        """Give the joints whose positions, with that of one joint, fix its module's posture."""
+        """Return the joints whose positions, with that of one joint, fix its module's posture."""
         module = self.robot.modules[lever.module]
         first = lever.joint
         motors = [name for name in module.motors if name != first and self._kind(name) in DRAGGED]
@@ -150,7 +150,7 @@ class Poser:
         return tuple(name for name in chosen if name != first)
 
     def _independent_joints(self) -> list[str]:
-        """Give joints that fix the posture of a robot without motors."""
+        """Return joints that fix the posture of a robot without motors."""
         out: list[str] = []
         for module in self.robot.modules:
             tree = [module.joints[i] for i in module.mechanism.spec.tree_joint if i is not None]
@@ -159,7 +159,7 @@ class Poser:
         return out
 
     def _lever(self, joint: str) -> Lever:
-        """Give a joint's range: its limits, or a turn or a stroke about home where it has none."""
+        """Return a joint's range: its limits, or a turn or a stroke about home where it has none."""
         number = next(k for k, module in enumerate(self.robot.modules) if joint in module.joints)
         record = next(j for j in self.robot.description.joints if j.name == joint)
         home = self.value(self.robot.home, joint)

@@ -131,7 +131,7 @@ def _colours(names: list[str], each: int) -> Array:
 
 
 def _floor(picture: Picture) -> Array:
-    """Give the lines of the floor as triangles, shape (N, 3, 3), [m]."""
+    """Return the lines of the floor as triangles, shape (N, 3, 3), [m]."""
     half, thick = 0.75 * picture.size, FLOOR_LINE * picture.size
     x, y = picture.centre[:2]
     out = []

@@ -30,7 +30,7 @@ class Run:
     timed: bool = True
 
     def index(self, time: float) -> int:
-        """Give the sample nearest to a time."""
+        """Return the sample nearest to a time."""
         after = int(np.searchsorted(self.time, time))
         if after == 0:
             return 0

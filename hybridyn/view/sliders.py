@@ -36,7 +36,7 @@ class Sliders:
                     self._add(gui, lever, q, moved)
 
     def _groups(self) -> list[list[Lever]]:
-        """Give the levers module by module, joints in series together."""
+        """Return the levers module by module, joints in series together."""
         groups: list[list[Lever]] = []
         modules = self._poser.robot.modules
         for lever in sorted(self._poser.levers, key=lambda lever: lever.module):
@@ -57,7 +57,7 @@ class Sliders:
         self._sliders.append((lever, slider))
 
     def _value(self, lever: Lever, q: Array, step: float) -> float:
-        """Give a joint's position as its slider shows it: in steps, and within its range."""
+        """Return a joint's position as its slider shows it: in steps, and within its range."""
         value = round(self._poser.value(q, lever.joint) / step) * step
         return float(np.clip(round(value, 9), lever.low, lever.high))
 
@@ -83,5 +83,5 @@ def on_slide(slider: Any, act: Callable[[float], None]) -> None:
 
 
 def round_step(span: float) -> float:
-    """Give a round step for a slider over a span."""
+    """Return a round step for a slider over a span."""
     return float(10.0 ** np.floor(np.log10(span / STEPS))) if span > 0 else 1e-3

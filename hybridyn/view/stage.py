@@ -96,7 +96,7 @@ class Stage:
             _set(label, "position", placement.p[body])
 
     def paint(self, own_colours: bool) -> None:
-        """Give shapes the colours of their files, or of their modules."""
+        """Return shapes the colours of their files, or of their modules."""
         for node, solid in zip(self._solids, self.picture.solids, strict=True):
             node.color = rgb(solid.own_colour if own_colours else solid.colour)
 
@@ -112,14 +112,14 @@ class Stage:
 
 
 def _linear(colours: Sequence[str]) -> NDArray[np.uint8]:
-    """Give colours, shape (N, 3), as batches want them: in linear light, where single shapes want sRGB."""
+    """Return colours, shape (N, 3), as batches want them: in linear light, where single shapes want sRGB."""
     x = np.array([rgb(colour) for colour in colours]) / 255
     light = np.where(x <= 0.04045, x / 12.92, ((x + 0.055) / 1.055) ** 2.4)
     return np.round(255 * light).astype(np.uint8)
 
 
 def wxyz(R: Array) -> Array:
-    """Give quaternions with the scalar first, shape (N, 4), of axes, shape (N, 3, 3)."""
+    """Return quaternions with the scalar first, shape (N, 4), of axes, shape (N, 3, 3)."""
     return quaternion_from_rotation(R)[:, [3, 0, 1, 2]]
 
 

@@ -12,7 +12,7 @@ from .placing import Placement
 
 
 def unit_cylinder(sides: int) -> tuple[Array, Index]:
-    """Give a closed cylinder of radius 1 about z from z = 0 to 1: corners (V, 3), triangles (F, 3).
+    """Return a closed cylinder of radius 1 about z from z = 0 to 1: corners (V, 3), triangles (F, 3).
 
     The caps have corners of their own, so that smooth shading leaves their edges sharp.
     """
@@ -29,7 +29,7 @@ def unit_cylinder(sides: int) -> tuple[Array, Index]:
 
 
 def unit_ball(rings: int) -> tuple[Array, Index]:
-    """Give a sphere of radius 1 as rings of latitude: corners (V, 3), triangles (F, 3)."""
+    """Return a sphere of radius 1 as rings of latitude: corners (V, 3), triangles (F, 3)."""
     sides = 2 * rings
     heights = np.pi * np.arange(1, rings) / rings
     angles = 2 * np.pi * np.arange(sides) / sides
@@ -48,7 +48,7 @@ def unit_ball(rings: int) -> tuple[Array, Index]:
 
 
 def rod_transforms(rods: Sequence[Rod], placement: Placement) -> tuple[Array, Array, Array]:
-    """Give how unit cylinders become rods.
+    """Return how unit cylinders become rods.
 
     Returns:
         Axes, shape (N, 3, 3), z along the rod; origins, shape (N, 3), [m]; scales, shape (N, 3): radius,
@@ -67,5 +67,5 @@ def rod_transforms(rods: Sequence[Rod], placement: Placement) -> tuple[Array, Ar
 
 
 def ball_transforms(balls: Sequence[Ball], placement: Placement) -> tuple[Array, Array]:
-    """Give where unit spheres go: centres, shape (N, 3), [m], and radii, shape (N,), [m]."""
+    """Return where unit spheres go: centres, shape (N, 3), [m], and radii, shape (N,), [m]."""
     return placement.of([ball.at for ball in balls]), np.array([ball.radius for ball in balls])

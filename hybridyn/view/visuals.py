@@ -122,7 +122,7 @@ class _Files:
 
 
 def _mesh(geometry: Any, find: _Files) -> Any:
-    """Give the triangles of a shape."""
+    """Return the triangles of a shape."""
     import trimesh
 
     if geometry.box is not None:
@@ -160,6 +160,6 @@ def _colour(color: Any) -> str:
 
 
 def _mesh_colour(mesh: Any) -> str | None:
-    """Give the colour that a mesh file states for the whole mesh, or None."""
+    """Return the colour that a mesh file states for the whole mesh, or None."""
     color = getattr(getattr(mesh.visual, "material", None), "main_color", None)
     return None if color is None else "#" + "".join(f"{int(x):02x}" for x in color[:3])

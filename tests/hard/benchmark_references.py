@@ -15,7 +15,7 @@ TIGHT = {"method": "DOP853", "rtol": 1e-13, "atol": 1e-13}
 
 
 def n_four_bar(n: int, times: Array, theta: float = np.pi / 2, rate: float = -1.0) -> tuple[Array, Array]:
-    """Give theta and its rate of the N-four-bar mechanism on its regular motion.
+    """Return theta and its rate of the N-four-bar mechanism on its regular motion.
 
     All uprights lean alike, so the horizontal rods only translate, along the circle of the tops:
 
@@ -45,7 +45,7 @@ def all_bars(theta: Array, joints: tuple[str, ...]) -> Array:
 
 
 def heavy_top(times: Array) -> Array:
-    """Give the orientation of the heavy top, shape (T, 3, 3).
+    """Return the orientation of the heavy top, shape (T, 3, 3).
 
     Euler's equations about the fixed point, J w_dot + w x J w = c x R^T m g, with Steiner's 15 m^2 kg on the
     two axes across, and R_dot = R hat(w).
@@ -63,7 +63,7 @@ def heavy_top(times: Array) -> Array:
 
 
 def flyball_governor(times: Array) -> Array:
-    """Give slider height, shaft rate, rod angle and their rates of the governor, shape (T, 5).
+    """Return slider height, shaft rate, rod angle and their rates of the governor, shape (T, 5).
 
     Coordinates: shaft angle phi, slider height z, angle beta of both rods above the level (they move alike).
     A point at r along a rod is rho(r) = 0.05 + r cos(beta) from the axis and 1 + r sin(beta) high, so
@@ -83,7 +83,7 @@ def flyball_governor(times: Array) -> Array:
     B = I_t + bar / 4 + 5
 
     def inertia(b: float) -> tuple[float, float]:
-        """Give J and dJ/dbeta."""
+        """Return J and dJ/dbeta."""
         c, s = np.cos(b), np.sin(b)
         half, full = 0.05 + c / 2, 0.05 + c
         J = J_0 + 2 * (bar * half**2 + 5 * full**2 + I_t * c * c + I_l * s * s)
@@ -134,7 +134,7 @@ ANDREWS_START = np.array(
 
 
 def andrews(time: float) -> Array:
-    """Give angles, rates and accelerations of Andrews' mechanism, shape (3, 7), in the order of `ANGLES`.
+    """Return angles, rates and accelerations of Andrews' mechanism, shape (3, 7), in the order of `ANGLES`.
 
     Lagrange's equations in the seven angles of the statement with multipliers of the three loops,
     differentiated twice: M a + G^T l = f, G a = -G' v. A body that turns about a fixed point at distance r

@@ -44,7 +44,7 @@ def changed(name: str, **given: str) -> Description:
 
 
 def vector(description: Description, values: Mapping[str, Any]) -> np.ndarray:
-    """Give q, shape (nq,), float64, from joint positions by name."""
+    """Return q, shape (nq,), float64, from joint positions by name."""
     oracle = Oracle(description)
     q = np.zeros(oracle.nq)
     for name, (_, at, _) in oracle.coordinates.items():
@@ -56,7 +56,7 @@ def vector(description: Description, values: Mapping[str, Any]) -> np.ndarray:
 
 
 def numbers(x: Any) -> Any:
-    """Give an array of mpmath numbers."""
+    """Return an array of mpmath numbers."""
     source = np.asarray(x)
     out = np.empty(source.size, dtype=object)
     out[:] = [mp.mpf(y) if isinstance(y, mp.mpf) else mp.mpf(float(y)) for y in source.flat]
@@ -64,13 +64,13 @@ def numbers(x: Any) -> Any:
 
 
 def placement(description: Description, joint: str) -> Pair:
-    """Give rotation and origin of a joint in its parent link."""
+    """Return rotation and origin of a joint in its parent link."""
     T = next(j for j in description.joints if j.name == joint).placement
     return numbers(T[:3, :3]), numbers(T[:3, 3])
 
 
 def about(axis: int, angle: Any) -> Any:
-    """Give the rotation about a coordinate axis."""
+    """Return the rotation about a coordinate axis."""
     R, i, j = numbers(np.eye(3)), (axis + 1) % 3, (axis + 2) % 3
     R[i, i] = R[j, j] = mp.cos(angle)
     R[j, i] = mp.sin(angle)
@@ -79,17 +79,17 @@ def about(axis: int, angle: Any) -> Any:
 
 
 def length(x: Any) -> Any:
-    """Give the norm of a vector."""
+    """Return the norm of a vector."""
     return mp.sqrt(x @ x)
 
 
 def pitch(R: Any) -> Any:
-    """Give the angle of a rotation about y."""
+    """Return the angle of a rotation about y."""
     return mp.atan2(-R[2, 0], R[0, 0])
 
 
 def meet(A: Any, a: Any, B: Any, b: Any, side: int) -> Any:
-    """Give the point at distances a, b from points A, B of a plane, left (+1) or right (-1) of A to B."""
+    """Return the point at distances a, b from points A, B of a plane, left (+1) or right (-1) of A to B."""
     d = B - A
     along = (d @ d + a * a - b * b) / (2 * (d @ d))
     square = a * a / (d @ d) - along * along
@@ -100,19 +100,19 @@ def meet(A: Any, a: Any, B: Any, b: Any, side: int) -> Any:
 
 
 def heading(A: Any, B: Any) -> Any:
-    """Give the direction from A to B in a plane as an angle."""
+    """Return the direction from A to B in a plane as an angle."""
     return mp.atan2(B[1] - A[1], B[0] - A[0])
 
 
 def balls(description: Description, wrist: str) -> dict[str, Any]:
-    """Give the ball centres in the platform by the rod that ends there."""
+    """Return the ball centres in the platform by the rod that ends there."""
     R, p = placement(description, f"{wrist}_mount")
     carrier = next(j.parent for j in description.joints if j.name == f"{wrist}_y")
     return {carrier: -R.T @ p} | {c.link_b: numbers(c.frame_a[:3, 3]) for c in description.closures}
 
 
 def carried(description: Description, wrist: str, rod: Any, platform: Any) -> Values:
-    """Give the hinges of the ball that carries the platform, from the directions of rod and platform."""
+    """Return the hinges of the ball that carries the platform, from the directions of rod and platform."""
     end = platform @ placement(description, f"{wrist}_mount")[0].T
     R = (rod @ placement(description, f"{wrist}_y")[0]).T @ end
     y, x, z = mp.atan2(R[0, 2], R[2, 2]), mp.asin(-R[1, 2]), mp.atan2(R[1, 0], R[1, 1])
@@ -125,7 +125,7 @@ def carried(description: Description, wrist: str, rod: Any, platform: Any) -> Va
 def gough_stewart(
     description: Description, R: Any, p: Any, cross: Mapping[int, Pair] | None = None, module: str = "m1"
 ) -> Values:
-    """Give the joints under a platform at (R, p); `cross`: that of a leg whose direction leaves it open."""
+    """Return the joints under a platform at (R, p); `cross`: that of a leg whose direction leaves it open."""
     values: Values = {}
     centres = balls(description, f"{module}_leg1_wrist")
     for i in range(1, 7):
@@ -142,7 +142,7 @@ def gough_stewart(
 
 
 def rps3(description: Description, R: Any, p: Any, hinge: Mapping[int, Any] | None = None) -> Values:
-    """Give the joints under a platform at (R, p); `hinge`: that of a leg of no length."""
+    """Return the joints under a platform at (R, p); `hinge`: that of a leg of no length."""
     values: Values = {}
     centres = balls(description, "m1_leg1_wrist")
     for i in range(1, 4):
@@ -176,13 +176,13 @@ class Delta:
         self.rod = numbers(closure.frame_b[0, 3])[()]
 
     def elbow(self, i: int, turn: Any) -> Any:
-        """Give C of arm i (from 0) when its motor has turned so far."""
+        """Return C of arm i (from 0) when its motor has turned so far."""
         R, p = self.frames[i]
         rods = [self._balls[f"m1_arm{i + 1}_rod_{x}"] for x in "ab"]
         return p + R @ about(1, turn) @ numbers([1, 0, 0]) * self._elbows[i][0] - (rods[0] + rods[1]) / 2
 
     def turn(self, i: int, P: Any, side: int) -> Any:
-        """Give the turn of arm i's motor under P, its elbow on one side or the other."""
+        """Return the turn of arm i's motor under P, its elbow on one side or the other."""
         R, p = self.frames[i]
         rods = [self._balls[f"m1_arm{i + 1}_rod_{x}"] for x in "ab"]
         w, a = R.T @ (P + (rods[0] + rods[1]) / 2 - p), self._elbows[i][0]
@@ -190,11 +190,11 @@ class Delta:
         return -mp.atan2(w[2], w[0]) + side * mp.acos(reach)
 
     def rods(self, P: Any, turns: Any) -> list[Any]:
-        """Give the direction of each arm's rods."""
+        """Return the direction of each arm's rods."""
         return [(P - self.elbow(i, turn)) / self.rod for i, turn in enumerate(turns)]
 
     def values(self, P: Any, turns: Any, cross: Mapping[int, Any] | None = None) -> Values:
-        """Give the joints; `cross`: the first angle of rods that lie along its axis."""
+        """Return the joints; `cross`: the first angle of rods that lie along its axis."""
         values: Values = {}
         for i, (turn, (R, p)) in enumerate(zip(turns, self.frames, strict=True)):
             arm = R @ about(1, turn)
@@ -237,16 +237,16 @@ class FiveBar:
         return values
 
     def angles(self, side: str, upper: Any, lower: Any) -> Values:
-        """Give the joints of one side from the directions of its links in the plane."""
+        """Return the joints of one side from the directions of its links in the plane."""
         drive, elbow = (pitch(placement(self.description, f"{side}_{x}")[0]) for x in ("drive", "elbow"))
         return {f"{side}_drive": wrap(-upper - drive), f"{side}_elbow": wrap(upper - lower - elbow)}
 
 
 def wrap(angle: Any) -> Any:
-    """Give an angle between -pi and pi."""
+    """Return an angle between -pi and pi."""
     return mp.atan2(mp.sin(angle), mp.cos(angle))
 
 
 def towards(angle: Any) -> Any:
-    """Give the unit vector of a direction in a plane."""
+    """Return the unit vector of a direction in a plane."""
     return np.array([mp.cos(angle), mp.sin(angle)])

@@ -33,7 +33,7 @@ REAL = 40
 
 
 def at(point: np.ndarray) -> np.ndarray:
-    """Give the placement of a frame shifted to a point."""
+    """Return the placement of a frame shifted to a point."""
     out = np.eye(4)
     out[:3, 3] = point
     return out
@@ -75,7 +75,7 @@ def robot(foot: str = "S") -> HybridRobot:
 
 
 def motors(lengths: np.ndarray = LENGTHS) -> dict[str, object]:
-    """Give leg lengths, shape (6,) or (T, 6), as `assemble` takes them."""
+    """Return leg lengths, shape (6,) or (T, 6), as `assemble` takes them."""
     return {f"slide{i}": np.asarray(lengths)[..., i] for i in range(6)}
 
 
@@ -93,19 +93,19 @@ def poses(q: np.ndarray, foot: str = "S") -> np.ndarray:
 
 
 def _left(b: np.ndarray) -> np.ndarray:
-    """Give the matrix of e -> b e for a vector b, quaternions x, y, z, w."""
+    """Return the matrix of e -> b e for a vector b, quaternions x, y, z, w."""
     x, y, z = b
     return np.array([[0, -z, y, x], [z, 0, -x, y], [-y, x, 0, z], [-x, -y, -z, 0]])
 
 
 def _right(a: np.ndarray) -> np.ndarray:
-    """Give the matrix of e -> e a for a vector a."""
+    """Return the matrix of e -> e a for a vector a."""
     x, y, z = a
     return np.array([[0, z, -y, x], [-z, 0, x, y], [y, -x, 0, z], [-x, -y, -z, 0]])
 
 
 def _quadrics() -> np.ndarray:
-    """Give the symmetric matrices of the quadrics without l^2, shape (8, 8, 8)."""
+    """Return the symmetric matrices of the quadrics without l^2, shape (8, 8, 8)."""
     Q = np.zeros((8, 8, 8))
     for i, (a, b) in enumerate(zip(PLATFORM, BASE, strict=True)):
         Q[i, :4, :4] = (a @ a + b @ b) * np.eye(4) - 2 * _left(b).T @ _right(a)
@@ -119,19 +119,19 @@ QUADRICS = _quadrics()
 
 
 def study(pose: np.ndarray) -> np.ndarray:
-    """Give (e, g) from p and e, shape (7,): g = p e / 2."""
+    """Return (e, g) from p and e, shape (7,): g = p e / 2."""
     return np.concatenate([pose[3:], _left(pose[:3]) @ pose[3:] / 2])
 
 
 def pose_of(u: np.ndarray) -> np.ndarray:
-    """Give p and e from (e, g): p = 2 g conj(e), e with its largest entry positive."""
+    """Return p and e from (e, g): p = 2 g conj(e), e with its largest entry positive."""
     e, g = u[:4], u[4:]
     p = 2 * (e[3] * g[:3] - g[3] * e[:3] - np.cross(g[:3], e[:3]))
     return np.concatenate([p, e * np.sign(e[np.abs(e).argmax()])])
 
 
 def values(u: np.ndarray, lengths: np.ndarray) -> np.ndarray:
-    """Give the left-hand sides of the eight equations, shape (8,), on any numbers."""
+    """Return the left-hand sides of the eight equations, shape (8,), on any numbers."""
     out = np.array([u @ (Q @ u) for Q in QUADRICS])
     out[:6] = out[:6] - lengths**2 * (u[:4] @ u[:4])
     out[7] = out[7] - 1
@@ -139,7 +139,7 @@ def values(u: np.ndarray, lengths: np.ndarray) -> np.ndarray:
 
 
 def jacobian(u: np.ndarray, lengths: np.ndarray) -> np.ndarray:
-    """Give their derivatives, shape (8, 8), on any numbers."""
+    """Return their derivatives, shape (8, 8), on any numbers."""
     out = np.array([2 * (Q @ u) for Q in QUADRICS])
     out[:6, :4] = out[:6, :4] - 2 * np.outer(lengths**2, u[:4])
     return out
@@ -199,7 +199,7 @@ class Tracked:
         return pose_of(self.u)
 
     def normal(self) -> np.ndarray:
-        """Give how leg lengths change, to first order, along the motion that is weakest here, unit (6,)."""
+        """Return how leg lengths change, to first order, along the motion that is weakest here, unit (6,)."""
         U, _, _ = np.linalg.svd(jacobian(self.u, self.lengths))
         n = U[:6, -1] * self.lengths
         return n / np.linalg.norm(n)

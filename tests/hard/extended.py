@@ -32,7 +32,7 @@ needs_long_double = pytest.mark.skipif(
 
 
 def multiprecision(mp: Any) -> Arithmetic:
-    """Give arithmetic of an mpmath context, of as many digits as that has."""
+    """Return arithmetic of an mpmath context, of as many digits as that has."""
     enter = np.frompyfunc(lambda x: x if isinstance(x, mp.mpf) else mp.mpf(float(x)), 1, 1)
     return Arithmetic(
         lambda x: np.array(enter(np.asarray(x)), dtype=object),
@@ -42,28 +42,28 @@ def multiprecision(mp: Any) -> Arithmetic:
 
 
 def cross(a: Numbers, b: Numbers) -> Numbers:
-    """Give the cross product of vectors (..., 3)."""
+    """Return the cross product of vectors (..., 3)."""
     i, j = [1, 2, 0], [2, 0, 1]
     return a[..., i] * b[..., j] - a[..., j] * b[..., i]
 
 
 def mul(A: Numbers, x: Numbers) -> Numbers:
-    """Give matrices times vectors, (..., m, n), (..., n)."""
+    """Return matrices times vectors, (..., m, n), (..., n)."""
     return (A * x[..., None, :]).sum(axis=-1)
 
 
 def mat(A: Numbers, B: Numbers) -> Numbers:
-    """Give products of matrices (..., m, n), (..., n, k)."""
+    """Return products of matrices (..., m, n), (..., n, k)."""
     return (A[..., :, :, None] * B[..., None, :, :]).sum(axis=-2)
 
 
 def turned(A: Numbers) -> Numbers:
-    """Give transposes."""
+    """Return transposes."""
     return np.swapaxes(A, -1, -2)
 
 
 def hat(r: Numbers) -> Numbers:
-    """Give the matrices of r x, (..., 3, 3)."""
+    """Return the matrices of r x, (..., 3, 3)."""
     columns = [cross(r, np.broadcast_to(np.eye(3, dtype=int)[i], r.shape)) for i in range(3)]
     return np.stack(columns, axis=-1)
 
@@ -95,7 +95,7 @@ def reach(p: Numbers) -> Numbers:
 
 
 def block(mass: Numbers, inertia: Numbers) -> Numbers:
-    """Give 6-D inertias about centres of mass; mass (..., 3), each the same."""
+    """Return 6-D inertias about centres of mass; mass (..., 3), each the same."""
     eye = np.broadcast_to(np.eye(3, dtype=int), inertia.shape)
     none = 0 * inertia
     return np.concatenate(
@@ -105,6 +105,6 @@ def block(mass: Numbers, inertia: Numbers) -> Numbers:
 
 
 def double(R: Numbers) -> Numbers:
-    """Give the 6 x 6 rotation of twists."""
+    """Return the 6 x 6 rotation of twists."""
     none = 0 * R
     return np.concatenate([np.concatenate([R, none], axis=-1), np.concatenate([none, R], axis=-1)], axis=-2)

@@ -36,7 +36,7 @@ mp.dps = 50
 
 
 def norm(x: Any) -> float:
-    """Give the Euclidean norm of numbers of any arithmetic."""
+    """Return the Euclidean norm of numbers of any arithmetic."""
     return float(np.linalg.norm(np.asarray(x, dtype=float)))
 
 
@@ -99,7 +99,7 @@ class Judge:
         self.h = self.force(array(np.zeros(self.oracle.nv)))
 
     def force(self, a: Any) -> Any:
-        """Give M a + h, scaled, shape (nv,)."""
+        """Return M a + h, scaled, shape (nv,)."""
         posture, a = self.posture, self.oracle.arithmetic.array(a)
         W = self.oracle.bodies.needed(posture, self._V, (posture.G @ a).reshape(-1, 6) + self._g, {})
         return self.unit * (posture.G.T @ W.reshape(-1))
@@ -138,7 +138,7 @@ class Judge:
     # ------------------------------------------------------------------ the reference
 
     def accelerations(self, tau: np.ndarray) -> Any:
-        """Give the exact answer of the direct model, shape (nv,)."""
+        """Return the exact answer of the direct model, shape (nv,)."""
         given = self.oracle.posture
         self.oracle.posture = lambda q: self.posture  # type: ignore[method-assign]
         try:
@@ -147,7 +147,7 @@ class Judge:
             self.oracle.posture = given  # type: ignore[method-assign]
 
     def efforts(self, a: np.ndarray) -> Any:
-        """Give the exact answer of the inverse model, shape (motors,): B is square and regular."""
+        """Return the exact answer of the inverse model, shape (motors,): B is square and regular."""
         needed = self.Z.T @ self.force(a)
         scaled = self.oracle.arithmetic.solve(self.Z[self.motors].T, needed[:, None])[:, 0]
         return scaled / self.unit[self.motors]
@@ -198,18 +198,18 @@ class Judge:
         )
 
     def _effort(self, tau: np.ndarray) -> Any:
-        """Give S^T tau, scaled, shape (nv,)."""
+        """Return S^T tau, scaled, shape (nv,)."""
         out = self.unit * 0
         for motor, value in zip(self.motors, self.oracle.arithmetic.array(tau), strict=True):
             out[motor] = self.unit[motor] * value
         return out
 
     def _terms(self, a: np.ndarray, F: Any, effort: Any) -> float:
-        """Give |M||a| + |h| + |tau| + |K||lambda|."""
+        """Return |M||a| + |h| + |tau| + |K||lambda|."""
         lam = norm(self.K_inverse.T @ (F - effort).astype(float))
         return norm2(self.C) ** 2 * norm(a / self.unit) + norm(self.h) + norm(effort) + norm2(self.K) * lam
 
 
 def norm2(A: np.ndarray) -> float:
-    """Give the largest singular value."""
+    """Return the largest singular value."""
     return float(np.linalg.norm(A, 2)) if A.size else 0.0

@@ -100,7 +100,7 @@ def _chain(on: Arithmetic, chains: list[list[Joint]], links: dict[str, Link]) ->
 
 
 def _placed(on: Arithmetic, joint: Joint) -> tuple[Numbers, Numbers]:
-    """Give a placement's axes, made orthonormal to the last digit, and origin."""
+    """Return a placement's axes, made orthonormal to the last digit, and origin."""
     M = on.array(joint.placement)
     R = M[:3, :3]
     for _ in range(3):
@@ -153,14 +153,14 @@ def move(
 
 
 def rotation(on: Arithmetic, axis: Numbers, angle: Numbers) -> Numbers:
-    """Give the rotations about axes (..., 3) by angles (..., 1)."""
+    """Return the rotations about axes (..., 3) by angles (..., 1)."""
     s, c = on.sin(angle)[..., None], on.cos(angle)[..., None]
     K = hat(axis)
     return np.eye(3, dtype=int) + s * K + (1 - c) * mat(K, K)
 
 
 def at_rest(on: Arithmetic, shape: tuple[int, ...]) -> tuple[Numbers, ...]:
-    """Give the motion of a base that is the frame of reference."""
+    """Return the motion of a base that is the frame of reference."""
     zero = on.array(np.zeros((*shape, 3)))
     return (on.array(np.broadcast_to(np.eye(3), (*shape, 3, 3))), zero, zero, zero, zero, zero)
 

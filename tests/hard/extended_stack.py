@@ -39,11 +39,11 @@ class Stack:
         self.planar = planar
 
     def names(self, chain: Chain, module: int) -> list[str]:
-        """Give a module's joint names, leg after leg."""
+        """Return a module's joint names, leg after leg."""
         return [name.replace("m1_", f"m{module + 1}_", 1) for leg in chain.names for name in leg]
 
     def take(self, chain: Chain, joints: dict[str, int], x: np.ndarray) -> Numbers:
-        """Give coordinates of chains, (modules, legs, joints), from those of the spanning tree."""
+        """Return coordinates of chains, (modules, legs, joints), from those of the spanning tree."""
         at = [[joints[name] for name in self.names(chain, k)] for k in range(self.count)]
         return self.on.array(x[np.array(at)].reshape(self.count, len(chain.names), -1))
 
@@ -72,7 +72,7 @@ class Stack:
         self.w_base = self._spins()
 
     def _platform(self, a: Numbers, a_w: Numbers) -> tuple[Numbers, ...]:
-        """Give R, p, w, pd, wd, pdd of the platforms in their bases, by the carrying leg, bases at rest."""
+        """Return R, p, w, pd, wd, pdd of the platforms in their bases, by the carrying leg, bases at rest."""
         k, on = self.kind, self.on
         legs = move(on, k.legs, at_rest(on, (self.count, len(k.legs.names))), self.q, self.v, a)
         first = [x[-1][:, :1] for x in (legs.R, legs.p, legs.w, legs.wd, legs.pd, legs.pdd)]
@@ -85,7 +85,7 @@ class Stack:
         )  # fmt: skip
 
     def _spins(self) -> Numbers:
-        """Give the angular velocity of every module's base in its own axes."""
+        """Return the angular velocity of every module's base in its own axes."""
         w, out = self.on.array(np.zeros(3)), []
         for R, relative in zip(self.R, self.w, strict=True):
             out.append(w)
@@ -93,7 +93,7 @@ class Stack:
         return np.array(out)
 
     def _bodies(self, a: Numbers) -> tuple[Numbers, ...]:
-        """Give of all leg bodies: maps from the base's acceleration and from joints, inertia, forces.
+        """Return of all leg bodies: maps from the base's acceleration and from joints, inertia, forces.
 
         The forces are those at joint accelerations a, the base turning but not accelerating.
         """
@@ -116,7 +116,7 @@ class Stack:
         return tuple(np.stack(x, axis=2) for x in (X, J, mass, force))
 
     def _platform_inertia(self) -> tuple[Numbers, Numbers]:
-        """Give the platforms' 6-D inertia about their origins and gyroscopic forces, in their own axes."""
+        """Return the platforms' 6-D inertia about their origins and gyroscopic forces, in their own axes."""
         k = self.kind
         c = np.broadcast_to(k.com, (self.count, 3))
         m = np.broadcast_to(k.mass, (self.count, 3))
@@ -139,7 +139,7 @@ class Stack:
         return np.concatenate([-self.gravity, self.gravity * 0])
 
     def ddm(self, joints: dict[str, int], tau: np.ndarray, motors: dict[str, int]) -> Numbers:
-        """Give the accelerations of the spanning tree, shape (nv,)."""
+        """Return the accelerations of the spanning tree, shape (nv,)."""
         k = self.kind
         driven = np.array([[motors[leg[k.motor].replace("m1_", f"m{i + 1}_", 1)] for leg in k.legs.names]
                            for i in range(self.count)])  # fmt: skip
@@ -172,7 +172,7 @@ class Stack:
         return self._spanning(joints, np.array(u_dot))
 
     def _spanning(self, joints: dict[str, int], u_dot: Numbers) -> Numbers:
-        """Give the accelerations of the spanning tree from those of the platforms, wrists last."""
+        """Return the accelerations of the spanning tree from those of the platforms, wrists last."""
         k = self.kind
         a = mul(self.Psi, u_dot[:, None]) + self.drift
         wd_without = self._platform(a, self.v_w * 0)[4]
@@ -191,7 +191,7 @@ class Stack:
         return out
 
     def idm(self, joints: dict[str, int], a: np.ndarray, motors: dict[str, int]) -> Numbers:
-        """Give the motor efforts at accelerations of the spanning tree, shape (motors,)."""
+        """Return the motor efforts at accelerations of the spanning tree, shape (motors,)."""
         k = self.kind
         a_w, a = self.take(k.wrist, joints, a), self.take(k.legs, joints, a)
         X, J, mass, force = self._bodies(a)

@@ -56,7 +56,7 @@ class FourBar:
         )
 
     def directions(self, angle: Any) -> tuple[Any, Any, Any]:
-        """Give the directions of crank, coupler and rocker."""
+        """Return the directions of crank, coupler and rocker."""
         crank, coupler, rocker, ground = self.lengths
         B, D = crank * towards(angle), numbers([0.0, 0.0]) + np.array([ground, mp.mpf(0)])
         side = self.sides[0] if mp.sin(angle) >= 0 else self.sides[1]
@@ -64,7 +64,7 @@ class FourBar:
         return angle, heading(B, C), heading(D, C)
 
     def values(self, angle: Any) -> Values:
-        """Give the joints at a direction of the crank."""
+        """Return the joints at a direction of the crank."""
         now = [x - mp.mpf(y) for x, y in zip(self.directions(angle), self.home, strict=True)]
         # The elbow's placement is a rounded difference of two directions.
         between = mp.mpf(self.home[1] - self.home[0]) - (mp.mpf(self.home[1]) - mp.mpf(self.home[0]))
@@ -73,7 +73,7 @@ class FourBar:
 
 @lru_cache(maxsize=8)
 def described(*lengths: float, sides: tuple[int, int]) -> tuple[FourBar, Description]:
-    """Give a four-bar and its record."""
+    """Return a four-bar and its record."""
     bars = FourBar(*lengths, sides=sides)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "four_bar.urdf"

@@ -27,14 +27,14 @@ REFERENCE = {"method": "DOP853", "rtol": 1e-13, "atol": 1e-13}
 
 
 def turned(axis: Array, angle: complex) -> Array:
-    """Give the rotation about a unit axis, shape (3, 3)."""
+    """Return the rotation about a unit axis, shape (3, 3)."""
     x, y, z = axis
     S = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
     return np.eye(3) + np.sin(angle) * S + (1 - np.cos(angle)) * (S @ S)
 
 
 def crossed(a: Array, b: Array) -> Array:
-    """Give the vector product of two vectors; numpy's own is slow."""
+    """Return the vector product of two vectors; numpy's own is slow."""
     return np.array([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
 
 
@@ -78,7 +78,7 @@ class OneFreedom:
         return out
 
     def inertia(self, s: complex) -> complex:
-        """Give A(s)."""
+        """Return A(s)."""
         total: complex = 0.0
         for name, (R, _, w, v) in self.links(s).items():
             link = self._links[name]
@@ -88,31 +88,31 @@ class OneFreedom:
         return total
 
     def potential(self, s: complex) -> complex:
-        """Give V(s) of gravity."""
+        """Return V(s) of gravity."""
         return -sum(
             self._links[name].mass * (self.gravity @ (p + R @ self._links[name].com))
             for name, (R, p, _, _) in self.links(s).items()
         )
 
     def terms(self, s: float) -> tuple[float, float, float]:
-        """Give A, A' and V' at s."""
+        """Return A, A' and V' at s."""
         A, V = self.inertia(s + 1j * COMPLEX_STEP), self.potential(s + 1j * COMPLEX_STEP)
         return A.real, A.imag / COMPLEX_STEP, V.imag / COMPLEX_STEP
 
     def effort(self, s: float, s_dot: float, s_ddot: float, motor: str) -> float:
-        """Give the effort of the one motor."""
+        """Return the effort of the one motor."""
         A, slope, weight = self.terms(s)
         along = self.law(s)[motor][1].real
         return (A * s_ddot + slope * s_dot**2 / 2 + weight) / along
 
     def acceleration(self, s: float, s_dot: float, effort: float = 0.0, motor: str = "") -> float:
-        """Give s_ddot under the effort of the one motor."""
+        """Return s_ddot under the effort of the one motor."""
         A, slope, weight = self.terms(s)
         along = self.law(s)[motor][1].real if motor else 0.0
         return (effort * along - slope * s_dot**2 / 2 - weight) / A
 
     def state(self, s: float, s_dot: float, s_ddot: float = 0.0) -> tuple[Array, Array, Array]:
-        """Give positions, rates and accelerations of the joints, each in the order of `joints`."""
+        """Return positions, rates and accelerations of the joints, each in the order of `joints`."""
         at = self.law(s + 1j * COMPLEX_STEP)
         q = np.array([complex(at[name][0]).real for name in self.joints])
         slope = np.array([complex(at[name][1]).real for name in self.joints])
@@ -120,7 +120,7 @@ class OneFreedom:
         return q, slope * s_dot, slope * s_ddot + curve * s_dot**2
 
     def motion(self, s: float, s_dot: float, times: Array) -> Array:
-        """Give s and s_dot at times under weights alone, shape (T, 2)."""
+        """Return s and s_dot at times under weights alone, shape (T, 2)."""
         return solve_ivp(
             lambda t, x: [x[1], self.acceleration(x[0], x[1])],
             (times[0], times[-1]), [s, s_dot], t_eval=times, **REFERENCE,

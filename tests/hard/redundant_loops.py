@@ -107,7 +107,7 @@ CRANK, COUPLER, ROCKER, GROUND = 0.3, 0.7, 0.6, 0.8
 
 
 def four_bar_law(s: complex) -> dict[str, tuple[complex, complex]]:
-    """Give the planar four-bar's angles over the crank's, by the half-angle formula and the sine rule."""
+    """Return the planar four-bar's angles over the crank's, by the half-angle formula and the sine rule."""
     a, b, c, g = CRANK, COUPLER, ROCKER, GROUND
     X, Y = g - a * np.cos(s), -a * np.sin(s)
     Z = (b * b - X * X - Y * Y - c * c) / (2 * c)
@@ -225,7 +225,7 @@ def sarrus() -> Linkage:
 
 
 def bricard_law(s: complex) -> dict[str, tuple[complex, complex]]:
-    """Give the angles of the Bricard linkage of unit rods and right angles.
+    """Return the angles of the Bricard linkage of unit rods and right angles.
 
     Its angles from the stretched posture, theta and phi in turn, obey cos(theta / 2) cos(phi / 2) = 1/2 on
     the component that holds the cube. With theta / 2 + phi / 2 = P and theta / 2 - phi / 2 = M that is

@@ -95,17 +95,17 @@ class Scale:
         return out
 
     def of_q(self, robot: HybridRobot) -> np.ndarray:
-        """Give the factor of each position, shape (nq,)."""
+        """Return the factor of each position, shape (nq,)."""
         sizes = [at.stop - at.start for at in robot.q_slices]
         return np.concatenate([self._coordinates(k, n) for k, n in zip(robot.kinds, sizes, strict=True)])
 
     def of_v(self, robot: HybridRobot) -> np.ndarray:
-        """Give the factor of each rate and acceleration, shape (nv,)."""
+        """Return the factor of each rate and acceleration, shape (nv,)."""
         sizes = [at.stop - at.start for at in robot.v_slices]
         return np.concatenate([self._coordinates(k, n) for k, n in zip(robot.kinds, sizes, strict=True)])
 
     def of_tau(self, robot: HybridRobot) -> np.ndarray:
-        """Give the factor of each effort, shape (motors,)."""
+        """Return the factor of each effort, shape (motors,)."""
         kinds = dict(zip(robot.joints, robot.kinds, strict=True))
         return np.array([self.force if kinds[m] == "prismatic" else self.torque for m in robot.motors])
 

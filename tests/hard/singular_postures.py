@@ -38,7 +38,7 @@ Place = tuple[Description, Values]
 
 
 def posture(place: str, d: float) -> tuple[Description, np.ndarray]:
-    """Give a robot's record and its q at distance d from one of `PLACES`."""
+    """Return a robot's record and its q at distance d from one of `PLACES`."""
     description, values = PLACES[place](d)
     return description, vector(description, values)
 
@@ -90,7 +90,7 @@ def two_singular_modules(d: Any) -> Place:
 
 
 def _rps3_place(R: Any, z: Any, r: Any) -> Any:
-    """Give where the platform's centre must be: every ball in its leg's plane."""
+    """Return where the platform's centre must be: every ball in its leg's plane."""
     return np.array([r / 2 * (R[0, 0] - R[1, 1]), -r * R[1, 0], z])
 
 
@@ -99,7 +99,7 @@ def _rps3_radius(robot: Description) -> Any:
 
 
 def _turned(n: Any, c: Any, s: Any) -> Any:
-    """Give the rotation about an axis by the angle of that cosine and sine."""
+    """Return the rotation about an axis by the angle of that cosine and sine."""
     e = numbers(np.eye(3))
     return c * e + (1 - c) * np.outer(n, n) + s * np.array([cross(n, column) for column in e]).T
 

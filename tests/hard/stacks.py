@@ -21,7 +21,7 @@ OUTPUTS = {SPATIAL: ("x", "y", "z", "roll", "pitch", "yaw"), PLANAR: ("x", "y", 
 
 @lru_cache
 def module(kind: str) -> Description:
-    """Give the robot of one module; base "m1_base", platform "m1_platform"."""
+    """Return the robot of one module; base "m1_base", platform "m1_platform"."""
     return shipped("gough_stewart") if kind == SPATIAL else rpr()
 
 

@@ -68,7 +68,7 @@ def run(ready: Stage, duration: float, **options: object) -> hybridyn.Result:
 
 
 def added_up(duration: float) -> float:
-    """Give how often the tolerance of a step adds up."""
+    """Return how often the tolerance of a step adds up."""
     return ADDED_UP[duration > 2]
 
 

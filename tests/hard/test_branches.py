@@ -22,12 +22,12 @@ SAME = 1e-6  # of p [m] and e: the forward error of the worst posture below is 1
 
 @lru_cache(maxsize=1)
 def forty() -> np.ndarray:
-    """Give the forty postures on the spanning tree, shape (40, nq)."""
+    """Return the forty postures on the spanning tree, shape (40, nq)."""
     return hybridyn.assemblies(dietmaier.robot(), motors=dietmaier.motors()).q
 
 
 def apart(pose: np.ndarray, other: np.ndarray) -> float:
-    """Give the distance of two poses, signs of quaternions apart."""
+    """Return the distance of two poses, signs of quaternions apart."""
     flipped = np.concatenate([other[:3], -other[3:]])
     return float(min(np.abs(pose - other).max(), np.abs(pose - flipped).max()))
 
@@ -92,7 +92,7 @@ def test_long_ways_from_all_postures(claim: Claim, seed: int) -> None:
 
 
 def brushing(number: int, seed: int, left: float, steps: int) -> np.ndarray | None:
-    """Give leg lengths that go near a fold, along it, and back to the start; None where none is in reach.
+    """Return leg lengths that go near a fold, along it, and back to the start; None where none is in reach.
 
     Args:
         number: The posture.

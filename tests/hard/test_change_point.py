@@ -39,7 +39,7 @@ State = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
 def moving(place: str, d: float) -> tuple[Description, State]:
-    """Give q, v, a of the motion d(t) = t at d, derivatives by differences in fifty digits."""
+    """Return q, v, a of the motion d(t) = t at d, derivatives by differences in fifty digits."""
     h = mp.mpf(10) ** -12
     description, here = PLACES[place](mp.mpf(d))
     before, after = (PLACES[place](mp.mpf(d) + x)[1] for x in (-h, h))
@@ -51,7 +51,7 @@ def moving(place: str, d: float) -> tuple[Description, State]:
 
 
 def exact_efforts(place: str, d: float) -> Any:
-    """Give the efforts of that motion at d, in fifty digits."""
+    """Return the efforts of that motion at d, in fifty digits."""
     description, (q, v, a) = moving(place, d)
     return Judge(description, q, v).efforts(a).astype(float)
 

@@ -24,7 +24,7 @@ STIFFNESS = 60e3  # of the slides' springs [N/m], those of the shipped scene's c
 
 
 def undamped() -> tuple[HybridRobot, list[object]]:
-    """Give the LX4 with springs instead of motors, without friction."""
+    """Return the LX4 with springs instead of motors, without friction."""
     robot = build_robot(shipped("lx4"))
     rest = {motor: float(position(robot, motor, robot.home)) for motor in robot.motors}
     return robot, ["default", Spring(dict.fromkeys(robot.motors, STIFFNESS), rest)]

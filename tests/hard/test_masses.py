@@ -42,7 +42,7 @@ def is_end(name: str) -> bool:
 
 
 def massed(description: Description, factor: Callable[[str], float]) -> Description:
-    """Give a robot whose links have a multiple of their mass and inertia."""
+    """Return a robot whose links have a multiple of their mass and inertia."""
     links = [
         replace(link, mass=factor(link.name) * link.mass, inertia=factor(link.name) * link.inertia)
         for link in description.links
@@ -56,7 +56,7 @@ def efforts(description: Description) -> np.ndarray:
 
 
 def apart(actual: np.ndarray, expected: np.ndarray) -> float:
-    """Give the largest difference relative to the largest entry."""
+    """Return the largest difference relative to the largest entry."""
     return float(np.abs(actual - expected).max() / np.abs(expected).max())
 
 
@@ -88,7 +88,7 @@ def test_masses_twelve_digits_apart(name: str, masses: str, claim: Claim) -> Non
 
 
 def exactly(description: Description, base: Base) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Give a state that is closed in fifty digits, efforts, and the accelerations that they make."""
+    """Return a state that is closed in fifty digits, efforts, and the accelerations that they make."""
     with mpmath.workdps(50):
         exact = Oracle(description, base, arithmetic=Extended(mpmath.mp), inertia_tolerance=LIGHTER)
         (start,), (rate,), _ = states_near_home(shipped(description.name), base, 9, 1)
@@ -125,7 +125,7 @@ def test_a_floating_base_as_light_as_its_legs(ratio: float, claim: Claim) -> Non
 
 
 def arm(angles: int, tip: float = 2.0) -> Description:
-    """Give a planar arm of links 0.5 m long without mass or inertia, a point of mass at its end."""
+    """Return a planar arm of links 0.5 m long without mass or inertia, a point of mass at its end."""
     none = np.zeros((3, 3))
     links = [Link("base", 0.0, np.zeros(3), none)]
     joints = []

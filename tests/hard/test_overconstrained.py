@@ -33,7 +33,7 @@ ROOT = Path(__file__).parents[2]
 
 
 def case_of(name: str, folder: Path) -> tuple[hybridyn.HybridRobot, OneFreedom, Linkage, str]:
-    """Give a linkage's robot, its closed form, its facts and its motor."""
+    """Return a linkage's robot, its closed form, its facts and its motor."""
     if name != "bricard":
         linkage = LINKAGES[name]()
         robot = loaded(folder, linkage)
@@ -54,7 +54,7 @@ Case = tuple[str, hybridyn.HybridRobot, OneFreedom, Linkage, str]
 
 
 def states(exact: OneFreedom, linkage: Linkage) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Give positions, rates and accelerations at all samples."""
+    """Return positions, rates and accelerations at all samples."""
     each = [exact.state(linkage.s + ds, *MOTION) for ds in SAMPLES]
     q, v, a = (np.array(x) for x in zip(*each, strict=True))
     return q, v, a
@@ -100,7 +100,7 @@ def test_the_motion_is_unique_and_right(claim: Claim, case: Case) -> None:
 
 
 def wrench_map(robot: hybridyn.HybridRobot, q: np.ndarray) -> tuple[np.ndarray, list[str]]:
-    """Give what unit wrenches in the closures do on the tree, shape (nv, 6 closures), by Pinocchio alone.
+    """Return what unit wrenches in the closures do on the tree, shape (nv, 6 closures), by Pinocchio alone.
 
     In the frame in which `Reactions` gives them: predecessor's axes, at the successor's origin.
     """

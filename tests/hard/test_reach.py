@@ -22,7 +22,7 @@ MEND = "out of reach, or contradicts another one; move it, give a better guess"
 
 
 def stretched(excess: float | np.ndarray) -> dict[str, object]:
-    """Give crank angles that hold the elbows two rods and an excess apart."""
+    """Return crank angles that hold the elbows two rods and an excess apart."""
     t = np.arccos((ROD + np.asarray(excess) / 2 - BASE / 2) / CRANK)
     return {"left": np.pi - t, "right": t}
 
@@ -95,7 +95,7 @@ def test_platforms_one_metre_out_of_reach(claim: Claim, name: str) -> None:
 
 
 def far(robot: HybridRobot) -> dict[str, dict[str, object]]:
-    """Give a platform's pose at home and a metre further, or a partial one where it has few freedoms."""
+    """Return a platform's pose at home and a metre further, or a partial one where it has few freedoms."""
     module = robot.modules[0]
     zero, platform = np.zeros((1, robot.nv)), module.outputs[0]
     pose = of_link(robot, robot.home[None], zero, zero, platform, robot.description.root)[0]

@@ -37,13 +37,13 @@ Results = dict[str, Any]
 
 
 def apart(actual: np.ndarray, expected: np.ndarray) -> float:
-    """Give the largest difference relative to the largest entry."""
+    """Return the largest difference relative to the largest entry."""
     largest = max(np.abs(expected).max(initial=0.0), 1e-300)
     return float(np.abs(actual - expected).max(initial=0.0) / largest)
 
 
 def described(kind: str, base: Base) -> tuple[Description, dict[str, np.ndarray], tuple[np.ndarray, ...]]:
-    """Give a robot, wrenches on it, and two states."""
+    """Return a robot, wrenches on it, and two states."""
     if kind in KINDS:
         description = random_mechanism(0, kind=kind)
         wrenches = random_wrenches(description, 0)
@@ -53,7 +53,7 @@ def described(kind: str, base: Base) -> tuple[Description, dict[str, np.ndarray]
 
 
 def attempt(f: Callable[[], Results]) -> Results:
-    """Give what f gives, or how far open it says that loops are."""
+    """Return what f gives, or how far open it says that loops are."""
     try:
         return f()
     except AssemblyError as error:
@@ -79,7 +79,7 @@ def held(claim: Claim, case: str, what: str, given: list[tuple[Results, Results]
 
 
 def dynamics(kind: str, base: Base, scale: Scale) -> Results:
-    """Give what loading remarks, accelerations and efforts with reactions, scaled back."""
+    """Return what loading remarks, accelerations and efforts with reactions, scaled back."""
     description, wrenches, (q, v, a) = described(kind, base)
     robot = scale.robot(description, base)
     of_q, of_v, of_tau, of_W = scale.of_q(robot), scale.of_v(robot), scale.of_tau(robot), scale.of_wrench

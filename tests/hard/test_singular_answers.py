@@ -112,7 +112,7 @@ def test_motors_that_lose_a_direction_do_not_tell_a_motion(place: str, lost: str
 
 
 def link_pose(robot: HybridRobot, q: np.ndarray, link: str) -> np.ndarray:
-    """Give a link's pose in the base, shape (7,)."""
+    """Return a link's pose in the base, shape (7,)."""
     still = np.zeros((1, robot.nv))
     return of_link(robot, q[None], still, still, link, robot.description.root)[0][0]
 

@@ -137,7 +137,7 @@ def inverse(this: Case, a: np.ndarray, claim: Claim) -> None:
 
 
 def outcome(call: Callable[[], np.ndarray]) -> tuple[np.ndarray, None] | tuple[None, SingularityError]:
-    """Give what a model answers, or why it refuses."""
+    """Return what a model answers, or why it refuses."""
     try:
         return call(), None
     except SingularityError as refusal:

@@ -39,12 +39,12 @@ SIZES = (1, 4, 16, 64, 256)
 
 
 def apart(actual: np.ndarray, expected: np.ndarray) -> float:
-    """Give the largest difference relative to the largest entry."""
+    """Return the largest difference relative to the largest entry."""
     return float(np.abs(actual - expected).max() / np.abs(expected).max())
 
 
 def reference(kind: str, count: int, state: State, on: Arithmetic = LONG) -> Stack:
-    """Give the extended model of a stack in a state."""
+    """Return the extended model of a stack in a state."""
     out = Stack(module(kind), count, on, DOWN[kind], planar=kind == PLANAR)
     out.state(state.joints, state.q, state.v)
     return out
@@ -93,7 +93,7 @@ def test_long_double_is_long_enough(kind: str, claim: Claim) -> None:
 
 
 def exponent(errors: dict[int, float]) -> float:
-    """Give the power of n that fits errors best."""
+    """Return the power of n that fits errors best."""
     n, size = np.log(list(errors)), np.log([max(x, EPS / 8) for x in errors.values()])
     return float(np.polyfit(n, size, 1)[0])
 
@@ -173,7 +173,7 @@ def test_a_thousand_modules_near_rest(kind: str, claim: Claim) -> None:
 
 
 def lcaba(s: State, tau: np.ndarray) -> Iterator[np.ndarray]:
-    """Give what `pin.lcaba` computes, by mu and iterations."""
+    """Return what `pin.lcaba` computes, by mu and iterations."""
     peer = Peer(s.robot.description)
     models = peer.constraint_models()
     data = peer.model.createData()
@@ -188,7 +188,7 @@ def lcaba(s: State, tau: np.ndarray) -> Iterator[np.ndarray]:
 
 
 def constraint_dynamics(s: State, tau: np.ndarray) -> Iterator[np.ndarray]:
-    """Give what `pin.constraintDynamics` computes, by mu."""
+    """Return what `pin.constraintDynamics` computes, by mu."""
     peer = Peer(s.robot.description)
     for mu in 10.0 ** np.arange(-13, -3):
         yield peer.constraint_dynamics(s.q, s.v, tau, mu)

@@ -32,7 +32,7 @@ NO_DIGIT = "no digit of its"
 
 @lru_cache
 def posed(name: str) -> tuple[HybridRobot, np.ndarray]:
-    """Give a shipped robot and a posture, shape (nq,)."""
+    """Return a shipped robot and a posture, shape (nq,)."""
     return build_robot(shipped(name)), states_near_home(shipped(name), "fixed", 9, 1)[0][0]
 
 

@@ -34,7 +34,7 @@ FEW = {1e-6, 0.0}
 
 
 def twin(description: Description) -> Description:
-    """Give the robot with its ball as one joint."""
+    """Return the robot with its ball as one joint."""
     hinges = {
         f"{WRIST}_{axis}": next(j for j in description.joints if j.name == f"{WRIST}_{axis}")
         for axis in "yxz"
@@ -50,7 +50,7 @@ def twin(description: Description) -> Description:
 
 
 def posture(description: Description, d: float) -> tuple[np.ndarray, np.ndarray, Any]:
-    """Give q of the robot and of its twin with the middle hinge pi/2 - d, and the ball's rotation."""
+    """Return q of the robot and of its twin with the middle hinge pi/2 - d, and the ball's rotation."""
     Rh, ph = placement(description, "m1_leg1_cross_y")
     rod = Rh @ about(1, mp.mpf("0.2")) @ about(0, mp.mpf("-0.1"))
     angles = mp.mpf("0.4"), mp.pi / 2 - mp.mpf(d), mp.mpf("0.3")
@@ -71,7 +71,7 @@ def posture(description: Description, d: float) -> tuple[np.ndarray, np.ndarray,
 
 
 def quaternion(R: Any) -> list[float]:
-    """Give x, y, z, w of a rotation by no more than a half turn, in fifty digits."""
+    """Return x, y, z, w of a rotation by no more than a half turn, in fifty digits."""
     w = mp.sqrt(1 + R[0, 0] + R[1, 1] + R[2, 2]) / 2
     return [float(x / (4 * w)) for x in (R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1])] + [
         float(w)

@@ -147,7 +147,7 @@ class Drawing:
 
 @contextlib.contextmanager
 def _appearing(target: str) -> Iterator[str]:
-    """Give a file to write to, which takes its name when it is complete."""
+    """Return a file to write to, which takes its name when it is complete."""
     partial = f"{target}.part{os.path.splitext(target)[1]}"
     try:
         yield partial

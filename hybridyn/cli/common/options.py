@@ -58,7 +58,7 @@ def existing_file(ctx: click.Context, param: click.Parameter, value: str) -> str
 
 
 def robot_file(ctx: click.Context, param: click.Parameter, value: str) -> str:
-    """Give the file of a robot: one that is there, or that of the shipped robot of this name."""
+    """Return the file of a robot: one that is there, or that of the shipped robot of this name."""
     from ...description.shipped import BARE_NAME, no_such_robot, shipped_robots, shown
 
     if os.path.exists(value) or not BARE_NAME.fullmatch(value):
@@ -95,7 +95,7 @@ def complete_data(ctx: click.Context, param: click.Parameter, incomplete: str) -
 
 
 def scene_file(ctx: click.Context, param: click.Parameter, value: str) -> str:
-    """Give a scene's file: one that is there, or the scene of the shipped robot of this name."""
+    """Return a scene's file: one that is there, or the scene of the shipped robot of this name."""
     from ...description.shipped import shipped_robots, shown
 
     if not os.path.exists(value) and value in shipped_robots():

@@ -80,7 +80,7 @@ class Tables:
 
 
 def own_table(ctx: click.Context, param: click.Parameter, value: str | None) -> str:
-    """Give the table that the user names, or the trajectory that comes with a shipped robot."""
+    """Return the table that the user names, or the trajectory that comes with a shipped robot."""
     if value is not None:
         return existing_file(ctx, param, value)
     from ...description.shipped import own_trajectory
@@ -237,7 +237,7 @@ def run(
 
 
 def _processes(jobs: int | None, table: Table) -> int:
-    """Give how many processes to start, 0 where the work is done in this one."""
+    """Return how many processes to start, 0 where the work is done in this one."""
     if jobs is None:
         cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
         jobs = cores if (table.rows or 0) * len(table.columns) > LONG_TABLE else 1
@@ -246,7 +246,7 @@ def _processes(jobs: int | None, table: Table) -> int:
 
 @contextlib.contextmanager
 def _writer(tables: Tables, robot: HybridRobot, plan: Plan, timed: bool) -> Any:
-    """Give a function that writes what a block came to; files appear when all is done."""
+    """Return a function that writes what a block came to; files appear when all is done."""
     import numpy as np
 
     from ...tables.results import open_results

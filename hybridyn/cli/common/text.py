@@ -31,5 +31,5 @@ def aligned_rows(rows: Sequence[Sequence[str]], right: Sequence[int] = ()) -> li
 
 
 def counted(number: int, thing: str) -> str:
-    """Give "1 motor", "1,000 motors"."""
+    """Return "1 motor", "1,000 motors"."""
     return f"{number:,} {thing}" + ("" if number == 1 else "s")

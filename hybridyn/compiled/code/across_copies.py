@@ -17,7 +17,7 @@ HEAD = "static void {name}_copies(const S *given, S *result, V *shared, V *own, 
 
 
 def across_copies(program: Program, names: list[str], lanes: int, tables: Tables) -> str:
-    """Give the function `<program>_copies` in C.
+    """Return the function `<program>_copies` in C.
 
     Args:
         program: The program.
@@ -36,7 +36,7 @@ def across_copies(program: Program, names: list[str], lanes: int, tables: Tables
 
 
 def _alone(call: Call, name: str, tables: Tables) -> list[str]:
-    """Give a call of one copy: every lane the same."""
+    """Return a call of one copy: every lane the same."""
     block = Block()
     for n, source in enumerate(call.sources):
         block.arguments.append(_alone_source(n, source, tables, block))
@@ -46,7 +46,7 @@ def _alone(call: Call, name: str, tables: Tables) -> list[str]:
 
 
 def _alone_source(n: int, source: Source, tables: Tables, block: Block) -> str:
-    """Give an argument that is read; numbers that are not in lanes are spread over them first."""
+    """Return an argument that is read; numbers that are not in lanes are spread over them first."""
     match source:
         case Shared(start, _) | Each(start, _):
             return f"shared + {start}"
@@ -68,7 +68,7 @@ def _alone_source(n: int, source: Source, tables: Tables, block: Block) -> str:
 
 
 def _alone_target(n: int, target: Target, free: bool, tables: Tables, block: Block) -> str:
-    """Give an argument that is written; results and the guard take the first lane."""
+    """Return an argument that is written; results and the guard take the first lane."""
     y = f"y{n}"
     match target:
         case Shared(start, size) | Each(start, size) | Own(start, size):
@@ -99,7 +99,7 @@ class _Pack:
         self.copies[self.valid :] = 0
 
     def text(self, name: str) -> list[str]:
-        """Give the call."""
+        """Return the call."""
         block = Block()
         for n, source in enumerate(self.call.sources):
             block.arguments.append(self._source(n, source, block))
@@ -108,12 +108,12 @@ class _Pack:
         return block.lines(name)
 
     def _lanes(self, values: Array | Index) -> Array | Index:
-        """Give rows of the copies, side by side: (entries, lanes)."""
+        """Return rows of the copies, side by side: (entries, lanes)."""
         rows: Array | Index = values[self.copies].T
         return rows
 
     def _source(self, n: int, source: Source, block: Block) -> str:
-        """Give an argument that is read; numbers of the copies are gathered into their lanes first."""
+        """Return an argument that is read; numbers of the copies are gathered into their lanes first."""
         match source:
             case Shared(start, _):
                 return f"shared + {start}"
@@ -136,7 +136,7 @@ class _Pack:
         return x
 
     def _target(self, n: int, target: Target, free: bool, block: Block) -> str:
-        """Give an argument that is written; what is not the copies' own is spread or summed afterwards."""
+        """Return an argument that is written; what is not the copies' own is spread or summed afterwards."""
         y, first, valid = f"y{n}", self.first, self.valid
         match target:
             case Own(start, size):

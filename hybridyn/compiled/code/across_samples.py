@@ -16,7 +16,7 @@ HEAD = "static void {name}_samples(const V *given, V *result, V *shared, V *own,
 
 
 def across_samples(program: Program, names: list[str], tables: Tables) -> str:
-    """Give the function `<program>_samples` in C.
+    """Return the function `<program>_samples` in C.
 
     Args:
         program: The program.
@@ -28,7 +28,7 @@ def across_samples(program: Program, names: list[str], tables: Tables) -> str:
 
 
 def _call(call: Call, name: str, tables: Tables) -> list[str]:
-    """Give a call of a kernel for each copy."""
+    """Return a call of a kernel for each copy."""
     block = Block()
     for n, source in enumerate(call.sources):
         block.arguments.append(_source(call, n, source, tables, block))
@@ -39,18 +39,18 @@ def _call(call: Call, name: str, tables: Tables) -> list[str]:
 
 
 def _row(call: Call, index: Index, tables: Tables) -> str:
-    """Give where copy i begins, for places that count up by one."""
+    """Return where copy i begins, for places that count up by one."""
     first = index[:, 0] if index.shape[1] else np.zeros(len(index), dtype=int)
     return str(int(first[0])) if call.copies == 1 else f"{tables.places(first)}[i]"
 
 
 def _at(call: Call, start: int, size: int) -> str:
-    """Give where copy i begins, for places one behind the other."""
+    """Return where copy i begins, for places one behind the other."""
     return str(start) if call.copies == 1 else f"{start} + i * {size}"
 
 
 def _source(call: Call, n: int, source: Source, tables: Tables, block: Block) -> str:
-    """Give an argument that is read; what is not there as a row is gathered first."""
+    """Return an argument that is read; what is not there as a row is gathered first."""
     match source:
         case Shared(_, 0) | Each(_, 0) | Own(_, 0):
             return "0"
@@ -80,7 +80,7 @@ def _source(call: Call, n: int, source: Source, tables: Tables, block: Block) ->
 
 
 def _target(call: Call, n: int, target: Target, free: bool, tables: Tables, block: Block) -> str:
-    """Give an argument that is written; what cannot be written in place goes there afterwards."""
+    """Return an argument that is written; what cannot be written in place goes there afterwards."""
     y = f"y{n}"
     match target:
         case Shared(_, 0) | Each(_, 0) | Own(_, 0) | Add(_, 0):

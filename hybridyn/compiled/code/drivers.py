@@ -30,7 +30,7 @@ class Block:
         return name
 
     def lines(self, kernel: str, head: str = "{") -> list[str]:
-        """Give the block."""
+        """Return the block."""
         body = [*self.before, f"{kernel}({', '.join(self.arguments)});", *self.after]
         return [f"    {head}", *(f"        {line}" for line in body), "    }"]
 
@@ -38,7 +38,7 @@ class Block:
 def driver(
     program: Program, head: str, names: list[str], tables: Tables, call: Callable[[Call, str], list[str]]
 ) -> str:
-    """Give a function that takes a program's steps.
+    """Return a function that takes a program's steps.
 
     Args:
         program: The program.

@@ -10,7 +10,7 @@ from .graph import Graph, Node, Reference
 
 
 def fused(graph: Graph) -> Graph:
-    """Give a graph with products fused into the sums that read them.
+    """Return a graph with products fused into the sums that read them.
 
     A product is fused where that makes the product itself needless: all that read it are sums, and none of
     them takes another product instead.
@@ -36,7 +36,7 @@ def fused(graph: Graph) -> Graph:
 
 
 def _uses(graph: Graph) -> list[list[int]]:
-    """Give for each node those that read it; -1 stands for an output."""
+    """Return for each node those that read it; -1 stands for an output."""
     uses: list[list[int]] = [[] for _ in graph.nodes]
     for i, node in enumerate(graph.nodes):
         if node.name != "input":
@@ -63,7 +63,7 @@ def _choices(graph: Graph, uses: list[list[int]]) -> dict[int, tuple[Reference, 
 
 
 def _split(node: Node, product: int) -> tuple[Reference, Reference]:
-    """Give the product and the rest of a sum, both with their signs."""
+    """Return the product and the rest of a sum, both with their signs."""
     first, second = node.arguments
     if node.name == "sub":
         second = -second

@@ -70,7 +70,7 @@ class Graph:
     _known: dict[Node, int] = field(default_factory=dict)
 
     def node(self, name: str, *arguments: int, value: float = 0.0) -> Reference:
-        """Give the reference of an operation, made if it is new."""
+        """Return the reference of an operation, made if it is new."""
         if name in SYMMETRIC:
             arguments = tuple(sorted(arguments, key=abs))
         node = Node(name, arguments, value)
@@ -80,20 +80,20 @@ class Graph:
         return self._known[node] + 1
 
     def constant(self, value: float) -> Reference:
-        """Give the reference of a constant."""
+        """Return the reference of a constant."""
         if value != value:
             raise ValueError("a kernel has a constant that is not a number")
         return self.node("constant", value=value) if value >= 0 else -self.node("constant", value=-value)
 
     def value(self, x: Reference) -> float | None:
-        """Give the value of a constant, or None for anything else."""
+        """Return the value of a constant, or None for anything else."""
         node = self.nodes[abs(x) - 1]
         if node.name != "constant":
             return None
         return node.value if x > 0 else -node.value
 
     def add(self, a: Reference, b: Reference) -> Reference:
-        """Give a + b."""
+        """Return a + b."""
         if self.value(a) == 0.0:
             return b
         if self.value(b) == 0.0:
@@ -108,7 +108,7 @@ class Graph:
         return self.node("add", a, b)
 
     def product(self, a: Reference, b: Reference) -> Reference:
-        """Give a b."""
+        """Return a b."""
         sign = 1 if (a > 0) == (b > 0) else -1
         first, second = sorted((abs(a), abs(b)))
         for x, y in ((first, second), (second, first)):
@@ -119,18 +119,18 @@ class Graph:
         return sign * self.node("mul", first, second)
 
     def quotient(self, a: Reference, b: Reference) -> Reference:
-        """Give a / b."""
+        """Return a / b."""
         sign = 1 if (a > 0) == (b > 0) else -1
         if self.value(abs(b)) == 1.0:
             return sign * abs(a)
         return sign * self.node("div", abs(a), abs(b))
 
     def plain(self, x: Reference) -> Reference:
-        """Give x without a sign outside, which functions and outputs need."""
+        """Return x without a sign outside, which functions and outputs need."""
         return x if x > 0 else self.node("neg", -x)
 
     def function(self, name: str, x: Reference) -> Reference:
-        """Give a function of one number."""
+        """Return a function of one number."""
         if name in EVEN:
             return self.node(name, abs(x))
         if name in ODD:
@@ -138,11 +138,11 @@ class Graph:
         return self.node(name, self.plain(x))
 
     def choose(self, condition: Reference, x: Reference) -> Reference:
-        """Give x where a condition holds, else zero."""
+        """Return x where a condition holds, else zero."""
         return self.node("choose", self.plain(condition), abs(x)) * (1 if x > 0 else -1)
 
     def used(self) -> Graph:
-        """Give the graph without operations that no output needs."""
+        """Return the graph without operations that no output needs."""
         needed = [False] * len(self.nodes)
         for output in self.outputs:
             for x in output:
@@ -200,7 +200,7 @@ def graph_of(function: ca.Function) -> Graph:
 
 
 def _operation(graph: Graph, name: str, code: int, x: list[Reference]) -> Reference:
-    """Give the reference of an instruction."""
+    """Return the reference of an instruction."""
     if code in _ARITHMETIC:
         return _ARITHMETIC[code](graph, x)
     for known in (*ONE, *ODD, *EVEN):

@@ -16,7 +16,7 @@ FUSED = {(True, True): "FMA", (True, False): "FMS", (False, True): "FNMA", (Fals
 
 
 def kernel_graph(kernel: Kernel) -> Graph:
-    """Give a kernel's operations as they are printed."""
+    """Return a kernel's operations as they are printed."""
     return fused(graph_of(kernel.function))
 
 
@@ -45,7 +45,7 @@ def _reads(graph: Graph, argument: int) -> bool:
 
 
 def _statements(graph: Graph, written: dict[int, list[str]]) -> list[str]:
-    """Give the statements; outputs are written as soon as they are known."""
+    """Return the statements; outputs are written as soon as they are known."""
     lines: list[str] = []
     names: list[str] = []
     both = _sines(graph)
@@ -72,7 +72,7 @@ def _statements(graph: Graph, written: dict[int, list[str]]) -> list[str]:
 
 
 def _sines(graph: Graph) -> dict[int, int]:
-    """Give for each argument of a sine or cosine the first node that takes it."""
+    """Return for each argument of a sine or cosine the first node that takes it."""
     first: dict[int, int] = {}
     for i, node in enumerate(graph.nodes):
         if node.name in ("sin", "cos"):
@@ -81,7 +81,7 @@ def _sines(graph: Graph) -> dict[int, int]:
 
 
 def _expression(graph: Graph, node: Node, names: list[str]) -> str:
-    """Give the right-hand side of an operation."""
+    """Return the right-hand side of an operation."""
 
     def number(x: int) -> str:
         truth = graph.nodes[abs(x) - 1].name in TRUTH
@@ -106,12 +106,12 @@ def _expression(graph: Graph, node: Node, names: list[str]) -> str:
 
 
 def literal(value: float) -> str:
-    """Give a finite number or an infinity in C, exactly."""
+    """Return a finite number or an infinity in C, exactly."""
     if value in (float("inf"), float("-inf")):
         return "HUGE_VAL" if value > 0 else "-HUGE_VAL"
     return repr(float(value))
 
 
 def table(values: Array) -> str:
-    """Give numbers as the inside of an initialiser in C."""
+    """Return numbers as the inside of an initialiser in C."""
     return ", ".join(literal(x) for x in values.ravel().tolist())

@@ -66,7 +66,7 @@ def library_source(programs: list[Program], scalar: Scalar) -> Source:
 
 
 def _about(program: Program, scalar: Scalar, kernels: list[str]) -> dict[str, Any]:
-    """Give what a caller must know of a program whose kernels are printed."""
+    """Return what a caller must know of a program whose kernels are printed."""
     calls = [step for step in program.steps if isinstance(step, Call)]
     return {
         "inputs": [list(x) for x in program.inputs],
@@ -78,13 +78,13 @@ def _about(program: Program, scalar: Scalar, kernels: list[str]) -> dict[str, An
 
 
 def _sizes(program: Program) -> tuple[int, int, int, int]:
-    """Give how many vectors given, result, shared and own need."""
+    """Return how many vectors given, result, shared and own need."""
     given, result = (sum(size for _, size in x) for x in (program.inputs, program.outputs))
     return given, result, program.shared, program.own
 
 
 def _kernel_units(bodies: dict[str, str], scalar: Scalar) -> list[str]:
-    """Give the kernels in files of about equal length."""
+    """Return the kernels in files of about equal length."""
     prelude = scalar.prelude()
     parts: list[list[str]] = []
     room = 0
@@ -101,7 +101,7 @@ def _kernel_units(bodies: dict[str, str], scalar: Scalar) -> list[str]:
 def _driver_unit(
     programs: list[Program], names: dict[str, list[str]], bodies: dict[str, str], scalar: Scalar
 ) -> str:
-    """Give the file with everything but the kernels."""
+    """Return the file with everything but the kernels."""
     tables = Tables()
     drivers: list[str] = []
     for program in programs:
@@ -121,14 +121,14 @@ def steps_in_c(programs: list[Program], scalar: Scalar) -> bool:
 
 
 def _steps(programs: list[Program]) -> str:
-    """Give the function that takes steps in time."""
+    """Return the function that takes steps in time."""
     sizes = dict(next(p for p in programs if p.name == "lift").outputs)
     names = {"NQ": "q", "NV": "xi_dot", "MODULES": "step"}
     return "\n".join([*(f"#define {name} {sizes[key]}" for name, key in names.items()), text_of("steps.h")])
 
 
 def driver_prelude(bodies: dict[str, str], scalar: Scalar) -> str:
-    """Give what stands before the drivers: moves, and the kernels' declarations."""
+    """Return what stands before the drivers: moves, and the kernels' declarations."""
     border = "double" if scalar.name == "float128" else "S"
     lines = [
         scalar.prelude(),
@@ -150,7 +150,7 @@ def driver_prelude(bodies: dict[str, str], scalar: Scalar) -> str:
 
 
 def _batch(program: Program) -> str:
-    """Give the function that runs samples `from` to `to`; `work` is memory of the caller."""
+    """Return the function that runs samples `from` to `to`; `work` is memory of the caller."""
     given, result, shared, _ = _sizes(program)
     reads, writes, ahead, at = [], [], [], 0
     for n, (_, size) in enumerate(program.inputs):
@@ -185,7 +185,7 @@ def _batch(program: Program) -> str:
 
 
 def _single(program: Program) -> str:
-    """Give the functions that run one sample: of plain arrays, and of pointers."""
+    """Return the functions that run one sample: of plain arrays, and of pointers."""
     given, _, shared, own = _sizes(program)
     count = sum(size for _, size in program.outputs)
     arguments = [f"const Array *a{n}" for n, _ in enumerate(program.inputs)]

@@ -39,7 +39,7 @@ def operations(program: Program) -> Counts:
 
 
 def operations_table(variants: dict[str, Program]) -> str:
-    """Give the operations of variants of one model as a table for people.
+    """Return the operations of variants of one model as a table for people.
 
     Args:
         variants: Programs by what distinguishes them.

@@ -44,7 +44,7 @@ WRITTEN = "Written by hybridyn"
 
 
 def plain_source(programs: list[Program], name: str, dtype: str = "float64") -> str:
-    """Give the C file of programs.
+    """Return the C file of programs.
 
     Args:
         programs: The programs.
@@ -81,7 +81,7 @@ def plain_source(programs: list[Program], name: str, dtype: str = "float64") -> 
 
 
 def prototype(program: Program, name: str, dtype: str = "float64") -> str:
-    """Give the declaration of a program's function, without the semicolon."""
+    """Return the declaration of a program's function, without the semicolon."""
     real = REAL[dtype]
     arguments = [f"const {real} {n}[{size}]" for n, size in program.inputs]
     arguments += [f"{real} {n}[{size}]" for n, size in program.outputs]
@@ -89,19 +89,19 @@ def prototype(program: Program, name: str, dtype: str = "float64") -> str:
 
 
 def work_type(program: Program, name: str, dtype: str = "float64") -> str:
-    """Give the type of the memory that a program's function works in."""
+    """Return the type of the memory that a program's function works in."""
     room = f"{REAL[dtype]} numbers[{sum(_sizes(program))}]"
     return f"typedef struct {{\n    {room};\n}} {name}_{program.name}_work;"
 
 
 def _sizes(program: Program) -> tuple[int, int, int, int]:
-    """Give how many numbers given, result, shared and own need; none is empty."""
+    """Return how many numbers given, result, shared and own need; none is empty."""
     given, result = (sum(size for _, size in x) for x in (program.inputs, program.outputs))
     return given, result, max(program.shared, 1), max(program.own, 1)
 
 
 def _call(program: Program, name: str, dtype: str) -> str:
-    """Give the public function of a program."""
+    """Return the public function of a program."""
     given, result, shared, _ = _sizes(program)
     lines = [
         f"{prototype(program, name, dtype)} {{",

@@ -10,7 +10,7 @@ Span = tuple[str, int, int]
 
 
 def spans(call: Call, given: int) -> list[Span]:
-    """Give the memory that the sources of a call cover (for given = 1 the targets): place, from, to."""
+    """Return the memory that the sources of a call cover (for given = 1 the targets): place, from, to."""
     out: list[Span] = []
     for end in call.targets if given else call.sources:
         match end:
@@ -30,7 +30,7 @@ def spans(call: Call, given: int) -> list[Span]:
 
 
 def _range(index: np.ndarray[tuple[int, ...], np.dtype[np.intp]]) -> tuple[int, int]:
-    """Give the range of places."""
+    """Return the range of places."""
     return (int(index.min()), int(index.max()) + 1) if index.size else (0, 0)
 
 

@@ -51,7 +51,7 @@ class Scalar:
         return TYPES[self.name][2] * self.lanes
 
     def prelude(self) -> str:
-        """Give the C source that defines V, its arithmetic and its functions."""
+        """Return the C source that defines V, its arithmetic and its functions."""
         c, integer, _ = TYPES[self.name]
         lines = [
             "#include <math.h>",
@@ -73,7 +73,7 @@ class Scalar:
 
 
 def _comparisons(name: str) -> str:
-    """Give the comparisons of a type, and what differs from scalar to scalar."""
+    """Return the comparisons of a type, and what differs from scalar to scalar."""
     part = "creal" if name == "complex128" else ""
     lines = [
         f"#define {word}(a, b) ({part}(a) {sign} {part}(b))"
@@ -83,7 +83,7 @@ def _comparisons(name: str) -> str:
 
 
 def _sines(scalar: Scalar) -> str:
-    """Give SINCOS (and for plain numbers SQRT, FABS)."""
+    """Return SINCOS (and for plain numbers SQRT, FABS)."""
     if scalar.name not in ("float64", "float32"):
         lines = ["LANES1(SQRT, SCALAR(sqrt))"]
         if scalar.name != "complex128":

@@ -28,13 +28,13 @@ class Tables:
         return "\n".join(f"static const {head.format(name)};" for head, name in self._known.items())
 
     def places(self, index: Index) -> str:
-        """Give the name of a table of places, of any shape."""
+        """Return the name of a table of places, of any shape."""
         return self._named(
             "int {}" + _shape(index) + " = {{" + ", ".join(map(str, index.ravel().tolist())) + "}}"
         )
 
     def numbers(self, values: Array) -> str:
-        """Give the name of a table of numbers, of any shape."""
+        """Return the name of a table of numbers, of any shape."""
         body = ", ".join(map(literal, values.astype(self._dtype).ravel().tolist()))
         return self._named("S {} " + _shape(values) + " ALIGNED = {{" + body + "}}")
 
@@ -45,7 +45,7 @@ class Tables:
 
 
 def _shape(array: Array | Index) -> str:
-    """Give the brackets of a flat table; the readers count for themselves."""
+    """Return the brackets of a flat table; the readers count for themselves."""
     return f"[{max(array.size, 1)}]"
 
 

@@ -8,7 +8,7 @@ from ..program import Call, Program, Start
 
 
 def trimmed(program: Program) -> Program:
-    """Give a program without calls whose outputs are all empty, and without kernels that are not called."""
+    """Return a program without calls whose outputs are all empty, and without kernels that are not called."""
     steps: list[Start | Call] = []
     number: dict[int, int] = {}
     for step in program.steps:

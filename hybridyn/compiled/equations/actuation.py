@@ -20,7 +20,7 @@ UNDRIVEN = 1e-6
 def motor_efforts(
     B: Expression, Q: Expression, terms: tuple[Any, Array, float], share: Array, pivots: Pivots
 ) -> tuple[Expression, Any]:
-    """Give the efforts of a module's motors and the guard of their map.
+    """Return the efforts of a module's motors and the guard of their map.
 
     Args:
         B: Work of each motor along each motion, shape (N, motors).
@@ -43,14 +43,14 @@ def motor_efforts(
 
 
 def _undriven(left: Expression, size: Any, units: Array, closed: float) -> Any:
-    """Give the guard of forces that no motor gives."""
+    """Return the guard of forces that no motor gives."""
     if all(is_zero(x) for x in left):
         return ca.SX(0.0)
     return largest(left * units) / (min(closed, UNDRIVEN) * (size + NOTHING))
 
 
 def _least_norm(B: Expression, Q: Expression, share: Array) -> tuple[Expression, Any]:
-    """Give the least of |tau / share| with B tau = Q, by Householder's L Q factors of B share."""
+    """Return the least of |tau / share| with B tau = Q, by Householder's L Q factors of B share."""
     N, motors = B.shape
     A = np.array([[times(B[i, j], float(share[j])) for i in range(N)] for j in range(motors)], dtype=object)
     reflections: list[tuple[Expression, Any]] = []

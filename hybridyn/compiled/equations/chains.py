@@ -81,7 +81,7 @@ class Chain:
         return [slice(end - link.nv, end) for end, link in zip(ends, self.links, strict=True)]
 
     def columns_of(self, root: int) -> list[int]:
-        """Give the entries of s that move a root."""
+        """Return the entries of s that move a root."""
         at = self.v_slices[root - 1] if root else slice(-6, 0)
         return list(range(6 + at.start, 6 + at.stop))
 
@@ -96,7 +96,7 @@ def sweep(
     links: list[Link], q: Expression, v: Expression, V_base: Expression, a: Expression | None = None,
     A_base: Expression | None = None, placed: dict[int, Placed] | None = None,
 ) -> Chain:  # fmt: skip
-    """Give the motion of a tree.
+    """Return the motion of a tree.
 
     Args:
         links: The links.
@@ -139,12 +139,12 @@ def sweep(
 
 
 def numbers(values: Expression) -> Expression:
-    """Give numbers as expressions; expressions stay."""
+    """Return numbers as expressions; expressions stay."""
     return values if values.dtype == object else plain(values)
 
 
 def motion_subspace(link: Link) -> Expression:
-    """Give S of a joint, shape (6, nv), child frame."""
+    """Return S of a joint, shape (6, nv), child frame."""
     if link.kind == "prismatic":
         return np.concatenate([numbers(link.axis), zeros(3)])[:, None]
     if link.kind in TURNING:
@@ -154,7 +154,7 @@ def motion_subspace(link: Link) -> Expression:
 
 
 def joint_motion(link: Link, q: Expression) -> tuple[Expression, Expression]:
-    """Give what a joint's position does to its child: rotation and shift, in the placement's axes."""
+    """Return what a joint's position does to its child: rotation and shift, in the placement's axes."""
     if link.kind == "prismatic":
         return eye(3), np.array([times(x, q[0]) for x in link.axis], dtype=object)
     if link.kind in TURNING:
@@ -168,7 +168,7 @@ def joint_motion(link: Link, q: Expression) -> tuple[Expression, Expression]:
 
 
 def rotation(axis: Expression, c: ca.SX, s: ca.SX) -> Expression:
-    """Give the rotation about an axis from cosine and sine of its angle."""
+    """Return the rotation about an axis from cosine and sine of its angle."""
     k = int(np.argmax(np.abs(axis)))
     if abs(axis[k]) < 1.0:
         along = np.outer(axis, axis)
@@ -184,7 +184,7 @@ def rotation(axis: Expression, c: ca.SX, s: ca.SX) -> Expression:
 
 
 def forces(chain: Chain) -> Expression:
-    """Give the inverse dynamic model of the tree at the accelerations `c`, Eqs. (54)-(62).
+    """Return the inverse dynamic model of the tree at the accelerations `c`, Eqs. (54)-(62).
 
     Returns:
         Generalised forces over s: the wrench of the base on the tree, then H, where a platform's entries are
@@ -210,7 +210,7 @@ def forces(chain: Chain) -> Expression:
 
 
 def mass_matrix(chain: Chain) -> tuple[Expression, Expression]:
-    """Give the mass matrix of the tree over s, Eqs. (63)-(75): A and D of the paper are its blocks.
+    """Return the mass matrix of the tree over s, Eqs. (63)-(75): A and D of the paper are its blocks.
 
     Returns:
         M: Shape (6 + nv, 6 + nv), its block of the base left zero.
@@ -248,7 +248,7 @@ def _inwards(chain: Chain, i: int, F: Expression) -> Iterator[tuple[list[int], E
 
 
 def motion_map(chain: Chain, body: int) -> Expression:
-    """Give a body's acceleration over s, without `c`, in the base's frame, shape (6, 6 + nv)."""
+    """Return a body's acceleration over s, without `c`, in the base's frame, shape (6, 6 + nv)."""
     J, slices = zeros(6, 6 + chain.nv), chain.v_slices
     J[:, chain.columns_of(chain.root[body])] = eye(6)
     while body != chain.root[body]:
@@ -260,7 +260,7 @@ def motion_map(chain: Chain, body: int) -> Expression:
 
 
 def point_velocity(V: Expression, point: Expression) -> Expression:
-    """Give the velocity of a point of a body, its axes, shape (3,)."""
+    """Return the velocity of a point of a body, its axes, shape (3,)."""
     return V[:3] + cross(V[3:], point)
 
 

@@ -159,19 +159,19 @@ def write_core(
 
 
 def platform_link(plan: Plan, path: Path) -> int:
-    """Give the link of the core that stands for the platform at the end of a carrying wrist."""
+    """Return the link of the core that stands for the platform at the end of a carrying wrist."""
     return core_body(plan, path.wrist.end) - 1
 
 
 def own_inertia(plan: Plan, constant: tuple[float, ...], output: int) -> Expression:
-    """Give the ten numbers of an output: constants, or inputs of the model."""
+    """Return the ten numbers of an output: constants, or inputs of the model."""
     if plan.parts.own is None:
         return plain(constant)
     return plan.parts.own[plan.mechanism.spec.outputs[output] - 1]
 
 
 def core_body(plan: Plan, body: int) -> int:
-    """Give the core's number of a body of the spanning tree."""
+    """Return the core's number of a body of the spanning tree."""
     return plan.parts.bodies.index(plan.mechanism.spec.tree_body.index(body))
 
 
@@ -181,5 +181,5 @@ def _pick(values: Expression, index: Index) -> Expression:
 
 
 def whole(chain: Chain, body: int, s: Expression, J: Expression) -> Expression:
-    """Give a body's acceleration for s, own frame."""
+    """Return a body's acceleration for s, own frame."""
     return to_child(chain.R0[body], chain.p0[body], dot(J, s)) + chain.c[body]

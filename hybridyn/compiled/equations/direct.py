@@ -80,7 +80,7 @@ class _Solved:
     guard: Any
 
     def y(self, A_base: Expression) -> Expression:
-        """Give the core's accelerations for its base's, Eq. (51)."""
+        """Return the core's accelerations for its base's, Eq. (51)."""
         return dot(self.Psi, self.u_0 - dot(self.G, A_base)) + dot(self.Psi_b, A_base) + self.y_0
 
 
@@ -118,7 +118,7 @@ def write_direct(name: str, plan: Plan, options: DirectOptions) -> DirectModule:
 
 
 def _motion_outwards(core: Core, plan: Plan, options: DirectOptions) -> dict[str, ca.SX]:
-    """Give the platforms' motion for the legs, and twists and biases of outputs that carry, Eq. (38)."""
+    """Return the platforms' motion for the legs, and twists and biases of outputs that carry, Eq. (38)."""
     out: dict[str, ca.SX] = {}
     for i, motion in sorted(core.platforms.items()):
         out[f"platform {i}"] = pack(motion.R, motion.p, motion.V)
@@ -153,7 +153,7 @@ def _solve(core: Core, plan: Plan, options: DirectOptions, M: Expression, b: Exp
 
 
 def _onto_base(x: _Solved, M: Expression, b: Expression) -> dict[str, ca.SX]:
-    """Give what a module adds to its base's inertia and bias, Eqs. (45)-(48) in congruence form."""
+    """Return what a module adds to its base's inertia and bias, Eqs. (45)-(48) in congruence form."""
     M_yb = M[6:, :6]
     across = dot(M_yb.T, x.Psi_b)
     inertia = M[:6, :6] + (across + across.T) + congruence(x.Psi_b, M[6:, 6:]) - _product(x.E, x.G)
@@ -178,7 +178,7 @@ def _accelerations_outwards(
 
 
 def _product(E: Expression, G: Expression) -> Expression:
-    """Give E^T G, which is symmetric; one triangle is computed."""
+    """Return E^T G, which is symmetric; one triangle is computed."""
     out = zeros(6, 6)
     for i in range(6):
         for j in range(i, 6):
@@ -187,7 +187,7 @@ def _product(E: Expression, G: Expression) -> Expression:
 
 
 def _legs_on_paths(plan: Plan) -> Index:
-    """Give the freedoms of legs of groups that lie on paths to wrists."""
+    """Return the freedoms of legs of groups that lie on paths to wrists."""
     own = {int(col) for col in plan.parts.v if col >= 0}
     wrists = {int(col) for path in plan.paths for col in path.v[path.wrist_v]}
     return np.array(sorted({int(c) for path in plan.paths for c in path.v} - own - wrists), dtype=int)
@@ -197,7 +197,7 @@ def _wrists(
     core: Core, plan: Plan, given: tuple[Expression, Expression], base: BaseMotion, s: Expression,
     known: dict[int, Any],
 ) -> tuple[dict[int, Any], Any]:  # fmt: skip
-    """Give the accelerations of all wrists by freedom of the spanning tree, and the guard of their pivots.
+    """Return the accelerations of all wrists by freedom of the spanning tree, and the guard of their pivots.
 
     Args:
         core: The core.

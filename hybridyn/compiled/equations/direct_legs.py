@@ -20,7 +20,7 @@ from .stages import Stage, cut
 
 
 def forced_joints(leg: Leg, options: DirectOptions) -> list[int]:
-    """Give the freedoms of a leg on which an effort acts, numbered inside the leg."""
+    """Return the freedoms of a leg on which an effort acts, numbered inside the leg."""
     return [j for j, c in enumerate(leg.tree_v) if c in options.motors]
 
 

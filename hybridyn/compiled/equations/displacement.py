@@ -22,7 +22,7 @@ NOTHING = 1e-300
 
 
 def by_joint(tree: Tree, function: JointMap, *values: Expression, positions: int = 0) -> Expression:
-    """Give what a function of one joint makes of a whole tree's values, joint after joint.
+    """Return what a function of one joint makes of a whole tree's values, joint after joint.
 
     Args:
         tree: The tree.
@@ -38,7 +38,7 @@ def by_joint(tree: Tree, function: JointMap, *values: Expression, positions: int
 
 
 def moved_joint(kind: str, q: Expression, xi: Expression) -> Expression:
-    """Give the position that a displacement leads to, as `joints.TreeJoint.integrate`."""
+    """Return the position that a displacement leads to, as `joints.TreeJoint.integrate`."""
     if kind in ("revolute", "prismatic"):
         return q + xi
     if kind == "continuous":
@@ -53,7 +53,7 @@ def moved_joint(kind: str, q: Expression, xi: Expression) -> Expression:
 
 
 def position_rate(kind: str, q: Expression, v: Expression) -> Expression:
-    """Give the rate of a joint's position coordinates from its rates."""
+    """Return the rate of a joint's position coordinates from its rates."""
     if kind in ("revolute", "prismatic"):
         return v
     if kind == "continuous":
@@ -70,7 +70,7 @@ def position_rate(kind: str, q: Expression, v: Expression) -> Expression:
 
 
 def displacement_rate(kind: str, xi: Expression, v: Expression) -> Expression:
-    """Give T(xi)^-1 v, as `retraction.Retraction.pull`."""
+    """Return T(xi)^-1 v, as `retraction.Retraction.pull`."""
     if kind in ("revolute", "prismatic", "continuous"):
         return v
     if kind == "planar":
@@ -100,14 +100,14 @@ def _followed(quaternion: Expression, turn: Expression) -> Expression:
 
 
 def _half_turn(r: Expression) -> Expression:
-    """Give the unit quaternion (x, y, z, w) of a rotation vector."""
+    """Return the unit quaternion (x, y, z, w) of a rotation vector."""
     half = _scaled(0.5, r)
     angle = _length(half)
     return np.array([*_scaled(ca.sin(angle) / angle, half), ca.cos(angle)], dtype=object)
 
 
 def _second(r: Expression) -> Any:
-    """Give (1 - x cot x) / |r|^2 with x = |r| / 2; where it is rounding, r x (r x w) is less than that."""
+    """Return (1 - x cot x) / |r|^2 with x = |r| / 2; where it is rounding, r x (r x w) is less than that."""
     angle = _length(r)
     x = 0.5 * angle
     return (1.0 - x * ca.cos(x) / ca.sin(x)) / (angle * angle)

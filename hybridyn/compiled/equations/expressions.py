@@ -30,28 +30,28 @@ def times(x: Any, y: Any) -> Any:
 
 
 def plain(values: Any) -> Expression:
-    """Give numbers as an array of expressions."""
+    """Return numbers as an array of expressions."""
     return np.asarray(values, dtype=float).astype(object)
 
 
 def zeros(*shape: int) -> Expression:
-    """Give zeros."""
+    """Return zeros."""
     return plain(np.zeros(shape))
 
 
 def eye(n: int) -> Expression:
-    """Give a unit matrix."""
+    """Return a unit matrix."""
     return plain(np.eye(n))
 
 
 def symbols(name: str, n: int) -> tuple[ca.SX, Expression]:
-    """Give a column of symbols, and the same as an array of expressions, shape (n,)."""
+    """Return a column of symbols, and the same as an array of expressions, shape (n,)."""
     column = ca.SX.sym(name, n)
     return column, unpack(column)
 
 
 def unpack(column: ca.SX) -> Expression:
-    """Give the entries of a column, shape (n,)."""
+    """Return the entries of a column, shape (n,)."""
     out = np.empty(column.numel(), dtype=object)
     for i in range(len(out)):
         out[i] = column[i]
@@ -59,7 +59,7 @@ def unpack(column: ca.SX) -> Expression:
 
 
 def pack(*parts: Any) -> ca.SX:
-    """Give expressions one after the other as one dense column."""
+    """Return expressions one after the other as one dense column."""
     flat = [x for part in parts for x in np.asarray(part, dtype=object).ravel()]
     return ca.densify(ca.vertcat(*[ca.SX(x) for x in flat])) if flat else ca.SX(0, 1)
 
@@ -88,7 +88,7 @@ def _sum(terms: list[Any]) -> Any:
 
 
 def congruence(B: Expression, M: Expression) -> Expression:
-    """Give B^T M B for symmetric M; only one triangle is computed."""
+    """Return B^T M B for symmetric M; only one triangle is computed."""
     MB = dot(M, B)
     out = np.empty((B.shape[1], B.shape[1]), dtype=object)
     for i in range(B.shape[1]):
@@ -98,14 +98,14 @@ def congruence(B: Expression, M: Expression) -> Expression:
 
 
 def cross(a: Expression, b: Expression) -> Expression:
-    """Give the vector product, shape (3,)."""
+    """Return the vector product, shape (3,)."""
     return np.array(
         [_sum([times(a[i], b[j]), -times(a[j], b[i])]) for i, j in ((1, 2), (2, 0), (0, 1))], dtype=object
     )
 
 
 def hat(a: Expression) -> Expression:
-    """Give the matrix of a x, shape (3, 3)."""
+    """Return the matrix of a x, shape (3, 3)."""
     out = zeros(3, 3)
     for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
         out[i, j], out[j, i] = -a[k], a[k]
@@ -113,18 +113,18 @@ def hat(a: Expression) -> Expression:
 
 
 def snap(R: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Give a rotation whose entries of rounding size are zero, and unit ones are units."""
+    """Return a rotation whose entries of rounding size are zero, and unit ones are units."""
     out = np.where(np.abs(R) < ROUNDING, 0.0, R)
     return np.where(np.abs(np.abs(out) - 1.0) < ROUNDING, np.sign(out), out)
 
 
 def upper(M: Expression) -> Expression:
-    """Give the upper triangle of a symmetric matrix, row by row."""
+    """Return the upper triangle of a symmetric matrix, row by row."""
     return M[np.triu_indices(len(M))]
 
 
 def symmetric(entries: Expression, n: int) -> Expression:
-    """Give a symmetric matrix from its upper triangle."""
+    """Return a symmetric matrix from its upper triangle."""
     out = np.empty((n, n), dtype=object)
     rows, cols = np.triu_indices(n)
     out[rows, cols] = entries

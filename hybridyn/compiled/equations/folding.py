@@ -27,7 +27,7 @@ class Folding:
         self.values: list[Array] = []
 
     def array(self, copies: list[Array]) -> Expression:
-        """Give an array of expressions that stands for the arrays of all copies."""
+        """Return an array of expressions that stands for the arrays of all copies."""
         stacked = np.array(copies, dtype=float)
         size = np.abs(stacked).max(initial=0.0)
         out = np.empty(stacked.shape[1:], dtype=object)
@@ -37,7 +37,7 @@ class Folding:
         return out
 
     def _scalar(self, values: Array, size: float) -> Any:
-        """Give one expression for a number of all copies."""
+        """Return one expression for a number of all copies."""
         if np.ptp(values) <= SAME * size:
             return float(values[0])
         for column, known in zip(self.columns, self.values, strict=True):
@@ -51,9 +51,9 @@ class Folding:
         return column
 
     def symbol(self) -> ca.SX:
-        """Give all symbols as one column."""
+        """Return all symbols as one column."""
         return ca.vertcat(*self.columns) if self.columns else ca.SX(0, 1)
 
     def table(self, copies: int) -> Array:
-        """Give the numbers, shape (copies, symbols)."""
+        """Return the numbers, shape (copies, symbols)."""
         return np.array(self.values).T.reshape(copies, len(self.values))

@@ -39,7 +39,7 @@ NOTHING = 1e-290
 
 
 def trusted(trust: ca.SX) -> Any:
-    """Give the guard of a pivot that is `trust` times its usual size."""
+    """Return the guard of a pivot that is `trust` times its usual size."""
     return 2.0 - trust / TRUSTED
 
 
@@ -49,7 +49,7 @@ def loops_closed(
     speed: Any,
     closed: float,
 ) -> Any:
-    """Give the guard of closures.
+    """Return the guard of closures.
 
     Args:
         positions: What must vanish, and its unit.
@@ -66,7 +66,7 @@ def loops_closed(
 
 
 def accelerating_apart(values: Expression, size: Any, closed: float) -> Any:
-    """Give the guard of accelerations that must agree.
+    """Return the guard of accelerations that must agree.
 
     Args:
         values: What must vanish, without units.
@@ -79,7 +79,7 @@ def accelerating_apart(values: Expression, size: Any, closed: float) -> Any:
 
 
 def size_of(joints: Expression, units: Any, motions: list[Expression], length: float) -> Any:
-    """Give the size of rates (or accelerations) without units, of joints and of 6-D motions."""
+    """Return the size of rates (or accelerations) without units, of joints and of 6-D motions."""
     size: Any = 0.0
     for value, unit in zip(joints, units, strict=True):
         if not is_zero(value):
@@ -92,7 +92,7 @@ def size_of(joints: Expression, units: Any, motions: list[Expression], length: f
 
 
 def largest(values: Expression) -> Any:
-    """Give the largest absolute value."""
+    """Return the largest absolute value."""
     out: Any = ca.SX(0.0)
     for value in values.ravel():
         if not is_zero(value):

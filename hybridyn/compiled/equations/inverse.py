@@ -66,12 +66,12 @@ class _Needed:
         self.terms += [*(wrench[:3] * self.length), *wrench[3:]]
 
     def receive(self, name: str) -> Expression:
-        """Give a wrench that comes from elsewhere, shape (6,)."""
+        """Return a wrench that comes from elsewhere, shape (6,)."""
         self.received[name], wrench = symbols(name, 6)
         return wrench
 
     def size(self) -> Any:
-        """Give the sum of all terms."""
+        """Return the sum of all terms."""
         size = ca.SX(0.0)
         for value in self.terms:
             size = size + ca.fabs(value)
@@ -110,7 +110,7 @@ def write_inverse(name: str, plan: Plan, options: InverseOptions, pivots: Pivots
 
 
 def _motion_outwards(core: Core, options: InverseOptions) -> dict[str, ca.SX]:
-    """Give motion of the platforms for the legs, twists and accelerations of outputs that carry."""
+    """Return motion of the platforms for the legs, twists and accelerations of outputs that carry."""
     out: dict[str, ca.SX] = {}
     for i, motion in sorted(core.platforms.items()):
         A = motion_to_parent(motion.R, motion.p, core.chain.c[i + 1])
@@ -123,13 +123,13 @@ def _motion_outwards(core: Core, options: InverseOptions) -> dict[str, ca.SX]:
 
 
 def _seen(chain: Chain, body: int, velocity: bool) -> tuple[Expression, Expression]:
-    """Give a body's twist and acceleration as one sees them who moves with its origin (`base_motion`)."""
+    """Return a body's twist and acceleration as one sees them who moves with its origin (`base_motion`)."""
     V, A = chain.V[body], chain.c[body]
     return (resting(V), classical(V, A)) if velocity else (V, A)
 
 
 def _needed(core: Core, plan: Plan, options: InverseOptions, moving: Chain, a: Expression) -> _Needed:
-    """Give the forces that a motion needs, without joint laws.
+    """Return the forces that a motion needs, without joint laws.
 
     Args:
         core: The core.
@@ -172,7 +172,7 @@ def _add_output(core: Core, plan: Plan, options: InverseOptions, o: int, out: _N
 def _efforts(
     core: Core, plan: Plan, options: InverseOptions, Psi: Expression, needed: _Needed, pivots: Pivots
 ) -> tuple[Expression, Any]:
-    """Give the motors' efforts B tau = Psi^T b, Eq. (33), and the guard of their map."""
+    """Return the motors' efforts B tau = Psi^T b, Eq. (33), and the guard of their map."""
     parts = plan.parts
     B = _motor_map(core, plan, options, Psi, needed.received)
     if len(options.motors) > B.shape[0] and not options.share:
@@ -184,7 +184,7 @@ def _efforts(
 
 
 def _base_wrench(core: Core, b: Expression) -> Expression:
-    """Give the wrench that a module needs of its base: its own and its platforms'."""
+    """Return the wrench that a module needs of its base: its own and its platforms'."""
     F = b[:6]
     for i in sorted(core.chain.platforms):
         F = F + b[core.chain.columns_of(i + 1)]
@@ -192,7 +192,7 @@ def _base_wrench(core: Core, b: Expression) -> Expression:
 
 
 def _apart(core: Core, plan: Plan, a: Expression, A_base: Expression) -> Any:
-    """Give the guard of accelerations with which the core's loops come apart."""
+    """Return the guard of accelerations with which the core's loops come apart."""
     own = np.array([a[k] if k >= 0 else 0.0 for k in plan.parts.v], dtype=object)
     motions = [A_base, *(core.chain.c[i + 1] for i in core.platforms)]
     haste = size_of(own, core.units, motions, plan.mechanism.length) + core.speed * core.speed
@@ -200,7 +200,7 @@ def _apart(core: Core, plan: Plan, a: Expression, A_base: Expression) -> Any:
 
 
 def _slow(core: Core, plan: Plan, q: Expression, a: Expression, base: BaseMotion) -> Chain:
-    """Give the core's motion with rates that count as zero in inertial forces."""
+    """Return the core's motion with rates that count as zero in inertial forces."""
     parts, chain = plan.parts, core.chain
     placed = {}
     for i in core.platforms:
@@ -217,7 +217,7 @@ def _slow(core: Core, plan: Plan, q: Expression, a: Expression, base: BaseMotion
 def _motor_map(
     core: Core, plan: Plan, options: InverseOptions, Psi: Expression, inputs: dict[str, ca.SX]
 ) -> Expression:
-    """Give B, the work of each motor along each motion, shape (N, motors)."""
+    """Return B, the work of each motor along each motion, shape (N, motors)."""
     parts = plan.parts
     columns: dict[int, Expression] = {int(col): Psi[k] for k, col in enumerate(parts.tree_v)}
     for n, group in enumerate(parts.groups):

@@ -24,12 +24,12 @@ LEG_SUMS = (("b_base", 6), ("b_delta", 6))
 
 
 def lawful_joints(leg: Leg, options: InverseOptions) -> list[int]:
-    """Give the freedoms of a leg with joint laws, numbered inside the leg."""
+    """Return the freedoms of a leg with joint laws, numbered inside the leg."""
     return [j for j, c in enumerate(leg.tree_v) if c in options.laws]
 
 
 def driven_joints(leg: Leg, options: InverseOptions) -> list[int]:
-    """Give the freedoms of a leg with motors, numbered inside the leg."""
+    """Return the freedoms of a leg with motors, numbered inside the leg."""
     return [j for j, c in enumerate(leg.tree_v) if c in options.motors]
 
 
@@ -66,14 +66,14 @@ def write_inverse_legs(plan: Plan, n: int, options: InverseOptions) -> tuple[lis
 def _moving(
     leg: WrittenLeg, q: Expression, v: Expression, a: Expression, base: BaseMotion, velocity: bool
 ) -> Chain:
-    """Give a leg's motion as far as it needs forces: without velocity terms its rates count as zero."""
+    """Return a leg's motion as far as it needs forces: without velocity terms its rates count as zero."""
     if velocity:
         return sweep(leg.chain.links, q, v, base.V, a, base.A)
     return sweep(leg.chain.links, q, zeros(len(v)), zeros(6), a, base.A)
 
 
 def _apart(leg: WrittenLeg, a: Expression, A: Expression, A_base: Expression, scale: Scale) -> Any:
-    """Give the guard of accelerations with which a leg's end does not follow its platform.
+    """Return the guard of accelerations with which a leg's end does not follow its platform.
 
     Args:
         leg: The leg, written at zero accelerations.

@@ -63,20 +63,20 @@ class WrittenLeg:
     guard: ca.SX
 
     def to_base(self, M: Expression) -> Expression:
-        """Give an inertia of the closure's point in the base's frame, (6, 6)."""
+        """Return an inertia of the closure's point in the base's frame, (6, 6)."""
         return matrix_moved(M, numbers(np.eye(3)), self.point)
 
     def accelerating_apart(self, a: Expression, delta: Expression) -> Expression:
-        """Give by how much joint accelerations miss those that follow the platform, shape (nv,)."""
+        """Return by how much joint accelerations miss those that follow the platform, shape (nv,)."""
         return leg_accelerations(self, delta) - a
 
     def wrench(self, F: Expression) -> Expression:
-        """Give a wrench at the closure's point in the base's frame, shape (6,)."""
+        """Return a wrench at the closure's point in the base's frame, shape (6,)."""
         return to_parent(numbers(np.eye(3)), self.point, F)
 
 
 def fold_links(folding: Folding, copies: list[list[Link]]) -> list[Link]:
-    """Give links whose numbers stand for those of all copies."""
+    """Return links whose numbers stand for those of all copies."""
     return [
         replace(
             same[0],
@@ -89,7 +89,7 @@ def fold_links(folding: Folding, copies: list[list[Link]]) -> list[Link]:
 
 
 def _frames(folding: Folding, group: tuple[Leg, ...]) -> list[Expression]:
-    """Give the closure's frames: axes and origin on the leg, axes and origin on the platform."""
+    """Return the closure's frames: axes and origin on the leg, axes and origin on the platform."""
     sides = [("R_a", "p_a", "R_b", "p_b") if leg.on_a else ("R_b", "p_b", "R_a", "p_a") for leg in group]
     return [
         folding.array([getattr(leg.closure, side[k]) for leg, side in zip(group, sides, strict=True)])
@@ -98,7 +98,7 @@ def _frames(folding: Folding, group: tuple[Leg, ...]) -> list[Expression]:
 
 
 def _jacobian(chain: Chain, end: int, point: Expression) -> Expression:
-    """Give the motion [v, w] of a point of a body over q_dot, the body's axes, shape (6, nv)."""
+    """Return the motion [v, w] of a point of a body over q_dot, the body's axes, shape (6, nv)."""
     J, slices = zeros(6, chain.nv), chain.v_slices
     path = []
     body = end
@@ -115,7 +115,7 @@ def _jacobian(chain: Chain, end: int, point: Expression) -> Expression:
 
 
 def _rows(rotation: str, R_s: Expression) -> Expression:
-    """Give the rows that a closure takes of a motion [v, w] in the body's axes, shape (rows, 6)."""
+    """Return the rows that a closure takes of a motion [v, w] in the body's axes, shape (rows, 6)."""
     turning = {"free": np.zeros((0, 3)), "fixed": np.eye(3)}
     angular = R_s.T[:2] if rotation == "parallel" else numbers(turning[rotation])
     out = zeros(3 + len(angular), 6)
@@ -181,14 +181,14 @@ def write_leg(
 
 
 def _both(R: Expression) -> Expression:
-    """Give a rotation of [v, w], shape (6, 6)."""
+    """Return a rotation of [v, w], shape (6, 6)."""
     out = zeros(6, 6)
     out[:3, :3] = out[3:, 3:] = R
     return out
 
 
 def _turned_apart(rotation: str, A: Expression, B: Expression) -> list[tuple[Expression, float]]:
-    """Give what must vanish of the angle between two frames."""
+    """Return what must vanish of the angle between two frames."""
     if rotation == "free":
         return []
     pairs = [(0, 2), (1, 2)] if rotation == "parallel" else [(0, 1), (1, 2), (2, 0)]
@@ -220,7 +220,7 @@ def leg_pivots(group: tuple[Leg, ...], mechanism_postures: Array, scales: tuple[
 
 
 def leg_sums(leg: WrittenLeg, tau: Expression, velocity: bool, rotor: Expression) -> dict[str, Expression]:
-    """Give what a leg brings to the direct model, over [V_dot_base; delta].
+    """Return what a leg brings to the direct model, over [V_dot_base; delta].
 
     Args:
         leg: The leg.
@@ -250,6 +250,6 @@ def leg_sums(leg: WrittenLeg, tau: Expression, velocity: bool, rotor: Expression
 
 
 def leg_accelerations(leg: WrittenLeg, delta: Expression) -> Expression:
-    """Give the joint accelerations of a leg for the relative acceleration of its platform, base's frame."""
+    """Return the joint accelerations of a leg for the relative acceleration of its platform, base's frame."""
     at_point = np.concatenate([delta[:3] + cross(delta[3:], leg.point), delta[3:]])
     return dot(leg.X, at_point) + leg.y0

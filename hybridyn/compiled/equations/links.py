@@ -47,7 +47,7 @@ class Link:
 
 
 def links_of(joints: tuple[TreeJoint, ...], inertias: list[Array]) -> list[Link]:
-    """Give the links of a tree from its joints and its bodies' ten numbers."""
+    """Return the links of a tree from its joints and its bodies' ten numbers."""
     return [
         Link(j.kind, j.parent, snap(j.R), j.p, j.axis, inertia)
         for j, inertia in zip(joints, inertias, strict=True)
@@ -95,7 +95,7 @@ def _turned(links: list[Link], turns: list[Array | None]) -> tuple[list[Link], l
 
 
 def _frame_along(axis: Array) -> Array:
-    """Give axes whose third is the axis, shape (3, 3)."""
+    """Return axes whose third is the axis, shape (3, 3)."""
     other = np.eye(3)[int(np.argmin(np.abs(axis)))]
     x = np.cross(other, axis)
     x /= np.linalg.norm(x)
@@ -130,7 +130,7 @@ def regrouped(links: list[Link]) -> tuple[list[Link], Array]:
 
 
 def _clean(inertia: Array, before: Array) -> Array:
-    """Give ten numbers without what is only rounding of those before."""
+    """Return ten numbers without what is only rounding of those before."""
     out = inertia.copy()
     for part in (slice(1, 4), slice(4, 10)):
         size = np.abs(before[part]).max()
@@ -139,7 +139,7 @@ def _clean(inertia: Array, before: Array) -> Array:
 
 
 def unfelt(link: Link) -> Array:
-    """Give the part of a link's ten numbers that its joint cannot feel, shape (10,)."""
+    """Return the part of a link's ten numbers that its joint cannot feel, shape (10,)."""
     gone = np.zeros(10)
     if link.kind in TURNING and np.abs(link.axis).max() == 1.0:
         k = int(np.argmax(np.abs(link.axis)))
@@ -155,6 +155,6 @@ def unfelt(link: Link) -> Array:
 
 
 def units_of(link: Link, length: float) -> Array:
-    """Give the unit of each freedom of a joint: the length where it slides, else a radian."""
+    """Return the unit of each freedom of a joint: the length where it slides, else a radian."""
     sliding = {"prismatic": 1, "planar": 2, "floating": 3}.get(link.kind, 0)
     return np.array([length] * sliding + [1.0] * (link.nv - sliding))

@@ -46,7 +46,7 @@ class _Side:
 
 
 def _side(chain: Chain, body: int, R: Expression, p: Expression) -> _Side:
-    """Give a frame's axes, origin, rates, accelerations at s = 0, and its body's motion over s."""
+    """Return a frame's axes, origin, rates, accelerations at s = 0, and its body's motion over s."""
     R0, V, c = chain.R0[body], chain.V[body], chain.c[body]
     return _Side(
         dot(R0, R),
@@ -99,7 +99,7 @@ def write_rows(
 def _closure(
     c: TreeClosure, a: _Side, b: _Side, scale: Scale, speed: Any
 ) -> tuple[Expression, Expression, ca.SX]:
-    """Give rows, drift and guard of one closure."""
+    """Return rows, drift and guard of one closure."""
     r, relative = b.p - a.p, b.J - a.J
     w = b.w - a.w
     axes = [a.A[:, i] for i in c.translations]
@@ -142,5 +142,5 @@ def _closure(
 
 
 def _along(n: Expression, x: Expression) -> Any:
-    """Give the scalar product."""
+    """Return the scalar product."""
     return dot(n, x[:, None])[0]

@@ -46,7 +46,7 @@ class BaseMotion:
 
 
 def base_motion(at_rest: tuple[float, ...] | None, velocity: bool) -> BaseMotion:
-    """Give the motion of a module's base.
+    """Return the motion of a module's base.
 
     Every module is written as an observer sees it who moves with its base's origin, so that only the base's
     rotation counts, and no digit is spent on a velocity that all share. Without velocity terms the model is
@@ -65,12 +65,12 @@ def base_motion(at_rest: tuple[float, ...] | None, velocity: bool) -> BaseMotion
 
 
 def twist_width(velocity: bool) -> int:
-    """Give how many numbers tell the twist of a base: its rotation, or all six (`base_motion`)."""
+    """Return how many numbers tell the twist of a base: its rotation, or all six (`base_motion`)."""
     return 3 if velocity else 6
 
 
 def read_by_core(plan: Plan) -> tuple[Index, Index]:
-    """Give the coordinates and freedoms of the spanning tree that a core reads."""
+    """Return the coordinates and freedoms of the spanning tree that a core reads."""
     parts = plan.parts
     out = []
     for own, paths in ((parts.q, [p.q for p in plan.paths]), (parts.v, [p.v for p in plan.paths])):
@@ -79,13 +79,13 @@ def read_by_core(plan: Plan) -> tuple[Index, Index]:
 
 
 def parameters_of(plan: Plan) -> dict[str, ca.SX]:
-    """Give the inertial parameters of a module's bodies where they are inputs."""
+    """Return the inertial parameters of a module's bodies where they are inputs."""
     own = plan.parts.own
     return {} if own is None else {"parameters": ca.vertcat(*[x for numbers in own for x in numbers])}
 
 
 def scattered(name: str, index: Index, width: int) -> tuple[ca.SX, Expression]:
-    """Give symbols for some entries of a vector, and the vector with zeros elsewhere."""
+    """Return symbols for some entries of a vector, and the vector with zeros elsewhere."""
     column, entries = symbols(name, len(index))
     out = zeros(width)
     out[index] = entries

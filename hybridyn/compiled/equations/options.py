@@ -65,7 +65,7 @@ class InverseOptions(ModuleOptions):
 
 
 def direct_options(request: Request, k: int) -> DirectOptions:
-    """Give what the direct model of module k asks for."""
+    """Return what the direct model of module k asks for."""
     marks = request.marks(request.robot.modules[k])
     return DirectOptions(
         **_of_both(request, k),
@@ -75,7 +75,7 @@ def direct_options(request: Request, k: int) -> DirectOptions:
 
 
 def inverse_options(request: Request, k: int) -> InverseOptions:
-    """Give what the inverse model of module k asks for."""
+    """Return what the inverse model of module k asks for."""
     module = request.robot.modules[k]
     marks = request.marks(module)
     redundant = len(module.motors) > module.mobility
@@ -89,7 +89,7 @@ def inverse_options(request: Request, k: int) -> InverseOptions:
 
 
 def _of_both(request: Request, k: int) -> dict[str, Any]:
-    """Give what both models of module k ask for, by name."""
+    """Return what both models of module k ask for, by name."""
     module = request.robot.modules[k]
     return {
         "base": request.root(module),
@@ -101,7 +101,7 @@ def _of_both(request: Request, k: int) -> dict[str, Any]:
 
 
 def _usual(request: Request, k: int) -> tuple[float, ...]:
-    """Give what each freedom of a module without loops that carries others moves, its joints locked."""
+    """Return what each freedom of a module without loops that carries others moves, its joints locked."""
     module = request.robot.modules[k]
     m = module.mechanism
     carries = any(request.children(k, o) for o in range(len(m.spec.outputs)))
@@ -111,7 +111,7 @@ def _usual(request: Request, k: int) -> tuple[float, ...]:
 
 
 def _locked(robot: HybridRobot) -> Array:
-    """Give what each freedom moves at most, all other joints locked, at some postures, shape (nv,)."""
+    """Return what each freedom moves at most, all other joints locked, at some postures, shape (nv,)."""
     data, rng = robot.model.createData(), np.random.default_rng(0)
     postures = [robot.home] + [
         pin.integrate(robot.model, robot.home, rng.normal(size=robot.nv)) for _ in range(7)
@@ -121,7 +121,7 @@ def _locked(robot: HybridRobot) -> Array:
 
 
 def _share(robot: HybridRobot, module: Module) -> Array:
-    """Give each motor's share of the load, none where the robot does not say."""
+    """Return each motor's share of the load, none where the robot does not say."""
     try:
         return load_share(robot, module, Sharing(None, "raise"))
     except ActuationError:

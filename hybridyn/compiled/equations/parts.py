@@ -145,7 +145,7 @@ def _links(
     turned: Callable[[list[Link], frozenset[int]], tuple[list[Link], list[Array]]],
     own: tuple[Expression, ...] | None,
 ) -> tuple[list[Link], list[Array], Array]:
-    """Give the links of the tree, the turns of its bodies' axes, and what regrouping hands to the base."""
+    """Return the links of the tree, the turns of its bodies' axes, and what regrouping hands to the base."""
     spec, base = mechanism.spec, np.zeros(10)
     inertias = [ten_numbers(body if leg_inertia else None) for body in spec.leg_bodies]
     links, turns = turned(links_of(spec.tree, inertias), frozenset(spec.outputs))
@@ -169,7 +169,7 @@ def _leg(
     mechanism: Mechanism, bodies: tuple[int, ...], links: list[Link], closure: TreeClosure,
     core: dict[int, int],
 ) -> Leg:  # fmt: skip
-    """Give a leg; `core` numbers the bodies of the core."""
+    """Return a leg; `core` numbers the bodies of the core."""
     joints = [b - 1 for b in sorted(bodies)]
     number = {0: 0} | {j + 1: i + 1 for i, j in enumerate(joints)}
     on_a = closure.body_a in bodies
@@ -185,12 +185,12 @@ def _leg(
 
 
 def _renumbered(links: list[Link], joints: list[int], number: dict[int, int]) -> tuple[Link, ...]:
-    """Give some links, their parents numbered anew."""
+    """Return some links, their parents numbered anew."""
     return tuple(replace(links[j], parent=number[links[j].parent]) for j in joints)
 
 
 def _columns(mechanism: Mechanism, joints: list[int]) -> dict[str, Index]:
-    """Give coordinates and freedoms of joints of the tree: `tree_q`, `tree_v`, and `q`, `v` (`Parts`)."""
+    """Return coordinates and freedoms of joints of the tree: `tree_q`, `tree_v`, and `q`, `v` (`Parts`)."""
     nothing = np.zeros(0, dtype=int)
     tree, (q_of, v_of) = mechanism.tree, _spanning_columns(mechanism)
     tree_q = np.concatenate([nothing, *(np.arange(tree.nq)[tree.q_slices[j]] for j in joints)])
@@ -199,7 +199,7 @@ def _columns(mechanism: Mechanism, joints: list[int]) -> dict[str, Index]:
 
 
 def _rows(mechanism: Mechanism, used: list[int]) -> tuple[int, ...]:
-    """Give the closures' rows of those that the core uses, and of all couplings."""
+    """Return the closures' rows of those that the core uses, and of all couplings."""
     rows = mechanism.closures.row_slices
     of_closures = [r for i in used for r in range(rows[i].start, rows[i].stop)]
     coupled = [at.start for at in rows[len(mechanism.spec.cut_closures) :]]
@@ -207,7 +207,7 @@ def _rows(mechanism: Mechanism, used: list[int]) -> tuple[int, ...]:
 
 
 def _turned(c: TreeClosure, turns: list[Array]) -> TreeClosure:
-    """Give a closure's frames in the aligned axes of its bodies."""
+    """Return a closure's frames in the aligned axes of its bodies."""
     Ta, Tb = turns[c.body_a].T, turns[c.body_b].T
     return replace(c, R_a=Ta @ c.R_a, p_a=Ta @ c.p_a, R_b=Tb @ c.R_b, p_b=Tb @ c.p_b)
 
@@ -226,7 +226,7 @@ def _spanning_columns(mechanism: Mechanism) -> tuple[Index, Index]:
 
 
 def _closure_of_leg(mechanism: Mechanism, bodies: tuple[int, ...]) -> int | None:
-    """Give the one closure that ties a leg to a platform and tells its joints, or None."""
+    """Return the one closure that ties a leg to a platform and tells its joints, or None."""
     spec, tree, inside = mechanism.spec, mechanism.tree, set(bodies)
     touching = [i for i, c in enumerate(spec.cut_closures) if {c.body_a, c.body_b} & inside]
     if len(touching) != 1 or not _hangs_alone(spec, inside):
@@ -262,5 +262,5 @@ def _groups(legs: list[Leg], marks: tuple[str, ...]) -> tuple[tuple[Leg, ...], .
 
 
 def width_of(links: tuple[Link, ...]) -> tuple[int, int]:
-    """Give the numbers of coordinates and freedoms of links."""
+    """Return the numbers of coordinates and freedoms of links."""
     return sum(NQ[link.kind] for link in links), sum(link.nv for link in links)

@@ -44,7 +44,7 @@ class Path:
 
 
 def path_of(mechanism: Mechanism, wrist: WristSpec) -> Path:
-    """Give the path to the end of a wrist."""
+    """Return the path to the end of a wrist."""
     spec = mechanism.spec
     joints = [wrist.joints[-1]]
     while (parent := spec.spanning[joints[-1]].parent) != 0:
@@ -78,7 +78,7 @@ def _turns_only(column: Expression) -> bool:
 
 
 def wrist_jacobian(path: Path, chain: Chain) -> Expression:
-    """Give the motion of the wrist's end over the wrist's rates, the end's frame, shape (6, wrist's nv)."""
+    """Return the motion of the wrist's end over the wrist's rates, the end's frame, shape (6, wrist's nv)."""
     columns: list[Expression] = []
     for i in range(path.wrist_from, len(path.links)):
         columns = [to_child(chain.R[i], chain.p[i], column) for column in columns]
@@ -89,7 +89,7 @@ def wrist_jacobian(path: Path, chain: Chain) -> Expression:
 def wrist_accelerations(
     path: Path, chain: Chain, target: Expression, pivots: Pivots
 ) -> tuple[Expression, ca.SX]:
-    """Give the wrist's accelerations that make its end follow.
+    """Return the wrist's accelerations that make its end follow.
 
     Args:
         path: The path.

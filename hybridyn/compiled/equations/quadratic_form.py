@@ -22,7 +22,7 @@ LEG_SUMS = (("S1", 10), ("B", 36), ("L", 21), ("b_base", 6), ("b_delta", 6))
 def quadratic_form(
     core: Core, plan: Plan, options: DirectOptions, forced: list[int], received: dict[str, ca.SX]
 ) -> tuple[Expression, Expression]:
-    """Give M and b.
+    """Return M and b.
 
     Args:
         core: The core.
@@ -89,5 +89,5 @@ def _add_output(
 
 
 def bias_of(own: Expression, V: Expression, velocity: bool) -> Expression:
-    """Give crf(V) (I V) of a body, V as an observer sees it who moves with its origin."""
+    """Return crf(V) (I V) of a body, V as an observer sees it who moves with its origin."""
     return crf(resting(V), momentum(own, resting(V))) if velocity else zeros(6)

@@ -66,20 +66,20 @@ class Request:
         return out
 
     def positions(self, module: Module) -> Array:
-        """Give generic assembled positions of a module's spanning tree, shape (samples, nq)."""
+        """Return generic assembled positions of a module's spanning tree, shape (samples, nq)."""
         key = id(module.mechanism)
         if key not in self._positions:
             self._positions[key] = generic_positions(module)
         return self._positions[key]
 
     def _own(self, module: Module) -> tuple[Expression, ...]:
-        """Give symbols for the ten numbers of each body of a module's tree after the cuts."""
+        """Return symbols for the ten numbers of each body of a module's tree after the cuts."""
         bodies = len(module.mechanism.spec.tree)
         entries = unpack(ca.SX.sym("parameters", 10 * bodies)).reshape(bodies, 10)
         return tuple(entries)
 
     def parameter_index(self, module: Module) -> Index:
-        """Give where the ten numbers of a module's bodies stand among the robot's."""
+        """Return where the ten numbers of a module's bodies stand among the robot's."""
         spec = module.mechanism.spec
         own = [self.robot.body_of_joint[module.joints[body - 1]] for body in spec.tree_body[1:]]
         return np.concatenate([10 * body + AS_PINOCCHIO for body in own])
@@ -89,7 +89,7 @@ class Request:
         return {}
 
     def marks(self, module: Module) -> tuple[str, ...]:
-        """Give for each freedom of a module's tree after the cuts what acts on it: motors and laws."""
+        """Return for each freedom of a module's tree after the cuts what acts on it: motors and laws."""
         m = module.mechanism
         out = ["motor " if k in module.motor_columns else "" for k in range(m.tree.nv)]
         for n, law in enumerate(self.on.joints):
@@ -102,7 +102,7 @@ class Request:
         return tuple(out)
 
     def rotor(self, module: Module) -> tuple[float, ...]:
-        """Give what rotors add to the diagonal of the inertia, over the tree after the cuts."""
+        """Return what rotors add to the diagonal of the inertia, over the tree after the cuts."""
         diagonal = self.on.rotor_diagonal(self.robot)
         own = np.zeros((1, module.mechanism.tree.nv))
         if diagonal is not None:
@@ -110,7 +110,7 @@ class Request:
         return tuple(own[0].tolist())
 
     def children(self, k: int, output: int) -> list[int]:
-        """Give the modules that stand on an output."""
+        """Return the modules that stand on an output."""
         return [
             i
             for i, module in enumerate(self.robot.modules)
@@ -118,7 +118,7 @@ class Request:
         ]
 
     def output_inertias(self, k: int) -> tuple[tuple[float, ...], ...]:
-        """Give for each output of a module its ten numbers, with what the modules on it hand down."""
+        """Return for each output of a module its ten numbers, with what the modules on it hand down."""
         out = []
         for o, body in enumerate(self.robot.modules[k].mechanism.spec.outputs_inertia):
             total = ten_numbers(body) + sum(
@@ -133,7 +133,7 @@ class Request:
         return self.robot.gravity if self.on.gravity is not None else np.zeros(3)
 
     def root(self, module: Module) -> tuple[float, ...] | None:
-        """Give the constant acceleration of the base of a module on a base at rest, else None."""
+        """Return the constant acceleration of the base of a module on a base at rest, else None."""
         if module.parent >= 0 or self.robot.base == "moving":
             return None
         return (*(-self.gravity).tolist(), 0.0, 0.0, 0.0)

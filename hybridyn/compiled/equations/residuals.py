@@ -30,7 +30,7 @@ class SpanningRows:
         ]
 
     def closure(self, c: TreeClosure, frames: Frames) -> tuple[Expression, Expression]:
-        """Give a closure's residual, shape (rows,), and rows, shape (rows, nv)."""
+        """Return a closure's residual, shape (rows,), and rows, shape (rows, nv)."""
         R_a, p_a, R_b, p_b = frames
         A, pa = self._frame(c.body_a, R_a, p_a)
         B, pb = self._frame(c.body_b, R_b, p_b)
@@ -48,12 +48,12 @@ class SpanningRows:
         return np.array(residual, dtype=object), rows
 
     def _frame(self, body: int, R: Expression, p: Expression) -> tuple[Expression, Expression]:
-        """Give axes and origin of a frame on a body, base axes."""
+        """Return axes and origin of a frame on a body, base axes."""
         R0 = self._chain.R0[body]
         return dot(R0, R), self._chain.p0[body] + dot(R0, p)
 
     def _path(self, body: int) -> set[int]:
-        """Give the joints that carry a body."""
+        """Return the joints that carry a body."""
         path = set()
         while body:
             path.add(body - 1)
@@ -62,7 +62,7 @@ class SpanningRows:
 
 
 def _turning(rotation: str, A: Expression, B: Expression) -> list[tuple[Any, Expression]]:
-    """Give the angles that must vanish, each with the axis of its rate."""
+    """Return the angles that must vanish, each with the axis of its rate."""
     z = B[:, 2]
     if rotation == "fixed":
         pairs = [(1, 2), (2, 0), (0, 1)]
@@ -80,7 +80,7 @@ def _turning(rotation: str, A: Expression, B: Expression) -> list[tuple[Any, Exp
 def coupling_row(
     chain: Chain, coupling: TreeCoupling, positions: list[Expression], offset: Any
 ) -> tuple[Any, Expression]:
-    """Give a coupling's residual and row, shape (nv,)."""
+    """Return a coupling's residual and row, shape (nv,)."""
     row, total, endless = zeros(chain.nv), -offset, []
     for joint, coefficient in coupling.terms:
         at, x = chain.v_slices[joint].start, positions[joint]
@@ -97,5 +97,5 @@ def coupling_row(
 
 
 def _along(n: Expression, x: Expression) -> Any:
-    """Give the scalar product."""
+    """Return the scalar product."""
     return dot(n, x[:, None])[0]

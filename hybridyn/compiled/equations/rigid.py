@@ -14,7 +14,7 @@ from .expressions import Expression, congruence, cross, dot, hat, plain, symmetr
 
 
 def ten_numbers(body: Body | None) -> Array:
-    """Give the ten numbers of a body's inertia in its frame; zeros for no body."""
+    """Return the ten numbers of a body's inertia in its frame; zeros for no body."""
     if body is None:
         return np.zeros(10)
     c = np.asarray(body.com, dtype=float)
@@ -23,7 +23,7 @@ def ten_numbers(body: Body | None) -> Array:
 
 
 def moved(inertia: Expression, R: Expression, p: Expression) -> Expression:
-    """Give an inertia in the parent's frame."""
+    """Return an inertia in the parent's frame."""
     m, h, turned = inertia[0], dot(R, inertia[1:4]), congruence(R.T, symmetric(inertia[4:], 3))
     cross_terms = dot(hat(p), hat(h)) + dot(hat(h), hat(p))
     mass_terms = dot(hat(p), hat(p))
@@ -35,7 +35,7 @@ def moved(inertia: Expression, R: Expression, p: Expression) -> Expression:
 
 
 def inertia_matrix(inertia: Expression) -> Expression:
-    """Give the 6-D matrix, shape (6, 6)."""
+    """Return the 6-D matrix, shape (6, 6)."""
     out = zeros(6, 6)
     for i in range(3):
         out[i, i] = inertia[0]
@@ -45,41 +45,41 @@ def inertia_matrix(inertia: Expression) -> Expression:
 
 
 def momentum(inertia: Expression, V: Expression) -> Expression:
-    """Give I V, shape (6,)."""
+    """Return I V, shape (6,)."""
     v, w, h = V[:3], V[3:], inertia[1:4]
     linear = np.array([times(inertia[0], x) for x in v], dtype=object) + cross(w, h)
     return np.concatenate([linear, cross(h, v) + dot(symmetric(inertia[4:], 3), w)])
 
 
 def to_child(R: Expression, p: Expression, V: Expression) -> Expression:
-    """Give a motion vector of the parent's frame in the child's."""
+    """Return a motion vector of the parent's frame in the child's."""
     return np.concatenate([dot(R.T, V[:3] + cross(V[3:], p)), dot(R.T, V[3:])])
 
 
 def to_parent(R: Expression, p: Expression, F: Expression) -> Expression:
-    """Give a wrench in the child's frame in the parent's."""
+    """Return a wrench in the child's frame in the parent's."""
     f = dot(R, F[:3])
     return np.concatenate([f, dot(R, F[3:]) + cross(p, f)])
 
 
 def motion_to_parent(R: Expression, p: Expression, V: Expression) -> Expression:
-    """Give a motion vector in the child's frame in the parent's."""
+    """Return a motion vector in the child's frame in the parent's."""
     w = dot(R, V[3:])
     return np.concatenate([dot(R, V[:3]) + cross(p, w), w])
 
 
 def crm(V: Expression, U: Expression) -> Expression:
-    """Give V x U of motion vectors."""
+    """Return V x U of motion vectors."""
     return np.concatenate([cross(V[3:], U[:3]) + cross(V[:3], U[3:]), cross(V[3:], U[3:])])
 
 
 def crf(V: Expression, F: Expression) -> Expression:
-    """Give V x* F of a twist and a wrench."""
+    """Return V x* F of a twist and a wrench."""
     return np.concatenate([cross(V[3:], F[:3]), cross(V[3:], F[3:]) + cross(V[:3], F[:3])])
 
 
 def matrix_moved(M: Expression, R: Expression, p: Expression) -> Expression:
-    """Give a symmetric 6-D inertia matrix of the child's frame in the parent's."""
+    """Return a symmetric 6-D inertia matrix of the child's frame in the parent's."""
     a, b, c = congruence(R.T, M[:3, :3]), dot(R, dot(M[:3, 3:], R.T)), congruence(R.T, M[3:, 3:])
     P = hat(p)
     aP = dot(a, P)  # [I 0; P I] [a b; b' c] [I P'; 0 I]
@@ -96,17 +96,17 @@ def matrix_moved(M: Expression, R: Expression, p: Expression) -> Expression:
 
 
 def resting(V: Expression) -> Expression:
-    """Give a twist as an observer sees it who moves with the frame's origin: the rotation alone."""
+    """Return a twist as an observer sees it who moves with the frame's origin: the rotation alone."""
     return np.concatenate([zeros(3), V[3:]])
 
 
 def classical(V: Expression, A: Expression) -> Expression:
-    """Give an acceleration as that observer sees it: of the origin itself, not of what passes there."""
+    """Return an acceleration as that observer sees it: of the origin itself, not of what passes there."""
     return np.concatenate([A[:3] + cross(V[3:], V[:3]), A[3:]])
 
 
 def quaternion_matrix(q: Expression) -> Expression:
-    """Give the rotation of a unit quaternion (x, y, z, w)."""
+    """Return the rotation of a unit quaternion (x, y, z, w)."""
     x, y, z, w = q
     return np.array(
         [
@@ -119,5 +119,5 @@ def quaternion_matrix(q: Expression) -> Expression:
 
 
 def unit(i: int) -> Expression:
-    """Give a unit vector, shape (3,)."""
+    """Return a unit vector, shape (3,)."""
     return plain(np.eye(3)[i])

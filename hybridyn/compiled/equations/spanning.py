@@ -26,7 +26,7 @@ LAST = 1e-4
 
 
 def shape_of(module: Module, *more: Any) -> Any:
-    """Give what modules must share to be written once, beside what else must be equal."""
+    """Return what modules must share to be written once, beside what else must be equal."""
     spec = module.mechanism.spec
     if not module.mechanism.spanning_closures.rows:
         return tuple(joint.kind for joint in spec.spanning), *more

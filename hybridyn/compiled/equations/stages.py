@@ -91,7 +91,7 @@ def _read(whole: ca.Function, stage_of_input: list[int]) -> _Graph:
 
 
 def _handed(graph: _Graph, stage_of_output: list[int], stages: int) -> dict[tuple[int, int], list[Node]]:
-    """Give the nodes that each stage hands over to each later one."""
+    """Return the nodes that each stage hands over to each later one."""
     needed: dict[tuple[int, int], dict[Node, None]] = {}
 
     def ask(node: Node, by: int) -> None:

@@ -21,7 +21,7 @@ def generic_positions(module: Module) -> Array:
 
 
 def random_states(robot: HybridRobot, count: int, seed: int = 0) -> tuple[Array, Array, Array, Array]:
-    """Give assembled states with rates, efforts, and the accelerations that follow from them.
+    """Return assembled states with rates, efforts, and the accelerations that follow from them.
 
     Returns:
         q, v, a, tau, shapes (count, nq), (count, nv), (count, nv), (count, motors).
@@ -55,7 +55,7 @@ def random_states(robot: HybridRobot, count: int, seed: int = 0) -> tuple[Array,
 
 
 def _weight(robot: HybridRobot) -> Array:
-    """Give efforts of the size of the robot's weight on each motor, shape (motors,)."""
+    """Return efforts of the size of the robot's weight on each motor, shape (motors,)."""
     mass = sum(body.mass for body in robot.bodies.bodies)
     size = mass * max(float(np.linalg.norm(robot.gravity)), 1.0)
     units = {

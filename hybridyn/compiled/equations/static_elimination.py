@@ -68,7 +68,7 @@ def choose_pivots(
 
 
 def samples_pivot(pivot: Array, row_scale: float, col_scale: float) -> Array:
-    """Give pivots in the units of the unscaled matrix."""
+    """Return pivots in the units of the unscaled matrix."""
     out: Array = pivot / (row_scale * col_scale)
     return out
 

@@ -49,7 +49,7 @@ class Built:
 
 
 def folder() -> Path:
-    """Give the folder of built models: $HYBRIDYN_CACHE, or hybridyn/compiled in the user's cache folder."""
+    """Return the folder of built models: $HYBRIDYN_CACHE, or hybridyn/compiled in the user's cache folder."""
     if named := os.environ.get(VARIABLE):
         return Path(named)
     if sys.platform == "darwin":
@@ -65,7 +65,7 @@ def cached(
     libraries: tuple[str, ...] = (),
     accept: Callable[[Built], None] = lambda built: None,
 ) -> Built:
-    """Give the library of a model, built where it is not there yet.
+    """Return the library of a model, built where it is not there yet.
 
     Args:
         key: Text that says everything the source depends on, and is cheap to have.
@@ -123,7 +123,7 @@ def _hash(*texts: str) -> str:
 
 
 def _load(at: Path, name: str) -> Built | None:
-    """Give a model that is there and whole, else None."""
+    """Return a model that is there and whole, else None."""
     try:
         record = json.loads((at / "models" / f"{name}.json").read_bytes())
         path = at / "libraries" / f"{record['library']}.so"

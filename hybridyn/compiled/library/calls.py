@@ -117,7 +117,7 @@ class Method(ctypes.Structure):
     )
 
     def function(self) -> Callable[..., int]:
-        """Give the function; it needs this structure as long as it lives."""
+        """Return the function; it needs this structure as long as it lives."""
         new = ctypes.pythonapi.PyCFunction_NewEx
         new.restype = ctypes.py_object
         new.argtypes = [ctypes.POINTER(Method), ctypes.c_void_p, ctypes.c_void_p]
@@ -243,7 +243,7 @@ class Calls:
         return outs, guard
 
     def _workspace(self) -> int:
-        """Give the address of memory for this thread, aligned for the widest vectors."""
+        """Return the address of memory for this thread, aligned for the widest vectors."""
         if not hasattr(self._memory, "array"):
             self._memory.array = np.zeros(self._work + 64, np.uint8)
             self._memory.at = -(-self._memory.array.ctypes.data // 64) * 64
@@ -253,7 +253,7 @@ class Calls:
 
 @cache
 def pool(threads: int) -> ThreadPoolExecutor:
-    """Give the threads, which sleep between calls."""
+    """Return the threads, which sleep between calls."""
     return ThreadPoolExecutor(threads, thread_name_prefix="hybridyn")
 
 

@@ -82,7 +82,7 @@ def _words(command: str) -> list[str]:
 
 
 def _identity(path: str) -> str:
-    """Give the path, size and age of a compiler's file: cheaper than asking for its version."""
+    """Return the path, size and age of a compiler's file: cheaper than asking for its version."""
     real = os.path.realpath(path)
     stat = os.stat(real)
     return f"{real} {stat.st_size} {stat.st_mtime_ns}"
@@ -103,7 +103,7 @@ def machine() -> str:
 
 @cache
 def features() -> frozenset[str]:
-    """Give the vector features of this processor, in Linux' words ("avx512f", "avx", "fma")."""
+    """Return the vector features of this processor, in Linux' words ("avx512f", "avx", "fma")."""
     cpuinfo = Path("/proc/cpuinfo")
     if not cpuinfo.exists():
         return frozenset()
@@ -114,7 +114,7 @@ def features() -> frozenset[str]:
 
 
 def best_lanes(number: str = "float64") -> int:
-    """Give how many numbers the machine's vectors hold."""
+    """Return how many numbers the machine's vectors hold."""
     known = features()
     doubles = 8 if "avx512f" in known else 4 if "avx" in known or not known else 2
     return doubles * (2 if number == "float32" else 1)

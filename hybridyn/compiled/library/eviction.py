@@ -113,7 +113,7 @@ def _library_of(record: Path) -> Any:
 
 
 def _text(path: Path) -> str:
-    """Give the name in a key; none where it holds something else."""
+    """Return the name in a key; none where it holds something else."""
     try:
         text = path.read_text()
     except (OSError, ValueError):
@@ -122,7 +122,7 @@ def _text(path: Path) -> str:
 
 
 def _age(path: Path) -> float:
-    """Give the time since a file was used [s]; what is gone is young."""
+    """Return the time since a file was used [s]; what is gone is young."""
     try:
         return time.time() - path.stat().st_mtime
     except OSError:

@@ -126,12 +126,12 @@ class JointChart:
         self.size, self.pivot = len(steps.independent), 1.0
 
     def independent(self, x: Array) -> Array:
-        """Give the coordinates' share of rates, accelerations or displacements, shape (nv,) or (nv, k)."""
+        """Return the coordinates' share of rates, accelerations or displacements, shape (nv,) or (nv, k)."""
         out: Array = x[self._independent]
         return out
 
     def lift(self, y: Array, u: Array, near: Array | None = None) -> Posture:
-        """Give posture and rates, as `Chart.lift`.
+        """Return posture and rates, as `Chart.lift`.
 
         Raises:
             AmbiguousBranchError: It is left to the general path.
@@ -147,5 +147,5 @@ class JointChart:
         return Posture(q, self._xi, v)
 
     def rates(self, u: Array) -> Array:
-        """Give the rates of u at the posture that `lift` gave last, shape (nv,)."""
+        """Return the rates of u at the posture that `lift` gave last, shape (nv,)."""
         return self.lift(self.independent(self._xi), u).v

@@ -14,7 +14,7 @@ WIDTH = 24
 
 
 def body_rows(robot: HybridRobot, q: Array, v: Array, a: Array) -> Array:
-    """Give the motion of every body in the world by the general path, shape (T, WIDTH bodies)."""
+    """Return the motion of every body in the world by the general path, shape (T, WIDTH bodies)."""
     out = np.zeros((len(q), len(robot.bodies.bodies), WIDTH))
     for body, m in body_motions(robot, q, v, a).items():
         R = np.broadcast_to(m.R, (len(q), 3, 3)).reshape(-1, 9)
@@ -23,7 +23,7 @@ def body_rows(robot: HybridRobot, q: Array, v: Array, a: Array) -> Array:
 
 
 def body_motion(rows: Array, body: int) -> RigidMotion:
-    """Give the motion of one body from rows of all, shape (T, WIDTH bodies)."""
+    """Return the motion of one body from rows of all, shape (T, WIDTH bodies)."""
     x = rows[:, WIDTH * body : WIDTH * (body + 1)]
     R, p, pd, w, pdd, wd = (x[:, i:j] for i, j in ((0, 9), (9, 12), (12, 15), (15, 18), (18, 21), (21, 24)))
     return RigidMotion(R.reshape(-1, 3, 3), p, w, pd, wd, pdd)

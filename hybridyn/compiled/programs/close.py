@@ -71,7 +71,7 @@ def _keep_base(w: Writer) -> None:
 
 
 def _motors(module: Module, driven: set[int]) -> tuple[int, ...]:
-    """Give the freedoms of a module's spanning tree that have motors."""
+    """Return the freedoms of a module's spanning tree that have motors."""
     return tuple(k for k, column in enumerate(module.v_index.tolist()) if column in driven)
 
 
@@ -98,7 +98,7 @@ def _write(modules: list[Module], motors: tuple[int, ...], closed: float) -> tup
 
 
 def _drift(K: Expression, q: ca.SX, v: Expression, tree: Tree) -> Expression:
-    """Give K_dot v, shape (rows,)."""
+    """Return K_dot v, shape (rows,)."""
     w_col, w = symbols("w", len(v))
     rate = by_joint(tree, position_rate, unpack(q), w, positions=1)
     drift = ca.jtimes(pack(dot(K, w)), q, pack(rate))

@@ -124,7 +124,7 @@ class _Sweeps:
         calls.stages.call(3, sources, {"a_wrists": wrists, "guard": Worst()})
 
     def _calls(self, k: int, modules: list[_DirectCalls]) -> _DirectCalls:
-        """Give the calls of module k, none made yet; its code is written where no equal module has it."""
+        """Return the calls of module k, none made yet; its code is written where no equal module has it."""
         plan, options = self.request.plans[k], direct_options(self.request, k)
         key = (id(plan), options)
         if key not in self._code:

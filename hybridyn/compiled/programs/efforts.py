@@ -35,7 +35,7 @@ class Efforts:
                 self._motor_of[id(module), int(column)] = int(number)
 
     def of(self, k: int, columns: Index) -> Source:
-        """Give the efforts on freedoms of the tree after the cuts of module k, shape (copies, entries)."""
+        """Return the efforts on freedoms of the tree after the cuts of module k, shape (copies, entries)."""
         marks = self._request.marks(self._request.robot.modules[k])
         if self._motors and all(marks[int(c)] == "motor " for c in columns.ravel()):
             return self._writer.from_given("tau", self._motor_numbers(k, columns))
@@ -46,7 +46,7 @@ class Efforts:
         return place
 
     def _motor_numbers(self, k: int, columns: Index) -> Index:
-        """Give the motors' numbers in tau."""
+        """Return the motors' numbers in tau."""
         module = self._request.robot.modules[k]
         numbers = [self._motor_of[id(module), int(c)] for c in columns.ravel()]
         return np.array(numbers, dtype=int).reshape(columns.shape)
@@ -105,7 +105,7 @@ class Efforts:
 
 
 def _written(effect: Any, p: ca.SX, x: Any, v: ca.SX) -> Any:
-    """Give a law's effort as an expression: its NumPy code runs on symbols.
+    """Return a law's effort as an expression: its NumPy code runs on symbols.
 
     Raises:
         ModelError: Its code has no expression.

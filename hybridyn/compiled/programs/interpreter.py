@@ -11,7 +11,7 @@ from ..program import Add, Call, Constants, Each, Given, Own, Program, Result, S
 
 
 def function_of(program: Program, symbol: Any = ca.SX) -> ca.Function:
-    """Give a program as one CasADi function.
+    """Return a program as one CasADi function.
 
     Args:
         program: The program.

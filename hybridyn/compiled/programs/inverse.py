@@ -101,7 +101,7 @@ class _Sweeps:
         calls.stages.call(1, sources, targets)
 
     def _calls(self, k: int, modules: list[_InverseCalls]) -> _InverseCalls:
-        """Give the calls of module k, none made yet; its code is written where no equal module has it."""
+        """Return the calls of module k, none made yet; its code is written where no equal module has it."""
         plan, options = self.request.plans[k], inverse_options(self.request, k)
         key = (id(plan), options)
         if key not in self._code:
@@ -113,7 +113,7 @@ class _Sweeps:
         return _InverseCalls(self.request, self.w, k, options, written, stages, below, self.root)
 
     def _motor_pivots(self, k: int, options: InverseOptions) -> Pivots:
-        """Give the pivots of the motors' map of module k, the same for equal modules."""
+        """Return the pivots of the motors' map of module k, the same for equal modules."""
         plan = self.request.plans[k]
         key = (id(plan), options.motors)
         if key not in self._pivots:

@@ -71,7 +71,7 @@ def _root(request: Request, w: Writer) -> Shared:
 
 
 def _in_world(R: Expression, p: Expression, V: Expression, A: Expression) -> ca.SX:
-    """Give the numbers of a body from its placement, and its own frame's twist and spatial acceleration."""
+    """Return the numbers of a body from its placement, and its own frame's twist and spatial acceleration."""
     v, w = V[:3], V[3:]
     return pack(R, p, dot(R, v), dot(R, w), dot(R, A[:3] + cross(w, v)), dot(R, A[3:]))
 

@@ -60,7 +60,7 @@ class ModuleCalls:
         return self.request.plans[self.k].parts.groups
 
     def sources(self) -> dict[str, Source]:
-        """Give where its stages find positions, rates, parameters, and the motion of its base."""
+        """Return where its stages find positions, rates, parameters, and the motion of its base."""
         out = self._coordinates([self.written])
         if self.request.parameters:
             index = self.request.parameter_index(self.module)
@@ -68,12 +68,12 @@ class ModuleCalls:
         return out | self._base()
 
     def leg_sources(self, group: tuple[Leg, ...], numbers: Constants) -> dict[str, Source]:
-        """Give where equal legs find positions, rates, the numbers they differ in, platform and base."""
+        """Return where equal legs find positions, rates, the numbers they differ in, platform and base."""
         platform = self.platforms[group[0].platform]
         return self._coordinates(group) | self._base() | {"numbers": numbers, "platform": platform}
 
     def _coordinates(self, readers: Sequence[WrittenModule | Leg]) -> dict[str, Source]:
-        """Give positions and rates of equal readers side by side; accelerations where they are given."""
+        """Return positions and rates of equal readers side by side; accelerations where they are given."""
         w = self.writer
         q = self.module.q_index[np.array([reader.q for reader in readers])]
         v = self.module.v_index[np.array([reader.v for reader in readers])]
@@ -81,7 +81,7 @@ class ModuleCalls:
         return out | ({"a": w.from_given("a", v)} if "a" in w.given else {})
 
     def _base(self) -> dict[str, Source]:
-        """Give twist and acceleration of the base, as far as they are known yet."""
+        """Return twist and acceleration of the base, as far as they are known yet."""
         if self.below is None:
             return {} if self.root is None else {"V_base": self.root[0], "A_base": self.root[1]}
         known = {"V_base": self.below.V, "A_base": self.below.A}
@@ -94,7 +94,7 @@ class ModuleCalls:
         return {f"platform {i}": place for i, place in self.platforms.items()}
 
     def sums_of(self, platform: int, parts: tuple[tuple[str, int], ...]) -> dict[str, Target]:
-        """Give where the legs of a platform add their parts (name and size), zero before the first.
+        """Return where the legs of a platform add their parts (name and size), zero before the first.
 
         The legs' guards go with them.
         """
@@ -105,10 +105,10 @@ class ModuleCalls:
         return targets | {"guard": Worst()}
 
     def summed(self) -> dict[str, Source]:
-        """Give what the legs of every platform added up."""
+        """Return what the legs of every platform added up."""
         return {f"{name} {i}": read(place) for (i, name), place in self.sums.items()}
 
 
 def read(place: Add) -> Shared:
-    """Give the sum that was added up at a place."""
+    """Return the sum that was added up at a place."""
     return Shared(place.start, place.size)

@@ -15,7 +15,7 @@ from .writer import Writer
 def moving_base(
     request: Request, w: Writer, acceleration: Source, *, report: bool
 ) -> tuple[Source, Source] | None:
-    """Give twist and acceleration of a moving base as `module_graph.base_motion` counts them; None at rest.
+    """Return twist and acceleration of a moving base as `module_graph.base_motion` counts them; None at rest.
 
     Args:
         request: The robot.

@@ -12,7 +12,7 @@ MODELS = ("idm", "ddm")
 
 
 def statistics(robot: HybridRobot, effects: Choice = None) -> str:
-    """Give the operations of both models, part by part and variant by variant, as a table for people.
+    """Return the operations of both models, part by part and variant by variant, as a table for people.
 
     First with inertial parameters that may be anything and bodies' axes that no joint has, then with what
     each reduction leaves: axes turned into the joints', so that zeros and ones vanish; inertial parameters

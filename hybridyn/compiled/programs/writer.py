@@ -28,7 +28,7 @@ class Writer:
         self._shared = self._own = 0
 
     def kernel(self, key: Any, function: ca.Function, part: str) -> int:
-        """Give the number of a kernel; an equal key gives the same one."""
+        """Return the number of a kernel; an equal key gives the same one."""
         if key not in self._number:
             self._number[key] = len(self._kernels)
             self._kernels.append(Kernel(f"{self.name}_{len(self._kernels)}", function, part))
@@ -39,16 +39,16 @@ class Writer:
         return key in self._number
 
     def shared(self, size: int) -> Shared:
-        """Give new shared numbers."""
+        """Return new shared numbers."""
         self._shared += size
         return Shared(self._shared - size, size)
 
     def each(self, copies: int, size: int) -> Each:
-        """Give new shared numbers for each copy."""
+        """Return new shared numbers for each copy."""
         return Each(self.shared(copies * size).start, size)
 
     def own(self, copies: int, size: int) -> Own:
-        """Give new numbers of the copies' own."""
+        """Return new numbers of the copies' own."""
         self._own += copies * size
         return Own(self._own - copies * size, size)
 
@@ -70,7 +70,7 @@ class Writer:
         self._steps.append(Call(kernel, copies, tuple(sources), tuple(targets)))
 
     def program(self) -> Program:
-        """Give the program."""
+        """Return the program."""
         return Program(
             self.name,
             self.inputs,
@@ -83,6 +83,6 @@ class Writer:
 
 
 def _starts(parts: list[tuple[str, int]]) -> dict[str, int]:
-    """Give where each part begins."""
+    """Return where each part begins."""
     ends = np.cumsum([0] + [size for _, size in parts]).tolist()
     return {name: ends[i] for i, (name, _) in enumerate(parts)}

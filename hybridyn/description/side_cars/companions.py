@@ -7,7 +7,7 @@ from pathlib import Path
 
 
 def find_side_car(file: str) -> Path | None:
-    """Give the side-car of a robot file: `X.yaml` beside `X.urdf`, else `robot.yaml` in the same folder."""
+    """Return the side-car of a robot file: `X.yaml` beside `X.urdf`, else `robot.yaml` in the same folder."""
     path = Path(file)
     name = re.sub(r"(\.urdf)?(\.xacro)?$", "", path.name)
     candidates = [path.with_name(stem + ending) for stem in (name, "robot") for ending in (".yaml", ".yml")]
@@ -15,7 +15,7 @@ def find_side_car(file: str) -> Path | None:
 
 
 def find_model_file(file: str) -> Path | None:
-    """Give the path of the model file that belongs to a robot file, or None.
+    """Return the path of the model file that belongs to a robot file, or None.
 
     For `urdf/X.urdf` that is `models/X/model.toml`, for `urdf/group/X.urdf` `models/group/X/model.toml`.
     """

@@ -84,7 +84,7 @@ class EffectTables(Schema):
     ground_contact: GroundTable | None = None
 
     def stated(self) -> tuple[tuple[str, dict[str, Any]], ...]:
-        """Give pairs of effect and its numbers, as `Description.effects` holds them."""
+        """Return pairs of effect and its numbers, as `Description.effects` holds them."""
         return tuple(self.model_dump(exclude_none=True).items())
 
     def joints(self) -> list[tuple[str, str, str]]:
@@ -99,7 +99,7 @@ class EffectTables(Schema):
 
 
 def known_keys(place: tuple[str | int, ...]) -> list[str]:
-    """Give the keys known at a place below `effects`, for "did you mean"."""
+    """Return the keys known at a place below `effects`, for "did you mean"."""
     if len(place) < 3:
         return [*EffectTables.model_fields]
     tables: dict[str, type[Schema]] = {

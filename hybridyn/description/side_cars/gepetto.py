@@ -115,7 +115,7 @@ def _close(robot: RobotFile, side_car: SideCar, document: YamlFile) -> None:
 
 
 def _link_of(robot: RobotFile, name: str, document: YamlFile, place: Place) -> str:
-    """Give the link that a frame name stands for: a link's frame is that of the joint above it."""
+    """Return the link that a frame name stands for: a link's frame is that of the joint above it."""
     links = {link.name for link in robot.links}
     if name in links:
         return name
@@ -186,7 +186,7 @@ def retyped(joint: Joint, kind: str, links: list[Link]) -> list[Joint]:
 
 
 def _motor_names(robot: RobotFile, stated: list[str] | str) -> tuple[str, ...]:
-    """Give the driven joints; where a name is no joint's, it stands for every joint whose name holds it."""
+    """Return the driven joints; where a name is no joint's, it stands for every joint whose name holds it."""
     joints = [joint.name for joint in robot.joints]
     names: list[str] = []
     for word in [stated] if isinstance(stated, str) else stated:

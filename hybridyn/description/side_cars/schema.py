@@ -16,7 +16,7 @@ class Schema(BaseModel):
 
 
 def first_problem(error: ValidationError, known: Iterable[str]) -> tuple[tuple[str | int, ...], str]:
-    """Give the place (keys and indices) and the text of the first problem that pydantic found.
+    """Return the place (keys and indices) and the text of the first problem that pydantic found.
 
     Args:
         error: What pydantic raised.

@@ -33,7 +33,7 @@ def parse_toml(data: bytes, file: str) -> tuple[str, dict[str, Any]]:
 
 
 def line_of(text: str, keys: Keys) -> int | None:
-    """Give the line (from 1) that defines a key of a TOML text, or the nearest table around it.
+    """Return the line (from 1) that defines a key of a TOML text, or the nearest table around it.
 
     Args:
         text: The text.

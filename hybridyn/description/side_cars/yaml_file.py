@@ -34,7 +34,7 @@ class YamlFile:
     lines: dict[Place, tuple[int, int]] = field(default_factory=dict)
 
     def error(self, place: Place, message: str) -> ModelError:
-        """Give (not raise) an error that names file, line, column and the key concerned."""
+        """Return (not raise) an error that names file, line, column and the key concerned."""
         while place not in self.lines and place:
             place = place[:-1]
         line, column = self.lines.get(place, (1, 1))
@@ -92,7 +92,7 @@ class _Reader:
         self.count = 0
 
     def read(self, node: yaml.Node, place: Place) -> Any:
-        """Give the value of a node that stands at `place`."""
+        """Return the value of a node that stands at `place`."""
         self.document.lines[place] = (node.start_mark.line + 1, node.start_mark.column + 1)
         self.count += 1
         if self.count > MOST_VALUES:

@@ -185,7 +185,7 @@ def _closure(
 
 
 def _way_to_root(link: str, parents: dict[str, Joint | None]) -> list[Joint]:
-    """Give the joints from a link to the root; a cycle ends the way (the validator names it later)."""
+    """Return the joints from a link to the root; a cycle ends the way (the validator names it later)."""
     way: list[Joint] = []
     seen = {link}
     while (joint := parents.get(link)) is not None:

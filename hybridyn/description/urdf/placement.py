@@ -13,7 +13,7 @@ SMALLEST_AXIS = 1e-12
 
 
 def origin_of(node: Node | None) -> Array:
-    """Give the placement that an element states, shape (4, 4); None is identity.
+    """Return the placement that an element states, shape (4, 4); None is identity.
 
     The attributes are `xyz` [m] and either `rpy` [rad] or `quat_xyzw` (URDF 1.1).
 
@@ -35,7 +35,7 @@ def origin_of(node: Node | None) -> Array:
 
 
 def axis_of(node: Node | None, default: tuple[float, float, float] = (1, 0, 0)) -> Array:
-    """Give the unit vector that an `<axis xyz>` element states, shape (3,); None is the default.
+    """Return the unit vector that an `<axis xyz>` element states, shape (3,); None is the default.
 
     Raises:
         ModelError: A number does not parse, or the axis is zero.

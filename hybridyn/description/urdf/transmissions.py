@@ -27,14 +27,14 @@ class Rotor:
     ratio: float | None = None
 
     def over(self, weaker: Rotor) -> Rotor:
-        """Give this rotor, completed by what the weaker one says."""
+        """Return this rotor, completed by what the weaker one says."""
         return Rotor(
             weaker.inertia if self.inertia is None else self.inertia,
             weaker.ratio if self.ratio is None else self.ratio,
         )
 
     def put_into(self, joint: Joint) -> Joint:
-        """Give the joint with this rotor; what is not said stays."""
+        """Return the joint with this rotor; what is not said stays."""
         return replace(
             joint,
             rotor_inertia=joint.rotor_inertia if self.inertia is None else self.inertia,

@@ -137,7 +137,7 @@ def _read_joint(node: Node, robot: RobotFile) -> Joint:
 
 
 def _axis(axis: Node | None, kind: JointKind, node: Node) -> Array:
-    """Give a joint's axis; a planar joint moves in the x-y plane of its frame, as in Pinocchio.
+    """Return a joint's axis; a planar joint moves in the x-y plane of its frame, as in Pinocchio.
 
     Raises:
         ModelError: A planar joint states another normal than z.

@@ -91,7 +91,7 @@ def _reason(done: subprocess.CompletedProcess[bytes]) -> str:
 
 
 def _folder_of(module: str) -> str:
-    """Give the folder from which a module is imported, without importing it."""
+    """Return the folder from which a module is imported, without importing it."""
     spec = importlib.util.find_spec(module)
     if spec is None or spec.origin is None:
         raise ModelError(f"the Python package '{module}' is not installed; it is needed for xacro files")
@@ -99,6 +99,6 @@ def _folder_of(module: str) -> str:
 
 
 def _share_dirs() -> list[str]:
-    """Give the folders where installed packages keep robot files, pip's and the system's."""
+    """Return the folders where installed packages keep robot files, pip's and the system's."""
     pip = [Path(entry) / "cmeel.prefix" / "share" for entry in sys.path if entry]
     return [str(place) for place in (*pip, Path(sys.prefix) / "share") if place.is_dir()]

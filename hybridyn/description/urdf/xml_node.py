@@ -120,7 +120,7 @@ class Node:
         return f'<{self.tag} name="{name}">' if name else f"<{self.tag}>"
 
     def error(self, message: str) -> ModelError:
-        """Give (not raise) the error that carries this element's file, line and name."""
+        """Return (not raise) the error that carries this element's file, line and name."""
         return ModelError(
             f"{self.label}: {message}",
             file=self.file,
@@ -129,7 +129,7 @@ class Node:
         )
 
     def children(self, *tags: str) -> list[Node]:
-        """Give the child elements, all or those with one of the tags, in file order."""
+        """Return the child elements, all or those with one of the tags, in file order."""
         nodes = [Node(child, self.file) for child in self.xml if isinstance(child.tag, str)]
         return [node for node in nodes if node.tag in tags] if tags else nodes
 
@@ -139,14 +139,14 @@ class Node:
             yield Node(xml, self.file)
 
     def child(self, tag: str) -> Node | None:
-        """Give the only child with this tag, or None; two of them are an error."""
+        """Return the only child with this tag, or None; two of them are an error."""
         found = self.children(tag)
         if len(found) > 1:
             raise found[1].error(f"stated twice in {self.label}; keep one")
         return found[0] if found else None
 
     def required_child(self, tag: str) -> Node:
-        """Give the only child with this tag, which must be there."""
+        """Return the only child with this tag, which must be there."""
         found = self.child(tag)
         if found is None:
             written = [node.tag for node in self.children()]
@@ -154,7 +154,7 @@ class Node:
         return found
 
     def text(self, attribute: str) -> str:
-        """Give a required attribute that may not be empty, without blanks around it."""
+        """Return a required attribute that may not be empty, without blanks around it."""
         value = str(self.xml.get(attribute, "")).strip()
         if not value:
             wrong = "is empty" if attribute in self.xml.attrib else "is missing"
@@ -168,17 +168,17 @@ class Node:
         return value
 
     def attributes(self) -> list[str]:
-        """Give the names of the attributes as written, without namespaced ones."""
+        """Return the names of the attributes as written, without namespaced ones."""
         return [name for name in map(str, self.xml.attrib) if not name.startswith("{")]
 
     def number(self, attribute: str, default: float | None = None, *, infinite: bool = False) -> float:
-        """Give an attribute as a number; `infinite` lets `inf` and `-inf` pass (limits only)."""
+        """Return an attribute as a number; `infinite` lets `inf` and `-inf` pass (limits only)."""
         if attribute not in self.xml.attrib and default is not None:
             return default
         return self._number(self.text(attribute), attribute, infinite)
 
     def numbers(self, attribute: str, count: int, default: Iterable[float] | None = None) -> Array:
-        """Give an attribute as `count` numbers separated by blanks, shape (count,)."""
+        """Return an attribute as `count` numbers separated by blanks, shape (count,)."""
         if attribute not in self.xml.attrib and default is not None:
             return np.array(list(default), dtype=float)
         words = self.text(attribute).split()
@@ -187,11 +187,11 @@ class Node:
         return np.array([self._number(word, attribute, False) for word in words])
 
     def content_number(self) -> float:
-        """Give the element's text as a number (`<mechanicalReduction>50</mechanicalReduction>`)."""
+        """Return the element's text as a number (`<mechanicalReduction>50</mechanicalReduction>`)."""
         return self._number((self.xml.text or "").strip(), "text", False)
 
     def flag(self, attribute: str, default: bool) -> bool:
-        """Give an attribute as true or false."""
+        """Return an attribute as true or false."""
         word = str(self.xml.get(attribute, str(default))).strip().lower()
         if word not in ("true", "false", "1", "0"):
             raise self.error(f"attribute '{attribute}' is '{word}' instead of true or false")

@@ -47,7 +47,7 @@ def check(
     closure_tolerance: float = 1e-4,
     meshes: bool = True,
 ) -> list[Finding]:
-    """Give what is wrong with a robot's files, the worst first; never raises for what the files hold.
+    """Return what is wrong with a robot's files, the worst first; never raises for what the files hold.
 
     Args:
         path: The robot's file, or the name of a shipped robot.
@@ -141,7 +141,7 @@ def _built(
 
 
 def _first_closure(root: Node, description: Description, element: str | None) -> tuple[str, int | None]:
-    """Give the place of a closure: that of this name, else one at the link of this name, else the first."""
+    """Return the place of a closure: that of this name, else one at the link of this name, else the first."""
     closures = sorted(
         description.closures,
         key=lambda closure: (closure.name != element, element not in (closure.link_a, closure.link_b)),
@@ -156,7 +156,7 @@ def _first_closure(root: Node, description: Description, element: str | None) ->
 
 
 def _without_place(error: ModelError) -> str:
-    """Give an error's message without the file and line that it starts with."""
+    """Return an error's message without the file and line that it starts with."""
     message = str(error)
     for prefix in (f"{error.file}:{error.line}: ", f"{error.file}: "):
         message = message.removeprefix(prefix)

@@ -106,7 +106,7 @@ class Finding:
 
 
 def worst(findings: list[Finding]) -> Severity | None:
-    """Give the worst severity among findings, None where there are none.
+    """Return the worst severity among findings, None where there are none.
 
     Args:
         findings: The findings.

@@ -44,7 +44,7 @@ def _counted(number: int, thing: str) -> str:
 
 
 def _named(motions: tuple[str, ...]) -> str:
-    """Give motions by name, each once, many of them shortened."""
+    """Return motions by name, each once, many of them shortened."""
     names = [*dict.fromkeys(motions)]
     more = f" and {len(names) - LISTED_NAMES} more" if len(names) > LISTED_NAMES else ""
     return ", ".join(names[:LISTED_NAMES]) + more
@@ -65,7 +65,7 @@ class _Judge:
             yield from self._singular_home()
 
     def _about(self, code: str, message: str, why: str, mend: str, joint: str | None = None) -> Finding:
-        """Give a finding about the module, at the line of a joint or of its first closure."""
+        """Return a finding about the module, at the line of a joint or of its first closure."""
         if joint is not None:
             return self.subject.of_joint(code, joint, message, why, mend)
         at = (*self.module.closures, *self.module.joints)

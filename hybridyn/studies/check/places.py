@@ -40,7 +40,7 @@ class Places:
         self.file = root.file.removesuffix(EXPANDED)
 
     def of(self, tag: str, name: str, line: int | None) -> tuple[str, int | None]:
-        """Give file and line of an element.
+        """Return file and line of an element.
 
         Args:
             tag: What it is: "link", "joint", "loop", ...

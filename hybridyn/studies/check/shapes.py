@@ -116,7 +116,7 @@ class _MeshBoxes:
         self.known: dict[str, tuple[Array, Array] | str] = {}
 
     def __call__(self, name: str) -> tuple[Array, Array] | str:
-        """Give lower and upper corner of a mesh in its own units, or what is wrong with it."""
+        """Return lower and upper corner of a mesh in its own units, or what is wrong with it."""
         if name not in self.known:
             self.known[name] = self._load(name)
         return self.known[name]
@@ -155,5 +155,5 @@ class _MeshBoxes:
 
 
 def volume_of_box(lower: Array, upper: Array) -> float:
-    """Give the volume of a box [m^3]."""
+    """Return the volume of a box [m^3]."""
     return float(np.prod(upper - lower))

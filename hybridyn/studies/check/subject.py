@@ -76,7 +76,7 @@ class Subject:
         return float(np.linalg.norm(np.ptp(np.array(points), axis=0)))
 
     def box(self, link: str) -> tuple[Array, Array] | None:
-        """Give lower and upper corner of the box about a link's shapes, link frame, or None without any."""
+        """Return lower and upper corner of the box about a link's shapes, link frame, or None without any."""
         corners = [shape.corners for shape in self.shapes.get(link, ()) if shape.corners is not None]
         if not corners:
             return None
@@ -86,19 +86,19 @@ class Subject:
     def of_link(
         self, code: str, name: str, message: str, why: str, mend: str, line: int | None = None
     ) -> Finding:
-        """Give a finding about a link, or about something in it that stands on a line of its own."""
+        """Return a finding about a link, or about something in it that stands on a line of its own."""
         place = self.places.of("link", name, line or self.links[name].line)
         return Finding(code, f"link '{name}'", message, why, mend, *place)
 
     def of_joint(self, code: str, name: str, message: str, why: str, mend: str) -> Finding:
-        """Give a finding about a joint."""
+        """Return a finding about a joint."""
         place = self.places.of("joint", name, self.joints[name].line)
         return Finding(code, f"joint '{name}'", message, why, mend, *place)
 
     def of_module(
         self, code: str, name: str, message: str, why: str, mend: str, at: tuple[str, ...]
     ) -> Finding:
-        """Give a finding about a module, at the first of some closures and joints that has a line."""
+        """Return a finding about a module, at the first of some closures and joints that has a line."""
         closures = {c.name: c.line for c in self.description.closures}
         closures |= {c.name: c.line for c in self.description.couplings}
         for element in at:

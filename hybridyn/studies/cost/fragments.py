@@ -15,7 +15,7 @@ TABLES = ("payload", "wrench", "base_motion")
 
 
 def solver_fragment(options: dict[str, Any], dtype: str) -> str:
-    """Give a scene's table [solver], which takes the place of the one that is there.
+    """Return a scene's table [solver], which takes the place of the one that is there.
 
     Args:
         options: Arguments of `simulate`.
@@ -32,7 +32,7 @@ def solver_fragment(options: dict[str, Any], dtype: str) -> str:
 
 
 def effects_fragment(source: SceneFile, names: Sequence[str]) -> str:
-    """Give the line of a scene's table [effects] that asks for some of its effects.
+    """Return the line of a scene's table [effects] that asks for some of its effects.
 
     Args:
         source: The scene.

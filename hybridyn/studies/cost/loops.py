@@ -58,7 +58,7 @@ def by_closing(
 
 
 def _point(tolerance: float, dtype: str, guard: float, error: float, seconds: float) -> Point:
-    """Give the point of a tolerance, its time that of closing alone."""
+    """Return the point of a tolerance, its time that of closing alone."""
     what = f"close loops to {tolerance:.0e} only and compute in C ({dtype})"
     how = f"# loops closed to {tolerance:.0e} by Newton from the sample before, then "
     call = f'hybridyn.compile(robot, effects, dtype="{dtype}").idm'
@@ -114,7 +114,7 @@ class Newton:
         return seconds
 
     def _after(self, steps: int) -> tuple[Array, float]:
-        """Give the posture after so many steps, and their time [s]."""
+        """Return the posture after so many steps, and their time [s]."""
         while len(self.taken) <= steps:
             number = len(self.taken)
             closed, seconds = timed(partial(self._closed, number), 3)

@@ -47,7 +47,7 @@ class Trajectory:
     time: Array | None
 
     def thinned(self, samples: int = SAMPLES) -> Trajectory:
-        """Give some of its rows, evenly spread."""
+        """Return some of its rows, evenly spread."""
         at = np.unique(np.linspace(0, len(self.q) - 1, min(samples, len(self.q))).round().astype(int))
         return Trajectory(self.q[at], self.v[at], self.a[at], None if self.time is None else self.time[at])
 
@@ -106,12 +106,12 @@ def study_models(
 
 
 def _of_model(closing: Point, whole: dict[str, float]) -> float:
-    """Give the time of the model that follows a way of closing [s]."""
+    """Return the time of the model that follows a way of closing [s]."""
     return next((seconds for line, seconds in whole.items() if closing.setting.endswith(line)), 0.0)
 
 
 def _reference(robot: HybridRobot, some: Trajectory, effects: Effects) -> tuple[Array, float, str]:
-    """Give the efforts to compare with, their own error, and what they are.
+    """Return the efforts to compare with, their own error, and what they are.
 
     Raises:
         HybridynError: The general path refuses the motion.
@@ -135,7 +135,7 @@ Choice = tuple[str, tuple[str, ...]]
 
 
 def _rising(effects: Effects) -> Iterator[Choice]:
-    """Give sets of effects, each with one more than the one before; then all without one."""
+    """Return sets of effects, each with one more than the one before; then all without one."""
     order = [name for name in effects.names if name not in KEPT]
     names = [name for name in KEPT if name in effects.names]
     yield "platforms and serial links only" if order else EVERY, tuple(names)
@@ -148,7 +148,7 @@ def _rising(effects: Effects) -> Iterator[Choice]:
 
 
 def _falling(effects: Effects, worth: dict[str, float]) -> Iterator[Choice]:
-    """Give sets of effects without the two that matter least, the three, and so on.
+    """Return sets of effects without the two that matter least, the three, and so on.
 
     Args:
         effects: All of them.
@@ -188,7 +188,7 @@ def _dropped(effects: Effects, names: Sequence[str]) -> str:
 
 
 def _fragment(names: Sequence[str], how: str) -> str:
-    """Give lines to paste into a scene, and the options of `hybridyn idm` that ask for the same."""
+    """Return lines to paste into a scene, and the options of `hybridyn idm` that ask for the same."""
     listed = ", ".join(f'"{name}"' for name in names)
     return f"[effects]\nuse = [{listed}]\n# {how}".rstrip("# ")
 

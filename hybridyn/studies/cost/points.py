@@ -67,7 +67,7 @@ class Study(NamedTuple):
 
 
 def timed(function: Callable[[], Any], rounds: int = ROUNDS) -> tuple[Any, float]:
-    """Give a function's result and the least of its times [s]; long calls are measured less often."""
+    """Return a function's result and the least of its times [s]; long calls are measured less often."""
     best, result = float("inf"), None
     for _ in range(rounds):
         start = clock.perf_counter()
@@ -79,7 +79,7 @@ def timed(function: Callable[[], Any], rounds: int = ROUNDS) -> tuple[Any, float
 
 
 def front(points: Sequence[Point], own_error: float = 0.0) -> list[Point]:
-    """Give the points that no other one beats in both error and time, cheapest first.
+    """Return the points that no other one beats in both error and time, cheapest first.
 
     Args:
         points: Those to choose from; comparisons and failures are not chosen.
@@ -96,12 +96,12 @@ def front(points: Sequence[Point], own_error: float = 0.0) -> list[Point]:
 
 
 def cheapest(study: Study, target: float) -> Point | None:
-    """Give the cheapest way to an error of at most `target` that commands can take, or None."""
+    """Return the cheapest way to an error of at most `target` that commands can take, or None."""
     return _cheapest(study, target, ("usual", "command"))
 
 
 def advice(study: Study, target: float) -> str:
-    """Give one sentence that a person can act on."""
+    """Return one sentence that a person can act on."""
     wanted = f"For {portion(target)} on {study.subject}"
     best = cheapest(study, target)
     if best is None:
@@ -131,7 +131,7 @@ def _counts(point: Point) -> bool:
 
 
 def _cheapest(study: Study, target: float, uses: Sequence[Use]) -> Point | None:
-    """Give the most accurate of the points that reach the target in the least time, up to noise."""
+    """Return the most accurate of the points that reach the target in the least time, up to noise."""
     if target < study.own_error:
         return None
     good = [p for p in study.points if _counts(p) and p.use in uses and p.error <= target]

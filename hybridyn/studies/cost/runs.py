@@ -69,7 +69,7 @@ class Runner:
         self._compiled: dict[str, CompiledRobot | HybridynError] = {}
 
     def compiled(self, dtype: str) -> CompiledRobot | None:
-        """Give the scene's model written out as C, or None for the general path ("").
+        """Return the scene's model written out as C, or None for the general path ("").
 
         Raises:
             HybridynError: It cannot be built.
@@ -173,7 +173,7 @@ def study_runs(ready: Stage, duration: float, progress: Callable[[str], None], l
 
 
 def typical_step(steps: int, duration: float) -> float:
-    """Give a round length for fixed steps [s], near a run's mean; the coarsest of them still fits in."""
+    """Return a round length for fixed steps [s], near a run's mean; the coarsest of them still fits in."""
     return float(f"{min(duration / steps, 0.9 * duration / FACTORS[0]):.1g}")
 
 
@@ -202,7 +202,7 @@ def _points(
 
 
 def _point_of(ready: Stage, setting: Setting) -> Point:
-    """Give the point of a setting, not measured yet."""
+    """Return the point of a setting, not measured yet."""
     if setting.effects is None:
         fragment = solver_fragment(setting.options, setting.dtype)
         what = f"take {setting.line}, {setting.words}".removesuffix(" (usual)")
@@ -215,7 +215,7 @@ def _point_of(ready: Stage, setting: Setting) -> Point:
 
 
 def _reference(runner: Runner) -> tuple[Array, float, str]:
-    """Give the last posture as well as it can be had, its own error, and what it is.
+    """Return the last posture as well as it can be had, its own error, and what it is.
 
     The ladder of tolerances is climbed by dopri5, and by the implicit method where dopri5 takes too long.
 
@@ -251,7 +251,7 @@ def _reference(runner: Runner) -> tuple[Array, float, str]:
 
 
 def distance(robot: HybridRobot, q0: Array, q1: Array) -> float:
-    """Give the largest displacement of a joint between two postures, in radians or module lengths."""
+    """Return the largest displacement of a joint between two postures, in radians or module lengths."""
     worst = 0.0
     unit = {joint: m.mechanism.length for m in robot.modules for joint in m.joints}
     for name, kind, at in zip(robot.joints, robot.kinds, robot.q_slices, strict=True):

@@ -43,19 +43,19 @@ class Setting(NamedTuple):
 
 
 def own_options(ready: Stage) -> dict[str, Any]:
-    """Give what the scene's own [solver] says, as `simulate` takes it."""
+    """Return what the scene's own [solver] says, as `simulate` takes it."""
     return dict(ready.source.scene.solver.model_dump(exclude_none=True))
 
 
 def usual_setting(options: dict[str, Any]) -> Setting:
-    """Give the scene's own way."""
+    """Return the scene's own way."""
     adaptive = options["method"] == "dopri5" or "step" not in options
     pace = f"rtol {options['rtol']:.0e}" if adaptive else f"step {options['step']:g} s"
     return Setting("as the scene says", f"{options['method']}, {pace} (usual)", options, use="usual")
 
 
 def of_integration(step: float) -> Iterator[Setting]:
-    """Give methods, steps and tolerances, projections, and accelerations by the general path or in C.
+    """Return methods, steps and tolerances, projections, and accelerations by the general path or in C.
 
     Args:
         step: A step around which fixed steps are tried [s].
@@ -72,7 +72,7 @@ def of_integration(step: float) -> Iterator[Setting]:
 
 
 def _family(method: str, projection: str, step: float, dtype: str, suffix: str) -> Iterator[Setting]:
-    """Give one line's settings, coarse to fine."""
+    """Return one line's settings, coarse to fine."""
     if method == "dopri5":
         yield from _adaptive(method, projection, dtype, suffix)
     else:
@@ -80,14 +80,14 @@ def _family(method: str, projection: str, step: float, dtype: str, suffix: str) 
 
 
 def _adaptive(method: str, projection: str, dtype: str, suffix: str) -> Iterator[Setting]:
-    """Give tolerances."""
+    """Return tolerances."""
     for rtol in TOLERANCES:
         options = {"method": method, "rtol": rtol, "atol": rtol * 1e-2, "projection": projection}
         yield Setting(method + suffix, f"rtol {rtol:.0e}", options, dtype, use=_use(dtype, projection))
 
 
 def _fixed(method: str, projection: str, step: float, dtype: str, suffix: str) -> Iterator[Setting]:
-    """Give steps."""
+    """Return steps."""
     for factor in FACTORS:
         options = {"method": method, "step": float(f"{factor * step:g}"), "projection": projection}
         words = f"step {options['step']:g} s"
@@ -102,7 +102,7 @@ def _use(dtype: str, projection: str) -> Use:
 
 
 def of_effects(names: Sequence[str], options: dict[str, Any]) -> Iterator[Setting]:
-    """Give the scene's own solver without one effect, and without all that can be left out.
+    """Return the scene's own solver without one effect, and without all that can be left out.
 
     Args:
         names: Effects of the scene.

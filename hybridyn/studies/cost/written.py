@@ -17,7 +17,7 @@ Written = Callable[[Array, Array, Array], tuple[np.ndarray[Any, Any], float]]
 
 
 def written_out(robot: HybridRobot, effects: Effects, dtype: str = "float64") -> Written | str:
-    """Give the written-out inverse model, or why there is none.
+    """Return the written-out inverse model, or why there is none.
 
     Args:
         robot: The robot.

@@ -72,13 +72,13 @@ class Flood:
         self.blocked: Counter[str] = Counter()
 
     def values(self, index: Index) -> Array:
-        """Give the coordinates of lattice points (n, axes), shape (n, names)."""
+        """Return the coordinates of lattice points (n, axes), shape (n, names)."""
         out = np.tile(self.start, (len(index), 1))
         out[:, self.columns] += index * self.step
         return out
 
     def found(self) -> tuple[Index, Array]:
-        """Give the lattice points that were reached, in order, and the module's postures there."""
+        """Return the lattice points that were reached, in order, and the module's postures there."""
         index = np.array(list(self.reached)).reshape(-1, len(self.step))
         order = np.lexsort(index.T[::-1])
         return index[order], np.array(list(self.reached.values()))[order]
@@ -102,7 +102,7 @@ class Flood:
                 )
 
     def _next(self) -> tuple[int, list[Pair]] | None:
-        """Give the steps to take next, and the number of their entry in `PARTS`; None at the end."""
+        """Return the steps to take next, and the number of their entry in `PARTS`; None at the end."""
         if self.waiting:  # one step to each point: from the first neighbour not tried yet
             pairs = [(sides.pop(0), to) for to, sides in self.waiting.items()]
             self.waiting = {to: sides for to, sides in self.waiting.items() if sides}

@@ -50,7 +50,7 @@ class Measures:
         self.rank = int(np.sum(np.median(values / values[:, :1], axis=0) > NOTHING))
 
     def _twists(self, motion: Motion, Psi: Array) -> Array:
-        """Give the platform's twist along motions, linear over L, shape (T, 6, N), base axes."""
+        """Return the platform's twist along motions, linear over L, shape (T, 6, N), base axes."""
         m = self.robot.modules[self.sweep.module].mechanism
         body, _, p = self.robot.bodies.place[self.sweep.link]
         number = m.tree_body(self.robot.body_owner[body][1])
@@ -83,7 +83,7 @@ class Measures:
         return out
 
     def _maps(self, q: Array) -> tuple[Array, Array | None]:
-        """Give the conditioning, shape (T,), and efforts per wrench, shape (T, motors, 6), base axes."""
+        """Return the conditioning, shape (T,), and efforts per wrench, shape (T, motors, 6), base axes."""
         module = self.robot.modules[self.sweep.module]
         m = module.mechanism
         if not module.motors or not module.mobility:
@@ -104,7 +104,7 @@ class Measures:
         return self._conditioning(U, J), holding
 
     def _conditioning(self, U: Array, J: Array) -> Array:
-        """Give the conditioning of J over the asked-for part of the twists U w, shape (T,)."""
+        """Return the conditioning of J over the asked-for part of the twists U w, shape (T,)."""
         asked = [COORDINATES.index(name) for name in self.sweep.names if name in COORDINATES[:3]]
         if len(asked) < len(self.sweep.names):
             asked += [3, 4, 5]
@@ -116,7 +116,7 @@ class Measures:
         return out
 
     def _gravity(self, q: Array, singular: Mask) -> dict[str, Array]:
-        """Give the efforts of the module's motors that hold the robot's weight, none where motors miss."""
+        """Return the efforts of the module's motors that hold the robot's weight, none where motors miss."""
         module = self.robot.modules[self.sweep.module]
         if not module.motors:
             return {}

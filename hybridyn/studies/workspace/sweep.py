@@ -47,7 +47,7 @@ class Sweep:
 
 
 def find_module(robot: HybridRobot, wanted: int | str | None) -> int:
-    """Give the number of a module from its number (from 1), its name or that of one of its outputs.
+    """Return the number of a module from its number (from 1), its name or that of one of its outputs.
 
     Args:
         robot: The robot.
@@ -119,7 +119,7 @@ def find_sweep(
 def coordinate_target(
     robot: HybridRobot, link: str, base: str, length: float
 ) -> tuple[int, CoordinateTarget]:
-    """Give the module of a link, and all its coordinates in a base link as a target, every value zero.
+    """Return the module of a link, and all its coordinates in a base link as a target, every value zero.
 
     Args:
         robot: The robot.
@@ -137,7 +137,7 @@ def coordinate_target(
 
 
 def coordinates_of(target: CoordinateTarget, motion: Motion) -> Array:
-    """Give a link's coordinates, shape (T, 6), [m, rad].
+    """Return a link's coordinates, shape (T, 6), [m, rad].
 
     Args:
         target: The link, as `coordinate_target` gives it.
@@ -150,7 +150,7 @@ def coordinates_of(target: CoordinateTarget, motion: Motion) -> Array:
 
 
 def _platform(robot: HybridRobot, number: int) -> str:
-    """Give the link that counts as a module's platform: what other modules stand on, else a tool."""
+    """Return the link that counts as a module's platform: what other modules stand on, else a tool."""
     module = robot.modules[number]
     carries = any(other.parent == number for other in robot.modules)
     if module.outputs and (carries or module.mechanism.spec.platforms):
@@ -167,7 +167,7 @@ def _platform(robot: HybridRobot, number: int) -> str:
 
 
 def _at_home(robot: HybridRobot, number: int, link: str, q: Array) -> tuple[Array, Array]:
-    """Give what the module's motions do to a link's coordinates, shape (6, N), scaled, and their values."""
+    """Return what the module's motions do to a link's coordinates, shape (6, N), scaled, and their values."""
     module = robot.modules[number]
     m = module.mechanism
     _, target = coordinate_target(robot, link, module.base, m.length)
@@ -199,7 +199,7 @@ def _independent(J: Array, first: tuple[str, ...]) -> tuple[str, ...]:
 
 
 def _preferred(J: Array) -> tuple[str, ...]:
-    """Give the coordinates in the order in which they are asked for: translations first, if they suffice.
+    """Return the coordinates in the order in which they are asked for: translations first, if they suffice.
 
     A platform on a ball joint is asked for its angles, wherever its link's origin is.
     """
@@ -215,7 +215,7 @@ def _preferred(J: Array) -> tuple[str, ...]:
 
 
 def values_at(sweep: Sweep, at: Mapping[str, float]) -> Array:
-    """Give the values of a sweep's coordinates with some of them replaced, shape (names,).
+    """Return the values of a sweep's coordinates with some of them replaced, shape (names,).
 
     Args:
         sweep: The sweep.
@@ -234,7 +234,7 @@ def values_at(sweep: Sweep, at: Mapping[str, float]) -> Array:
 
 
 def pose_of(sweep: Sweep, values: Array) -> Any:
-    """Give coordinates, shape (T, names), as `assemble` takes a pose: whole where all six are given.
+    """Return coordinates, shape (T, names), as `assemble` takes a pose: whole where all six are given.
 
     Args:
         sweep: The sweep.

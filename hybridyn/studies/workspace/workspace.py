@@ -124,7 +124,7 @@ def workspace(
 
 
 def _steps(robot: HybridRobot, sweep: Sweep, given: Mapping[str, float]) -> Array:
-    """Give the step of each swept coordinate, shape (axes,), [m, rad].
+    """Return the step of each swept coordinate, shape (axes,), [m, rad].
 
     Raises:
         TrajectoryError: A step is given of a coordinate that is not swept.
@@ -156,13 +156,13 @@ def _refuse_outside(close: Closing, q: Array) -> None:
 
 
 def _measured(work: Work, q: Array, spread: Spread) -> dict[str, Array]:
-    """Give the measures of postures, shape (n,) each."""
+    """Return the measures of postures, shape (n,) each."""
     parts = list(spread(work, (("measure", q[i : i + CHUNK]) for i in range(0, len(q), CHUNK))))
     return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
 
 
 def _motors(robot: HybridRobot, sweep: Sweep, q: Array) -> dict[str, Array]:
-    """Give the positions of a module's motors, shape (n,) each."""
+    """Return the positions of a module's motors, shape (n,) each."""
     joints = {name: robot.joint_index[name] for name in robot.modules[sweep.module].motors}
     return {
         name: q[:, robot.q_slices[joint].start]
@@ -172,7 +172,7 @@ def _motors(robot: HybridRobot, sweep: Sweep, q: Array) -> dict[str, Array]:
 
 
 def _closed_home(robot: HybridRobot) -> Array:
-    """Give the home posture, assembled at its motors' positions where its loops are open."""
+    """Return the home posture, assembled at its motors' positions where its loops are open."""
     if not robot.description.closures or closure_residual(robot, robot.home) <= robot.closure_tolerance:
         return robot.home
     motors = {}
