@@ -1,5 +1,9 @@
 """One robot written out as straight-line C.
 
-In the order of the data: `program` (what a written-out model consists of), the builders of programs from a
-robot, `printing` (C source), `building` (compiler, cache), `library` (calls), `model` (what users hold).
+Read `program` (kernels and the order of their calls), `equations/` (one module in CasADi), `programs/` (a
+whole robot as calls), `code/` (programs to C), `library/` (compiler, cache, calls), then `model`
+(`CompiledRobot`), `compiling` (`hybridyn.compile`) and `verifying`. `export` writes C for a controller;
+`derivatives` differentiates.
+
+May import: `dynamics`, `assembly`, `manifold` and below.
 """

@@ -1,6 +1,10 @@
-"""Everything that reads or writes files; each robot format has one reader that returns a `Description`.
+"""Robot files in, plain records out: links, joints, closures, couplings, motors, home posture.
 
-The readers are imported when the first file is read: who has a robot already needs none of them.
+Read `records` (what every reader returns), `closure_forms` (the closures that files name), `reading` (which
+reader takes a file), then one format: `urdf/`, or the files beside a URDF in `side_cars/`. `validate`
+checks every description, whatever file it came from.
+
+May import: `errors`, `spatial`, `colours`.
 """
 
 from typing import TYPE_CHECKING

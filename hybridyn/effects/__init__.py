@@ -1,9 +1,10 @@
 """Physical effects: only what is named is computed.
 
-One small unit per effect, each stating its law, units and source. They act in four places: terms of the
-recursions (`recursion`), efforts and inertia on joints (`joints`, `friction`, `elastic`), wrenches on links
-(`links`), and changes of the robot or of what goes into a recursion (`inputs`). `choose` finds them in a
-robot.
+Read `terms` (gravity, inertia, the legs' inertia, velocity terms), `joints`, `friction` and `elastic`
+(efforts of joints), `links` (wrenches on links), `inputs` (limits, a prescribed base), `choice` (which
+effects one call computes), `rebuild` (`hybridyn.with_effects`).
+
+May import: `structure`, `tables` and below.
 """
 
 from ..structure.payload import Payload

@@ -1,1 +1,7 @@
-"""."""
+"""A table through a model, block by block, in one process or several.
+
+Read `blocks` (the loop over blocks), `postures` (from a table's motion to postures), `workers` (other
+processes).
+
+May import: `dynamics`, `assembly`, `tables` and below.
+"""

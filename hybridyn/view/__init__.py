@@ -1,4 +1,7 @@
-"""Seeing a robot: what is drawn (`picture`), where it is (`placing`), on a page or in a file.
+"""Seeing a robot: on a page in the browser, or in a picture or film without a screen.
 
-visuals -> picture, drawing -> placing -> posing, measures, run -> page, or render and film
+Read `picture` (what is drawn), `drawing` (from a robot to its picture), `placing` (where bodies are), then
+`page` (the browser) or `render` and `film` (files).
+
+May import: `simulation`, `assembly` and below.
 """

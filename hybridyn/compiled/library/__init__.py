@@ -1,1 +1,6 @@
-"""."""
+"""C text to a library that Python calls.
+
+Read `compilers`, `building`, `cache`, `calls` (one sample or a batch), `steps` (time steps in C).
+
+May import: `code`, `program`, and what `compiled` may.
+"""
