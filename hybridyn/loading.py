@@ -41,7 +41,8 @@ def load(
             module's length.
         held: Passive joints that are never cut away in a wrist, so that effects can act on them.
 
-    A module whose motors lose a direction in every posture is loaded, with a warning in the log "hybridyn".
+    Warnings in the log "hybridyn" tell signs of loops that the files do not state, moving links without mass,
+    and modules whose motors lose a direction in every posture.
 
     Raises:
         ModelError: The files are wrong, say something we refuse, or leave the rank of a module in doubt.
@@ -64,8 +65,11 @@ def load(
 
 
 def _warn(robot: HybridRobot) -> None:
-    """Log what no posture can mend, once for equal modules."""
-    from .assembly.findings import architecturally_singular
+    """Log what the files seem to have lost, and what no posture can mend, once for equal modules."""
+    from .assembly.findings import architecturally_singular, of_files
+
+    for lost in of_files(robot.description):
+        _log.warning("robot '%s': %s", robot.name, lost)
 
     for module in {id(module.mechanism): module for module in reversed(robot.modules)}.values():
         if singular := architecturally_singular(module):

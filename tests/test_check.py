@@ -131,9 +131,15 @@ WRONG: dict[str, tuple[str, str]] = {
     "triangle-inequality": (arm(inside=inertial(2, 0.01, 0.01, 0.05)), "link 'arm'"),
     "inertia-without-mass": (arm(inside=inertial(0, 0.01, 0.01, 0.01)), "link 'arm'"),
     "missing-inertial": (
-        arm(inside='<visual><geometry><sphere radius="0.1"/></geometry></visual>'),
+        arm(
+            link("tip", BALL),
+            joint("wrist", "arm", "tip"),
+            inside='<visual><geometry><sphere radius="0.1"/></geometry></visual>',
+        ),
         "link 'arm'",
     ),
+    "massless-robot": (arm(inside=""), "link 'arm'"),
+    "lost-loops": (arm(link("tip", BALL), joint("wrist", "arm", "tip", effort=0)), "joint 'wrist'"),
     "massless-motion": (crank_and_slide("drive", rod=inertial(1, 0, 0, 0, "1 0 0")), "module "),
     "com-outside": (arm(inside=boxed(2, 0.02, com="0 1 0")), "link 'arm'"),
     "inertia-too-large": (arm(inside=boxed(2, 20_000.0)), "link 'arm'"),

@@ -88,13 +88,15 @@ def test_the_part_without_mass_is_named(tmp_path: Path) -> None:
       <parent link="middle"/><child link="wheel"/><axis xyz="0 0 1"/>
       <limit lower="-3" upper="3" effort="1" velocity="1"/></joint></robot>"""
     path.write_text((tmp_path / "four_bar.urdf").read_text().replace("</robot>", wheel))
-    (text,) = findings(hybridyn.load(path, motors=["crank"]))
+    link, text = findings(hybridyn.load(path, motors=["crank"]))
+    assert link.startswith("link 'wheel' moves and weighs nothing")
     assert "none of its bodies has mass" in text
     assert text.startswith("module 'wheel'")
 
 
 def test_bodies_without_mass(tmp_path: Path) -> None:
-    (text,) = findings(four_bar(tmp_path, SQUARE, mass=0.0))
+    nothing, text = findings(four_bar(tmp_path, SQUARE, mass=0.0))
+    assert "weigh nothing" in nothing
     assert "none of its bodies has mass" in text
 
 

@@ -113,7 +113,7 @@ def test_limits_are_compared_and_named(tmp_path: Path, capsys: pytest.CaptureFix
     assert said.status == 1
     assert call(capsys, "size", robot, motion, "--fail-on", "never") == (0, said.out, said.err)
     gentle = call(capsys, "size", *write(tmp_path, "prismatic", swing(0.1, 2.0, 1, 101)))
-    assert "no effort and no speed is over a limit" in gentle.out
+    assert "no effort, speed or position is over a limit" in gentle.out
     assert gentle.status == 0
 
 

@@ -4,6 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..description.lost_loops import lost_loops
+from ..description.names import listed
+from ..description.records import Description
+from ..description.weightless import has_mass, weightless
 from ..spatial import Array
 from ..structure.module import Module
 from ..structure.robot import HybridRobot
@@ -34,7 +38,7 @@ def findings(robot: HybridRobot) -> list[str]:
     Args:
         robot: The robot.
     """
-    out = list(robot.notes)
+    out = [*robot.notes, *of_files(robot.description)]
     known: dict[int, str] = {}
     for module, open_by in zip(robot.modules, home_residuals(robot), strict=True):
         m = module.mechanism
@@ -44,6 +48,25 @@ def findings(robot: HybridRobot) -> list[str]:
         found = [*_at_home(module, robot, open_by), *_of_structure(module)]
         known[id(m)] = module.name if found else ""
         out += [f"module '{module.name}': {text}" for text in found]
+    return out
+
+
+def of_files(description: Description) -> list[str]:
+    """Return what the files seem to have lost: loops, and the mass of moving bodies, one sentence each.
+
+    Args:
+        description: What the files say.
+    """
+    out = [f"{sign.message}; {sign.mend}" for sign in lost_loops(description)]
+    light = [joint.child for joint in weightless(description)]
+    if any(joint.kind != "fixed" for joint in description.joints) and not has_mass(description):
+        out.append("nothing has mass: no link has an <inertial>, so efforts of gravity and inertia are zero")
+    elif light:
+        one = len(light) == 1
+        out.append(
+            f"{'link' if one else 'links'} {listed(light)} {'moves and weighs' if one else 'move and weigh'} "
+            "nothing: efforts leave out what they weigh; give them an <inertial>, or weld them to what has one"
+        )
     return out
 
 

@@ -11,7 +11,7 @@ import click
 from ..streams.reaction_columns import reaction_rows
 from .common.engine import choose_engine, takes_engine
 from .common.options import RobotCommand, takes_effects, takes_robot
-from .common.summary import Summary, effects_line
+from .common.summary import Summary, effects_line, not_computed
 from .common.tables import Plan, Tables, run, takes_table
 
 if TYPE_CHECKING:
@@ -67,7 +67,7 @@ def command(
             units,
             at,
             columns,
-            remarks=[*effects_line(chosen), *free_motions_of(robot)],
+            remarks=[*effects_line(chosen), *not_computed(robot, chosen), *free_motions_of(robot)],
             engine=chosen_engine,
         )
         return Plan(

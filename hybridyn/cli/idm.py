@@ -11,7 +11,7 @@ import click
 from ..streams.reaction_columns import reaction_rows
 from .common.engine import choose_engine, takes_engine
 from .common.options import RobotCommand, takes_effects, takes_robot
-from .common.summary import Summary, effects_line
+from .common.summary import Summary, effects_line, not_computed
 from .common.tables import Plan, Tables, run, takes_table
 
 if TYPE_CHECKING:
@@ -77,6 +77,7 @@ def command(
         from ..effects import choose
 
         shares, chosen = read_weights(weights, robot.motors), choose(robot, effects)
+        refuse_massless(robot, chosen, layout)
         obstacles = {
             "--reactions": tables.reactions is not None,
             "--passive solved": passive != "given",
@@ -102,7 +103,7 @@ def command(
             list(robot.motors),
             units,
             list(range(len(robot.motors))),
-            remarks=effects_line(chosen),
+            remarks=[*effects_line(chosen), *not_computed(robot, chosen)],
             engine=chosen_engine,
         )
         return Plan(model, [f"{name}/effort" for name in robot.motors], summary)
@@ -135,11 +136,14 @@ def efforts(
     """
     import hybridyn
 
+    from ..departures import departures
     from ..streams.blocks import Rows
 
     if compiled is not None:
         before = compiled.recomputed
-        return Rows(compiled.idm(block.q, block.v, block.a), handed_over=compiled.recomputed - before)
+        tau = compiled.idm(block.q, block.v, block.a)
+        left = departures(robot, block.q, block.v, tau)
+        return Rows(tau, handed_over=compiled.recomputed - before, left=left)
     model = functools.partial(
         hybridyn.idm,
         robot,
@@ -153,10 +157,33 @@ def efforts(
         effects=effects,
         time=block.motion.time,
     )
-    if not reactions:
-        return Rows(model())
-    tau, inner = model(reactions=True)
-    return Rows(tau, reaction_rows(robot, inner))
+    tau, inner = model(reactions=True) if reactions else (model(), None)
+    left = departures(robot, block.q, block.v, tau)
+    return Rows(tau, None if inner is None else reaction_rows(robot, inner), left=left)
+
+
+def refuse_massless(robot: HybridRobot, effects: Effects, layout: Layout) -> None:
+    """Refuse a robot of which nothing has mass, where every effort would be zero.
+
+    Args:
+        robot: The robot.
+        effects: What is computed.
+        layout: The meaning of the table's columns.
+
+    Raises:
+        ModelError: No link has mass, and neither effects nor the table's wrenches make an effort.
+    """
+    from ..description.weightless import has_mass
+    from ..effects.choice import DEFAULT, FROM_FILES, stated_names
+    from ..errors import ModelError
+
+    idle = {*DEFAULT, *FROM_FILES, "limits"} - set(stated_names(robot))
+    loaded = bool(layout.wrenches) or not set(effects.names) <= idle
+    if robot.motors and not loaded and not has_mass(robot.description):
+        raise ModelError(
+            "nothing has mass, so that every effort would be zero: give the links an <inertial>",
+            file=robot.description.source,
+        )
 
 
 def read_weights(words: tuple[str, ...], motors: Sequence[str]) -> dict[str, float] | None:

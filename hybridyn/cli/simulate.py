@@ -217,6 +217,8 @@ def _draw(ready: Stage, result: Result, plot: str) -> None:
 
 def _summary(ready: Stage, result: Result, engine: Engine, wall: float) -> list[str]:
     """Say how the run went."""
+    from ..departures import Departures, departures
+
     counters = result.counters
     reached = result.t[-1] if ready.motion is not None and len(result.t) else result.state.t
     lines = [
@@ -232,7 +234,9 @@ def _summary(ready: Stage, result: Result, engine: Engine, wall: float) -> list[
         )
         if ready.robot.description.closures or ready.robot.description.couplings:
             lines.append(f"worst closure residual: {float(result.residual.max()):.2g} of the module's size")
-    lines += [*effects_line(ready.effects), str(engine)]
+    left = Departures()
+    left.add(departures(ready.robot, result.q, result.v, result.tau), 1, result.t)
+    lines += [*left.lines(), *effects_line(ready.effects), str(engine)]
     steps = f"{counted(counters.steps, 'step')} ({counters.rejected:,} rejected), "
     done = "" if ready.motion is not None else f"{steps}{counted(counters.evaluations, 'evaluation')}, "
     return [*lines, f"{done}{counted(len(result.t), 'row')}, wall time {wall:.2f} s"]

@@ -20,7 +20,7 @@ from .common.options import RobotCommand, takes_effects, takes_robot
 from .common.summary import effects_line, fitted_rates
 from .common.tables import Plan, Tables, run, takes_jobs, takes_source
 from .common.text import aligned_rows, counted
-from .idm import efforts, takes_passive
+from .idm import efforts, refuse_massless, takes_passive
 
 if TYPE_CHECKING:
     from ..effects import Effects
@@ -56,7 +56,7 @@ def _report_file(ctx: click.Context, param: click.Parameter, value: str | None) 
     type=click.Choice(["limit", "never"]),
     default="limit",
     show_default=True,
-    help="Exit with status 1 where a motor exceeds a limit of its effort or speed.",
+    help="Exit with status 1 where a motor exceeds a limit of effort or speed, or a joint leaves its range.",
 )
 @takes_jobs
 def command(
@@ -73,20 +73,21 @@ def command(
 
     The table is that of 'hybridyn idm'; long ones are read in blocks. Per motor: peak and RMS effort, peak
     speed, peak power given and taken (braking), mean power, energies, travel, the times of the peaks; with a
-    gear ratio, torque and speed of the rotor too. Efforts and speeds over the limits of the robot's file are
-    named. Unlike 'idm', all effects that the robot's files state count here: rotors and friction are part of
-    a motor's load.
+    gear ratio, torque and speed of the rotor too. Efforts, speeds and positions over the limits of the
+    robot's file are named, those of joints without a motor too. Unlike 'idm', all effects that the robot's
+    files state count here: rotors and friction are part of a motor's load.
 
     Exit status: 0 no limit is exceeded, or --fail-on never; 1 one is (all is printed and written), or a file
     is wrong; 2 wrong usage.
     """
     reports: list[_Report] = []
 
-    def plan(robot: HybridRobot, *_: object) -> Plan:
+    def plan(robot: HybridRobot, layout: Layout, rows: int | None) -> Plan:
         from ..effects import choose
 
         chosen = choose(robot, effects)
         chosen = chosen.only([name for name in chosen.names if name != "limits"])  # they are reported here
+        refuse_massless(robot, chosen, layout)
         model = functools.partial(motor_states, passive=passive, effects=chosen)
         reports.append(_Report(robot, source, output, plot, chosen))
         return Plan(model, [], reports[0], written=False)
@@ -109,9 +110,10 @@ def motor_states(robot: HybridRobot, block: Postures, *, passive: str, effects: 
     from ..streams.blocks import Rows
     from ..studies.sizing import motor_rows
 
-    tau = efforts(robot, block, passive=passive, effects=effects).result
+    made = efforts(robot, block, passive=passive, effects=effects)
     position, speed = motor_rows(robot, block.q, block.v)
-    return Rows(np.concatenate([speed, tau, np.nan_to_num(position)], axis=1))
+    rows = np.concatenate([speed, made.result, np.nan_to_num(position)], axis=1)
+    return Rows(rows, left=made.left)
 
 
 class _Report:
@@ -120,8 +122,10 @@ class _Report:
     def __init__(
         self, robot: HybridRobot, source: str, output: str | None, plot: str | None, effects: Effects
     ) -> None:
+        from ..departures import Departures
         from ..studies.sizing import Sizing
 
+        self.left = Departures()
         self.robot, self.source, self.output, self.plot = robot, source, output, plot
         self.effects = effects
         self.sizing = Sizing(robot)
@@ -133,6 +137,7 @@ class _Report:
         import numpy as np
 
         self.samples += len(done.rows)
+        self.left.add(done.left, done.first_row, done.time)
         speed, effort, position = np.split(done.rows, 3, axis=1)
         turning = [joint.kind == "continuous" for joint in self.sizing.joints]
         position[:, turning] = np.nan
@@ -155,11 +160,17 @@ class _Report:
         over = f" over {self.sizing.duration:.6g} s" if timed else ""
         click.echo(f"{name}: {counted(len(loads), 'motor')}, {counted(self.samples, 'sample')}{over}")
         click.echo("\n".join(_table(loads, timed)))
-        self.violations = violations(loads)
-        for line in self.violations or ["no effort and no speed is over a limit of the robot's file"]:
+        self.violations = [*violations(loads), *self._left()]
+        for line in self.violations or ["no effort, speed or position is over a limit of the robot's file"]:
             click.echo(line)
         for line in (*fitted_rates(layout), *effects_line(self.effects)):
             click.echo(line, err=True)
+
+    def _left(self) -> list[str]:
+        """Name the joints that leave their ranges, and passive ones that are too fast."""
+        motors = set(self.robot.motors)
+        found = (one for one in self.left if one.quantity == "position" or one.joint not in motors)
+        return [self.left.line(one) for one in found]
 
 
 def _table(loads: Sequence[MotorLoad], timed: bool) -> list[str]:

@@ -15,6 +15,9 @@ from .robot_file import FREEDOMS, MotorSource, MotorStatement, RobotFile
 RANKING: tuple[MotorSource, ...] = ("side-car", "model file", "transmission", "independent", "names")
 """Sources of motor names, the strongest first; what the caller passes stands above all."""
 
+#: The rule for a tree whose files name no motor.
+EVERY_JOINT = "every joint (no closure, and no file names motors)"
+
 
 def choose_motors(robot: RobotFile, motors: Sequence[str] | None) -> tuple[tuple[str, ...], str]:
     """Return the names of the driven joints and the rule that found them.
@@ -53,12 +56,14 @@ def _of_this_robot(robot: RobotFile, statement: MotorStatement) -> MotorStatemen
 
 
 def _note_passive(robot: RobotFile, chosen: MotorStatement) -> None:
-    """Note the joints that transmissions leave undriven though nothing moves them: the list may be short."""
-    if chosen.source != "transmission":
+    """Note the joints of loops that transmissions leave undriven though they are called independent.
+
+    In a tree every joint left out is told, as a sign of lost loops (`lost_loops`).
+    """
+    if chosen.source != "transmission" or not robot.closures:
         return
     stated = [name for other in robot.motors if other.source == "independent" for name in other.names]
-    expected = stated or ([] if robot.closures else [joint.name for joint in _free_joints(robot)])
-    missing = [name for name in expected if name not in chosen.names]
+    missing = [name for name in stated if name not in chosen.names]
     if missing:
         robot.notes.append(
             f"<transmission> drives {len(chosen.names)} joints and leaves these passive: {listed(missing)}; "
@@ -69,7 +74,7 @@ def _note_passive(robot: RobotFile, chosen: MotorStatement) -> None:
 def _by_rule(robot: RobotFile) -> tuple[tuple[str, ...], str]:
     free = _free_joints(robot)
     if not robot.closures and all(_is_mimic(coupling) for coupling in robot.couplings):
-        return tuple(joint.name for joint in free), "every joint (no closure, and no file names motors)"
+        return tuple(joint.name for joint in free), EVERY_JOINT
     strong = [joint.name for joint in free if 0 < joint.effort < np.inf]
     if 0 < len(strong) < len(free):
         return tuple(strong), "joints with an effort limit above zero (no file names motors)"

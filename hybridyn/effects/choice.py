@@ -261,6 +261,24 @@ def _meaning(robot: HybridRobot, word: str) -> tuple[str, ...]:
     return (word,)
 
 
+def stated_names(robot: HybridRobot) -> tuple[str, ...]:
+    """Return the names of the effects that the robot's files state numbers for.
+
+    Args:
+        robot: The robot.
+    """
+    joints = [joint for joint in robot.description.joints if joint.kind != "fixed"]
+    numbers = dict(
+        zip(
+            FROM_FILES,
+            ([j.rotor_inertia for j in joints], [j.damping for j in joints], [j.friction for j in joints]),
+            strict=True,
+        )
+    )
+    named = [name for name, values in numbers.items() if any(values)]
+    return tuple(dict.fromkeys([*named, *(name for name, _ in robot.description.effects)]))
+
+
 def _stated(robot: HybridRobot, name: str) -> list[Any]:
     """Return the objects of a named effect, with the numbers of the robot's files.
 

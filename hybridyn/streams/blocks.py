@@ -18,6 +18,7 @@ from .postures import Postures, postures, rows_named
 from .workers import Failure, Workers
 
 if TYPE_CHECKING:
+    from ..departures import Departure
     from ..description.records import Array
     from ..structure.robot import HybridRobot
     from ..tables.columns import Layout
@@ -38,11 +39,13 @@ class Rows(NamedTuple):
         result: Rows of the result, shape (T, columns).
         reactions: Rows of the reactions, shape (T, columns), or None.
         handed_over: Samples that compiled models handed to the general path.
+        left: Limits that joints leave.
     """
 
     result: Array
     reactions: Array | None = None
     handed_over: int = 0
+    left: tuple[Departure, ...] = ()
 
 
 Model = Callable[["HybridRobot", Postures], Rows]
@@ -72,6 +75,7 @@ class Done(NamedTuple):
         first: Posture of its first row, that of the lead if there is one, shape (nq,).
         last: Posture of its last row, shape (nq,).
         handed_over: Samples that compiled models handed to the general path.
+        left: Limits that joints leave.
     """
 
     first_row: int
@@ -82,6 +86,7 @@ class Done(NamedTuple):
     first: Array
     last: Array
     handed_over: int = 0
+    left: tuple[Departure, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -118,14 +123,16 @@ class Work:
             whole = postures(self.robot, block.motion, self.layout, guess)
             own = whole.after(block.lead) if block.lead else whole
             with rows_named(self.layout, own.motion):
-                rows, reactions, handed_over = self.model(self.robot, own)
+                made = self.model(self.robot, own)
+            rows = made.result
             residual = hybridyn.closure_residual(self.robot, own.q)
         wrong = np.flatnonzero(~np.isfinite(rows).all(axis=1))
         row = own.motion.first_row
         if len(wrong):
             message = "the results are not finite: the numbers of this row are too large"
             raise TrajectoryError(message, file=self.layout.file, row=row + int(wrong[0]))
-        return Done(row, own.motion.time, rows, reactions, residual, whole.q[0], whole.q[-1], handed_over)
+        ends = whole.q[0], whole.q[-1]
+        return Done(row, own.motion.time, rows, made.reactions, residual, *ends, made.handed_over, made.left)
 
 
 def blocks(motions: Iterable[Motion], rows: int, connected: bool) -> Iterator[Block]:

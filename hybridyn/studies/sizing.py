@@ -15,6 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..departures import TOUCHING, position_limits
 from ..spatial import Array
 from ..structure.robot import HybridRobot
 
@@ -22,8 +23,6 @@ from ..structure.robot import HybridRobot
 TIE = 1e-6
 #: Points of the speed-effort cloud that are kept per motor; beyond twice as many every second one is dropped.
 CLOUD = 2000
-#: A limit is violated beyond this part of it: a motion that just touches it does not exceed it.
-TOUCHING = 1e-9
 
 
 @dataclass(frozen=True)
@@ -60,6 +59,9 @@ class MotorLoad:
         speed_limit: Speed limit of the file, inf where it states none.
         over_effort: Number of samples above the effort limit.
         over_speed: Number of samples above the speed limit.
+        lower_limit: Least position of the file, -inf where it states none.
+        upper_limit: Greatest position of the file, inf where it states none.
+        over_position: Number of samples outside them.
         gear_ratio: Rotor turns per joint turn (rad/m for a slide).
     """
 
@@ -79,6 +81,9 @@ class MotorLoad:
     speed_limit: float
     over_effort: int
     over_speed: int
+    lower_limit: float
+    upper_limit: float
+    over_position: int
     gear_ratio: float
 
     @property
@@ -114,7 +119,9 @@ class Sizing:
         self._integrals = np.zeros((5, count))  # of effort^2, speed^2, power, power given, power taken
         self._sums = np.zeros((5, count))  # the same over samples, for tables without time
         self._lower, self._upper = np.full(count, np.inf), np.full(count, -np.inf)
-        self._over = np.zeros((2, count), dtype=int)
+        self._over = np.zeros((3, count), dtype=int)
+        ranges = [position_limits(joint) or (-np.inf, np.inf) for joint in self.joints]
+        self._least, self._greatest = np.array(ranges).reshape(-1, 2).T
         self._last: tuple[float, Array] | None = None
         self.cloud = _Cloud()
 
@@ -143,12 +150,12 @@ class Sizing:
             ("braking", np.minimum(power, 0.0)),
         ):
             self._peaks[name].add(values, at)
-        self._over += np.array(
-            [
-                (np.abs(values) > limit * (1 + TOUCHING)).sum(axis=0)
-                for values, limit in zip((effort, speed), self.limits, strict=True)
-            ]
-        )
+        over = [
+            np.abs(values) > limit * (1 + TOUCHING)
+            for values, limit in zip((effort, speed), self.limits, strict=True)
+        ]
+        outside = (position < self._least) | (position > self._greatest)
+        self._over += np.sum([*over, outside], axis=1)
         self._lower = np.minimum(self._lower, position.min(axis=0, initial=np.inf))
         self._upper = np.maximum(self._upper, position.max(axis=0, initial=-np.inf))
         self.samples += len(effort)
@@ -194,6 +201,9 @@ class Sizing:
                     speed_limit=joint.velocity,
                     over_effort=int(self._over[0, i]),
                     over_speed=int(self._over[1, i]),
+                    lower_limit=joint.lower,
+                    upper_limit=joint.upper,
+                    over_position=int(self._over[2, i]),
                     gear_ratio=joint.gear_ratio,
                 )
             )

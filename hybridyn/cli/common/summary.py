@@ -47,6 +47,9 @@ class Summary:
             remarks: Lines that the summary ends with.
             engine: What computes; it learns how many samples the general path took over.
         """
+        from ...departures import Departures
+
+        self.left = Departures()
         self.robot, self.quantity, self.remarks, self.engine = robot, quantity, remarks, engine
         self.names, self.units, self.at = [*names], [*units], [*at]
         self.samples = 0
@@ -66,6 +69,7 @@ class Summary:
             done: What it came to.
         """
         self.samples += len(done.rows)
+        self.left.add(done.left, done.first_row, done.time)
         self.engine.add(done.handed_over)
         self.residual = max(self.residual, float(done.residual.max(initial=0.0)))
         for i, column in enumerate(self.at):
@@ -90,7 +94,7 @@ class Summary:
         click.echo(f"{self.robot.name}: {counted(len(self.robot.motors), 'motor')}", err=True)
         for line in self._lines():
             click.echo(f"  {line}", err=True)
-        for line in (*fitted_rates(layout), *self.remarks, str(self.engine)):
+        for line in (*self.left.lines(), *fitted_rates(layout), *self.remarks, str(self.engine)):
             click.echo(line, err=True)
         if self.robot.description.closures or self.robot.description.couplings:
             click.echo(f"worst closure residual: {self.residual:.2g} of the module's size", err=True)
@@ -123,6 +127,21 @@ def effects_line(effects: Effects) -> list[str]:
         effects: The effects of the command.
     """
     return [f"effects on: {', '.join(effects.names) or 'none'}; off: {', '.join(effects.absent) or 'none'}"]
+
+
+def not_computed(robot: HybridRobot, effects: Effects) -> list[str]:
+    """Say what the robot's files state and the command leaves out, in one line; none where it is all there.
+
+    Args:
+        robot: The robot.
+        effects: The effects of the command.
+    """
+    from ...effects.choice import stated_names
+
+    missing = [name for name in stated_names(robot) if name not in effects.names]
+    if not missing:
+        return []
+    return [f"the robot's files state {', '.join(missing)}: not computed; '--effects model' computes all"]
 
 
 def fitted_rates(layout: Layout) -> list[str]:

@@ -24,7 +24,7 @@ from ...structure.robot import HybridRobot
 from .couplings import check_couplings
 from .finding import CODES, SEVERITIES, Finding, Severity, worst
 from .limits import check_limits
-from .loops import check_modules
+from .loops import check_lost_loops, check_modules
 from .masses import check_masses
 from .names import check_meshes, check_names, duplicated_names
 from .places import Places
@@ -99,7 +99,8 @@ def _all(
     shapes = read_shapes(root, package_dirs, meshes=meshes)
     subject = Subject(root, description, package_dirs, shapes, robot)
     judges = (
-        check_masses, check_units, check_limits, check_couplings, check_names, check_meshes, check_modules,
+        check_masses, check_units, check_limits, check_couplings, check_names, check_meshes, check_lost_loops,
+        check_modules,
     )  # fmt: skip
     for judge in judges:
         yield from judge(subject)

@@ -20,7 +20,7 @@ CODES: dict[str, tuple[Severity, str]] = {
     "negative-inertia": ("error", "a principal moment of inertia is negative"),
     "triangle-inequality": ("warning", "a principal moment is larger than the sum of the other two"),
     "inertia-without-mass": ("warning", "a link has inertia but no mass"),
-    "missing-inertial": ("warning", "a moving link has a shape but no mass"),
+    "missing-inertial": ("warning", "a moving link has no mass"),
     "massless-motion": ("warning", "a motion has no inertia"),
     "com-outside": ("warning", "a centre of mass lies far outside its link's shape"),
     "inertia-too-large": ("warning", "an inertia is larger than mass inside the link's shape can have"),
@@ -28,6 +28,7 @@ CODES: dict[str, tuple[Severity, str]] = {
     "too-dense": ("warning", "a link is denser than any material"),
     "mass-ratio": ("note", "masses differ by many orders of magnitude"),
     "no-mass": ("warning", "no body of a module has mass"),
+    "massless-robot": ("error", "nothing has mass"),
     # units
     "millimetres": ("warning", "lengths look like millimetres"),
     "mesh-scale": ("warning", "a mesh is far larger or smaller than its robot"),
@@ -47,6 +48,7 @@ CODES: dict[str, tuple[Severity, str]] = {
     "mimic-zero": ("warning", "a joint mimics with multiplier zero"),
     "mimic-limits": ("warning", "a joint's limits stop the joint that it mimics"),
     # loops
+    "lost-loops": ("warning", "the robot seems to have loops that its file does not state"),
     "loops-close-nowhere": ("error", "no posture closes a module's loops"),
     "rank-in-doubt": ("error", "the file's rounding leaves the mobility in doubt"),
     "no-robot": ("error", "no robot can be made of the file"),

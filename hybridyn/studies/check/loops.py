@@ -8,6 +8,7 @@ import numpy as np
 
 from ...assembly.findings import SINGULAR, architecturally_singular, home_residuals, motor_share
 from ...assembly.free_motions import free_motions, own_inertia
+from ...description.lost_loops import lost_loops
 from ...description.names import LISTED_NAMES, listed
 from ...linkage.reduction import ROUNDED
 from ...spatial import Array
@@ -37,6 +38,19 @@ def check_modules(subject: Subject) -> Iterator[Finding]:
             continue  # a free base is no joint of the file
         told.add(id(module.mechanism))
         yield from _Judge(subject, robot, module, open_by).findings()
+
+
+def check_lost_loops(subject: Subject) -> Iterator[Finding]:
+    """Tell the signs of loops that the files do not state."""
+    why = "opened as a tree it is another robot: too many motors, and efforts that are not its own"
+    for sign in lost_loops(subject.description):
+        told = (sign.message, why, sign.mend)
+        if sign.link:
+            yield subject.of_link("lost-loops", sign.link, *told)
+        elif sign.joint:
+            yield subject.of_joint("lost-loops", sign.joint, *told)
+        else:
+            yield Finding("lost-loops", "", *told, subject.places.file)
 
 
 def _counted(number: int, thing: str) -> str:

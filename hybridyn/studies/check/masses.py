@@ -8,6 +8,7 @@ import numpy as np
 
 from ...description.records import Link
 from ...description.validate import INERTIA_SLACK
+from ...description.weightless import has_mass, weightless
 from .finding import Finding
 from .shapes import volume_of_box
 from .subject import Subject
@@ -33,7 +34,7 @@ def check_masses(subject: Subject) -> Iterator[Finding]:
     for link in subject.description.links:
         yield from _inertia(subject, link)
         yield from _size(subject, link)
-        yield from _missing(subject, link)
+    yield from _missing(subject)
     yield from _ratio(subject)
 
 
@@ -149,16 +150,24 @@ def unit_guess(ratio: float) -> str:
     return "taken about a point far from the centre of mass? "
 
 
-def _missing(subject: Subject, link: Link) -> Iterator[Finding]:
-    joint = subject.joint_above.get(link.name)
-    if link.mass or link.inertia.any() or link.name not in subject.shapes:
+def _missing(subject: Subject) -> Iterator[Finding]:
+    """Look for what moves without mass; where nothing has any, say so once."""
+    moving = [joint for joint in subject.description.joints if joint.kind != "fixed"]
+    if moving and not has_mass(subject.description):
+        yield subject.of_link(
+            "massless-robot",
+            moving[0].child,
+            "moves and has no mass, and no other link has any",
+            "efforts of gravity and inertia are zero, and direct dynamics has no solution",
+            "add <inertial> to the links: was the file exported without masses?",
+        )
         return
-    if joint is not None and joint.kind != "fixed":
+    for joint in weightless(subject.description, subject.shapes):
         yield subject.of_link(
             "missing-inertial",
-            link.name,
-            f"moves (joint '{joint.name}') and has a shape, but no mass",
-            "it counts as weightless",
+            joint.child,
+            f"moves (joint '{joint.name}') and weighs nothing",
+            "efforts leave out its weight and inertia",
             "add <inertial> with mass, centre of mass and inertia, or join it to a link that has them",
         )
 

@@ -1,0 +1,225 @@
+"""Signs that a robot had loops which its file does not state, so that it would be opened as a tree.
+
+Frames named in pairs, joints that look passive in a tree, files of loops beside: none proves a loop, so the
+robot is loaded, and every sign is told (`load` warns, `info` and `check` list them).
+"""
+
+from __future__ import annotations
+
+import itertools
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from .motors import EVERY_JOINT
+from .names import listed
+from .records import Array, Description, Joint
+from .robot_file import FREEDOMS
+from .weightless import Bodies
+
+#: Two frames coincide within this part of the robot's size: drawings close their loops to some 1e-4 of it.
+TOGETHER = 1e-3
+#: The end of a name that tells two frames of a pair apart, and what may follow it.
+ENDING = re.compile(r"(.*?)[_.-]?(?:(?<![0-9])([0-9]+)|(?<=[_.-])([A-Za-z]))(?:[_.-](?:frame|link|joint))?")
+#: Words of names that speak of a loop.
+LOOP_WORDS = {
+    "cl", "close", "closed", "closing", "closure", "constraint", "cut", "fermeture", "loop", "weld",
+}  # fmt: skip
+CLOSED_LOOP = re.compile(r"closed_?loop|loop_?closure|closing_?loop|loop_?joint", re.IGNORECASE)
+BESIDE = re.compile(r".*(submechanism|loop_?closure|closed_?loop).*\.ya?ml", re.IGNORECASE)
+FOLDERS = ("submechanism", "smurf")
+#: Most entries of a folder that are looked at.
+MOST_FILES = 1000
+STATE_THEM = "state its loops as <loop>, or the pairs of frames in a side-car robot.yaml (closed_loop)"
+
+
+class Sign(NamedTuple):
+    """A sign of loops that are not stated.
+
+    Attributes:
+        message: What looks so.
+        mend: What to do.
+        link: A link that shows it, or None.
+        joint: A joint that shows it, or None.
+    """
+
+    message: str
+    mend: str
+    link: str | None = None
+    joint: str | None = None
+
+
+def lost_loops(description: Description) -> list[Sign]:
+    """Return the signs that a robot had loops which its file does not state.
+
+    Args:
+        description: What the files say.
+    """
+    out = [*_paired_frames(description)]
+    if not description.closures:
+        out += [*_passive_looks(description), *_files_beside(description)]
+    return out
+
+
+def _paired_frames(description: Description) -> Iterator[Sign]:
+    """Look for massless fixed frames in pairs, on two bodies, that name a loop or lie at one place."""
+    bodies = Bodies(description)
+    carriers = {joint.parent for joint in description.joints}
+    used = {link for closure in description.closures for link in (closure.link_a, closure.link_b)}
+    weighing = {link.name for link in description.links if link.mass or link.inertia.any()}
+    frames = [
+        joint
+        for joint in description.joints
+        if joint.kind == "fixed" and joint.child not in carriers | used | weighing
+    ]
+    alike: dict[str, dict[str, dict[str, None]]] = {}
+    for joint in frames:
+        for name in {joint.child, joint.name}:
+            if match := ENDING.fullmatch(name):
+                ends = alike.setdefault(match[1], {})
+                ends.setdefault((match[2] or match[3]).lower(), {})[joint.child] = None
+    told: set[str] = set()
+    places = None
+    for stem, ends in alike.items():
+        if set(ends) not in ({"1", "2"}, {"0", "1"}, {"a", "b"}):
+            continue
+        if any(len(links) != 1 for links in ends.values()):
+            continue
+        one, other = (next(iter(ends[end])) for end in sorted(ends))
+        if bodies.of[one] == bodies.of[other] or {one, other} & told:
+            continue
+        places = places or _Places(description, bodies)
+        named, together = _names_a_loop(stem), places.together(one, other)
+        if named or together:
+            told |= {one, other}
+            at = ", and lie at one place in the zero posture" if together else ""
+            message = f"massless frames '{one}' and '{other}' look like the two ends of a closed loop{at}"
+            yield Sign(f"{message}, but no closure uses them", STATE_THEM, link=one)
+    lone = [joint.child for joint in frames if "closing" in _words(joint.child) and joint.child not in told]
+    if lone:
+        message = f"massless frames {listed(lone)} are named for closing a loop, but no closure uses them"
+        yield Sign(message, STATE_THEM, link=lone[0])
+
+
+def _words(name: str) -> set[str]:
+    """Return the words of a name, in small letters, without numbers."""
+    return {word.lower() for word in re.findall(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])", name)}
+
+
+def _names_a_loop(name: str) -> bool:
+    return bool(LOOP_WORDS & _words(name) or CLOSED_LOOP.search(name))
+
+
+def _passive_looks(description: Description) -> Iterator[Sign]:
+    """Look for joints of a tree that its file treats as passive: nothing but a loop would move them."""
+    followers = {coupling.name for coupling in description.couplings}
+    free = [j for j in description.joints if FREEDOMS[j.kind] == 1 and j.name not in followers]
+    mend = f"name the motors (motors = [...] in model.toml); if it has loops, {STATE_THEM}"
+    if description.motors_from == EVERY_JOINT:
+        weak = [j for j in free if j.effort == 0.0]
+        strong = [j for j in free if 0.0 < j.effort < np.inf]
+        if weak and strong:
+            yield Sign(
+                f"{len(weak)} of its {len(free)} joints state effort 0, as passive joints of loops do "
+                f"({listed(j.name for j in weak)}), yet each counts as a motor: no closure is stated",
+                mend,
+                joint=weak[0].name,
+            )
+        elif not strong and _is_suspicious(description, free, weak):
+            yield Sign(
+                f"none of its {len(free)} joints states an effort above 0, so every one counts as a motor, "
+                "and no closure is stated",
+                mend,
+                joint=free[0].name,
+            )
+    elif "<transmission>" in description.motors_from:
+        passive = [j.name for j in free if j.name not in description.motors]
+        if passive:
+            yield Sign(
+                f"<transmission> drives {len(description.motors)} joints and leaves these passive: "
+                f"{listed(passive)}; they swing freely, for no closure is stated",
+                f"if they are driven too, {mend}",
+                joint=passive[0],
+            )
+
+
+def _is_suspicious(description: Description, free: list[Joint], weak: list[Joint]) -> bool:
+    """Say whether joints without effort mean more than that the author wrote no limits.
+
+    They do where effort 0 is written on each of several joints, or where the tree branches: chains that were
+    cut open end side by side.
+    """
+    if len(weak) == len(free) > 1:
+        return True
+    bodies = Bodies(description)
+    moving = {joint.child for joint in description.joints if joint.kind != "fixed"}
+    bearing = {bodies.of[joint.parent] for joint in description.joints if joint.kind != "fixed"}
+    return len(moving - bearing) > 1
+
+
+def _files_beside(description: Description) -> Iterator[Sign]:
+    """Look for files of loops beside the robot's, in its folder or in one that Phobos writes."""
+    if description.source is None:
+        return
+    folder = Path(description.source).absolute().parent
+    folders = [folder]
+    for above in (folder, folder.parent):
+        folders += [p for p in _entries(above) if p.name.lower().startswith(FOLDERS) and p.is_dir()]
+    found = [file for place in folders for file in _entries(place) if BESIDE.fullmatch(file.name)]
+    if found:
+        names = listed(dict.fromkeys(file.name for file in found))
+        yield Sign(
+            f"{names} beside it may state its loops, but is not read; the file itself states none",
+            f"{STATE_THEM}; move the file away if it belongs to another robot",
+        )
+
+
+def _entries(folder: Path) -> list[Path]:
+    """Return what a folder holds, in order; nothing where it may not be read."""
+    try:
+        return sorted(itertools.islice(folder.iterdir(), MOST_FILES))
+    except OSError:
+        return []
+
+
+class _Places:
+    """Where frames lie in the zero posture."""
+
+    def __init__(self, description: Description, bodies: Bodies) -> None:
+        self._bodies = bodies
+        self._above = {joint.child: joint for joint in description.joints}
+        self._frames: dict[str, Array] = {description.root: np.eye(4)}
+        for joint in _outwards(description):
+            self._frames[joint.child] = self._frames[joint.parent] @ joint.placement
+        points = np.array([frame[:3, 3] for frame in self._frames.values()])
+        self._size = float(np.linalg.norm(np.ptp(points, axis=0)))
+
+    def together(self, one: str, other: str) -> bool:
+        """Say whether two frames lie at one place, which is not that of a joint between their bodies."""
+        at = self._frames[one][:3, 3]
+        if not self._near(at, self._frames[other][:3, 3]):
+            return False
+        of = self._bodies.of
+        for child, parent in ((of[one], of[other]), (of[other], of[one])):
+            joint = self._above.get(child)
+            if joint is not None and of[joint.parent] == parent:
+                return not self._near(at, self._frames[child][:3, 3])
+        return True
+
+    def _near(self, a: Array, b: Array) -> bool:
+        return bool(np.linalg.norm(a - b) <= TOGETHER * self._size)
+
+
+def _outwards(description: Description) -> Iterator[Joint]:
+    """Return the joints, each after the one that carries it."""
+    below: dict[str, list[Joint]] = {}
+    for joint in description.joints:
+        below.setdefault(joint.parent, []).append(joint)
+    waiting = [description.root]
+    while waiting:
+        for joint in below.get(waiting.pop(), ()):
+            yield joint
+            waiting.append(joint.child)

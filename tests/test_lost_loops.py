@@ -1,0 +1,140 @@
+"""Robots whose loops or masses were lost on the way into the file are told by `load`, `info` and `check`."""
+
+from __future__ import annotations
+
+import logging
+from pathlib import Path
+
+import pytest
+from robot_texts import INERTIAL, LOOP, robot, save
+
+import hybridyn
+from hybridyn.assembly.findings import findings, of_files
+from hybridyn.description import read
+from hybridyn.description.lost_loops import lost_loops
+from hybridyn.description.shipped import shipped_robots
+from hybridyn.description.weightless import weightless
+from hybridyn.loading import load
+
+
+def frame(name: str, link: str, xyz: str = "0 0 0") -> str:
+    """Return a massless frame welded to a link."""
+    return (
+        f'<link name="{name}"/><joint name="{name}_weld" type="fixed"><origin xyz="{xyz}"/>'
+        f'<parent link="{link}"/><child link="{name}"/></joint>'
+    )
+
+
+def effort(joint: str, value: float) -> str:
+    """Return another joint that turns a heavy link, with an effort limit."""
+    return (
+        f'<link name="{joint}_body">{INERTIAL}</link><joint name="{joint}" type="revolute">'
+        f'<parent link="ground"/><child link="{joint}_body"/><axis xyz="0 0 1"/>'
+        f'<limit lower="-1" upper="1" velocity="1" effort="{value}"/></joint>'
+    )
+
+
+def driven(*names: str) -> str:
+    return "".join(
+        f'<transmission name="t_{n}"><joint name="{n}"/><actuator name="a_{n}"/></transmission>'
+        for n in names
+    )
+
+
+ALL = driven("drive", "elbow", "swing")
+LOST = {
+    "named pair": (robot(frame("l1_cl1_1", "coupler"), frame("l1_cl1_2", "rocker"), ALL), "'l1_cl1_1' and"),
+    "lone closing frame": (robot(frame("closing_knee", "coupler"), ALL), "'closing_knee'"),
+    "one place": (
+        # In the zero posture the coupler's end is at 2.5 m along the crank, turned by 0.4 rad.
+        robot(
+            frame("pin_1", "coupler", "1.5 0 0"),
+            frame("pin_2", "rocker", f"{2.5 * 0.9210609940028851 - 1.5} {2.5 * 0.3894183423086505} 0"),
+            ALL,
+        ),
+        "lie at one place",
+    ),
+    "efforts of zero": (robot(effort("free", 0)), "'free'"),
+    "no effort at all": (
+        robot().replace('effort="10"', 'effort="0"'),
+        "none of its 3 joints states an effort",
+    ),
+    "left passive": (robot(driven("drive")), "leaves these passive: 'elbow', 'swing'"),
+}
+
+
+@pytest.mark.parametrize("case", LOST)
+def test_a_robot_that_lost_its_loops_is_told(
+    case: str, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    text, part = LOST[case]
+    path = save(tmp_path, text)
+    with caplog.at_level(logging.WARNING, logger="hybridyn"):
+        loaded = load(path)
+    (said,) = [record.getMessage() for record in caplog.records]
+    assert part in said
+    assert "loop" in said
+    assert any(part in remark for remark in findings(loaded))
+    (found,) = [finding for finding in hybridyn.check(path) if finding.code == "lost-loops"]
+    assert part in found.message
+
+
+@pytest.mark.parametrize("name", ["robot_submechanisms.yml", "submechanisms/knee.submechanism.yaml"])
+def test_a_file_of_loops_beside_is_told(name: str, tmp_path: Path) -> None:
+    path = save(tmp_path / "urdf", robot(ALL))
+    assert of_files(load(path).description) == []
+    save(tmp_path / "urdf", "submechanisms: []", name)
+    (said,) = of_files(load(path).description)
+    assert Path(name).name in said
+    save(tmp_path / "urdf", robot(LOOP, ALL))
+    assert lost_loops(load(path, motors=["drive"]).description) == []
+
+
+QUIET = {
+    "a tree": robot(ALL),
+    "motors named": robot(effort("free", 0), driven("drive", "elbow", "swing", "free")),
+    "cameras": robot(frame("camera_1", "coupler", "0 0.1 0"), frame("camera_2", "rocker"), ALL),
+    "four feet": robot(*(frame(f"cl_{i}", "rocker" if i % 2 else "coupler") for i in range(1, 5)), ALL),
+    "one body": robot(frame("loop_1", "rocker"), frame("loop_2", "rocker", "1 0 0"), ALL),
+    "at a joint": robot(frame("pin_1", "crank", "1 0 0"), frame("pin_2", "coupler"), ALL),
+}
+
+
+@pytest.mark.parametrize("case", QUIET)
+def test_a_robot_without_lost_loops_is_not(case: str, tmp_path: Path) -> None:
+    assert of_files(load(save(tmp_path, QUIET[case])).description) == []
+
+
+@pytest.mark.parametrize("name", shipped_robots())
+def test_shipped_robots_lost_nothing(name: str) -> None:
+    assert of_files(read(shipped_robots()[name].file)) == []
+
+
+def test_moving_links_without_mass_are_told(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    """The coupler of a four-bar; a frame that is welded to a link is not."""
+    light = robot(LOOP, frame("tag", "rocker"), driven("drive")).replace(
+        f'<link name="coupler">{INERTIAL}', '<link name="coupler">'
+    )
+    path = save(tmp_path, light)
+    with caplog.at_level(logging.WARNING, logger="hybridyn"):
+        loaded = load(path)
+    (said,) = [record.getMessage() for record in caplog.records]
+    assert "link 'coupler' moves and weighs nothing" in said
+    assert any("'coupler'" in remark for remark in findings(loaded))
+    (found,) = [finding for finding in hybridyn.check(path) if finding.code == "missing-inertial"]
+    assert found.element == "link 'coupler'"
+
+
+def test_mass_welded_to_a_link_is_its_own(tmp_path: Path) -> None:
+    welded = frame("weight", "coupler").replace('name="weight"/>', f'name="weight">{INERTIAL}</link>', 1)
+    text = robot(LOOP, welded, driven("drive")).replace(
+        f'<link name="coupler">{INERTIAL}', '<link name="coupler">'
+    )
+    assert weightless(load(save(tmp_path, text)).description) == []
+
+
+def test_a_robot_without_any_mass_is_an_error(tmp_path: Path) -> None:
+    path = save(tmp_path, robot(ALL).replace(INERTIAL, ""))
+    (said,) = of_files(load(path).description)
+    assert "nothing has mass" in said
+    assert [f.severity for f in hybridyn.check(path) if f.code == "massless-robot"] == ["error"]
