@@ -65,7 +65,7 @@ def of_files(description: Description) -> list[str]:
         one = len(light) == 1
         out.append(
             f"{'link' if one else 'links'} {listed(light)} {'moves and weighs' if one else 'move and weigh'} "
-            "nothing: efforts leave out what they weigh; give them an <inertial>, or weld them to what has one"
+            "nothing: efforts leave out their weight; give them an <inertial>, or weld them to what has one"
         )
     return out
 
