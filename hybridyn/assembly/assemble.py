@@ -63,7 +63,7 @@ def assemble(
         SingularityError: A motion that the joints cannot follow: a platform's where a leg is stretched.
         TrajectoryError: Unknown names, wrong shapes, numbers that are not finite.
     """
-    requests = gather_requests(robot, motors or {}, platforms or {})
+    requests = gather_requests(robot, _by_name(motors), _by_name(platforms))
     T = requests.samples
     guess = robot.home if guess is None else np.asarray(guess, dtype=float).reshape(-1)
     if guess.shape != (robot.nq,):
@@ -84,6 +84,14 @@ def assemble(
             body = robot.body_of_joint[joint]
             bodies[body] = bodies[base_body].then(RigidMotion.of_body(motion, i + 1))
     return (q[0], v[0], a[0]) if requests.single else (q, v, a)
+
+
+def _by_name(wanted: Mapping[str, object] | None) -> Mapping[str, object]:
+    """Return what a mapping, or a table with named columns (a DataFrame), holds for each name."""
+    columns = getattr(wanted, "columns", None)
+    if wanted is None or columns is None:
+        return wanted or {}
+    return {str(name): wanted[name] for name in columns}
 
 
 def place_base(robot: HybridRobot, requests: Requests, q: Array, v: Array, a: Array) -> None:

@@ -30,6 +30,7 @@ OPTIONS = {
     'passive="solved"': "--passive solved",
     'on_singular="least-norm"': "--on-singular least-norm",
     "allow_python=True": "--allow-python",
+    "holds it with package_dirs": "holds it with --package-dir",
 }
 """What the library's advice is called here."""
 

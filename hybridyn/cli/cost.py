@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from ..description.writing import naming
 from .common.figures import figure_file, save
 from .common.options import complete_data, complete_robot, existing_file, result_file, robot_file, scene_file
 from .common.progress import Progress
@@ -236,5 +237,5 @@ def _write(study: Study, output: str) -> None:
     if output == "-":
         click.echo(text.getvalue(), nl=False)
         return
-    with open(output, "w", encoding="utf-8", newline="") as file:
+    with naming(output), open(output, "w", encoding="utf-8", newline="") as file:
         file.write(text.getvalue())

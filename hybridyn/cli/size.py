@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from ..description.writing import naming
 from .common.figures import save, takes_plot
 from .common.options import RobotCommand, takes_effects, takes_robot
 from .common.summary import effects_line, fitted_rates
@@ -251,7 +252,8 @@ def _write(target: str, text: str) -> None:
     """Write a file that appears when it is complete."""
     draft = Path(f"{target}.part")
     try:
-        draft.write_text(text, encoding="utf-8")
+        with naming(target):
+            draft.write_text(text, encoding="utf-8")
         os.replace(draft, target)
     finally:
         draft.unlink(missing_ok=True)

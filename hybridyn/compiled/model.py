@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -194,6 +194,8 @@ class CompiledRobot:
         sizes = dict(calls.inputs)
         if given.keys() != sizes.keys():  # a base_acceleration for a base that does not move
             return self._general(name, given)
+        if any(hasattr(value, "columns") for value in given.values()):
+            as_batches(given, sizes)
         arrays = {key: np.asarray(value, dtype=float) for key, value in given.items()}
         ranks = {array.ndim for array in arrays.values()}
         if ranks - {1, 2}:
@@ -257,7 +259,7 @@ def _refuse(*_: object) -> int:
     return REFUSED
 
 
-def as_batches(arrays: dict[str, Array], sizes: dict[str, int]) -> None:
+def as_batches(arrays: Mapping[str, ArrayLike], sizes: dict[str, int]) -> None:
     """Refuse what the general path refuses, in its words.
 
     Raises:

@@ -16,6 +16,7 @@ from .names import listed
 from .records import Description
 from .robot_file import RobotFile
 from .side_cars.companions import find_model_file, find_side_car
+from .unread_forms import form_of, not_read
 from .urdf.foreign import refuse_unclosed_frames, refuse_unread_side_cars
 from .urdf.urdf import read_urdf
 from .urdf.xacro import expand
@@ -24,9 +25,6 @@ from .validate import validate
 
 FORMATS: dict[str, Callable[[Node], RobotFile]] = {"robot": read_urdf}
 """Readers by the name of the root element."""
-
-UNREAD_FORMATS = {"mujoco": "MJCF (MuJoCo)", "sdf": "SDF (Gazebo)", "mujocoinclude": "MJCF (MuJoCo)"}
-"""Formats that are known and not read yet, by the name of the root element."""
 
 
 def read(
@@ -100,7 +98,7 @@ def _open(
     """Return the root element of a file, expanded if it is xacro, and the notes of the expansion."""
     text = read_bytes(file)
     if not file.endswith(".xacro"):
-        root = parse(text, file)
+        root = _parsed(text, file)
         if not any(node.tag.startswith("xacro:") for node in root.descendants()):
             if xacro_args:
                 raise ModelError(
@@ -109,6 +107,20 @@ def _open(
             return root, []
     expanded, notes = expand(file, xacro_args, package_dirs)
     return parse(expanded, f"{file} (expanded)"), notes
+
+
+def _parsed(text: bytes, file: str) -> Node:
+    """Parse a robot file; where it is no XML, still say what it is.
+
+    Raises:
+        ModelError: The text is no well-formed XML.
+    """
+    try:
+        return parse(text, file)
+    except ModelError as error:
+        if what := form_of(text):
+            error.args = (f"{error}; {what}",)
+        raise
 
 
 def _read_side_cars(robot: RobotFile, file: str) -> None:
@@ -160,9 +172,6 @@ def read_bytes(file: str) -> bytes:
 def _reader(root: Node) -> Callable[[Node], RobotFile]:
     if root.tag in FORMATS:
         return FORMATS[root.tag]
-    if root.tag in UNREAD_FORMATS:
-        name = UNREAD_FORMATS[root.tag]
-        raise root.error(
-            f"this is {name}, which is not read yet; convert the robot to URDF with <loop> closures"
-        )
+    if told := not_read(root.tag):
+        raise root.error(told)
     raise root.error("not a robot file; the root element of a URDF is <robot>")

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from ..description.writing import naming
 from ..errors import TrajectoryError
 from ..spatial import Array
 from ..structure.robot import HybridRobot
@@ -106,7 +107,7 @@ class Result:
         data["event_q"] = np.array([e.q for e in self.events]).reshape(-1, self.q.shape[1])
         data["event_v"] = np.array([e.v for e in self.events]).reshape(-1, self.v.shape[1])
         part = Path(f"{os.fspath(path)}.part")
-        with part.open("wb") as file:
+        with naming(path), part.open("wb") as file:
             np.savez(file, **data)
         part.replace(path)
 

@@ -13,9 +13,17 @@ def as_batch(array: ArrayLike, width: int, name: str) -> tuple[Array, bool]:
     """Return samples as (T, width) and say whether one single sample came in.
 
     Raises:
-        TrajectoryError: Wrong shape, or a number that is not finite.
+        TrajectoryError: Wrong shape, a table with named columns, or a number that is not finite.
     """
-    out = np.asarray(array, dtype=float)
+    if hasattr(array, "columns"):
+        raise TrajectoryError(
+            f"{name} is a table with named columns (a DataFrame), which has an order of its own: give an "
+            "array in the robot's, table[names].to_numpy()"
+        )
+    try:
+        out = np.asarray(array, dtype=float)
+    except (TypeError, ValueError) as error:
+        raise TrajectoryError(f"{name} is no array of numbers: {error}") from None
     single = out.ndim == 1
     if single:
         out = out[None]

@@ -99,7 +99,7 @@ def _parquet_blocks(
 
 @contextlib.contextmanager
 def parquet_writer(
-    file: Path, columns: Sequence[str], remarks: Sequence[str] = ()
+    file: Path, columns: Sequence[str], remarks: Sequence[str] = (), name: str | None = None
 ) -> Iterator[Callable[[Array], None]]:
     """Return a function that writes rows; polars streams them into one file when the context ends.
 
@@ -108,9 +108,13 @@ def parquet_writer(
         columns: Names of the columns.
         remarks: Lines for the file's metadata, under the key "hybridyn"; a polars that cannot write them
             leaves them out.
+        name: The file's name in errors, where `file` is a draft of it.
 
     Yields:
         A function that takes rows, shape (rows, columns); they wait in parts on disk, not in memory.
+
+    Raises:
+        TrajectoryError: The disk is full, or the file cannot be written for another reason.
     """
     polars = load_polars(str(file))
     parts = Path(tempfile.mkdtemp(prefix=f".{file.name}.", dir=file.parent))
@@ -138,5 +142,7 @@ def parquet_writer(
         known = "metadata" in inspect.signature(rows.sink_parquet).parameters
         said = {"metadata": {"hybridyn": "\n".join(remarks)}} if remarks and known else {}
         rows.sink_parquet(file, **said)
+    except polars.exceptions.PolarsError as error:
+        raise TrajectoryError(f"cannot be written: {error}", file=name or str(file)) from None
     finally:
         shutil.rmtree(parts, ignore_errors=True)

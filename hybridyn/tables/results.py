@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import TextIO
 
 from ..description.records import Array
+from ..description.writing import naming
 from ..errors import TrajectoryError
 from .parquet import load_polars, parquet_writer
 
@@ -39,13 +40,21 @@ def open_results(
         TrajectoryError: The ending is neither `.csv` nor `.parquet`, or the place cannot be written.
     """
     if target is None or str(target) == "-":
-        yield _csv_writer(sys.stdout, columns, remarks)
-        sys.stdout.flush()
+        with naming("standard output"):
+            yield _csv_writer(sys.stdout, columns, remarks)
+            sys.stdout.flush()
         return
+    with naming(target), _opened(target, columns, remarks) as write:
+        yield write
+
+
+@contextlib.contextmanager
+def _opened(target: str | Path, columns: Sequence[str], remarks: Sequence[str]) -> Iterator[Write]:
+    """Open a result file, as `open_results` does."""
     file = Path(os.path.realpath(target))  # a link keeps pointing at what it points at
     check_target(target)
     if file.suffix.lower() == ".parquet":
-        with _replacing(file) as draft, parquet_writer(draft, columns, remarks) as write:
+        with _replacing(file) as draft, parquet_writer(draft, columns, remarks, str(target)) as write:
             yield write
     elif file.exists() and not file.is_file():  # a device or a pipe is written to, never replaced
         with open(file, "w", encoding="utf-8", newline="") as text:

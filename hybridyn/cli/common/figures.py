@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from ...description.writing import naming
+
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
@@ -150,7 +152,8 @@ def _appearing(target: str) -> Iterator[str]:
     """Return a file to write to, which takes its name when it is complete."""
     partial = f"{target}.part{os.path.splitext(target)[1]}"
     try:
-        yield partial
+        with naming(target):
+            yield partial
         os.replace(partial, target)
     finally:
         if os.path.exists(partial):

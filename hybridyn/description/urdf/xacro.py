@@ -21,6 +21,9 @@ MEMORY = 2 * 2**30
 SECONDS = 120
 """Processor time that an expansion may use [s]; a stack of 1,000 six-legged modules takes 40."""
 
+EXTRAS = {"example-robot-data": "robots"}
+"""Extras of hybridyn that install a package of robot files."""
+
 LONGEST_MESSAGE = 400
 """Characters of xacro's own message that are passed on."""
 
@@ -55,11 +58,19 @@ def expand(
     if "error" in header:
         inner = header["file"]
         where = file if inner in (None, request["file"]) else os.path.relpath(inner)
-        message = f"xacro: {header['error']}"
+        message = f"xacro: {header['error']}{_extra_for(header['error'])}"
         if len(message) > LONGEST_MESSAGE:
             message = message[:LONGEST_MESSAGE] + " ..."
         raise ModelError(message, file=where, line=header["line"])
     return text, list(header["notes"])
+
+
+def _extra_for(error: str) -> str:
+    """Name the command that installs a package which was not found, where an extra of ours does."""
+    for package, extra in EXTRAS.items():
+        if f"package '{package}' is not found" in error:
+            return f", or install it with `pip install 'hybridyn[{extra}]'`"
+    return ""
 
 
 def _run_child(file: str, request: bytes) -> tuple[dict[str, Any], bytes]:

@@ -1,0 +1,100 @@
+"""Messages that name the file, the form or the package they speak of."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import polars
+import pytest
+from command_line import call
+from robot_texts import FOUR_BAR, read_text
+
+import hybridyn
+from hybridyn.errors import ModelError, TrajectoryError
+
+NO_ROOM = """
+import resource, sys
+from hybridyn.cli import main
+resource.setrlimit(resource.RLIMIT_FSIZE, (2000, 2000))
+sys.exit(main(sys.argv[1:]))
+"""
+
+
+@pytest.mark.parametrize(
+    ("command", "file"),
+    [("idm", "efforts.csv"), ("idm", "efforts.parquet"), ("effects", "share.svg")],
+)
+def test_a_disk_without_room_names_the_file(command: str, file: str, tmp_path: Path) -> None:
+    """Files of 2,000 bytes at most stand for a full disk."""
+    option = "--plot" if file.endswith("svg") else "-o"
+    words = [sys.executable, "-c", NO_ROOM, command, "five_bar", *OWN.get(command, []), option, file]
+    done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True)
+    assert done.returncode == 1
+    (line,) = [line for line in done.stderr.splitlines() if line.startswith("error: ")]
+    assert file in line
+    assert "File too large" in line
+    assert "bug" not in line
+    assert [*tmp_path.iterdir()] == []
+
+
+OWN = {"effects": ["five_bar/traj.csv"]}
+
+
+def test_a_full_device_is_named(capsys: pytest.CaptureFixture[str]) -> None:
+    said = call(capsys, "idm", "five_bar", "-o", "/dev/full", "-q")
+    assert (said.status, said.err) == (1, "error: /dev/full: No space left on device\n")
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        (
+            '<sdf version="1.7"><model name="a"><link name="b"></model></sdf>',
+            "SDF (Gazebo), which is not read yet",
+        ),
+        ('<!-- <robot> --><mujoco model="a"><worldbody></mujoco>', "MJCF (MuJoCo), which is not read yet"),
+        (
+            '<robot name="a"><drake:ball_constraint/></robot>',
+            "<drake:ball_constraint>, a Drake constraint; write",
+        ),
+        ('<robot name="a"><drake:collision_filter_group name="g"/></robot>', "need xmlns:drake="),
+    ],
+)
+def test_text_that_is_no_xml_still_says_what_it_is(text: str, told: str, tmp_path: Path) -> None:
+    with pytest.raises(ModelError, match="not well-formed XML") as caught:
+        read_text(tmp_path, text)
+    assert told in str(caught.value)
+
+
+def test_malformed_urdf_says_nothing_more(tmp_path: Path) -> None:
+    with pytest.raises(ModelError) as caught:
+        read_text(tmp_path, FOUR_BAR.replace("</robot>", ""))
+    assert ";" not in str(caught.value)
+
+
+def test_the_extra_that_installs_a_package_is_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("hybridyn.description.xacro_files._share_dirs", list)
+    with pytest.raises(ModelError, match=r"or install it with `pip install 'hybridyn\[robots\]'`"):
+        hybridyn.load("stewart_ur5")
+    assert "name the folder that holds it with --package-dir, or" in call(capsys, "info", "stewart_ur5").err
+
+
+def test_tables_with_named_columns() -> None:
+    """Columns of a table come in the table's order: refused as positions, taken by name as motors."""
+    robot = hybridyn.load("five_bar")
+    motion = np.array([0.0, 0.1])
+    table = polars.DataFrame(dict.fromkeys(robot.motors, motion))
+    by_name = hybridyn.assemble(robot, motors=dict.fromkeys(robot.motors, motion))
+    for found, expected in zip(hybridyn.assemble(robot, motors=table), by_name, strict=True):
+        np.testing.assert_array_equal(found, expected)
+    q, v, a = by_name
+    rows = polars.DataFrame({name: q[:, i] for i, name in enumerate(robot.joints)})
+    with pytest.raises(TrajectoryError, match="q is a table with named columns"):
+        hybridyn.idm(robot, rows, v, a)
+    with pytest.raises(TrajectoryError, match="v is no array of numbers"):
+        hybridyn.idm(robot, q, [["fast"] * robot.nv] * 2, a)
