@@ -11,7 +11,7 @@ import pytest
 from command_line import call, table_text
 
 import hybridyn
-from hybridyn.departures import Departures, departures, position_limits
+from hybridyn.structure.departures import Departures, departures, position_limits
 
 LOWER, UPPER, SPEED, EFFORT, MASS = -0.1, 0.2, 0.6, 4.0, 2.0
 

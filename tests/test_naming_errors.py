@@ -78,7 +78,7 @@ def test_malformed_urdf_says_nothing_more(tmp_path: Path) -> None:
 def test_the_extra_that_installs_a_package_is_named(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr("hybridyn.description.xacro_files._share_dirs", list)
+    monkeypatch.setattr("hybridyn.description.urdf.xacro._share_dirs", list)
     with pytest.raises(ModelError, match=r"or install it with `pip install 'hybridyn\[robots\]'`"):
         hybridyn.load("stewart_ur5")
     assert "name the folder that holds it with --package-dir, or" in call(capsys, "info", "stewart_ur5").err

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING
 
 import click
 
-from ..description.writing import naming
 from .common.figures import figure_file, save
 from .common.options import complete_data, complete_robot, existing_file, result_file, robot_file, scene_file
 from .common.progress import Progress
@@ -237,5 +236,7 @@ def _write(study: Study, output: str) -> None:
     if output == "-":
         click.echo(text.getvalue(), nl=False)
         return
+    from ..description.writing import naming
+
     with naming(output), open(output, "w", encoding="utf-8", newline="") as file:
         file.write(text.getvalue())

@@ -136,8 +136,8 @@ def efforts(
     """
     import hybridyn
 
-    from ..departures import departures
     from ..streams.blocks import Rows
+    from ..structure.departures import departures
 
     if compiled is not None:
         before = compiled.recomputed

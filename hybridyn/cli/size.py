@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from ..description.writing import naming
 from .common.figures import save, takes_plot
 from .common.options import RobotCommand, takes_effects, takes_robot
 from .common.summary import effects_line, fitted_rates
@@ -123,7 +122,7 @@ class _Report:
     def __init__(
         self, robot: HybridRobot, source: str, output: str | None, plot: str | None, effects: Effects
     ) -> None:
-        from ..departures import Departures
+        from ..structure.departures import Departures
         from ..studies.sizing import Sizing
 
         self.left = Departures()
@@ -250,6 +249,8 @@ def _csv(loads: Iterable[MotorLoad], timed: bool) -> str:
 
 def _write(target: str, text: str) -> None:
     """Write a file that appears when it is complete."""
+    from ..description.writing import naming
+
     draft = Path(f"{target}.part")
     try:
         with naming(target):

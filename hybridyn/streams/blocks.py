@@ -18,8 +18,8 @@ from .postures import Postures, postures, rows_named
 from .workers import Failure, Workers
 
 if TYPE_CHECKING:
-    from ..departures import Departure
     from ..description.records import Array
+    from ..structure.departures import Departure
     from ..structure.robot import HybridRobot
     from ..tables.columns import Layout
     from ..tables.trajectory import Motion

@@ -15,8 +15,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..departures import TOUCHING, position_limits
 from ..spatial import Array
+from ..structure.departures import TOUCHING, position_limits
 from ..structure.robot import HybridRobot
 
 #: Peaks that differ by less than this (relative) are one: the first counts, whatever rounding says.

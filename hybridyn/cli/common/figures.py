@@ -10,8 +10,6 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from ...description.writing import naming
-
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
@@ -150,6 +148,8 @@ class Drawing:
 @contextlib.contextmanager
 def _appearing(target: str) -> Iterator[str]:
     """Return a file to write to, which takes its name when it is complete."""
+    from ...description.writing import naming
+
     partial = f"{target}.part{os.path.splitext(target)[1]}"
     try:
         with naming(target):

@@ -47,7 +47,7 @@ class Summary:
             remarks: Lines that the summary ends with.
             engine: What computes; it learns how many samples the general path took over.
         """
-        from ...departures import Departures
+        from ...structure.departures import Departures
 
         self.left = Departures()
         self.robot, self.quantity, self.remarks, self.engine = robot, quantity, remarks, engine

@@ -11,9 +11,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from .description.records import Joint
-from .spatial import Array
-from .structure.robot import HybridRobot
+from ..description.records import Joint
+from ..spatial import Array
+from .robot import HybridRobot
 
 #: A speed or an effort is over its limit beyond this part of it: a motion that just touches it is not.
 TOUCHING = 1e-9
