@@ -1,5 +1,4 @@
-"""Questions asked of a robot: is it sound, what does a motion need, what can it reach, what does accuracy
-cost.
+"""Questions asked of a robot: is it sound, what does a motion need, what can it reach?
 
 `check/` judges a model, `sizing` motors, `workspace/` what a module reaches, `effect_worth` each physical
 effect, `cost/` error against time.
