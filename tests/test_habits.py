@@ -58,7 +58,7 @@ def test_types_are_shipped() -> None:
 
 def test_hooks_call_the_tools_of_the_environment() -> None:
     hooks = yaml.safe_load((ROOT / ".pre-commit-config.yaml").read_text())["repos"][0]["hooks"]
-    assert {hook["entry"].split()[0] for hook in hooks} == {"ruff", "mypy"}
+    assert {hook["entry"].split()[0] for hook in hooks} == {"ruff", "mypy", "codespell", "proselint"}
     assert all(hook["language"] == "system" for hook in hooks)
 
 

@@ -312,7 +312,7 @@ def _told(task: Task, module: Module, x: Array) -> Mask:
 
 
 def _grouped(marks: Array) -> tuple[Index, Index]:
-    """Number rows, shape (n, marks), so that equal ones share a number; give numbers and group sizes."""
+    """Return a number for each row of marks, shape (n, marks), the same for equal rows, and group sizes."""
     label = np.full(len(marks), -1)
     groups = 0
     while (label < 0).any():

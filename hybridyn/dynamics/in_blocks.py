@@ -52,7 +52,7 @@ def efforts_in_blocks(
 
 @contextlib.contextmanager
 def _counted_from(start: int) -> Iterator[None]:
-    """Number the samples that an error names from the motion's start, not from its block's."""
+    """Count the samples that an error names from the motion's start, not from its block's."""
     try:
         yield
     except HybridynError as error:

@@ -1,4 +1,4 @@
-"""The arithmetics that the oracle runs in: double precision, or as many digits as one likes.
+"""The arithmetic of the oracle: double precision, or any number of digits.
 
 Both know three things beyond sums and products: elementary functions, square systems, and a rank-revealing
 factorisation. Arrays are plain NumPy arrays, of floats or of mpmath numbers.

@@ -84,7 +84,7 @@ class ModuleSpec:
 
 
 def module_spec(bodies: Bodies, graph: ModuleGraph, home: Array) -> ModuleSpec:
-    """Number a module's bodies and joints by themselves and forget their names.
+    """Return a module's numbers: its bodies and joints counted from zero, without names.
 
     Args:
         bodies: The robot's bodies.
