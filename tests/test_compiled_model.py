@@ -186,20 +186,22 @@ def test_a_sample_past_the_guard_is_the_general_paths_alone_too(lx4: CompiledRob
 
 def test_a_model_that_differs_is_refused(lx4: CompiledRobot, monkeypatch: pytest.MonkeyPatch) -> None:
     """One part in 1e9 too much in one entry, and nobody gets the model."""
-    verify(lx4)
+    verify(lx4.library, lx4.robot, lx4.effects)
+    right, factor = lx4.library.batch, 1 + 1e-9
 
-    def wrong(*given: Any) -> Any:
-        out = hybridyn.ddm(lx4.robot, *given)
-        worst = np.unravel_index(np.abs(out).argmax(), out.shape)
-        out[worst] *= 1 + 1e-9
-        return out
+    def wrong(name: str, *given: Any) -> Any:
+        (out, *more), guard = right(name, *given)
+        if name == "ddm":
+            worst = np.unravel_index(np.abs(out).argmax(), out.shape)
+            out[worst] *= factor
+        return (out, *more), guard
 
-    monkeypatch.setattr(lx4, "ddm", wrong)
-    with pytest.raises(CompileError, match="'ddm' differs from the general path by 1e-09"):
-        verify(lx4)
-    monkeypatch.setattr(lx4, "ddm", lambda *given: np.full_like(hybridyn.ddm(lx4.robot, *given), np.nan))
+    monkeypatch.setattr(lx4.library, "batch", wrong)
+    with pytest.raises(CompileError, match="'ddm' of the robot 'lx4' differs from the general path by 1e-09"):
+        verify(lx4.library, lx4.robot, lx4.effects)
+    factor = np.nan
     with pytest.raises(CompileError, match="differs"):
-        verify(lx4)
+        verify(lx4.library, lx4.robot, lx4.effects)
 
 
 def test_a_wrong_program_never_reaches_the_user(own_cache: None, monkeypatch: pytest.MonkeyPatch) -> None:

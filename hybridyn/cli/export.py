@@ -44,6 +44,9 @@ def command(
     """
     if output is None and not stats:
         raise click.UsageError("say where the files go, -o DIR, or ask for --stats")
+    from ..compiled.needs import needs_casadi
+
+    needs_casadi()
     from ..compiled.export import export
     from ..compiled.programs.statistics import statistics
 

@@ -6,6 +6,7 @@ from ..effects.choice import Choice, choose
 from ..errors import ModelError
 from ..structure.robot import HybridRobot
 from .code.scalars import Scalar
+from .failures import failing_as_ours
 from .library.cache import Built
 from .library.calls import Library
 from .library.compilers import best_lanes, find_compiler
@@ -31,7 +32,7 @@ def compile(
 
     Raises:
         CompileError: There is no C compiler, casadi is not installed, or the built model differs from the
-            general path.
+            general path or would leave everything to it, or something else went wrong.
         ModelError: An effect is not for written-out models.
     """
     if dtype not in ("float64", "float32"):
@@ -43,7 +44,8 @@ def compile(
     scalar = Scalar(dtype, best_lanes(dtype))
 
     def accept(built: Built) -> None:
-        verify(CompiledRobot(robot, on, Library(built), 1))
+        verify(Library(built), robot, on)
 
-    built = built_library(robot, on, scalar, accept)
-    return CompiledRobot(robot, on, Library(built), threads)
+    with failing_as_ours(robot):
+        built = built_library(robot, on, scalar, accept)
+        return CompiledRobot(robot, on, Library(built), threads)

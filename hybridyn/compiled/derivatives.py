@@ -23,6 +23,7 @@ from ..structure.leg_model import pinocchio_inertia
 from ..structure.robot import HybridRobot
 from ..structure.samples import as_batch, same_samples
 from .code.scalars import TRUSTED
+from .failures import failing_as_ours
 from .needs import WITHOUT_CASADI
 
 try:
@@ -111,7 +112,8 @@ class Derivatives:
                 "the effect 'limits' has no derivative: clip the efforts before the call", element="limits"
             )
         self._robot, self._model = robot, model
-        program = programs(robot, self._effects, models=(model,), parameters=True)[model]
+        with failing_as_ours(robot):
+            program = programs(robot, self._effects, models=(model,), parameters=True)[model]
         self._value = function_of(program)
         self._sizes = dict(program.inputs)
         columns = [ca.SX.sym(name, size) for name, size in program.inputs]

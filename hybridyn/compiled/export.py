@@ -7,12 +7,18 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from ..effects.choice import Choice, choose
-from ..errors import ModelError
+from ..errors import CompileError, ModelError
 from ..structure.robot import HybridRobot
-from .code.plain_c import REAL, WRITTEN, plain_source, prototype, work_type
-from .export_reference import SAMPLES, test_text
-from .needs import needs_casadi
-from .program import Program
+from .failures import failing_as_ours
+from .needs import WITHOUT_CASADI
+
+try:
+    from .code.plain_c import REAL, WRITTEN, plain_source, prototype, work_type
+    from .export_reference import SAMPLES, test_text
+    from .program import Program
+    from .programs.whole_robot import programs
+except ModuleNotFoundError as error:
+    raise CompileError(WITHOUT_CASADI) from error
 
 WHAT = {
     "idm": "Inverse dynamic model: motor efforts tau [N, N m] from positions q, rates v and accelerations a.",
@@ -49,7 +55,7 @@ def export(
     Raises:
         ModelError: An effect is not for written-out models, the name is no name in C, or a file of that name
             is there that hybridyn did not write.
-        CompileError: casadi is not installed.
+        CompileError: casadi is not installed, or the models cannot be written out.
     """
     name = c_name(robot.description.name) if name is None else name
     if not re.fullmatch(r"[A-Za-z_]\w*", name, re.ASCII):
@@ -61,17 +67,15 @@ def export(
         raise ModelError(
             "the effect 'limits' is not exported: clip the efforts before the call", element="limits"
         )
-    needs_casadi()
-    from .programs.whole_robot import programs
-
-    models = list(programs(robot, on, models=tuple(WHAT), dtype=dtype).values())
-    contents = {
-        f"{name}.h": _header(robot, models, name, dtype),
-        f"{name}.c": plain_source(models, name, dtype),
-        f"test_{name}.c": test_text(robot, on, models, name, dtype),
-        "Makefile": _makefile(name),
-        "README.md": _readme(robot, on.names, models, name, dtype),
-    }
+    with failing_as_ours(robot):
+        models = list(programs(robot, on, models=tuple(WHAT), dtype=dtype).values())
+        contents = {
+            f"{name}.h": _header(robot, models, name, dtype),
+            f"{name}.c": plain_source(models, name, dtype),
+            f"test_{name}.c": test_text(robot, on, models, name, dtype),
+            "Makefile": _makefile(name),
+            "README.md": _readme(robot, on.names, models, name, dtype),
+        }
     folder = Path(directory)
     paths = [folder / file for file in contents]
     for path in paths:

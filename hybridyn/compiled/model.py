@@ -38,7 +38,7 @@ class CompiledRobot:
     """One robot with one choice of effects, written out and built.
 
     Results are those of `hybridyn.idm` and `hybridyn.ddm` to rounding; a sample whose closures are open, or
-    where a pivot of the elimination that was chosen at home is small, is handed to the general path.
+    where a pivot of the elimination that was chosen beforehand is small, is handed to the general path.
 
     Attributes:
         robot: The robot.

@@ -7,8 +7,8 @@ import importlib.util
 from ..errors import CompileError
 
 WITHOUT_CASADI = (
-    "writing a model out needs CasADi: `pip install casadi` (the extra 'hybridyn[compiled]'); the general "
-    "path works without it"
+    "writing a model out needs CasADi, of the extra 'compiled': install it with `pip install "
+    "'hybridyn[compiled]'`, or alone with `pip install casadi`; the general path works without it"
 )
 
 

@@ -57,26 +57,29 @@ def motor_efforts(
         sharing: How motors share the load.
 
     Returns:
-        Efforts, shape (T, motors), [N or N m].
+        Efforts, shape (T, motors), [N or N m]; zero for a motor that the closures hold still.
 
     Raises:
         ActuationError: Motors are missing, or mixed units have no weights.
         SingularityError: The motors lose a direction and `on_singular` is "raise".
     """
     T, N = Q.shape
-    motors = len(module.motors)
-    unit = motor_units(module)
-    B = np.swapaxes(Psi[:, module.motor_columns], 1, 2) / unit
+    moving = module.moving_motors
+    motors = len(moving)
+    unit = motor_units(module)[moving]
+    B = np.swapaxes(Psi[:, module.motor_columns[moving]], 1, 2) / unit
     if motors == 0:
         tau = np.zeros((T, 0))
     elif motors == N:
         tau = _square(module, Psi, B, Q, sharing)
     else:
-        share = np.ones(motors) if motors < N else load_share(robot, module, sharing) * unit
+        share = np.ones(motors) if motors < N else load_share(robot, module, sharing, moving) * unit
         tau = _least_norm(module, Psi, B, Q, share, sharing)
     missing = Q - np.einsum("tij,tj->ti", B, tau)
     _check_driven(module, Psi, missing, size, sharing)
-    return tau / unit
+    out = np.zeros((T, len(module.motors)))
+    out[:, moving] = tau / unit
+    return out
 
 
 def _square(module: Module, Psi: Array, B: Array, Q: Array, sharing: Sharing) -> Array:
@@ -115,7 +118,7 @@ def _least_norm(
         t = int(lost[0])
         condition = float(s[t, 0] / s[t, -1]) if s[t, -1] > 0 else np.inf
         sample = t if samples is None else int(samples[t])
-        worst = module.motors[int(np.argmax(np.abs(Vt[t, -1])))]
+        worst = module.motors[module.moving_motors[int(np.argmax(np.abs(Vt[t, -1])))]]
         raise SingularityError(
             f"module '{module.name}': its motors lose a direction at sample {sample} (parallel singularity; "
             f"condition number {condition:.1e}, limit {1 / SINGULAR:.0e}; motor '{worst}' is most "
@@ -130,21 +133,28 @@ def _least_norm(
     return out
 
 
-def load_share(robot: HybridRobot, module: Module, sharing: Sharing) -> Array:
+def load_share(robot: HybridRobot, module: Module, sharing: Sharing, among: Index) -> Array:
     """Return each motor's share: its effort limit, or 1 / sqrt(weight), [N or N m].
+
+    Args:
+        robot: The robot.
+        module: The module.
+        sharing: How motors share the load.
+        among: The motors that share it, numbered in the module.
 
     Raises:
         ActuationError: Motors of different units, without weights and without effort limits.
     """
     if sharing.weights is not None:
-        return 1.0 / np.sqrt(sharing.weights[module.motor_index])
+        return 1.0 / np.sqrt(sharing.weights[module.motor_index[among]])
     record = {j.joint.name: j.joint for j in robot.bodies.joints}
-    limits = np.array([record[m].effort for m in module.motors])
+    motors = [module.motors[i] for i in among]
+    limits = np.array([record[m].effort for m in motors])
     if np.isfinite(limits).all() and (limits > 0).all():
         return limits
-    if len({record[m].kind == "prismatic" for m in module.motors}) > 1:
+    if len({record[m].kind == "prismatic" for m in motors}) > 1:
         raise ActuationError(
-            f"module '{module.name}': {len(module.motors)} motors, some in N and some in N m, share "
+            f"module '{module.name}': {len(motors)} motors, some in N and some in N m, share "
             f"{module.mobility} freedoms. Give weights, or an effort limit for each motor, so that their "
             "efforts compare",
             module=module.name,

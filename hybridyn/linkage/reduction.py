@@ -125,6 +125,11 @@ class Reduction:
         """Number of independent velocities."""
         return self.n - self.rank
 
+    @property
+    def rounded(self) -> bool:
+        """Whether rows depend on each other only up to the rounding of the file."""
+        return self.report.dropped > ROUNDED
+
     def scaled(self, K: Array) -> Array:
         """Return rows without units, shape (T, rows, n)."""
         return K * self.row_scale[:, None] * self.col_scale
@@ -135,7 +140,7 @@ class Reduction:
         self.report = decide_rank(K, tolerance)
         self.rank = self.report.rank
         alone = len(self._blocks) == 1 and len(self._shared) == 0
-        if alone or self.report.dropped > ROUNDED:
+        if alone or self.rounded:
             # One dense elimination: the same for one leg, and it sees all of a rounded file's rows at once.
             self._blocks = []
         for block in self._blocks:

@@ -47,7 +47,7 @@ class LoopRows:
 
     def at(self, q: Array) -> tuple[Array, Array]:
         """Return scaled residuals (rows,) and scaled rows (rows, nv) at q, shape (nq,)."""
-        J = pin.computeJointJacobians(self.model, self.data, q)
+        J = pin.computeJointJacobians(self.model, self.data, q).reshape(6, -1)  # of one freedom it gives (6,)
         residual, K = np.zeros(len(self._scale)), np.zeros((len(self._scale), self.model.nv))
         rows = self._closures.row_slices
         for c, (a, b), sign, at in zip(self._closures.closures, self._frames, self._sign, rows, strict=False):

@@ -13,6 +13,7 @@ and an output on a leg link moves with a_o = J_o Psi.
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cached_property
 
 import numpy as np
 
@@ -23,13 +24,16 @@ from ..linkage.joints import TreeJoint
 from ..linkage.newton import generic_postures
 from ..linkage.reduction import RANK_TOLERANCE, Basis
 from ..linkage.tree import Motion, Tree
-from ..spatial import Array, Index, cross, quaternion_from_rotation, select, spatial_inertia
+from ..spatial import Array, Index, Mask, cross, quaternion_from_rotation, select, spatial_inertia
 from .leg_model import LegModel
 from .module_spec import ModuleSpec
 from .scaling import freedom_units, leg_by_leg, module_length, row_factors
 
 #: Where its axes span less than this, a carrying wrist does not tell its platform's motion: rates grow there.
 NEAR_LOCK = 1e-2
+#: A freedom that moves no more than this where a module moves by one (rad, module lengths) does not move at
+#: all: ten thousand roundings.
+STILL = 1e-11
 
 
 class Mechanism:
@@ -73,6 +77,9 @@ class Mechanism:
         self.home = home[0]
         scales = (self.reduction.row_scale, self.reduction.col_scale)
         self.postures, self.best_residual = home, 0.0
+        home_open = np.abs(self.closures.residual(home, self.tree.sweep(home)) * self.reduction.row_scale)
+        #: Whether the loops are closed at home; robots may be written with their loops open.
+        self.home_closes = bool((home_open <= closure_tolerance).all())
         if self.closures.rows:
             self.postures, self.best_residual = generic_postures(
                 self.closures, self.home, *scales, closure_tolerance
@@ -92,6 +99,19 @@ class Mechanism:
     def mobility(self) -> int:
         """The paper's N_k."""
         return self.reduction.mobility
+
+    @cached_property
+    def locked(self) -> Mask:
+        """Freedoms of `tree` that the closures let not move, at no generic posture, shape (nv,).
+
+        A motor there does no work: what it does is not told by the motion, and numbers that would tell it
+        are rounding divided by rounding.
+        """
+        if not len(self.postures):
+            return np.zeros(self.tree.nv, dtype=bool)
+        Psi = self.basis(self.generic_K).Psi / self.reduction.col_scale[:, None]
+        out: Mask = np.abs(Psi).max(axis=(0, 2), initial=0.0) <= STILL + self.rounding
+        return out
 
     def _map_coordinates(self) -> None:
         """Index arrays between the spanning tree and the tree after the cuts."""

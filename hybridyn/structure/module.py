@@ -52,6 +52,11 @@ class Module:
         """The paper's N_k."""
         return self.mechanism.mobility
 
+    @property
+    def moving_motors(self) -> Index:
+        """Its motors that the closures let move, numbered among its motors."""
+        return np.flatnonzero(~self.mechanism.locked[self.motor_columns])
+
     def freedom_names(self) -> list[str]:
         """Name the freedoms of the tree after the cuts: joints, and the platforms' six."""
         m = self.mechanism

@@ -18,7 +18,7 @@ UNDRIVEN = 1e-6
 
 
 def motor_efforts(
-    B: Expression, Q: Expression, terms: tuple[Any, Array, float], share: Array, pivots: Pivots
+    B: Expression, Q: Expression, terms: tuple[Any, Array, float], share: Array, pivots: Pivots | None
 ) -> tuple[Expression, Any]:
     """Return the efforts of a module's motors and the guard of their map.
 
@@ -28,13 +28,15 @@ def motor_efforts(
         terms: What Q was summed from: the size of its terms as work per scaled coordinate [N m], the unit of
             each motion, shape (N,), and how far loops may be open (`guards.CLOSED`).
         share: Each motor's share of the load, where there are more motors than motions, shape (motors,).
-        pivots: Pivots of B, or of its transpose where there are more motors.
+        pivots: Pivots of B (`motor_pivots`); not read where there are more motors than motions.
     """
     N, motors = B.shape
     if not motors:
         return zeros(0), _undriven(Q, *terms)
     if motors > N:
         return _least_norm(B, Q, share)
+    if pivots is None:  # no posture tells the motors apart: the general path says so
+        return zeros(motors), ca.SX(np.inf)
     X, trust = solve(B, Q[:, None], pivots)
     guard = trusted(trust)
     if motors < N:
@@ -56,7 +58,9 @@ def _least_norm(B: Expression, Q: Expression, share: Array) -> tuple[Expression,
     reflections: list[tuple[Expression, Any]] = []
     R = zeros(N, N)
     for k in range(N):
-        norm = ca.sqrt(dot(A[k:, k], A[k:, k][:, None])[0])
+        norm = ca.sqrt(
+            ca.SX(dot(A[k:, k], A[k:, k][:, None])[0])
+        )  # of plain numbers, too, where B is constant
         signed = ca.if_else(A[k, k] < 0, norm, -norm)
         h = A[k:, k].copy()
         h[0] = h[0] - signed

@@ -19,6 +19,7 @@ from .loops import Rows, write_rows
 from .parts import Parts, width_of
 from .paths import Path, path_of, wrist_pivots
 from .rigid import motion_to_parent, quaternion_matrix, to_child
+from .states import seen_postures
 from .static_elimination import Pivots, choose_pivots
 
 
@@ -59,7 +60,7 @@ def plan_module(parts: Parts, positions: Array, closed: float) -> Plan:
     m = parts.mechanism
     paths = tuple(path_of(m, wrist) for wrist in m.spec.wrists)
     row_scale, col_scale = m.reduction.row_scale, m.reduction.col_scale
-    postures = np.concatenate([m.postures, m.home[None]])
+    postures = seen_postures(m)
     groups = []
     for group in parts.groups:
         leg = group[0]
@@ -154,6 +155,8 @@ def write_core(
     rows = write_rows(
         chain, parts.closures, parts.couplings, split_positions(list(parts.links), tree_q), plan.scale, speed
     )
+    if plan.mechanism.reduction.rounded:  # which rows depend on the others is for each posture to say
+        rows.guard = ca.SX(np.inf)
     outputs = [parts.bodies.index(o) for o in plan.mechanism.spec.outputs]
     return Core(chain, platforms, rows, paths, outputs, tree_v, units, speed)
 

@@ -145,7 +145,7 @@ def _solve(core: Core, plan: Plan, options: DirectOptions, M: Expression, b: Exp
     Q_0 = -dot(Psi.T, f)  # Eq. (44) and the motors
     solved, definite = solve_definite(A_t, np.concatenate([E, Q_0[:, None]], axis=1), WITHOUT_INERTIA)
     guard = ca.fmax(core.rows.guard, trusted(trust))
-    guard = ca.fmax(guard, 2.0 - ca.fmin(definite, 2.0))
+    guard = ca.SX(np.inf) if options.massless else ca.fmax(guard, 2.0 - ca.fmin(definite, 2.0))
     for k, usual in enumerate(options.usual):
         if usual > 0:
             guard = ca.fmax(guard, 2.0 - ca.fmin(A_t[k, k] / (OF_LOCKED * usual), 2.0))

@@ -78,7 +78,7 @@ class _Needed:
         return size
 
 
-def write_inverse(name: str, plan: Plan, options: InverseOptions, pivots: Pivots) -> InverseModule:
+def write_inverse(name: str, plan: Plan, options: InverseOptions, pivots: Pivots | None) -> InverseModule:
     """Write a module's inverse model and cut it into its stages."""
     parts, spanning = plan.parts, plan.mechanism.spanning
     at_q, at_v = read_by_core(plan)
@@ -170,17 +170,21 @@ def _add_output(core: Core, plan: Plan, options: InverseOptions, o: int, out: _N
 
 
 def _efforts(
-    core: Core, plan: Plan, options: InverseOptions, Psi: Expression, needed: _Needed, pivots: Pivots
+    core: Core, plan: Plan, options: InverseOptions, Psi: Expression, needed: _Needed, pivots: Pivots | None
 ) -> tuple[Expression, Any]:
     """Return the motors' efforts B tau = Psi^T b, Eq. (33), and the guard of their map."""
-    parts = plan.parts
-    B = _motor_map(core, plan, options, Psi, needed.received)
-    if len(options.motors) > B.shape[0] and not options.share:
-        return zeros(0), ca.SX(np.inf)  # the general path says what is missing
-    size = needed.size() if len(options.motors) < B.shape[0] else ca.SX(0.0)
+    parts, moving = plan.parts, options.moving
+    B = _motor_map(core, plan, options, Psi, needed.received)[:, list(moving)]
+    if len(moving) > B.shape[0] and not options.share:
+        return zeros(len(options.motors)), ca.SX(np.inf)  # the general path says what is missing
+    size = needed.size() if len(moving) < B.shape[0] else ca.SX(0.0)
     free = [k for k in range(len(parts.tree_v)) if k not in plan.loop_pivots.cols]
     summed = (size, plan.mechanism.reduction.col_scale[parts.tree_v[free]], plan.scale.closed)
-    return motor_efforts(B, dot(Psi.T, needed.b[6:]), summed, np.array(options.share), pivots)
+    tau = zeros(len(options.motors))
+    tau[list(moving)], guard = motor_efforts(
+        B, dot(Psi.T, needed.b[6:]), summed, np.array(options.share), pivots
+    )
+    return tau, guard
 
 
 def _base_wrench(core: Core, b: Expression) -> Expression:

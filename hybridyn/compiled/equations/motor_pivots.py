@@ -5,26 +5,34 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 
+from ...dynamics.actuation import SINGULAR
 from ...spatial import Array
+from ..code.scalars import TRUSTED
 from .chains import motion_map
 from .core import Plan, write_core
 from .expressions import Expression, dot, pack, symbols, zeros
+from .guards import Scale, trusted
 from .legs import write_leg
 from .static_elimination import Pivots, choose_pivots, solve
 
 
-def motor_pivots(plan: Plan, positions: Array, motors: tuple[int, ...]) -> Pivots:
+def motor_pivots(plan: Plan, positions: Array, motors: tuple[int, ...]) -> Pivots | None:
     """Choose the pivots of a module's motor map at generic positions of its spanning tree.
+
+    None where the motors lose a direction at most of them: they do so everywhere.
 
     Args:
         plan: The module.
         positions: Positions of its spanning tree, shape (samples, nq).
-        motors: Freedoms of the tree after the cuts that are driven.
+        motors: Freedoms of the tree after the cuts that are driven and can move.
     """
-    m, parts = plan.mechanism, plan.parts
+    if not motors or len(motors) > plan.mechanism.mobility:
+        return Pivots((), (), ())
+    m, parts, loose = plan.mechanism, plan.parts, Scale(plan.scale.length, 1.0)
     column, q = symbols("q", m.spanning.nq)
     core = write_core(plan, q, zeros(m.spanning.nv), zeros(6))
-    Psi = solve(core.rows.K[:, 6:], zeros(len(core.rows.K), 1), plan.loop_pivots)[0][:, 1:]
+    X, trust = solve(core.rows.K[:, 6:], zeros(len(core.rows.K), 1), plan.loop_pivots)
+    Psi, guard = X[:, 1:], trusted(trust)
     columns: dict[int, Expression] = {}
     for k, col in enumerate(parts.tree_v):
         columns[int(col)] = Psi[k]
@@ -32,21 +40,24 @@ def motor_pivots(plan: Plan, positions: Array, motors: tuple[int, ...]) -> Pivot
         for leg in group:
             platform = core.platforms[leg.platform]
             written = write_leg(
-                (leg,), q[leg.q], zeros(len(leg.v)), zeros(6), platform, plan.scale, plan.leg_pivots[n]
+                (leg,), q[leg.q], zeros(len(leg.v)), zeros(6), platform, loose, plan.leg_pivots[n]
             )
+            guard = ca.fmax(guard, written.guard)
             at = core.chain.columns_of(leg.platform + 1)
             P = motion_map(core.chain, leg.platform + 1)[:, at]
             for k, col in enumerate(leg.tree_v):
                 wrench = dot(P.T, written.wrench(written.X[k]))
                 columns[int(col)] = dot(Psi[np.array(at) - 6].T, wrench)
-    B = np.stack([columns[c] for c in motors], axis=1) if motors else zeros(Psi.shape[1], 0)
-    if not motors or len(motors) > Psi.shape[1]:
-        return Pivots((), (), ())
-    function = ca.Function("B", [column], [pack(B)])
-    samples = np.array([np.array(function(x)).reshape(B.shape) for x in positions])
-    samples = samples[np.isfinite(samples).all(axis=(1, 2))]  # home may be singular
+    B = np.stack([columns[c] for c in motors], axis=1)
+    function = ca.Function("B", [column], [pack(B), guard])
+    maps = [function(x) for x in positions]
+    good = np.array([float(worst) <= TRUSTED for _, worst in maps])  # B is no better than what it comes from
+    samples = np.array([np.array(entries).reshape(B.shape) for entries, _ in maps])
+    samples = samples[good if good.any() else np.isfinite(samples).all(axis=(1, 2))]
     size = np.abs(samples).max(axis=(0, 2))
     unit = np.abs(samples / np.where(size > 0, size, 1.0)[:, None]).max(axis=(0, 1))
-    return choose_pivots(
-        samples, len(motors), 1.0 / np.where(size > 0, size, 1.0), 1.0 / np.where(unit > 0, unit, 1.0)
-    )
+    rows, cols = 1.0 / np.where(size > 0, size, 1.0), 1.0 / np.where(unit > 0, unit, 1.0)
+    s = np.linalg.svd(samples * rows[:, None] * cols, compute_uv=False)
+    if np.median(s[:, -1] / s[:, 0]) < SINGULAR:
+        return None
+    return choose_pivots(samples, len(motors), rows, cols)

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
+from ...assembly.free_motions import MASSLESS, own_inertia
 from ...dynamics.actuation import Sharing, load_share
 from ...errors import ActuationError
 from ...spatial import Array
@@ -41,11 +42,13 @@ class DirectOptions(ModuleOptions):
 
     Attributes:
         motors: Freedoms of the tree after the cuts that have an effort.
+        massless: Whether some motion of the module has no inertia: its acceleration is the general path's.
         usual: For each freedom of a module without loops that carries others what it moves at most, all
             joints behind it locked, without units of its own; else nothing.
     """
 
     motors: tuple[int, ...]
+    massless: bool
     usual: tuple[float, ...]
 
 
@@ -55,11 +58,13 @@ class InverseOptions(ModuleOptions):
 
     Attributes:
         motors: Freedoms of the tree after the cuts that are driven, in the order of the module's motors.
-        share: Each motor's share of the load, where motors are redundant.
+        moving: Those of the motors that the closures let move, numbered among them.
+        share: The share of the load of each of these, where they are redundant.
         laws: Freedoms of the tree after the cuts with joint laws.
     """
 
     motors: tuple[int, ...]
+    moving: tuple[int, ...]
     share: tuple[float, ...]
     laws: tuple[int, ...]
 
@@ -70,19 +75,43 @@ def direct_options(request: Request, k: int) -> DirectOptions:
     return DirectOptions(
         **_of_both(request, k),
         motors=tuple(i for i, mark in enumerate(marks) if mark),
+        massless=_massless(request, k),
         usual=_usual(request, k),
     )
+
+
+def _massless(request: Request, k: int) -> bool:
+    """Say whether a motion of module k has no inertia; what stands on an output gives its motions some.
+
+    Pivots of rounding cannot show that: each is as large as the diagonal entry, of rounding too, that it
+    comes from.
+    """
+    m = request.robot.modules[k].mechanism
+    if not m.closures.rows or not m.mobility or request.on.leg_inertia is None:
+        return False
+    motion, rotor = m.tree.sweep(m.postures[:1]), np.array(request.rotor(request.robot.modules[k]))
+    Psi = m.basis(m.closures.matrix(motion)).Psi[0]
+    motions = np.linalg.qr(Psi / m.reduction.col_scale[:, None])[0] * m.reduction.col_scale[:, None]
+    inertia = own_inertia(m, motions) + motions.T @ (rotor[:, None] * motions)
+    for o, body in enumerate(m.spec.outputs):
+        if request.children(k, o):
+            a_map = m.jacobian(motion, body)[0] @ motions
+            inertia = inertia + max(float(np.trace(inertia)), 1.0) * a_map.T @ a_map
+    values = np.linalg.eigvalsh(inertia)
+    return bool(values[0] <= MASSLESS * values[-1])
 
 
 def inverse_options(request: Request, k: int) -> InverseOptions:
     """Return what the inverse model of module k asks for."""
     module = request.robot.modules[k]
     marks = request.marks(module)
-    redundant = len(module.motors) > module.mobility
+    moving = module.moving_motors
+    redundant = len(moving) > module.mobility
     share = _share(request.robot, module) if redundant else np.zeros(0)
     return InverseOptions(
         **_of_both(request, k),
         motors=tuple(int(c) for c in module.motor_columns),
+        moving=tuple(moving.tolist()),
         share=tuple(share.tolist()),
         laws=tuple(i for i, mark in enumerate(marks) if "law" in mark),
     )
@@ -121,8 +150,8 @@ def _locked(robot: HybridRobot) -> Array:
 
 
 def _share(robot: HybridRobot, module: Module) -> Array:
-    """Return each motor's share of the load, none where the robot does not say."""
+    """Return the share of the load of each motor that can move, none where the robot does not say."""
     try:
-        return load_share(robot, module, Sharing(None, "raise"))
+        return load_share(robot, module, Sharing(None, "raise"), module.moving_motors)
     except ActuationError:
         return np.zeros(0)

@@ -7,17 +7,28 @@ import numpy as np
 from ...assembly.assemble import spanning_positions
 from ...dynamics.direct import ddm
 from ...spatial import Array
+from ...structure.mechanism import Mechanism
 from ...structure.module import Module
 from ...structure.robot import HybridRobot
 
 
 def generic_positions(module: Module) -> Array:
-    """Give positions of a module's spanning tree at home and at its generic postures, shape (samples, nq)."""
+    """Return positions of a module's spanning tree at its generic postures, shape (samples, nq).
+
+    Home is the first where the loops are closed there.
+    """
     m = module.mechanism
-    postures = np.concatenate([m.home[None], m.postures])
+    postures = seen_postures(m)
     return spanning_positions(
         module, postures, m.tree.sweep(postures), np.tile(m.spec.home, (len(postures), 1))
     )
+
+
+def seen_postures(mechanism: Mechanism) -> Array:
+    """Return generic postures of the cut tree, home first where it is closed, shape (samples, nq)."""
+    if not mechanism.home_closes:
+        return mechanism.postures
+    return np.concatenate([mechanism.home[None], mechanism.postures])
 
 
 def random_states(robot: HybridRobot, count: int, seed: int = 0) -> tuple[Array, Array, Array, Array]:
@@ -25,6 +36,16 @@ def random_states(robot: HybridRobot, count: int, seed: int = 0) -> tuple[Array,
 
     Returns:
         q, v, a, tau, shapes (count, nq), (count, nv), (count, nv), (count, motors).
+    """
+    q, v, tau = moving_states(robot, count, seed)
+    return q, v, ddm(robot, q, v, tau), tau
+
+
+def moving_states(robot: HybridRobot, count: int, seed: int = 0) -> tuple[Array, Array, Array]:
+    """Return assembled states with rates, and efforts.
+
+    Returns:
+        q, v, tau, shapes (count, nq), (count, nv), (count, motors).
     """
     rng = np.random.default_rng(seed)
     q, v = np.tile(robot.home, (count, 1)), np.zeros((count, robot.nv))
@@ -36,7 +57,7 @@ def random_states(robot: HybridRobot, count: int, seed: int = 0) -> tuple[Array,
         m = module.mechanism
         if module.base == "world":
             continue
-        own = generic_positions(module)[rng.integers(1, 1 + len(m.postures), size=count)]
+        own = generic_positions(module)[-len(m.postures) :][rng.integers(len(m.postures), size=count)]
         q[:, module.q_index] = own
         x, _, _ = m.cut(own, None, None, m.spanning.sweep(own))
         motion = m.tree.sweep(x)
@@ -51,7 +72,7 @@ def random_states(robot: HybridRobot, count: int, seed: int = 0) -> tuple[Array,
             m.recover_rates(own, out, m.tree.sweep(x, rates))
         v[:, module.v_index] = out
     tau = rng.normal(size=(count, len(robot.motors))) * _weight(robot)
-    return q, v, ddm(robot, q, v, tau), tau
+    return q, v, tau
 
 
 def _weight(robot: HybridRobot) -> Array:

@@ -1,7 +1,7 @@
 """Gaussian elimination whose pivots are chosen once, at generic postures, and written out.
 
-Pivots are chosen for size at every posture seen, then for sparsity. At run time the smallest pivot, relative
-to what it was there, tells how far the choice can be trusted.
+Pivots are chosen for size at every posture seen that is not all but singular, then for sparsity. At run time
+the smallest pivot, relative to what it was there, tells how far the choice can be trusted.
 """
 
 from __future__ import annotations
@@ -20,6 +20,8 @@ from .expressions import Expression, dot, is_zero, times, zeros
 TRUSTED = 1e-2
 #: Pivots this much smaller than the best are taken where they keep the rows sparse.
 SPARSE = 0.1
+#: Shares of the samples that a pivot may fail at, tried one after the other until some pivot is left.
+FAILING = (0.0, 0.1, 0.25, 0.5)
 
 
 @dataclass(frozen=True)
@@ -34,37 +36,59 @@ class Pivots:
 def choose_pivots(
     samples: Array, rank: int, row_scale: Array, col_scale: Array, sparse: float = SPARSE
 ) -> Pivots:
-    """Choose pivots that are large at every sample.
+    """Choose pivots that are large at every sample, or at as many as can be.
+
+    A sample at which not even the best pivot left would be trusted is all but singular: what is left of it
+    is rounding, which says nothing about pivots. It has no voice any more.
 
     Args:
-        samples: The matrix at generic postures, shape (samples, m, n).
+        samples: The matrix at generic postures, shape (samples, m, n); at some it may be singular or no
+            number.
         rank: Number of pivots.
         row_scale: Factor that takes the unit off each row, shape (m,).
         col_scale: Unit of each unknown, shape (n,).
         sparse: Pivots this much smaller than the best are taken where they keep the rows sparse.
     """
-    A = samples * row_scale[:, None] * col_scale
+    A = samples[np.isfinite(samples).all(axis=(1, 2))] * row_scale[:, None] * col_scale
     structure: Mask = np.asarray((np.abs(A) > 1e-13).any(axis=0))
     left_rows, left_cols = list(range(A.shape[1])), list(range(A.shape[2]))
     rows, cols, sizes = [], [], []
     for _ in range(rank):
         block = np.abs(A[:, left_rows][:, :, left_cols])
-        largest = block.max(axis=(1, 2), keepdims=True)
-        score = (block / np.where(largest > 0, largest, 1.0)).min(axis=0)
+        largest = block.max(axis=(1, 2))
+        heard = largest > TRUSTED * np.median(largest)
+        if not heard.all():
+            A, block, largest = A[heard], block[heard], largest[heard]
+        score = _score(block / largest[:, None, None])
         pattern = structure[np.ix_(left_rows, left_cols)]
         fill = np.outer(pattern.sum(axis=1) - 1, pattern.sum(axis=0) - 1)
         good = score >= sparse * score.max()
         i, j = min(np.argwhere(good).tolist(), key=lambda ij: (fill[ij[0], ij[1]], -score[ij[0], ij[1]]))
         r, c = left_rows.pop(i), left_cols.pop(j)
+        A = A[np.abs(A[:, r, c]) >= sparse * TRUSTED * largest]  # where it fails, nothing more can be said
         pivot = A[:, r, c]
-        safe = np.where(pivot == 0, 1.0, pivot)
-        A[:, left_rows] -= (A[:, left_rows, c] / safe[:, None])[:, :, None] * A[:, None, r]
+        A[:, left_rows] -= (A[:, left_rows, c] / pivot[:, None])[:, :, None] * A[:, None, r]
         structure[left_rows] |= np.outer(structure[left_rows, c], structure[r])
         structure[left_rows, c] = False
         rows.append(r)
         cols.append(c)
         sizes.append(float(np.median(np.abs(samples_pivot(pivot, row_scale[r], col_scale[c])))))
     return Pivots(tuple(rows), tuple(cols), tuple(sizes))
+
+
+def _score(size: Array) -> Array:
+    """Return how good pivots are: their size at the sample where they are smallest, shape (m, n).
+
+    Where none is trusted at every sample, the worst samples of each are left out.
+
+    Args:
+        size: Their size at each sample over that of the best there, shape (samples, m, n).
+    """
+    for failing in FAILING:
+        score = np.sort(size, axis=0)[int(failing * (len(size) - 1))]
+        if score.max() >= TRUSTED:
+            break
+    return np.asarray(score)
 
 
 def samples_pivot(pivot: Array, row_scale: float, col_scale: float) -> Array:

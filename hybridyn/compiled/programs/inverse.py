@@ -66,7 +66,7 @@ class _Sweeps:
         self.efforts = Efforts(request, writer, motors=False)
         self._code: dict[Any, InverseModule] = {}
         self._leg_code: dict[Any, tuple[list[Stage], Constants]] = {}
-        self._pivots: dict[Any, Pivots] = {}
+        self._pivots: dict[Any, Pivots | None] = {}
 
     def outwards(self, k: int, modules: list[_InverseCalls]) -> _InverseCalls:
         """Write motion outwards, and what the legs need."""
@@ -112,13 +112,13 @@ class _Sweeps:
         below = modules[parent] if parent >= 0 else None
         return _InverseCalls(self.request, self.w, k, options, written, stages, below, self.root)
 
-    def _motor_pivots(self, k: int, options: InverseOptions) -> Pivots:
+    def _motor_pivots(self, k: int, options: InverseOptions) -> Pivots | None:
         """Return the pivots of the motors' map of module k, the same for equal modules."""
-        plan = self.request.plans[k]
-        key = (id(plan), options.motors)
+        plan, motors = self.request.plans[k], tuple(options.motors[i] for i in options.moving)
+        key = (id(plan), motors)
         if key not in self._pivots:
             positions = self.request.positions(self.request.robot.modules[k])
-            self._pivots[key] = motor_pivots(plan, positions, options.motors)
+            self._pivots[key] = motor_pivots(plan, positions, motors)
         return self._pivots[key]
 
     def _legs_outwards(self, calls: _InverseCalls, n: int) -> None:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from ...effects.choice import Effects
 from ...structure.robot import HybridRobot
 from ..code.scalars import Scalar
+from ..failures import failing_as_ours
 
 if TYPE_CHECKING:
     from ..code.library_source import Source
@@ -43,13 +44,13 @@ def write_programs(robot: HybridRobot, effects: Effects, dtype: str = "float64")
     """Write a robot's models out.
 
     Raises:
-        CompileError: casadi is not installed.
+        CompileError: casadi is not installed, or the models cannot be written out.
     """
     from ..needs import needs_casadi
 
     needs_casadi()
     from .whole_robot import programs
 
-    return {
-        name: replace(program, name=name) for name, program in programs(robot, effects, dtype=dtype).items()
-    }
+    with failing_as_ours(robot):
+        written = programs(robot, effects, dtype=dtype)
+    return {name: replace(program, name=name) for name, program in written.items()}

@@ -1,0 +1,346 @@
+"""Written-out models of badly written robots: home open or singular, loops rounded, motors locked."""
+
+from __future__ import annotations
+
+import logging
+import sys
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from sketch import placement
+
+import hybridyn
+from hybridyn.compiled import verifying
+from hybridyn.compiled.equations.states import moving_states, random_states
+from hybridyn.compiled.equations.static_elimination import choose_pivots
+from hybridyn.compiled.verifying import AGREE, SAMPLES, difference, verify
+from hybridyn.description.records import Closure, Coupling, Description, Joint, Link
+from hybridyn.effects.choice import choose
+from hybridyn.errors import CompileError, SingularityError
+from hybridyn.manifold.manifold import Manifold
+from hybridyn.structure.building import build_robot
+from hybridyn.structure.robot import HybridRobot
+from tests.written_out import Interpreted
+
+sys.path.insert(0, str(Path(__file__).parent / "hard"))
+import dietmaier
+
+TRUSTED = 1.0
+Z = np.array([0.0, 0.0, 1.0])
+
+
+def at(x: float, y: float = 0.0, z: float = 0.0) -> np.ndarray:
+    return placement(np.eye(3), [x, y, z])
+
+
+def link(name: str, mass: float = 1.0) -> Link:
+    return Link(name, mass, np.array([0.1, 0.3, 0.02]), 0.05 * mass * np.eye(3))
+
+
+def hinge(name: str, parent: str, child: str, x: float = 0.0, y: float = 0.0) -> Joint:
+    return Joint(name, "revolute", parent, child, at(x, y), Z)
+
+
+def pin(name: str, a: str, b: str, at_a: tuple[float, float], at_b: tuple[float, float]) -> Closure:
+    return Closure(name, "revolute", a, at(*at_a), b, at(*at_b), (0, 1, 2), "parallel")
+
+
+def robot_of(
+    name: str, links: Sequence[str], joints: Sequence[Joint], closures: Sequence[Closure],
+    motors: Sequence[str], couplings: Sequence[Coupling] = (), **home: float,
+) -> HybridRobot:  # fmt: skip
+    """Build a robot of links of one kilogram."""
+    base = Link("base", 0.0, np.zeros(3), np.zeros((3, 3)))
+    return build_robot(
+        Description(
+            name, (base, *map(link, links)), tuple(joints), tuple(closures), tuple(couplings), tuple(motors),
+            "here", {joint: (angle,) for joint, angle in home.items()},
+        ),
+        gravity=(0.0, -9.81, 0.0),
+    )  # fmt: skip
+
+
+def compared(robot: HybridRobot, samples: int = 4) -> tuple[float, int]:
+    """Return how far trusted samples are from the general path at most, and how many are trusted."""
+    q, v, a, tau = random_states(robot, samples)
+    library = Interpreted(robot, ("idm", "ddm"))
+    worst, trusted = 0.0, 0
+    for name, third, wanted in (("ddm", tau, a), ("idm", a, hybridyn.idm(robot, q, v, a))):
+        (result,), guard = library.batch(name, q, v, third)
+        good = guard <= TRUSTED
+        worst = max(worst, difference(result[good], wanted[good]).max(initial=0.0))
+        trusted += int(good.sum())
+    return worst, trusted
+
+
+# -------------------------------------------------------------------- pivots
+
+
+def test_a_home_with_open_loops_chooses_no_pivots() -> None:
+    """Dietmaier's platform with its slides at 0: all loops are open there, by a metre and more."""
+    robot = build_robot(replace(dietmaier.robot("U").description, home={}))
+    assert not robot.modules[0].mechanism.home_closes
+    q, v, a, tau = random_states(robot, 4)
+    (result,), guard = Interpreted(robot, ("ddm",)).batch("ddm", q, v, tau)
+    assert (guard <= TRUSTED).sum() >= 3
+    assert (difference(result, a)[guard <= TRUSTED] <= AGREE["float64"]).all()
+
+
+def test_motions_without_inertia_are_the_general_paths() -> None:
+    """Rods between balls spin idly, without inertia: what a pivot of rounding gives is no acceleration."""
+    robot = build_robot(replace(dietmaier.robot("S").description, home={}))
+    q, v, tau = moving_states(robot, 2)
+    assert not (Interpreted(robot, ("ddm",)).batch("ddm", q, v, tau)[1] <= TRUSTED).any()
+
+
+def test_a_singular_sample_chooses_no_pivots() -> None:
+    """Rounding is all that is left of it after the first pivot: it must not outvote 24 good samples."""
+    rng = np.random.default_rng(4)
+    good = rng.normal(size=(24, 4, 4)) + 4 * np.eye(4)
+    one = rng.normal(size=(4, 1)) @ rng.normal(size=(1, 4))
+    ones = np.ones(4)
+    wanted = choose_pivots(good, 4, ones, ones)
+    lost = np.concatenate([good, one[None], np.full((1, 4, 4), np.nan)])
+    assert choose_pivots(lost, 4, ones, ones).sizes[1:] == pytest.approx(wanted.sizes[1:], rel=0.5)
+
+
+def test_pivots_that_fail_at_some_samples_are_still_pivots() -> None:
+    """No entry is large everywhere: most samples decide, none divides by zero."""
+    samples = np.zeros((30, 2, 2))
+    samples[:20] = [[1.0, 0.0], [0.0, 1.0]]
+    samples[20:] = [[0.0, 1.0], [1.0, 0.0]]
+    pivots = choose_pivots(samples, 2, np.ones(2), np.ones(2))
+    assert set(zip(pivots.rows, pivots.cols, strict=True)) == {(0, 0), (1, 1)}
+    assert pivots.sizes == (1.0, 1.0)
+
+
+# -------------------------------------------------------------------- loops rounded in the file
+
+
+def rounded_bars() -> HybridRobot:
+    """Three parallel cranks of a metre, the third's numbers rounded: it fits at 60 degrees alone."""
+    return robot_of(
+        "bars", ("one", "two", "three", "coupler"),
+        [
+            hinge("drive", "base", "one"), hinge("second", "base", "two", 2.0),
+            hinge("third", "base", "three", 1.000002), hinge("elbow", "one", "coupler", 1.0),
+        ],
+        [pin("end", "coupler", "two", (2.0, 0.0), (1.0, 0.0)),
+         pin("middle", "coupler", "three", (1.0, 0.0), (0.999999, 0.0))],
+        ["drive"], drive=1.0, second=1.0, third=1.0, elbow=-1.0,
+    )  # fmt: skip
+
+
+def test_rounded_loops_are_the_general_paths_where_they_close_exactly() -> None:
+    robot = rounded_bars()
+    (module,) = robot.modules
+    rows = module.mechanism.spanning_closures
+    q = np.zeros((1, 4))
+    for joint, angle in {"drive": 1.0, "second": 1.0, "third": 1.0, "elbow": -1.0}.items():
+        q[0, robot.q_slices[robot.joint_index[joint]]] = angle * np.pi / 3
+    for _ in range(6):  # every singular value of the rows counts here, the file's rounding too
+        motion = rows.tree.sweep(q)
+        q -= (np.linalg.pinv(rows.matrix(motion)[0], rcond=1e-10) @ rows.residual(q, motion)[0])[None]
+    assert np.abs(rows.residual(q, rows.tree.sweep(q))).max() < 1e-12
+    still, tau = np.zeros((1, robot.nv)), np.array([[5.0]])
+    for name, model in (("ddm", hybridyn.ddm), ("idm", hybridyn.idm)):
+        third = tau if name == "ddm" else hybridyn.ddm(robot, q, still, tau)
+        (result,), guard = Interpreted(robot, (name,)).batch(name, q, still, third)
+        off = difference(result, model(robot, q, still, third))
+        assert guard[0] > TRUSTED or off[0] <= AGREE["float64"], (name, off)
+
+
+# -------------------------------------------------------------------- motors that do not move
+
+
+def locked() -> HybridRobot:
+    """A crank that two hinges hold at different places, motor and all, and an arm beside it."""
+    return robot_of(
+        "locked", ("held", "bar", "arm"),
+        [
+            hinge("stuck", "base", "held"), hinge("bolt", "held", "bar", 1.0),
+            hinge("swing", "base", "arm", 0.5),
+        ],
+        [
+            pin("end", "bar", "base", (1.0, 0.0), (2.0, 0.0)),
+            pin("lock", "held", "base", (0.4, 0.0), (0.4, 0.0)),
+        ],
+        ["stuck", "swing"],
+    )  # fmt: skip
+
+
+def test_a_motor_that_loops_hold_still_has_no_effort() -> None:
+    """Its row of the motion is rounding; efforts were rounding over rounding, and nothing compiled."""
+    robot = locked()
+    q, v, a, tau = random_states(robot, 3)
+    efforts = hybridyn.idm(robot, q, v, a)
+    assert (efforts[:, 0] == 0.0).all()
+    np.testing.assert_allclose(efforts[:, 1], tau[:, 1], rtol=1e-11)
+    assert compared(robot) == (pytest.approx(0.0, abs=AGREE["float64"]), 8)
+
+
+def test_motors_that_no_posture_tells_apart_are_the_general_paths() -> None:
+    """Two motors for two freedoms, geared to each other: one freedom has two motors, the other none."""
+    gears = [
+        Coupling("gear", (("a", 1.0), ("b", -0.7)), 0.0),
+        Coupling("sum", (("b", 1.0), ("c", 1.0), ("d", 0.5)), 0.0),
+    ]
+    hinges = [
+        hinge("a", "base", "one"), hinge("b", "one", "two", 1.0),
+        hinge("c", "two", "three", 1.0), hinge("d", "three", "four", 1.0),
+    ]  # fmt: skip
+    robot = robot_of("geared", ("one", "two", "three", "four"), hinges, [], ["a", "b"], gears)
+    q, v, a, _ = random_states(robot, 2)
+    with pytest.raises(SingularityError):
+        hybridyn.idm(robot, q, v, a)
+    assert not (Interpreted(robot, ("idm",)).batch("idm", q, v, a)[1] <= TRUSTED).any()
+
+
+def test_redundant_motors_on_gears_alone() -> None:
+    """Their map holds plain numbers and no symbol."""
+    robot = robot_of(
+        "gears", ("one", "two", "three"),
+        [hinge("a", "base", "one"), hinge("b", "one", "two", 1.0), hinge("c", "two", "three", 1.0)], [],
+        ["a", "b", "c"], [Coupling("gear", (("a", 1.0), ("b", -0.5), ("c", 0.5)), 0.0)],
+    )  # fmt: skip
+    assert compared(robot) == (pytest.approx(0.0, abs=AGREE["float64"]), 8)
+
+
+# -------------------------------------------------------------------- one freedom
+
+
+def door() -> HybridRobot:
+    """A door with two hinges: a tree of one freedom, and a loop."""
+    hinges = [Joint("hinge", "revolute", "base", "door", np.eye(4), Z)]
+    second = Closure(
+        "second", "revolute", "base", at(0, 0, 1.5), "door", at(0, 0, 1.5), (0, 1, 2), "parallel"
+    )
+    return robot_of("door", ("door",), hinges, [second], ["hinge"])
+
+
+def test_a_door_with_two_hinges() -> None:
+    robot = door()
+    assert compared(robot) == (pytest.approx(0.0, abs=AGREE["float64"]), 8)
+    manifold = Manifold(robot)
+    residual, K = manifold.looped[0].rows.at(np.array([0.3]))
+    assert K.shape == (5, 1)
+    np.testing.assert_allclose(K, 0.0, atol=1e-15)
+    np.testing.assert_allclose(residual, 0.0, atol=1e-15)
+    verify(Interpreted(robot, ("idm", "ddm", "kinematics", "lift")), robot, choose(robot, None))
+
+
+# -------------------------------------------------------------------- verification
+
+
+class Edited:
+    """A library whose numbers and guards are changed on the way."""
+
+    dtype = np.dtype("float64")
+
+    def __init__(self, robot: HybridRobot, edit: Any) -> None:
+        self._right, self._edit = Interpreted(robot), edit
+        self.programs, self.asked = self._right.programs, 0
+
+    def batch(self, name: str, *inputs: np.ndarray) -> Any:
+        """Run one model and change what it says."""
+        outputs, guard = self._right.batch(name, *inputs)
+        self.asked += name == "ddm"
+        return self._edit(name, outputs, guard)
+
+
+def test_samples_that_the_general_path_computes_prove_nothing() -> None:
+    """A model that is wrong wherever it trusts itself, and trusts itself at every third sample."""
+    robot = door()
+
+    def wrong(name: str, outputs: Any, guard: np.ndarray) -> Any:
+        guard = np.where(np.arange(len(guard)) % 3, 2.0, 0.0)
+        return (outputs[0] * np.where(guard > 1, 1.0, 1 + 1e-8)[:, None], *outputs[1:]), guard
+
+    with pytest.raises(CompileError, match="'ddm' of the robot 'door' differs"):
+        verify(Edited(robot, wrong), robot, choose(robot, None))
+
+
+def test_more_states_are_drawn_where_few_count(caplog: pytest.LogCaptureFixture) -> None:
+    robot = door()
+
+    def shy(name: str, outputs: Any, guard: np.ndarray) -> Any:
+        return outputs, np.where(np.arange(len(guard)) % 3, 2.0, guard)
+
+    library = Edited(robot, shy)
+    verify(library, robot, choose(robot, None))
+    assert library.asked == 3
+    assert not caplog.records
+
+
+def test_models_that_trust_themselves_nowhere_are_said_to(caplog: pytest.LogCaptureFixture) -> None:
+    robot, effects = door(), choose(door(), None)
+
+    def never(name: str, outputs: Any, guard: np.ndarray) -> Any:
+        return outputs, guard + 2.0
+
+    with pytest.raises(
+        CompileError, match=f"robot 'door' would hand every one of {8 * SAMPLES} random states"
+    ):
+        verify(Edited(robot, never), robot, effects)
+
+    def half(name: str, outputs: Any, guard: np.ndarray) -> Any:
+        return outputs, guard + 2.0 * (name == "idm")
+
+    with caplog.at_level(logging.WARNING):
+        verify(Edited(robot, half), robot, effects)
+    assert "'door': the written-out 'idm' hands every one of" in caplog.text
+
+
+def test_the_reason_is_the_files_rounding() -> None:
+    robot = rounded_bars()
+    with pytest.raises(CompileError, match=r"loops of module .* agree with each other to .*e-0[67] only"):
+        verify(Interpreted(robot), robot, choose(robot, None))
+
+
+@pytest.mark.parametrize("name", ["ddm", "idm"])
+def test_rounding_is_allowed_for(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where the general path's own rounding is 1e-11, a difference of 2e-10 is no error; of 2e-8 it is."""
+    robot, effects = door(), choose(door(), None)
+    general, size = getattr(verifying, name), 1e-11
+
+    def rounding(r: HybridRobot, q: np.ndarray, *given: Any, **more: Any) -> np.ndarray:
+        return general(r, q, *given, **more) * (1 + size * np.where(q[:, :1] == known(q), 0.0, 1.0))
+
+    seen: set[float] = set()
+
+    def known(q: np.ndarray) -> np.ndarray:
+        seen.update(q[:, 0] if not any(np.isclose(x, list(seen), rtol=1e-14).any() for x in q[:, 0]) else ())
+        return np.array([[x] if x in seen else [np.nan] for x in q[:, 0]])
+
+    monkeypatch.setattr(verifying, name, rounding)
+    for off, refused in ((2e-10, False), (2e-8, True)):
+
+        def shifted(model: str, outputs: Any, guard: np.ndarray, off: float = off) -> Any:
+            return (outputs[0] * (1 + off * (model == name)), *outputs[1:]), guard
+
+        seen.clear()
+        library = Edited(robot, shifted)
+        if refused:
+            with pytest.raises(CompileError, match=f"'{name}' of the robot 'door' differs"):
+                verify(library, robot, effects)
+        else:
+            verify(library, robot, effects)
+
+
+# -------------------------------------------------------------------- what is no error of ours
+
+
+def test_any_failure_is_a_compile_error_with_the_robots_name(monkeypatch: pytest.MonkeyPatch) -> None:
+    import hybridyn.compiled.programs.whole_robot as file
+
+    def broken(*_: Any, **__: Any) -> Any:
+        return 1.0 / 0.0
+
+    robot = door()
+    monkeypatch.setattr(file, "programs", broken)
+    with pytest.raises(CompileError, match=r"robot 'door' cannot be written out \(ZeroDivisionError"):
+        hybridyn.compile(robot)
