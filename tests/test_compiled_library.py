@@ -131,7 +131,7 @@ def test_a_batch_of_one_runs_as_a_single_call(library: Library, monkeypatch: pyt
 FORK = """
 import os, signal
 import numpy as np
-from hybridyn.compiled.library import BLOCK, load
+from hybridyn.compiled.library.calls import BLOCK, load
 from tests.compiled_toys import inputs, toy
 
 program = toy(0, 1)

@@ -22,7 +22,6 @@ ULPS = 1.0  # what the comment in trigonometry.h promises
 ROUNDING = 4e-16  # one operation
 LIBRARY = 4e-15  # a function of the C library against CasADi's, which is another one
 FLOAT = 1e-5  # a few roundings of floats
-STEP = 1e-30  # of complex steps: no difference is taken, so it may vanish beside anything
 
 
 def one_kernel(name: str, columns: list[ca.SX], outputs: list[ca.SX]) -> Program:
@@ -197,20 +196,6 @@ def test_wider_numbers_are_there_for_reference(own_cache: None, number: str) -> 
     (a, _), _ = load([program]).batch(program.name, q, v[:, :1])
     (wide, _), _ = load([program], dtype=number).batch(program.name, q, v[:, :1])
     assert 0 < np.abs(wide - a).max() < 1e-12
-
-
-def test_complex_steps_give_derivatives(own_cache: None) -> None:
-    program = one_kernel(
-        "smooth",
-        [X, Y],
-        [ca.sin(X) * Y, ca.atan2(Y, X), ca.fabs(X) * Y, ca.tanh(X / Y), ca.sqrt(X * X + Y), ca.erf(X)],
-    )
-    f = program.kernels[0].function
-    jacobian = ca.Function("jacobian", [X, Y], [ca.jacobian(f(X, Y), X)])
-    library = load([program], dtype="complex128")
-    for x, y in ((0.3, 0.8), (-0.7, 1.9)):
-        ((got,), _) = library.batch("smooth", np.array([[x + 1j * STEP]]), np.array([[y]]))
-        np.testing.assert_allclose(got[0].imag / STEP, np.array(jacobian(x, y))[:, 0], rtol=1e-14)
 
 
 def test_signs_and_equal_operations_cost_nothing() -> None:

@@ -1,4 +1,8 @@
 /* The functions of kernels. Needs LANES1, LANES2 and SCALAR, which gives the function of the scalar type. */
+#define LT(a, b) ((a) < (b))
+#define LE(a, b) ((a) <= (b))
+#define EQ(a, b) ((a) == (b))
+#define NE(a, b) ((a) != (b))
 LANES1(TAN, SCALAR(tan))
 LANES1(ASIN, SCALAR(asin))
 LANES1(ACOS, SCALAR(acos))
@@ -13,7 +17,6 @@ LANES1(EXP, SCALAR(exp))
 LANES1(EXPM1, SCALAR(expm1))
 LANES1(LOG, SCALAR(log))
 LANES1(LOG1P, SCALAR(log1p))
-#ifndef COMPLEX
 LANES1(FLOOR, SCALAR(floor))
 LANES1(CEIL, SCALAR(ceil))
 LANES1(ERF, SCALAR(erf))
@@ -22,7 +25,6 @@ LANES2(FMOD, SCALAR(fmod))
 LANES2(REMAINDER, SCALAR(remainder))
 LANES2(HYPOT, SCALAR(hypot))
 LANES2(COPYSIGN, SCALAR(copysign))
-#endif
 LANES2(POW, SCALAR(pow))
 INLINE V FMIN(V a, V b) { return SELECT(OR(LT(a, b), NE(b, b)), a, b); }
 INLINE V FMAX(V a, V b) { return SELECT(OR(LT(b, a), NE(b, b)), a, b); }

@@ -1,4 +1,4 @@
-/* The same names for plain numbers. Needs S (float, double, long double, __float128, double _Complex). */
+/* The same names for plain numbers. Needs S (float, double, long double, __float128). */
 typedef S V;
 typedef int M;
 

@@ -11,7 +11,6 @@ TYPES = {
     "float32": ("float", "int", 4),
     "longdouble": ("long double", "", 16),
     "float128": ("__float128", "", 16),
-    "complex128": ("double _Complex", "", 16),
 }
 """Type in C, integer of the same size (for vectors), bytes."""
 
@@ -20,7 +19,6 @@ IN_LIBRARY = {
     "float32": "name##f",
     "longdouble": "name##l",
     "float128": "name##q",
-    "complex128": "c##name",
 }
 """How the C library calls a function for a type."""
 
@@ -61,35 +59,25 @@ class Scalar:
                 "float64": "#define DOUBLE\n#define SCALAR_FMA __builtin_fma",
                 "float32": "#define SCALAR_FMA __builtin_fmaf",
                 "float128": "#include <quadmath.h>",
-                "complex128": "#include <complex.h>\n#undef I\n#define COMPLEX",
             }.get(self.name, ""),
         ]
         if self.lanes > 1:
             lines += [f"#define I {integer}", f"#define W {self.lanes}", text_of("vector.h")]
         else:
             lines += [text_of("scalar.h")]
-        lines += [_comparisons(self.name), text_of("functions.h"), _sines(self)]
+        lines += [text_of("functions.h"), _sines(self)]
         return "\n".join(lines)
-
-
-def _comparisons(name: str) -> str:
-    """Return the comparisons of a type, and what differs from scalar to scalar."""
-    part = "creal" if name == "complex128" else ""
-    lines = [
-        f"#define {word}(a, b) ({part}(a) {sign} {part}(b))"
-        for word, sign in (("LT", "<"), ("LE", "<="), ("EQ", "=="), ("NE", "!="))
-    ]
-    return "\n".join(lines + ([text_of("complex.h")] if name == "complex128" else []))
 
 
 def _sines(scalar: Scalar) -> str:
     """Return SINCOS (and for plain numbers SQRT, FABS)."""
     if scalar.name not in ("float64", "float32"):
-        lines = ["LANES1(SQRT, SCALAR(sqrt))"]
-        if scalar.name != "complex128":
-            lines.append("LANES1(FABS, SCALAR(fabs))")
         return "\n".join(
-            [*lines, "INLINE void SINCOS(V x, V *s, V *c) { *s = SCALAR(sin)(x); *c = SCALAR(cos)(x); }"]
+            [
+                "LANES1(SQRT, SCALAR(sqrt))",
+                "LANES1(FABS, SCALAR(fabs))",
+                "INLINE void SINCOS(V x, V *s, V *c) { *s = SCALAR(sin)(x); *c = SCALAR(cos)(x); }",
+            ]
         )
     own = "sines_vector.h" if scalar.lanes > 1 else "sines_scalar.h"
     return text_of(own).replace("/* trigonometry.h */", text_of("trigonometry.h"))

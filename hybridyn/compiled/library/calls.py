@@ -29,7 +29,6 @@ BORDER = {
     "float32": np.float32,
     "longdouble": np.longdouble,
     "float128": np.float64,  # numpy has none: in exactly, out rounded
-    "complex128": np.complex128,
 }
 """Types of the arrays that come in and go out."""
 
@@ -167,7 +166,7 @@ class Calls:
     @property
     def guard(self) -> float:
         """The guard of the last single call."""
-        return float(self._guard[0].real)
+        return float(self._guard[0])
 
     def single(self, *inputs: ArrayLike) -> tuple[Numbers, int]:
         """Run one sample.
@@ -196,7 +195,7 @@ class Calls:
         parts, guard = self.batch([array[None] for array in arrays], 1)
         self._guard[0] = guard[0]
         np.concatenate([part[0] for part in parts], out=out)
-        return out, 0 if guard[0].real <= self.trusted else 2
+        return out, 0 if guard[0] <= self.trusted else 2
 
     def split(self, out: Numbers) -> tuple[Numbers, ...]:
         """Cut outputs that lie one behind the other."""
@@ -290,7 +289,7 @@ def load(
 
     Args:
         programs: The programs.
-        dtype: "float64", "float32"; and for studies, with one lane, "longdouble", "float128", "complex128".
+        dtype: "float64", "float32"; and for studies, with one lane, "longdouble", "float128".
         lanes: Numbers side by side; None for what suits this machine.
         key: Text that says everything the programs depend on; None looks at their source.
     """
