@@ -14,9 +14,29 @@ data as attributes, so that a program can act on it.
 
 from __future__ import annotations
 
+#: Longest message; beyond it names from a file have taken the place of what is wrong.
+LONGEST = 1000
+#: Letters of a long message's end that are kept: the mend stands there.
+END = 300
+
+
+def shortened(message: str) -> str:
+    """Return a message that people can read: the middle of a long one is left out.
+
+    Args:
+        message: The message.
+    """
+    if len(message) <= LONGEST:
+        return message
+    return f"{message[: LONGEST - END - 5]} ... {message[-END:]}"
+
 
 class HybridynError(Exception):
     """Base of every error that hybridyn raises on purpose."""
+
+    def __str__(self) -> str:
+        """Return the message, the middle of a long one left out."""
+        return shortened(super().__str__())
 
 
 class ModelError(HybridynError):

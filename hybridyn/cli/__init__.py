@@ -18,7 +18,7 @@ from types import FrameType
 import click
 
 from .. import __version__
-from ..errors import HybridynError
+from ..errors import HybridynError, shortened
 
 COMMANDS = (
     "idm", "ddm", "simulate", "effects", "cost", "export", "plot", "view", "info", "check", "workspace",
@@ -131,7 +131,7 @@ def _explained(error: Exception) -> tuple[str, int]:
 def _fail(message: str, status: int) -> int:
     """Print a message as one line and give the exit status."""
     line = " ".join(message.split())
-    line = "".join(letter if letter.isprintable() else ascii(letter)[1:-1] for letter in line)
+    line = "".join(letter if letter.isprintable() else ascii(letter)[1:-1] for letter in shortened(line))
     with contextlib.suppress(BrokenPipeError):
         click.echo(f"error: {line}", err=True)
     return status

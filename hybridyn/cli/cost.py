@@ -100,7 +100,11 @@ def command(
     path or C, effects. Errors are against a reference whose own error is shown; times are measured here and
     now.
     """
+    from ..description.shipped import own_trajectory
+
     scene = source.endswith(".toml")
+    if not scene and trajectory is None:
+        trajectory = own_trajectory(source)
     if scene == (trajectory is not None):
         raise click.UsageError("give a robot and a trajectory, or a scene alone (a .toml file)")
     if not scene and (until or limit or allow_python):

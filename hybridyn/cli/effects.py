@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from .common.engine import WORTH_OF_EFFECTS, Engine, choose_engine, takes_engine
 from .common.figures import save_chart, takes_plot
-from .common.options import RobotCommand, existing_file, takes_effects, takes_robot
+from .common.options import RobotCommand, takes_effects, takes_robot
+from .common.report import report_file, write_report
 from .common.summary import effects_line
+from .common.tables import takes_source
 from .common.text import aligned_rows, counted
 
 if TYPE_CHECKING:
@@ -38,7 +41,14 @@ def _part(ctx: click.Context, param: click.Parameter, value: str | None) -> floa
 
 @click.command("effects", cls=RobotCommand, short_help="What each physical effect is worth on a motion.")
 @takes_robot
-@click.argument("trajectory", callback=existing_file)
+@takes_source("TRAJECTORY", own=True)
+@click.option(
+    "-o",
+    "--output",
+    metavar="FILE",
+    callback=report_file,
+    help="All numbers, .csv or .json",
+)
 @takes_effects("model")
 @takes_engine("rows", WORTH_OF_EFFECTS)
 @takes_plot("what each effect adds to each motor's effort", page=True)
@@ -51,7 +61,8 @@ def _part(ctx: click.Context, param: click.Parameter, value: str | None) -> floa
 )
 def command(
     load: Callable[[], HybridRobot],
-    trajectory: str,
+    source: str,
+    output: str | None,
     effects: tuple[str, ...],
     engine: str | None,
     plot: str | None,
@@ -73,8 +84,10 @@ def command(
 
     robot = load()
     chosen = choose(robot, effects)
-    worth, tell = weigh(robot, trajectory, chosen, engine)
+    worth, tell = weigh(robot, source, chosen, engine)
     added, seconds = worth.contributions()
+    if output:
+        write_report(output, contribution_facts(robot, added))
     for line in (*contribution_lines(robot, added), *cost_lines(added, seconds)):
         click.echo(line)
     if within is not None:
@@ -83,7 +96,7 @@ def command(
     if plot:
         from ..figures.effects import chart_of_effects
 
-        title = f"{robot.name}, {os.path.basename(trajectory)}: what each effect adds"
+        title = f"{robot.name}, {os.path.basename(source)}: what each effect adds"
         save_chart(chart_of_effects(robot, added, title=title), plot)
     for line in (*effects_line(chosen), *tell()):
         click.echo(line, err=True)
@@ -157,6 +170,25 @@ def contribution_lines(robot: HybridRobot, contributions: Sequence[Contribution]
             else:
                 rows.append([effect.name, motor, f"{peak:.4g}", f"{rms:.4g}", unit, f"{share:.2%}"])
     return aligned_rows(rows, right=(2, 3, 5))
+
+
+def contribution_facts(robot: HybridRobot, contributions: Sequence[Contribution]) -> list[dict[str, Any]]:
+    """Return what each effect adds to each motor's effort as names and values, None where it is needed."""
+    kinds = {joint.name: joint.kind for joint in robot.description.joints}
+    return [
+        {
+            "effect": effect.name,
+            "motor": motor,
+            "unit": "N" if kinds[motor] == "prismatic" else "N m",
+            "seconds_per_sample": effect.seconds,
+        }
+        | {
+            name: float(values[i]) if math.isfinite(values[i]) else None
+            for name, values in (("peak", effect.peak), ("rms", effect.rms), ("share", effect.share))
+        }
+        for effect in contributions
+        for i, motor in enumerate(robot.motors)
+    ]
 
 
 def cost_lines(contributions: Sequence[Contribution], seconds: float) -> list[str]:

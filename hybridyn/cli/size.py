@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-import csv
 import dataclasses
 import functools
-import io
-import json
 import math
 import os
-from collections.abc import Callable, Iterable, Sequence
-from pathlib import Path
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from .common.figures import save, takes_plot
 from .common.options import RobotCommand, takes_effects, takes_robot
+from .common.report import report_file, write_report
 from .common.summary import effects_line, fitted_rates
 from .common.tables import Plan, Tables, run, takes_jobs, takes_source
 from .common.text import aligned_rows, counted
@@ -33,21 +30,10 @@ if TYPE_CHECKING:
 EXCEEDED = 1  # exit status
 
 
-def _report_file(ctx: click.Context, param: click.Parameter, value: str | None) -> str | None:
-    if value is None:
-        return None
-    if not value.lower().endswith((".csv", ".json")):
-        raise click.BadParameter(f"'{value}' must end in .csv or .json", ctx, param)
-    folder = os.path.dirname(value)
-    if folder and not os.path.isdir(folder):
-        raise click.BadParameter(f"there is no folder '{folder}'", ctx, param)
-    return value
-
-
 @click.command("size", cls=RobotCommand, short_help="What a motion asks of each motor: effort, speed, power.")
 @takes_robot
 @takes_source("TRAJECTORY", own=True)
-@click.option("-o", "--output", metavar="FILE", callback=_report_file, help="All numbers, .csv or .json")
+@click.option("-o", "--output", metavar="FILE", callback=report_file, help="All numbers, .csv or .json")
 @takes_plot("effort over speed for every motor, with its limits")
 @takes_effects("model")
 @takes_passive
@@ -151,8 +137,7 @@ class _Report:
         timed = layout.time is not None
         name = self.robot.name
         if self.output:
-            text = _json(loads, timed) if self.output.lower().endswith(".json") else _csv(loads, timed)
-            _write(self.output, text)
+            write_report(self.output, [facts(load, timed) for load in loads])
         if self.plot:
             from ..figures.sizing import figure_of_sizing
 
@@ -231,30 +216,3 @@ def facts(load: MotorLoad, timed: bool) -> dict[str, Any]:
             "rotor_peak_speed": load.rotor_speed,
         }
     return out
-
-
-def _json(loads: Iterable[MotorLoad], timed: bool) -> str:
-    return json.dumps([facts(load, timed) for load in loads], indent=2) + "\n"
-
-
-def _csv(loads: Iterable[MotorLoad], timed: bool) -> str:
-    rows = [facts(load, timed) for load in loads]
-    columns = list(dict.fromkeys(name for row in rows for name in row))
-    text = io.StringIO()
-    writer = csv.DictWriter(text, columns, restval="", lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(rows)
-    return text.getvalue()
-
-
-def _write(target: str, text: str) -> None:
-    """Write a file that appears when it is complete."""
-    from ..description.writing import naming
-
-    draft = Path(f"{target}.part")
-    try:
-        with naming(target):
-            draft.write_text(text, encoding="utf-8")
-        os.replace(draft, target)
-    finally:
-        draft.unlink(missing_ok=True)

@@ -209,17 +209,18 @@ def _write_mp4(
     own_colours: bool,
     target: str,
 ) -> None:
-    from ..view.film import frames_around, frames_of_run, save_mp4
+    from ..view.film import frames_around, frames_of_run, pictures_of, save_mp4
 
     if run is None:
         frames = frames_around(robot, picture, robot.home, size, own_colours=own_colours)
     else:
         frames = frames_of_run(robot, picture, run, size, own_colours=own_colours)
+    whole, _ = pictures_of(run)
     with _appearing(target) as partial, Progress("pictures") as progress:
 
         def told() -> Iterator[Image]:
             for count, frame in enumerate(frames):
-                progress.show(count + 1, None)
+                progress.show(count + 1, (count + 1) / whole)
                 yield frame
 
         save_mp4(told(), size, partial)

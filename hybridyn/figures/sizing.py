@@ -11,6 +11,7 @@ from ..studies.sizing import MotorLoad, Sizing
 from .blank import empty_figure
 
 if TYPE_CHECKING:
+    from matplotlib.artist import Artist
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
@@ -40,21 +41,35 @@ def figure_of_sizing(sizing: Sizing, *, title: str = "") -> Figure:
     for ax in panels[len(loads) :]:
         ax.set_axis_off()
     figure.suptitle(title)
+    _legend(figure)
     return figure
+
+
+def _legend(figure: Figure) -> None:
+    """Say what points and lines are: once for all panels, each as the first panel that has it draws it."""
+    drawn: dict[str, Artist] = {}
+    for ax in figure.axes:
+        for artist, name in zip(*ax.get_legend_handles_labels(), strict=True):
+            drawn.setdefault(name, artist)
+    if drawn:
+        names, artists = [*drawn], [*drawn.values()]
+        figure.legend(artists, names, loc="outside lower center", ncols=len(names), fontsize="small")
 
 
 def _draw(ax: Axes, load: MotorLoad, cloud: Array) -> None:
     speed_unit, effort_unit = ("m/s", "N") if load.linear else ("rad/s", "N m")
-    ax.plot(cloud[:, 0], cloud[:, 1], ".", markersize=2.5, alpha=0.6)
+    ax.plot(cloud[:, 0], cloud[:, 1], ".", markersize=2.5, alpha=0.6, label="samples")
     peak = np.argmax(np.abs(cloud[:, 1])) if len(cloud) else 0
     if len(cloud):
-        ax.plot(cloud[peak, 0], load.effort.value, "k^", markersize=5)
+        ax.plot(cloud[peak, 0], load.effort.value, "k^", markersize=5, label="peak effort")
     for sign in (-1.0, 1.0):
-        ax.axhline(sign * load.rms_effort, color="tab:green", linewidth=0.9, linestyle="--")
+        ax.axhline(
+            sign * load.rms_effort, color="tab:green", linewidth=0.9, linestyle="--", label="RMS effort"
+        )
         if load.effort_limit <= NEAR * abs(load.effort.value):
-            ax.axhline(sign * load.effort_limit, color="tab:red", linewidth=1.0)
+            ax.axhline(sign * load.effort_limit, color="tab:red", linewidth=1.0, label="limit")
         if load.speed_limit <= NEAR * abs(load.speed.value):
-            ax.axvline(sign * load.speed_limit, color="tab:red", linewidth=1.0)
+            ax.axvline(sign * load.speed_limit, color="tab:red", linewidth=1.0, label="limit")
     ax.set_title(load.motor, fontsize="small")
     ax.set_xlabel(f"speed [{speed_unit}]", fontsize="x-small")
     ax.set_ylabel(f"effort [{effort_unit}]", fontsize="x-small")

@@ -17,19 +17,22 @@ if TYPE_CHECKING:
 
 SLICES = 5  # of the last coordinate, through its reached values
 LABELS = {
-    "conditioning": "conditioning (1 is isotropic)",
+    "conditioning": "conditioning [-], 1 is isotropic",
     "effort_per_force": "largest effort per N of force",
     "effort_per_torque": "largest effort per N m of torque",
     "hold": "largest effort against gravity",
 }
+#: What a unit of effort stands over in a measure.
+OVER = {"effort_per_force": "N", "effort_per_torque": "N m", "hold": ""}
 
 
-def figure_of_workspace(found: Workspace, *, title: str = "") -> Figure:
+def figure_of_workspace(found: Workspace, *, title: str = "", unit: str = "N or N m") -> Figure:
     """Draw the maps of a workspace: one row per measure; slices of the third coordinate side by side.
 
     Args:
         found: The workspace, swept over one to three coordinates (of more, those at the origin are drawn).
         title: Title of the figure.
+        unit: Unit of the motors' efforts.
 
     Raises:
         HybridynError: matplotlib is missing.
@@ -40,6 +43,7 @@ def figure_of_workspace(found: Workspace, *, title: str = "") -> Figure:
     levels = _levels(found.index[here, 2]) if len(axes) == 3 else [None]
     figure = empty_figure(3.1 * len(levels) + 1.4, 2.7 * len(maps) + 0.5)
     panels = figure.subplots(len(maps), len(levels), squeeze=False, sharex=True, sharey=len(axes) > 1)
+    labels = {name: _label(name, unit) for name in maps}
     for number, (row, (name, values)) in enumerate(zip(panels, maps.items(), strict=True)):
         finite = values[np.isfinite(values)]
         # A few postures near a singularity would take all the colours.
@@ -50,7 +54,7 @@ def figure_of_workspace(found: Workspace, *, title: str = "") -> Figure:
             chosen = here if level is None else here & (found.index[:, 2] == level)
             if len(axes) == 1:
                 ax.plot(found.coordinates[chosen][:, _column(found, axes[0])], values[chosen], ".-")
-                ax.set_ylabel(LABELS[name], fontsize="x-small")
+                ax.set_ylabel(labels[name], fontsize="x-small")
             else:
                 image = _image(ax, found, chosen, values, 0.0, limit)
             if level is not None and number == 0:
@@ -58,12 +62,21 @@ def figure_of_workspace(found: Workspace, *, title: str = "") -> Figure:
                 ax.set_title(f"{axes[2]} = {at:.4g} {_unit(axes[2])}", fontsize="small")
             ax.tick_params(labelsize="x-small")
         if image is not None:
-            figure.colorbar(image, ax=list(row), label=LABELS[name], shrink=0.9)
+            figure.colorbar(image, ax=list(row), label=labels[name], shrink=0.9)
             row[0].set_ylabel(f"{axes[1]} [{_unit(axes[1])}]")
     for ax in panels[-1]:
         ax.set_xlabel(f"{axes[0]} [{_unit(axes[0])}]")
     figure.suptitle(title)
     return figure
+
+
+def _label(name: str, unit: str) -> str:
+    """Return what a map shows, with its unit."""
+    if name not in OVER:
+        return LABELS[name]
+    over = OVER[name]
+    whole = f"({unit})/({over})" if over and " " in unit + over else f"{unit}/{over}" if over else unit
+    return f"{LABELS[name]} [{whole}]"
 
 
 def _maps(found: Workspace) -> dict[str, Array]:

@@ -45,9 +45,7 @@ def frames_of_run(
         Pictures, `RATE` of them per second.
     """
     camera = camera_around(corners_of(robot, picture, run), *size)
-    span = run.end - run.begin if run.timed else len(run.q) / RATE
-    speed = max(span / LONGEST, 1.0)
-    count = max(2, round(RATE * span / speed))
+    count, speed = pictures_of(run)
     faster = f", shown {speed:.3g} times as fast" if speed > 1 and run.timed else ""
     for at in np.linspace(run.begin, run.end, count):
         number = run.index(float(at))
@@ -56,12 +54,25 @@ def frames_of_run(
         yield labelled(image, text)
 
 
+def pictures_of(run: Run | None) -> tuple[int, float]:
+    """Return how many pictures a film has, and how many times as fast as the motion it runs.
+
+    Args:
+        run: The motion, or None for a walk around a robot that stands still.
+    """
+    if run is None:
+        return round(AROUND * RATE), 1.0
+    span = run.end - run.begin if run.timed else len(run.q) / RATE
+    speed = max(span / LONGEST, 1.0)
+    return max(2, round(RATE * span / speed)), speed
+
+
 def frames_around(
     robot: HybridRobot, picture: Picture, q: Array, size: tuple[int, int], *, own_colours: bool = False
 ) -> Iterator[Image]:
     """Return the pictures of a walk around a robot that stands still; arguments as for `frames_of_run`."""
     placement = place_bodies(robot, q)
-    count = round(AROUND * RATE)
+    count, _ = pictures_of(None)
     corners = extent(picture, placement)
     middle, reach = corners.mean(axis=0), float(np.linalg.norm(np.ptp(corners, axis=0)[:2])) / 2
     # As seen from every side the same: the box that the walk leaves in view.

@@ -1,0 +1,57 @@
+"""Small reports that commands write: rows of names and values as CSV or JSON."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import click
+
+
+def report_file(ctx: click.Context, param: click.Parameter, value: str | None) -> str | None:
+    """Check the ending and the folder of a report's file, before any work is done."""
+    if value is None:
+        return None
+    if not value.lower().endswith((".csv", ".json")):
+        raise click.BadParameter(f"'{value}' must end in .csv or .json", ctx, param)
+    folder = os.path.dirname(value)
+    if folder and not os.path.isdir(folder):
+        raise click.BadParameter(f"there is no folder '{folder}'", ctx, param)
+    return value
+
+
+def write_report(target: str, rows: Sequence[dict[str, Any]]) -> None:
+    """Write rows as the file's ending says; the file appears when it is complete.
+
+    Args:
+        target: The file, .csv or .json.
+        rows: Names and values, None for what is not known.
+    """
+    from ...description.writing import naming
+
+    draft = Path(f"{target}.part")
+    try:
+        with naming(target):
+            text = _json(rows) if target.lower().endswith(".json") else _csv(rows)
+            draft.write_text(text, encoding="utf-8")
+        os.replace(draft, target)
+    finally:
+        draft.unlink(missing_ok=True)
+
+
+def _json(rows: Sequence[dict[str, Any]]) -> str:
+    return json.dumps(rows, indent=2) + "\n"
+
+
+def _csv(rows: Sequence[dict[str, Any]]) -> str:
+    columns = list(dict.fromkeys(name for row in rows for name in row))
+    text = io.StringIO()
+    writer = csv.DictWriter(text, columns, restval="", lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    return text.getvalue()

@@ -1,0 +1,115 @@
+"""What commands take for granted, write and say beside their numbers."""
+
+from __future__ import annotations
+
+import csv
+import json
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+from command_line import call
+
+import hybridyn
+from hybridyn.errors import LONGEST, ModelError
+
+OWN = "five_bar/traj.csv"
+
+
+@pytest.mark.parametrize("form", ["csv", "json"])
+def test_effects_take_the_shipped_motion_and_write_their_numbers(
+    form: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    report = tmp_path / f"worth.{form}"
+    words = ("effects", "five_bar", "--effects", "default")
+    said = call(capsys, *words, "-o", report)
+    assert said.status == 0, said.err
+    text = report.read_text()
+    rows = json.loads(text) if form == "json" else list(csv.DictReader(text.splitlines()))
+    assert {row["effect"] for row in rows} == {"gravity", "inertia", "leg_inertia", "velocity"}
+    table = [line.split() for line in said.out.splitlines()]
+    for row in rows:
+        (shown,) = [cells for cells in table if cells[:2] == [row["effect"], row["motor"]]]
+        assert float(shown[2]) == pytest.approx(float(row["peak"]), rel=1e-3)
+        assert shown[4:6] == row["unit"].split()
+
+
+def test_cost_takes_the_shipped_motion(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[str] = []
+
+    def measured(source: str, trajectory: str, progress: object) -> None:
+        asked.append(trajectory)
+        raise ModelError("enough")
+
+    monkeypatch.setattr("hybridyn.cli.cost._robot", measured)
+    assert call(capsys, "cost", "lx4").err == "error: enough\n"
+    assert [Path(name).parts[-2:] for name in asked] == [("lx4", "traj.csv")]
+
+
+def test_a_link_to_nothing_is_not_offered_as_itself(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    os.symlink("nowhere", "ff")
+    os.mkfifo("pipe.csv")
+    assert "'ff' is a link to what is not there" in call(capsys, "idm", "five_bar", "ff").err
+    assert "'pipe.csv' is no regular file" in call(capsys, "idm", "five_bar", "pipe.csv").err
+
+
+def test_no_error_is_longer_than_a_few_lines(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    robot = tmp_path / "robot.urdf"
+    name = "n" * 1900
+    robot.write_text(
+        f'<robot name="r"><link name="{name}"/><link name="{name}x"/><link name="{name}y"/></robot>'
+    )
+    said = call(capsys, "info", robot)
+    assert said.status == 1
+    assert said.err.startswith(f"error: {robot}")
+    assert said.err.endswith("a floating joint leaves free)\n")
+    assert len(said.err) < LONGEST + 20
+    with pytest.raises(ModelError) as caught:
+        hybridyn.load(robot)
+    assert len(str(caught.value)) <= LONGEST
+    assert len(call(capsys, "info", "x" * 5000).err) < LONGEST + 20
+
+
+def test_maps_of_a_workspace_have_units() -> None:
+    from hybridyn.figures.workspace import figure_of_workspace
+    from hybridyn.studies.workspace.workspace import workspace
+
+    found = workspace(hybridyn.load("delta"), steps={"x": 0.2, "y": 0.2, "z": 0.15})
+    labels = [ax.get_ylabel() for ax in figure_of_workspace(found, unit="N m").axes]
+    shown = [label for label in labels if "effort" in label or "conditioning" in label]
+    assert shown
+    assert all("[" in label for label in shown)
+    assert any("[(N m)/(N)]" in label for label in shown)
+
+
+def test_the_cloud_of_a_motor_has_a_legend(tmp_path: Path) -> None:
+    from hybridyn.figures.sizing import figure_of_sizing
+    from hybridyn.studies.sizing import Sizing
+
+    sizing = Sizing(hybridyn.load("five_bar"))
+    rows = np.random.default_rng(1).normal(size=(20, 2))
+    sizing.add(None, 1, rows, rows, rows)
+    (legend,) = figure_of_sizing(sizing).legends
+    assert [text.get_text() for text in legend.get_texts()][:3] == ["samples", "peak effort", "RMS effort"]
+
+
+def test_a_film_knows_how_many_pictures_it_has(monkeypatch: pytest.MonkeyPatch) -> None:
+    from hybridyn.view import film
+    from hybridyn.view.run import Run
+
+    monkeypatch.setattr(film, "render", lambda *_, **__: None)
+    monkeypatch.setattr(film, "labelled", lambda *_: None)
+    monkeypatch.setattr(film, "camera_around", lambda *_, **__: None)
+    monkeypatch.setattr(film, "corners_of", lambda *_: None)
+    monkeypatch.setattr(film, "place_bodies", lambda *_: None)
+    run = Run(np.linspace(0.0, 2.5, 11), np.zeros((11, 1)), None, "")
+    count, speed = film.pictures_of(run)
+    assert (count, speed) == (round(2.5 * film.RATE), 1.0)
+    assert len([*film.frames_of_run(hybridyn.load("five_bar"), None, run, (2, 2))]) == count  # type: ignore[arg-type]
+    assert film.pictures_of(None) == (round(film.AROUND * film.RATE), 1.0)
