@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -231,3 +233,67 @@ def test_every_module_and_closure_has_its_reaction() -> None:
 def test_asking_for_reactions_does_not_change_the_efforts() -> None:
     robot, q, v, a, wrenches, tau, _ = solved("stack", "fixed")
     close_to(hybridyn.idm(robot, q, v, a, wrenches=wrenches), tau, 1e-15)
+
+
+PORTAL = """<robot name="portal"><link name="ground"/>
+  <link name="crank"><inertial><mass value="1e-9"/><inertia ixx="0" ixy="0" ixz="0" iyy="0" iyz="0" izz="0"/>
+  </inertial></link>
+  <link name="beam"><inertial><origin xyz="0.5 0 0"/><mass value="1"/>
+    <inertia ixx="0.01" ixy="0" ixz="0" iyy="0.01" iyz="0" izz="0.01"/></inertial></link>
+  <link name="rocker"/>
+  <joint name="drive" type="revolute"><parent link="ground"/><child link="crank"/><axis xyz="0 1 0"/>
+    <limit lower="-3" upper="3" effort="10" velocity="9"/></joint>
+  <joint name="elbow" type="continuous"><origin xyz="0 0 1"/><parent link="crank"/><child link="beam"/>
+    <axis xyz="0 1 0"/></joint>
+  <joint name="swing" type="continuous"><origin xyz="1 0 0"/><parent link="ground"/><child link="rocker"/>
+    <axis xyz="0 1 0"/></joint>
+  {}
+  <transmission name="t"><type>transmission_interface/SimpleTransmission</type><joint name="drive"/>
+  <actuator name="m"/></transmission>
+</robot>"""
+LOOP = (
+    '<loop name="pin" {}><predecessor link="beam"><origin xyz="1 0 0" rpy="{rpy}"/></predecessor>'
+    '<successor link="rocker"><origin xyz="0 0 1" rpy="{rpy}"/></successor>{}</loop>'
+)
+
+FORMS = {
+    "in the plane": LOOP.format('type="rows" rows="tx tz"', "", rpy="0 0 0"),
+    "ball": LOOP.format('type="spherical"', "", rpy="0 0 0"),
+    "five rows": LOOP.format('type="rows" rows="tx ty tz rx rz"', "", rpy="0 0 0"),
+    "sleeve": LOOP.format('type="cylindrical"', '<axis xyz="0 1 0"/>', rpy="0 0 0"),
+    "hinge": LOOP.format('type="revolute"', '<axis xyz="0 1 0"/>', rpy="0 0 0"),
+    "hinge the other way": LOOP.format('type="revolute"', '<axis xyz="0 -1 0"/>', rpy="0 0 0"),
+    "two hinges": LOOP.format('type="universal"', '<axis xyz="0 1 0"/><axis2 xyz="1 0 0"/>', rpy="0 0 0"),
+    "constraint": (
+        '<constraint name="pin" type="revolute"><parent link="beam"/><parent_origin xyz="1 0 0"/>'
+        '<parent_axis xyz="0 1 0"/><child link="rocker"/><child_origin xyz="0 0 1"/>'
+        '<child_axis xyz="0 1 0"/></constraint>'
+    ),
+    "loop joint": (
+        '<loop_joint name="pin" type="revolute"><link1 link="beam" xyz="1 0 0"/>'
+        '<link2 link="rocker" xyz="0 0 1"/><axis xyz="0 1 0"/></loop_joint>'
+    ),
+}
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_a_hinge_has_one_reaction_however_it_is_written(form: str, tmp_path: Path) -> None:
+    """Half the beam's weight rests on the rocker, told in the axes of the `<origin>` that the author wrote."""
+    path = tmp_path / "portal.urdf"
+    path.write_text(PORTAL.format(FORMS[form]))
+    robot = hybridyn.load(path)
+    rest = np.zeros(robot.nv)
+    _, reactions = hybridyn.idm(robot, robot.home, rest, rest, reactions=True)
+    close_to(reactions.closures["pin"][:3], np.array([0.0, 0.0, -4.905]), 1e-8)
+
+
+def test_reactions_turn_with_the_authors_frame(tmp_path: Path) -> None:
+    """A frame whose x points up, its hinge along y: the weight comes along minus x."""
+    path = tmp_path / "portal.urdf"
+    up = f"0 {-np.pi / 2} 0"
+    path.write_text(PORTAL.format(LOOP.format('type="revolute"', '<axis xyz="0 1 0"/>', rpy=up)))
+    robot = hybridyn.load(path)
+    rest = np.zeros(robot.nv)
+    _, reactions = hybridyn.idm(robot, robot.home, rest, rest, reactions=True)
+    close_to(reactions.closures["pin"][:3], np.array([-4.905, 0.0, 0.0]), 1e-8)
+    assert reactions.determined["pin"][[0, 2]].all()

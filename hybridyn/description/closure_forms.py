@@ -89,9 +89,3 @@ def form_of_rows(text: str) -> RowsForm:
     order = [(z + 1) % 3, (z + 2) % 3, z]
     translations = tuple(sorted(order.index(axis) for axis in locked))
     return RowsForm(translations, "parallel", np.eye(3)[:, order])
-
-
-def frames_on_axis(frame_a: Array, frame_b: Array, axis: Array) -> tuple[Array, Array]:
-    """Turn both frames alike so that `axis` (unit, in frame A's axes) becomes their z; two shapes (4, 4)."""
-    rotation = rotation_to_axis(axis)
-    return turned(frame_a, rotation), turned(frame_b, rotation)

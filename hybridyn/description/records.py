@@ -105,6 +105,8 @@ class Closure:
         translations: Axes of A along which B's origin may not move, a subset of (0, 1, 2).
         rotation: One of `RotationKind`.
         line: Line in the file, or None.
+        turn: Axes of frame A in the frame that the author placed on `link_a`, shape (3, 3): wrenches of the
+            closure are told in the author's axes, however the closure is written.
     """
 
     name: str
@@ -116,6 +118,7 @@ class Closure:
     translations: tuple[int, ...]
     rotation: RotationKind
     line: int | None = None
+    turn: Array = field(default_factory=lambda: np.eye(3))
 
 
 @dataclass(frozen=True)

@@ -33,9 +33,9 @@ class Reactions:
         modules: For each module by name, the wrench that its base body exerts ON it (the paper's F_k with the
             legs' share), shape (T, 6), in the base body's frame, at its origin.
         closures: For each closure by name, the wrench that it exerts ON its successor link (the predecessor
-            gets the opposite), shape (T, 6), in the axes of the predecessor's closure frame, at the origin of
-            the successor's closure frame; for a coupling, shape (T, 1), the multiplier of its relation as
-            written.
+            gets the opposite), shape (T, 6), in the axes of the predecessor's closure frame as its author
+            placed it, whatever the closure's axis, at the origin of the successor's closure frame; for a
+            coupling, shape (T, 1), the multiplier of its relation as written.
         unique: For each closure, False where the motion does not determine its wrench, because rows are
             redundant or lose rank at a sample: then of all wrenches in the module's closures that make the
             motion, the least are given (norm of moments, and of forces times the module's length).
@@ -163,7 +163,7 @@ def _closure_wrench(state: ModuleState, cut: TreeClosure, author: TreeClosure, l
         axes = [0, 1] if cut.rotation == "parallel" else [2]
         normals = np.stack([cross(B[:, :, 2], A[:, :, i]) for i in axes], axis=1)
         moment = np.einsum("tij,ti->tj", normals, rest)
-    A_out, _, _, p_out = _frames(state.spanning, author)
+    A_out, p_out = _told_in(state.spanning, author)
     moment = moment + cross(pb - p_out, force)
     # A wrist that was cut keeps the author's sense: from its chain's side to the target, or back.
     numbers = state.mechanism.bodies
@@ -178,11 +178,21 @@ def _handed_on(state: ModuleState, load: ModuleLoad, author: TreeClosure) -> Arr
         if wrist.carries or {wrist.end, wrist.target} != {author.body_a, author.body_b}:
             continue
         handed = load.through_wrist(state, number)
-        A, _, _, p = _frames(state.spanning, author)
+        A, p = _told_in(state.spanning, author)
         moment = handed[:, 3:] + cross(state.spanning.p[:, wrist.end] - p, handed[:, :3])
         sign = 1.0 if wrist.target == author.body_b else -1.0
         out += sign * np.concatenate([rotate_back(A, handed[:, :3]), rotate_back(A, moment)], axis=-1)
     return out
+
+
+def _told_in(motion: Motion, author: TreeClosure) -> tuple[Array, Array]:
+    """Give the axes and the origin in the base in which a closure's wrench is told.
+
+    The axes are those of the predecessor's frame as its author placed it (z of frame A is the closure's
+    axis), the origin is the successor's.
+    """
+    A, _, _, p = _frames(motion, author)
+    return A @ author.turn.T, p
 
 
 def _frames(motion: Motion, c: TreeClosure) -> tuple[Array, Array, Array, Array]:

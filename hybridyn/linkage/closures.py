@@ -15,7 +15,7 @@ loops closed. A coupling is one more row, constant, without drift.
 from __future__ import annotations
 
 from copy import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from fractions import Fraction
 from math import gcd, lcm
 
@@ -54,6 +54,7 @@ class TreeClosure:
         p_b: Origin of frame B in it, shape (3,), [m].
         translations: Axes of A along which B's origin may not move.
         rotation: What the rotation may not do.
+        turn: Axes of frame A in the author's frame, in whose axes wrenches are told, shape (3, 3).
     """
 
     name: str
@@ -66,6 +67,7 @@ class TreeClosure:
     p_b: Array
     translations: tuple[int, ...]
     rotation: RotationKind
+    turn: Array = field(default_factory=lambda: np.eye(3))
 
     @property
     def rows(self) -> int:

@@ -103,7 +103,7 @@ def body_closure(bodies: Bodies, closure: Closure, description: Description) -> 
     return TreeClosure(
         closure.name, closure.kind,
         a, Ra @ A[:3, :3], pa + Ra @ A[:3, 3], b, Rb @ B[:3, :3], pb + Rb @ B[:3, 3],
-        closure.translations, closure.rotation,
+        closure.translations, closure.rotation, closure.turn,
     )  # fmt: skip
 
 

@@ -10,13 +10,16 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..closure_forms import FORMS, Form, form_of_rows, frames_on_axis
+from ..closure_forms import FORMS, Form, form_of_rows
 from ..names import did_you_mean, listed
 from ..placement import rotation_to_axis, turned
 from ..records import Array, Closure, Coupling, Joint
 from ..robot_file import FREEDOMS
 from .placement import axis_of, origin_of
 from .xml_node import Node
+
+#: A closure's link, the frame that the author placed on it, and the turn that brings z on the closure's axis.
+Side = tuple[str, Array, Array]
 
 POSE = ("xyz", "rpy", "quat_xyzw")
 
@@ -38,18 +41,16 @@ def read_loop(node: Node) -> Closure:
     if kind == "rows":
         return _rows_closure(node, link_a, frame_a, link_b, frame_b)
     axis = _axis(node.child("axis"))
+    turn = other = rotation_to_axis(axis) if FORMS[kind].has_axis else np.eye(3)
     if kind == "universal":
-        axis2 = _axis(node.required_child("axis2"))
-        frame_a, frame_b = turned(frame_a, rotation_to_axis(axis)), turned(frame_b, rotation_to_axis(axis2))
-    elif FORMS[kind].has_axis:
-        frame_a, frame_b = frames_on_axis(frame_a, frame_b, axis)
-    return _closure(node, kind, FORMS[kind], link_a, frame_a, link_b, frame_b)
+        other = rotation_to_axis(_axis(node.required_child("axis2")))
+    return _closure(node, kind, FORMS[kind], (link_a, frame_a, turn), (link_b, frame_b, other))
 
 
 def read_constraint(node: Node) -> Closure:
     """Read `<constraint>`: each side states its own axis; they coincide (or are perpendicular: universal)."""
-    sides = ("parent", "parent_origin", "parent_axis", "child", "child_origin", "child_axis")
-    node.only(["name", "type"], sides)
+    parts = ("parent", "parent_origin", "parent_axis", "child", "child_origin", "child_axis")
+    node.only(["name", "type"], parts)
     kind = node.text("type")
     form = FORMS.get(kind)
     if form is None or kind == "prismatic":
@@ -58,8 +59,7 @@ def read_constraint(node: Node) -> Closure:
             f"type '{kind}' is not read in <constraint>{did_you_mean(kind, known)}; known: {listed(known)} "
             "(write other closures as <loop>)"
         )
-    links: list[str] = []
-    frames: list[Array] = []
+    sides: list[Side] = []
     for side in ("parent", "child"):
         link, origin, axis = (node.child(side + part) for part in ("", "_origin", "_axis"))
         if link is None:
@@ -68,9 +68,8 @@ def read_constraint(node: Node) -> Closure:
         if origin is not None:
             origin.only(POSE, [])
         turn = rotation_to_axis(_axis(axis)) if form.has_axis else np.eye(3)
-        links.append(link.text("link"))
-        frames.append(turned(origin_of(origin), turn))
-    return _closure(node, kind, form, links[0], frames[0], links[1], frames[1])
+        sides.append((link.text("link"), origin_of(origin), turn))
+    return _closure(node, kind, form, sides[0], sides[1])
 
 
 def read_loop_joint(node: Node) -> Closure:
@@ -96,9 +95,8 @@ def read_loop_joint(node: Node) -> Closure:
             side.only(["link", *POSE], [])
         link_a, link_b = first.text("link"), second.text("link")
         frame_a, frame_b = origin_of(first), origin_of(second)
-    if FORMS[kind].has_axis:
-        frame_a, frame_b = frames_on_axis(frame_a, frame_b, _axis(node.child("axis")))
-    return _closure(node, kind, FORMS[kind], link_a, frame_a, link_b, frame_b)
+    turn = rotation_to_axis(_axis(node.child("axis"))) if FORMS[kind].has_axis else np.eye(3)
+    return _closure(node, kind, FORMS[kind], (link_a, frame_a, turn), (link_b, frame_b, turn))
 
 
 def read_coupling(node: Node, parents: dict[str, Joint | None]) -> Coupling:
@@ -174,14 +172,15 @@ def _rows_closure(node: Node, link_a: str, frame_a: Array, link_b: str, frame_b:
         raise node.error(str(error)) from None
     form = Form(rows.translations, rows.rotation)
     turn = rows.rotation_of_frames
-    return _closure(node, "rows", form, link_a, turned(frame_a, turn), link_b, turned(frame_b, turn))
+    return _closure(node, "rows", form, (link_a, frame_a, turn), (link_b, frame_b, turn))
 
 
-def _closure(
-    node: Node, kind: str, form: Form, link_a: str, frame_a: Array, link_b: str, frame_b: Array
-) -> Closure:
+def _closure(node: Node, kind: str, form: Form, a: Side, b: Side) -> Closure:
     name = node.text("name")
-    return Closure(name, kind, link_a, frame_a, link_b, frame_b, form.translations, form.rotation, node.line)
+    frame_a, frame_b = (turned(frame, turn) for _, frame, turn in (a, b))
+    return Closure(
+        name, kind, a[0], frame_a, b[0], frame_b, form.translations, form.rotation, node.line, a[2]
+    )
 
 
 def _way_to_root(link: str, parents: dict[str, Joint | None]) -> list[Joint]:
