@@ -55,7 +55,11 @@ def motor_pivots(plan: Plan, positions: Array, motors: tuple[int, ...]) -> Pivot
     samples = np.array([np.array(entries).reshape(B.shape) for entries, _ in maps])
     samples = samples[good if good.any() else np.isfinite(samples).all(axis=(1, 2))]
     size = np.abs(samples).max(axis=(0, 2))
+    size = np.where(size > SINGULAR * size.max(), size, size.max())  # motions without a motor: rounding
     unit = np.abs(samples / np.where(size > 0, size, 1.0)[:, None]).max(axis=(0, 1))
+    size = np.where(
+        size > SINGULAR * size.max(), size, size.max()
+    )  # of a motion that no motor drives: rounding
     rows, cols = 1.0 / np.where(size > 0, size, 1.0), 1.0 / np.where(unit > 0, unit, 1.0)
     s = np.linalg.svd(samples * rows[:, None] * cols, compute_uv=False)
     if np.median(s[:, -1] / s[:, 0]) < SINGULAR:
