@@ -113,3 +113,26 @@ def test_a_film_knows_how_many_pictures_it_has(monkeypatch: pytest.MonkeyPatch) 
     assert (count, speed) == (round(2.5 * film.RATE), 1.0)
     assert len([*film.frames_of_run(hybridyn.load("five_bar"), None, run, (2, 2))]) == count  # type: ignore[arg-type]
     assert film.pictures_of(None) == (round(film.AROUND * film.RATE), 1.0)
+
+
+def test_a_floating_base_is_placed_without_naming_every_motor(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The base's pose leaves the motors open; they stay at home where the scene does not name them."""
+    robot = hybridyn.load("five_bar", base="floating")
+    root = robot.description.root
+    scene = tmp_path / "scene.toml"
+    scene.write_text(
+        'duration = 0.01\n[robot]\nfile = "five_bar"\nbase = "floating"\n[initial]\n'
+        f"joints = {{ {robot.motors[0]} = 0.1 }}\nplatforms = {{ {root} = [0.1, 0, 0.5, 0, 0, 0, 1] }}\n"
+        f"rates.platforms = {{ {root} = [0.3, 0, 0, 0, 0, 0] }}\n"
+        '[solver]\nmethod = "rk4"\nstep = 1e-2\n[output]\nrate = 100\n'
+    )
+    said = call(capsys, "simulate", scene, "-o", tmp_path / "run.csv")
+    assert said.status == 0, said.err
+    text = [line for line in (tmp_path / "run.csv").read_text().splitlines() if not line.startswith("#")]
+    first = dict(zip(text[0].split(","), map(float, text[1].split(",")), strict=True))
+    assert [first[f"{root}/pose/{axis}"] for axis in "xyz"] == [0.1, 0.0, 0.5]
+    assert first[f"{root}/velocity/x"] == pytest.approx(0.3, rel=1e-12)
+    assert first[f"{robot.motors[0]}/position"] == pytest.approx(0.1, rel=1e-12)
+    assert first[f"{robot.motors[1]}/position"] == pytest.approx(0.0, abs=1e-12)

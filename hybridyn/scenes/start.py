@@ -56,10 +56,15 @@ def initial_state(source: SceneFile, robot: HybridRobot, reference: Reference | 
 
 
 def _positions(source: SceneFile, robot: HybridRobot) -> dict[str, float]:
-    """Return the joint positions that are given; motors not named stay at home where no platform is given."""
+    """Return the joint positions that are given; motors not named stay at home where no platform is placed.
+
+    The pose of a moving or floating base leaves the motors open, so that it places no platform.
+    """
     initial = source.scene.initial
     joints = dict(initial.joints)
-    wanted = {*initial.rates.joints} if initial.platforms else {*initial.rates.joints, *robot.motors}
+    root = robot.description.root
+    placed = [key for key in initial.platforms if key.partition("@")[0] != root]
+    wanted = {*initial.rates.joints} if placed else {*initial.rates.joints, *robot.motors}
     for name in robot.joints:
         if name in wanted and name not in joints:
             i = robot.joint_index[name]
