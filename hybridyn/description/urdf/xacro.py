@@ -1,31 +1,52 @@
-"""Expanding xacro files, in a child process with limits (see `xacro_child.py`)."""
+"""Expanding xacro files, in a child process that is locked in (see `xacro_child`)."""
 
 from __future__ import annotations
 
+import contextlib
 import importlib.util
 import json
 import os
 import signal
 import subprocess
 import sys
-from collections.abc import Mapping, Sequence
+import threading
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 from ...errors import ModelError
+from ..robot_folders import RobotFolders
 from .xml_node import LARGEST_FILE
 
+#: Memory that an expansion may use [bytes].
 MEMORY = 2 * 2**30
-"""Memory that an expansion may use [bytes]."""
 
+#: Processor time that an expansion may use [s]; a stack of 1,000 six-legged modules takes 40.
 SECONDS = 120
-"""Processor time that an expansion may use [s]; a stack of 1,000 six-legged modules takes 40."""
 
+#: Extras of hybridyn that install a package of robot files.
 EXTRAS = {"example-robot-data": "robots"}
-"""Extras of hybridyn that install a package of robot files."""
 
+#: Characters of xacro's own message that are passed on.
 LONGEST_MESSAGE = 400
-"""Characters of xacro's own message that are passed on."""
+
+#: Most questions after files that one expansion may ask; robots include some dozens.
+MOST_QUESTIONS = 10_000
+
+#: Longest line that the child may send [bytes].
+LONGEST_LINE = 2**20
+
+#: Said of an expansion that no kernel locked in.
+UNLOCKED = "xacro: this system's kernel locks nothing in; the walls are hybridyn's own (README, Security)"
+
+#: The child's first words: its folder is on its path only while its own modules are imported.
+START = """
+import sys
+sys.path.insert(0, sys.argv[1])
+from xacro_child.main import main
+del sys.path[0]
+main()
+"""
 
 
 def expand(
@@ -44,25 +65,26 @@ def expand(
     Raises:
         ModelError: xacro reports an error, or the expansion exceeds its limits; file and macro are named.
     """
+    path = os.path.abspath(file)
     request = {
-        "file": os.path.abspath(file),
+        "file": path,
+        "folder": os.getcwd(),
         "arguments": {str(name): str(value) for name, value in arguments.items()},
-        "package_dirs": [os.fspath(folder) for folder in package_dirs],
-        "share_dirs": _share_dirs(),
         "paths": [_folder_of(module) for module in ("xacro", "yaml")],
         "memory": MEMORY,
         "seconds": SECONDS,
-        "largest": LARGEST_FILE,
     }
-    header, text = _run_child(file, json.dumps(request).encode())
+    folders = RobotFolders(path, [os.fspath(folder) for folder in package_dirs], _share_dirs(), LARGEST_FILE)
+    with _child(file) as child:
+        header, text = _converse(child, file, request, folders)
     if "error" in header:
         inner = header["file"]
-        where = file if inner in (None, request["file"]) else os.path.relpath(inner)
+        where = file if inner in (None, path) else os.path.relpath(inner)
         message = f"xacro: {header['error']}{_extra_for(header['error'])}"
         if len(message) > LONGEST_MESSAGE:
             message = message[:LONGEST_MESSAGE] + " ..."
         raise ModelError(message, file=where, line=header["line"])
-    return text, list(header["notes"])
+    return text, list(header["notes"]) + ([] if header["locks"] else [UNLOCKED])
 
 
 def _extra_for(error: str) -> str:
@@ -73,32 +95,92 @@ def _extra_for(error: str) -> str:
     return ""
 
 
-def _run_child(file: str, request: bytes) -> tuple[dict[str, Any], bytes]:
-    """Run the child and split its answer into header and XML."""
-    child = Path(__file__).with_name("xacro_child.py")
-    command = [sys.executable, "-I", "-S", "-X", "utf8", str(child)]
+@contextlib.contextmanager
+def _child(file: str) -> Iterator[subprocess.Popen[bytes]]:
+    """Start the child, and end it in any case, at the latest after twice its processor time."""
+    command = [sys.executable, "-I", "-S", "-X", "utf8", "-c", START, str(Path(__file__).parent)]
     try:
-        done = subprocess.run(command, input=request, capture_output=True, env={}, timeout=2 * SECONDS)
-    except subprocess.TimeoutExpired:
-        raise ModelError(f"xacro: took more than {2 * SECONDS} s and was ended", file=file) from None
+        child = subprocess.Popen(
+            command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, env={}
+        )
     except OSError as error:
         raise ModelError(f"xacro: no child process could be started: {error.strerror}", file=file) from None
-    line, _, text = done.stdout.partition(b"\n")
+    watch = threading.Timer(2 * SECONDS, child.kill)
+    watch.daemon = True
+    watch.start()
+    try:
+        with child:
+            try:
+                yield child
+            finally:
+                child.kill()
+    finally:
+        watch.cancel()
+
+
+def _converse(
+    child: subprocess.Popen[bytes], file: str, request: Mapping[str, Any], folders: RobotFolders
+) -> tuple[dict[str, Any], bytes]:
+    """Answer the child's questions until it has the XML, and give its last header and the XML."""
+    assert child.stdin is not None
+    assert child.stdout is not None
+    with contextlib.suppress(BrokenPipeError):  # it has ended; why is said below
+        _send(child.stdin, request)
+        for _ in range(MOST_QUESTIONS):
+            line = child.stdout.readline(LONGEST_LINE)
+            if not line:
+                break
+            header = _header(line, file)
+            if "ask" not in header:
+                text = child.stdout.read(LARGEST_FILE + 1)
+                if len(text) > LARGEST_FILE:
+                    raise ModelError(f"xacro: expands to more than {LARGEST_FILE // 2**20} MiB", file=file)
+                return header, text
+            _send(child.stdin, *_answer(folders, str(header["ask"]), str(header["of"])))
+        else:
+            raise ModelError(f"xacro: reads more than {MOST_QUESTIONS:,} files", file=file)
+    raise ModelError(_reason(child.wait()), file=file)
+
+
+def _header(line: bytes, file: str) -> dict[str, Any]:
+    """Read a line that the child sent."""
     try:
         header = json.loads(line)
     except ValueError:
-        raise ModelError(_reason(done), file=file) from None
-    return header, text
+        header = None
+    if not isinstance(header, dict):
+        raise ModelError("xacro: its child process speaks otherwise than agreed", file=file)
+    return header
 
 
-def _reason(done: subprocess.CompletedProcess[bytes]) -> str:
+def _send(stream: IO[bytes], header: Mapping[str, Any], content: bytes = b"") -> None:
+    stream.write(json.dumps(header).encode() + b"\n" + content)
+    stream.flush()
+
+
+def _answer(folders: RobotFolders, what: str, of: str) -> tuple[dict[str, Any], bytes]:
+    """Answer a question after files."""
+    try:
+        if what == "read":
+            content = folders.read(of)
+        elif what == "glob":
+            content = json.dumps(folders.glob(of)).encode()
+        else:
+            content = folders.find(of).encode()
+    except ModelError as error:
+        return {"error": str(error)}, b""
+    except OSError as error:
+        return {"error": error.strerror or str(error), "errno": error.errno or 0}, b""
+    except ValueError as error:  # a null character in a path
+        return {"error": str(error)}, b""
+    return {"size": len(content)}, content
+
+
+def _reason(status: int) -> str:
     """Say why a child ended without an answer."""
-    if done.returncode in (-signal.SIGKILL, -getattr(signal, "SIGXCPU", 24)):
+    if status in (-signal.SIGKILL, -getattr(signal, "SIGXCPU", 24)):
         return f"xacro: took more than {SECONDS} s of processor time and was ended"
-    last = done.stderr.decode("utf-8", "replace").strip().rpartition("\n")[2]
-    if "MemoryError" in last:
-        return f"xacro: needs more than {MEMORY // 2**30} GiB of memory"
-    return f"xacro: ended without a result (status {done.returncode}) {last[:LONGEST_MESSAGE]}".strip()
+    return f"xacro: ended without a result (status {status})"
 
 
 def _folder_of(module: str) -> str:

@@ -1,0 +1,198 @@
+"""Expand one xacro file behind the walls that the package's docstring names.
+
+Protocol: a request in one line of JSON on standard input; on standard output questions (`asking`), then one
+line of JSON (`notes` and `locks`, or `error` with `file` and `line`), then, without an error, the XML.
+"""
+
+from __future__ import annotations
+
+import encodings.cp1252
+import encodings.latin_1
+import os
+import sys
+import xml.dom.expatbuilder
+import xml.dom.minidom
+from types import SimpleNamespace
+from typing import Any
+
+from .asking import Parent
+from .expressions import Evaluator, RefusedError
+from .functions import bound_functions, functions_in
+from .kernel_lock import lock
+from .replacing import replace_node
+
+#: What Python is to refuse by itself, where the kernel has no lock.
+FORBIDDEN_EVENTS = (
+    "open", "socket.", "subprocess.", "os.", "ctypes.", "shutil.", "glob.", "tempfile.", "pty.", "fcntl.",
+)  # fmt: skip
+
+#: Loaded before the files are out of reach, for XML files in these encodings.
+ENCODINGS = (encodings.cp1252, encodings.latin_1, xml.dom.expatbuilder)
+
+
+class Arguments(dict[str, str]):
+    """Arguments of the file; remembers which names the file asked for."""
+
+    def __init__(self, given: dict[str, str]) -> None:
+        super().__init__(given)
+        self.given = list(given)
+        self.asked: list[str] = []
+
+    def __contains__(self, name: object) -> bool:
+        self.asked.append(str(name))
+        return super().__contains__(name)
+
+
+def main() -> None:
+    """Expand the file that the request names and answer on standard output."""
+    parent = Parent(sys.stdin.buffer, sys.stdout.buffer)
+    sys.stdout = sys.stderr  # what xacro prints is no answer
+    request = parent.request()
+    sys.path += request["paths"]
+    import xacro
+
+    notes: list[str] = []
+    arguments = Arguments(request["arguments"])
+    prepare(xacro, parent, arguments, request["folder"], notes)
+    limit_resources(request["memory"], request["seconds"])
+    locks = lock()
+    sys.path.clear()
+    sys.addaudithook(refuse_events)
+    try:
+        document = xacro.process_file(request["file"], mappings=arguments, verbosity=0)
+        refuse_unused(arguments)
+        text = document.toxml(encoding="utf-8")
+    except Exception as error:
+        parent.answer(failure(xacro, error), b"")
+    else:
+        parent.answer({"notes": notes, "locks": locks}, text)
+
+
+def limit_resources(memory: int, seconds: int) -> None:
+    """Limit memory [bytes], processor time [s], files and processes, where the system can."""
+    try:
+        import resource
+    except ImportError:
+        return
+    limits = [
+        (resource.RLIMIT_AS, memory),
+        (resource.RLIMIT_CPU, seconds),
+        (resource.RLIMIT_FSIZE, 0),
+        (resource.RLIMIT_NOFILE, 64),
+        (resource.RLIMIT_CORE, 0),
+    ]
+    for which, value in limits:
+        try:
+            resource.setrlimit(which, (value, value))
+        except (ValueError, OSError):
+            continue
+
+
+def refuse_events(event: str, arguments: tuple[Any, ...]) -> None:
+    """Refuse files, network and processes by raising; an audit hook stays for good."""
+    if event.startswith(FORBIDDEN_EVENTS):
+        raise RefusedError(f"a xacro file may not use {event}")
+
+
+def prepare(xacro: Any, parent: Parent, arguments: Arguments, folder: str, notes: list[str]) -> None:
+    """Put our own reading of files, expressions and packages in the place of xacro's."""
+    from xacro import substitution_args
+
+    expand, absolute = xacro.parse, xacro.abs_filename_spec
+
+    def note(*words: Any, **options: Any) -> str:
+        notes.append("xacro: " + " ".join(" ".join(map(str, words)).split()))
+        return ""
+
+    def parse(text: Any, filename: str | None = None) -> Any:
+        if text is not None or filename is None:
+            return expand(text, filename)
+        return xml.dom.minidom.parseString(read_xml(xacro, parent, filename))
+
+    def locate(name: str) -> str:
+        package, _, rest = name.removeprefix("package://").partition("/")
+        where = os.path.join(parent.find(package), rest) if name.startswith("package://") else absolute(name)
+        return str(where)
+
+    symbols = xacro._global_symbols
+    bound_functions(symbols, note)
+    dict.update(
+        symbols["xacro"], message=note, warning=note, error=note, print_location=lambda *_, **__: "",
+        arg=lambda name: arguments[name],
+    )  # fmt: skip
+    dollar = dollar_names(substitution_args, parent, symbols["math"], arguments)
+    evaluate = Evaluator(functions_in(symbols, dollar), (xacro.NameSpace, xacro.YamlDictWrapper))
+
+    def dollar_eval(expression: str, context: Any) -> str:
+        given = {name: substitution_args.convert_value(value, "auto") for name, value in arguments.items()}
+        return str(evaluate(expression, {**symbols["python"], **given, **dollar}))
+
+    xacro.safe_eval = lambda expression, names, local_names=None: evaluate(expression, names)
+    xacro.parse, xacro.warning, xacro.abs_filename_spec = parse, note, locate
+    xacro.print_location, xacro.replace_node = lambda: None, replace_node
+    xacro.open, xacro.glob = parent.open, SimpleNamespace(glob=parent.glob)
+    xacro.root_dir = folder
+    substitution_args._eval, substitution_args._eval_find = dollar_eval, parent.find
+
+
+def dollar_names(
+    substitution_args: Any, parent: Parent, mathematics: dict[str, Any], arguments: Arguments
+) -> dict[str, Any]:
+    """Return what `$(eval ...)` knows before the file's arguments: its own words, and mathematics."""
+    return {
+        **mathematics,
+        "true": True,
+        "false": False,
+        "env": substitution_args._eval_env,
+        "optenv": substitution_args._eval_optenv,
+        "find": parent.find,
+        "arg": lambda name: substitution_args.convert_value(arguments[name], "auto"),
+    }
+
+
+def read_xml(xacro: Any, parent: Parent, filename: str) -> bytes:
+    """Read a xacro file or an included one; document types and entities are refused."""
+    try:
+        text = parent.ask("read", filename)
+    except OSError as error:
+        xacro.filestack.pop()
+        raise xacro.XacroException(f"{error.strerror}: {filename}", exc=error) from None
+    if b"<!DOCTYPE" in text.upper() or b"<!ENTITY" in text.upper() or b"\0" in text:
+        raise RefusedError("DOCTYPE, ENTITY and other encodings than UTF-8 are not allowed in a robot file")
+    return text
+
+
+def refuse_unused(arguments: Arguments) -> None:
+    """Refuse arguments that the file does not declare; xacro itself would lose them without a word."""
+    for name in arguments.given:
+        if name not in arguments.asked:
+            declared = ", ".join(f"'{known}'" for known in dict.fromkeys(arguments.asked)) or "none"
+            raise RefusedError(f"there is no argument '{name}'; the file's arguments: {declared}")
+
+
+def failure(xacro: Any, error: Exception) -> dict[str, Any]:
+    """Describe an error in one line: what, in which file and macro."""
+    own, inner, suffix = "", error, ""
+    if isinstance(error, xacro.XacroException) and error.exc is not None:
+        own, inner, suffix = str(error.args[0] or ""), error.exc, str(error.suffix or "")
+        if own.startswith("<class") or isinstance(inner, OSError):
+            own = ""
+    message = " ".join(" ".join([own, describe(inner), suffix]).split())
+    macros = [macro.body.getAttribute("name") for macro in reversed(xacro.macrostack or [])]
+    if macros:
+        message += f" (in macro {' < '.join(macros[:4])})"
+    stack = [name for name in xacro.filestack or [] if name]
+    return {"error": message, "file": stack[-1] if stack else None, "line": getattr(error, "lineno", None)}
+
+
+def describe(error: BaseException) -> str:
+    """Describe what Python raised in words for the author of a robot file."""
+    if isinstance(error, MemoryError):
+        return "needs too much memory"
+    if isinstance(error, RecursionError):
+        return "macros or includes call themselves without end"
+    if isinstance(error, OSError) and error.filename:
+        return f"{error.strerror}: {error.filename}"
+    if isinstance(error, SyntaxError):
+        return error.msg
+    return str(error) or type(error).__name__
