@@ -6,7 +6,7 @@
     lock                  held by who hands out a library, and by who removes some
 
 Everything is written beside and moved into place, so that processes may build at the same time; what is
-truncated, or not what its name says, is built anew.
+truncated, or not what its name says, is built anew. So is what somebody else may have written (`trust`).
 """
 
 from __future__ import annotations
@@ -24,6 +24,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ...errors import CompileError
+from ..trust import is_own, refuse_foreign
 from .building import NATIVE, build
 from .compilers import FLAGS, find_compiler, machine
 from .eviction import handing_out, remove_unused
@@ -74,13 +75,14 @@ def cached(
         accept: Raises where a built library is not what it should be; then its key stays unknown.
 
     Raises:
-        CompileError: There is no compiler, or it fails.
+        CompileError: There is no compiler, or it fails; or others can write in the cache's folder.
     """
     at = _writable(folder())
+    refuse_foreign(at, VARIABLE)
     tools = _tools(libraries)
     pointer = at / "keys" / _hash(key, package_state(), tools)
     with contextlib.suppress(OSError, ValueError):  # not there, or not text
-        if (known := _load(at, pointer.read_text())) is not None:
+        if is_own(pointer) and (known := _load(at, pointer.read_text())) is not None:
             return known
     source = make_source()
     name = _hash(*source.units, json.dumps(source.about, sort_keys=True), tools)
@@ -125,8 +127,11 @@ def _hash(*texts: str) -> str:
 def _load(at: Path, name: str) -> Built | None:
     """Return a model that is there and whole, else None."""
     try:
-        record = json.loads((at / "models" / f"{name}.json").read_bytes())
+        described = at / "models" / f"{name}.json"
+        record = json.loads(described.read_bytes())
         path = at / "libraries" / f"{record['library']}.so"
+        if not (is_own(described) and is_own(path)):
+            return None
         with handing_out(at, path):
             whole = hashlib.sha256(path.read_bytes()).hexdigest() == record["library"]
         return Built(path, record["about"]) if whole and record["name"] == name else None
@@ -142,7 +147,8 @@ def _build(at: Path, name: str, source: Source, libraries: tuple[str, ...]) -> B
         build(source.units, find_compiler(), target, libraries)
         digest = hashlib.sha256(target.read_bytes()).hexdigest()
         path = at / "libraries" / f"{digest}.so"
-        path.parent.mkdir(exist_ok=True)
+        path.parent.mkdir(exist_ok=True, mode=0o700)
+        target.chmod(0o700)
         os.replace(target, path)
     record = {"name": name, "library": digest, "about": source.about}
     _write(at / "models" / f"{name}.json", json.dumps(record).encode())
@@ -152,7 +158,7 @@ def _build(at: Path, name: str, source: Source, libraries: tuple[str, ...]) -> B
 
 def _write(path: Path, content: bytes) -> None:
     """Write a file beside its place and move it there."""
-    path.parent.mkdir(exist_ok=True)
+    path.parent.mkdir(exist_ok=True, mode=0o700)
     handle, temporary = tempfile.mkstemp(dir=path.parent)
     with os.fdopen(handle, "wb") as file:
         file.write(content)

@@ -1,0 +1,93 @@
+"""The cache of built libraries takes nothing that somebody else may have written."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from hybridyn.compiled.code.library_source import Source
+from hybridyn.compiled.library import cache
+from hybridyn.compiled.library.cache import Built, cached
+from hybridyn.errors import CompileError
+
+
+@pytest.fixture
+def at(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("HYBRIDYN_CACHE", str(tmp_path / "cache"))
+    return tmp_path / "cache"
+
+
+@pytest.fixture
+def group_may_write() -> Iterator[None]:
+    """Make new files and folders writable by the group, as many systems do."""
+    before = os.umask(0o002)
+    yield
+    os.umask(before)
+
+
+def built() -> tuple[Built, int]:
+    """Return a library, and how often its source was asked for."""
+    asked = []
+
+    def source() -> Source:
+        asked.append(1)
+        visible = '__attribute__((visibility("default")))'
+        return Source((f"{visible} int number(void) {{ return 1; }}\n",), {"number": 1})
+
+    return cached("key", source), len(asked)
+
+
+@pytest.mark.parametrize("inner", ["", "keys", "models", "libraries"])
+@pytest.mark.parametrize("mode", [0o777, 0o720, 0o1777])
+def test_a_folder_in_which_others_can_write_is_refused(at: Path, inner: str, mode: int) -> None:
+    built()
+    (at / inner).chmod(mode)
+    with pytest.raises(CompileError, match=r"others can write in .*chmod go-w .* HYBRIDYN_CACHE"):
+        built()
+    (at / inner).chmod(mode & ~0o022)
+    assert built()[1] == 0
+
+
+def test_a_folder_of_somebody_else_is_refused(at: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    built()
+    other = os.geteuid() + 1
+    monkeypatch.setattr(os, "geteuid", lambda: other)
+    with pytest.raises(CompileError, match=r"belongs to another user.*HYBRIDYN_CACHE"):
+        built()
+
+
+def test_the_users_own_folder_is_looked_at_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("HYBRIDYN_CACHE", raising=False)
+    monkeypatch.setattr(cache, "folder", lambda: tmp_path / "default")
+    built()
+    (tmp_path / "default").chmod(0o777)
+    with pytest.raises(CompileError, match="others can write"):
+        built()
+
+
+@pytest.mark.parametrize("pattern", ["keys/*", "models/*.json", "libraries/*.so"])
+def test_files_that_others_can_write_are_made_anew(at: Path, pattern: str) -> None:
+    built()
+    (file,) = at.glob(pattern)
+    file.chmod(0o666)
+    assert built()[1] == 1
+    assert file.stat().st_mode & 0o022 == 0
+    assert built()[1] == 0
+
+
+def test_a_link_in_the_cache_is_not_followed(at: Path, tmp_path: Path) -> None:
+    library = built()[0].path
+    library.rename(tmp_path / "elsewhere.so")
+    library.symlink_to(tmp_path / "elsewhere.so")
+    assert built()[1] == 1
+    assert not library.is_symlink()
+
+
+@pytest.mark.usefixtures("group_may_write")
+def test_what_is_built_is_the_users_alone_whatever_the_system_gives(at: Path) -> None:
+    built()
+    assert built()[1] == 0
+    assert all(path.stat().st_mode & 0o022 == 0 for path in at.rglob("*"))
