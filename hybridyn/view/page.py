@@ -21,6 +21,7 @@ from ..spatial import Array
 from ..structure.robot import HybridRobot
 from .camera import camera_around
 from .measures import Measures
+from .own_origin import start_server
 from .panel import closeness_html, efforts_html, legend_html, status_html
 from .picture import Picture
 from .placing import place_bodies
@@ -66,16 +67,11 @@ class Page:
             host: Address to listen at; the default is reached from this machine alone.
             port: Port to listen at; the next free one is taken.
         """
-        import viser
-
         self.robot, self.run = robot, run
         self.q: Array = robot.home if run is None else run.q[0]
         self.playing = False
         self.poser, self.measures = Poser(robot), Measures(robot)
-        with contextlib.redirect_stdout(io.StringIO()):  # a banner; standard output is the caller's
-            self.server = viser.ViserServer(
-                host=host, port=port, label=f"hybridyn: {robot.name}", verbose=False
-            )
+        self.server = start_server(host, port, f"hybridyn: {robot.name}")
         self.url = f"http://{host}:{self.server.get_port()}"
         self._wishes: dict[str, Any] = {}
         self._lock, self._wake = threading.Lock(), threading.Event()
