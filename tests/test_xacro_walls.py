@@ -15,10 +15,10 @@ import pytest
 import xacro
 from robot_texts import save
 
-from hybridyn.description.robot_folders import RobotFolders
 from hybridyn.description.urdf import xacro as xacro_files
-from hybridyn.description.xacro_child.expressions import Evaluator, RefusedError
-from hybridyn.description.xacro_child.functions import bound_functions, functions_in
+from hybridyn.description.urdf.robot_folders import RobotFolders
+from hybridyn.description.urdf.xacro_child.expressions import Evaluator, RefusedError
+from hybridyn.description.urdf.xacro_child.functions import bound_functions, functions_in
 from hybridyn.errors import ModelError
 
 ROOT = Path(__file__).parents[1]
@@ -118,7 +118,7 @@ def test_what_would_grow_without_end_is_refused(expression: str) -> None:
 
 
 def test_comprehensions_end(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("hybridyn.description.xacro_child.expressions.MOST_STEPS", 1000)
+    monkeypatch.setattr("hybridyn.description.urdf.xacro_child.expressions.MOST_STEPS", 1000)
     assert evaluate("len([1 for a in python.range(20) for b in python.range(20)])") == 400
     with pytest.raises(RefusedError, match="more than 1,000 elements"):
         evaluate("[1 for a in python.range(100) for b in python.range(100)]")

@@ -118,6 +118,8 @@ class Result:
         Raises:
             TrajectoryError: The file is none of ours.
         """
+        if os.path.exists(path) and not os.path.isfile(path):  # a pipe would be waited for
+            raise TrajectoryError("is not a regular file", file=str(path))
         try:
             with np.load(path, allow_pickle=False) as file:
                 data = {name: file[name] for name in file.files}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 from ..errors import TrajectoryError
@@ -20,9 +21,15 @@ def open_table(path: str | Path, *, block_rows: int = BLOCK_ROWS) -> Table:
         The table, its first block not read yet.
 
     Raises:
-        TrajectoryError: The file cannot be read or its header is wrong.
+        TrajectoryError: The file cannot be read, is a pipe or a device, or its header is wrong.
     """
     file = str(path)
+    if file != "-" and os.path.exists(file) and not os.path.isfile(file) and not os.path.isdir(file):
+        # a pipe would be waited for, and is gone after the first look at it
+        raise TrajectoryError(
+            "is not a regular file; give what comes out of a pipe or a device on standard input, as '-'",
+            file=file,
+        )
     try:
         if file.lower().endswith(".parquet"):
             from .parquet import open_parquet  # polars is an extra

@@ -47,6 +47,8 @@ def existing_file(ctx: click.Context, param: click.Parameter, value: str) -> str
             return shipped
     if os.path.isdir(value):
         raise click.BadParameter(f"'{value}' is a folder", ctx, param)
+    if os.path.exists(value):
+        raise click.BadParameter(f"'{value}' is not a regular file but a pipe or a device", ctx, param)
     from ...description.names import closest
 
     folder, name = os.path.split(value)

@@ -24,10 +24,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ...errors import CompileError
-from ..trust import is_own, refuse_foreign
 from .building import NATIVE, build
 from .compilers import FLAGS, find_compiler, machine
 from .eviction import handing_out, remove_unused
+from .trust import is_own, refuse_foreign
 
 if TYPE_CHECKING:
     from ..code.library_source import Source

@@ -11,15 +11,36 @@ from ...errors import ModelError
 Keys = tuple[str | int, ...]
 """Where a value stands: tables, numbers of tables in an array, and the key."""
 
+#: Largest TOML file read [bytes]; those of robots and scenes have a few kilobytes.
+LARGEST_TOML = 2**20
+
+#: Most parts of a dotted key: Python's reader keeps a table for each of its beginnings.
+MOST_PARTS = 16
+
+#: A text (of any kind, closed or not), a comment, a part of a bare key, spaces, or any other character.
+_TOKEN = re.compile(
+    r'''(?P<long>"""(?:\\.|[^\\])*?(?:"""|\Z)|\'\'\'.*?(?:\'\'\'|\Z))'''
+    r"""|(?P<part>"(?:\\.|[^"\\\n])*"|'[^'\n]*'|[\w-]+)"""
+    r"|(?P<comment>#[^\n]*)|(?P<space>[ \t]+)|.",
+    re.DOTALL,
+)
+
+
+_PART = r"""(?:[\w-]+|"[^"]*"|'[^']*')"""
+_ASSIGNMENT = re.compile(rf"\s*({_PART}(?:\s*\.\s*{_PART})*)\s*=")
+
 
 def parse_toml(data: bytes, file: str) -> tuple[str, dict[str, Any]]:
     """Read a TOML file's bytes: its text and its content.
 
     Raises:
-        ModelError: It is no UTF-8 text or no TOML; the line is named.
+        ModelError: It is no UTF-8 text or no TOML, or too large; the line is named.
     """
+    if len(data) > LARGEST_TOML:
+        raise ModelError(f"is larger than {LARGEST_TOML // 2**20} MiB", file=file)
     try:
         text = data.decode("utf-8")
+        _refuse_long_keys(text, file)
         return text, tomllib.loads(text)
     except UnicodeDecodeError as error:
         raise ModelError(f"is not UTF-8 text (byte {error.start})", file=file) from None
@@ -30,6 +51,22 @@ def parse_toml(data: bytes, file: str) -> tuple[str, dict[str, Any]]:
         ) from None
     except (RecursionError, ValueError):
         raise ModelError("not readable as TOML: nested too deeply, or a number too long", file=file) from None
+
+
+def _refuse_long_keys(text: str, file: str) -> None:
+    """Refuse keys of many parts, before anything is made of them."""
+    parts, after_dot = 0, False
+    for token in _TOKEN.finditer(text):
+        if token.lastgroup == "space":
+            continue
+        if token.lastgroup == "part":
+            parts = parts + 1 if after_dot else 1
+            after_dot = False
+            if parts > MOST_PARTS:
+                line = text.count("\n", 0, token.start()) + 1
+                raise ModelError(f"a key has more than {MOST_PARTS} parts", file=file, line=line)
+        else:
+            after_dot = parts > 0 and token[0] == "."
 
 
 def line_of(text: str, keys: Keys) -> int | None:
@@ -50,7 +87,7 @@ def line_of(text: str, keys: Keys) -> int | None:
             table = defined
         elif header := re.match(r"\s*\[\s*([^\[\]]+?)\s*\]\s*(#|$)", line):
             defined = table = _dotted(header[1], counts)
-        elif assignment := re.match(r"""\s*((?:[\w-]+|"[^"]*"|'[^']*'|\s*\.\s*)+?)\s*=""", line):
+        elif assignment := _ASSIGNMENT.match(line):
             defined = (*table, *_dotted(assignment[1], {}))
         else:
             continue

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import IO, Any
 
 from ...errors import ModelError
-from ..robot_folders import RobotFolders
+from .robot_folders import RobotFolders
 from .xml_node import LARGEST_FILE
 
 #: Memory that an expansion may use [bytes].

@@ -15,7 +15,7 @@ import stat
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from ..errors import ModelError
+from ...errors import ModelError
 
 #: What the folder of a package holds: the file that names it, or a folder of robot files.
 MARKS = ("package.xml", "urdf", "xacro", "robots", "meshes")

@@ -6,7 +6,7 @@ import os
 import stat
 from pathlib import Path
 
-from ..errors import CompileError
+from ...errors import CompileError
 
 _INNER = ("keys", "models", "libraries")
 _OTHERS_WRITE = stat.S_IWGRP | stat.S_IWOTH

@@ -1,0 +1,89 @@
+"""What is no file, or would fill the memory, is refused in one line before it is read."""
+
+from __future__ import annotations
+
+import os
+import tomllib
+from pathlib import Path
+
+import pytest
+from command_line import call
+
+import hybridyn
+from hybridyn.description.side_cars.toml_file import LARGEST_TOML, MOST_PARTS, line_of, parse_toml
+from hybridyn.errors import HybridynError, ModelError
+from hybridyn.scenes.scene_file import read_scene
+from hybridyn.simulation.result import Result
+from hybridyn.tables.opening import open_table
+
+
+@pytest.mark.parametrize("name", ["t.csv", "t.parquet", "r.urdf", "r.urdf.xacro", "s.toml", "r.state"])
+def test_a_pipe_is_not_waited_for(tmp_path: Path, name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    file = tmp_path / name
+    os.mkfifo(file)
+    monkeypatch.setattr("builtins.open", lambda *_, **__: pytest.fail("it was opened, and waited for"))
+    readers = {
+        ".csv": open_table, ".parquet": open_table, ".urdf": hybridyn.load, ".xacro": hybridyn.load,
+        ".toml": read_scene, ".state": Result.load,
+    }  # fmt: skip
+    with pytest.raises(HybridynError, match="is not a regular file") as caught:
+        readers[file.suffix](str(file))  # type: ignore[operator]
+    assert name in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "words", [["info", "x.urdf"], ["idm", "five_bar", "x.csv"], ["plot", "x.csv"], ["simulate", "x.toml"]]
+)
+def test_the_command_line_says_so(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], words: list[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    os.mkfifo(words[-1])
+    said = call(capsys, *words)
+    assert said[0] == 2
+    assert f"'{words[-1]}' is not a regular file but a pipe or a device" in said[2]
+
+
+def dotted(parts: int) -> str:
+    return ".".join(["a"] * parts)
+
+
+@pytest.mark.parametrize("text", ["{} = 1", "[{}]", "x = {{ {} = 1 }}", "[[{}]]", "x = [1, {{{} = 2}}]"])
+def test_a_key_of_many_parts_is_refused(text: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    parse_toml(text.format(dotted(MOST_PARTS)).encode(), "f.toml")
+    monkeypatch.setattr(tomllib, "loads", lambda text: pytest.fail("it was read, which takes 8 GB"))
+    for key in (dotted(40_000), dotted(MOST_PARTS + 1), " . ".join(['"a"', "'b'"] * 9)):
+        with pytest.raises(ModelError, match=r"f\.toml:2: .*a key has more than 16 parts"):
+            parse_toml(f"\n{text.format(key)}".encode(), "f.toml")
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        f'x = "{dotted(40)}"',
+        f"x = '{dotted(40)}'  # {dotted(40)}",
+        f'x = """\n{dotted(40)} " {dotted(40)}"""',
+        f"x = '''\n{dotted(40)} ' {dotted(40)}'''",
+        f'x = "a\\"b" # {dotted(40)}\ny = [1.5, 2.5]\n',
+        "x = [" + "1.5, " * 100 + "]",
+    ],
+)
+def test_dots_in_texts_and_comments_are_no_parts(text: str) -> None:
+    assert parse_toml(text.encode(), "f.toml")[1] == tomllib.loads(text)
+
+
+def test_texts_that_do_not_end_are_refused_at_once() -> None:
+    for text in ('"""' + '\\"""' * 50_000, "'''" + "''" * 50_000 + "'", '"' * 100_001, "a" * LARGEST_TOML):
+        with pytest.raises(ModelError, match="not readable as TOML"):
+            parse_toml(text.encode(), "f.toml")
+
+
+def test_a_large_toml_file_is_refused() -> None:
+    with pytest.raises(ModelError, match="is larger than 1 MiB"):
+        parse_toml(b"#" * (LARGEST_TOML + 1), "f.toml")
+
+
+def test_a_line_without_an_assignment_is_soon_passed() -> None:
+    """A long word is no key where no '=' follows; the search must not try each way to cut it."""
+    text = 'x = """\n' + "a" * 5000 + '!\n"""\na."b c".d = 1\n'
+    assert line_of(text, ("a", "b c", "d")) == 4
