@@ -29,6 +29,10 @@ LOST = 1e-100
 ROUNDING = 1e-12
 #: Newton has converged after a step this small: the next one would be its square.
 SMALLEST_STEP = 1e-9
+#: A start whose residual keeps this part of itself through as many iterations is near a minimum or creeps.
+STALLED, PATIENCE = 0.8, 8
+#: Scatter about the home posture, from near to anywhere [rad, module lengths], and starts for each posture.
+SPREADS = ((0.15, 2), (0.5, 4), (1.5, 8), (3.0, 16))
 
 
 @dataclass(frozen=True)
@@ -178,6 +182,7 @@ def close(
     *,
     iterations: int = 60,
     least: bool = False,
+    impatient: bool = False,
 ) -> Closed:
     """Make a problem's rows zero, starting from the positions given.
 
@@ -188,6 +193,7 @@ def close(
         iterations: Most iterations.
         least: Whether a minimum of the residual will do, closed or not, where damped steps end. Else only
             undamped ones end it: a target just out of reach has such a minimum at the edge of reach.
+        impatient: Whether to give up starts that hardly improve (`PATIENCE`).
     """
     tree, q, T = problem.tree, q.copy(), len(q)
     samples = np.zeros(T, dtype=int) if samples is None else samples
@@ -196,6 +202,7 @@ def close(
     damping, last = np.zeros(T), np.full(T, np.inf)
     active = np.arange(T)
     spent = 0
+    course = [np.linalg.norm(residual, axis=1)]
     for spent in range(1, iterations + 1):  # noqa: B007 - the count is reported
         dx = problem.solve(problem.matrix(motion, every=False), -residual[active], damping[active])
         open_by = np.abs(residual[active]).max(axis=1, initial=0.0)
@@ -212,6 +219,10 @@ def close(
         lower = damping[active] / 10
         damping[active] = np.where(good, np.where(lower < 1e-9, 0.0, lower), damping[active] * 10 + 1e-6)
         done = (length <= SMALLEST_STEP) & final | (damping[active] > 1e6)
+        if impatient:
+            course = [*course[-PATIENCE:], np.linalg.norm(residual, axis=1)]
+            stalled = course[-1] > STALLED * course[0]
+            done |= (len(course) > PATIENCE) & (open_by > ROUNDING) & stalled[active]
         if done.all():
             break
         active = active[~done]
@@ -224,7 +235,8 @@ def generic_postures(
 ) -> tuple[Array, float]:
     """Draw assembled postures about a home posture, from which rank and mobility are read.
 
-    Starts spread wider and wider (seeded, so that a robot always gets the same) until enough of them close.
+    Starts spread wider and wider (seeded, so that a robot always gets the same) until some of them close; the
+    postures that are still missing are then neighbours of those found.
 
     Args:
         closures: The module's closures.
@@ -237,16 +249,61 @@ def generic_postures(
     Returns:
         Postures, shape (at most count, nq), none where nothing closed, and the best residual seen.
     """
-    rng = np.random.default_rng(2010)
     tree = closures.tree
-    problem = LoopProblem(closures, row_scale, col_scale, np.ones(tree.nv, dtype=bool))
-    found: list[Array] = []
-    best = np.inf
-    for spread, starts in ((0.15, 2 * count), (0.5, 4 * count), (1.5, 8 * count), (3.0, 16 * count)):
-        noise = rng.uniform(-spread, spread, (starts, tree.nv)) * col_scale
-        closed = close(problem, tree.integrate(np.tile(home, (starts, 1)), noise), least=True)
-        best = min(best, float(closed.residual.min(initial=np.inf)))
-        found.extend(closed.q[(closed.residual <= tolerance) & (closed.step < 1e-6)])
-        if len(found) >= count:
+    search = _Search(LoopProblem(closures, row_scale, col_scale, np.ones(tree.nv, dtype=bool)), tolerance)
+    rng = np.random.default_rng(2010)
+    for spread, share in SPREADS:
+        search.about(home[None], rng.uniform(-spread, spread, (share * count, tree.nv)), count)
+        if len(search.found):
             break
-    return np.array(found[:count]).reshape(-1, tree.nq), best
+    else:
+        search.go_on(count)
+    for share in (2, 4):
+        if 0 < len(search.found) < count:
+            near = search.found.copy()
+            search.about(near, rng.uniform(-SPREADS[0][0], SPREADS[0][0], (share * count, tree.nv)), count)
+    return search.found[:count], search.best
+
+
+class _Search:
+    """Postures that close a problem's loops.
+
+    Attributes:
+        found: The postures so far, shape (found, nq).
+        best: Best residual seen.
+    """
+
+    def __init__(self, problem: LoopProblem, tolerance: float) -> None:
+        self._problem, self._tolerance = problem, tolerance
+        self.found, self.best = np.zeros((0, problem.tree.nq)), np.inf
+        self._left: list[tuple[float, Array]] = []
+
+    def about(self, centres: Array, scatter: Array, count: int) -> None:
+        """Start about postures (nq each), in turn, until `count` are found; give up where little is gained.
+
+        Args:
+            centres: The postures, shape (centres, nq).
+            scatter: Steps away from them, shape (starts, nv), scaled.
+            count: How many postures are wanted; twice as many starts are taken at once.
+        """
+        q = centres[np.arange(len(scatter)) % len(centres)]
+        starts = self._problem.tree.integrate(q, scatter * self._problem.col_scale)
+        for first in range(0, len(starts), 2 * count):
+            some = starts[first : first + 2 * count]
+            closed = self._keep(close(self._problem, some, least=True, impatient=True))
+            self._left += zip(closed.residual.tolist(), closed.q, strict=True)
+            self._left = sorted(self._left, key=lambda pair: pair[0])[:count]
+            if len(self.found) >= count:
+                return
+
+    def go_on(self, count: int) -> None:
+        """Take the `count` starts that came nearest to the end of their iterations."""
+        q = np.array([q for _, q in self._left[:count]]).reshape(-1, self._problem.tree.nq)
+        self._keep(close(self._problem, q, least=True))
+
+    def _keep(self, closed: Closed) -> Closed:
+        """Keep what closed."""
+        good = (closed.residual <= self._tolerance) & (closed.step < 1e-6)
+        self.found = np.concatenate([self.found, closed.q[good]])
+        self.best = min(self.best, float(closed.residual.min(initial=np.inf)))
+        return closed

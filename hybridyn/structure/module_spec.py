@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import pickle
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -77,7 +78,7 @@ class ModuleSpec:
     leg_bodies: tuple[Body | None, ...]
     home: Array
 
-    @property
+    @cached_property  # what a mechanism keeps in the spec's joints must not change it
     def key(self) -> bytes:
         """The content: equal for equal modules."""
         return pickle.dumps(self)
