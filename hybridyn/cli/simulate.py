@@ -7,7 +7,8 @@ import math
 import os
 import signal
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -25,6 +26,10 @@ if TYPE_CHECKING:
     from ..simulation.result import Result
 
 FAILED = ("unreachable", "unsolved", "singular")
+#: Steps of a trial run that tells how long steps get.
+TRIAL = 12
+#: Rows written together.
+AT_ONCE = 4096
 
 
 @click.command("simulate", short_help="A scene: motion in time under a controller and effects.")
@@ -75,14 +80,16 @@ def command(
     ready = stage(scene, allow_python=allow_python)
     target = output or _own_target(ready)
     state = None if target is None or target == "-" or ready.motion is not None else f"{target}.state"
+    _refuse_overwriting(ready, (target, state, plot))
     chosen = _engine(ready, engine)
     earlier = None if resume is None else _earlier(ready, resume, identity(ready.source))
     with Progress("steps") as bar, _between_steps() as stop:
-        steps = [0]
+        steps, reached = 0, 0.0
 
         def after_step(t: float, end: float) -> None:
-            steps[0] += 1
-            bar.show(steps[0], t / end)
+            nonlocal steps, reached
+            steps, reached = steps + (t != reached), t
+            bar.show(steps, t / end)
             if stop or (until is not None and t >= until):
                 raise KeyboardInterrupt
 
@@ -91,11 +98,8 @@ def command(
     _write(ready, result, target, chosen)
     if plot and len(result.t):
         _draw(ready, result, plot)
-    if state is not None:
-        if finished:
-            Path(state).unlink(missing_ok=True)
-        else:
-            _sign(state, identity(ready.source))
+    if state is not None and finished:
+        Path(state).unlink(missing_ok=True)
     if not quiet:
         for line in _summary(ready, result, chosen, time.perf_counter() - started):
             click.echo(line, err=True)
@@ -104,12 +108,35 @@ def command(
 
 def _engine(ready: Stage, asked: str | None) -> Engine:
     """Choose what gives the accelerations."""
-    scene = ready.source.scene
-    step = scene.solver.step if scene.solver.method in ("rk4", "implicit") else None
-    known = 0 if ready.output_times is None else len(ready.output_times)
-    evaluations = math.ceil(4 * scene.duration / step) if step else known
+    evaluations = _evaluations(ready) if asked is None else None
     obstacles = {"a prescribed motion": ready.motion is not None}
     return choose_engine(asked, ready.robot, ready.effects, evaluations, obstacles, WORTH_IN_TIME)
+
+
+def _evaluations(ready: Stage) -> int:
+    """Foretell how often the direct model will run: by fixed steps, or by how long the first steps get."""
+    from ..scenes.stage import play
+    from ..simulation.stepping import SHORTEST
+
+    scene = ready.source.scene
+    rows = 0 if ready.output_times is None else len(ready.output_times)
+    if scene.solver.step and scene.solver.method in ("rk4", "implicit"):
+        return math.ceil(4 * scene.duration / scene.solver.step)
+    if ready.motion is not None or scene.solver.method == "conserving":
+        return rows
+    if scene.controller and scene.controller.kind == "python":
+        return rows  # a program of somebody else's may count how often it is called
+    taken = 0
+
+    def stop(t: float, end: float) -> None:
+        nonlocal taken
+        taken += 1
+        if taken == TRIAL:
+            raise KeyboardInterrupt
+
+    trial = play(replace(ready, output_times=np.array([scene.duration]), events=()), progress=stop)
+    each = trial.counters.evaluations / max(trial.counters.steps, 1)
+    return rows + math.ceil(each * scene.duration / max(abs(trial.next_step), scene.duration * SHORTEST))
 
 
 def _own_target(ready: Stage) -> str | None:
@@ -121,7 +148,10 @@ def _own_target(ready: Stage) -> str | None:
     if name is None:
         return None
     target = ready.source.beside(name)
+    folder = Path(os.path.realpath(ready.source.file)).parent
     try:
+        if not Path(os.path.realpath(target)).is_relative_to(folder):
+            raise TrajectoryError(f"'{name}' lies outside the scene's folder; name it with -o instead")
         check_target(target)
     except TrajectoryError as error:
         raise ready.source.error(("output", "file"), str(error)) from None
@@ -155,8 +185,6 @@ def _earlier(ready: Stage, run: str, scene: str) -> Result:
     Raises:
         TrajectoryError: It is none, or another scene's.
     """
-    import numpy as np
-
     from ..errors import TrajectoryError
     from ..simulation.result import Result
 
@@ -166,25 +194,27 @@ def _earlier(ready: Stage, run: str, scene: str) -> Result:
             "there is no '.state' file beside it: the run is finished, or was not begun here", file=run
         )
     earlier = Result.load(path)
-    with np.load(path, allow_pickle=False) as file:
-        if "scene" in file.files and str(file["scene"]) != scene:
-            raise TrajectoryError(
-                f"was not begun with this scene as it stands in '{ready.source.file}' now", file=path
-            )
+    if earlier.origin.scene != scene:
+        raise TrajectoryError(
+            f"was not begun with this scene as it stands in '{ready.source.file}' now", file=path
+        )
     return earlier
 
 
-def _sign(state: str, scene: str) -> None:
-    """Say in a state file which scene it belongs to."""
-    import io
-    import zipfile
+def _refuse_overwriting(ready: Stage, targets: Iterable[str | None]) -> None:
+    """Refuse to write what the scene reads, or two things into one file."""
+    from ..scenes.stage import files_of
 
-    import numpy as np
-
-    text = io.BytesIO()
-    np.save(text, np.array(scene))
-    with zipfile.ZipFile(state, "a") as file:
-        file.writestr("scene.npy", text.getvalue())
+    read = {os.path.realpath(path) for path in files_of(ready.source)}
+    taken: set[str] = set()
+    for target in targets:
+        if target is None or target == "-":
+            continue
+        place = os.path.realpath(target)
+        if place in read | taken:
+            reason = "is read, and would be replaced" if place in read else "is written already"
+            raise click.UsageError(f"'{target}' {reason}")
+        taken.add(place)
 
 
 def _write(ready: Stage, result: Result, target: str | None, engine: Engine) -> None:
@@ -199,8 +229,10 @@ def _write(ready: Stage, result: Result, target: str | None, engine: Engine) -> 
     except TrajectoryError as error:
         raise ready.source.error(("output", "columns"), str(error)) from None
     head = [*remarks(ready.robot, result.method, ready.effects), str(engine)]
+    rows = rows_of(ready.robot, result)
     with open_results(target, [columns[i] for i in chosen], head) as write:
-        write(rows_of(ready.robot, result)[:, chosen])
+        for first in range(0, len(rows), AT_ONCE):  # a number's text takes many times its own memory
+            write(rows[first : first + AT_ONCE, chosen])
 
 
 def _draw(ready: Stage, result: Result, plot: str) -> None:

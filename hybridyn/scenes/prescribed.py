@@ -9,7 +9,7 @@ from ..assembly.residual import closure_residual
 from ..dynamics.energy import energy
 from ..dynamics.inverse import idm
 from ..effects import Effects
-from ..simulation.result import Counters, Result
+from ..simulation.result import Counters, Origin, Result
 from ..simulation.system import State
 from ..spatial import Array
 from ..structure.robot import HybridRobot
@@ -40,7 +40,7 @@ def follow_motion(
     tau = idm(robot, q, v, a, effects=effects, time=times)
     stored = energy(robot, q, v, effects=effects)
     return Result(
-        robot=robot.name, method="prescribed", t=times, q=q, v=v, a=a, tau=tau, kinetic=stored.kinetic,
+        origin=Origin(robot.name, "prescribed"), t=times, q=q, v=v, a=a, tau=tau, kinetic=stored.kinetic,
         potential=stored.potential, residual=np.asarray(closure_residual(robot, q)), pivot=np.zeros(0),
         events=(), status="finished", message="", counters=Counters(),
         state=State(float(times[-1]), q[-1], v[-1], a[-1]), next_step=0.0, on_grid=0, start=float(times[0]),

@@ -16,6 +16,7 @@ from ..description.names import did_you_mean
 from ..description.side_cars.toml_file import Keys
 from ..effects import Effects, choose, with_effects
 from ..loading import load
+from ..simulation.run_size import refuse_excess
 from ..simulation.events import Event
 from ..simulation.motion_law import Effort
 from ..simulation.result import Result
@@ -89,7 +90,7 @@ def stage(
     with naming(source, ("effects",)):
         robot = with_effects(robot, acting)
         on = choose(robot, acting)
-    times = _output_times(source)
+    times = _output_times(source, robot)
     home = initial_state(source, robot, None)
     if scene.motion is not None:
         motion = _reference(source, ("motion",), scene.motion, robot, home[0])
@@ -134,7 +135,7 @@ def play(
             method=solver.method, step=solver.step, rtol=solver.rtol, atol=solver.atol,
             projection=solver.projection, baumgarte=solver.baumgarte, events=ready.events,
             output_times=ready.output_times, progress=progress, checkpoint=checkpoint, resume=resume,
-            compiled=compiled,
+            compiled=compiled, scene=identity(source),
         )  # fmt: skip
 
 
@@ -142,10 +143,19 @@ def identity(source: SceneFile) -> str:
     """Give a digest of what a scene says and of the files that it names; its end and outputs do not count."""
     said = source.scene.model_dump(mode="json", exclude={"duration": True, "output": {"file", "columns"}})
     digest = hashlib.sha256(json.dumps(said, sort_keys=True).encode())
-    for name in sorted(set(_files(said))):
-        path = Path(source.robot if name == source.scene.robot.file else source.beside(name))
+    for path in map(Path, files_of(source)[1:]):
         digest.update(path.read_bytes() if path.is_file() else b"")
     return digest.hexdigest()
+
+
+def files_of(source: SceneFile) -> list[str]:
+    """Return the paths of a scene and of the files that it names to be read."""
+    said = source.scene.model_dump(mode="json", exclude={"output"})
+    names = sorted(set(_files(said)))
+    return [
+        source.file,
+        *(source.robot if name == source.scene.robot.file else source.beside(name) for name in names),
+    ]
 
 
 def _files(said: object) -> Iterator[str]:
@@ -166,9 +176,16 @@ def _xacro(value: str | bool | int | float) -> str:
     return str(value).lower() if isinstance(value, bool) else str(value)
 
 
-def _output_times(source: SceneFile) -> Array | None:
-    """Return the times of the samples, or None for every step."""
+def _output_times(source: SceneFile, robot: HybridRobot) -> Array | None:
+    """Return the times of the samples, or None for every step.
+
+    Raises:
+        HybridynError: A time after the end, or more rows or steps than memory can hold.
+    """
     scene = source.scene
+    steps = scene.duration / scene.solver.step if scene.solver.step and scene.motion is None else 0.0
+    with naming(source, ("solver", "step")):
+        refuse_excess(robot, 0.0, steps, "take longer steps, or a shorter duration")
     if scene.output.times is not None:
         late = next((t for t in scene.output.times if t > scene.duration), None)
         if late is not None:
@@ -176,7 +193,10 @@ def _output_times(source: SceneFile) -> Array | None:
         return np.array(scene.output.times)
     if scene.output.rate is None:
         return None
-    count = int(np.floor(scene.duration * scene.output.rate * (1 + 1e-12)))
+    rows = np.floor(scene.duration * scene.output.rate * (1 + 1e-12))
+    with naming(source, ("output", "rate")):
+        refuse_excess(robot, float(rows), steps, "lower the rate or the duration")
+    count = int(rows)
     return np.minimum(np.arange(count + 1) / scene.output.rate, scene.duration)
 
 

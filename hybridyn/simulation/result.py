@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
-from dataclasses import asdict, dataclass, field, fields, replace
+import struct
+import zipfile
+import zlib
+from collections.abc import Mapping
+from dataclasses import asdict, astuple, dataclass, field, fields, is_dataclass, replace
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -18,7 +23,7 @@ from .events import Found
 from .system import State
 
 #: Layout of the file that `Result.save` writes.
-FORMAT = 1
+FORMAT = 2
 
 
 @dataclass
@@ -41,12 +46,28 @@ class Counters:
 
 
 @dataclass(frozen=True)
-class Result:
-    """A simulated motion. Equal runs give equal bits; no clock stands in it.
+class Origin:
+    """What a run was of.
 
     Attributes:
         robot: Name of the robot.
         method: The method.
+        digest: Digest of the robot's numbers.
+        scene: Digest of the scene, empty where there is none.
+    """
+
+    robot: str
+    method: str
+    digest: str = ""
+    scene: str = ""
+
+
+@dataclass(frozen=True)
+class Result:
+    """A simulated motion. Equal runs give equal bits; no clock stands in it.
+
+    Attributes:
+        origin: What the run was of.
         t: Times, shape (T,), [s].
         q: Positions, shape (T, nq).
         v: Rates, shape (T, nv), [m/s, rad/s].
@@ -67,8 +88,7 @@ class Result:
         start: Start of the grid of fixed steps [s].
     """
 
-    robot: str
-    method: str
+    origin: Origin
     t: Array
     q: Array
     v: Array
@@ -88,15 +108,29 @@ class Result:
     start: float
 
     @property
+    def robot(self) -> str:
+        """Name of the robot."""
+        return self.origin.robot
+
+    @property
+    def method(self) -> str:
+        """The method."""
+        return self.origin.method
+
+    @property
     def energy(self) -> Array:
         """Kinetic and potential energy together, shape (T,), [J]."""
         return self.kinetic + self.potential
 
     def save(self, path: str | PathLike[str]) -> None:
-        """Write the result to a file of NumPy's npz format, at once or not at all."""
+        """Write the result to a file of NumPy's npz format, at once or not at all.
+
+        Raises:
+            TrajectoryError: It cannot be written: no space, no such folder.
+        """
         data: dict[str, Any] = {name: getattr(self, name) for name in _ARRAYS}
         data["format"] = np.array(FORMAT)
-        data["texts"] = np.array([self.robot, self.method, self.status, self.message])
+        data["texts"] = np.array([*astuple(self.origin), self.status, self.message])
         data["counters"] = np.array(list(asdict(self.counters).values()))
         data["state_t"], data["state_q"], data["state_v"], data["state_a"] = (
             np.asarray(x) for x in (self.state.t, self.state.q, self.state.v, self.state.a)
@@ -106,28 +140,48 @@ class Result:
         data["event_t"] = np.array([e.t for e in self.events])
         data["event_q"] = np.array([e.q for e in self.events]).reshape(-1, self.q.shape[1])
         data["event_v"] = np.array([e.v for e in self.events]).reshape(-1, self.v.shape[1])
+        data["checksum"] = np.array(_checksum(data))
         part = Path(f"{os.fspath(path)}.part")
-        with naming(path), part.open("wb") as file:
-            np.savez(file, **data)
-        part.replace(path)
+        try:
+            with naming(path), part.open("wb") as file:
+                np.savez(file, **data)
+            part.replace(path)
+        finally:
+            part.unlink(missing_ok=True)
 
     @staticmethod
     def load(path: str | PathLike[str]) -> Result:
         """Read what `save` wrote.
 
         Raises:
-            TrajectoryError: The file is none of ours.
+            TrajectoryError: The file is none of ours, was cut short or changed, or holds numbers that make no
+                sense.
         """
         if os.path.exists(path) and not os.path.isfile(path):  # a pipe would be waited for
             raise TrajectoryError("is not a regular file", file=str(path))
         try:
             with np.load(path, allow_pickle=False) as file:
                 data = {name: file[name] for name in file.files}
-        except (ValueError, OSError, EOFError) as error:
-            raise TrajectoryError(f"not a result of a simulation: {error}", file=str(path)) from None
-        if int(data.get("format", np.array(0))) != FORMAT:
-            raise TrajectoryError("not a result of a simulation, or of another version", file=str(path))
-        robot, method, status, message = (str(x) for x in data["texts"])
+            if int(data.get("format", np.array(0))) != FORMAT:
+                raise TrajectoryError("not a result of a simulation, or of another version", file=str(path))
+            checksum = str(data.pop("checksum"))
+            if checksum != _checksum(data):
+                raise TrajectoryError("was changed after it was written, or is damaged", file=str(path))
+            out = Result._from(data)
+        except (ValueError, TypeError, OSError, EOFError, LookupError, NotImplementedError, struct.error,
+                zipfile.BadZipFile, zlib.error) as error:  # fmt: skip
+            raise TrajectoryError(
+                f"not a result of a simulation, or cut short: {error}", file=str(path)
+            ) from None
+        numbers = (out.state.t, out.state.q, out.state.v, out.state.a, out.next_step, out.start)
+        if not all(np.isfinite(x).all() for x in numbers) or out.next_step == 0:
+            raise TrajectoryError("holds numbers from which no run can go on", file=str(path))
+        return out
+
+    @staticmethod
+    def _from(data: dict[str, Array]) -> Result:
+        """Return the result that `save` laid down in arrays."""
+        *origin, status, message = (str(x) for x in data["texts"])
         events = tuple(
             Found(str(name), float(t), q, v)
             for name, t, q, v in zip(*(data[f"event_{x}"] for x in ("names", "t", "q", "v")), strict=True)
@@ -136,10 +190,41 @@ class Result:
         step, on_grid, start = (float(x) for x in data["going_on"])
         arrays: dict[str, Any] = {name: data[name] for name in _ARRAYS}
         return Result(
-            robot=robot, method=method, **arrays, events=events, status=status, message=message,
+            origin=Origin(*origin), **arrays, events=events, status=status, message=message,
             counters=Counters(*(int(x) for x in data["counters"])), state=state, next_step=step,
             on_grid=int(on_grid), start=start,
         )  # fmt: skip
+
+
+def _checksum(data: Mapping[str, Array]) -> str:
+    """Return a digest of arrays and their names."""
+    out = hashlib.sha256()
+    for name, x in sorted(data.items()):
+        out.update(f"{name} {x.dtype.str} {x.shape}\n".encode())
+        out.update(np.ascontiguousarray(x).tobytes())
+    return out.hexdigest()
+
+
+def digest(robot: HybridRobot) -> str:
+    """Return a digest of a robot's numbers: what its files say, wherever they lie, its base and gravity."""
+    out = hashlib.sha256()
+
+    def add(x: object) -> None:
+        if is_dataclass(x):
+            add({f.name: getattr(x, f.name) for f in fields(x) if f.name not in ("line", "source", "notes")})
+        elif isinstance(x, Mapping):
+            add(list(x.items()))
+        elif isinstance(x, np.ndarray):
+            out.update(f"{x.shape}{x.tolist()}".encode())
+        elif isinstance(x, list | tuple):
+            out.update(f"[{len(x)}".encode())
+            for one in x:
+                add(one)
+        else:
+            out.update(f"{x!r},".encode())
+
+    add((robot.description, robot.base, np.asarray(robot.gravity)))
+    return out.hexdigest()
 
 
 _ARRAYS = [f.name for f in fields(Result) if f.type == "Array"]

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from os import PathLike
-from typing import Any
 
 import numpy as np
 
@@ -16,7 +15,7 @@ from ..spatial import Array
 from .conserving import Conserving
 from .dense_output import Between
 from .events import Event, Found, crossed, locate
-from .result import Counters, Result, Samples, joined
+from .result import Counters, Origin, Result, Samples, joined
 from .stepping import Stepper
 from .system import State, StepError, System
 
@@ -32,12 +31,15 @@ class Run:
     """One run: the loop over steps, and what it has gathered."""
 
     def __init__(
-        self, system: System, stepper: Stepper, method: str, events: tuple[Event, ...], wanted: Array | None,
-        state: State, earlier: Result | None,
+        self, system: System, stepper: Stepper, origin: Origin, events: tuple[Event, ...],
+        wanted: Array | None, state: State, earlier: Result | None,
     ) -> None:  # fmt: skip
-        self._system, self._stepper, self._method = system, stepper, method
+        self._system, self._stepper, self._origin = system, stepper, origin
         self._events, self._wanted, self._state = events, wanted, state
         self._done, self._samples = earlier, Samples()
+        self._latest = np.nan if earlier is None or not len(earlier.t) else float(earlier.t[-1])
+        self._parts: list[dict[str, Array]] = []
+        self._progress: Callable[[], None] = lambda: None
         self._found: list[Found] = []
         self._pivots: list[float] = []
         self._next = 0
@@ -47,7 +49,7 @@ class Run:
         if earlier is None and (
             wanted is None or (self._next < len(wanted) and wanted[self._next] == state.t)
         ):
-            self._samples.add(state.t, state.q, state.v)
+            self._add(state.t, state.q, state.v)
             self._next += 1
         self._values = [e.function(state.t, state.q, state.v) for e in events]
 
@@ -57,6 +59,8 @@ class Run:
         """Run to the end, or to what comes before it."""
         status, message = "finished", ""
         self._project = project
+        if progress is not None:
+            self._progress = lambda: progress(self._state.t, end)
         try:
             while self._stepper.sign * (end - self._state.t) > 0:
                 if self._step():
@@ -64,8 +68,7 @@ class Run:
                     break
                 if checkpoint is not None and self._stepper.counters.steps % CHECKPOINT_STEPS == 0:
                     self.result("interrupted", f"checkpoint at t = {self._state.t:g} s").save(checkpoint)
-                if progress is not None:
-                    progress(self._state.t, end)
+                self._progress()
         except KeyboardInterrupt:
             status, message = "interrupted", f"at t = {self._state.t:g} s"
         except AssemblyError as error:
@@ -92,13 +95,21 @@ class Run:
             a = self._system.law.acceleration(last.t, last.q, last.v)
             after = State(last.t, last.q, last.v, a)
         for t in self._outputs(before.t, after.t):
-            self._samples.add(t, *((after.q, after.v) if t == after.t else between.at(t)))
-        if last is not None and self._wanted is not None and self._samples.t[-1:] != [last.t]:
-            self._samples.add(last.t, last.q, last.v)
+            self._add(t, *((after.q, after.v) if t == after.t else between.at(t)))
+            if len(self._samples.t) == BLOCK:
+                self._complete_block()
+                self._progress()  # many rows in one step: an interrupt need not wait for its end
+        if last is not None and self._wanted is not None and self._latest != last.t:
+            self._add(last.t, last.q, last.v)
         self._found += found
         self._pivots.append(stepped.pivot)
         self._state, self._values = after, values
         return last is not None
+
+    def _add(self, t: float, q: Array, v: Array) -> None:
+        """Keep an output state."""
+        self._samples.add(t, q, v)
+        self._latest = t
 
     def _events_in(
         self, between: Between, t0: float, values: list[float]
@@ -126,33 +137,36 @@ class Run:
 
     def result(self, status: str, message: str) -> Result:
         """Return what there is, completing the samples that came since the last time."""
-        law, robot, counters = self._system.law, self._system.law.robot, self._stepper.counters
+        law, counters = self._system.law, self._stepper.counters
         counters.evaluations = law.evaluations
         new, stepper = self._complete(), self._stepper
         result = Result(
-            robot=robot.name, method=self._method, **new, pivot=np.array(self._pivots),
+            origin=self._origin, **new, pivot=np.array(self._pivots),
             events=tuple(self._found), status=status, message=message, counters=replace(counters),
             state=self._state, next_step=stepper.next_step, on_grid=stepper.on_grid, start=stepper.start,
         )  # fmt: skip
         if self._done is not None:
             result = joined(self._done, result)
-        self._done, self._samples, self._found, self._pivots = result, Samples(), [], []
+        self._done, self._found, self._pivots = result, [], []
         stepper.counters, law.evaluations = Counters(), 0
         return result
 
-    def _complete(self) -> dict[str, Any]:
+    def _complete(self) -> dict[str, Array]:
         """Return times, q, v, a, efforts, energies and residuals of the new samples."""
+        self._complete_block()
+        out = {name: np.concatenate([part[name] for part in self._parts]) for name in self._parts[0]}
+        self._parts = []
+        # An interrupt between the outputs of a step and its end: that step is taken again.
+        late = self._stepper.sign * (out["t"] - self._state.t) > 0
+        return {name: x[~late] for name, x in out.items()}
+
+    def _complete_block(self) -> None:
+        """Put the samples that wait through the direct model."""
         law = self._system.law
         robot, spent = law.robot, law.evaluations
-        late = [self._stepper.sign * (t - self._state.t) > 0 for t in self._samples.t]
-        if any(late):  # an interrupt between the outputs of a step and its end
-            at = late.index(True)
-            for x in (self._samples.t, self._samples.q, self._samples.v):
-                del x[at:]
         t, q, v = self._samples.arrays(robot)
-        blocks = range(0, len(t), BLOCK)
-        parts = [law.accelerations(*(x[i : i + BLOCK] for x in (t, q, v))) for i in blocks]
-        a = np.concatenate([np.zeros((0, robot.nv)), *parts])
+        self._samples = Samples()
+        a = law.accelerations(t, q, v) if len(t) else np.zeros((0, robot.nv))
         tau = np.array([law.effort(*s) for s in zip(t, q, v, strict=True)]).reshape(len(t), len(robot.motors))
         if law.on.limits is not None:
             tau = law.on.limits.clip(robot, tau)
@@ -162,7 +176,7 @@ class Run:
             closed = self._system.bound
             residual = law.closure_residual(q) if closed else np.asarray(closure_residual(robot, q))
         stored = energy(robot, q, v, effects=law.on) if len(t) else Energy(np.zeros(0), np.zeros(0))
-        return {
+        self._parts.append({
             "t": t, "q": q, "v": v, "a": a, "tau": tau, "kinetic": stored.kinetic,
             "potential": stored.potential, "residual": residual,
-        }  # fmt: skip
+        })  # fmt: skip

@@ -12,12 +12,13 @@ from ..dynamics.state_checks import CLOSED
 from ..effects.choice import Choice
 from ..errors import AssemblyError, SingularityError, TrajectoryError
 from ..manifold.manifold import Manifold
+from .run_size import refuse_excess
 from ..spatial import Array
 from ..structure.robot import HybridRobot
 from ..structure.samples import as_batch
 from .events import Event
 from .motion_law import BaseMotion, Effort, MotionLaw, Wrenches
-from .result import Result
+from .result import Origin, Result, digest
 from .run import Progress, Run
 from .stepping import Stepper, build_method, control_of
 from .system import State, System
@@ -53,6 +54,7 @@ def simulate(
     checkpoint: str | PathLike[str] | None = None,
     resume: Result | str | PathLike[str] | None = None,
     compiled: CompiledRobot | None = None,
+    scene: str = "",
 ) -> Result:
     """Integrate a robot's motion.
 
@@ -91,6 +93,8 @@ def simulate(
             "rk4" and "dopri5" in C. Accelerations agree to rounding; a step's error is the method's, in
             coordinates of independent joints instead of those of the tangent space. The general path takes
             over where the compiled one cannot be trusted.
+        scene: Digest of what decides the run beside the robot and the method (`scene.identity`); it is kept
+            in the checkpoint, and must be the same where that is resumed.
 
     Returns:
         The motion; `status` and `message` say how it ended. Postures that the loops cannot reach, and a
@@ -100,7 +104,7 @@ def simulate(
         AssemblyError: The start does not close the loops, in position or velocity.
         SingularityError: A force acts at the start on a motion without inertia, or closures lose rank there
             and the rates are on none of the branches that meet.
-        TrajectoryError: Wrong arguments.
+        TrajectoryError: Wrong arguments, more steps than memory can hold, or a strange run to resume.
         ModelError: The method is not for this robot.
     """
     control = control_of(method, step, rtol, atol)
@@ -109,18 +113,45 @@ def simulate(
     wanted = None if output_times is None else _times(output_times, "output_times")
     if wanted is None and len(times) > 2:
         wanted = times
+    if control.fixed is not None:
+        steps = abs(float(times[-1] - times[0])) / control.fixed
+        refuse_excess(robot, steps if wanted is None else len(wanted), steps, "take longer steps")
     manifold = Manifold(robot)
     law = MotionLaw(robot, effort, wrenches, base_motion, effects, compiled)
     system = System(manifold, law, projection == "stages", projection == "steps", baumgarte)
     earlier = Result.load(resume) if isinstance(resume, str | PathLike) else resume
-    state = _start(system, q0, v0, float(times[0]), initial_velocity) if earlier is None else earlier.state
+    origin = Origin(robot.name, method, digest(robot), scene)
+    if earlier is None:
+        state = _start(system, q0, v0, float(times[0]), initial_velocity)
+    else:
+        file = str(resume) if isinstance(resume, str | PathLike) else None
+        _refuse_strange(earlier, origin, times, file)
+        state = earlier.state
     stepper = Stepper(system, build_method(method, system), control, projection, float(times[-1]), state)
     if earlier is not None:
-        if (earlier.robot, earlier.method) != (robot.name, method):
-            raise TrajectoryError(f"resume: that run was of '{earlier.robot}' by '{earlier.method}'")
         stepper.resume(earlier.next_step, earlier.on_grid, earlier.start)
-    run = Run(system, stepper, method, tuple(events), wanted, state, earlier)
+    run = Run(system, stepper, origin, tuple(events), wanted, state, earlier)
     return run.to(float(times[-1]), progress, checkpoint, project=projection != "never")
+
+
+def _refuse_strange(earlier: Result, origin: Origin, times: Array, file: str | None) -> None:
+    """Refuse to go on with a run of something else, or from a time that this run does not pass.
+
+    Raises:
+        TrajectoryError: Naming the file.
+    """
+    there = earlier.origin
+    if (there.robot, there.method) != (origin.robot, origin.method):
+        message = f"resume: that run was of '{there.robot}' by '{there.method}'"
+    elif there.digest != origin.digest:
+        message = f"resume: that run was of a robot '{there.robot}' with other numbers"
+    elif there.scene != origin.scene:
+        message = "was not begun with this scene as it stands now" if origin.scene else "is of a scene"
+    elif (earlier.state.t - times[0]) * (times[-1] - times[0]) < 0:
+        message = f"resume: that run reached t = {earlier.state.t:g} s, before the start, {times[0]:g} s"
+    else:
+        return
+    raise TrajectoryError(message, file=file)
 
 
 def _times(times: Sequence[float] | Array, name: str) -> Array:
