@@ -115,6 +115,8 @@ def _engine(ready: Stage, asked: str | None) -> Engine:
 
 def _evaluations(ready: Stage) -> int:
     """Foretell how often the direct model will run: by fixed steps, or by how long the first steps get."""
+    import numpy as np
+
     from ..scenes.stage import play
     from ..simulation.stepping import SHORTEST
 
