@@ -12,7 +12,7 @@ import hybridyn
 PACKAGE = ROOT / "hybridyn"
 #: The floors from the ground. A room imports from its own folder and from the floors below.
 FLOORS = (
-    {"errors", "spatial", "colours"},
+    {"errors", "spatial", "colours", "threads"},
     {"description"},
     {"linkage", "tables", "oracle"},
     {"structure"},

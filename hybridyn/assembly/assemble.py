@@ -22,6 +22,7 @@ from ..spatial import Array, cross
 from ..structure.mechanism import Mechanism
 from ..structure.module import Module
 from ..structure.robot import HybridRobot
+from ..threads import one_thread
 from .determinacy import check_determined, full_rank_blocks, refuse_unbounded
 from .follow import Task, follow
 from .module_request import ModuleRequest, module_request
@@ -31,6 +32,7 @@ from .requests import Requests, gather_requests
 SETTLED = 1e-14
 
 
+@one_thread()
 def assemble(
     robot: HybridRobot,
     *,

@@ -18,6 +18,7 @@ from ..linkage.rigid_motion import RigidMotion
 from ..spatial import Array, Index, Mask
 from ..structure.module import Module
 from ..structure.robot import HybridRobot
+from ..threads import one_thread
 from .assemble import module_task, place_base, settled, spanning_positions
 from .follow import Task, first_posture
 from .module_request import module_request
@@ -60,6 +61,7 @@ class Assemblies:
     unseen: float
 
 
+@one_thread()
 def assemblies(
     robot: HybridRobot,
     *,

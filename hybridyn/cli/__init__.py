@@ -19,6 +19,7 @@ import click
 
 from .. import __version__
 from ..errors import HybridynError, shortened
+from ..threads import start_none
 
 COMMANDS = (
     "idm", "ddm", "simulate", "effects", "cost", "export", "plot", "view", "info", "check", "workspace",
@@ -96,6 +97,7 @@ def main(arguments: list[str] | None = None) -> int:
     Returns:
         The exit status.
     """
+    start_none()
     words = sys.argv[1:] if arguments is None else list(arguments)
     debug = "--debug" in words
     words = [word for word in words if word != "--debug"]  # accepted before and after the command

@@ -5,6 +5,7 @@ from __future__ import annotations
 from ..effects.choice import Choice, choose
 from ..errors import ModelError
 from ..structure.robot import HybridRobot
+from ..threads import one_thread
 from .code.scalars import Scalar
 from .failures import failing_as_ours
 from .library.cache import Built
@@ -14,6 +15,7 @@ from .model import CompiledRobot, built_library
 from .verifying import verify
 
 
+@one_thread()
 def compile(
     robot: HybridRobot, effects: Choice = None, *, threads: int = 1, dtype: str = "float64"
 ) -> CompiledRobot:

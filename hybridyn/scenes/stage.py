@@ -16,11 +16,11 @@ from ..description.names import did_you_mean
 from ..description.side_cars.toml_file import Keys
 from ..effects import Effects, choose, with_effects
 from ..loading import load
-from ..simulation.run_size import refuse_excess
 from ..simulation.events import Event
 from ..simulation.motion_law import Effort
 from ..simulation.result import Result
 from ..simulation.run import Progress
+from ..simulation.run_size import refuse_excess
 from ..simulation.simulate import simulate
 from ..spatial import Array
 from ..structure.robot import HybridRobot

@@ -12,14 +12,15 @@ from ..dynamics.state_checks import CLOSED
 from ..effects.choice import Choice
 from ..errors import AssemblyError, SingularityError, TrajectoryError
 from ..manifold.manifold import Manifold
-from .run_size import refuse_excess
 from ..spatial import Array
 from ..structure.robot import HybridRobot
 from ..structure.samples import as_batch
+from ..threads import one_thread
 from .events import Event
 from .motion_law import BaseMotion, Effort, MotionLaw, Wrenches
 from .result import Origin, Result, digest
 from .run import Progress, Run
+from .run_size import refuse_excess
 from .stepping import Stepper, build_method, control_of
 from .system import State, System
 
@@ -31,6 +32,7 @@ PROJECTIONS = ("stages", "steps", "never")
 TURNED = 1e-3
 
 
+@one_thread()
 def simulate(
     robot: HybridRobot,
     q0: Array | None,

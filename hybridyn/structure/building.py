@@ -13,6 +13,7 @@ from ..errors import ModelError
 from ..linkage.joints import NQ, NV, ROOT_JOINT, TreeJoint
 from ..linkage.reduction import ROUNDED
 from ..spatial import Array, slices
+from ..threads import one_thread
 from .bodies import Bodies
 from .graph import ModuleGraph, find_modules, leave_whole
 from .mechanism import Mechanism
@@ -174,6 +175,7 @@ def _leg_name(links: list[str]) -> str:
     return common if len(common) >= 3 and len(links) > 1 else first
 
 
+@one_thread()
 def build_robot(
     description: Description,
     *,

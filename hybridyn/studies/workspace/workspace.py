@@ -20,6 +20,7 @@ from ...errors import AssemblyError, ModelError, TrajectoryError
 from ...linkage.targets import COORDINATES
 from ...spatial import Array, Index
 from ...structure.robot import HybridRobot
+from ...threads import one_thread
 from .flood import CHUNK, Flood, Spread, Work, in_this_process
 from .measures import Measures
 from .steps import OUT_OF_REACH, REACHED, Closing
@@ -65,6 +66,7 @@ class Workspace:
         return float(len(self.index) * np.prod(self.steps))
 
 
+@one_thread()
 def workspace(
     robot: HybridRobot,
     module: int | str | None = None,

@@ -1,0 +1,48 @@
+"""One thread for small matrices: from some fifty columns on BLAS starts several, which wait for each other."""
+
+from __future__ import annotations
+
+import functools
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from importlib import import_module
+from typing import Any
+
+#: What BLAS libraries read when they are loaded.
+VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+
+
+@contextmanager
+def one_thread() -> Iterator[None]:
+    """Keep BLAS to one thread inside a `with` block, or inside a function with `@one_thread()`.
+
+    What the program around us has chosen holds again afterwards.
+    """
+    controller = _controller()
+    if controller is None:
+        yield
+        return
+    with controller.limit(limits=1):
+        yield
+
+
+def start_none() -> None:
+    """Let BLAS libraries that are not loaded yet start no threads, unless the environment says how many.
+
+    Where NumPy is yet to be imported this spares the import of threadpoolctl and the threads themselves.
+    """
+    for name in VARIABLES:
+        os.environ.setdefault(name, "1")
+
+
+@functools.cache
+def _controller() -> Any:
+    """Find the BLAS libraries of this process; None where none has more than one thread."""
+    if all(os.environ.get(name) == "1" for name in VARIABLES):
+        return None
+    try:
+        module = import_module("threadpoolctl")
+    except ImportError:  # installed without dependencies: the same numbers, slower
+        return None
+    return module.ThreadpoolController().select(user_api="blas")
