@@ -1,4 +1,4 @@
-"""One thread for small matrices: from some fifty columns on BLAS starts several, which wait for each other."""
+"""One thread for small matrices: from fifty columns on BLAS starts several, which wait for each other."""
 
 from __future__ import annotations
 

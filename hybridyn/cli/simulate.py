@@ -81,8 +81,8 @@ def command(
     target = output or _own_target(ready)
     state = None if target is None or target == "-" or ready.motion is not None else f"{target}.state"
     _refuse_overwriting(ready, (target, state, plot))
-    chosen = _engine(ready, engine)
     earlier = None if resume is None else _earlier(ready, resume, identity(ready.source))
+    chosen = _engine(ready, engine)
     with Progress("steps") as bar, _between_steps() as stop:
         steps, reached = 0, 0.0
 
@@ -181,8 +181,8 @@ def _between_steps() -> Iterator[list[int]]:
         signal.signal(signal.SIGINT, before)
 
 
-def _earlier(ready: Stage, run: str, scene: str) -> Result:
-    """Read a run that was stopped.
+def _earlier(ready: Stage, run: str, scene: str) -> str:
+    """Find the state of a run that was stopped.
 
     Raises:
         TrajectoryError: It is none, or another scene's.
@@ -195,12 +195,11 @@ def _earlier(ready: Stage, run: str, scene: str) -> Result:
         raise TrajectoryError(
             "there is no '.state' file beside it: the run is finished, or was not begun here", file=run
         )
-    earlier = Result.load(path)
-    if earlier.origin.scene != scene:
+    if Result.load(path).origin.scene != scene:
         raise TrajectoryError(
             f"was not begun with this scene as it stands in '{ready.source.file}' now", file=path
         )
-    return earlier
+    return path
 
 
 def _refuse_overwriting(ready: Stage, targets: Iterable[str | None]) -> None:

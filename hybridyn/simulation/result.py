@@ -160,7 +160,7 @@ class Result:
         if os.path.exists(path) and not os.path.isfile(path):  # a pipe would be waited for
             raise TrajectoryError("is not a regular file", file=str(path))
         try:
-            with np.load(path, allow_pickle=False) as file:
+            with open(path, "rb") as opened, np.load(opened, allow_pickle=False) as file:
                 data = {name: file[name] for name in file.files}
             if int(data.get("format", np.array(0))) != FORMAT:
                 raise TrajectoryError("not a result of a simulation, or of another version", file=str(path))

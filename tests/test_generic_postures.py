@@ -1,0 +1,107 @@
+"""How much work it is to find postures that close, and that the work saved changes no posture."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from jansen import walker
+
+import hybridyn
+from hybridyn.linkage import newton
+from hybridyn.linkage.newton import LoopProblem, close
+from hybridyn.structure import mechanism
+from hybridyn.threads import VARIABLES, _controller, one_thread
+
+COUNT = 24
+
+
+@pytest.fixture
+def solved(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """How many systems are solved, call by call."""
+    counts: list[int] = []
+    solve = LoopProblem.solve
+
+    def counting(self: LoopProblem, K: np.ndarray, *rest: np.ndarray) -> np.ndarray:
+        counts.append(len(K))
+        return solve(self, K, *rest)
+
+    monkeypatch.setattr(LoopProblem, "solve", counting)
+    return counts
+
+
+def load(tmp_path: Path, text: str) -> hybridyn.HybridRobot:
+    path = tmp_path / "walker.urdf"
+    path.write_text(text)
+    return hybridyn.load(path)
+
+
+def test_a_robot_that_cannot_be_assembled_is_refused_soon(tmp_path: Path, solved: list[int]) -> None:
+    """Before, its 720 starts took 60 steps each, twice: 86,400 systems."""
+    with pytest.raises(hybridyn.AssemblyError, match="no posture closes its loops"):
+        load(tmp_path, walker(1, stretch=5.0))
+    assert sum(solved) < 720 * (newton.PATIENCE + 4) + COUNT * 60
+
+
+def test_a_walker_written_with_few_digits_loads_soon(tmp_path: Path, solved: list[int]) -> None:
+    """Axes off by 8e-5: the legs close to 1e-4, in few postures; before, 43,000 systems, twice."""
+    robot = load(tmp_path, walker(1, tilt=4e-5))
+    assert robot.mobility == 1
+    assert sum(solved) < 43_000 / 3
+
+
+def test_a_walker_far_from_home_finds_neighbours(tmp_path: Path, solved: list[int]) -> None:
+    robot = load(tmp_path, walker(2, offset=1.5))
+    (module,) = robot.modules
+    m = module.mechanism
+    assert robot.mobility == 1
+    assert len(m.postures) == COUNT
+    assert np.abs(m.closures.residual(m.postures, m.tree.sweep(m.postures))).max() < 1e-12
+
+
+@pytest.mark.parametrize("name", ["five_bar", "delta", "scara_delta", "tanev"])
+def test_postures_of_shipped_robots_keep_their_bits(name: str) -> None:
+    """Against the first of 48 starts that close when none is given up."""
+    for module in hybridyn.load(name).modules:
+        m = module.mechanism
+        if not m.closures.rows:
+            continue
+        scales = m.reduction.row_scale, m.reduction.col_scale
+        problem = LoopProblem(m.closures, *scales, np.ones(m.tree.nv, dtype=bool))
+        noise = np.random.default_rng(2010).uniform(-0.15, 0.15, (2 * COUNT, m.tree.nv)) * scales[1]
+        starts = m.tree.integrate(np.tile(m.home, (2 * COUNT, 1)), noise)
+        closed = close(problem, starts, least=True)
+        good = (closed.residual <= 1e-4) & (closed.step < 1e-6)
+        assert np.array_equal(m.postures, closed.q[good][:COUNT])
+
+
+def test_equal_modules_are_worked_out_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    calls: list[int] = []
+    search = mechanism.generic_postures
+    monkeypatch.setattr(mechanism, "generic_postures", lambda *a, **k: calls.append(1) or search(*a, **k))
+    robot = hybridyn.load("snake")
+    assert len(calls) == len({id(m.mechanism) for m in robot.modules})
+
+
+def test_small_matrices_start_no_threads(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    pools = pytest.importorskip("threadpoolctl")
+    for name in VARIABLES:
+        monkeypatch.delenv(name, raising=False)
+    _controller.cache_clear()
+    threads: list[int] = []
+    search = mechanism.generic_postures
+
+    def watched(*arguments: object, **options: object) -> object:
+        threads.extend(pool["num_threads"] for pool in pools.threadpool_info())
+        return search(*arguments, **options)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(mechanism, "generic_postures", watched)
+    with pools.threadpool_limits(limits=2, user_api="blas"):
+        hybridyn.load("five_bar")
+        assert {p["num_threads"] for p in pools.threadpool_info() if p["user_api"] == "blas"} == {2}
+    assert threads
+    assert set(threads) == {1}
+    with one_thread():
+        assert {p["num_threads"] for p in pools.threadpool_info() if p["user_api"] == "blas"} == {1}
+    _controller.cache_clear()

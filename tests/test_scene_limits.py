@@ -1,0 +1,286 @@
+"""Scenes with absurd numbers, state files that were changed, files that must not be replaced, full disks."""
+
+from __future__ import annotations
+
+import errno
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from command_line import ROOT, call
+
+import hybridyn
+from hybridyn.cli import main
+from hybridyn.scenes.stage import stage
+from hybridyn.simulation.result import Result
+from hybridyn.simulation.run import BLOCK
+from hybridyn.tables.results import open_results
+
+SCENE = f"""duration = 2.0
+[robot]
+file = "{ROOT}/urdf/five_bar.urdf.xacro"
+[controller]
+kind = "efforts"
+efforts = {{ m1_left_drive = 0.5 }}
+"""
+
+
+@pytest.fixture
+def run(capsys: pytest.CaptureFixture[str]):
+    return lambda *words: call(capsys, *words)
+
+
+def written(folder: Path, more: str, text: str = SCENE) -> Path:
+    path = folder / "scene.toml"
+    path.write_text(text + more)
+    return path
+
+
+# ---------------------------------------------------------------- rows and steps
+
+
+@pytest.mark.parametrize(
+    ("more", "key"),
+    [
+        ("[output]\nrate = 2e12\n", "output.rate"),
+        ("[output]\nrate = 1e15\n", "output.rate"),
+        ("[output]\nrate = 1e308\n", "output.rate"),
+        ('[solver]\nmethod = "rk4"\nstep = 1e-320\n', "solver.step"),
+        ('[solver]\nmethod = "implicit"\nstep = 1e-15\n', "solver.step"),
+    ],
+)
+def test_more_than_memory_holds_is_refused_at_once(run, tmp_path: Path, more: str, key: str) -> None:
+    said = run("simulate", written(tmp_path, more), "-o", tmp_path / "x.csv")
+    assert (said.status, said.out) == (1, "")
+    assert said.err.count("\n") == 1
+    assert f"'{key}'" in said.err
+    assert "GB of memory" in said.err
+    assert [path.name for path in tmp_path.iterdir()] == ["scene.toml"]
+
+
+def test_what_fits_depends_on_memory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = written(tmp_path, "[output]\nrate = 1000.0\n")
+    assert len(stage(path).output_times) == 2001
+    monkeypatch.setattr("hybridyn.simulation.run_size.memory", lambda: 1e6)
+    with pytest.raises(hybridyn.HybridynError, match=r"scene.toml:\d+: 'output.rate': 2e\+03 rows need 0.00"):
+        stage(path)
+
+
+def test_steps_of_an_array_of_times() -> None:
+    robot, q0, v0 = pendulum()
+    with pytest.raises(hybridyn.TrajectoryError, match="take longer steps"):
+        hybridyn.simulate(robot, q0, v0, (0, 1), method="rk4", step=1e-320)
+
+
+def pendulum() -> tuple[hybridyn.HybridRobot, np.ndarray, np.ndarray]:
+    robot = hybridyn.load(ROOT / "urdf/benchmarks/heavy_top.urdf.xacro")
+    return robot, robot_start(robot), np.full(robot.nv, 0.1)
+
+
+def robot_start(robot: hybridyn.HybridRobot) -> np.ndarray:
+    return np.asarray(robot.home, dtype=float)
+
+
+def test_an_interrupt_among_many_rows_of_one_step_waits_for_a_block_only(tmp_path: Path) -> None:
+    robot, q0, v0 = pendulum()
+    times = np.linspace(0, 0.02, 3 * BLOCK)
+    options = {"method": "rk4", "step": 0.01, "output_times": times}
+    heard: list[float] = []
+
+    def stop(t: float, end: float) -> None:
+        heard.append(t)
+        raise KeyboardInterrupt
+
+    part = hybridyn.simulate(robot, q0, v0, (0, 0.02), progress=stop, **options)
+    assert heard == [0.0]  # within the first step
+    assert (part.status, part.counters.steps, part.state.t) == ("interrupted", 0 + 1, 0.0)
+    assert (part.t <= part.state.t).all()
+    part.save(tmp_path / "x.npz")
+    again = hybridyn.simulate(robot, None, None, (0, 0.02), resume=tmp_path / "x.npz", **options)
+    whole = hybridyn.simulate(robot, q0, v0, (0, 0.02), **options)
+    for name in ("t", "q", "v", "a", "kinetic", "potential"):
+        assert np.array_equal(getattr(again, name), getattr(whole, name)), name
+
+
+# ---------------------------------------------------------------- state files
+
+
+@pytest.fixture(scope="module")
+def stopped_once(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with a scene, the table of its stopped run and its state."""
+    folder = tmp_path_factory.mktemp("stopped")
+    path, target = written(folder, "[output]\nrate = 100.0\n"), folder / "run.csv"
+    assert main(["simulate", str(path), "--until", "0.1", "-o", str(target), "-q"]) == 0
+    return folder
+
+
+@pytest.fixture
+def stopped(stopped_once: Path, tmp_path: Path) -> tuple[Path, Path]:
+    """A copy of them: the scene and the table."""
+    folder = tmp_path / "stopped"
+    shutil.copytree(stopped_once, folder)
+    return folder / "scene.toml", folder / "run.csv"
+
+
+def refused(run, stopped: tuple[Path, Path], text: str) -> None:
+    scene, target = stopped
+    state = Path(f"{target}.state")
+    before = target.read_bytes(), state.read_bytes()
+    said = run("simulate", scene, "--resume", target, "-o", target)
+    assert (said.status, said.out) == (1, "")
+    assert said.err.count("\n") == 1
+    assert "run.csv.state" in said.err
+    assert text in said.err
+    assert "bug" not in said.err
+    assert (target.read_bytes(), state.read_bytes()) == before
+
+
+@pytest.mark.parametrize("part", [0.0, 0.01, 0.4, 0.9, 0.999])
+def test_a_state_file_cut_short_is_refused(run, stopped: tuple[Path, Path], part: float) -> None:
+    state = Path(f"{stopped[1]}.state")
+    data = state.read_bytes()
+    state.write_bytes(data[: int(part * len(data))])
+    refused(run, stopped, "not a result of a simulation")
+
+
+def test_a_changed_state_file_is_refused(run, stopped: tuple[Path, Path]) -> None:
+    """An array is replaced as a program would, the archive's own check sums included."""
+    state = Path(f"{stopped[1]}.state")
+    with np.load(state) as file:
+        data = dict(file)
+    data["state_v"] = data["state_v"] * 1.001
+    with state.open("wb") as file:
+        np.savez(file, **data)
+    refused(run, stopped, "was changed after it was written")
+
+
+@pytest.mark.parametrize("name", ["texts", "going_on", "state_q", "event_t"])
+def test_a_state_file_with_an_array_missing_is_refused(run, stopped: tuple[Path, Path], name: str) -> None:
+    state = Path(f"{stopped[1]}.state")
+    with np.load(state) as file:
+        data = {key: x for key, x in file.items() if key != name}
+    with state.open("wb") as file:
+        np.savez(file, **data)
+    refused(run, stopped, "was changed")
+
+
+@pytest.mark.parametrize(("t", "text"), [(np.nan, "no run can go on"), (-5.0, "before the start")])
+def test_a_time_that_makes_no_sense_is_refused(run, stopped: tuple[Path, Path], t: float, text: str) -> None:
+    state = Path(f"{stopped[1]}.state")
+    result = Result.load(state)
+    replace(result, state=replace(result.state, t=t)).save(state)  # its checksum is right
+    refused(run, stopped, text)
+
+
+def test_a_state_of_a_robot_with_other_numbers_is_refused(stopped: tuple[Path, Path]) -> None:
+    ready = stage(stopped[0])
+    other = hybridyn.load("five_bar", gravity=(0, 0, -1.62))
+    result = Result.load(f"{stopped[1]}.state")
+    assert (result.robot, len(result.origin.digest), len(result.origin.scene)) == ("five_bar", 64, 64)
+    with pytest.raises(hybridyn.TrajectoryError, match="with other numbers"):
+        hybridyn.simulate(other, None, None, (0, 2), resume=result, effort=ready.effort)
+    with pytest.raises(hybridyn.TrajectoryError, match="is of a scene"):
+        hybridyn.simulate(ready.robot, None, None, (0, 2), resume=result, effort=ready.effort)
+
+
+def test_a_checkpoint_of_a_killed_run_knows_its_scene(
+    run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("hybridyn.simulation.run.CHECKPOINT_STEPS", 2)
+    saved: list[str] = []
+    save = Result.save
+
+    def watch(self: Result, path: str) -> None:
+        save(self, path)
+        saved.append(Result.load(path).origin.scene)
+
+    monkeypatch.setattr(Result, "save", watch)
+    run("simulate", written(tmp_path, "", SCENE.replace("2.0", "0.05")), "-o", tmp_path / "run.csv", "-q")
+    assert len(saved) > 1
+    assert len(saved[0]) == 64
+    assert len(set(saved)) == 1
+
+
+# ---------------------------------------------------------------- files that must stay
+
+
+def test_simulate_does_not_replace_what_it_reads(run, tmp_path: Path) -> None:
+    table = tmp_path / "efforts.csv"
+    table.write_text("time,m1_left_drive/effort,m1_right_drive/effort\n0,0,0\n2,0.1,0.2\n")
+    head = SCENE.partition("[controller]")[0]
+    text = f'{head}[controller]\nkind = "efforts"\ntable = "efforts.csv"\n'
+    before = table.read_bytes()
+    link = tmp_path / "link.csv"
+    link.symlink_to(table)
+    for target in (table, link):
+        said = run("simulate", written(tmp_path, "[output]\nrate = 10.0\n", text), "-o", target)
+        assert said.status == 2
+        assert "is read, and would be replaced" in said.err
+        assert table.read_bytes() == before
+    said = run("simulate", written(tmp_path, '[output]\nfile = "efforts.csv"\n', text))
+    assert said.status == 2
+    assert table.read_bytes() == before
+
+
+@pytest.mark.parametrize("name", ["../mine.csv", "{folder}/mine.csv", "door/mine.csv"])
+def test_a_scene_replaces_nothing_outside_its_folder(run, tmp_path: Path, name: str) -> None:
+    inner = tmp_path / "inner"
+    inner.mkdir()
+    (inner / "door").symlink_to(tmp_path)
+    mine = tmp_path / "mine.csv"
+    mine.write_text("precious")
+    said = run("simulate", written(inner, f'[output]\nfile = "{name.format(folder=tmp_path)}"\n'))
+    assert said.status == 1
+    assert "outside the scene's folder" in said.err
+    assert mine.read_text() == "precious"
+
+
+# ---------------------------------------------------------------- full disks
+
+
+def test_a_full_disk_names_the_csv_file() -> None:
+    """`/dev/full` takes nothing, as a full disk: at a full buffer, or at the last one."""
+    for rows in (1, 5000):
+        with (
+            pytest.raises(hybridyn.TrajectoryError, match="/dev/full: cannot be written: No space left"),
+            open_results("/dev/full", ["a"]) as write,
+        ):
+            write(np.zeros((rows, 1)))
+
+
+@pytest.mark.parametrize("where", ["write_parquet", "sink_parquet"])
+def test_a_full_disk_names_the_parquet_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, where: str
+) -> None:
+    polars = pytest.importorskip("polars")
+
+    def full(self: object, *_: object, **__: object) -> None:
+        raise polars.exceptions.ComputeError("No space left on device (os error 28)")
+
+    monkeypatch.setattr(polars.DataFrame if where == "write_parquet" else polars.LazyFrame, where, full)
+    target = tmp_path / "x.parquet"
+    with (
+        pytest.raises(hybridyn.TrajectoryError, match=r"x\.parquet: cannot be written: No space left"),
+        open_results(target, ["a"]) as write,
+    ):
+        write(np.zeros((3, 1)))
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_full_disk_leaves_no_part_of_a_state(
+    stopped: tuple[Path, Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    state = Path(f"{stopped[1]}.state")
+    result, before = Result.load(state), state.read_bytes()
+
+    def full(file: object, **_: object) -> None:
+        file.write(b"half")  # type: ignore[attr-defined]
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(np, "savez", full)
+    with pytest.raises(hybridyn.TrajectoryError, match=r"run\.csv\.state: cannot be written: No space"):
+        result.save(state)
+    assert state.read_bytes() == before
+    assert not state.with_name("run.csv.state.part").exists()
