@@ -16,7 +16,6 @@ from hybridyn.cli import main
 from hybridyn.scenes.stage import stage
 from hybridyn.simulation.result import Result
 from hybridyn.simulation.run import BLOCK
-from hybridyn.tables.results import open_results
 
 SCENE = f"""duration = 2.0
 [robot]
@@ -240,35 +239,6 @@ def test_a_scene_replaces_nothing_outside_its_folder(run, tmp_path: Path, name: 
 # ---------------------------------------------------------------- full disks
 
 
-def test_a_full_disk_names_the_csv_file() -> None:
-    """`/dev/full` takes nothing, as a full disk: at a full buffer, or at the last one."""
-    for rows in (1, 5000):
-        with (
-            pytest.raises(hybridyn.TrajectoryError, match="/dev/full: cannot be written: No space left"),
-            open_results("/dev/full", ["a"]) as write,
-        ):
-            write(np.zeros((rows, 1)))
-
-
-@pytest.mark.parametrize("where", ["write_parquet", "sink_parquet"])
-def test_a_full_disk_names_the_parquet_file(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, where: str
-) -> None:
-    polars = pytest.importorskip("polars")
-
-    def full(self: object, *_: object, **__: object) -> None:
-        raise polars.exceptions.ComputeError("No space left on device (os error 28)")
-
-    monkeypatch.setattr(polars.DataFrame if where == "write_parquet" else polars.LazyFrame, where, full)
-    target = tmp_path / "x.parquet"
-    with (
-        pytest.raises(hybridyn.TrajectoryError, match=r"x\.parquet: cannot be written: No space left"),
-        open_results(target, ["a"]) as write,
-    ):
-        write(np.zeros((3, 1)))
-    assert list(tmp_path.iterdir()) == []
-
-
 def test_a_full_disk_leaves_no_part_of_a_state(
     stopped: tuple[Path, Path], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -280,7 +250,7 @@ def test_a_full_disk_leaves_no_part_of_a_state(
         raise OSError(errno.ENOSPC, "No space left on device")
 
     monkeypatch.setattr(np, "savez", full)
-    with pytest.raises(hybridyn.TrajectoryError, match=r"run\.csv\.state: cannot be written: No space"):
+    with pytest.raises(OSError, match=r"No space left on device: .*run\.csv\.state"):
         result.save(state)
     assert state.read_bytes() == before
     assert not state.with_name("run.csv.state.part").exists()

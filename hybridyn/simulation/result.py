@@ -126,7 +126,7 @@ class Result:
         """Write the result to a file of NumPy's npz format, at once or not at all.
 
         Raises:
-            TrajectoryError: It cannot be written: no space, no such folder.
+            OSError: It cannot be written: no space, no such folder; no part is left behind.
         """
         data: dict[str, Any] = {name: getattr(self, name) for name in _ARRAYS}
         data["format"] = np.array(FORMAT)
