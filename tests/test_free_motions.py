@@ -8,7 +8,9 @@ from mechanisms import KINDS, random_mechanism
 from shipped import ROBOTS, shipped
 
 import hybridyn
+from hybridyn import ActuationError, HybridRobot
 from hybridyn.assembly.free_motions import FreeMotions, free_motions, free_motions_of
+from hybridyn.spatial import Array
 from hybridyn.structure.building import build_robot
 
 ROOT = Path(__file__).parents[1]
@@ -60,8 +62,8 @@ def test_motions_and_motors_add_up(kind: str) -> None:
         assert any(free_motions(module).massless for module in robot.modules)
 
 
-def test_a_rod_that_spins_between_two_balls_is_idle(tmp_path: Path) -> None:
-    """A crank that pushes a slide by a rod with a ball at either end: one motor, and one motion to spare."""
+def crank_and_rod(folder: Path) -> HybridRobot:
+    """Give a crank that pushes a slide by a rod with a ball at either end: one motor, a motion to spare."""
 
     def link(name: str, x: float = 0.0) -> str:
         return (
@@ -87,12 +89,42 @@ def test_a_rod_that_spins_between_two_balls_is_idle(tmp_path: Path) -> None:
         '<loop name="pin" type="spherical"><predecessor link="rod"><origin xyz="2 0 0"/></predecessor>'
         '<successor link="slide"/></loop></robot>'
     )
-    path = tmp_path / "r.urdf"
+    path = folder / "r.urdf"
     path.write_text(text)
-    robot = hybridyn.load(path, motors=["drive"])
+    return hybridyn.load(path, motors=["drive"])
+
+
+def test_a_rod_that_spins_between_two_balls_is_idle(tmp_path: Path) -> None:
+    robot = crank_and_rod(tmp_path)
     assert robot.mobility == 2
     free = free_motions(robot.modules[0])
     assert len(free.uncontrolled) + len(free.idle) == 1
     assert free.idle == ("joint 'ball_x'",)
     assert free.massless == ()
     assert "idle" in free_motions_of(robot)[0]
+
+
+def swinging(robot: HybridRobot) -> tuple[Array, Array, Array]:
+    t = np.linspace(0.0, 1.0, 40)
+    swing = 0.4 * np.sin(5 * t), 2.0 * np.cos(5 * t), -10.0 * np.sin(5 * t)
+    return hybridyn.assemble(robot, motors={"drive": swing})
+
+
+def test_an_idle_motion_never_stops_a_model(tmp_path: Path) -> None:
+    """The spin that closing leaves on the rod needs a moment that no motor gives: no reason to refuse."""
+    robot = crank_and_rod(tmp_path)
+    q, v, a = swinging(robot)
+    tau = hybridyn.idm(robot, q, v, a)
+    free = hybridyn.idm(robot, q, v, a, passive="solved")
+    assert np.abs(tau - free).max() < 1e-3 * np.abs(free).max()  # the moment left out, a small one
+    moving = hybridyn.ddm(robot, q, v, free)
+    assert np.abs(hybridyn.idm(robot, q, v, moving) - free).max() < 1e-12 * np.abs(free).max()
+
+
+def test_a_motion_that_moves_mass_needs_its_motor(tmp_path: Path) -> None:
+    """Beside the idle one: with the slide as motor the crank's motion is told, without any it is refused."""
+    robot = crank_and_rod(tmp_path)
+    q, v, a = swinging(robot)
+    bare = hybridyn.load(tmp_path / "r.urdf", motors=[])
+    with pytest.raises(ActuationError, match="no motor can produce"):
+        hybridyn.idm(bare, q, v, a)

@@ -278,7 +278,7 @@ FORMS = {
 
 @pytest.mark.parametrize("form", FORMS)
 def test_a_hinge_has_one_reaction_however_it_is_written(form: str, tmp_path: Path) -> None:
-    """Half the beam's weight rests on the rocker, told in the axes of the `<origin>` that the author wrote."""
+    """Half the beam's weight rests on the rocker, in the axes of the `<origin>` that the author wrote."""
     path = tmp_path / "portal.urdf"
     path.write_text(PORTAL.format(FORMS[form]))
     robot = hybridyn.load(path)

@@ -177,15 +177,19 @@ def unreachable(task: Task, result: Closed, sample: int, iterations: int) -> Ass
     at = int(np.argmin(result.residual))
     rows = task.problem.residual(result.q[at : at + 1], np.array([min(sample, len(task.known) - 1)]))[0]
     worst = task.row_names[int(np.argmax(np.abs(rows)))]
+    best = float(result.residual[at])
+    if best > task.tolerance:
+        why = f"best residual {best:.2g} of the module's length (limit {task.tolerance:.0e})"
+    else:  # no rounding of the file: a least distance, at a posture where rows lose rank
+        why = f"the nearest posture, a singular one, leaves {best:.2g} of the module's length open"
     return AssemblyError(
-        f"module '{task.module}', {worst}: the loops do not close at sample {sample}: best residual "
-        f"{result.residual[at]:.2g} of the module's length (limit {task.tolerance:.0e}) after {iterations} "
-        "iterations. The target is out of reach, or contradicts another one; move it, give a better guess, "
-        "or, where the file is rounded that much, raise closure_tolerance",
+        f"module '{task.module}', {worst}: the loops do not close at sample {sample}: {why} after "
+        f"{iterations} iterations. The target is out of reach, or contradicts another one; move it, or give "
+        "a better guess",
         module=task.module,
         leg=worst,
         sample=sample,
-        residual=float(result.residual[at]),
+        residual=best,
         iterations=iterations,
     )
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,6 +10,7 @@ import numpy as np
 from ..description.names import listed
 from ..linkage.elimination import pivoted_qr
 from ..linkage.joints import ROOT_JOINT
+from ..linkage.tree import Motion
 from ..spatial import Array
 from ..structure.mechanism import Mechanism
 from ..structure.module import Module
@@ -49,11 +51,8 @@ def free_motions(module: Module) -> FreeMotions:
     scaled = m.basis(m.closures.matrix(motion)).Psi[0] / m.reduction.col_scale[:, None]
     motions = np.linalg.qr(scaled)[0]  # orthonormal in scaled coordinates
     names = module.freedom_names()
-    undriven = motions @ _null_space(motions[module.motor_columns], DRIVEN)
-    effects = _effects(m) @ (undriven * m.reduction.col_scale[:, None])
-    calm = _null_space(effects, IDLE)
-    idle = undriven @ calm
-    moving = undriven @ _complement(calm)
+    free, calm = _undriven(module, motions, _effects(m, motion)[0])
+    idle, moving = motions @ free @ calm, motions @ free @ _complement(calm)
     values, vectors = np.linalg.eigh(own_inertia(m, motions * m.reduction.col_scale[:, None]))
     light = motions @ vectors[:, values <= MASSLESS * max(values[-1], 0.0)]
     return FreeMotions(_named(moving, names), _named(idle, names), _named(light, names))
@@ -99,16 +98,43 @@ def own_inertia(m: Mechanism, Psi: Array) -> Array:
     return total
 
 
-def _effects(m: Mechanism) -> Array:
-    """Return what rates do to outputs and to centres of mass, shape (rows, n), scaled."""
-    motion = m.tree.sweep(m.postures[:1])
+def idle_motions(module: Module, motions: Array, motion: Motion) -> Iterator[Array]:
+    """Give each sample's combinations of motions that no motor drives and that move nothing that matters.
+
+    Args:
+        module: The module.
+        motions: Its motions, orthonormal in scaled coordinates, shape (T, n, N).
+        motion: Motion of its tree, T samples.
+
+    Returns:
+        Orthonormal columns of shape (N, k), sample by sample.
+    """
+    for own, effects in zip(motions, _effects(module.mechanism, motion), strict=True):
+        free, calm = _undriven(module, own, effects)
+        yield free @ calm
+
+
+def _undriven(module: Module, motions: Array, effects: Array) -> tuple[Array, Array]:
+    """Give the combinations of motions that no motor drives, and those of them that have no effect.
+
+    Args:
+        module: The module.
+        motions: Its motions, orthonormal in scaled coordinates, shape (n, N).
+        effects: What rates do, shape (rows, n).
+    """
+    free = _null_space(motions[module.motor_columns], DRIVEN)
+    return free, _null_space(effects @ (motions @ free * module.mechanism.reduction.col_scale[:, None]), IDLE)
+
+
+def _effects(m: Mechanism, motion: Motion) -> Array:
+    """Give what rates do to outputs and to centres of mass, shape (T, rows, n), scaled."""
     units = np.array([m.length] * 3 + [1.0] * 3)[:, None]
-    rows = [m.tree.jacobian(motion, body)[0] / units for body in m.spec.outputs]
+    rows = [m.tree.jacobian(motion, body) / units for body in m.spec.outputs]
     for i, body in enumerate(m.spec.leg_bodies):
         if body is not None and body.mass:
             centre = motion.p[:, i + 1] + motion.R[:, i + 1] @ body.com
-            rows.append(m.tree.jacobian(motion, i + 1, centre)[0, :3] / m.length)
-    return np.concatenate(rows) if rows else np.zeros((0, m.tree.nv))
+            rows.append(m.tree.jacobian(motion, i + 1, centre)[:, :3] / m.length)
+    return np.concatenate(rows, axis=1) if rows else np.zeros((len(motion.p), 0, m.tree.nv))
 
 
 def _null_space(A: Array, tolerance: float) -> Array:

@@ -13,9 +13,7 @@ from ..linkage.rigid_motion import RigidMotion
 from ..linkage.targets import COORDINATES
 from ..spatial import Array, rotation_from_quaternion
 from ..structure.robot import HybridRobot
-
-#: A quaternion in a pose may be this far from unit length.
-UNIT = 1e-6
+from ..structure.samples import UNIT
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ import numpy as np
 from ..spatial import Array
 from ..structure.module import Module
 from ..structure.robot import HybridRobot
-from ..structure.samples import as_batch
+from ..structure.samples import as_positions
 
 
 def residuals(robot: HybridRobot, q: Array) -> Iterator[tuple[Module, Array]]:
@@ -32,7 +32,7 @@ def closure_residual(robot: HybridRobot, q: Array) -> Array:
     Returns:
         Shape () or (T,): metres over the module's length, or radians, whichever is worst.
     """
-    batch, single = as_batch(q, robot.nq, "q")
+    batch, single = as_positions(robot, q)
     worst = np.zeros(len(batch))
     for _, residual in residuals(robot, batch):
         worst = np.maximum(worst, np.abs(residual).max(axis=1))

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .placement import rotation_to_axis, turned
 from .records import Array, RotationKind
 
 

@@ -10,8 +10,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..assembly.free_motions import idle_motions
 from ..errors import ActuationError, SingularityError
 from ..linkage.elimination import back_substitute, pivot_ratio, pivoted_qr
+from ..linkage.tree import Motion
 from ..spatial import Array, Index
 from ..structure.module import Module
 from ..structure.robot import HybridRobot
@@ -37,23 +39,37 @@ class Sharing:
     passive_hint: str = ""
 
 
+@dataclass(frozen=True)
+class Need:
+    """What a module's motors shall produce.
+
+    Attributes:
+        Q: Generalised force needed along each motion, shape (T, N), [N m].
+        size: Largest term that Q was summed from, shape (T,), [N m].
+        rounding: What rounding may leave of Q where every term cancels, shape (T,), [N m].
+        motion: Motion of the module's tree.
+    """
+
+    Q: Array
+    size: Array
+    rounding: Array
+    motion: Motion
+
+
 def motor_units(module: Module) -> Array:
     """Return the factor that turns each motor's effort into work per scaled coordinate, shape (motors,)."""
     out: Array = module.mechanism.reduction.col_scale[module.motor_columns]
     return out
 
 
-def motor_efforts(
-    robot: HybridRobot, module: Module, Psi: Array, Q: Array, size: Array, sharing: Sharing
-) -> Array:
-    """Return the efforts of a module's motors.
+def motor_efforts(robot: HybridRobot, module: Module, Psi: Array, need: Need, sharing: Sharing) -> Array:
+    """Give the efforts of a module's motors.
 
     Args:
         robot: The robot.
         module: The module.
         Psi: Motions of the module, shape (T, n, N).
-        Q: Generalised force needed along each motion, shape (T, N), [N m].
-        size: Largest term that Q was summed from, shape (T,), [N m].
+        need: What they shall produce.
         sharing: How motors share the load.
 
     Returns:
@@ -63,6 +79,7 @@ def motor_efforts(
         ActuationError: Motors are missing, or mixed units have no weights.
         SingularityError: The motors lose a direction and `on_singular` is "raise".
     """
+    Q = need.Q
     T, N = Q.shape
     moving = module.moving_motors
     motors = len(moving)
@@ -76,7 +93,7 @@ def motor_efforts(
         share = np.ones(motors) if motors < N else load_share(robot, module, sharing, moving) * unit
         tau = _least_norm(module, Psi, B, Q, share, sharing)
     missing = Q - np.einsum("tij,tj->ti", B, tau)
-    _check_driven(module, Psi, missing, size, sharing)
+    _check_driven(module, Psi, missing, need, sharing)
     out = np.zeros((T, len(module.motors)))
     out[:, moving] = tau / unit
     return out
@@ -162,23 +179,40 @@ def load_share(robot: HybridRobot, module: Module, sharing: Sharing, among: Inde
     return np.ones(len(limits))
 
 
-def _check_driven(module: Module, Psi: Array, missing: Array, size: Array, sharing: Sharing) -> None:
-    """Refuse a motion that no motor drives and that would need an effort."""
+def _check_driven(module: Module, Psi: Array, missing: Array, need: Need, sharing: Sharing) -> None:
+    """Refuse a motion that no motor drives and that would need an effort; an idle one may need any."""
     lack = np.abs(missing).max(axis=1, initial=0.0)
-    bad = np.flatnonzero(lack > UNDRIVEN * size)
-    if not len(bad):
+    bad = np.flatnonzero(lack > np.maximum(UNDRIVEN * need.size, need.rounding))
+    if not len(bad) or (sharing.on_singular != "raise" and len(module.motors) >= module.mobility):
         return
+    missing, size = missing.copy(), np.maximum(need.size, need.rounding / UNDRIVEN)
+    missing[bad] -= _idle_part(module, Psi[bad], missing[bad], need.motion.take(bad))
+    lack = np.abs(missing).max(axis=1, initial=0.0)
     t = int(bad[np.argmax(lack[bad] / size[bad])])
-    if sharing.on_singular != "raise" and len(module.motors) >= module.mobility:
+    if lack[t] <= UNDRIVEN * size[t]:
         return
     motion = Psi[t] @ missing[t] / module.mechanism.reduction.col_scale
     joint = module.freedom_names()[int(np.argmax(np.abs(motion)))]
     raise ActuationError(
         f"module '{module.name}': {len(module.motors)} motors for {module.mobility} freedoms; no motor can "
         f"produce the {lack[t]:.3g} N m that the motion of {joint} needs at sample {t} (largest term "
-        f"{size[t]:.3g} N m). " + (sharing.passive_hint or "Add a motor there"),
+        f"{need.size[t]:.3g} N m). " + (sharing.passive_hint or "Add a motor there"),
         module=module.name,
         direction=joint,
         size=float(lack[t]),
         sample=t,
     )
+
+
+def _idle_part(module: Module, Psi: Array, missing: Array, motion: Motion) -> Array:
+    """Give the part of missing forces that does work on idle motions only (a rod's spin), shape (T, N).
+
+    Idle motions are told apart from the others along orthonormal motions, as efforts are.
+    """
+    along = Psi / module.mechanism.reduction.col_scale[:, None]
+    orthonormal, R = np.linalg.qr(along)
+    out = np.zeros_like(missing)
+    for t, idle in enumerate(idle_motions(module, orthonormal, motion)):
+        force = np.linalg.solve(R[t].T, missing[t])
+        out[t] = R[t].T @ (idle @ (idle.T @ force))
+    return out

@@ -16,7 +16,7 @@ from ..effects.choice import Choice, choose, times
 from ..errors import TrajectoryError
 from ..spatial import Array
 from ..structure.robot import HybridRobot
-from ..structure.samples import as_batch, same_samples
+from ..structure.samples import as_batch, as_positions, same_samples
 from .articulation import accelerate, articulate
 from .forward import base_motion, forward
 from .inverse_recursion import reactions_of
@@ -82,7 +82,7 @@ def ddm(
     Source:
         Ibrahim & Khalil (2010), Eqs. (38)-(53). The paper drops a_dot v_r from xi; `Basis.drift` keeps it.
     """
-    q, single = as_batch(q, robot.nq, "q")
+    q, single = as_positions(robot, q)
     v, tau = as_batch(v, robot.nv, "v")[0], as_batch(tau, len(robot.motors), "tau")[0]
     same_samples(q=q, v=v, tau=tau)
     on, time = choose(robot, effects), times(time, len(q))
@@ -97,7 +97,7 @@ def ddm(
     loads = all_loads(robot, on, q, v, time, wrenches)
     whole = on.velocity is not None  # without velocity terms the forces are no longer any observer's
     states = forward(robot, q, v, None, on.gravity, classical=whole)
-    check_closed(states, q, accelerations=False)
+    check_closed(robot, states, q, v)
     modules = articulate(robot, states, loads, tau, None)
     accelerate(robot, modules, base_motion(robot, q, v, a, on.gravity, classical=whole)[1], q, v, a)
     if not reactions:

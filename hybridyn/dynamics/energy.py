@@ -16,7 +16,7 @@ from ..linkage.rigid_motion import RigidMotion
 from ..spatial import Array, cross, rotate, rotate_back
 from ..structure.bodies import Body
 from ..structure.robot import HybridRobot
-from ..structure.samples import as_batch
+from ..structure.samples import as_batch, as_positions
 from .link_motion import body_motions, link_motions, observed_motions
 from .loads import gather_loads
 
@@ -183,7 +183,7 @@ def centre_of_mass(robot: HybridRobot, q: Array) -> Array:
     Raises:
         TrajectoryError: Arrays of the wrong shape, or not finite; a robot without mass.
     """
-    q, single = as_batch(q, robot.nq, "q")
+    q, single = as_positions(robot, q)
     out = _centre(robot, q)
     return out[0] if single else out
 
@@ -199,7 +199,7 @@ def _centre(robot: HybridRobot, q: Array) -> Array:
 
 
 def _state(robot: HybridRobot, q: Array, v: Array) -> tuple[Array, Array, bool]:
-    q, single = as_batch(q, robot.nq, "q")
+    q, single = as_positions(robot, q)
     v = as_batch(v, robot.nv, "v")[0]
     if len(q) != len(v):
         raise TrajectoryError(f"q, v have {len(q)}, {len(v)} samples")

@@ -12,7 +12,7 @@ from ..effects.choice import Choice, choose, times
 from ..errors import ActuationError, TrajectoryError
 from ..spatial import Array
 from ..structure.robot import HybridRobot
-from ..structure.samples import as_batch, same_samples
+from ..structure.samples import as_batch, as_positions, same_samples
 from .actuation import Sharing
 from .forward import forward
 from .inverse_recursion import backward
@@ -68,7 +68,7 @@ def idm(
             nothing else.
         time: Time of each sample, shape () or (T,), [s], for effects that follow a table.
         passive: "given": `a` is taken as it comes, and a passive motion that would need an effort is an
-            error. "solved": only the motors' accelerations (and a prescribed base's) count, the rest follows
+            error; an idle one (a rod's spin, which moves no output and no centre of mass) never is. "solved": only the motors' accelerations (and a prescribed base's) count, the rest follows
             from zero effort.
         weights: For each motor w in the sum of w x effort^2 that redundant motors make least, by name or in
             the order of `robot.motors`; by effort limits where left out.
@@ -91,7 +91,7 @@ def idm(
     Source:
         Ibrahim & Khalil (2010), Eqs. (30)-(33); trees of modules, any mobility and number of motors are ours.
     """
-    q, single = as_batch(q, robot.nq, "q")
+    q, single = as_positions(robot, q)
     v, a = as_batch(v, robot.nv, "v")[0], as_batch(a, robot.nv, "a")[0]
     same_samples(q=q, v=v, a=a)
     _one_of("on_singular", on_singular, "raise", "least-norm")
@@ -106,7 +106,7 @@ def idm(
         a = solve_passive(robot, q, v, a, loads)
     v, a = on.inertia.motion(v, a) if on.inertia else (np.zeros_like(v), np.zeros_like(a))
     states = forward(robot, q, v, a, on.gravity, classical=on.velocity is not None)
-    check_closed(states, q, accelerations=True)
+    check_closed(robot, states, q, v, a)
     sharing = Sharing(_weights(robot, weights), on_singular, HINT if passive == "given" else "")
     result = Reactions.empty(len(q)) if reactions else None
     tau = np.zeros((len(q), len(robot.motors)))

@@ -7,11 +7,12 @@ import numpy as np
 from ..spatial import Array, wrench_to_base
 from ..structure.robot import HybridRobot
 from ..structure.state import ModuleState
-from .actuation import Sharing, motor_efforts
+from .actuation import Need, Sharing, motor_efforts
 from .forward import base_motion, forward
 from .loads import Loads
 from .lost_digits import flag_efforts, robot_weight
 from .lost_rank import LOST, along_motion, possible_motions, refuse_lost_digits, refuse_lost_rank
+from .natural_sizes import force_rounding
 from .reactions import Reactions, module_reactions
 
 
@@ -41,7 +42,7 @@ def backward(
     received = [np.zeros((T, len(s.module.outputs), 6)) for s in states]
     summed = [np.zeros((T, len(s.module.outputs))) for s in states]
     root = np.zeros((T, 6))
-    weight = robot_weight(robot)
+    weight, rounding = robot_weight(robot), force_rounding(robot, *given[1:])
     for k in reversed(range(len(states))):
         s, load = states[k], loads.modules[k]
         m = s.mechanism
@@ -69,14 +70,14 @@ def backward(
         if sharing is not None:
             refuse_lost_digits(s.module, basis, Q, size, weight * m.length)
             flag_efforts(s.module, Q, size, weight * m.length)
-            tau[:, s.module.motor_index] = motor_efforts(robot, s.module, Psi, Q, size, sharing)  # Eq. (33)
+            need = Need(Q, size, rounding, s.motion)
+            tau[:, s.module.motor_index] = motor_efforts(robot, s.module, Psi, need, sharing)  # Eq. (33)
             for t in np.flatnonzero(basis.pivot < LOST) if m.reduction.rank else ():
                 at = slice(t, t + 1)
                 every = possible_motions(s.module, s.K[t])[None]
-                needed = np.einsum("tij,ti->tj", every, H[at])
-                tau[t, s.module.motor_index] = motor_efforts(
-                    robot, s.module, every, needed, size[at], sharing
-                )[0]
+                Q_all = np.einsum("tij,ti->tj", every, H[at])
+                need = Need(Q_all, size[at], rounding[at], s.motion.take(np.array([t])))
+                tau[t, s.module.motor_index] = motor_efforts(robot, s.module, every, need, sharing)[0]
         if result is not None:
             module_reactions(result, s, load, F, H, tau[:, s.module.motor_index])
         if s.module.parent < 0:

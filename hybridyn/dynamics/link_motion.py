@@ -13,7 +13,7 @@ from ..errors import TrajectoryError
 from ..linkage.rigid_motion import RigidMotion
 from ..spatial import Array, cross, quaternion_from_rotation, rotate, rotation_from_quaternion
 from ..structure.robot import HybridRobot
-from ..structure.samples import as_batch
+from ..structure.samples import as_batch, as_positions
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ def kinematics(
     Raises:
         TrajectoryError: Arrays of the wrong shape, or not finite; an unknown link.
     """
-    q, single = as_batch(q, robot.nq, "q")
+    q, single = as_positions(robot, q)
     v = as_batch(v, robot.nv, "v")[0]
     a = np.zeros_like(v) if a is None else as_batch(a, robot.nv, "a")[0]
     wanted = named_links(robot, links)

@@ -44,7 +44,7 @@ def solve_passive(robot: HybridRobot, q: Array, v: Array, a: Array, loads: Loads
     needs_inertia(loads.on)
     whole = loads.on.velocity is not None
     states = forward(robot, q, v, None, loads.on.gravity, classical=whole)
-    check_closed(states, q, accelerations=False)
+    check_closed(robot, states, q, v)
     modules = articulate(robot, states, loads, np.zeros((len(q), len(robot.motors))), a)
     out = np.zeros_like(a)
     if robot.base == "moving":

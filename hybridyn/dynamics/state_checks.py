@@ -8,23 +8,30 @@ from ..errors import AssemblyError
 from ..linkage.gimbal_lock import is_locked
 from ..spatial import Array, cross, select
 from ..structure.module import Module
+from ..structure.robot import HybridRobot
 from ..structure.state import ModuleState
+from .natural_sizes import REST, NaturalSizes
 
 #: Positions and rates handed to the dynamics must close the loops to this part of the module's length.
 CLOSED = 1e-6
 
 
-def check_closed(states: list[ModuleState], q: Array, accelerations: bool) -> None:
+def check_closed(
+    robot: HybridRobot, states: list[ModuleState], q: Array, v: Array, a: Array | None = None
+) -> None:
     """Refuse states that do not close the loops to `CLOSED` (more where the file itself is rounded).
 
     Args:
+        robot: The robot.
         states: Its modules' states.
         q: Positions, shape (T, nq).
-        accelerations: Whether accelerations are checked as well.
+        v: Rates, shape (T, nv).
+        a: Accelerations, shape (T, nv), where they are checked as well.
 
     Raises:
         AssemblyError: Naming module, closure and sample.
     """
+    natural = NaturalSizes.of(robot, v, a)
     for state in states:
         m = state.mechanism
         if not m.spanning_closures.rows:
@@ -37,15 +44,17 @@ def check_closed(states: list[ModuleState], q: Array, accelerations: bool) -> No
         first, drift = m.closures.rates(motion, state.v)
         scale, unit = m.reduction.row_scale, m.reduction.col_scale
         speed = np.abs(state.v / unit).max(axis=1, initial=0.0)
-        _refuse(state.module, np.abs(first * scale), slack * speed, "rates", "opening")
-        if accelerations:
+        limit = np.maximum(slack * speed, REST * natural.rate(m.length))
+        _refuse(state.module, np.abs(first * scale), limit, "rates", "opening")
+        if a is not None:
             second = np.einsum("tij,tj->ti", state.K, state.a) + drift
             size = np.abs(state.a / unit).max(axis=1, initial=0.0) + speed**2
-            _refuse(state.module, np.abs(second * scale), slack * size, "accelerations", "accelerating apart")
-        _check_wrists(state, slack, accelerations)
+            limit = np.maximum(slack * size, REST * natural.acceleration(m.length))
+            _refuse(state.module, np.abs(second * scale), limit, "accelerations", "accelerating apart")
+        _check_wrists(state, slack, natural, a is not None)
 
 
-def _check_wrists(state: ModuleState, slack: float, accelerations: bool) -> None:
+def _check_wrists(state: ModuleState, slack: float, natural: NaturalSizes, accelerations: bool) -> None:
     """Refuse rates and accelerations of cut wrists whose ends miss their targets.
 
     In gimbal lock the joints cannot follow, and the wrist is excused.
@@ -61,19 +70,21 @@ def _check_wrists(state: ModuleState, slack: float, accelerations: bool) -> None
     sweep = cross(w0, p)
     unit = m.reduction.col_scale
     speed = np.maximum(np.abs(state.v / unit).max(axis=1, initial=0.0), np.abs(s.w).max(axis=(1, 2)))
-    misses = [("rates", "opening", pd - sweep, w, speed)]
+    limit = np.maximum(slack * speed, REST * natural.rate(m.length))
+    misses = [("rates", "opening", pd - sweep, w, limit)]
     if accelerations:
         apart = pdd - cross(select(s.wd, target), p) - cross(w0, sweep)
         size = np.maximum(np.abs(state.a / unit).max(axis=1, initial=0.0), np.abs(s.wd).max(axis=(1, 2)))
-        misses.append(("accelerations", "accelerating apart", apart, wd, size + speed**2))
+        limit = np.maximum(slack * (size + speed**2), REST * natural.acceleration(m.length))
+        misses.append(("accelerations", "accelerating apart", apart, wd, limit))
     unknown = m.locked_carriers(s)  # there the spanning tree itself does not tell its platform's motion
-    for what, how, linear, angular, size in misses:
+    for what, how, linear, angular, limit in misses:
         miss = np.abs(np.concatenate([linear / m.length, angular], axis=-1))
         miss[unknown] = 0.0
-        for t, i in np.argwhere((miss > slack * size[:, None, None]).any(axis=-1)):
+        for t, i in np.argwhere((miss > limit[:, None, None]).any(axis=-1)):
             if is_locked(m.wrist_rates(s.take(np.array([t])), welded[i]))[0]:
                 miss[t, i] = 0.0
-        _refuse(state.module, miss.reshape(len(miss), 6 * len(welded)), slack * size, what, how)
+        _refuse(state.module, miss.reshape(len(miss), 6 * len(welded)), limit, what, how)
 
 
 def _refuse(module: Module, value: Array, limit: Array, what: str, how: str) -> None:

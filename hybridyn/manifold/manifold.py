@@ -90,13 +90,16 @@ class Manifold:
             out[index] = unit * least_squares(K[None], wanted[None], rank=m.rows.rank)[0]
         return out
 
-    def opening(self, q: Array, v: Array) -> tuple[float, str]:
-        """Return how fast the loops open, relative to the rates, and the name of the worst module."""
+    def opening(self, q: Array, v: Array, *, least: float = 0.0) -> tuple[float, str]:
+        """Give how fast the loops open, relative to the rates, and the name of the worst module.
+
+        Rates of a module are taken to be no less than `least` [rad/s].
+        """
         worst, name = 0.0, ""
         for m in self.looped:
             x = v[m.module.v_index] / m.rows.unit
             rate = np.abs(m.rows.at(q[m.module.q_index])[1] @ x).max()
-            size = np.abs(x).max()
+            size = max(np.abs(x).max(), least)
             if size > 0 and rate / size > worst:
                 worst, name = float(rate / size), m.module.name
         return worst, name

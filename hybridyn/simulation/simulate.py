@@ -8,13 +8,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..dynamics.natural_sizes import REST, NaturalSizes
 from ..dynamics.state_checks import CLOSED
 from ..effects.choice import Choice
 from ..errors import AssemblyError, SingularityError, TrajectoryError
 from ..manifold.manifold import Manifold
 from ..spatial import Array
 from ..structure.robot import HybridRobot
-from ..structure.samples import as_batch
+from ..structure.samples import as_batch, as_positions
 from ..threads import one_thread
 from .events import Event
 from .motion_law import BaseMotion, Effort, MotionLaw, Wrenches
@@ -215,7 +216,7 @@ def _start(system: System, q0: Array | None, v0: Array | None, t: float, initial
     robot = manifold.robot
     if q0 is None or v0 is None:
         raise TrajectoryError("q0 and v0 are needed where nothing is resumed")
-    q, v = as_batch(q0, robot.nq, "q0")[0][0].copy(), as_batch(v0, robot.nv, "v0")[0][0].copy()
+    q, v = as_positions(robot, q0, "q0")[0][0].copy(), as_batch(v0, robot.nv, "v0")[0][0].copy()
     law.place_base(t, q, v)
     rounding = max((m.module.mechanism.rounding for m in manifold.looped), default=0.0)
     residual, name = manifold.worst(q)
@@ -225,7 +226,8 @@ def _start(system: System, q0: Array | None, v0: Array | None, t: float, initial
             f"(limit {CLOSED + rounding:.0e}). Take it from hybridyn.assemble",
             module=name, residual=residual,
         )  # fmt: skip
-    opening, name = manifold.opening(q, v)
+    least = REST / CLOSED * float(NaturalSizes.of(robot, v[None]).rate(robot.bodies.size)[0])
+    opening, name = manifold.opening(q, v, least=least)
     if opening > CLOSED + rounding and initial_velocity == "refuse":
         raise AssemblyError(
             f"module '{name}': v0 does not keep the loops closed: they open at {opening:.2g} of the largest "

@@ -10,6 +10,9 @@ from ..errors import AssemblyError, ModelError
 from ..spatial import Index
 from .mechanism import Mechanism
 
+#: Loops left open by no more than this part of their length may be a coarse file's rounding.
+COARSE = 1e-2
+
 
 @dataclass(frozen=True)
 class Module:
@@ -92,13 +95,18 @@ def check_mechanism(mechanism: Mechanism, name: str, source: str | None, closure
         ModelError: Singular values leave the rank in doubt.
     """
     if not len(mechanism.postures):
+        best, mend = mechanism.best_residual, ""
+        limit = f" (limit {closure_tolerance:.0e})"
+        if best <= closure_tolerance:
+            limit = ", and no closed posture stands there: Newton's method does not come to rest"
+        elif best <= COARSE:
+            mend = ". Where the file is rounded that much, raise closure_tolerance"
         raise AssemblyError(
-            f"module '{name}': no posture closes its loops; the best residual found is "
-            f"{mechanism.best_residual:.2g} of the module's size (limit {closure_tolerance:.0e}). "
-            "Check the closures' frames and axes, give a home posture near an assembled one, or, where the "
-            "file is rounded that much, raise closure_tolerance",
+            f"module '{name}': no posture closes its loops; the best residual found is {best:.2g} of the "
+            f"module's size{limit}. Check the closures' frames and axes, or give a home posture near an "
+            f"assembled one{mend}",
             module=name,
-            residual=mechanism.best_residual,
+            residual=best,
         )
     report = mechanism.reduction.report
     doubt = report.doubted if report.clear else (report.kept, report.dropped)

@@ -14,7 +14,7 @@ import numpy as np
 
 from ..description.records import Description
 from ..linkage.joints import ROOT_JOINT
-from ..spatial import Array, spatial_inertia
+from ..spatial import Array, Index, spatial_inertia
 from .bodies import Bodies
 from .module import Module
 
@@ -123,6 +123,16 @@ class HybridRobot:
         for module in self.modules:
             out[module.v_index] = module.mechanism.spanning_col_scale
         return out
+
+    @cached_property
+    def unit_coordinates(self) -> tuple[Index, ...]:
+        """Coordinates of q that are of length one together, pairs and fours, shapes (k, 2) and (l, 4)."""
+        last = {"continuous": 2, "planar": 2, "spherical": 4, "floating": 4}
+        ends = [(at.stop, last.get(kind)) for kind, at in zip(self.kinds, self.q_slices, strict=True)]
+        return tuple(
+            np.array([end for end, size in ends if size == width], dtype=int)[:, None] + np.arange(-width, 0)
+            for width in (2, 4)
+        )
 
     @cached_property
     def root_inertia(self) -> Array:

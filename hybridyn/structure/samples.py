@@ -7,6 +7,10 @@ from numpy.typing import ArrayLike
 
 from ..errors import TrajectoryError
 from ..spatial import Array
+from .robot import HybridRobot
+
+#: Quaternions, and cosines with sines, may be this far from unit length: seven digits in a file will do.
+UNIT = 1e-6
 
 
 def as_batch(array: ArrayLike, width: int, name: str) -> tuple[Array, bool]:
@@ -32,6 +36,29 @@ def as_batch(array: ArrayLike, width: int, name: str) -> tuple[Array, bool]:
     bad = np.flatnonzero(~np.isfinite(out).all(axis=1))
     if len(bad):
         raise TrajectoryError(f"{name} is not finite at sample {bad[0]}", row=int(bad[0]) + 1)
+    return out, single
+
+
+def as_positions(robot: HybridRobot, array: ArrayLike, name: str = "q") -> tuple[Array, bool]:
+    """Give positions as (T, nq), and say whether one single sample came in.
+
+    Raises:
+        TrajectoryError: Wrong shape, a number that is not finite, or a quaternion or a cosine and sine that
+            are not of length one.
+    """
+    out, single = as_batch(array, robot.nq, name)
+    for columns in robot.unit_coordinates:
+        length = np.sqrt(np.square(out[:, columns]).sum(axis=2))
+        wrong = np.argwhere(~(np.abs(length - 1.0) <= UNIT))
+        if len(wrong):
+            t, i = wrong[0]
+            joint = next(j for j, at in enumerate(robot.q_slices) if at.stop > columns[i, 0])
+            what = "quaternion" if columns.shape[1] == 4 else "cosine and sine"
+            raise TrajectoryError(
+                f"{name}: the {what} of joint '{robot.joints[joint]}' at sample {t} has length "
+                f"{length[t, i]:.9g} (must be 1 to {UNIT:g}); divide it by its length",
+                row=int(t) + 1,
+            )
     return out, single
 
 

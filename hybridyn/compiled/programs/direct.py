@@ -21,7 +21,7 @@ from ..equations.stages import Stage
 from ..program import Add, Constants, Program, Source, Target, Worst
 from .efforts import Efforts
 from .module_calls import ModuleCalls, read
-from .roots import moving_base
+from .roots import moving_base, unit_base
 from .stage_calls import Stages
 from .writer import Writer
 
@@ -54,6 +54,7 @@ def direct_program(request: Request) -> Program:
     if request.parameters:
         inputs.append(("parameters", 10 * len(robot.bodies.bodies)))
     w = Writer("ddm", inputs, [("a", robot.nv)])
+    unit_base(request, w)
     given = w.from_given("base_acceleration", np.arange(6)) if robot.base == "moving" else None
     sweeps = _Sweeps(request, w, moving_base(request, w, given, report=True) if given else None)
     modules: list[_DirectCalls] = []

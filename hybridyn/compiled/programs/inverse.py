@@ -18,7 +18,7 @@ from ..equations.static_elimination import Pivots
 from ..program import Add, Constants, Each, Program, Shared, Source, Target, Worst
 from .efforts import Efforts
 from .module_calls import ModuleCalls, read
-from .roots import moving_base
+from .roots import moving_base, unit_base
 from .stage_calls import Stages
 from .writer import Writer
 
@@ -48,6 +48,7 @@ def inverse_program(request: Request) -> Program:
     if request.parameters:
         inputs.append(("parameters", 10 * len(robot.bodies.bodies)))
     w = Writer("idm", inputs, [("tau", len(robot.motors))])
+    unit_base(request, w)
     root = moving_base(request, w, w.from_given("a", np.arange(6)), report=False)
     sweeps = _Sweeps(request, w, root)
     modules: list[_InverseCalls] = []

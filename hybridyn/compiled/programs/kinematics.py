@@ -14,6 +14,7 @@ from ..equations.links import links_of
 from ..equations.request import Request
 from ..equations.rigid import quaternion_matrix
 from ..program import Program, Shared, Source, Target
+from .roots import unit_base
 from .writer import Writer
 
 WIDTH = 24
@@ -52,6 +53,7 @@ def kinematics_program(request: Request) -> Program:
 def _root(request: Request, w: Writer) -> Shared:
     """Write the motion of the root body."""
     robot = request.robot
+    unit_base(request, w)
     state = w.shared(WIDTH)
     targets: list[Target] = [w.result("bodies", np.arange(WIDTH)), state]
     if robot.base == "fixed":

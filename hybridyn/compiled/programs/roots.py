@@ -5,11 +5,22 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 
+from ...structure.samples import UNIT
 from ..equations.expressions import dot, pack, plain, symbols
 from ..equations.request import Request
 from ..equations.rigid import classical, quaternion_matrix
-from ..program import Source, Target
+from ..program import Source, Target, Worst
 from .writer import Writer
+
+
+def unit_base(request: Request, w: Writer) -> None:
+    """Guard the quaternion of a base that moves or floats: one that is not of length one is refused."""
+    if request.robot.base == "fixed":
+        return
+    column, q = symbols("q", 4)
+    guard = ca.fabs(sum(x * x for x in q) - 1.0) / UNIT
+    kernel = w.kernel("unit", ca.Function("unit", [column], [guard]), "kinematics")
+    w.call(kernel, 1, [w.from_given("q", np.arange(3, 7))], [Worst()])
 
 
 def moving_base(
