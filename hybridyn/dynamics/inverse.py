@@ -68,8 +68,8 @@ def idm(
             nothing else.
         time: Time of each sample, shape () or (T,), [s], for effects that follow a table.
         passive: "given": `a` is taken as it comes, and a passive motion that would need an effort is an
-            error; an idle one (a rod's spin, which moves no output and no centre of mass) never is. "solved": only the motors' accelerations (and a prescribed base's) count, the rest follows
-            from zero effort.
+            error; an idle one (a rod's spin, which moves no output and no centre of mass) never is. "solved":
+            only the motors' accelerations (and a prescribed base's) count, the rest follows from zero effort.
         weights: For each motor w in the sum of w x effort^2 that redundant motors make least, by name or in
             the order of `robot.motors`; by effort limits where left out.
         on_singular: "raise", or "least-norm" to go on with the least efforts where motors lose a direction,
