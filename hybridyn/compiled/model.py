@@ -16,7 +16,7 @@ from ..effects.choice import Effects
 from ..errors import HybridynError, ModelError
 from ..spatial import Array
 from ..structure.robot import HybridRobot
-from ..structure.samples import as_batch, same_samples
+from ..structure.samples import as_batch, as_positions, same_samples
 from .code.scalars import Scalar
 from .library.cache import Built, cached
 from .library.calls import REFUSED, Library, Numbers
@@ -236,6 +236,7 @@ class CompiledRobot:
         inputs = dict(given)
         more = {"base_acceleration": inputs.pop("base_acceleration")} if "base_acceleration" in inputs else {}
         if name == "kinematics":
+            as_positions(self.robot, inputs["q"])
             return body_rows(self.robot, *inputs.values())
         general: Callable[..., Array] = GENERAL[name]
         return general(self.robot, *inputs.values(), effects=self.effects, **more)

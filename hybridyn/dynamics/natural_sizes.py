@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..spatial import Array
-from .structure.robot import HybridRobot
+from ..structure.robot import HybridRobot
 
 #: Rounding of a force that many terms make, relative to the largest of them and to their number.
 NOISE = 8 * float(np.finfo(float).eps)

@@ -26,6 +26,7 @@ from ..linkage.reduction import RANK_TOLERANCE, Basis
 from ..linkage.tree import Motion, Tree
 from ..spatial import Array, Index, Mask, cross, quaternion_from_rotation, select, spatial_inertia
 from .leg_model import LegModel
+from .long_legs import LongLegs
 from .module_spec import ModuleSpec
 from .scaling import freedom_units, leg_by_leg, module_length, row_factors
 
@@ -34,6 +35,8 @@ NEAR_LOCK = 1e-2
 #: A freedom that moves no more than this where a module moves by one (rad, module lengths) does not move at
 #: all: ten thousand roundings.
 STILL = 1e-11
+#: Legs of more freedoms have a model of their own: Pinocchio's data grow with the cube, 20 MB here.
+PINOCCHIO_HOLDS = 128
 
 
 class Mechanism:
@@ -46,7 +49,7 @@ class Mechanism:
         spanning_closures: The author's closures, on `spanning`.
         length: The module's length [m], a power of two.
         reduction: Elimination of `closures`, ranks fixed.
-        legs: Pinocchio's leg model.
+        legs: The model of the legs: Pinocchio's, or for hundreds of freedoms our own.
         inertias: 6-D inertias of the outputs, shape (outputs, 6, 6), body frames.
         postures: Assembled generic postures of `tree`, shape (samples, nq).
     """
@@ -70,7 +73,8 @@ class Mechanism:
         self.length = module_length(spec, self.spanning, robot_size)
         self.inertias = np.array([spatial_inertia(b.mass, b.com, b.inertia) for b in spec.outputs_inertia])
         self.inertias = self.inertias.reshape(-1, 6, 6)
-        self.legs = LegModel(self.tree, list(spec.leg_bodies))
+        model = LegModel if self.tree.nv <= PINOCCHIO_HOLDS else LongLegs
+        self.legs = model(self.tree, list(spec.leg_bodies))
         self._map_coordinates()
         self.reduction = leg_by_leg(spec, self.tree, self.closures, self.length)
         home = self.cut(spec.home[None], None, None, self.spanning.sweep(spec.home[None]))[0]
