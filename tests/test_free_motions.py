@@ -63,7 +63,7 @@ def test_motions_and_motors_add_up(kind: str) -> None:
 
 
 def crank_and_rod(folder: Path) -> HybridRobot:
-    """Give a crank that pushes a slide by a rod with a ball at either end: one motor, a motion to spare."""
+    """Return a crank that pushes a slide by a rod with a ball at either end: one motor, a motion to spare."""
 
     def link(name: str, x: float = 0.0) -> str:
         return (

@@ -99,7 +99,7 @@ def own_inertia(m: Mechanism, Psi: Array) -> Array:
 
 
 def idle_motions(module: Module, motions: Array, motion: Motion) -> Iterator[Array]:
-    """Give each sample's combinations of motions that no motor drives and that move nothing that matters.
+    """Return each sample's combinations of motions that no motor drives and that move nothing that matters.
 
     Args:
         module: The module.
@@ -115,7 +115,7 @@ def idle_motions(module: Module, motions: Array, motion: Motion) -> Iterator[Arr
 
 
 def _undriven(module: Module, motions: Array, effects: Array) -> tuple[Array, Array]:
-    """Give the combinations of motions that no motor drives, and those of them that have no effect.
+    """Return the combinations of motions that no motor drives, and those of them that have no effect.
 
     Args:
         module: The module.
@@ -127,7 +127,7 @@ def _undriven(module: Module, motions: Array, effects: Array) -> tuple[Array, Ar
 
 
 def _effects(m: Mechanism, motion: Motion) -> Array:
-    """Give what rates do to outputs and to centres of mass, shape (T, rows, n), scaled."""
+    """Return what rates do to outputs and to centres of mass, shape (T, rows, n), scaled."""
     units = np.array([m.length] * 3 + [1.0] * 3)[:, None]
     rows = [m.tree.jacobian(motion, body) / units for body in m.spec.outputs]
     for i, body in enumerate(m.spec.leg_bodies):

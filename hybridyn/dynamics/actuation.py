@@ -63,7 +63,7 @@ def motor_units(module: Module) -> Array:
 
 
 def motor_efforts(robot: HybridRobot, module: Module, Psi: Array, need: Need, sharing: Sharing) -> Array:
-    """Give the efforts of a module's motors.
+    """Return the efforts of a module's motors.
 
     Args:
         robot: The robot.
@@ -205,7 +205,7 @@ def _check_driven(module: Module, Psi: Array, missing: Array, need: Need, sharin
 
 
 def _idle_part(module: Module, Psi: Array, missing: Array, motion: Motion) -> Array:
-    """Give the part of missing forces that does work on idle motions only (a rod's spin), shape (T, N).
+    """Return the part of missing forces that does work on idle motions only (a rod's spin), shape (T, N).
 
     Idle motions are told apart from the others along orthonormal motions, as efforts are.
     """

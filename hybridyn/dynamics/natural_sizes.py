@@ -38,7 +38,7 @@ class NaturalSizes:
 
     @classmethod
     def of(cls, robot: HybridRobot, v: Array, a: Array | None = None) -> NaturalSizes:
-        """Give a robot's sizes.
+        """Return a robot's sizes.
 
         Args:
             robot: The robot.
@@ -53,7 +53,7 @@ class NaturalSizes:
         return cls(relative.max(axis=1, initial=0.0), stated, gravity)
 
     def rate(self, length: float) -> Array:
-        """Give the rate that rounding of rates is a part of: the largest, or that of a pendulum of a length.
+        """Return the rate that rounding of rates is a part of: the largest, or that of a pendulum.
 
         Args:
             length: The length [m].
@@ -65,13 +65,13 @@ class NaturalSizes:
         return out
 
     def acceleration(self, length: float) -> Array:
-        """Give the acceleration that rounding of accelerations is a part of, shape (T,), [rad/s^2]."""
+        """Return the acceleration that rounding of accelerations is a part of, shape (T,), [rad/s^2]."""
         out: Array = np.maximum(self.stated, self.rate(length) ** 2)
         return out
 
 
 def force_rounding(robot: HybridRobot, v: Array, a: Array) -> Array:
-    """Give what rounding may leave of forces that cancel, as work per scaled coordinate, shape (T,), [N m].
+    """Return what rounding may leave of forces that cancel, as work per scaled coordinate, shape (T,), [N m].
 
     All the robot's mass at its size and natural acceleration, once for each freedom.
 

@@ -186,7 +186,7 @@ def _handed_on(state: ModuleState, load: ModuleLoad, author: TreeClosure) -> Arr
 
 
 def _told_in(motion: Motion, author: TreeClosure) -> tuple[Array, Array]:
-    """Give the axes and the origin in the base in which a closure's wrench is told.
+    """Return the axes and the origin in the base in which a closure's wrench is told.
 
     The axes are those of the predecessor's frame as its author placed it (z of frame A is the closure's
     axis), the origin is the successor's.

@@ -91,7 +91,7 @@ class Manifold:
         return out
 
     def opening(self, q: Array, v: Array, *, least: float = 0.0) -> tuple[float, str]:
-        """Give how fast the loops open, relative to the rates, and the name of the worst module.
+        """Return how fast the loops open, relative to the rates, and the name of the worst module.
 
         Rates of a module are taken to be no less than `least` [rad/s].
         """

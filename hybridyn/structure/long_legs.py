@@ -32,7 +32,7 @@ class LongLegs:
         self._moved = tree.support[self._at].astype(float)  # (heavy bodies, nv)
 
     def rnea(self, V: Array, V_dot: Array, q: Array, v: Array, a: Array) -> tuple[Array, Array]:
-        """Give the legs' inverse dynamic model, Eqs. (54)-(62); as `LegModel.rnea`."""
+        """Return the legs' inverse dynamic model, Eqs. (54)-(62); as `LegModel.rnea`."""
         motion = self.tree.sweep(q, v, a)
         R, p, w, pd, wd, pdd = (
             x[:, self._at] for x in (motion.R, motion.p, motion.w, motion.pd, motion.wd, motion.pdd)
@@ -53,7 +53,7 @@ class LongLegs:
         return wrench.sum(axis=1), H
 
     def crba(self, q: Array) -> Array:
-        """Give the legs' mass matrix with the base, M_leg, Eqs. (63)-(75); as `LegModel.crba`."""
+        """Return the legs' mass matrix with the base, M_leg, Eqs. (63)-(75); as `LegModel.crba`."""
         nv = self.tree.nv
         out = np.zeros((len(q), 6 + nv, 6 + nv))
         above = self.tree.support[self.tree.dof_body].T  # [i, j]: freedom i moves what freedom j moves
@@ -70,13 +70,13 @@ class LongLegs:
         return out
 
     def _columns(self, motion: Motion) -> Array:
-        """Give the twist that a unit rate of each freedom gives at the base's origin, shape (T, nv, 6)."""
+        """Return the twist that a unit rate of each freedom gives at the base's origin, shape (T, nv, 6)."""
         linear, angular = self.tree.columns(motion)
         at = linear - cross(angular, motion.p[:, self.tree.dof_body])
         return np.concatenate([at, angular], axis=-1)
 
     def _about_base(self, motion: Motion) -> Array:
-        """Give the bodies' inertias about the base's origin at the first sample, shape (bodies, 6, 6)."""
+        """Return the bodies' inertias about the base's origin at the first sample, shape (bodies, 6, 6)."""
         R = motion.R[0, self._at]
         c = motion.p[0, self._at] + rotate(R, self._com)
         out = np.zeros((len(c), 6, 6))

@@ -40,7 +40,7 @@ def as_batch(array: ArrayLike, width: int, name: str) -> tuple[Array, bool]:
 
 
 def as_positions(robot: HybridRobot, array: ArrayLike, name: str = "q") -> tuple[Array, bool]:
-    """Give positions as (T, nq), and say whether one single sample came in.
+    """Return positions as (T, nq), and say whether one single sample came in.
 
     Raises:
         TrajectoryError: Wrong shape, a number that is not finite, or a quaternion or a cosine and sine that

@@ -22,7 +22,7 @@ def afloat(name: str, seed: int, gravity: tuple[float, float, float] = (0.0, 0.0
 
 
 def askew(robot: HybridRobot, rng: np.random.Generator) -> Array:
-    """Give the home posture with the base somewhere, turned at will."""
+    """Return the home posture with the base somewhere, turned at will."""
     q = robot.home.copy()
     q[:3], q[3:7] = rng.normal(size=3), rng.normal(size=4)
     q[3:7] /= np.linalg.norm(q[3:7])
