@@ -28,14 +28,6 @@ REMARKS = {
     "idle": " has no motor and moves no output and no centre of mass",
     "massless": " has no inertia",
 }
-LETTERS = {
-    "revolute": "R",
-    "continuous": "R",
-    "prismatic": "P",
-    "spherical": "S",
-    "planar": "E",
-    "floating": "F",
-}
 
 
 @click.command("info", cls=RobotCommand, short_help="Modules, legs, closures, motors, and what looks wrong.")
@@ -260,4 +252,6 @@ class _Tree:
         return f"{name}*" if name in self.robot.motors else name
 
     def _letter(self, name: str) -> str:
+        from ..linkage.joints import LETTERS
+
         return LETTERS.get(self.kinds.get(name, "floating"), "")  # only a moving base has no kind of its own

@@ -6,11 +6,11 @@ import importlib.util
 import os
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 import click
 
+from .common.figures import appearing
 from .common.options import RobotChoice, RobotCommand, existing_file, takes_effects, takes_robot
 from .common.progress import Progress
 
@@ -162,18 +162,6 @@ def _run(robot: HybridRobot, motion: str, effects: tuple[str, ...]) -> Run:
     return Run(time[::step], q, None if tau is None else tau[::step], origin, timed)
 
 
-@contextmanager
-def _appearing(target: str) -> Iterator[str]:
-    """Return a file to write to, which takes its name when it is complete."""
-    partial = f"{target}.part{os.path.splitext(target)[1]}"
-    try:
-        yield partial
-        os.replace(partial, target)
-    finally:
-        if os.path.exists(partial):
-            os.unlink(partial)
-
-
 def _write_png(
     robot: HybridRobot,
     picture: Picture,
@@ -197,7 +185,7 @@ def _write_png(
         picture, placement, camera_around(extent(picture, placement), *size), own_colours=own_colours
     )
     when = f"   {run.time[number]:.2f} s" if run is not None and run.timed else ""
-    with _appearing(target) as partial:
+    with appearing(target) as partial:
         save_png(labelled(image, f"{robot.name}{when}"), partial)
 
 
@@ -216,7 +204,7 @@ def _write_mp4(
     else:
         frames = frames_of_run(robot, picture, run, size, own_colours=own_colours)
     whole, _ = pictures_of(run)
-    with _appearing(target) as partial, Progress("pictures") as progress:
+    with appearing(target) as partial, Progress("pictures") as progress:
 
         def told() -> Iterator[Image]:
             for count, frame in enumerate(frames):

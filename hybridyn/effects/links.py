@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, ClassVar, Protocol
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -13,40 +13,6 @@ from ..errors import ModelError, TrajectoryError
 from ..linkage.rigid_motion import RigidMotion
 from ..spatial import Array, cross, rotate, rotate_back
 from .joints import WIDTH
-
-
-class LinkEffect(Protocol):
-    """A law of wrenches on links.
-
-    Attributes:
-        name: Name of the effect.
-        links: Names of its links.
-        needs_time: Whether it depends on time.
-        needs_motion: Whether it depends on where the links are and how they move.
-    """
-
-    name: ClassVar[str]
-
-    @property
-    def links(self) -> tuple[str, ...]: ...  # noqa: D102
-    @property
-    def needs_time(self) -> bool: ...  # noqa: D102
-    @property
-    def needs_motion(self) -> bool: ...  # noqa: D102
-
-    def wrenches(
-        self, time: Array | None, motions: Mapping[str, RigidMotion], samples: int
-    ) -> dict[str, Array]:
-        """Return wrenches ON links in their frames at their origins, shape (samples, 6), [N, N m]."""
-        ...
-
-    def energy(self, motions: Mapping[str, RigidMotion]) -> Array:
-        """Return the energy stored, shape (T,), [J]."""
-        ...
-
-    def power(self, motions: Mapping[str, RigidMotion]) -> Array:
-        """Return the power lost, shape (T,), [W]."""
-        ...
 
 
 def at_times(name: str, table_time: Array, time: Array) -> None:

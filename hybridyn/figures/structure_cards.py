@@ -10,17 +10,10 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from ..colours import GROUND, module_colour
+from ..linkage.joints import LETTERS
 from ..structure.module import Module
 from ..structure.robot import HybridRobot
 
-LETTERS = {
-    "revolute": "R",
-    "continuous": "R",
-    "prismatic": "P",
-    "spherical": "S",
-    "planar": "E",
-    "floating": "F",
-}
 MOST_LEGS = 6  # kinds of legs on a card
 FOLD = 3  # equal modules in a row from which on all but the first are one card
 

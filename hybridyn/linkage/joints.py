@@ -29,6 +29,10 @@ NQ = {"revolute": 1, "continuous": 2, "prismatic": 1, "spherical": 4, "planar": 
 TRANSLATIONS = {"prismatic": 1, "planar": 2, "floating": 3}
 #: Freedoms of each kind of joint.
 NV = {"revolute": 1, "continuous": 1, "prismatic": 1, "spherical": 3, "planar": 3, "floating": 6}
+#: Letter of each kind of joint, as chains of joints are written: R R P.
+LETTERS = {
+    "revolute": "R", "continuous": "R", "prismatic": "P", "spherical": "S", "planar": "E", "floating": "F",
+}  # fmt: skip
 
 
 @dataclass(frozen=True)

@@ -80,7 +80,7 @@ def save(figure: Figure, target: str) -> None:
     import matplotlib
 
     # Letters stay letters in SVG: they can be searched, and the file is small.
-    with _appearing(target) as partial, matplotlib.rc_context({"svg.fonttype": "none"}):
+    with appearing(target) as partial, matplotlib.rc_context({"svg.fonttype": "none"}):
         figure.savefig(partial, dpi=DPI)
 
 
@@ -95,7 +95,7 @@ def save_chart(chart: Chart, target: str) -> None:
         from ...figures.as_page import page_of_chart
 
         text = page_of_chart(chart)
-        with _appearing(target) as partial, open(partial, "w", encoding="utf-8") as file:
+        with appearing(target) as partial, open(partial, "w", encoding="utf-8") as file:
             file.write(text)
         return
     from ...figures.as_matplotlib import figure_of_chart
@@ -117,7 +117,7 @@ def save_structure(robot: HybridRobot, target: str) -> None:
 
         save(figure_of_cards(cards(robot)), target)
         return
-    with _appearing(target) as partial, open(partial, "w", encoding="utf-8") as file:
+    with appearing(target) as partial, open(partial, "w", encoding="utf-8") as file:
         file.write(dot_of_cards(cards(robot)))
 
 
@@ -146,7 +146,7 @@ class Drawing:
 
 
 @contextlib.contextmanager
-def _appearing(target: str) -> Iterator[str]:
+def appearing(target: str) -> Iterator[str]:
     """Return a file to write to, which takes its name when it is complete."""
     from ...description.writing import naming
 

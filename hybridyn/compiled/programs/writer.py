@@ -34,10 +34,6 @@ class Writer:
             self._kernels.append(Kernel(f"{self.name}_{len(self._kernels)}", function, part))
         return self._number[key]
 
-    def has(self, key: Any) -> bool:
-        """Say whether a kernel is there."""
-        return key in self._number
-
     def shared(self, size: int) -> Shared:
         """Return new shared numbers."""
         self._shared += size
