@@ -6,15 +6,13 @@ import csv
 import os
 import subprocess
 import sys
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 import pytest
 
 from hybridyn.cli import main
-
-ROOT = Path(__file__).parents[1]
+from tests import ROOT
 
 
 class Said(NamedTuple):

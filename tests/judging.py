@@ -5,11 +5,11 @@ from __future__ import annotations
 from functools import lru_cache
 
 import numpy as np
-from mechanisms import random_mechanism, random_states, random_wrenches
-from shipped import States
 
 from hybridyn.description import Description
 from hybridyn.oracle import Base, Oracle
+from tests.mechanisms import random_mechanism, random_states, random_wrenches
+from tests.shipped import States
 
 ORACLE = 1e-10  # the claim; dense elimination on both sides loses a few hundred roundings
 BACKWARD = 1e-12  # of the largest term: B idm(ddm(tau)) = B tau is backward stable

@@ -14,11 +14,11 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from shipped import shipped
 
 import hybridyn
 from hybridyn.description import Description
 from hybridyn.structure.building import build_robot
+from tests.shipped import shipped
 
 SAMPLES = 4
 

@@ -16,11 +16,11 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
-from recipes import KINDS, Kind
-from sketch import Sketch, unit
 
 from hybridyn.description.records import Description
 from hybridyn.oracle import Base, Oracle
+from tests.recipes import KINDS, Kind
+from tests.sketch import Sketch, unit
 
 __all__ = ["KINDS", "Kind", "drawn", "home_posture", "random_mechanism", "random_states", "random_wrenches"]
 

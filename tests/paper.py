@@ -12,9 +12,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from paper_legs import Leg, Rigid, both, screw, skew
 
 from hybridyn.description import Description
+from tests.paper_legs import Leg, Rigid, both, screw, skew
 
 HEAVE_ROLL_PITCH = [2, 3, 4]  # v_r of the 3-RPS among the components of v, base axes
 

@@ -9,9 +9,9 @@ from collections.abc import Sequence
 from typing import Literal
 
 import numpy as np
-from sketch import CLOSURES, ROW_COUNT, Place, Sketch, unit
 
 from hybridyn.description.records import JointKind
+from tests.sketch import CLOSURES, ROW_COUNT, Place, Sketch, unit
 
 Wrist = Literal["point", "gimbal", "crossing", "ball", "universal", "two"]
 WRISTS: tuple[Wrist, ...] = ("point", "gimbal", "crossing", "ball")

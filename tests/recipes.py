@@ -8,7 +8,9 @@ from functools import partial
 from typing import Literal
 
 import numpy as np
-from parts import (
+
+from hybridyn.description.records import JointKind
+from tests.parts import (
     arm,
     central,
     delta,
@@ -22,9 +24,7 @@ from parts import (
     spatial_loop,
     star,
 )
-from sketch import CLOSURES, Place, Sketch
-
-from hybridyn.description.records import JointKind
+from tests.sketch import CLOSURES, Place, Sketch
 
 
 @dataclass(frozen=True)

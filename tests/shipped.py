@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from functools import lru_cache
-from pathlib import Path
 
 import numpy as np
 
 from hybridyn.description import Description, read
 from hybridyn.oracle import Base, Oracle
+from tests import ROOT
 
 ROBOTS = (
     "gough_stewart", "lx4", "rps3", "five_bar", "delta", "tanev", "stewart_ur5", "scara_delta", "snake",
@@ -21,7 +21,7 @@ States = tuple[np.ndarray, np.ndarray, np.ndarray]
 @lru_cache(maxsize=64)
 def shipped(name: str, **arguments: str) -> Description:
     """Read a shipped robot, with arguments of its xacro file."""
-    path = Path(__file__).parents[1] / "urdf" / f"{name}.urdf.xacro"
+    path = ROOT / "urdf" / f"{name}.urdf.xacro"
     return read(path, xacro_args=arguments)
 
 

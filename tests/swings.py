@@ -6,8 +6,6 @@ from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
-from mechanisms import random_mechanism, random_states
-from shipped import shipped
 
 from hybridyn import load
 from hybridyn.manifold.manifold import Manifold
@@ -15,6 +13,8 @@ from hybridyn.simulation.motion_law import MotionLaw
 from hybridyn.simulation.system import State, System
 from hybridyn.structure.building import build_robot
 from hybridyn.structure.robot import HybridRobot
+from tests.mechanisms import random_mechanism, random_states
+from tests.shipped import shipped
 
 Swing = tuple[HybridRobot, np.ndarray, np.ndarray]
 

@@ -8,12 +8,6 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 import pytest
-from comparing import close_to
-from mechanisms import KINDS, home_posture, random_mechanism, random_states
-from posing import far_apart, of_joints, of_link, position
-from shipped import shipped, states_near_home
-from sketch import turn
-from test_idm import symmetric_five_bar
 
 import hybridyn
 from hybridyn import AssemblyError, HybridRobot, TrajectoryError, closure_residual
@@ -22,6 +16,12 @@ from hybridyn.oracle import Base, Oracle
 from hybridyn.spatial import Array
 from hybridyn.structure.building import build_robot
 from hybridyn.structure.graph import find_modules
+from tests.comparing import close_to
+from tests.mechanisms import KINDS, home_posture, random_mechanism, random_states
+from tests.posing import far_apart, of_joints, of_link, position
+from tests.shipped import shipped, states_near_home
+from tests.sketch import turn
+from tests.test_idm import symmetric_five_bar
 
 CLOSED = 1e-12  # of the module's size, on the closures' generic range
 SAME = 1e-9  # the same posture, through the conditioning of a mechanism of this collection

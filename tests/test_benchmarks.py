@@ -13,7 +13,6 @@ from typing import get_type_hints
 
 import numpy as np
 import pytest
-from shipped import shipped
 
 import hybridyn
 from benchmarks import accuracy, callgrind, peak, peers
@@ -41,6 +40,7 @@ from benchmarks.timing import interleaved
 from hybridyn.compiled.programs.sources import write_programs
 from hybridyn.effects.choice import choose
 from hybridyn.structure.building import build_robot
+from tests.shipped import shipped
 
 FIT = 1e-12  # a power law is fitted exactly
 DIFFERENCES = 1e-3  # of the largest rate: second-order central differences at 5 ms of a motion of 1 Hz

@@ -6,12 +6,12 @@ import math
 from pathlib import Path
 
 import pytest
-from robot_texts import LOOP, TREE, robot, save
-from snippets import ROOT
 
 import hybridyn
 from hybridyn.studies.check.check import CODES, Finding, is_readable, worst
 from hybridyn.studies.check.masses import unit_guess
+from tests import ROOT
+from tests.robot_texts import LOOP, TREE, robot, save
 
 BALL = (
     '<inertial><mass value="2"/>'

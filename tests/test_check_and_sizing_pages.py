@@ -7,11 +7,12 @@ import shlex
 from pathlib import Path
 
 import pytest
-from snippets import ROOT, blocks, stand_where_a_user_does
-from test_readme import same_line
 
 from hybridyn.cli import main
 from hybridyn.studies.check.check import CODES
+from tests import ROOT
+from tests.snippets import blocks, stand_where_a_user_does
+from tests.test_readme import same_line
 
 PAGES = ("check.md", "workspace-and-sizing.md")
 

@@ -8,14 +8,14 @@ from importlib.metadata import files
 from pathlib import Path
 
 import pytest
-from command_line import call
-from mutations import TREE
-from test_check import WRONG as WRONG_ROBOTS
-from test_check import arm, boxed
 
 import hybridyn
 from hybridyn.description.shipped import main_names, shipped_robots
 from hybridyn.studies.check.check import CODES, is_readable
+from tests.command_line import call
+from tests.mutations import TREE
+from tests.test_check import WRONG as WRONG_ROBOTS
+from tests.test_check import arm, boxed
 
 OTHERS = sorted(
     {

@@ -18,6 +18,7 @@ from hybridyn.cli.common.progress import Progress
 from hybridyn.cli.common.text import aligned_rows
 from hybridyn.errors import AssemblyError
 from hybridyn.tables.opening import open_table
+from tests import ROOT
 
 ARM = """<robot name="arm">
   <link name="base"/>
@@ -31,7 +32,6 @@ ARM = """<robot name="arm">
     <limit lower="-3" upper="3" effort="100" velocity="1"/></joint>
 </robot>
 """
-ROOT = Path(__file__).parents[1]
 HEADER = [f"{name}/{rate}" for name in ("lift", "turn") for rate in ("position", "velocity", "acceleration")]
 ROWS = np.random.default_rng(7).uniform(-1.0, 1.0, (30, 6))
 TIME = 0.1 * np.arange(30)

@@ -4,12 +4,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from command_line import ROOT, Said, call, read_table, table_text
-from comparing import SOLVED, close_to
 
 import hybridyn
 from hybridyn.tables.opening import open_table
 from hybridyn.tables.signals import TWIST, WRENCH
+from tests import ROOT
+from tests.command_line import Said, call, read_table, table_text
+from tests.comparing import SOLVED, close_to
 
 ROUND_TRIP = 1e-9  # two solutions of the loops and of the inertia, relative to the largest acceleration
 FIVE_BAR = ROOT / "urdf/five_bar.urdf.xacro"

@@ -4,12 +4,13 @@ import re
 from pathlib import Path
 
 import pytest
-from command_line import ROOT, call
 
 import hybridyn
 from hybridyn.assembly.findings import home_residuals
 from hybridyn.cli.info import _Tree
 from hybridyn.structure.module import Module
+from tests import ROOT
+from tests.command_line import call
 
 SNAKE, FIVE_BAR = ROOT / "urdf/snake.urdf.xacro", ROOT / "urdf/five_bar.urdf.xacro"
 

@@ -7,7 +7,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from command_line import ROOT, call, program, read_table
+
+from tests import ROOT
+from tests.command_line import call, program, read_table
 
 SCENE = f"""duration = 0.3
 [robot]

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from comparing import ROUNDING, close_to
-from mechanisms import KINDS, random_mechanism, random_states
-from sketch import CLOSURES, ROW_COUNT
 
 from hybridyn.linkage.closures import Closures, TreeClosure, TreeCoupling, common_measure
 from hybridyn.linkage.tree import Tree, TreeJoint
 from hybridyn.spatial import Array, rotation_from_axis_angle, rotation_from_vector
 from hybridyn.structure.bodies import merge_fixed_joints
 from hybridyn.structure.graph import body_closure
+from tests.comparing import ROUNDING, close_to
+from tests.mechanisms import KINDS, random_mechanism, random_states
+from tests.sketch import CLOSURES, ROW_COUNT
 
 STEP = 1e-5  # of the central differences
 DIFFERENCED = 1e-8  # truncation of the central differences, relative; rounding of second ones is alike

@@ -27,6 +27,7 @@ from hybridyn.compiled.model import _revived
 from hybridyn.effects.choice import choose
 from hybridyn.errors import CompileError, ModelError
 from hybridyn.structure.building import build_robot
+from tests import ROOT
 from tests.compiled_toys import inputs, toy
 from tests.shipped import shipped
 
@@ -126,7 +127,7 @@ assert works(cached("a robot", source))
 
 
 def test_processes_may_build_at_the_same_time(empty_cache: Path) -> None:
-    root = str(Path(__file__).parents[1])
+    root = str(ROOT)
     environment = os.environ | {"PYTHONPATH": root}
     running = [subprocess.Popen([sys.executable, "-c", BUILDER], env=environment) for _ in range(3)]
     assert [process.wait(timeout=120) for process in running] == [0, 0, 0]

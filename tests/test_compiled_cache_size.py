@@ -20,8 +20,8 @@ import hybridyn.compiled.library.eviction as keeping
 from hybridyn.compiled.code.library_source import Source
 from hybridyn.compiled.library.cache import Built, cached
 from hybridyn.compiled.library.eviction import ABANDONED, IN_USE, remove_unused
+from tests import ROOT
 
-ROOT = Path(__file__).parents[1]
 HOUR = 3600.0
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from mechanisms import KINDS, random_mechanism
 
 from hybridyn.compiled.equations.states import random_states
 from hybridyn.compiled.export_reference import rates_read
@@ -14,6 +13,7 @@ from hybridyn.dynamics.inverse import idm
 from hybridyn.manifold.manifold import Manifold
 from hybridyn.oracle import Base
 from hybridyn.structure.building import build_robot
+from tests.mechanisms import KINDS, random_mechanism
 
 AWAY = 1e-3  # rad, module lengths: how far the others were at the last tick
 CALLS = 6  # Newton needs four from there

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from compiled_toys import own_cache
-from shipped import shipped
 
 import hybridyn
 from hybridyn.compiled.code.scalars import TRUSTED
@@ -17,6 +15,8 @@ from hybridyn.errors import HybridynError, ModelError, SingularityError, Traject
 from hybridyn.structure.building import build_robot
 from hybridyn.structure.leg_model import pinocchio_inertia
 from hybridyn.structure.robot import HybridRobot
+from tests.compiled_toys import own_cache
+from tests.shipped import shipped
 
 __all__ = ["own_cache"]
 

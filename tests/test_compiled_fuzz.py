@@ -13,8 +13,6 @@ from pathlib import Path
 import casadi as ca
 import numpy as np
 import pytest
-from mechanisms import KINDS, random_mechanism, random_states, random_wrenches
-from shipped import ROBOTS, shipped, states_near_home
 
 import hybridyn
 from hybridyn.compiled.equations.actuation import motor_efforts
@@ -27,13 +25,15 @@ from hybridyn.errors import CompileError, HybridynError
 from hybridyn.oracle import Base, Oracle
 from hybridyn.structure.building import build_robot
 from hybridyn.structure.robot import HybridRobot
+from tests import ROOT
 from tests.compiled_toys import own_cache
+from tests.mechanisms import KINDS, random_mechanism, random_states, random_wrenches
+from tests.shipped import ROBOTS, shipped, states_near_home
 
 __all__ = ["own_cache"]
 
-sys.path.insert(0, str(Path(__file__).parent / "hard"))  # places and scales of the hard cases
-from scaling import Scale
-from singular_postures import PLACES, posture
+from tests.hard.scaling import Scale
+from tests.hard.singular_postures import PLACES, posture
 
 AGREE = 1e-10  # the claim
 MARGIN = 2e-11  # of what is trusted beside singular postures: room for states that were not drawn
@@ -178,7 +178,7 @@ def test_a_light_wrist_near_gimbal_lock(tmp_path: Path, mass: float) -> None:
 
 
 def test_a_floating_base_without_inertia_is_not_trusted() -> None:
-    description = read(Path(__file__).parents[1] / "urdf" / "benchmarks" / "heavy_top.urdf.xacro")
+    description = read(ROOT / "urdf" / "benchmarks" / "heavy_top.urdf.xacro")
     robot = build_robot(description, base="floating")
     q, v, _ = states_near_home(description, "floating", 3, 3)
     function = function_of(programs(robot, models=("ddm",))["ddm"])

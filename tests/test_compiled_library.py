@@ -7,7 +7,6 @@ import os
 import re
 import subprocess
 import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -17,6 +16,7 @@ from hybridyn.compiled.code.rules import check
 from hybridyn.compiled.library.calls import BLOCK, REFUSED, Library, load
 from hybridyn.compiled.program import Add, Call, Given, Own, Result, Shared
 from hybridyn.compiled.programs.interpreter import function_of
+from tests import ROOT
 from tests.compiled_toys import inputs, own_cache, toy
 
 __all__ = ["own_cache"]
@@ -150,7 +150,7 @@ assert os.waitpid(child, 0)[1] == 0
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="processes do not fork here")
 def test_a_forked_process_has_threads_of_its_own(library: Library) -> None:
-    environment = os.environ | {"PYTHONPATH": str(Path(__file__).parents[1])}
+    environment = os.environ | {"PYTHONPATH": str(ROOT)}
     done = subprocess.run([sys.executable, "-c", FORK], env=environment, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
 

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from mechanisms import KINDS, random_mechanism
-from shipped import ROBOTS, shipped
 
 import hybridyn
 from hybridyn.compiled.equations.request import request
@@ -18,6 +16,8 @@ from hybridyn.errors import ModelError
 from hybridyn.oracle import Base
 from hybridyn.structure.building import build_robot
 from hybridyn.structure.robot import HybridRobot
+from tests.mechanisms import KINDS, random_mechanism
+from tests.shipped import ROBOTS, shipped
 
 AGREE = 1e-10  # the claim: two ways of elimination, each good to some hundred roundings
 EXACT = 1e-13  # one chain of products, summed in another order

@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from mechanisms import KINDS, random_mechanism
 
 import hybridyn
 from hybridyn.compiled.equations.states import random_states as assembled_states
@@ -22,6 +21,7 @@ from hybridyn.simulation import stepping
 from hybridyn.structure.building import build_robot
 from hybridyn.structure.robot import HybridRobot
 from tests.compiled_toys import own_cache
+from tests.mechanisms import KINDS, random_mechanism
 
 __all__ = ["own_cache"]
 

@@ -9,12 +9,12 @@ import sys
 from pathlib import Path
 
 import pytest
-from command_line import call
-from snippets import ROOT
 
 from hybridyn.cli import COMMANDS
 from hybridyn.cli.completion import SHELLS, VARIABLE
 from hybridyn.description.shipped import main_names
+from tests import ROOT
+from tests.command_line import call
 
 
 def offered(line: str) -> list[str]:

@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from swings import Swing, begin, chain, hinge, rod, swing
 
 import hybridyn
 from hybridyn import simulate
@@ -15,6 +14,7 @@ from hybridyn.errors import ModelError, SingularityError
 from hybridyn.simulation.conserving import Conserving
 from hybridyn.simulation.motion_law import MotionLaw
 from hybridyn.structure.building import build_robot
+from tests.swings import Swing, begin, chain, hinge, rod, swing
 
 KEPT = 1e-9  # of the peak kinetic energy, the project's claim over 1e5 steps
 SHORT = 2e-11  # the same over 2,000 steps

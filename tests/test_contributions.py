@@ -6,10 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from comparing import close_to
-from effect_cases import every
-from mechanisms import random_mechanism, random_states
-from shipped import shipped, states_near_home
 
 import hybridyn
 from hybridyn import effects as fx
@@ -19,11 +15,15 @@ from hybridyn.errors import AssemblyError
 from hybridyn.structure.building import build_robot
 from hybridyn.studies.effect_sets import EffectSets
 from hybridyn.studies.effect_worth import Selection, Worth, subsets
+from tests import ROOT
+from tests.comparing import close_to
 from tests.compiled_toys import own_cache
+from tests.effect_cases import every
+from tests.mechanisms import random_mechanism, random_states
+from tests.shipped import shipped, states_near_home
 
 __all__ = ["own_cache"]
 
-ROOT = Path(__file__).parents[1]
 FIVE_BAR = [str(ROOT / "urdf/five_bar.urdf.xacro"), str(ROOT / "models/five_bar/traj.csv")]
 LINEAR = 1e-11  # sums of efforts instead of efforts of sums
 

@@ -6,12 +6,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from command_line import ROOT, table_text
 
 import hybridyn
 from hybridyn.errors import ModelError, TrajectoryError
 from hybridyn.scenes import controllers
 from hybridyn.scenes.references import MotorAxes, Point, Reference, from_points, from_table
+from tests import ROOT
+from tests.command_line import table_text
 
 ROUNDING = 1e-12  # the same sums in another order
 SOLVED = 1e-9  # two solutions of the loops and of the inertia, relative

@@ -9,9 +9,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from command_line import call
-from compiled_toys import own_cache
-from shipped import shipped
 
 import hybridyn
 from hybridyn.effects import choose
@@ -27,10 +24,13 @@ from hybridyn.studies.cost.rates import by_rates
 from hybridyn.studies.cost.runs import Runner, TooLongError, distance, study_runs, typical_step
 from hybridyn.studies.cost.settings import of_integration
 from hybridyn.tables.rates import derivatives
+from tests import ROOT
+from tests.command_line import call
+from tests.compiled_toys import own_cache
+from tests.shipped import shipped
 
 __all__ = ["own_cache"]
 
-ROOT = Path(__file__).parents[1]
 EXACT = 1e-12
 
 

@@ -9,11 +9,12 @@ import tomllib
 from pathlib import Path
 
 import pytest
-from snippets import ROOT, blocks, stand_where_a_user_does
 
 from hybridyn.cli import main
 from hybridyn.cli.cost import COLUMNS
 from hybridyn.studies.cost import settings
+from tests import ROOT
+from tests.snippets import blocks, stand_where_a_user_does
 
 PAGE = ROOT / "docs" / "cost.md"
 

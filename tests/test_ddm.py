@@ -7,17 +7,17 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 import pytest
-from comparing import ROUNDING, close_to
-from judging import BACKWARD, BASES, ORACLE, drawn, efforts, judged
-from mechanisms import KINDS
-from peers import describe, example_urdf
-from shipped import ROBOTS, shipped, states_near_home
 
 from hybridyn import HybridRobot, ddm, idm
 from hybridyn.description import Description
 from hybridyn.dynamics.forward import forward
 from hybridyn.oracle import Base, Oracle
 from hybridyn.structure.building import build_robot
+from tests.comparing import ROUNDING, close_to
+from tests.judging import BACKWARD, BASES, ORACLE, drawn, efforts, judged
+from tests.mechanisms import KINDS
+from tests.peers import describe, example_urdf
+from tests.shipped import ROBOTS, shipped, states_near_home
 
 FREE = 1e-12  # of the robot's weight: what a floating base may still feel
 SEEDS = [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (1, 2, 3))]

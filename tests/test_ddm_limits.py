@@ -12,10 +12,6 @@ import mpmath
 import numpy as np
 import pinocchio as pin
 import pytest
-from comparing import ROUNDING, close_to
-from judging import BACKWARD, BASES, ORACLE, drawn, efforts, judged
-from mechanisms import random_mechanism
-from shipped import shipped, states_near_home
 
 from hybridyn import HybridRobot, ddm
 from hybridyn.description import Description
@@ -25,6 +21,10 @@ from hybridyn.dynamics.loads import gather_loads
 from hybridyn.errors import AssemblyError, SingularityError, TrajectoryError
 from hybridyn.oracle import Base, Extended, Oracle
 from hybridyn.structure.building import build_robot
+from tests.comparing import ROUNDING, close_to
+from tests.judging import BACKWARD, BASES, ORACLE, drawn, efforts, judged
+from tests.mechanisms import random_mechanism
+from tests.shipped import shipped, states_near_home
 
 EPS = float(np.finfo(float).eps)
 LIMIT = 1e-8  # a light leg's inertia over its mass ratio, between ratios of 1e-9 and 1e-12

@@ -5,10 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from robot_texts import FOUR_BAR, LOOP, TREE, line_of, read_text, robot, save
 
 from hybridyn.description import read
 from hybridyn.errors import ModelError
+from tests.robot_texts import FOUR_BAR, LOOP, TREE, line_of, read_text, robot, save
 
 ENDS = '<predecessor link="coupler"/><successor link="rocker"/>'
 

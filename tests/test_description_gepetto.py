@@ -6,10 +6,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from robot_texts import robot, save
 
 from hybridyn.description import Description, read
 from hybridyn.errors import ModelError
+from tests.robot_texts import robot, save
 
 FRAMES = """
   <link name="closedloop1_A"/>

@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from robot_texts import FOUR_BAR, LOOP, line_of, read_text, robot
 
 from hybridyn.description import Closure
 from hybridyn.description.placement import placement_from, rotation_from_rpy
 from hybridyn.errors import ModelError
+from tests.robot_texts import FOUR_BAR, LOOP, line_of, read_text, robot
 
 Array = NDArray[np.float64]
 

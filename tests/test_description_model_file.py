@@ -6,11 +6,11 @@ import math
 from pathlib import Path
 
 import pytest
-from robot_texts import FOUR_BAR, robot, save
 
 from hybridyn.description import Description, read
 from hybridyn.description.side_cars.toml_file import line_of
 from hybridyn.errors import ModelError
+from tests.robot_texts import FOUR_BAR, robot, save
 
 MODEL = """motors = ["drive"]
 

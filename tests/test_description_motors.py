@@ -5,10 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from robot_texts import FOUR_BAR, LOOP, TREE, read_text, robot, save
 
 from hybridyn.description import Description, read
 from hybridyn.errors import ModelError
+from tests.robot_texts import FOUR_BAR, LOOP, TREE, read_text, robot, save
 
 
 def transmission(*names: str) -> str:

@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 import pytest
-from robot_texts import FOUR_BAR, INERTIAL, line_of, read_text, robot
 
 from hybridyn.errors import ModelError
+from tests.robot_texts import FOUR_BAR, INERTIAL, line_of, read_text, robot
 
 ROUNDING = 1e-15  # placements are products of two sines: a few units in the last place
 

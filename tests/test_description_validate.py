@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from robot_texts import FOUR_BAR, INERTIAL, TREE, read_text
 
 from hybridyn.errors import ModelError
+from tests.robot_texts import FOUR_BAR, INERTIAL, TREE, read_text
 
 
 def joint(name: str, parent: str, child: str, kind: str = "fixed") -> str:

@@ -6,11 +6,11 @@ import time
 from pathlib import Path
 
 import pytest
-from robot_texts import FOUR_BAR, LOOP, TREE, save
 
 from hybridyn.description import read
 from hybridyn.description.urdf import xacro as xacro_files
 from hybridyn.errors import ModelError
+from tests.robot_texts import FOUR_BAR, LOOP, TREE, save
 
 HEAD = '<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">'
 QUICK = 2.0  # seconds for a small robot; the whole command has no more

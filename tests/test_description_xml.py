@@ -6,11 +6,11 @@ import time
 from pathlib import Path
 
 import pytest
-from robot_texts import FOUR_BAR, line_of, read_text, save
 
 from hybridyn.description import read
 from hybridyn.description.urdf import xml_node
 from hybridyn.errors import ModelError
+from tests.robot_texts import FOUR_BAR, line_of, read_text, save
 
 BOMB = (
     '<!DOCTYPE robot [<!ENTITY a "aaaaaaaaaa">'

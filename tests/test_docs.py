@@ -7,10 +7,11 @@ from importlib import import_module
 from pathlib import Path
 
 import pytest
-from snippets import PAGES, ROOT, Block, blocks, run_python, stand_where_a_user_does
 
 import hybridyn
 from hybridyn.description import Description
+from tests import ROOT
+from tests.snippets import PAGES, Block, blocks, run_python, stand_where_a_user_does
 
 DOCS = ROOT / "docs"
 LOOPS = DOCS / "describing-loops.md"

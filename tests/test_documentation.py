@@ -13,10 +13,10 @@ from pathlib import Path
 
 import click
 import pytest
-from snippets import ROOT
 
 import hybridyn
 from hybridyn.cli import COMMANDS, commands
+from tests import ROOT
 
 DOCS = ROOT / "docs"
 LIMIT = 300  # seconds; the build takes five on an idle core

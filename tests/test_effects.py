@@ -9,10 +9,6 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 import pytest
-from comparing import close_to
-from effect_cases import CASES, every, rate_of
-from mechanisms import random_mechanism, random_states
-from shipped import shipped, states_near_home
 
 import hybridyn
 from hybridyn import HybridRobot, ddm, idm
@@ -21,6 +17,10 @@ from hybridyn.dynamics.energy import leg_bodies
 from hybridyn.effects.choice import DEFAULT, STANDARD, UNITS, choose
 from hybridyn.errors import ActuationError, ModelError, SingularityError, TrajectoryError
 from hybridyn.structure.building import build_robot
+from tests.comparing import close_to
+from tests.effect_cases import CASES, every, rate_of
+from tests.mechanisms import random_mechanism, random_states
+from tests.shipped import shipped, states_near_home
 
 States = tuple[np.ndarray, np.ndarray, np.ndarray]
 INERTIA = ["inertia", "leg_inertia", "velocity"]

@@ -7,17 +7,17 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 import pytest
-from comparing import close_to
-from effect_cases import every, rate_of
-from mechanisms import random_mechanism, random_states
-from peers import Peer, describe, example_urdf
-from shipped import shipped, states_near_home
 
 import hybridyn
 from hybridyn.errors import TrajectoryError
 from hybridyn.oracle import Base
 from hybridyn.structure.building import build_robot
 from hybridyn.structure.robot import HybridRobot
+from tests.comparing import close_to
+from tests.effect_cases import every, rate_of
+from tests.mechanisms import random_mechanism, random_states
+from tests.peers import Peer, describe, example_urdf
+from tests.shipped import shipped, states_near_home
 
 EXACT = 1e-12
 BALANCE = 1e-9  # of the largest power: rounding of the difference

@@ -6,7 +6,8 @@ import importlib
 from pathlib import Path
 
 import pytest
-from snippets import ROOT
+
+from tests import ROOT
 
 FOLDER = ROOT / "docs" / "examples"
 SCRIPTS = sorted(path.stem for path in FOLDER.glob("*.py") if path.stem != "pictures")

@@ -7,8 +7,9 @@ import pytest
 
 import hybridyn
 from hybridyn.assembly.findings import findings, home_residuals
+from tests import ROOT
 
-URDF = Path(__file__).parents[1] / "urdf"
+URDF = ROOT / "urdf"
 INERTIAL = """<inertial><origin xyz="{x} 0 0"/><mass value="{mass}"/>
   <inertia ixx="{mass}" iyy="{mass}" izz="{mass}" ixy="0" ixz="0" iyz="0"/></inertial>"""
 

@@ -4,16 +4,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from mechanisms import KINDS, random_mechanism
-from shipped import ROBOTS, shipped
 
 import hybridyn
 from hybridyn import ActuationError, HybridRobot
 from hybridyn.assembly.free_motions import FreeMotions, free_motions, free_motions_of
 from hybridyn.spatial import Array
 from hybridyn.structure.building import build_robot
+from tests import ROOT
+from tests.mechanisms import KINDS, random_mechanism
+from tests.shipped import ROBOTS, shipped
 
-ROOT = Path(__file__).parents[1]
 NONE = FreeMotions((), (), ())
 
 

@@ -18,9 +18,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from command_line import ROOT
-from mutations import FLAT, TREE, change_number, swap_values
-from posing import position
 
 import hybridyn
 from hybridyn.description.urdf.xacro import expand
@@ -30,6 +27,9 @@ from hybridyn.streams.postures import postures
 from hybridyn.tables.columns import read_layout
 from hybridyn.tables.opening import open_table
 from hybridyn.tables.trajectory import read_motions
+from tests import ROOT
+from tests.mutations import FLAT, TREE, change_number, swap_values
+from tests.posing import position
 
 LONGEST = 10.0  # seconds for one case, on a loaded machine
 CLOSED = 1e-6  # what the dynamic models ask of a state, relative to the robot's size

@@ -14,11 +14,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from mutations import FLAT, TREE
-from robot_texts import LOOP, robot, save
 
 from hybridyn.description import Description, read
 from hybridyn.errors import ModelError
+from tests.mutations import FLAT, TREE
+from tests.robot_texts import LOOP, robot, save
 
 LONGEST = 5.0  # seconds for one small file, on a loaded machine; an ordinary one takes milliseconds
 CASES = 60  # per seed and file

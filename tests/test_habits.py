@@ -11,7 +11,8 @@ from pathlib import Path
 
 import pytest
 import yaml
-from snippets import ROOT
+
+from tests import ROOT
 
 PACKAGE = ROOT / "hybridyn"
 HEAVY = ("numpy", "scipy", "pinocchio", "pydantic", "lxml", "polars", "matplotlib", "yourdfpy", "trimesh")

@@ -7,10 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 import pytest
-from comparing import SOLVED, close_to
-from mechanisms import KINDS, random_mechanism, random_states, random_wrenches
-from posing import of_joints, position
-from shipped import ROBOTS, shipped, states_near_home
 
 import hybridyn
 from hybridyn import ActuationError, AssemblyError, HybridRobot, SingularityError, TrajectoryError
@@ -18,6 +14,10 @@ from hybridyn.description.records import Closure, Description, Joint, Link
 from hybridyn.oracle import Base, Oracle
 from hybridyn.spatial import Array
 from hybridyn.structure.building import build_robot
+from tests.comparing import SOLVED, close_to
+from tests.mechanisms import KINDS, random_mechanism, random_states, random_wrenches
+from tests.posing import of_joints, position
+from tests.shipped import ROBOTS, shipped, states_near_home
 
 BASES: tuple[Base, ...] = ("fixed", "moving", "floating")
 STATES = {

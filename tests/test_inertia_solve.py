@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from comparing import ROUNDING, close_to
 
 from hybridyn.dynamics.inertia_solve import EPS, InertiaFactor, factor_inertia
+from tests.comparing import ROUNDING, close_to
 
 GRADES = [1.0, 1e6, 1e12]  # heaviest over lightest coordinate
 SAMPLES, SIZE = 5, 4

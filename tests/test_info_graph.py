@@ -9,13 +9,14 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-from command_line import ROOT, call
-from shipped import ROBOTS
 
 import hybridyn
 from hybridyn.cli.common.figures import DPI
 from hybridyn.figures.structure import figure_of_cards, layout
 from hybridyn.figures.structure_cards import Card, Leg, Sign, cards, dot_of_cards
+from tests import ROOT
+from tests.command_line import call
+from tests.shipped import ROBOTS
 
 
 def robot(name: str, **arguments: str) -> hybridyn.HybridRobot:

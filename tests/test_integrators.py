@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from swings import begin, chain, hinge, rod, swing
 
 from hybridyn.effects import Damper, Spring
 from hybridyn.errors import AssemblyError
@@ -14,6 +13,7 @@ from hybridyn.simulation.conserving import Conserving
 from hybridyn.simulation.explicit import DOPRI5, RK4
 from hybridyn.simulation.implicit import Implicit
 from hybridyn.simulation.system import State, System
+from tests.swings import begin, chain, hinge, rod, swing
 
 #: Time span by robot, so that errors of the coarsest step are small and those of the finest above rounding.
 SPANS = {"five_bar": 0.12, "gough_stewart": 0.08, "serial_all:fixed": 0.06}

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from command_line import ROOT, call, program, read_table, table_text
 
 import hybridyn
 from hybridyn.cli.common.tables import _processes
@@ -19,6 +18,8 @@ from hybridyn.streams.blocks import Block, Done, blocks, in_order, rows_at_once
 from hybridyn.streams.workers import Failure, Workers
 from hybridyn.tables.opening import open_table
 from hybridyn.tables.trajectory import Motion
+from tests import ROOT
+from tests.command_line import call, program, read_table, table_text
 
 FIVE_BAR = ROOT / "urdf/five_bar.urdf.xacro"
 SAME = 1e-12  # of the largest number: other guesses, other batches

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 import pytest
-from comparing import ROUNDING, close_to
-from mechanisms import random_mechanism
-from peers import Peer
 
 from hybridyn.linkage.tree import Motion, Tree, TreeJoint
 from hybridyn.structure.bodies import merge_fixed_joints
+from tests.comparing import ROUNDING, close_to
+from tests.mechanisms import random_mechanism
+from tests.peers import Peer
 
 SAMPLES = 12
 KINDS = ("serial_all", "legged", "scara_delta")  # every joint; two branches; fixed joints in between

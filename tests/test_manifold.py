@@ -6,9 +6,6 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from comparing import ROUNDING, SOLVED, close_to
-from mechanisms import random_mechanism, random_states
-from shipped import shipped
 
 from hybridyn import closure_residual
 from hybridyn.errors import AssemblyError
@@ -17,6 +14,9 @@ from hybridyn.linkage.tree import NQ, NV
 from hybridyn.manifold.manifold import Manifold
 from hybridyn.structure.building import build_robot
 from hybridyn.structure.robot import HybridRobot
+from tests.comparing import ROUNDING, SOLVED, close_to
+from tests.mechanisms import random_mechanism, random_states
+from tests.shipped import shipped
 
 KINDS = (
     "loop_fixed", "loop_cylindrical", "loop_planar", "loop_rows_y_perpendicular", "loop_rows_xz_parallel",

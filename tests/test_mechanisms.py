@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from mechanisms import KINDS, random_mechanism, random_states
-from sketch import CLOSURES, ROW_COUNT
 
 from hybridyn.oracle import Oracle
+from tests.mechanisms import KINDS, random_mechanism, random_states
+from tests.sketch import CLOSURES, ROW_COUNT
 
 
 @pytest.mark.parametrize("kind", KINDS)

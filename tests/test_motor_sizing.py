@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from command_line import call, table_text
 
 import hybridyn
 from hybridyn.studies.sizing import CLOUD, Sizing, motor_rows, violations
+from tests.command_line import call, table_text
 
 MASS, LENGTH, GRAVITY = 2.5, 0.4, 9.81
 EFFORT_LIMIT, SPEED_LIMIT = 20.0, 1.0

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 import pytest
-from comparing import ROUNDING, SOLVED, close_to
-from mechanisms import drawn, random_mechanism, random_states, random_wrenches
-from peers import Peer, describe, example_urdf
 
 from hybridyn.description.records import Closure, Description, Joint, Link
 from hybridyn.oracle import Base, Oracle
+from tests.comparing import ROUNDING, SOLVED, close_to
+from tests.mechanisms import drawn, random_mechanism, random_states, random_wrenches
+from tests.peers import Peer, describe, example_urdf
 
 PROXIMAL = 1e-9  # what constraintDynamics reaches at its best mu
 BASES: tuple[Base, ...] = ("fixed", "moving", "floating")

@@ -7,11 +7,11 @@ from dataclasses import replace
 import mpmath
 import numpy as np
 import pytest
-from comparing import SOLVED, close_to
-from mechanisms import KINDS, drawn, random_mechanism, random_states, random_wrenches
 
 from hybridyn.description.records import Description, Joint, Link
 from hybridyn.oracle import Base, Extended, Float64, Oracle
+from tests.comparing import SOLVED, close_to
+from tests.mechanisms import KINDS, drawn, random_mechanism, random_states, random_wrenches
 
 BASES: tuple[Base, ...] = ("fixed", "moving", "floating")
 

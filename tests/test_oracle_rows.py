@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 import pytest
-from comparing import ROUNDING, close_to
-from mechanisms import KINDS, drawn, home_posture, random_mechanism
-from peers import Peer
-from sketch import CLOSURES
 
 from hybridyn.description.records import Closure, Description, Joint, Link
 from hybridyn.oracle import Base, Oracle
+from tests.comparing import ROUNDING, close_to
+from tests.mechanisms import KINDS, drawn, home_posture, random_mechanism
+from tests.peers import Peer
+from tests.sketch import CLOSURES
 
 TAYLOR = 1e-9  # fourth-order integration at the steps used, relative to the energy in play
 DIFFERENCES = 1e-7  # central differences with a step of 1e-5

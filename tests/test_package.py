@@ -5,9 +5,9 @@ from __future__ import annotations
 import ast
 
 import pytest
-from snippets import ROOT
 
 import hybridyn
+from tests import ROOT
 
 PACKAGE = ROOT / "hybridyn"
 #: The floors from the ground. A room imports from its own folder and from the floors below.

@@ -5,11 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 import pytest
-from comparing import close_to
-from judging import efforts
-from paper import Stack
-from peers import Peer
-from shipped import shipped, states_near_home
 
 from hybridyn import Reactions, ddm, idm
 from hybridyn.description import Description
@@ -20,6 +15,11 @@ from hybridyn.oracle import Oracle
 from hybridyn.spatial import Array
 from hybridyn.structure.building import build_robot
 from hybridyn.structure.robot import HybridRobot
+from tests.comparing import close_to
+from tests.judging import efforts
+from tests.paper import Stack
+from tests.peers import Peer
+from tests.shipped import shipped, states_near_home
 
 EQUAL = 1e-12  # of the largest entry: the same model on two ways, no cancellation between large terms
 GRAVITY = np.array([0.0, 0, 9.81, 0, 0, 0])  # the base's acceleration, less gravity

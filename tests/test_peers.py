@@ -19,15 +19,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from comparing import close_to
-from judging import drawn, efforts
-from mjcf import MuJoCo
-from peers import Peer
-from shipped import ROBOTS, shipped, states_near_home
 
 from hybridyn import ddm
 from hybridyn.description import Description
 from hybridyn.structure.building import build_robot
+from tests.comparing import close_to
+from tests.judging import drawn, efforts
+from tests.mjcf import MuJoCo
+from tests.peers import Peer
+from tests.shipped import ROBOTS, shipped, states_near_home
 
 PROXIMAL = 1e-9  # what constraintDynamics reaches at its best mu on robots of condition 1e4
 MU = 10.0 ** np.arange(-12, -1)

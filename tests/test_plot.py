@@ -4,7 +4,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from command_line import ROOT, call
 
 import hybridyn
 from hybridyn.cli import main
@@ -13,6 +12,8 @@ from hybridyn.figures.envelope import Envelope
 from hybridyn.figures.motion import chart_of_rows
 from hybridyn.figures.panels import Chart
 from hybridyn.figures.plot import figure_of_efforts, figure_of_table
+from tests import ROOT
+from tests.command_line import call
 
 COLUMNS = ["time", "a/position", "b/position", "a/effort", "energy/kinetic", "energy/total", "residual"]
 ROWS = np.column_stack([np.linspace(0, 1, 5)] + [np.full(5, float(i)) for i in range(1, 6)] + [np.zeros(5)])

@@ -7,15 +7,15 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 import pytest
-from comparing import SOLVED, close_to
-from mechanisms import KINDS, random_mechanism, random_states, random_wrenches
-from shipped import shipped, states_near_home
 
 import hybridyn
 from hybridyn import HybridRobot, Reactions
 from hybridyn.oracle import Base, Oracle
 from hybridyn.spatial import Array
 from hybridyn.structure.building import build_robot
+from tests.comparing import SOLVED, close_to
+from tests.mechanisms import KINDS, random_mechanism, random_states, random_wrenches
+from tests.shipped import shipped, states_near_home
 
 BASES: tuple[Base, ...] = ("fixed", "moving", "floating")
 SEED = 12

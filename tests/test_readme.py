@@ -11,10 +11,11 @@ from pathlib import Path
 
 import pytest
 import yaml
-from snippets import ROOT, blocks, run_python, stand_where_a_user_does
 
 import hybridyn
 from hybridyn.cli import COMMANDS, main
+from tests import ROOT
+from tests.snippets import blocks, run_python, stand_where_a_user_does
 
 README = ROOT / "README.md"
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())

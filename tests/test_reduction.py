@@ -6,10 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from comparing import SOLVED, close_to
-from mechanisms import KINDS, random_mechanism, random_states
-from posing import position
-from shipped import shipped, states_near_home
 
 import hybridyn
 from hybridyn.description.records import Description
@@ -20,6 +16,10 @@ from hybridyn.linkage.reduction import LEG_PIVOT, RANK_GAP, decide_rank
 from hybridyn.spatial import Array
 from hybridyn.structure.building import build_robot
 from hybridyn.structure.mechanism import Mechanism
+from tests.comparing import SOLVED, close_to
+from tests.mechanisms import KINDS, random_mechanism, random_states
+from tests.posing import position
+from tests.shipped import shipped, states_near_home
 
 SAME_SPACE = 1e-10  # of two bases of one null space, each of condition up to some hundreds
 CLOSED_BY = 1e-13  # rows times Psi, relative to Psi's largest entry

@@ -8,8 +8,9 @@ import pytest
 
 import hybridyn
 from hybridyn.errors import AssemblyError
+from tests import ROOT
 
-URDF = Path(__file__).parents[1] / "urdf"
+URDF = ROOT / "urdf"
 SECONDS = 1.0  # a hundred times what it takes; searching for a posture takes longer
 WHEEL = """<robot name="r"><link name="a"/><link name="b"/>
   <joint name="spin" type="continuous"><parent link="a"/><child link="b"/><axis xyz="0 0 1"/></joint>

@@ -8,16 +8,16 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 import pytest
-from comparing import ROUNDING, close_to
-from mechanisms import KINDS, home_posture, random_mechanism
-from shipped import ROBOTS, shipped
-from test_oracle import SHUFFLED
 
 import hybridyn
 from hybridyn import HybridRobot, ModelError
 from hybridyn.description.records import Description, Joint, Link
 from hybridyn.oracle import Base, Oracle
 from hybridyn.structure.building import build_robot
+from tests.comparing import ROUNDING, close_to
+from tests.mechanisms import KINDS, home_posture, random_mechanism
+from tests.shipped import ROBOTS, shipped
+from tests.test_oracle import SHUFFLED
 
 BASES: tuple[Base, ...] = ("fixed", "moving", "floating")
 SAMPLES = 4

@@ -6,12 +6,12 @@ import json
 from pathlib import Path
 
 import pytest
-from command_line import call
-from snippets import ROOT
 
 import hybridyn
 from hybridyn.description import shipped
 from hybridyn.description.shipped import find_robot, main_names, shipped_robots
+from tests import ROOT
+from tests.command_line import call
 
 PARTS_OF_AN_ARM = {"stewart_ur5": 6, "scara_delta": 4}  # each joint of a serial arm is a module of its own
 

@@ -15,8 +15,7 @@ from hybridyn.errors import ModelError
 from hybridyn.oracle import Oracle
 from hybridyn.tables.columns import read_layout
 from hybridyn.tables.opening import open_table
-
-ROOT = Path(__file__).parents[1]
+from tests import ROOT
 
 CLOSED = 1e-12  # of the robot's length: home is computed in the xacro, so only rounding is left
 INDEPENDENT = 1e-2  # reciprocal condition number of motors against free motions at home, lengths scaled

@@ -6,14 +6,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from command_line import ROOT
-from shipped import ROBOTS
 
 import hybridyn
 from hybridyn.scenes.effects import units
 from hybridyn.scenes.scene_file import SceneFile, read_scene
 from hybridyn.scenes.stage import identity, play, stage
 from hybridyn.simulation.table import columns_of, rows_of
+from tests import ROOT
+from tests.shipped import ROBOTS
 
 SCENES = sorted(path for path in (ROOT / "models").glob("*/*.toml") if path.name != "model.toml")
 FIRST_STEPS = 2

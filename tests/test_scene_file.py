@@ -7,12 +7,12 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from command_line import ROOT
 
 from hybridyn.description.side_cars.toml_file import line_of
 from hybridyn.errors import HybridynError, ModelError
 from hybridyn.scenes.scene_file import read_scene
 from hybridyn.scenes.stage import stage
+from tests import ROOT
 
 HEAD = f'duration = 1.0\n[robot]\nfile = "{ROOT}/urdf/five_bar.urdf.xacro"\n'
 PD = '[controller]\nkind = "pd"\nkp = 1.0\nkd = 1.0\n'

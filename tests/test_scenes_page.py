@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from snippets import ROOT, blocks, stand_where_a_user_does
 
 from hybridyn.description.side_cars.effect_tables import known_keys
 from hybridyn.scenes.scene_tables import (
@@ -24,6 +23,8 @@ from hybridyn.scenes.scene_tables import (
     WrenchTable,
 )
 from hybridyn.scenes.stage import play, stage
+from tests import ROOT
+from tests.snippets import blocks, stand_where_a_user_does
 
 PAGE = ROOT / "docs" / "scenes.md"
 TABLES = (

@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
-from swings import chain, hinge, rod, swing
 
 import hybridyn
 from hybridyn import Event, near_singularity, simulate
@@ -18,6 +17,7 @@ from hybridyn.manifold.manifold import Manifold
 from hybridyn.simulation.result import Result
 from hybridyn.structure.building import build_robot
 from hybridyn.structure.robot import HybridRobot
+from tests.swings import chain, hinge, rod, swing
 
 REFERENCE = {"method": "DOP853", "rtol": 1e-12, "atol": 1e-13}  # of the motions derived by hand
 TIGHT = {"rtol": 1e-11, "atol": 1e-12}  # asked of simulate

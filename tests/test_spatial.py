@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 import pytest
-from comparing import ROUNDING, close_to
 
 from hybridyn.spatial import (
     compose,
@@ -27,6 +26,7 @@ from hybridyn.spatial import (
     spatial_inertia,
     wrench_to_base,
 )
+from tests.comparing import ROUNDING, close_to
 
 SAMPLES = 50
 HALF_TURN = (

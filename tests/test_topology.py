@@ -7,9 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from comparing import SOLVED, close_to
-from mechanisms import KINDS, random_mechanism, random_states
-from shipped import ROBOTS, shipped
 
 import hybridyn
 from hybridyn.description.records import Closure, Coupling, Description, Joint, Link
@@ -18,6 +15,9 @@ from hybridyn.oracle import Oracle
 from hybridyn.structure.building import build_robot
 from hybridyn.structure.graph import find_modules
 from hybridyn.structure.robot import HybridRobot
+from tests.comparing import SOLVED, close_to
+from tests.mechanisms import KINDS, random_mechanism, random_states
+from tests.shipped import ROBOTS, shipped
 
 Z = np.array([0.0, 0.0, 1.0])
 

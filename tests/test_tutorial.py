@@ -8,11 +8,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from snippets import ROOT, blocks
-from test_readme import same_line
 
 import hybridyn
 from hybridyn.cli import main
+from tests import ROOT
+from tests.snippets import blocks
+from tests.test_readme import same_line
 
 PAGE = ROOT / "docs" / "tutorial.md"
 

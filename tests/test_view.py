@@ -8,9 +8,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from command_line import ROOT, call
-from robot_texts import FOUR_BAR, save
-from shipped import ROBOTS
 
 import hybridyn
 from hybridyn.colours import ALARM, CLOSURE, MOTOR, module_colour, rgb
@@ -27,6 +24,10 @@ from hybridyn.view.render import render
 from hybridyn.view.run import Run
 from hybridyn.view.triangles import rod_transforms, unit_ball, unit_cylinder
 from hybridyn.view.visuals import read_visuals
+from tests import ROOT
+from tests.command_line import call
+from tests.robot_texts import FOUR_BAR, save
+from tests.shipped import ROBOTS
 
 EXACT = 1e-12  # relative: the same numbers by two ways
 CLOSED = 1e-9  # relative: `assemble` closes loops to rounding

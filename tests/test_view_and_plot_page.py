@@ -7,9 +7,10 @@ import shlex
 from pathlib import Path
 
 import pytest
-from snippets import ROOT, blocks, stand_where_a_user_does
 
 from hybridyn.cli import COMMANDS, main
+from tests import ROOT
+from tests.snippets import blocks, stand_where_a_user_does
 
 PAGE = ROOT / "docs" / "view-and-plot.md"
 FILE = re.compile(r"[\w.]+\.(png|svg|pdf|html|mp4|csv)")

@@ -13,8 +13,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from browser import browser, chromium
-from command_line import ROOT, program
 
 import hybridyn
 from hybridyn.colours import CLOSURE, MOTOR, module_colour, rgb
@@ -23,6 +21,9 @@ from hybridyn.structure.building import build_robot
 from hybridyn.view.drawing import draw
 from hybridyn.view.page import Page
 from hybridyn.view.run import Run
+from tests import ROOT
+from tests.browser import browser, chromium
+from tests.command_line import program
 
 PATIENCE = 20.0  # seconds for a page to answer: a shared core draws slowly
 CLOSED = 1e-9  # relative: `assemble` closes loops to rounding

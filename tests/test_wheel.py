@@ -13,7 +13,9 @@ import zipfile
 from pathlib import Path
 
 import pytest
-from snippets import ROOT, blocks
+
+from tests import ROOT
+from tests.snippets import blocks
 
 BUILD = "import hatchling.build as build, sys; print(getattr(build, sys.argv[1])(sys.argv[2]))"
 DATA = ("urdf", "models")

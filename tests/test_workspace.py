@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from command_line import call, read_table
 from scipy.ndimage import label
 
 import hybridyn
@@ -14,6 +13,7 @@ from hybridyn.spatial import Array
 from hybridyn.studies.workspace.steps import OUT_OF_REACH, Closing
 from hybridyn.studies.workspace.sweep import find_sweep
 from hybridyn.studies.workspace.workspace import Workspace, workspace
+from tests.command_line import call, read_table
 
 UPPER, LOWER, HALF_SPACING, LEAN = 0.25, 0.40, 0.12, np.radians(25.0)  # models/five_bar/README.md
 DRIVE_LIMIT, ELBOW_LIMIT = 1.2, 1.9

@@ -13,12 +13,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from extended_judge import mp
 
 from hybridyn.description import Description, read
 from hybridyn.oracle import Oracle
+from tests import ROOT
+from tests.hard.extended_judge import mp
 
-URDF = Path(__file__).parents[2] / "urdf"
+URDF = ROOT / "urdf"
 Values = dict[str, Any]
 Pair = tuple[Any, Any]
 

@@ -1,51 +1,5 @@
-"""The one way a hard case states its claim: a measured number, its bound, and where the bound comes from."""
+"""The fixture of every hard case."""
 
-from __future__ import annotations
+from tests.hard.claims import claim
 
-import json
-import math
-import os
-from pathlib import Path
-from typing import Protocol
-
-import pytest
-
-
-class Claim(Protocol):
-    """What the fixture gives."""
-
-    def __call__(self, case: str, quantity: str, measured: float, bound: float) -> None:
-        """Hold `measured` to `bound`."""
-
-
-@pytest.fixture
-def claim(request: pytest.FixtureRequest) -> Claim:
-    """Hold a number to its bound, and write both down for the table of `python -m benchmarks --hard`.
-
-    `claim(case, quantity, measured, bound)`: the robot and posture in words, what is measured ("backward
-    error of ddm"), the worst number found, the bound. The reason of the bound stands in the test's docstring.
-    """
-
-    def held(case: str, quantity: str, measured: float, bound: float) -> None:
-        measured, bound = float(measured), float(bound)
-        record(
-            {
-                "test": request.node.nodeid,
-                "case": case,
-                "quantity": quantity,
-                "measured": measured,
-                "bound": bound,
-            }
-        )
-        assert math.isfinite(measured), f"{case}: {quantity} is {measured}"
-        assert measured <= bound, f"{case}: {quantity} is {measured:.3e}, claimed at most {bound:.3e}"
-
-    return held
-
-
-def record(row: dict[str, str | float]) -> None:
-    """Append a row to the file that HYBRIDYN_CLAIMS names, if any, in one write (processes share it)."""
-    path = os.environ.get("HYBRIDYN_CLAIMS")
-    if path:
-        with Path(path).open("a") as file:
-            file.write(json.dumps(row) + "\n")
+__all__ = ["claim"]

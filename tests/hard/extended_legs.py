@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from extended import Arithmetic, Numbers, cross, hat, mat, mul, turned
 
 from hybridyn.description import Description
 from hybridyn.description.records import Joint, Link
+from tests.hard.extended import Arithmetic, Numbers, cross, hat, mat, mul, turned
 
 
 @dataclass(frozen=True)

@@ -14,10 +14,10 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from extended import Arithmetic, Numbers, block, cross, double, hat, mat, mul, reach, solve, turned
-from extended_legs import Chain, at_rest, jacobian, move, read_kind
 
 from hybridyn.description import Description
+from tests.hard.extended import Arithmetic, Numbers, block, cross, double, hat, mat, mul, reach, solve, turned
+from tests.hard.extended_legs import Chain, at_rest, jacobian, move, read_kind
 
 
 class Stack:

@@ -8,10 +8,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from closed_forms import Values, heading, meet, numbers, towards, wrap
-from extended_judge import mp
 
 from hybridyn.description import Description, read
+from tests.hard.closed_forms import Values, heading, meet, numbers, towards, wrap
+from tests.hard.extended_judge import mp
 
 BAR = """<link name="{name}"><inertial><origin xyz="{half} 0.01 0.02"/><mass value="{mass}"/>
   <inertia ixx="0.001" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial></link>"""

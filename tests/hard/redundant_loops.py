@@ -11,9 +11,9 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from one_freedom import Law
 
 import hybridyn
+from tests.hard.one_freedom import Law
 
 GRAVITY = (1.5, -4.0, -8.5)
 ASKEW = "0.4 -0.3 0.7"

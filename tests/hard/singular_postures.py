@@ -10,7 +10,10 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from closed_forms import (
+
+from hybridyn.description import Description
+from hybridyn.oracle.arithmetic import cross
+from tests.hard.closed_forms import (
     Delta,
     FiveBar,
     Values,
@@ -27,12 +30,9 @@ from closed_forms import (
     towards,
     vector,
 )
-from extended_judge import mp
-from four_bars import flat_four_bar, folded_parallelogram
-from shipped import shipped
-
-from hybridyn.description import Description
-from hybridyn.oracle.arithmetic import cross
+from tests.hard.extended_judge import mp
+from tests.hard.four_bars import flat_four_bar, folded_parallelogram
+from tests.shipped import shipped
 
 Place = tuple[Description, Values]
 

@@ -6,13 +6,13 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
-from long_chain import stack
-from shipped import shipped
 
 from hybridyn import HybridRobot, assemble, idm
 from hybridyn.description import Description
 from hybridyn.description.records import Closure, Joint, Link
 from hybridyn.structure.building import build_robot
+from tests.long_chain import stack
+from tests.shipped import shipped
 
 SPATIAL, PLANAR = "6-UPS", "planar 3-RPR"
 DOWN = {SPATIAL: (0.0, 0.0, -9.81), PLANAR: (0.0, -9.81, 0.0)}

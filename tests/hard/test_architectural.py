@@ -14,18 +14,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from closed_forms import changed, changed_text
-from mechanisms import KINDS, random_mechanism
-from shipped import ROBOTS, shipped
 
 import hybridyn
 from hybridyn import SingularityError
 from hybridyn.assembly.findings import SINGULAR, architecturally_singular, findings, motor_share
 from hybridyn.description import Description
 from hybridyn.structure.building import build_robot
+from tests.hard.closed_forms import changed, changed_text
+from tests.mechanisms import KINDS, random_mechanism
+from tests.shipped import ROBOTS, shipped
 
 if TYPE_CHECKING:
-    from conftest import Claim
+    from tests.hard.claims import Claim
 
 ROUNDING = 1e-12
 

@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-import dietmaier
 import mpmath
 import numpy as np
 import pytest
-from command_line import ROOT, call
-from conftest import Claim
-from posing import of_link, position
-from shipped import shipped
 
 import hybridyn
 from hybridyn import AssemblyError, HybridRobot, TrajectoryError, closure_residual
 from hybridyn.assembly.assemblies import SAME
 from hybridyn.structure.building import build_robot
+from tests import ROOT
+from tests.command_line import call
+from tests.hard import dietmaier
+from tests.hard.claims import Claim
+from tests.posing import of_link, position
+from tests.shipped import shipped
 
 EPS = float(np.finfo(float).eps)
 DIGITS = 50

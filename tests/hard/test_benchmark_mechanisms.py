@@ -9,12 +9,15 @@ time or at a looser tolerance.
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from benchmark_references import (
+
+import hybridyn
+from hybridyn.scenes.stage import Stage, stage
+from tests import ROOT
+from tests.hard.benchmark_references import (
     ANDREWS,
     ANGLES,
     all_bars,
@@ -23,17 +26,14 @@ from benchmark_references import (
     heavy_top,
     n_four_bar,
 )
-from one_freedom import OneFreedom
-from redundant_loops import bricard_law
-
-import hybridyn
-from hybridyn.scenes.stage import Stage, stage
+from tests.hard.one_freedom import OneFreedom
+from tests.hard.redundant_loops import bricard_law
 
 if TYPE_CHECKING:
-    from conftest import Claim
+    from tests.hard.claims import Claim
 
 SCENES = {
-    name: Path(__file__).parents[2] / "models" / "benchmarks" / name / f"{scene}.toml"
+    name: ROOT / "models" / "benchmarks" / name / f"{scene}.toml"
     for name, scene in {
         "n_four_bar": "passage",
         "andrews": "squeeze",

@@ -9,13 +9,13 @@ from __future__ import annotations
 from functools import lru_cache
 from itertools import pairwise
 
-import dietmaier
 import numpy as np
 import pytest
-from conftest import Claim
 
 import hybridyn
 from hybridyn import AssemblyError
+from tests.hard import dietmaier
+from tests.hard.claims import Claim
 
 SAME = 1e-6  # of p [m] and e: the forward error of the worst posture below is 1e-9
 

@@ -19,17 +19,17 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
-from closed_forms import vector, wrap
-from extended_judge import Judge, mp
-from singular_postures import PLACES, posture
 
 from hybridyn import SingularityError, ddm, idm
 from hybridyn.description import Description
 from hybridyn.oracle import Oracle
 from hybridyn.structure.building import build_robot
+from tests.hard.closed_forms import vector, wrap
+from tests.hard.extended_judge import Judge, mp
+from tests.hard.singular_postures import PLACES, posture
 
 if TYPE_CHECKING:
-    from conftest import Claim
+    from tests.hard.claims import Claim
 
 WAYS = ["four_bar constraint", "parallelogram constraint", "five_bar constraint", "rps3 constraint"]
 LIMIT = 1e-10

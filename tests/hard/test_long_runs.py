@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from conftest import Claim
-from posing import position
-from shipped import shipped
 
 from hybridyn import HybridRobot, closure_residual, simulate
 from hybridyn.effects import Spring
 from hybridyn.simulation.result import Result
 from hybridyn.structure.building import build_robot
+from tests.hard.claims import Claim
+from tests.posing import position
+from tests.shipped import shipped
 
 STEP = 0.004  # [s], of the conserving method: 20 steps in the fastest swing
 KEPT = (

@@ -14,9 +14,6 @@ from dataclasses import replace
 import mpmath
 import numpy as np
 import pytest
-from conftest import Claim
-from extended_judge import Judge
-from shipped import shipped, states_near_home
 
 from hybridyn import SingularityError, ddm, idm
 from hybridyn.assembly.findings import findings
@@ -24,6 +21,9 @@ from hybridyn.description import Description
 from hybridyn.description.records import Joint, Link
 from hybridyn.oracle import Base, Extended, Oracle
 from hybridyn.structure.building import build_robot
+from tests.hard.claims import Claim
+from tests.hard.extended_judge import Judge
+from tests.shipped import shipped, states_near_home
 
 EPS = float(np.finfo(float).eps)
 BACKWARD, FORWARD = 1e-13, 100 * EPS

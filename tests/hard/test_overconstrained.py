@@ -16,20 +16,20 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pinocchio as pin
 import pytest
-from one_freedom import OneFreedom, slope_error
-from redundant_loops import LINKAGES, Linkage, bricard_law, four_bar, loaded
 
 import hybridyn
+from tests import ROOT
+from tests.hard.one_freedom import OneFreedom, slope_error
+from tests.hard.redundant_loops import LINKAGES, Linkage, bricard_law, four_bar, loaded
 
 if TYPE_CHECKING:
-    from conftest import Claim
+    from tests.hard.claims import Claim
 
 EFFORT, SOLVED = 1e-13, 1e-12
 CLOSED_FORM = 1e-14  # the closed forms close the loops and are differentiated to rounding
 RTOL, ADDED_UP = 1e-9, 50.0
 MOTION = (0.7, -1.3)  # s_dot, s_ddot
 SAMPLES = (-0.15, 0.0, 0.15)  # about each linkage's own posture
-ROOT = Path(__file__).parents[2]
 
 
 def case_of(name: str, folder: Path) -> tuple[hybridyn.HybridRobot, OneFreedom, Linkage, str]:

@@ -11,24 +11,24 @@ distance down to `branch.LOST`.
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from benchmark_references import all_bars, n_four_bar
-from one_freedom import REFERENCE, OneFreedom
-from redundant_loops import crossed_bars, loaded
 from scipy.integrate import solve_ivp
 
 import hybridyn
 from hybridyn.manifold.branch import LOST, NEAR
 from hybridyn.simulation.motion_law import MotionLaw
+from tests import ROOT
+from tests.hard.benchmark_references import all_bars, n_four_bar
+from tests.hard.one_freedom import REFERENCE, OneFreedom
+from tests.hard.redundant_loops import crossed_bars, loaded
 
 if TYPE_CHECKING:
-    from conftest import Claim
+    from tests.hard.claims import Claim
 
-BARS = Path(__file__).parents[2] / "urdf" / "benchmarks" / "n_four_bar.urdf.xacro"
+BARS = ROOT / "urdf" / "benchmarks" / "n_four_bar.urdf.xacro"
 DISTANCES = (0.0, 1e-12, 1e-9, 1e-7, 1e-5, 1e-3, 2e-2)
 METHODS = {
     "dopri5": ({"rtol": 1e-8}, 5e-7),

@@ -15,11 +15,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from conftest import Claim
-from mechanisms import KINDS, home_posture, random_mechanism, random_states, random_wrenches
-from posing import of_joints, of_link
-from scaling import Scale
-from shipped import ROBOTS, shipped, states_near_home
 
 from hybridyn import HybridynError, assemble, ddm, idm, simulate
 from hybridyn.assembly.findings import findings
@@ -27,6 +22,11 @@ from hybridyn.description import Description
 from hybridyn.errors import AssemblyError, ModelError
 from hybridyn.oracle import Base
 from hybridyn.scenes.start import _check_rates
+from tests.hard.claims import Claim
+from tests.hard.scaling import Scale
+from tests.mechanisms import KINDS, home_posture, random_mechanism, random_states, random_wrenches
+from tests.posing import of_joints, of_link
+from tests.shipped import ROBOTS, shipped, states_near_home
 
 SAME = 1e-12  # the number; measured: not one bit differs
 BIG, SMALL = 2.0**20, 2.0**-20

@@ -9,18 +9,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from extended_judge import Judge
-from judging import ORACLE
-from posing import of_link
-from singular_postures import posture
-from test_singular_postures import FORWARD, LOST_MOTORS, case
 
 from hybridyn import HybridRobot, SingularityError, assemble, ddm, idm
 from hybridyn.oracle import Base, Oracle
 from hybridyn.structure.building import build_robot
+from tests.hard.extended_judge import Judge
+from tests.hard.singular_postures import posture
+from tests.hard.test_singular_postures import FORWARD, LOST_MOTORS, case
+from tests.judging import ORACLE
+from tests.posing import of_link
 
 if TYPE_CHECKING:
-    from conftest import Claim
+    from tests.hard.claims import Claim
 
 
 # ------------------------------------------------------------------ no digit left

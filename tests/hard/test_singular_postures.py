@@ -24,14 +24,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from extended_judge import EPS, Judge
-from singular_postures import PLACES, posture
 
 from hybridyn import HybridRobot, SingularityError, ddm, idm
 from hybridyn.structure.building import build_robot
+from tests.hard.extended_judge import EPS, Judge
+from tests.hard.singular_postures import PLACES, posture
 
 if TYPE_CHECKING:
-    from conftest import Claim
+    from tests.hard.claims import Claim
 
 BACKWARD = 1e-13
 FORWARD = 100 * EPS

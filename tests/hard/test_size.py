@@ -18,14 +18,14 @@ import mpmath
 import numpy as np
 import pinocchio as pin
 import pytest
-from conftest import Claim
-from extended import LONG, Arithmetic, multiprecision, needs_long_double
-from extended_stack import Stack
-from peers import Peer
-from stacks import DOWN, PLANAR, SPATIAL, State, drawn, module
 
 from hybridyn import ddm
 from hybridyn.oracle import Extended, Oracle
+from tests.hard.claims import Claim
+from tests.hard.extended import LONG, Arithmetic, multiprecision, needs_long_double
+from tests.hard.extended_stack import Stack
+from tests.hard.stacks import DOWN, PLANAR, SPATIAL, State, drawn, module
+from tests.peers import Peer
 
 EPS = float(np.finfo(float).eps)
 BACKWARD = 1e-13  # per module

@@ -15,14 +15,14 @@ from functools import lru_cache
 import mpmath
 import numpy as np
 import pytest
-from conftest import Claim
-from extended_judge import Judge
-from shipped import shipped, states_near_home
-from test_masses import apart, arm, efforts
 
 from hybridyn import HybridRobot, ddm, idm
 from hybridyn.oracle import Extended, Oracle
 from hybridyn.structure.building import build_robot
+from tests.hard.claims import Claim
+from tests.hard.extended_judge import Judge
+from tests.hard.test_masses import apart, arm, efforts
+from tests.shipped import shipped, states_near_home
 
 EPS = float(np.finfo(float).eps)
 BACKWARD, FORWARD = 1e-13, 100 * EPS

@@ -14,17 +14,17 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
-from closed_forms import about, balls, gough_stewart, numbers, placement, vector
-from extended_judge import EPS, Judge, mp, norm
-from shipped import shipped
 
 from hybridyn import ddm, idm
 from hybridyn.description import Description
 from hybridyn.oracle import Oracle
 from hybridyn.structure.building import build_robot
+from tests.hard.closed_forms import about, balls, gough_stewart, numbers, placement, vector
+from tests.hard.extended_judge import EPS, Judge, mp, norm
+from tests.shipped import shipped
 
 if TYPE_CHECKING:
-    from conftest import Claim
+    from tests.hard.claims import Claim
 
 FORWARD = 100 * EPS
 WRIST = "m1_leg1_wrist"

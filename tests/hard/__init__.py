@@ -1,0 +1,1 @@
+"""Hard cases: each states its claim, a measured number and its bound."""
