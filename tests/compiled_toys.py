@@ -1,13 +1,11 @@
-"""Small programs with everything a program may have, and a cache folder of the tests' own."""
+"""Small programs with everything a program may have."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import Any
 
 import casadi as ca
 import numpy as np
-import pytest
 
 from hybridyn.compiled.program import (
     Add,
@@ -40,14 +38,6 @@ OPERATIONS = (
     lambda a, b, c: ca.sin(2 * a) - ca.cos(2 * a),
 )
 KERNEL_SIZE = 40  # operations of a random kernel
-
-
-@pytest.fixture(autouse=True, scope="module")
-def own_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    """Let the tests of a file build in a folder of their own."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("HYBRIDYN_CACHE", str(tmp_path_factory.mktemp("cache")))
-        yield
 
 
 def random_function(

@@ -1,7 +1,63 @@
-"""Settings that must stand before numpy is imported."""
+"""What every test shares: one thread of BLAS, and a folder in which workers find what one of them made."""
 
+from __future__ import annotations
+
+import hashlib
 import os
+import shutil
+import tempfile
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests import ROOT, once
+from tests.extras import robots_of_others, skip
 
 # The matrices of the tests are small: threads of BLAS gain nothing, and two pytest workers fight over cores.
+# Before anything imports numpy.
 for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
     os.environ.setdefault(name, "1")
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Make the session's folder, in which compiled models are kept too, before workers start."""
+    if once.VARIABLE not in os.environ:
+        os.environ[once.VARIABLE] = folder = tempfile.mkdtemp(prefix="hybridyn-tests-")
+        config.add_cleanup(lambda: shutil.rmtree(folder, ignore_errors=True))
+        config.add_cleanup(lambda: os.environ.pop(once.VARIABLE))
+        quick_compiler(once.folder() / "cc")
+    os.environ["HYBRIDYN_CACHE"] = str(once.folder() / "compiled")
+
+
+def quick_compiler(program: Path) -> None:
+    """Let the compiler take less pains, which is for speed only; a CC in the environment wins."""
+    if "CC" not in os.environ and shutil.which("cc"):
+        program.write_text('#!/bin/sh\nexec cc "$@" -O1\n')
+        program.chmod(0o700)
+        os.environ["CC"] = str(program)
+
+
+@pytest.fixture(scope="session", autouse=True)
+def expand_once() -> None:
+    """Expand each shipped xacro file once a session: every expansion starts a process."""
+    from hybridyn.description import reading
+
+    reading.expand = kept(reading.expand)
+
+
+def kept(expand: Callable[..., tuple[bytes, list[str]]]) -> Callable[..., tuple[bytes, list[str]]]:
+    """Return `expand` with its answers for shipped robots kept in the session's folder."""
+
+    def expanded(file: str, arguments: Mapping[str, object], packages: Sequence[Any]) -> Any:
+        if not os.path.realpath(file).startswith(str(ROOT / "urdf")):
+            return expand(file, arguments, packages)
+        asked = (os.path.abspath(file), sorted((k, str(v)) for k, v in arguments.items()), packages)
+        name = hashlib.sha256(repr(asked).encode()).hexdigest()
+        if os.path.basename(file).startswith("stewart_ur5") and not robots_of_others():
+            skip("robots")
+        text, notes = once.once(name, lambda: expand(file, arguments, packages))
+        return text, list(notes)
+
+    return expanded

@@ -8,13 +8,15 @@ from __future__ import annotations
 
 import xml.etree.ElementTree as ET
 
-import mujoco
 import numpy as np
 import pinocchio as pin
 
 from hybridyn.description import Description
 from hybridyn.description.records import Joint, Link
 from hybridyn.oracle import Oracle
+from tests.extras import needs
+
+mujoco = needs("bench")
 
 KINDS = {"revolute": "hinge", "continuous": "hinge", "prismatic": "slide"}
 BODY = "body_"  # "world" is a name of MuJoCo's own

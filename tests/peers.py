@@ -3,21 +3,20 @@
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
-from importlib.metadata import files
-from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
 
 from hybridyn.description.records import Description, Joint, JointKind, Link
+from tests.extras import robots_of_others, skip
 
 KNOWN: tuple[JointKind, ...] = ("fixed", "revolute", "continuous", "prismatic", "planar", "floating")
 
 
 def example_urdf(name: str) -> str:
     """Return the text of a URDF file of `example-robot-data`, by the file's name."""
-    listed = files("example-robot-data") or []
-    return Path(next(str(f.locate()) for f in listed if f.name == name)).read_text()
+    listed = robots_of_others() or skip("robots") or []
+    return next(path for path in listed if path.name == name).read_text()
 
 
 def describe(urdf: str) -> Description:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import random
-from importlib.metadata import files
 from pathlib import Path
 
 import pytest
@@ -13,17 +12,12 @@ import hybridyn
 from hybridyn.description.shipped import main_names, shipped_robots
 from hybridyn.studies.check.check import CODES, is_readable
 from tests.command_line import call
+from tests.extras import robots_of_others
 from tests.mutations import TREE
 from tests.test_check import WRONG as WRONG_ROBOTS
 from tests.test_check import arm, boxed
 
-OTHERS = sorted(
-    {
-        str(file.locate()): str(file)
-        for file in files("example-robot-data") or ()
-        if str(file).endswith((".urdf", ".xacro"))
-    }
-)
+OTHERS = sorted(str(path) for path in robots_of_others() if path.suffix in (".urdf", ".xacro"))
 SAMPLE = ("ur5_robot", "panda", "romeo_laas_small", "pr2", "double_pendulum", "quadrotor_base", "baxter")
 MUTATIONS = 300  # 9,000 were run once
 KNOWN = {"stewart_ur5": {"inertia-too-large", "unused-link"}, "five_bar": {"redundant-closures"}}

@@ -5,7 +5,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -19,6 +18,8 @@ from hybridyn.cli.common.text import aligned_rows
 from hybridyn.errors import AssemblyError
 from hybridyn.tables.opening import open_table
 from tests import ROOT
+from tests.extras import needs
+from tests.waiting import PATIENCE, wait_until
 
 ARM = """<robot name="arm">
   <link name="base"/>
@@ -118,7 +119,8 @@ def test_writes_a_file(run, arm, motion, tmp_path: Path, ending: str) -> None:
     target = tmp_path / f"out.{ending}"
     status, out, _ = run("idm", arm, motion, "-o", target)
     assert (status, out) == (0, "")
-    pl = pytest.importorskip("polars")
+    pl = needs("io")
+
     frame = pl.read_csv(target) if ending == "csv" else pl.read_parquet(target)
     assert np.array_equal(frame.to_numpy()[:, 1:], expected_efforts(arm))
 
@@ -445,7 +447,7 @@ def test_a_reader_that_goes_away_is_no_error(arm, tmp_path: Path) -> None:
         assert process.stdout.readline() == "time,lift/effort,turn/effort\n"
         process.stdout.close()
         assert process.stderr.read() == ""
-        assert process.wait(timeout=60) == 141
+        assert process.wait(PATIENCE) == 141
 
 
 @pytest.mark.parametrize(("number", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
@@ -457,12 +459,9 @@ def test_interruption_leaves_nothing(arm, tmp_path: Path, number: int, status: i
         assert process.stderr is not None
         process.stdin.write(table_text(["time", *HEADER], np.column_stack([TIME, ROWS])))
         process.stdin.flush()
-        deadline = time.monotonic() + 60
-        while not list(tmp_path.glob(".out.csv.*")) and time.monotonic() < deadline:
-            time.sleep(0.02)
-        assert list(tmp_path.glob(".out.csv.*"))
+        wait_until(lambda: bool(list(tmp_path.glob(".out.csv.*"))), "a draft of the output")
         process.send_signal(number)
-        assert process.wait(timeout=60) == status
+        assert process.wait(PATIENCE) == status
         assert process.stderr.read().strip() in ("error: interrupted", "")
     assert [path.name for path in tmp_path.iterdir()] == ["arm.urdf"]
 

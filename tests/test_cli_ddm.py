@@ -11,6 +11,7 @@ from hybridyn.tables.signals import TWIST, WRENCH
 from tests import ROOT
 from tests.command_line import Said, call, read_table, table_text
 from tests.comparing import SOLVED, close_to
+from tests.extras import needs
 
 ROUND_TRIP = 1e-9  # two solutions of the loops and of the inertia, relative to the largest acceleration
 FIVE_BAR = ROOT / "urdf/five_bar.urdf.xacro"
@@ -240,7 +241,8 @@ def test_reactions_are_a_second_table(run, tmp_path: Path, five_bar: FiveBar, co
     path.write_text(table_text(header, rows))
     said = run(command, FIVE_BAR, path, "--reactions", target)
     assert said.status == 0, said.err
-    pl = pytest.importorskip("polars")
+    pl = needs("io")
+
     frame = pl.read_csv(target) if ending == "csv" else pl.read_parquet(target)
     table = {name: frame[name].to_numpy() for name in frame.columns}
     robot = five_bar.robot

@@ -14,9 +14,6 @@ import hybridyn.streams.blocks as blocks
 from hybridyn.cli import main
 from hybridyn.description.shipped import shipped_robots
 from tests.command_line import table_text
-from tests.compiled_toys import own_cache
-
-__all__ = ["own_cache"]
 
 #: Both engines are exact to rounding; the table's numbers have 17 digits.
 AGREE = 1e-10
@@ -47,19 +44,19 @@ def same(one: Path, other: Path) -> bool:
     return bool(np.abs(a - b).max() <= AGREE * np.abs(a).max())
 
 
-def test_both_engines_give_the_same_tables(own_cache: None, tmp_path: Path, capsys: Any) -> None:
+def test_both_engines_give_the_same_tables(tmp_path: Path, capsys: Any) -> None:
     tables = {}
     for name in ("general", "compiled"):
         tables[name] = tmp_path / f"{name}.csv"
-        said = run(capsys, "idm", "tanev", "--engine", name, "-o", str(tables[name]))
+        said = run(capsys, "idm", "five_bar", "--engine", name, "-o", str(tables[name]))
         assert f"engine: {name} (as asked)" in said
     assert same(tables["general"], tables["compiled"])
 
 
-def test_several_processes_share_what_was_built(own_cache: None, tmp_path: Path, capsys: Any) -> None:
+def test_several_processes_share_what_was_built(tmp_path: Path, capsys: Any) -> None:
     one, two = tmp_path / "one.csv", tmp_path / "two.csv"
-    run(capsys, "idm", "tanev", "--engine", "compiled", "-o", str(one))
-    said = run(capsys, "idm", "tanev", "--engine", "compiled", "-j", "2", "-o", str(two))
+    run(capsys, "idm", "five_bar", "--engine", "compiled", "-o", str(one))
+    said = run(capsys, "idm", "five_bar", "--engine", "compiled", "-j", "2", "-o", str(two))
     assert "in 2 processes" in said
     assert same(one, two)
 
@@ -106,7 +103,7 @@ def near_singular() -> Motion:
 
 @pytest.mark.parametrize("command", ["idm", "ddm"])
 def test_samples_by_the_general_path_are_counted_in_every_process(
-    own_cache: None, near_singular: Motion, tmp_path: Path, capsys: Any, monkeypatch: Any, command: str
+    near_singular: Motion, tmp_path: Path, capsys: Any, monkeypatch: Any, command: str
 ) -> None:
     robot, q, v, a = near_singular
     compiled = hybridyn.compile(robot)
@@ -130,26 +127,24 @@ def test_samples_by_the_general_path_are_counted_in_every_process(
         assert f"{told}lost rank, or loops open by more than rounding)\n" in said
 
 
-def test_small_tables_are_not_worth_it(own_cache: None, tmp_path: Path, capsys: Any) -> None:
-    said = run(capsys, "idm", "tanev", "-o", str(tmp_path / "efforts.csv"))
+def test_small_tables_are_not_worth_it(tmp_path: Path, capsys: Any) -> None:
+    said = run(capsys, "idm", "five_bar", "-o", str(tmp_path / "efforts.csv"))
     assert "engine: general (" in said
     assert "compiled from 3,000,000 on)" in said
 
 
-def test_large_tables_are(
-    own_cache: None, tmp_path: Path, capsys: Any, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(engine, "WORTH", 20_000)
-    said = run(capsys, "idm", "tanev", "-o", str(tmp_path / "efforts.csv"))
+def test_large_tables_are(tmp_path: Path, capsys: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(engine, "WORTH", 2_000)
+    said = run(capsys, "idm", "five_bar", "-o", str(tmp_path / "efforts.csv"))
     assert "engine: compiled (" in said
     reactions = str(tmp_path / "reactions.csv")
-    said = run(capsys, "idm", "tanev", "-o", str(tmp_path / "efforts.csv"), "--reactions", reactions)
+    said = run(capsys, "idm", "five_bar", "-o", str(tmp_path / "efforts.csv"), "--reactions", reactions)
     assert "engine: general (compiled models cannot do: --reactions)" in said
 
 
 def test_what_compiled_models_cannot_do_is_refused(tmp_path: Path, capsys: Any) -> None:
     output = str(tmp_path / "efforts.csv")
-    assert main(["idm", "tanev", "--engine", "compiled", "--passive", "solved", "-o", output]) == 1
+    assert main(["idm", "five_bar", "--engine", "compiled", "--passive", "solved", "-o", output]) == 1
     assert "cannot do: --passive solved; use --engine general" in capsys.readouterr().err
 
 
@@ -161,32 +156,30 @@ def test_without_a_compiler_the_general_path_works(
 
     monkeypatch.setattr("hybridyn.compiled.compiling.find_compiler", none)
     output = str(tmp_path / "efforts.csv")
-    assert main(["idm", "tanev", "--engine", "compiled", "-o", output]) == 1
+    assert main(["idm", "five_bar", "--engine", "compiled", "-o", output]) == 1
     assert "install gcc" in capsys.readouterr().err
-    monkeypatch.setattr(engine, "WORTH", 20_000)
-    said = run(capsys, "idm", "tanev", "-o", output)
+    monkeypatch.setattr(engine, "WORTH", 2_000)
+    said = run(capsys, "idm", "five_bar", "-o", output)
     assert "engine: general (not compiled: no C compiler was found" in said
 
 
-def test_the_direct_model_too(own_cache: None, tmp_path: Path, capsys: Any) -> None:
+def test_the_direct_model_too(tmp_path: Path, capsys: Any) -> None:
     """A motion's own states and efforts give its accelerations back, by both engines."""
     efforts, states = tmp_path / "efforts.csv", tmp_path / "states.csv"
-    run(capsys, "idm", "tanev", "-o", str(efforts))
-    trajectory = shipped_robots()["tanev"].trajectory
+    run(capsys, "idm", "five_bar", "-o", str(efforts))
+    trajectory = shipped_robots()["five_bar"].trajectory
     assert trajectory
     left = Path(trajectory).read_text().splitlines()
     right = [line.split(",", 1)[1] for line in efforts.read_text().splitlines()]
     states.write_text("\n".join(f"{a},{b}" for a, b in zip(left, right, strict=True)) + "\n")
     tables = {name: tmp_path / f"{name}.csv" for name in ("general", "compiled")}
     for name, table in tables.items():
-        said = run(capsys, "ddm", "tanev", str(states), "--engine", name, "-o", str(table))
+        said = run(capsys, "ddm", "five_bar", str(states), "--engine", name, "-o", str(table))
         assert f"engine: {name} (as asked)" in said
     assert same(tables["general"], tables["compiled"])
 
 
-def test_effects_too(
-    own_cache: None, near_singular: Motion, tmp_path: Path, capsys: Any, monkeypatch: Any
-) -> None:
+def test_effects_too(near_singular: Motion, tmp_path: Path, capsys: Any, monkeypatch: Any) -> None:
     """What they add is the same, to all digits that are printed; samples count in each of four runs."""
     robot, q, v, a = near_singular
     compiled, out = hybridyn.compile(robot), {}
@@ -209,7 +202,7 @@ def test_effects_too(
     assert out[True] == out[False]
 
 
-def test_effects_tell_what_compiled_models_cannot_do(own_cache: None, tmp_path: Path, capsys: Any) -> None:
+def test_effects_tell_what_compiled_models_cannot_do(tmp_path: Path, capsys: Any) -> None:
     trajectory = shipped_robots()["five_bar"].trajectory
     assert trajectory
     header, *rows = Path(trajectory).read_text().splitlines()
@@ -223,7 +216,7 @@ def test_effects_tell_what_compiled_models_cannot_do(own_cache: None, tmp_path: 
     assert "models without the effect 'inertia' are not written out" in capsys.readouterr().err
 
 
-def test_simulations_too(own_cache: None, tmp_path: Path, capsys: Any) -> None:
+def test_simulations_too(tmp_path: Path, capsys: Any) -> None:
     scene = tmp_path / "fall.toml"
     scene.write_text(
         f'duration = 0.2\n[robot]\nfile = "{shipped_robots()["five_bar"].file}"\n'

@@ -10,6 +10,8 @@ import pytest
 
 from tests import ROOT
 from tests.command_line import call, program, read_table
+from tests.extras import needs
+from tests.waiting import PATIENCE
 
 SCENE = f"""duration = 0.3
 [robot]
@@ -77,6 +79,8 @@ def test_a_run_and_the_same_run_again(run, scene: Path, tmp_path: Path) -> None:
 @pytest.mark.parametrize("ending", ["csv", "parquet"])
 def test_a_run_is_read_back_as_a_trajectory(run, scene: Path, tmp_path: Path, ending: str) -> None:
     target = tmp_path / f"run.{ending}"
+    if ending == "parquet":
+        needs("io")
     assert run("simulate", scene, "-o", target, "-q").status == 0
     said = run("idm", ROOT / "urdf/five_bar.urdf.xacro", target)
     assert said.status == 0, said.err
@@ -86,7 +90,7 @@ def test_a_run_is_read_back_as_a_trajectory(run, scene: Path, tmp_path: Path, en
     assert efforts["m1_left_drive/effort"] == pytest.approx(0.5, abs=EFFORTS)
     assert efforts["m1_right_drive/effort"] == pytest.approx(0.0, abs=EFFORTS)
     if ending == "parquet":
-        remarks = pytest.importorskip("polars").read_parquet_metadata(target)["hybridyn"]
+        remarks = needs("io").read_parquet_metadata(target)["hybridyn"]
         assert "effects on: gravity, inertia, leg_inertia, velocity\neffects off: rotor" in remarks
     again = run("ddm", ROOT / "urdf/five_bar.urdf.xacro", target, "-q")
     assert again.status == 0, again.err
@@ -108,7 +112,7 @@ def test_stopped_and_resumed_is_never_stopped(run, scene: Path, tmp_path: Path, 
 
 def told(process: subprocess.Popen[str]) -> tuple[int, str]:
     """Wait for a program; give its exit status and what it said on standard error."""
-    err = process.communicate(timeout=60)[1]
+    err = process.communicate(timeout=PATIENCE)[1]
     return process.returncode, err
 
 

@@ -9,10 +9,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from command_line import call
 
 import hybridyn
 from hybridyn.errors import LONGEST, ModelError
+from tests.command_line import call
 
 OWN = "five_bar/traj.csv"
 

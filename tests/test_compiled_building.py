@@ -30,6 +30,7 @@ from hybridyn.structure.building import build_robot
 from tests import ROOT
 from tests.compiled_toys import inputs, toy
 from tests.shipped import shipped
+from tests.waiting import PATIENCE
 
 TOY = toy(4, 2)
 
@@ -118,19 +119,18 @@ def test_a_model_that_is_not_accepted_stays_unknown() -> None:
     cached("a robot", never, accept=refuse)
 
 
-BUILDER = """
+BUILDER = f"""
 import sys
 from hybridyn.compiled.library.cache import cached
-from tests.test_compiled_building import source, works
+from {__name__} import source, works
 assert works(cached("a robot", source))
 """
 
 
 def test_processes_may_build_at_the_same_time(empty_cache: Path) -> None:
-    root = str(ROOT)
-    environment = os.environ | {"PYTHONPATH": root}
+    environment = os.environ | {"PYTHONPATH": str(ROOT)}
     running = [subprocess.Popen([sys.executable, "-c", BUILDER], env=environment) for _ in range(3)]
-    assert [process.wait(timeout=120) for process in running] == [0, 0, 0]
+    assert [process.wait(PATIENCE) for process in running] == [0, 0, 0]
     assert works(cached("a robot", source))
     assert len(list((empty_cache / "models").iterdir())) == 1
     assert not [path for path in empty_cache.rglob("*") if path.name.startswith(("building", "tmp"))]

@@ -21,6 +21,7 @@ from hybridyn.compiled.code.library_source import Source
 from hybridyn.compiled.library.cache import Built, cached
 from hybridyn.compiled.library.eviction import ABANDONED, IN_USE, remove_unused
 from tests import ROOT
+from tests.waiting import PATIENCE
 
 HOUR = 3600.0
 
@@ -176,17 +177,20 @@ def test_a_lock_that_is_never_given_back_stops_nobody(at: Path, monkeypatch: pyt
         assert built(1).path.exists()
 
 
-WORKER = """
-import ctypes, sys, time
+WORKER = f"""
+import ctypes, sys
 import hybridyn.compiled.library.eviction as keeping
-from tests.test_compiled_cache_size import built
-keeping.LIMIT, keeping.IN_USE = int(sys.argv[1]), 2.0
-until, turn = time.monotonic() + 5.0, 0
-while time.monotonic() < until:
+from {__name__} import built
+keeping.LIMIT, keeping.IN_USE = int(sys.argv[1]), 0.1
+for turn in range(24):
     number = 10 * turn + int(sys.argv[2]) if turn % 2 else turn // 2 % 4
-    assert ctypes.CDLL(str(built(number).path)).number() == number
-    turn += 1
-    time.sleep(0.05)
+    while True:
+        try:
+            library = ctypes.CDLL(str(built(number).path))
+            break
+        except OSError:  # another one removed it before it was opened
+            continue
+    assert library.number() == number
 """
 
 
@@ -198,7 +202,7 @@ def test_processes_may_build_use_and_remove_at_once(at: Path, monkeypatch: pytes
         subprocess.Popen([sys.executable, "-c", WORKER, str(room), str(own)], env=environment)
         for own in (4, 5, 6)
     ]
-    assert [process.wait(timeout=120) for process in running] == [0, 0, 0]
+    assert [process.wait(PATIENCE) for process in running] == [0, 0, 0]
     monkeypatch.setattr(keeping, "IN_USE", 0.0)
     monkeypatch.setattr(keeping, "LIMIT", room)
     remove_unused(at)

@@ -20,9 +20,7 @@ from hybridyn.compiled.export import _comment, c_name, export
 from hybridyn.compiled.library.compilers import find_compiler
 from hybridyn.description.shipped import shipped_robots
 from hybridyn.errors import ModelError
-from tests.compiled_toys import own_cache, toy
-
-__all__ = ["own_cache"]
+from tests.compiled_toys import toy
 
 STRICT = ["-std=c99", "-Wall", "-Wextra", "-pedantic", "-Werror", "-Wconversion", "-O1"]
 

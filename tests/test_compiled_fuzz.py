@@ -26,14 +26,10 @@ from hybridyn.oracle import Base, Oracle
 from hybridyn.structure.building import build_robot
 from hybridyn.structure.robot import HybridRobot
 from tests import ROOT
-from tests.compiled_toys import own_cache
-from tests.mechanisms import KINDS, random_mechanism, random_states, random_wrenches
-from tests.shipped import ROBOTS, shipped, states_near_home
-
-__all__ = ["own_cache"]
-
 from tests.hard.scaling import Scale
 from tests.hard.singular_postures import PLACES, posture
+from tests.mechanisms import KINDS, random_mechanism, random_states, random_wrenches
+from tests.shipped import ROBOTS, shipped, states_near_home
 
 AGREE = 1e-10  # the claim
 MARGIN = 2e-11  # of what is trusted beside singular postures: room for states that were not drawn
@@ -224,7 +220,7 @@ def test_guards_know_no_units(name: str, base: Base, length: float, mass: float)
     assert off(robot, states) == ([], 0)
 
 
-def test_what_is_not_finite_is_handed_over(own_cache: None) -> None:
+def test_what_is_not_finite_is_handed_over() -> None:
     """With floats, rates of 1e20 square to infinity; the general path still has an answer."""
     robot = build_robot(shipped("five_bar"))
     model = hybridyn.compile(robot, dtype="float32")
@@ -235,7 +231,7 @@ def test_what_is_not_finite_is_handed_over(own_cache: None) -> None:
     assert np.isnan(model.library.batch("ddm", q, v, tau)[1]).all()
 
 
-def test_motions_without_motors_do_not_hand_floats_over(own_cache: None) -> None:
+def test_motions_without_motors_do_not_hand_floats_over() -> None:
     robot = build_robot(shipped("five_bar"), base="floating")
     model = hybridyn.compile(robot, dtype="float32")
     q, v, _ = states_near_home(shipped("five_bar"), "floating", 3, 3)
@@ -244,9 +240,7 @@ def test_motions_without_motors_do_not_hand_floats_over(own_cache: None) -> None
     assert model.recomputed == 0
 
 
-def test_a_key_that_is_no_text_is_made_anew(
-    own_cache: None, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+def test_a_key_that_is_no_text_is_made_anew(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setenv("HYBRIDYN_CACHE", str(tmp_path))
     robot = build_robot(shipped("five_bar"))
     hybridyn.compile(robot)

@@ -17,9 +17,7 @@ from hybridyn.compiled.library.calls import BLOCK, REFUSED, Library, load
 from hybridyn.compiled.program import Add, Call, Given, Own, Result, Shared
 from hybridyn.compiled.programs.interpreter import function_of
 from tests import ROOT
-from tests.compiled_toys import inputs, own_cache, toy
-
-__all__ = ["own_cache"]
+from tests.compiled_toys import inputs, toy
 
 ROUNDING = 1e-12  # some hundred operations on numbers around one, some of them quotients
 
@@ -28,7 +26,7 @@ NAMES = [program.name for program in PROGRAMS]
 
 
 @pytest.fixture(scope="module")
-def library(own_cache: None) -> Library:
+def library() -> Library:
     return load(PROGRAMS)
 
 
@@ -203,7 +201,7 @@ def test_programs_that_would_mean_two_things_are_refused() -> None:
         check(_with(program, 3, targets=(*legs.targets, Add(2, 2))))
 
 
-def test_a_single_call_looks_at_what_it_is_handed(own_cache: None) -> None:
+def test_a_single_call_looks_at_what_it_is_handed() -> None:
     model = hybridyn.compile(hybridyn.load("five_bar"))
     at_once = model.library.programs["idm"].at_once
     if at_once is None:

@@ -18,9 +18,6 @@ from hybridyn.compiled.programs.sources import robot_key
 from hybridyn.compiled.verifying import AGREE, difference, verify
 from hybridyn.description.shipped import shipped_robots
 from hybridyn.errors import AssemblyError, CompileError, HybridynError, ModelError, TrajectoryError
-from tests.compiled_toys import own_cache
-
-__all__ = ["own_cache"]
 
 Arrays = tuple[Any, Any, Any, Any]
 
@@ -30,7 +27,7 @@ def shipped(name: str, **options: Any) -> hybridyn.HybridRobot:
 
 
 @pytest.fixture(scope="module")
-def lx4(own_cache: None) -> CompiledRobot:
+def lx4() -> CompiledRobot:
     return hybridyn.compile(shipped("lx4"))
 
 
@@ -141,7 +138,7 @@ def test_a_base_acceleration_needs_a_moving_base(lx4: CompiledRobot, states: Arr
 
 
 @pytest.mark.parametrize("base", ["moving", "floating"])
-def test_other_bases(own_cache: None, base: Any) -> None:
+def test_other_bases(base: Any) -> None:
     robot = shipped("five_bar", base=base)
     model = hybridyn.compile(robot)
     q, v, a, tau = random_states(robot, 10, seed=3)
@@ -204,7 +201,7 @@ def test_a_model_that_differs_is_refused(lx4: CompiledRobot, monkeypatch: pytest
         verify(lx4.library, lx4.robot, lx4.effects)
 
 
-def test_a_wrong_program_never_reaches_the_user(own_cache: None, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_wrong_program_never_reaches_the_user(monkeypatch: pytest.MonkeyPatch) -> None:
     import hybridyn.compiled.programs.whole_robot as file
 
     robot, right = shipped("five_bar", gravity=(0, 0, -9.80)), file.programs
@@ -222,7 +219,7 @@ def test_a_wrong_program_never_reaches_the_user(own_cache: None, monkeypatch: py
     assert (difference(model.ddm(q, v, tau), a) <= AGREE["float64"]).all()
 
 
-def test_floats_agree_to_their_digits(own_cache: None) -> None:
+def test_floats_agree_to_their_digits() -> None:
     robot = shipped("five_bar")
     model = hybridyn.compile(robot, dtype="float32")
     q, v, a, tau = random_states(robot, 30, seed=3)
@@ -233,7 +230,7 @@ def test_floats_agree_to_their_digits(own_cache: None) -> None:
     assert (model.ddm(q[2], v[2], tau[2]) == result[2]).all()
 
 
-def test_the_casadi_functions_are_the_models(own_cache: None) -> None:
+def test_the_casadi_functions_are_the_models() -> None:
     robot = shipped("five_bar")
     functions = hybridyn.compile(robot).casadi
     q, v, a, tau = random_states(robot, 3, seed=3)
@@ -242,7 +239,7 @@ def test_the_casadi_functions_are_the_models(own_cache: None) -> None:
     assert (difference(result[None], a[:1]) <= AGREE["float64"]).all()
 
 
-def test_what_cannot_be_written_out_says_so(own_cache: None) -> None:
+def test_what_cannot_be_written_out_says_so() -> None:
     robot = shipped("five_bar")
     with pytest.raises(ModelError, match="dtype"):
         hybridyn.compile(robot, dtype="float16")
@@ -269,9 +266,7 @@ def test_keys_tell_robots_apart() -> None:
     assert len(keys) == 4
 
 
-def test_without_casadi_the_message_says_what_to_install(
-    own_cache: None, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_without_casadi_the_message_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     import hybridyn.compiled.needs as file
 
     robot = shipped("five_bar", gravity=(0, 0, -1.0))
@@ -280,9 +275,7 @@ def test_without_casadi_the_message_says_what_to_install(
         hybridyn.compile(robot)
 
 
-def test_a_cached_model_needs_no_source(
-    own_cache: None, lx4: CompiledRobot, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_cached_model_needs_no_source(lx4: CompiledRobot, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(
         "hybridyn.compiled.library.cache._build", lambda *_: pytest.fail("it is built already")
     )
@@ -290,7 +283,7 @@ def test_a_cached_model_needs_no_source(
     assert isinstance(again.library, Library)
 
 
-def test_effort_limits_hold(own_cache: None) -> None:
+def test_effort_limits_hold() -> None:
     """They are no part of the C: efforts are clipped before it, and checked after it."""
     robot = shipped("five_bar")
     q, v, a, tau = random_states(robot, 20, seed=3)

@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from sketch import placement
 
 import hybridyn
 from hybridyn.compiled import verifying
@@ -24,6 +23,7 @@ from hybridyn.errors import CompileError, SingularityError
 from hybridyn.manifold.manifold import Manifold
 from hybridyn.structure.building import build_robot
 from hybridyn.structure.robot import HybridRobot
+from tests.sketch import placement
 from tests.written_out import Interpreted
 
 sys.path.insert(0, str(Path(__file__).parent / "hard"))

@@ -20,10 +20,7 @@ from hybridyn.oracle import Base
 from hybridyn.simulation import stepping
 from hybridyn.structure.building import build_robot
 from hybridyn.structure.robot import HybridRobot
-from tests.compiled_toys import own_cache
 from tests.mechanisms import KINDS, random_mechanism
-
-__all__ = ["own_cache"]
 
 AWAY = 1e-3  # rad, module lengths: Newton is quadratic there
 CLOSED = 1e-12  # residuals and slips after Newton's last step
@@ -76,14 +73,14 @@ def test_newton_steps_close_the_loops_of_every_kind(kind: str, base: Base) -> No
 
 
 @pytest.fixture(scope="module")
-def five_bar(own_cache: None) -> CompiledRobot:
+def five_bar() -> CompiledRobot:
     robot = hybridyn.load(str(shipped_robots()["five_bar"].file))
     limits = Limits(dict.fromkeys(robot.motors, LIMIT))
     return hybridyn.compile(robot, effects=["default", limits])
 
 
 @pytest.fixture(scope="module")
-def gough(own_cache: None) -> CompiledRobot:
+def gough() -> CompiledRobot:
     return hybridyn.compile(robot_of("gough", "floating"))
 
 

@@ -17,12 +17,9 @@ from hybridyn.studies.effect_sets import EffectSets
 from hybridyn.studies.effect_worth import Selection, Worth, subsets
 from tests import ROOT
 from tests.comparing import close_to
-from tests.compiled_toys import own_cache
 from tests.effect_cases import every
 from tests.mechanisms import random_mechanism, random_states
 from tests.shipped import shipped, states_near_home
-
-__all__ = ["own_cache"]
 
 FIVE_BAR = [str(ROOT / "urdf/five_bar.urdf.xacro"), str(ROOT / "models/five_bar/traj.csv")]
 LINEAR = 1e-11  # sums of efforts instead of efforts of sums
@@ -72,7 +69,7 @@ def test_the_cheapest_set_stays_within(worth: Worth) -> None:
     assert len(worth.cheapest(1e9).names) < len(worth.names) / 2
 
 
-def test_compiled_models_give_the_same(own_cache: None) -> None:
+def test_compiled_models_give_the_same() -> None:
     """The legs carry all mass of the five-bar: without theirs nothing resists, and no model is checked."""
     description = shipped("five_bar")
     robot = build_robot(description)
@@ -99,7 +96,7 @@ CART_POLE = """<robot name="cart_pole"><link name="rail"/><link name="cart"><ine
 <parent link="cart"/><child link="pole"/><axis xyz="0 1 0"/></joint></robot>"""
 
 
-def test_compiled_models_too_say_what_a_passive_motion_needs(own_cache: None, tmp_path: Path) -> None:
+def test_compiled_models_too_say_what_a_passive_motion_needs(tmp_path: Path) -> None:
     """The pole swings by gravity, inertia and velocity together; legs there are none."""
     (tmp_path / "cart_pole.urdf").write_text(CART_POLE)
     robot = hybridyn.load(tmp_path / "cart_pole.urdf", motors=["slide"])

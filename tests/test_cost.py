@@ -26,10 +26,7 @@ from hybridyn.studies.cost.settings import of_integration
 from hybridyn.tables.rates import derivatives
 from tests import ROOT
 from tests.command_line import call
-from tests.compiled_toys import own_cache
 from tests.shipped import shipped
-
-__all__ = ["own_cache"]
 
 EXACT = 1e-12
 
@@ -101,7 +98,7 @@ def motion(robot: HybridRobot, rows: int = 130) -> Trajectory:
     return Trajectory(*hybridyn.assemble(robot, motors=motors), time)
 
 
-def test_models_of_a_small_robot(own_cache: None) -> None:
+def test_models_of_a_small_robot() -> None:
     robot = hybridyn.load("five_bar")
     some = motion(robot)
     study = study_models(robot, some, choose(robot, "model"), lambda what: None)
@@ -137,7 +134,7 @@ def test_models_of_a_small_robot(own_cache: None) -> None:
     assert any(setting.startswith("all but") and "," in setting for _, setting in found)
 
 
-def test_loops_left_open_are_for_public_calls_too(own_cache: None) -> None:
+def test_loops_left_open_are_for_public_calls_too() -> None:
     robot = hybridyn.load("five_bar")
     some, on = motion(robot, 40), choose(robot, "model")
     whole = hybridyn.idm(robot, some.q, some.v, some.a, effects=on)
@@ -168,7 +165,7 @@ def test_without_a_compiler_nothing_is_claimed(monkeypatch: pytest.MonkeyPatch) 
     assert advice(study, 1e-12).startswith("For 1e-12 on motor efforts nothing that was tried will do")
 
 
-def test_a_table_without_rates_is_no_judge_of_splines(own_cache: None) -> None:
+def test_a_table_without_rates_is_no_judge_of_splines() -> None:
     robot = hybridyn.load("five_bar")
     some = motion(robot)
     at = [robot.q_slices[robot.joint_index[motor]].start for motor in robot.motors]
@@ -276,7 +273,7 @@ def test_effects_to_leave_out_of_a_scene() -> None:
         assert {*left, "payload"} == {*(setting.effects or ())}
 
 
-def test_an_event_ends_every_run(tmp_path: Path, few: None, own_cache: None) -> None:
+def test_an_event_ends_every_run(tmp_path: Path, few: None) -> None:
     text = SWING.read_text().replace("../../", f"{ROOT}/")
     scene = tmp_path / "event.toml"
     scene.write_text(
@@ -320,7 +317,7 @@ def test_wrong_use_is_refused(
     assert message in out.err
 
 
-def test_one_row_is_enough(tmp_path: Path, own_cache: None, capsys: pytest.CaptureFixture[str]) -> None:
+def test_one_row_is_enough(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     rows = (ROOT / "models/five_bar/traj.csv").read_text().splitlines()
     table = tmp_path / "one.csv"
     table.write_text("\n".join(rows[:2]))

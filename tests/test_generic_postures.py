@@ -6,13 +6,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from jansen import walker
 
 import hybridyn
 from hybridyn.linkage import newton
 from hybridyn.linkage.newton import LoopProblem, close
 from hybridyn.structure import mechanism
 from hybridyn.threads import VARIABLES, _controller, one_thread
+from tests.jansen import walker
 
 COUNT = 24
 

@@ -17,15 +17,11 @@ from hybridyn.structure.building import build_robot
 from tests.comparing import SOLVED, close_to
 from tests.mechanisms import KINDS, random_mechanism, random_states, random_wrenches
 from tests.posing import of_joints, position
+from tests.samples import in_turn
 from tests.shipped import ROBOTS, shipped, states_near_home
 
 BASES: tuple[Base, ...] = ("fixed", "moving", "floating")
-STATES = {
-    "lx4": 20,
-    "snake": 5,
-    "scara_delta": 30,
-    "stewart_ur5": 50,
-}  # per robot by default; 100 for the others, and in the slow variant
+STATES = {"lx4": 3, "snake": 2}  # per robot by default; 10 for the others, 100 in the slow variant
 PER_KIND = 2
 ALONE = 1e-13  # of the largest effort: NumPy sums batches of different length in different order
 
@@ -70,17 +66,15 @@ def shipped_judged(name: str, base: Base, seed: int, count: int) -> None:
 
 @pytest.mark.parametrize("name", ROBOTS)
 def test_shipped_robots_agree_with_the_oracle(name: str) -> None:
-    shipped_judged(name, "floating" if name == "snake" else "fixed", 0, STATES.get(name, 100))
+    shipped_judged(name, "floating" if name == "snake" else "fixed", 0, STATES.get(name, 10))
 
 
-@pytest.mark.parametrize("base", BASES)
-@pytest.mark.parametrize("name", ROBOTS)
+@pytest.mark.parametrize(("name", "base"), in_turn(ROBOTS, BASES, None))
 def test_shipped_robots_agree_with_the_oracle_on_every_base(name: str, base: Base) -> None:
     shipped_judged(name, base, 1, 2)
 
 
-@pytest.mark.parametrize("base", BASES)
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize(("kind", "base"), in_turn(KINDS, BASES))
 def test_every_kind_agrees_with_the_oracle(kind: str, base: Base) -> None:
     judged(random_mechanism(10, kind=kind), base, 10, PER_KIND)
 
@@ -304,8 +298,9 @@ def test_a_passive_motion_that_needs_an_effort_is_named_and_sized() -> None:
     assert e.value.module == robot.modules[0].name
 
 
-@pytest.mark.parametrize("kind", ["five_bar_one_motor", "rssr", "star_few", "sps", "serial_all"])
-@pytest.mark.parametrize("base", BASES)
+@pytest.mark.parametrize(
+    ("kind", "base"), in_turn(["five_bar_one_motor", "rssr", "star_few", "sps", "serial_all"], BASES, None)
+)
 def test_solved_passive_motion_needs_only_the_motors(kind: str, base: Base) -> None:
     """Passive accelerations are ignored: wrong ones give the same efforts, those of the oracle."""
     description = random_mechanism(6, kind=kind)

@@ -8,13 +8,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from mechanisms import KINDS, random_mechanism, random_states
 
 import hybridyn
 from hybridyn.dynamics.forward import forward
 from hybridyn.structure.building import build_robot
 from hybridyn.structure.leg_model import LegModel
 from hybridyn.structure.long_legs import LongLegs
+from tests.mechanisms import KINDS, random_mechanism, random_states
 
 CHOSEN = [kind for i, kind in enumerate(KINDS) if i % 5 == 0]
 SAME = 1e-13  # of the largest entry

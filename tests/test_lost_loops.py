@@ -6,7 +6,6 @@ import logging
 from pathlib import Path
 
 import pytest
-from robot_texts import INERTIAL, LOOP, robot, save
 
 import hybridyn
 from hybridyn.assembly.findings import findings, of_files
@@ -15,6 +14,7 @@ from hybridyn.description.lost_loops import lost_loops
 from hybridyn.description.shipped import shipped_robots
 from hybridyn.description.weightless import weightless
 from hybridyn.loading import load
+from tests.robot_texts import INERTIAL, LOOP, robot, save
 
 
 def frame(name: str, link: str, xyz: str = "0 0 0") -> str:

@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 import polars
 import pytest
-from command_line import call
-from robot_texts import FOUR_BAR, read_text
 
 import hybridyn
 from hybridyn.errors import ModelError, TrajectoryError
+from tests.command_line import call
+from tests.robot_texts import FOUR_BAR, read_text
 
 NO_ROOM = """
 import resource, sys

@@ -12,12 +12,12 @@ from hybridyn.description.records import Description, Joint, Link
 from hybridyn.oracle import Base, Extended, Float64, Oracle
 from tests.comparing import SOLVED, close_to
 from tests.mechanisms import KINDS, drawn, random_mechanism, random_states, random_wrenches
+from tests.samples import in_turn, slow
 
 BASES: tuple[Base, ...] = ("fixed", "moving", "floating")
 
 
-@pytest.mark.parametrize("base", BASES)
-@pytest.mark.parametrize("kind", [kind for kind, recipe in KINDS.items() if not recipe.massless])
+@pytest.mark.parametrize(("kind", "base"), in_turn([k for k in KINDS if not KINDS[k].massless], BASES))
 def test_inverse_and_direct_model_undo_each_other(kind: str, base: Base) -> None:
     description = random_mechanism(1, kind=kind)
     wrenches = random_wrenches(description, 1)
@@ -88,7 +88,7 @@ def test_a_wrench_on_no_link_is_refused() -> None:
         ("gear_three", "floating"),
         ("planar_rpr", "moving"),
         ("rssr", "floating"),
-        ("sps_thin", "fixed"),
+        slow("sps_thin", "fixed"),
     ],
 )
 def test_fifty_digits_agree_with_sixteen(kind: str, base: Base) -> None:

@@ -13,6 +13,7 @@ from hybridyn.oracle import Base, Oracle
 from tests.comparing import ROUNDING, close_to
 from tests.mechanisms import KINDS, drawn, home_posture, random_mechanism
 from tests.peers import Peer
+from tests.samples import in_turn
 from tests.sketch import CLOSURES
 
 TAYLOR = 1e-9  # fourth-order integration at the steps used, relative to the energy in play
@@ -60,8 +61,7 @@ def test_closures_hold_what_their_record_says(kind: str) -> None:
             assert moved <= ROUNDING if free else moved == pytest.approx(np.sin(0.3))
 
 
-@pytest.mark.parametrize("base", ["fixed", "floating"])
-@pytest.mark.parametrize("kind", LOOPS)
+@pytest.mark.parametrize(("kind", "base"), in_turn(LOOPS, ["fixed", "floating"]))
 def test_rows_and_drift_are_derivatives_of_the_residual(kind: str, base: Base) -> None:
     description, q, v, _ = drawn(kind, base)
     oracle, rng, h = Oracle(description, base), np.random.default_rng(2), 1e-5
@@ -79,8 +79,7 @@ def test_rows_and_drift_are_derivatives_of_the_residual(kind: str, base: Base) -
     close_to(change / (2 * h), rows @ a + drift, DIFFERENCES)
 
 
-@pytest.mark.parametrize("base", ["fixed", "floating"])
-@pytest.mark.parametrize("kind", LOOPS)
+@pytest.mark.parametrize(("kind", "base"), in_turn(LOOPS, ["fixed", "floating"]))
 def test_the_motors_power_is_the_rate_of_energy(kind: str, base: Base) -> None:
     description, q, v, _ = drawn(kind, base)
     oracle, peer, h = Oracle(description, base), Peer(description, base), 1e-5

@@ -9,8 +9,9 @@ import pytest
 from hybridyn.errors import TrajectoryError
 from hybridyn.tables.opening import open_table
 from hybridyn.tables.parquet import parquet_writer
+from tests.extras import needs
 
-pl = pytest.importorskip("polars")
+pl = needs("io")
 
 
 def saved(tmp_path: Path, columns: dict[str, object]) -> Path:

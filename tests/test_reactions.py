@@ -15,6 +15,7 @@ from hybridyn.spatial import Array
 from hybridyn.structure.building import build_robot
 from tests.comparing import SOLVED, close_to
 from tests.mechanisms import KINDS, random_mechanism, random_states, random_wrenches
+from tests.samples import in_turn, some
 from tests.shipped import shipped, states_near_home
 
 BASES: tuple[Base, ...] = ("fixed", "moving", "floating")
@@ -69,8 +70,7 @@ def left_over(case: Case, t: int) -> tuple[Array, float]:
     return needed, float(largest)
 
 
-@pytest.mark.parametrize("base", BASES)
-@pytest.mark.parametrize("kind", LOOPED)
+@pytest.mark.parametrize(("kind", "base"), in_turn(LOOPED, BASES))
 def test_motors_closures_and_wrenches_are_all_that_the_tree_needs(kind: str, base: Base) -> None:
     """Every joint of the spanning tree is free of other efforts; only the base may carry the robot."""
     case = solved(kind, base)
@@ -104,8 +104,7 @@ def test_wrenches_on_links_of_cut_wrists_reach_the_closures() -> None:
         assert np.abs(needed).max() < BALANCED * size
 
 
-@pytest.mark.parametrize("base", BASES)
-@pytest.mark.parametrize("kind", [*LOOPED, "serial", "serial_all"])
+@pytest.mark.parametrize(("kind", "base"), in_turn([*LOOPED, "serial", "serial_all"], BASES))
 def test_the_base_carries_what_all_bodies_together_need(kind: str, base: Base) -> None:
     """Their change of momentum, less gravity and outer wrenches; nothing where the base floats."""
     robot, q, v, a, wrenches, _, reactions = solved(kind, base)
@@ -158,7 +157,7 @@ def test_a_base_body_gives_its_module_what_everything_on_it_needs(kind: str, bas
             close_to(reactions.modules[module.name][t], M.actInv(total).vector, BALANCED)
 
 
-@pytest.mark.parametrize("kind", LOOPED)
+@pytest.mark.parametrize("kind", some(LOOPED))
 def test_closures_do_not_act_where_they_leave_freedom(kind: str) -> None:
     """No force along a free slide and no moment about a free axis, in the closure's own frames."""
     robot, q, _, _, _, _, reactions = solved(kind, "fixed")

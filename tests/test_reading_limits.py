@@ -7,7 +7,6 @@ import tomllib
 from pathlib import Path
 
 import pytest
-from command_line import call
 
 import hybridyn
 from hybridyn.description.side_cars.toml_file import LARGEST_TOML, MOST_PARTS, line_of, parse_toml
@@ -15,6 +14,7 @@ from hybridyn.errors import HybridynError, ModelError
 from hybridyn.scenes.scene_file import read_scene
 from hybridyn.simulation.result import Result
 from hybridyn.tables.opening import open_table
+from tests.command_line import call
 
 
 @pytest.mark.parametrize("name", ["t.csv", "t.parquet", "r.urdf", "r.urdf.xacro", "s.toml", "r.state"])

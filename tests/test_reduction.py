@@ -19,6 +19,7 @@ from hybridyn.structure.mechanism import Mechanism
 from tests.comparing import SOLVED, close_to
 from tests.mechanisms import KINDS, random_mechanism, random_states
 from tests.posing import position
+from tests.samples import slow, some
 from tests.shipped import shipped, states_near_home
 
 SAME_SPACE = 1e-10  # of two bases of one null space, each of condition up to some hundreds
@@ -53,7 +54,7 @@ def same_motions(m: Mechanism, q: Array, v: Array) -> None:
         assert np.abs(outside).max(initial=0.0) < SAME_SPACE * max(np.abs(part).max(initial=0.0), 1.0)
 
 
-@pytest.mark.parametrize("kind", [k for k in KINDS if KINDS[k].loops])
+@pytest.mark.parametrize("kind", some(k for k in KINDS if KINDS[k].loops))
 def test_legs_and_one_piece_give_the_same_motions(kind: str) -> None:
     description = random_mechanism(5, kind=kind)
     robot = build_robot(description)
@@ -69,7 +70,7 @@ def test_stars_are_eliminated_leg_by_leg(kind: str) -> None:
     assert any(len(m.mechanism.reduction._groups) for m in robot.modules)
 
 
-@pytest.mark.parametrize("kind", [k for k in KINDS if KINDS[k].loops])
+@pytest.mark.parametrize("kind", some(k for k in KINDS if KINDS[k].loops))
 def test_rank_is_clear_and_mobility_the_recipes(kind: str) -> None:
     robot = build_robot(random_mechanism(5, kind=kind))
     looped = [m for m in robot.modules if m.closures]
@@ -143,7 +144,7 @@ def rounded(description: Description, digits: int) -> Description:
     return replace(description, joints=joints, closures=closures, home=home)
 
 
-@pytest.mark.parametrize("digits", [5, 6, 9])
+@pytest.mark.parametrize("digits", [5, slow(6), 9])
 @pytest.mark.parametrize("kind", ["four_bar", "five_bar", "six_bar", "planar_rpr", "delta_bars"])
 def test_rounded_loops_keep_their_mobility(kind: str, digits: int) -> None:
     """Five or six digits make the redundant rows of planar loops independent; rank is read from the gap."""

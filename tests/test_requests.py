@@ -1,17 +1,16 @@
 """What callers of `assemble` may ask for: positions that only a slip of the pen gives are refused at once."""
 
-import time
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import hybridyn
+import hybridyn.assembly.assemble as assembly
 from hybridyn.errors import AssemblyError
 from tests import ROOT
 
 URDF = ROOT / "urdf"
-SECONDS = 1.0  # a hundred times what it takes; searching for a posture takes longer
 WHEEL = """<robot name="r"><link name="a"/><link name="b"/>
   <joint name="spin" type="continuous"><parent link="a"/><child link="b"/><axis xyz="0 0 1"/></joint>
   <link name="c"/><joint name="slide" type="prismatic"><parent link="b"/><child link="c"/><axis xyz="1 0 0"/>
@@ -20,17 +19,19 @@ WHEEL = """<robot name="r"><link name="a"/><link name="b"/>
 
 @pytest.mark.parametrize("name", ["five_bar", "rps3", "gough_stewart", "delta"])
 @pytest.mark.parametrize("size", [1e5, -1e5, 1e300])
-def test_absurd_positions_are_refused_at_once(name: str, size: float) -> None:
+def test_absurd_positions_are_refused_at_once(
+    name: str, size: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """No posture is searched for."""
+    monkeypatch.setattr(assembly, "follow", None)
     robot = hybridyn.load(URDF / f"{name}.urdf.xacro")
     motors = {motor: (np.zeros(5),) for motor in robot.motors}
     motors[robot.motors[1]] = (np.array([0.0, 0.0, 0.0, size, 0.0]),)
-    start = time.perf_counter()
     with pytest.raises(
         AssemblyError, match=f"joint '{robot.motors[1]}' is out of reach at sample 3"
     ) as caught:
         hybridyn.assemble(robot, motors=motors)
     assert caught.value.sample == 3
-    assert time.perf_counter() - start < SECONDS
 
 
 def test_wheels_turn_far_and_rails_are_long(tmp_path: Path) -> None:

@@ -10,6 +10,7 @@ import pytest
 from hybridyn.errors import TrajectoryError
 from hybridyn.tables.opening import open_table
 from hybridyn.tables.results import check_target, open_results
+from tests.extras import needs
 
 NUMBERS = np.array([[0.1, -0.0], [1.0 / 3.0, 5e-324], [1.7976931348623157e308, -123456789.123456789]])
 
@@ -17,7 +18,7 @@ NUMBERS = np.array([[0.1, -0.0], [1.0 / 3.0, 5e-324], [1.7976931348623157e308, -
 @pytest.mark.parametrize("name", ["out.csv", "out.parquet"])
 def test_numbers_come_back_bit_for_bit(tmp_path: Path, name: str) -> None:
     if name.endswith(".parquet"):
-        pytest.importorskip("polars")
+        needs("io")
     path = tmp_path / name
     with open_results(path, ["time", "a, b/effort"]) as write:
         write(NUMBERS[:2])
@@ -36,7 +37,7 @@ def test_an_error_leaves_the_old_file_and_nothing_else(
     tmp_path: Path, name: str, error: type[BaseException]
 ) -> None:
     if name.endswith(".parquet"):
-        pytest.importorskip("polars")
+        needs("io")
     path = tmp_path / name
     path.write_text("old")
 

@@ -16,6 +16,7 @@ from hybridyn.oracle import Base, Oracle
 from hybridyn.structure.building import build_robot
 from tests.comparing import ROUNDING, close_to
 from tests.mechanisms import KINDS, home_posture, random_mechanism
+from tests.samples import in_turn, some
 from tests.shipped import ROBOTS, shipped
 from tests.test_oracle import SHUFFLED
 
@@ -108,8 +109,7 @@ def test_inverse_model_of_serial_robots_is_rnea(name: str, base: Base, tmp_path:
         close_to(reactions.base, wanted[:, :6], ROUNDING)
 
 
-@pytest.mark.parametrize("base", BASES)
-@pytest.mark.parametrize("name", ROBOTS)
+@pytest.mark.parametrize(("name", "base"), in_turn(ROBOTS, BASES, None))
 def test_shipped_robots_have_one_order_in_all_models(name: str, base: Base) -> None:
     description = shipped(name)
     robot, oracle = build_robot(description, base=base), Oracle(description, base)
@@ -120,7 +120,7 @@ def test_shipped_robots_have_one_order_in_all_models(name: str, base: Base) -> N
     assert robot.motors == tuple(description.motors)
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", some(KINDS))
 def test_model_of_the_spanning_tree_is_consistent(kind: str) -> None:
     """Fixed joints in between, any kind of joint, any axis: Pinocchio places links where the oracle does."""
     description = random_mechanism(3, kind=kind)

@@ -9,13 +9,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from command_line import ROOT, call
 
 import hybridyn
 from hybridyn.cli import main
 from hybridyn.scenes.stage import stage
 from hybridyn.simulation.result import Result
 from hybridyn.simulation.run import BLOCK
+from tests.command_line import ROOT, call
 
 SCENE = f"""duration = 2.0
 [robot]

@@ -6,7 +6,6 @@ import dataclasses
 import io
 import re
 import signal
-import time
 import urllib.request
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -24,8 +23,8 @@ from hybridyn.view.run import Run
 from tests import ROOT
 from tests.browser import browser, chromium
 from tests.command_line import program
+from tests.waiting import PATIENCE, wait_until
 
-PATIENCE = 20.0  # seconds for a page to answer: a shared core draws slowly
 CLOSED = 1e-9  # relative: `assemble` closes loops to rounding
 HUE = 0.12  # between colours, 0 to 1: light and shade change brightness, not hue
 FEW = 40  # pixels that a part of the robot covers at the least
@@ -85,11 +84,8 @@ def at_home(request: pytest.FixtureRequest) -> None:
 
 
 def until(tab: Any, holds: Callable[[], bool]) -> None:
-    """Wait until something holds, and fail where it does not in time."""
-    end = time.monotonic() + PATIENCE
-    while not holds():
-        assert time.monotonic() < end, "the page did not answer in time"
-        tab.wait_for_timeout(50)
+    """Wait until something holds, while the page goes on."""
+    wait_until(holds, "an answer of the page", lambda seconds: tab.wait_for_timeout(1000 * seconds))
 
 
 def picture(tab: Any) -> np.ndarray:

@@ -14,6 +14,7 @@ from hybridyn.studies.workspace.steps import OUT_OF_REACH, Closing
 from hybridyn.studies.workspace.sweep import find_sweep
 from hybridyn.studies.workspace.workspace import Workspace, workspace
 from tests.command_line import call, read_table
+from tests.samples import slow
 
 UPPER, LOWER, HALF_SPACING, LEAN = 0.25, 0.40, 0.12, np.radians(25.0)  # models/five_bar/README.md
 DRIVE_LIMIT, ELBOW_LIMIT = 1.2, 1.9
@@ -45,7 +46,7 @@ def leg_margins(x: Array, z: Array, home: Array, limits: bool) -> Array:
     return margin
 
 
-@pytest.mark.parametrize("limits", [False, True])
+@pytest.mark.parametrize("limits", [slow(False), True])
 def test_a_five_bar_reaches_the_intersection_of_its_annuli(limits: bool) -> None:
     """With limits, the part of it that is connected with home: the rest cannot be gone to."""
     found = workspace(hybridyn.load("five_bar"), link="m1_tool", steps={"x": STEP, "z": STEP}, limits=limits)
@@ -210,7 +211,7 @@ def test_an_origin_outside_the_limits_is_refused(tmp_path: Path) -> None:
 def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """The table, the summary and the figure; several processes give the same bytes as one."""
     one, two, figure = (tmp_path / name for name in ("one.csv", "two.csv", "maps.png"))
-    words = ["workspace", "five_bar", "--link", "m1_tool", "--step", "x=0.05,z=0.05"]
+    words = ["workspace", "five_bar", "--link", "m1_tool", "--step", "x=0.1,z=0.1"]
     said = call(capsys, *words, "-o", one, "--plot", figure)
     assert (said.status, said.out) == (0, "")
     assert call(capsys, *words, "-o", two, "--jobs", "2").status == 0
@@ -226,7 +227,7 @@ def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None
     assert figure.stat().st_size > 20_000
 
 
-@pytest.mark.parametrize("name", ["delta", "rps3", "gough_stewart"])
+@pytest.mark.parametrize("name", [slow("delta"), "rps3", slow("gough_stewart")])
 def test_a_figure_of_slices(name: str, tmp_path: Path) -> None:
     from hybridyn.figures.workspace import figure_of_workspace
 

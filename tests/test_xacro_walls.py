@@ -13,13 +13,13 @@ from typing import Any
 import numpy as np
 import pytest
 import xacro
-from robot_texts import save
 
 from hybridyn.description.urdf import xacro as xacro_files
 from hybridyn.description.urdf.robot_folders import RobotFolders
 from hybridyn.description.urdf.xacro_child.expressions import Evaluator, RefusedError
 from hybridyn.description.urdf.xacro_child.functions import bound_functions, functions_in
 from hybridyn.errors import ModelError
+from tests.robot_texts import save
 
 ROOT = Path(__file__).parents[1]
 HEAD = '<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">'

@@ -16,9 +16,12 @@ from functools import lru_cache
 import mpmath
 import numpy as np
 
+import hybridyn
+from hybridyn.assembly.assemblies import Assemblies
 from hybridyn.description.records import Closure, Description, Joint, Link
 from hybridyn.structure.building import build_robot
 from hybridyn.structure.robot import HybridRobot
+from tests.once import once
 
 BASE = np.array([
     [0, 0, 0], [1.107915, 0, 0], [0.549094, 0.756063, 0],
@@ -72,6 +75,11 @@ def robot(foot: str = "S") -> HybridRobot:
         f"dietmaier_{foot}", tuple(links), tuple(joints), tuple(closures), (), motors, "published", home
     )
     return build_robot(description)
+
+
+def forty() -> Assemblies:
+    """Find the forty postures from 1,000 starts, once a session."""
+    return once("dietmaier_forty", lambda: hybridyn.assemblies(robot(), motors=motors(), starts=1000))
 
 
 def motors(lengths: np.ndarray = LENGTHS) -> dict[str, object]:

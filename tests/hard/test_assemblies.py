@@ -8,13 +8,14 @@ import pytest
 
 import hybridyn
 from hybridyn import AssemblyError, HybridRobot, TrajectoryError, closure_residual
-from hybridyn.assembly.assemblies import SAME
+from hybridyn.assembly.assemblies import SAME, Assemblies
 from hybridyn.structure.building import build_robot
 from tests import ROOT
 from tests.command_line import call
 from tests.hard import dietmaier
 from tests.hard.claims import Claim
 from tests.posing import of_link, position
+from tests.samples import slow
 from tests.shipped import shipped
 
 EPS = float(np.finfo(float).eps)
@@ -29,17 +30,23 @@ def at_home(robot: HybridRobot) -> dict[str, object]:
     return {motor: float(position(robot, motor, robot.home)) for motor in robot.motors}
 
 
+def sought(robot: HybridRobot, starts: int, seed: int) -> Assemblies:
+    """Look for Dietmaier's postures."""
+    return hybridyn.assemblies(robot, motors=dietmaier.motors(), starts=starts, seed=seed)
+
+
 # -------------------------------------------------------------------- Dietmaier
 
 
-@pytest.mark.parametrize(("foot", "seed", "starts"), [("S", 0, 1000), ("S", 1, 1000), ("U", 0, 3000)])
+@pytest.mark.parametrize(("foot", "seed", "starts"), [("S", 0, 1000), slow("S", 1, 1000), slow("U", 0, 3000)])
 def test_dietmaier_all_forty(claim: Claim, foot: str, seed: int, starts: int) -> None:
     """From 1,000 starts: all 40 postures of the published platform (Dietmaier 1998), closed to rounding.
 
     A 6-SPS leaves six spins open, a 6-UPS has 64 variants of every posture: neither counts as more.
     """
     robot = dietmaier.robot(foot)
-    found = hybridyn.assemblies(robot, motors=dietmaier.motors(), starts=starts, seed=seed)
+    first = (foot, seed, starts) == ("S", 0, 1000)
+    found = dietmaier.forty() if first else sought(robot, starts, seed)
     case = f"Dietmaier 6-{foot}PS, {starts:,} starts, seed {seed}"
     claim(case, "postures missing of 40", abs(dietmaier.REAL - len(found.q)), 0)
     claim(case, "closure residual", closure_residual(robot, found.q).max(), CLOSED)
@@ -54,7 +61,7 @@ def test_dietmaier_each_posture_is_real_and_another(claim: Claim) -> None:
     The theorem's number is also the distance: proved balls are far smaller than what lies between postures,
     so the 40 are real and distinct. Forward error at most 100 eps times the equations' condition number.
     """
-    found = hybridyn.assemblies(dietmaier.robot(), motors=dietmaier.motors())
+    found = dietmaier.forty()
     zeros, forward, radius = [], 0.0, mpmath.mpf(0)
     for pose in dietmaier.poses(found.q):
         u, open_by = dietmaier.refined(pose, DIGITS)
@@ -74,13 +81,23 @@ def test_dietmaier_each_posture_is_real_and_another(claim: Claim) -> None:
 
 def test_the_same_seed_gives_the_same_bits() -> None:
     """And the order does not depend on the seed: what is nearest to home comes first."""
-    robot = dietmaier.robot()
-    first, second = (hybridyn.assemblies(robot, motors=dietmaier.motors(), starts=400) for _ in range(2))
+    robot = build_robot(shipped("five_bar"))
+    first, second, other = (
+        hybridyn.assemblies(robot, motors=at_home(robot), starts=100, seed=seed) for seed in (0, 0, 7)
+    )
     assert (first.q == second.q).all()
     assert (first.counts == second.counts).all()
-    other = hybridyn.assemblies(robot, motors=dietmaier.motors(), starts=1500, seed=7)
-    third = hybridyn.assemblies(robot, motors=dietmaier.motors(), starts=1500, seed=8)
-    poses = [dietmaier.poses(x.q) for x in (other, third)]
+    assert np.abs(first.q - other.q).max() < SAME
+    assert (first.counts != other.counts).any()
+
+
+@pytest.mark.slow
+def test_the_same_seed_gives_the_same_bits_of_forty_postures() -> None:
+    robot = dietmaier.robot()
+    first, second = (sought(robot, 400, 0) for _ in range(2))
+    assert (first.q == second.q).all()
+    assert (first.counts == second.counts).all()
+    poses = [dietmaier.poses(sought(robot, 1500, seed).q) for seed in (7, 8)]
     assert len(poses[0]) == len(poses[1]) == dietmaier.REAL
     apart = np.abs(poses[0][:, None] - poses[1][None]).max(axis=2)
     assert (apart.min(axis=1) < SAME).all()
@@ -107,7 +124,7 @@ COUNTED = {
 def test_known_numbers_of_postures(claim: Claim, name: str) -> None:
     """As many as the literature counts, home first."""
     robot = build_robot(shipped(name))
-    found = hybridyn.assemblies(robot, motors=at_home(robot))
+    found = hybridyn.assemblies(robot, motors=at_home(robot), starts=300)
     claim(f"{name} at home", "postures missing", abs(COUNTED[name] - len(found.q)), 0)
     claim(f"{name} at home", "closure residual", found.residual.max(), CLOSED)
     home = hybridyn.assemble(robot, motors=at_home(robot))[0]
@@ -119,27 +136,35 @@ def home_pose(robot: HybridRobot) -> dict[str, object]:
     return {platform: of_link(robot, robot.home[None], zero, zero, platform, robot.description.root)[0][0]}
 
 
+@pytest.mark.slow
 def test_a_platform_pose_leaves_the_legs_their_ways() -> None:
     """Each UPS leg reaches its point with its slide out or, beyond its limits, backwards through the foot.
 
-    The two ways in which a universal joint points a straight leg are one. A Delta's elbows are in or out.
+    The two ways in which a universal joint points a straight leg are one.
     """
     robot = build_robot(shipped("gough_stewart"))
     found = hybridyn.assemblies(robot, platforms=home_pose(robot), starts=3000)
     assert len(found.q) == 2**6
     assert found.within_limits.sum() == found.within_limits[0] == 1
+
+
+def test_a_platform_pose_leaves_elbows_in_or_out() -> None:
     delta = build_robot(shipped("delta"))
-    found = hybridyn.assemblies(delta, platforms=home_pose(delta))
+    found = hybridyn.assemblies(delta, platforms=home_pose(delta), starts=200)
     arms = np.array([position(delta, motor, found.q) for motor in delta.motors]).T
     assert len(np.unique(np.round(arms, 6), axis=0)) == 2**3
 
 
 def test_stacked_modules_multiply() -> None:
-    """The two modules of Tanev's robot have 16 and 2 postures: 32 together; too many are refused."""
+    """The two modules of Tanev's robot have 16 and 2 postures: 32 together."""
     tanev = build_robot(shipped("tanev"))
-    found = hybridyn.assemblies(tanev, motors=at_home(tanev))
+    found = hybridyn.assemblies(tanev, motors=at_home(tanev), starts=300)
     assert len(found.q) == 32
     assert closure_residual(tanev, found.q).max() <= CLOSED
+
+
+@pytest.mark.slow
+def test_too_many_stacked_postures_are_refused() -> None:
     lx4 = build_robot(shipped("lx4"))
     with pytest.raises(
         AssemblyError, match=r"postures or more.*limit 10000.*Give the poses of some platforms"
@@ -148,9 +173,9 @@ def test_stacked_modules_multiply() -> None:
 
 
 def test_what_is_out_of_reach_has_no_posture() -> None:
-    robot = dietmaier.robot()
+    lengths = dietmaier.LENGTHS * np.array([1, 9, 1, 1, 1, 1])
     with pytest.raises(AssemblyError, match="do not close at sample 0"):
-        hybridyn.assemblies(robot, motors=dietmaier.motors(dietmaier.LENGTHS * np.array([1, 9, 1, 1, 1, 1])))
+        hybridyn.assemblies(dietmaier.robot(), motors=dietmaier.motors(lengths), starts=20)
 
 
 def test_wrong_arguments_are_named() -> None:
@@ -164,6 +189,6 @@ def test_wrong_arguments_are_named() -> None:
 
 
 def test_the_command_line_counts_postures_by_module(capsys: pytest.CaptureFixture[str]) -> None:
-    out = call(capsys, "info", ROOT / "urdf/rps3.urdf.xacro", "--assemblies", "500").out
-    assert "postures with the motors as at home, from 500 random starts each:" in out
-    assert "m1_platform: 16 postures, the rarest from 5 starts" in out
+    out = call(capsys, "info", ROOT / "urdf/five_bar.urdf.xacro", "--assemblies", "200").out
+    assert "postures with the motors as at home, from 200 random starts each:" in out
+    assert "2 postures, the rarest from " in out

@@ -6,11 +6,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from comparing import close_to
 
 import hybridyn
 from hybridyn import ActuationError, AssemblyError, HybridRobot, TrajectoryError
 from hybridyn.spatial import Array, rotation_from_quaternion
+from tests.comparing import close_to
 
 FALLING = ("lx4", "delta", "snake")
 NOISE = 1e-17

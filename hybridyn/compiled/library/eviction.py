@@ -54,7 +54,8 @@ def remove_unused(at: Path) -> None:
         if not alone:  # whoever holds it removes too, or the next build will
             return
         _remove_libraries(at / "libraries")
-        for path in [*at.glob("building-*"), *at.glob("*/tmp*")]:
+        drafts = (path for name in ("keys", "models", "libraries") for path in (at / name).glob("tmp*"))
+        for path in [*at.glob("building-*"), *drafts]:  # others' builds come and go: do not look into them
             if _age(path) > ABANDONED:
                 shutil.rmtree(path, ignore_errors=True)
                 _remove(path)

@@ -1,0 +1,41 @@
+"""What several tests need and takes long: computed once a session, for all its workers."""
+
+from __future__ import annotations
+
+import fcntl
+import functools
+import os
+import pickle
+from collections.abc import Callable
+from pathlib import Path
+from typing import TypeVar
+
+T = TypeVar("T")
+
+#: Environment variable that names the session's folder; the process that starts the workers sets it.
+VARIABLE = "HYBRIDYN_TESTS_FOLDER"
+
+
+def folder() -> Path:
+    """Return the folder that all processes of this session share."""
+    return Path(os.environ[VARIABLE])
+
+
+def once(name: str, make: Callable[[], T]) -> T:
+    """Return what `make` gives, which is called by one process only.
+
+    Args:
+        name: What it is, a file's name.
+        make: Makes it; the answer must travel by pickle.
+    """
+    with open(folder() / f"{name}.lock", "w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        path = folder() / f"{name}.pickle"
+        if not path.exists():
+            path.write_bytes(pickle.dumps(make()))
+    return _read(path)  # type: ignore[no-any-return]
+
+
+@functools.lru_cache(maxsize=64)
+def _read(path: Path) -> object:
+    return pickle.loads(path.read_bytes())
