@@ -7,6 +7,7 @@ problem on its tree after the cuts; the wrists that were cut follow from the bod
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -23,6 +24,7 @@ from ..structure.mechanism import Mechanism
 from ..structure.module import Module
 from ..structure.robot import HybridRobot
 from ..threads import one_thread
+from ..winding import winding_of
 from .determinacy import check_determined, full_rank_blocks, refuse_unbounded
 from .follow import Task, follow
 from .module_request import ModuleRequest, module_request
@@ -45,7 +47,8 @@ def assemble(
     Args:
         robot: The robot.
         motors: For each joint by name (position, rate, acceleration), each a number or shape (T,), [m or rad
-            and per second]; rates and accelerations may be left out (zero).
+            and per second]; rates and accelerations may be left out (zero). Positions of endless joints count
+            whole turns: they tell how often the gears (`<mimic>`, `<coupling>`) on them have turned.
         platforms: For each "link" (relative to the root link) or "link@other" (relative to another link)
             (pose, twist, acceleration). The pose is shape (7,) or (T, 7), x, y, z, qx, qy, qz, qw; the twist
             (T, 6) the velocity of the link's origin and its angular velocity relative to the other link, in
@@ -109,12 +112,25 @@ def place_base(robot: HybridRobot, requests: Requests, q: Array, v: Array, a: Ar
 
 
 def _assemble_module(
-    robot: HybridRobot, module: Module, request: ModuleRequest, q: Array, v: Array, a: Array
+    robot: HybridRobot,
+    module: Module,
+    request: ModuleRequest,
+    q: Array,
+    v: Array,
+    a: Array,
+    *,
+    anchored: bool = False,
 ) -> None:
-    """Assemble one module at all samples, into q, v, a of the robot."""
+    """Assemble one module at all samples, into q, v, a of the robot.
+
+    `anchored` where the first sample is the posture in q, whatever turns of its gears led there.
+    """
     m = module.mechanism
     task = module_task(robot, module, request)
     start = m.cut(q[:1, module.q_index], None, None, m.spanning.sweep(q[:1, module.q_index]))[0][0]
+    if anchored and task.problem.winding is not None:
+        winding = task.problem.winding.anchored(start, task.known)
+        task = replace(task, problem=replace(task.problem, winding=winding))
     x = settled(m, follow(task, start))
     x_dot, x_ddot = _rates_and_accelerations(module, task.problem, request, x)
     target = m.tree.sweep(x, x_dot, x_ddot)
@@ -137,9 +153,8 @@ def module_task(robot: HybridRobot, module: Module, request: ModuleRequest) -> T
     generic = problem.matrix(m.tree.sweep(m.postures))
     rank = check_determined(module, problem, generic)
     blocks = full_rank_blocks(generic, free)
-    problem = LoopProblem(
-        m.closures, m.reduction.row_scale, m.reduction.col_scale, free, request.targets, rank, blocks
-    )
+    winding = winding_of(m.closures, request.known, request.given, request.angles)
+    problem = replace(problem, rank=rank, blocks=blocks, winding=winding)
     names = [module.row_name(i) for i in range(m.closures.rows)]
     names += [
         f"target on '{n}'" for t, n in zip(request.targets, request.names, strict=True) for _ in t.units
@@ -249,7 +264,7 @@ def move_module(robot: HybridRobot, number: int, joints: Mapping[str, float], gu
     path = {name: np.array([_position(robot, q[0], name), value]) for name, value in joints.items()}
     requests = gather_requests(robot, path, {})
     request = module_request(requests, robot, number, robot.bodies.place[module.base][0], {})
-    _assemble_module(robot, module, request, q, *np.zeros((2, 2, robot.nv)))
+    _assemble_module(robot, module, request, q, *np.zeros((2, 2, robot.nv)), anchored=True)
     posture: Array = q[1]
     return posture
 

@@ -58,6 +58,8 @@ class Task:
         for joint in self.given:
             at = self.problem.tree.q_slices[joint]
             q[:, at] = self.known[samples, at]
+        if self.problem.winding is not None:
+            self.problem.winding.follow(q, samples)
         return q
 
     def solve(self, q: Array, samples: Index) -> Closed:
@@ -84,7 +86,9 @@ class Task:
         known = tree.integrate(start, fractions[:, None] * whole)
         known[fractions == 1.0] = self.known[sample + 1]
         targets = [t.between(sample, fractions) for t in self.problem.targets]
-        return replace(self, problem=replace(self.problem, targets=targets), known=known)
+        winding = self.problem.winding
+        winding = None if winding is None else winding.between(sample, fractions, known)
+        return replace(self, problem=replace(self.problem, targets=targets, winding=winding), known=known)
 
 
 def follow(task: Task, guess: Array, *, keep_branch: bool = True) -> Array:
@@ -156,13 +160,20 @@ def first_posture(task: Task, guess: Array) -> Array:
 def _on_branch_of(task: Task, guess: Array, found: Array) -> Array:
     """Give the posture that a walk from the guess reaches, or the one found where the guess's branch ends."""
     problem = task.problem
-    loops = replace(problem, free=np.ones(problem.tree.nv, dtype=bool), targets=(), rank=None, blocks=())
+    everything = np.ones(problem.tree.nv, dtype=bool)
+    loops = replace(problem, free=everything, targets=(), rank=None, blocks=(), winding=None)
     start = close(loops, guess[None])
     if start.residual[0] > task.tolerance:
         return found
     motion = problem.tree.sweep(start.q)
     targets = [t.from_here(motion) for t in problem.targets]
-    way = replace(task, problem=replace(problem, targets=targets), known=np.vstack([start.q, task.known[:1]]))
+    known = np.vstack([start.q, task.known[:1]])
+    winding = None if problem.winding is None else problem.winding.from_posture(start.q[0], known)
+    way = replace(
+        task,
+        problem=replace(problem, targets=targets, winding=winding),
+        known=known,
+    )
     path = np.vstack([start.q, found])
     if _steps_as_predicted(way, path, np.zeros(1, dtype=int))[0]:
         return found
@@ -246,6 +257,8 @@ def _steps_as_predicted(task: Task, q: Array, samples: Index) -> Mask:
     off = tree.difference(predicted, q[samples + 1]) / problem.col_scale
     size = np.abs(dx).max(axis=1, initial=0.0)
     out: Mask = np.abs(off).max(axis=1, initial=0.0) <= SAME_BRANCH * size + SMALL
+    if problem.winding is not None:
+        out &= problem.winding.keeps_sheets(tree.difference(q[samples], q[samples + 1]), samples)
     rest = np.flatnonzero(out & (size > SMALL))
     if len(rest):
         there = problem.matrix(tree.sweep(q[samples[rest] + 1]), every=False)

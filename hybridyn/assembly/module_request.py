@@ -34,6 +34,7 @@ class ModuleRequest:
         given: Joints whose positions are given.
         targets: Poses of other bodies.
         names: Links of the targets.
+        angles: Positions given of endless joints, whole turns counted, shape (T,) each, [rad].
     """
 
     mechanism: Mechanism
@@ -43,6 +44,7 @@ class ModuleRequest:
     given: list[int] = field(default_factory=list)
     targets: list[Target] = field(default_factory=list)
     names: list[str] = field(default_factory=list)
+    angles: dict[int, Array] = field(default_factory=dict)
 
     def give_joint(self, joint: int, wanted: Array, name: str) -> None:
         """Enter a joint's position, rate and acceleration, shape (3, T).
@@ -59,6 +61,7 @@ class ModuleRequest:
         at, to = m.tree.q_slices[joint], m.tree.v_slices[joint]
         if kind == "continuous":
             self.known[:, at.start], self.known[:, at.start + 1] = np.cos(position), np.sin(position)
+            self.angles[joint] = position
         else:
             self.known[:, at.start] = position
         self.known_v[:, to.start], self.known_a[:, to.start] = rate, acceleration

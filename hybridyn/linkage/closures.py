@@ -36,6 +36,9 @@ from ..spatial import (
 )
 from .tree import Motion, Tree
 
+#: A ratio of coefficients is a fraction of few digits where the two differ by this part, rounding of the
+#: file's decimals. More than `DIGITS` digits leave no phase of a gear that could be told from the next.
+FRACTION, DIGITS = 1e-13, 6
 ROTATION_ROWS = {"free": 0, "perpendicular": 1, "parallel": 2, "fixed": 3}
 
 
@@ -197,13 +200,22 @@ class _Group:
 
 
 def common_measure(numbers: list[float]) -> float:
-    """Return the largest number that divides all, their ratios taken as small fractions; 0 for none."""
+    """Return the largest number that divides all, their ratios taken as fractions; 0 for none."""
     sizes = [abs(x) for x in numbers if x]
     if not sizes:
         return 0.0
-    ratios = [Fraction(x / sizes[0]).limit_denominator(1000) for x in sizes]
+    ratios = [_fraction(x / sizes[0]) for x in sizes]
     denominator = lcm(*(r.denominator for r in ratios))
     return sizes[0] * gcd(*(int(r * denominator) for r in ratios)) / denominator
+
+
+def _fraction(x: float) -> Fraction:
+    """Return the simplest fraction that is x to `FRACTION`."""
+    exact = Fraction(x)
+    rough = (exact.limit_denominator(10**digits) for digits in range(1, DIGITS))
+    return next(
+        (f for f in rough if abs(f - exact) <= FRACTION * abs(exact)), exact.limit_denominator(10**DIGITS)
+    )
 
 
 def involved(tree: Tree, closure: TreeClosure) -> Mask:

@@ -15,6 +15,7 @@ from functools import cached_property
 import numpy as np
 
 from ..spatial import Array, Index, Mask
+from ..winding import Winding
 from .closures import Closures
 from .elimination import back_substitute, pivot_ratio, pivoted_qr
 from .reduction import RANK_TOLERANCE, Block
@@ -64,6 +65,7 @@ class LoopProblem:
         targets: Poses that bodies shall take, one more set of rows each.
         rank: Number of singular values that count; those above `RANK_TOLERANCE` where None.
         blocks: Blocks of full column rank that hold every free freedom; empty for one dense step.
+        winding: Whole turns that the positions given tell, or None where none matter.
     """
 
     closures: Closures
@@ -73,6 +75,7 @@ class LoopProblem:
     targets: Sequence[Target] = ()
     rank: int | None = None
     blocks: Sequence[Block] = ()
+    winding: Winding | None = None
 
     @property
     def tree(self) -> Tree:
@@ -88,7 +91,10 @@ class LoopProblem:
         """Return the scaled residuals at samples (numbers into the targets), shape (T, rows)."""
         motion = motion or self.tree.sweep(q)
         rows = [t.residual(motion, samples) / t.units for t in self.targets]
-        return np.concatenate([self.closures.residual(q, motion) * self.row_scale, *rows], axis=1)
+        loops = self.closures.residual(q, motion)
+        if self.winding is not None:
+            self.winding.correct(loops, q, samples)
+        return np.concatenate([loops * self.row_scale, *rows], axis=1)
 
     @cached_property
     def moving(self) -> Closures:

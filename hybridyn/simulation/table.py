@@ -43,7 +43,7 @@ def rows_of(robot: HybridRobot, result: Result) -> Array:
         i = robot.joint_index[name]
         freedoms = robot.v_slices[i]
         parts += [
-            _position(kind, result.q[:, robot.q_slices[i]]),
+            _position(kind, result.t, result.q[:, robot.q_slices[i]], result.v[:, freedoms]),
             result.v[:, freedoms],
             result.a[:, freedoms],
         ]
@@ -83,9 +83,11 @@ def _joints(robot: HybridRobot) -> list[tuple[str, str]]:
     return [(name, kind) for i, (name, kind) in enumerate(pairs) if i or robot.base == "fixed"]
 
 
-def _position(kind: str, q: Array) -> Array:
-    """Return positions as tables hold them: an angle for cosine and sine, without jumps."""
+def _position(kind: str, t: Array, q: Array, v: Array) -> Array:
+    """Give positions as tables hold them: an angle for cosine and sine, whole turns counted by the rates."""
     if kind not in ("continuous", "planar"):
         return q
-    angle = np.unwrap(np.arctan2(q[:, -1], q[:, -2]))
+    angle = np.arctan2(q[:, -1], q[:, -2])
+    turned = np.diff(t) * (v[1:, -1] + v[:-1, -1]) / 2
+    angle[1:] += 2 * np.pi * np.cumsum(np.round((turned - np.diff(angle)) / (2 * np.pi)))
     return np.column_stack([q[:, :-2], angle])
