@@ -2,12 +2,12 @@
 
 Several processes work on neighbouring blocks at once. A trajectory must stay on its assembly branch from
 block to block, so each block has the row before it in front: its posture must be the one that the block
-before ended in. Where it is not, the block is done again from there.
+before ended in. Where it is not, the block is done again from there. One process goes about it in the same
+way, and blocks do not depend on the number of processes: so the results have the same bits.
 """
 
 from __future__ import annotations
 
-import math
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
@@ -27,8 +27,7 @@ if TYPE_CHECKING:
 SAME_POSTURE = 1e-9  # relative; two closed postures on one branch agree to rounding, two branches to nothing
 LONG_TABLE = 300_000  # numbers: some three seconds of work for one process
 NUMBERS_AT_ONCE = 84_000  # positions of a block: its arrays stay near the cache, which processes share
-MOST_ROWS = 2_000  # in a block
-ROUNDING_UP = 1.05  # the number of rows is estimated: better a last block that is short than one more
+MOST_ROWS = 500  # in a block: enough for a batch, few enough for several processes to share a short table
 BLIND = 2  # blocks in a row that were done again: more guesses are not worth making
 
 
@@ -154,19 +153,9 @@ def blocks(motions: Iterable[Motion], rows: int, connected: bool) -> Iterator[Bl
             before = own.part(own.size - 1, own.size) if connected else None
 
 
-def rows_at_once(robot: HybridRobot, jobs: int, expected: int | None) -> int:
-    """Return how many rows make a block: fewer for a large robot; with several processes equal shares.
-
-    Args:
-        robot: The robot.
-        jobs: Number of processes.
-        expected: About how many rows there are, or None.
-    """
-    most = max(1, min(MOST_ROWS, NUMBERS_AT_ONCE // max(robot.nq, 1)))
-    if not expected or jobs <= 1:
-        return most
-    rounds = math.ceil(expected / (jobs * most))
-    return min(most, math.ceil(expected * ROUNDING_UP / (jobs * rounds)))
+def rows_at_once(robot: HybridRobot) -> int:
+    """Return how many rows make a block: fewer for a large robot, whatever the number of processes."""
+    return max(1, min(MOST_ROWS, NUMBERS_AT_ONCE // max(robot.nq, 1)))
 
 
 def in_order(work: Work, given: Iterable[Block], workers: Workers) -> Iterator[Done]:
@@ -198,7 +187,7 @@ def in_order(work: Work, given: Iterable[Block], workers: Workers) -> Iterator[D
         if chain.blind or not workers:
             while waiting:
                 yield chain.link(waiting.popleft(), workers.take())
-            yield chain.do(block)
+            yield chain.alone(block)
             continue
         free = workers.take() if len(waiting) == len(workers) else None
         workers.give((block, None))
@@ -223,6 +212,16 @@ class _Chain:
         """Whether guesses do not help: postures depend on the way to them (a rod that spins freely)."""
         return self.missed >= BLIND
 
+    def alone(self, block: Block) -> Done:
+        """Do a block here, as another process would."""
+        if self.blind or not block.lead:
+            return self.do(block)
+        try:
+            result: Done | Failure = self.work(block, None)
+        except HybridynError as error:
+            result = Failure(error)
+        return self.link(block, result)
+
     def do(self, block: Block) -> Done:
         """Do a block here, from where the one before ended."""
         done = self.work(block, self.last if block.lead else None)
@@ -233,6 +232,8 @@ class _Chain:
         """Take what another process made of a block, or do it again where that went another way."""
         if isinstance(result, Failure) and not block.lead:
             raise result.error
+        if self.blind and block.lead:  # given before anybody knew: one process would not have tried
+            return self.do(block)
         if isinstance(result, Failure) or not self._goes_on(block, result):
             self.missed += 1
             return self.do(block)

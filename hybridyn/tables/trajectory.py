@@ -47,10 +47,15 @@ class Motion:
     efforts: dict[str, Array] = field(default_factory=dict)
 
     def part(self, start: int, stop: int) -> Motion:
-        """Return the rows from `start` to before `stop`, counted from 0."""
+        """Return the rows from `start` to before `stop`, counted from 0, in memory of their own.
+
+        NumPy's sine of every n-th number is not that of neighbours to the last bit: rows that travelled to
+        another process, packed, would come to other results.
+        """
         rows = slice(start, stop)
         size = len(range(self.size)[rows])
-        return Motion(self.first_row + start, size, *_each(lambda x: x[rows], self._content()))
+        content = _each(lambda x: np.array(x[rows], order="C"), self._content())
+        return Motion(self.first_row + start, size, *content)
 
     def after(self, before: Motion) -> Motion:
         """Return these rows with those that come before them in front."""

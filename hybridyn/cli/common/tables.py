@@ -211,7 +211,7 @@ def run(
         planned = plan(robot, layout, table.rows)
         work = Work(robot, layout, planned.model)
         workers.prepare(work)
-        rows = rows_at_once(robot, len(workers), table.rows)
+        rows = rows_at_once(robot)
         connected = layout.time is not None and not layout.full_state
         loaded = time.perf_counter()
         given = blocks(read_motions(table, layout), rows, connected)
