@@ -14,6 +14,7 @@ import numpy as np
 
 from ..errors import AssemblyError
 from ..linkage.newton import ROUNDING, SMALLEST_STEP, Closed, LoopProblem, close
+from ..linkage.winding import winding_of
 from ..spatial import Array, Index, Mask
 
 #: A step between samples may differ from the predicted one by this part of it, plus `SMALL`.
@@ -137,6 +138,19 @@ def first_posture(task: Task, guess: Array) -> Array:
     Raises:
         AssemblyError: Nothing closes; with the best residual.
     """
+    winding = task.problem.winding
+    if winding is not None and winding.in_doubt:
+        try:
+            return _first_posture(
+                replace(task, problem=replace(task.problem, winding=winding.near(guess))), guess
+            )
+        except AssemblyError:  # the sheets of the guess may be too far for Newton: take any
+            pass
+    return _first_posture(task, guess)
+
+
+def _first_posture(task: Task, guess: Array) -> Array:
+    """Return what `first_posture` does, whatever the sheets of gears whose turns are unknown."""
     tree = task.problem.tree
     result = task.solve(guess[None], np.zeros(1, dtype=int))
     if task.closed(result)[0]:
@@ -161,7 +175,9 @@ def _on_branch_of(task: Task, guess: Array, found: Array) -> Array:
     """Give the posture that a walk from the guess reaches, or the one found where the guess's branch ends."""
     problem = task.problem
     everything = np.ones(problem.tree.nv, dtype=bool)
-    loops = replace(problem, free=everything, targets=(), rank=None, blocks=(), winding=None)
+    winding = winding_of(problem.closures, guess[None], (), {})
+    winding = None if winding is None else winding.near(guess)
+    loops = replace(problem, free=everything, targets=(), rank=None, blocks=(), winding=winding)
     start = close(loops, guess[None])
     if start.residual[0] > task.tolerance:
         return found

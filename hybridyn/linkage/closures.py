@@ -14,9 +14,11 @@ loops closed. A coupling is one more row, constant, without drift.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass, field
 from fractions import Fraction
+from functools import lru_cache
 from math import gcd, lcm
 
 import numpy as np
@@ -199,8 +201,14 @@ class _Group:
         )
 
 
-def common_measure(numbers: list[float]) -> float:
+def common_measure(numbers: Sequence[float]) -> float:
     """Return the largest number that divides all, their ratios taken as fractions; 0 for none."""
+    return _measure(tuple(numbers))
+
+
+@lru_cache(maxsize=1024)
+def _measure(numbers: tuple[float, ...]) -> float:
+    """Return what `common_measure` does: small numbers of the same few couplings, asked for at every step."""
     sizes = [abs(x) for x in numbers if x]
     if not sizes:
         return 0.0
@@ -219,7 +227,7 @@ def _fraction(x: float) -> Fraction:
 
 
 def involved(tree: Tree, closure: TreeClosure) -> Mask:
-    """Say which freedoms of the tree move frame B relative to frame A, shape (nv,)."""
+    """Return which freedoms of the tree move frame B relative to frame A, shape (nv,)."""
     out: Mask = tree.support[closure.body_a] ^ tree.support[closure.body_b]
     return out
 
@@ -265,7 +273,7 @@ class Closures:
         return out
 
     def _coupling_residual(self, coupling: TreeCoupling, q: Array) -> Array:
-        """Give by how much a coupling is off, shape (T,), in the unit of its coefficients times positions."""
+        """Return by how much a coupling is off, shape (T,), in its coefficients' unit times positions."""
         total = np.full(len(q), -coupling.offset)
         endless = []
         for joint, coefficient in coupling.terms:

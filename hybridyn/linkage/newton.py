@@ -15,12 +15,12 @@ from functools import cached_property
 import numpy as np
 
 from ..spatial import Array, Index, Mask
-from ..winding import Winding
 from .closures import Closures
 from .elimination import back_substitute, pivot_ratio, pivoted_qr
 from .reduction import RANK_TOLERANCE, Block
 from .targets import Target
 from .tree import Motion, Tree
+from .winding import Winding
 
 #: Longest step of one iteration in scaled coordinates [rad, module lengths].
 LONGEST_STEP = 0.5

@@ -61,6 +61,21 @@ class Retraction:
             xi[to] = tree.difference(q0[None, at], q1[None, at])[0]
         return xi
 
+    def unwound(self, xi: Array, moved: Array) -> Array:
+        """Return a displacement with the whole turns added that bring it nearest to another, shape (nv,)."""
+        out = xi.copy()
+        for _, kind, _, to in self._others:
+            if kind in ("continuous", "planar"):
+                at = to.stop - 1
+                out[at] += 2 * np.pi * np.round((moved[at] - xi[at]) / (2 * np.pi))
+                continue
+            r = xi[to.stop - 3 : to.stop]
+            angle = float(np.linalg.norm(r))
+            if angle > 0:
+                further = float(moved[to.stop - 3 : to.stop] @ r) / angle - angle
+                out[to.stop - 3 : to.stop] += r / angle * (2 * np.pi * np.round(further / (2 * np.pi)))
+        return out
+
     def pull(self, xi: Array, v: Array) -> Array:
         """Return xi_dot = T(xi)^-1 v, shapes (nv,) and (nv,) or (nv, k)."""
         return self._map(xi, v, inverse=True)

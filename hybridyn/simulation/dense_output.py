@@ -58,7 +58,8 @@ class Between:
         retraction = self._system.manifold.retraction
         h = self._after.t - self._before.t
         a0, a1 = (self._acceleration(s) for s in (self._before, self._after))
-        xi = retraction.difference(self._before.q, self._after.q)
+        moved = h * (self._before.v + self._after.v) / 2
+        xi = retraction.unwound(retraction.difference(self._before.q, self._after.q), moved)
         rate = retraction.pull(xi, self._after.v)
         second0, second1 = a0, retraction.pull(xi, a1)
         if not retraction.flat:

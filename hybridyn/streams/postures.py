@@ -101,7 +101,7 @@ def _assembled(robot: HybridRobot, motion: Motion, guess: Array | None) -> tuple
     import hybridyn
 
     if motion.time is not None:
-        from ..wrapped_angles import refuse_wrapped
+        from ..assembly.wrapped_angles import refuse_wrapped
 
         refuse_wrapped(robot, motion.time, motion.joints)
         return hybridyn.assemble(robot, motors=motion.joints, platforms=motion.platforms, guess=guess)

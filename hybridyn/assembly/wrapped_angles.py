@@ -6,10 +6,10 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from .errors import AssemblyError
-from .spatial import Array
-from .structure.robot import HybridRobot
-from .winding import tells_turns
+from ..errors import AssemblyError
+from ..linkage.winding import tells_turns
+from ..spatial import Array
+from ..structure.robot import HybridRobot
 
 
 def refuse_wrapped(robot: HybridRobot, time: Array, joints: Mapping[str, tuple[Array, ...]]) -> None:

@@ -14,15 +14,17 @@ zero itself, and not up to that period.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from .linkage.closures import Closures, TreeCoupling, common_measure
-from .spatial import Array, Index, Mask
+from ..spatial import Array, Index, Mask
+from .closures import Closures, TreeCoupling, common_measure
 
 #: Periods are the same where they differ by less than this part: rounding of their quotient.
 ROUNDING = 1e-9
+#: A posture stands on a sheet where it misses it by no more than this; else it stands on none.
+ON_SHEET = 1e-9
 #: A motion may begin so many turns from the first position given; farther off it begins within half a turn.
 MOST_TURNS = 2.0
 
@@ -81,7 +83,7 @@ class Gear:
         return total - self.period * np.round(total / self.period) if self.period else total
 
     def keeps_sheet(self, step: Array, samples: Index) -> Mask:
-        """Say whether steps of the joints, shape (T, nv), from samples to the next stay on their sheet."""
+        """Return whether joint steps, shape (T, nv), from samples to the next stay on their sheet."""
         if self.follower is not None or not self.period:
             return np.ones(len(step), dtype=bool)
         total = self.given[samples + 1] - self.given[samples]
@@ -89,6 +91,20 @@ class Gear:
             total = total + term.weight * step[:, term.to]
         out: Mask = np.abs(total) < self.period / 2
         return out
+
+    def near(self, q: Array) -> Gear:
+        """Return the gear with its turns counted as in a posture, shape (nq,), where they are unknown."""
+        if self.follower is not None or not self.period:
+            return self
+        at = np.zeros(1, dtype=int)
+        alone = [float(term.position(q[None], at)[0]) for term in self.terms]
+        total = float(self.given[0]) + sum(t.weight * x for t, x in zip(self.terms, alone, strict=True))
+        sheet = self.period * round(total / self.period)
+        given = self.given - (sheet if abs(total - sheet) <= ON_SHEET else 0.0)
+        terms = tuple(
+            replace(t, turned=np.full(len(given), x)) for t, x in zip(self.terms, alone, strict=True)
+        )
+        return replace(self, given=given, terms=terms, period=0.0, told=True)
 
 
 @dataclass(frozen=True)
@@ -127,14 +143,14 @@ class Winding:
                     q[:, term.at] = x
 
     def keeps_sheets(self, step: Array, samples: Index) -> Mask:
-        """Say which steps of the joints, shape (T, nv), from samples to the next stay on their sheets."""
+        """Return which steps of the joints, shape (T, nv), from samples to the next stay on their sheets."""
         out = np.ones(len(step), dtype=bool)
         for gear in self.gears:
             out &= gear.keeps_sheet(step, samples)
         return out
 
     def between(self, sample: int, fractions: Array, known: Array) -> Winding | None:
-        """Give the winding on the way from a sample to the next; enter its angles into `known`, in place."""
+        """Return the winding on the way from a sample to the next; enter its angles into `known`."""
         angles = {}
         for joint, x in self.angles.items():
             way = x[sample] + fractions * (x[sample + 1] - x[sample])
@@ -161,8 +177,20 @@ class Winding:
         off = [0.0 if way is None else way._off(q) for way in ways]
         return ways[0] if far or off[0] <= off[1] + ROUNDING else ways[1]
 
+    @property
+    def in_doubt(self) -> bool:
+        """True where nothing but a posture before tells the turns of some gear."""
+        return any(gear.follower is None and gear.period for gear in self.gears)
+
+    def near(self, q: Array) -> Winding:
+        """Return the winding for postures near one, shape (nq,), at the first sample: on its sheets.
+
+        Where it stands on none (the home posture may be open), that is the sheet of no whole turns.
+        """
+        return replace(self, gears=tuple(gear.near(q) for gear in self.gears))
+
     def anchored(self, q: Array, known: Array) -> Winding | None:
-        """Give the winding on the sheet of a closed posture, shape (nq,), at the first sample of `known`."""
+        """Return the winding on the sheet of a closed posture, shape (nq,), at the first sample."""
         at = np.zeros(1, dtype=int)
         shift = self.shift.copy()
         first = self.closures.rows - len(shift)
@@ -192,8 +220,8 @@ def _nearest(angle: Array, near: Array) -> Array:
 
 
 def tells_turns(unknown: Sequence[float], known: Sequence[float]) -> bool:
-    """Say whether turns that are known decide a coupling, from the coefficients of its endless joints."""
-    period, least = common_measure(list(unknown)), common_measure([*unknown, *known])
+    """Return whether known turns decide a coupling, from the coefficients of its endless joints."""
+    period, least = common_measure(unknown), common_measure([*unknown, *known])
     return bool(known) and not abs(period - least) <= ROUNDING * least
 
 

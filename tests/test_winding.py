@@ -1,0 +1,197 @@
+"""Gears between endless joints: positions given count whole turns, at any ratio and any spacing of rows."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import hybridyn
+from hybridyn.assembly.assemble import move_module
+from hybridyn.errors import AssemblyError
+from hybridyn.linkage.closures import common_measure
+from hybridyn.streams import blocks as blocks_file
+from hybridyn.structure.robot import HybridRobot
+from tests.command_line import call, read_table, table_text
+
+RATIOS = (3.14, 2.37, 1.234, 0.558, -3.0, 1 / 3, 0.55834)
+OFFSET = 0.2
+ROUNDING = 1e-11  # an angle of some hundred turns has lost two digits or three
+
+
+def link(name: str) -> str:
+    return (
+        f'<link name="{name}"><inertial><origin xyz="0.1 0.02 0"/><mass value="1"/>'
+        '<inertia ixx=".01" iyy=".02" izz=".03" ixy="0" ixz="0" iyz="0"/></inertial></link>'
+    )
+
+
+def joint(name: str, kind: str, parent: str, child: str, more: str = "", at: str = "0 0 0") -> str:
+    axis = "1 0 0" if kind == "prismatic" else "0 1 0"
+    return (
+        f'<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>'
+        f'<origin xyz="{at}"/><axis xyz="{axis}"/>{more}'
+        '<limit lower="-9e3" upper="9e3" effort="1" velocity="1"/></joint>'
+    )
+
+
+def mimic(leader: str, ratio: float, offset: float = 0.0) -> str:
+    return f'<mimic joint="{leader}" multiplier="{ratio}" offset="{offset}"/>'
+
+
+def robot(folder: Path, *parts: str, motor: str = "drive") -> HybridRobot:
+    path = folder / "geared.urdf"
+    path.write_text("\n".join(['<robot name="geared">', *parts, "</robot>"]))
+    return hybridyn.load(path, motors=[motor])
+
+
+def gear(folder: Path, ratio: float, kind: str = "continuous") -> HybridRobot:
+    """Two joints on one base."""
+    drive, follower = joint("drive", "continuous", "b", "d"), mimic("drive", ratio, OFFSET)
+    parts = [link("b"), link("d"), link("f"), drive, joint("follower", kind, "b", "f", follower, "1 0 0")]
+    return robot(folder, *parts)
+
+
+def crank(folder: Path, ratio: float, motor: str) -> HybridRobot:
+    """A slider-crank whose crank drives another joint through a gear."""
+    loop = (
+        '<loop name="l" type="revolute"><predecessor link="d"><origin xyz="0.3 0 0"/></predecessor>'
+        '<successor link="rod"><origin xyz="-1 0 0"/></successor><axis xyz="0 1 0"/></loop>'
+    )
+    parts = [link(name) for name in ("b", "s", "d", "rod", "f")]
+    parts += [joint("slide", "prismatic", "b", "s"), joint("crank", "continuous", "b", "d")]
+    parts += [joint("pin", "continuous", "s", "rod"), loop]
+    parts += [joint("follower", "continuous", "b", "f", mimic("crank", ratio), "0 0 1")]
+    return robot(folder, *parts, motor=motor)
+
+
+def position(robot: HybridRobot, q: np.ndarray, name: str) -> np.ndarray:
+    at = robot.q_slices[robot.joint_index[name]]
+    x = q[..., at]
+    return x[..., 0] if x.shape[-1] == 1 else np.arctan2(x[..., 1], x[..., 0])
+
+
+def folded(angle: np.ndarray) -> np.ndarray:
+    return (angle + np.pi) % (2 * np.pi) - np.pi
+
+
+# -------------------------------------------------------------------- positions given
+
+
+@pytest.mark.parametrize("ratio", RATIOS)
+def test_the_driven_joint_follows_at_any_spacing(tmp_path: Path, ratio: float) -> None:
+    geared = gear(tmp_path, ratio)
+    for spacing in (0.01, 0.08, 0.3, 1.0, 2.5, 4.0, 7.0):
+        x = -1.0 + spacing * np.arange(30)
+        q, v, a = hybridyn.assemble(geared, motors={"drive": (x, np.ones(30), np.ones(30))})
+        wanted = ratio * x + OFFSET
+        assert np.abs(folded(position(geared, q, "follower") - wanted)).max() < ROUNDING, spacing
+        last = hybridyn.assemble(geared, motors={"drive": x[-1]})[0]
+        assert abs(folded(position(geared, last, "follower") - wanted[-1])) < ROUNDING, spacing
+        hybridyn.idm(geared, q, v, a)  # and nobody finds the loops open
+
+
+@pytest.mark.parametrize("ratio", [3.14, 0.55834])
+def test_a_driven_joint_with_ends(tmp_path: Path, ratio: float) -> None:
+    geared = gear(tmp_path, ratio, "revolute")
+    x = 40.0 + 4.0 * np.arange(30)
+    q = hybridyn.assemble(geared, motors={"drive": x})[0]
+    assert position(geared, q, "follower") == pytest.approx(ratio * x + OFFSET, rel=1e-13)
+
+
+def test_gears_in_a_row(tmp_path: Path) -> None:
+    """The slide's position tells the turns of the first, and these those of the second."""
+    first = joint("first", "continuous", "b", "f", mimic("drive", 10.0, 0.2))
+    second = joint("second", "continuous", "b", "g", mimic("first", 3.14, 0.1))
+    parts = [*map(link, "bdfg"), joint("drive", "prismatic", "b", "d"), first, second]
+    geared = robot(tmp_path, *parts)
+    for spacing in (0.02, 0.5):
+        x = spacing * np.arange(1, 40)
+        q = hybridyn.assemble(geared, motors={"drive": x})[0]
+        assert np.abs(folded(position(geared, q, "first") - 10 * x - 0.2)).max() < ROUNDING
+        assert np.abs(folded(position(geared, q, "second") - 3.14 * (10 * x + 0.2) - 0.1)).max() < ROUNDING
+
+
+@pytest.mark.parametrize("motor", ["slide", "crank", "follower"])
+@pytest.mark.parametrize("ratio", [3.14, 0.558])
+def test_a_gear_on_a_joint_that_a_loop_moves(tmp_path: Path, ratio: float, motor: str) -> None:
+    geared = crank(tmp_path, ratio, motor)
+    turn = 0.3 + 0.8 * np.linspace(0, 1, 8)
+    reach = 0.3 * np.cos(turn) + np.sqrt(1 - (0.3 * np.sin(turn)) ** 2)
+    given = {"slide": reach, "crank": turn, "follower": ratio * turn}[motor]
+    start = hybridyn.assemble(geared, motors={"crank": turn[0]})[0]
+    q = hybridyn.assemble(geared, motors={motor: given}, guess=start)[0]
+    assert position(geared, q, "crank") == pytest.approx(turn, abs=1e-9)
+    assert np.abs(folded(position(geared, q, "follower") - ratio * position(geared, q, "crank"))).max() < 1e-9
+
+
+def test_moving_by_hand_goes_on_from_where_it_is(tmp_path: Path) -> None:
+    """A posture after two turns is moved on, and not laid on the sheet of no turns."""
+    geared = gear(tmp_path, 3.14)
+    q = hybridyn.assemble(geared, motors={"drive": 14.0})[0]
+    at = float(position(geared, q, "drive"))
+    moved = move_module(geared, 0, {"drive": at + 0.1}, q)
+    step = folded(position(geared, moved, "follower") - position(geared, q, "follower"))
+    assert step == pytest.approx(0.314, abs=1e-12)
+
+
+def test_fractions_of_any_size_are_measured() -> None:
+    for numbers, wanted in (([1.0, -3.14], 0.02), ([0.55834, 1.0], 2e-5), ([2.0, 3.0], 1.0), ([1.0], 1.0)):
+        assert common_measure(numbers) == pytest.approx(wanted, rel=1e-9)
+
+
+# -------------------------------------------------------------------- tables
+
+
+def test_jobs_find_the_turns_in_the_middle_of_a_table(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(blocks_file, "MOST_ROWS", 40)
+    gear(tmp_path, 3.14)
+    time = np.arange(200) / 100
+    path = tmp_path / "turns.csv"
+    path.write_text(table_text(["time", "drive/position"], np.column_stack([time, 7 + 20 * time])))
+    words = ["idm", tmp_path / "geared.urdf", "--motors", "drive", path, "--jobs"]
+    one, two = (call(capsys, *words, jobs) for jobs in (1, 2))
+    assert one.status == two.status == 0, one.err + two.err
+    assert one.out == two.out
+    x = 7 + 20 * read_table(one.out)["time"]
+    geared = hybridyn.load(tmp_path / "geared.urdf", motors=["drive"])
+    q, v, a = hybridyn.assemble(geared, motors={"drive": (x, np.full(200, 20.0))})
+    assert np.abs(folded(position(geared, q, "follower") - 3.14 * x - OFFSET)).max() < ROUNDING
+    tau = read_table(one.out)["drive/effort"]
+    assert np.abs(tau - hybridyn.idm(geared, q, v, a)[:, 0]).max() < 1e-8 * np.abs(tau).max()
+
+
+def test_angles_folded_into_one_turn_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    gear(tmp_path, 3.14)
+    time = np.arange(100) / 100
+    path = tmp_path / "folded.csv"
+    path.write_text(table_text(["time", "drive/position"], np.column_stack([time, folded(20 * time)])))
+    said = call(capsys, "idm", tmp_path / "geared.urdf", "--motors", "drive", path)
+    assert said.status == 1
+    assert "row 17" in said.err
+    assert "joint 'drive'" in said.err
+    assert "unwrap" in said.err
+    gear(tmp_path, -3.0)  # there whole turns tell nothing
+    assert call(capsys, "idm", tmp_path / "geared.urdf", "--motors", "drive", path).status == 0
+
+
+@pytest.mark.parametrize("rate", [3.0, 25.0])
+def test_tables_of_a_simulation_count_the_turns_between_their_rows(tmp_path: Path, rate: float) -> None:
+    """A joint that turns by more than half a turn from row to row."""
+    from hybridyn.simulation.table import columns_of, rows_of
+
+    geared = gear(tmp_path, 3.14)
+    q, v, _ = hybridyn.assemble(geared, motors={"drive": (0.1, 40.0, 0.0)})
+    times = np.arange(0, 1 + 1e-9, 1 / rate)
+    result = hybridyn.simulate(geared, q, v, times, effects=["inertia", "leg_inertia", "velocity"])
+    rows = dict(zip(columns_of(geared), rows_of(geared, result).T, strict=True))
+    drive, follower = rows["drive/position"], rows["follower/position"]
+    assert drive[-1] - drive[0] > 30
+    assert np.abs(np.diff(follower) - 3.14 * np.diff(drive)).max() < 1e-6
+
+
+def test_a_contradiction_is_an_error(tmp_path: Path) -> None:
+    geared = crank(tmp_path, 3.14, "crank")
+    with pytest.raises(AssemblyError):
+        hybridyn.assemble(geared, motors={"slide": 1.25, "crank": 2.0})
