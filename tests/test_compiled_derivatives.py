@@ -65,14 +65,10 @@ def test_along_a_closed_motion(robot: HybridRobot) -> None:
     np.testing.assert_allclose(found, jerk, atol=DIFFERENCES * max(np.abs(a).max(), np.abs(jerk).max()))
 
 
-<<<<<<< HEAD
-def test_models_are_quadratic_in_rates_and_linear_in_what_drives(robot: HybridRobot, own_cache: None) -> None:
-    """So that central differences of the models in C are exact however large the step."""
-=======
 @pytest.mark.parametrize("name", ["five_bar", slow("gough_stewart")])
-def test_complex_steps(name: str) -> None:
+def test_models_are_quadratic_in_rates_and_linear_in_what_drives(name: str) -> None:
+    """So that central differences of the models in C are exact however large the step."""
     robot = build_robot(shipped(name))
->>>>>>> 66e8344 (Make the tests quick and judge none by the clock)
     q, v, a, tau = (x[0] for x in random_states(robot, 1))
     library = load(list(programs(robot, models=("idm", "ddm"), parameters=True).values()))
     parameters = parameters_of(robot)

@@ -196,23 +196,6 @@ def test_wider_numbers_are_there_for_reference(number: str) -> None:
     assert 0 < np.abs(wide - a).max() < 1e-12
 
 
-<<<<<<< HEAD
-=======
-def test_complex_steps_give_derivatives() -> None:
-    program = one_kernel(
-        "smooth",
-        [X, Y],
-        [ca.sin(X) * Y, ca.atan2(Y, X), ca.fabs(X) * Y, ca.tanh(X / Y), ca.sqrt(X * X + Y), ca.erf(X)],
-    )
-    f = program.kernels[0].function
-    jacobian = ca.Function("jacobian", [X, Y], [ca.jacobian(f(X, Y), X)])
-    library = load([program], dtype="complex128")
-    for x, y in ((0.3, 0.8), (-0.7, 1.9)):
-        ((got,), _) = library.batch("smooth", np.array([[x + 1j * STEP]]), np.array([[y]]))
-        np.testing.assert_allclose(got[0].imag / STEP, np.array(jacobian(x, y))[:, 0], rtol=1e-14)
-
-
->>>>>>> 66e8344 (Make the tests quick and judge none by the clock)
 def test_signs_and_equal_operations_cost_nothing() -> None:
     a, b, c = ca.SX.sym("a"), ca.SX.sym("b"), ca.SX.sym("c")
     f = ca.Function("f", [a, b, c], [ca.vertcat((a - b) * c, (-c) * (b - a), -(a * b) - c, c + b * a)])

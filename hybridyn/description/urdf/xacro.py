@@ -24,13 +24,10 @@ MEMORY = 2 * 2**30
 #: Processor time that an expansion may use [s]; a stack of 1,000 six-legged modules takes 40.
 SECONDS = 120
 
-<<<<<<< HEAD
-#: Extras of hybridyn that install a package of robot files.
-=======
+#: Time after which an expansion is ended in any case [s]: it may have to wait for a processor.
 PATIENCE = 2 * SECONDS
-"""Time that an expansion may take, which may have to wait for a processor [s]."""
 
->>>>>>> 66e8344 (Make the tests quick and judge none by the clock)
+#: Extras of hybridyn that install a package of robot files.
 EXTRAS = {"example-robot-data": "robots"}
 
 #: Characters of xacro's own message that are passed on.
@@ -106,18 +103,12 @@ def _child(file: str) -> Iterator[subprocess.Popen[bytes]]:
     """Start the child, and end it in any case, at the latest after twice its processor time."""
     command = [sys.executable, "-I", "-S", "-X", "utf8", "-c", START, str(Path(__file__).parent)]
     try:
-<<<<<<< HEAD
         child = subprocess.Popen(
             command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, env={}
         )
-=======
-        done = subprocess.run(command, input=request, capture_output=True, env={}, timeout=PATIENCE)
-    except subprocess.TimeoutExpired:
-        raise ModelError(f"xacro: took more than {PATIENCE} s and was ended", file=file) from None
->>>>>>> 66e8344 (Make the tests quick and judge none by the clock)
     except OSError as error:
         raise ModelError(f"xacro: no child process could be started: {error.strerror}", file=file) from None
-    watch = threading.Timer(2 * SECONDS, child.kill)
+    watch = threading.Timer(PATIENCE, child.kill)
     watch.daemon = True
     watch.start()
     try:
