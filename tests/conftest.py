@@ -6,6 +6,7 @@ import hashlib
 import os
 import shutil
 import tempfile
+import zlib
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -29,6 +30,18 @@ def pytest_configure(config: pytest.Config) -> None:
         config.add_cleanup(lambda: os.environ.pop(once.VARIABLE))
         quick_compiler(once.folder() / "cc")
     os.environ["HYBRIDYN_CACHE"] = str(once.folder() / "compiled")
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """Add `--part 3/20`: the tests whose names fall into one of so many parts."""
+    parser.addoption("--part", default="0/1", metavar="K/N", help="run part K of N of the tests, K from 0")
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Leave the tests of other parts out."""
+    part, parts = map(int, config.getoption("part").split("/"))
+    if parts > 1:
+        items[:] = [item for item in items if zlib.crc32(item.nodeid.encode()) % parts == part]
 
 
 def quick_compiler(program: Path) -> None:

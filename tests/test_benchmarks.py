@@ -40,6 +40,7 @@ from benchmarks.timing import interleaved
 from hybridyn.compiled.programs.sources import write_programs
 from hybridyn.effects.choice import choose
 from hybridyn.structure.building import build_robot
+from tests.extras import needs
 from tests.shipped import shipped
 
 FIT = 1e-12  # a power law is fitted exactly
@@ -175,6 +176,7 @@ def test_rk4_on_pinocchios_solvers_flies_the_same_motion(solver: str, hold: str)
 
 
 def test_mujoco_gives_a_state_back() -> None:
+    needs("bench")
     own = case_of("rps3")
     robot = own.load()
     q, v, _ = own.states(robot, 1)
