@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import logging
-import sys
 from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -23,11 +21,9 @@ from hybridyn.errors import CompileError, SingularityError
 from hybridyn.manifold.manifold import Manifold
 from hybridyn.structure.building import build_robot
 from hybridyn.structure.robot import HybridRobot
+from tests.hard import dietmaier
 from tests.sketch import placement
 from tests.written_out import Interpreted
-
-sys.path.insert(0, str(Path(__file__).parent / "hard"))
-import dietmaier
 
 TRUSTED = 1.0
 Z = np.array([0.0, 0.0, 1.0])

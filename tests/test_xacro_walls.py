@@ -19,9 +19,9 @@ from hybridyn.description.urdf.robot_folders import RobotFolders
 from hybridyn.description.urdf.xacro_child.expressions import Evaluator, RefusedError
 from hybridyn.description.urdf.xacro_child.functions import bound_functions, functions_in
 from hybridyn.errors import ModelError
+from tests import ROOT
 from tests.robot_texts import save
 
-ROOT = Path(__file__).parents[1]
 HEAD = '<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">'
 CHILD = Path(xacro_files.__file__).parent
 LIMITS = {"upper": 2, "items": [1, {"deep": 5}]}
