@@ -369,6 +369,12 @@ def test_includes_outside_the_folder_are_refused(tmp_path: Path, path: str) -> N
         xacro_files.expand(str(file), {}, ())
 
 
+def test_any_robot_may_include_the_shipped_modules(tmp_path: Path) -> None:
+    text = f'{HEAD}<xacro:include filename="{ROOT}/urdf/modules/bodies.xacro"/><link name="a"/></robot>'
+    file = save(tmp_path, text, "r.xacro")
+    assert b'<link name="a"/>' in xacro_files.expand(str(file), {}, ())[0]
+
+
 PLAIN = """
 import sys, xacro
 from xacro import substitution_args

@@ -35,17 +35,23 @@ class RobotFolders:
         package_dirs: Folders that the user names: packages, or folders of packages.
         share_dirs: Folders of installed packages.
         largest: Largest file that is read [bytes].
+        granted: Further folders that it may read, in which no packages are looked for.
     """
 
     def __init__(
-        self, file: str, package_dirs: Sequence[str], share_dirs: Sequence[str], largest: int
+        self,
+        file: str,
+        package_dirs: Sequence[str],
+        share_dirs: Sequence[str],
+        largest: int,
+        granted: Sequence[str] = (),
     ) -> None:
         self.file, self.largest = file, largest
         self.package_dirs = [os.path.abspath(folder) for folder in package_dirs]
         self.share_dirs = list(share_dirs)
         spellings = (file, os.path.realpath(file))
         own = [_own_folder(spelling) for spelling in spellings]
-        self._granted = [os.path.realpath(folder) for folder in (*own, *self.package_dirs)]
+        self._granted = [os.path.realpath(folder) for folder in (*own, *self.package_dirs, *granted)]
 
     def read(self, path: str) -> bytes:
         """Read a file.

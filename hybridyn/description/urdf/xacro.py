@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import IO, Any
 
 from ...errors import ModelError
+from ..shipped import data_folder
 from .robot_folders import RobotFolders
 from .xml_node import LARGEST_FILE
 
@@ -77,7 +78,8 @@ def expand(
         "memory": MEMORY,
         "seconds": SECONDS,
     }
-    folders = RobotFolders(path, [os.fspath(folder) for folder in package_dirs], _share_dirs(), LARGEST_FILE)
+    named = [os.fspath(folder) for folder in package_dirs]
+    folders = RobotFolders(path, named, _share_dirs(), LARGEST_FILE, _shipped_dirs())
     with _child(file) as child:
         header, text = _converse(child, file, request, folders)
     if "error" in header:
@@ -192,6 +194,12 @@ def _folder_of(module: str) -> str:
     if spec is None or spec.origin is None:
         raise ModelError(f"the Python package '{module}' is not installed; it is needed for xacro files")
     return str(Path(spec.origin).parent.parent)
+
+
+def _shipped_dirs() -> list[str]:
+    """Return the folder of the shipped robots' files, whose modules any robot may include."""
+    folder = data_folder()
+    return [] if folder is None else [str(folder / "urdf")]
 
 
 def _share_dirs() -> list[str]:
