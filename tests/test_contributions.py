@@ -1,4 +1,4 @@
-"""`hybridyn effects`: parts of the efforts against the inverse model, the cheapest set, the command line."""
+"""`hybridyn effects`: parts of the efforts against the inverse model, a smaller set, the command line."""
 
 from __future__ import annotations
 
@@ -13,8 +13,7 @@ from hybridyn.cli import main
 from hybridyn.effects.choice import choose
 from hybridyn.errors import AssemblyError
 from hybridyn.structure.building import build_robot
-from hybridyn.studies.effect_sets import EffectSets
-from hybridyn.studies.effect_worth import Selection, Worth, subsets
+from hybridyn.studies.effect_worth import EffectSets, Selection, Worth
 from tests import ROOT
 from tests.comparing import close_to
 from tests.effect_cases import every
@@ -34,17 +33,6 @@ def worth() -> Worth:
     return Worth(robot, q, v, a, on, time=np.full(5, 0.7))
 
 
-def test_efforts_of_every_set_are_those_of_the_inverse_model(worth: Worth) -> None:
-    sets = [
-        names
-        for names in subsets(worth.names)
-        if "inertia" in names or not names & {"velocity", "rotor_inertia"}
-    ]
-    for names in [sets[i] for i in np.random.default_rng(0).choice(len(sets), 25, replace=False)]:
-        expected = worth.run(names)
-        assert np.abs(worth.of(names) - expected).max() < LINEAR * np.abs(worth.full).max()
-
-
 def test_contributions_are_differences(worth: Worth) -> None:
     found = {part.name: part for part in worth.contributions()[0]}
     assert tuple(found) == worth.names
@@ -58,15 +46,15 @@ def test_contributions_are_differences(worth: Worth) -> None:
     close_to(np.abs(found["inertia"].peak), np.abs(without).max(axis=0), 1e-9)
 
 
-def test_the_cheapest_set_stays_within(worth: Worth) -> None:
+def test_a_sufficient_set_stays_within(worth: Worth) -> None:
     peaks = np.abs(worth.full).max(axis=0)
     for within in (0.0, 0.05, 0.5, 1e9):
-        chosen = worth.cheapest(within)
+        chosen = worth.sufficient(within)
         error = np.abs(worth.run(frozenset(chosen.names)) - worth.full).max(axis=0) / peaks
         assert chosen.deviation <= within * (1 + LINEAR) + LINEAR
         assert chosen.deviation == pytest.approx(error.max(), abs=LINEAR)
-    assert set(worth.cheapest(0.0).names) == set(worth.names)
-    assert len(worth.cheapest(1e9).names) < len(worth.names) / 2
+    assert set(worth.sufficient(0.0).names) == set(worth.names)
+    assert len(worth.sufficient(1e9).names) < len(worth.names) / 2
 
 
 def test_compiled_models_give_the_same() -> None:
@@ -77,14 +65,11 @@ def test_compiled_models_give_the_same() -> None:
     on = choose(robot, ["default", fx.Spring(dict.fromkeys(robot.motors, 40.0)), fx.Limits({})])
     sets = EffectSets(hybridyn.compile(robot, on))
     general, compiled = Worth(robot, q, v, a, on), Worth(robot, q, v, a, on, compiled=sets)
-    for names in subsets(general.names):
-        if "inertia" in names or "velocity" not in names:
-            expected = general.run(names)
-            assert np.abs(compiled.of(names) - expected).max() < LINEAR * np.abs(general.full).max()
-    assert len(sets) == 3  # all, without the spring, without velocity too
-    assert set(sets.refused) == {("gravity", "inertia", "velocity"), ("gravity", "inertia")}
+    for one, other in zip(general.contributions()[0], compiled.contributions()[0], strict=True):
+        assert np.abs(one.peak - other.peak).max() < LINEAR * np.abs(general.full).max()
+    assert ("gravity", "inertia", "velocity", "spring") in sets.refused
+    assert len(sets.models) + len(sets.refused) == 1 + len(general.names)
     assert not any("sample" in reason for reason in sets.refused.values())
-    assert sets.recomputed == 0
 
 
 CART_POLE = """<robot name="cart_pole"><link name="rail"/><link name="cart"><inertial><mass value="2"/>
@@ -111,7 +96,7 @@ def test_compiled_models_too_say_what_a_passive_motion_needs(tmp_path: Path) -> 
         needed = {name for name, peak in parts.items() if np.isnan(peak).all()}
         assert needed == {"gravity", "inertia", "velocity"}
         assert np.array_equal(parts["leg_inertia"], [0.0])
-    assert len(sets) > 1
+    assert len(sets.models) + len(sets.refused) > 1
 
 
 def test_an_effect_that_a_passive_motion_needs_is_kept() -> None:
@@ -119,7 +104,7 @@ def test_an_effect_that_a_passive_motion_needs_is_kept() -> None:
     robot = build_robot(description)
     q, v, a = random_states(description, "fixed", 0, 2)
     found = Worth(robot, q, v, a, choose(robot, None))
-    assert set(found.cheapest(0.9).names) == set(found.names)
+    assert set(found.sufficient(0.9).names) == set(found.names)
     assert all(np.isnan(part.peak).all() for part in found.contributions()[0])
 
 
@@ -130,10 +115,10 @@ def test_the_command(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.Mon
     robot = hybridyn.load(FIVE_BAR[0])
     names = choose(robot, "model").names
     assert [row[0] for row in lines[1 : 1 + 2 * len(names)]] == [name for name in names for _ in range(2)]
-    assert "cheapest within 1 of the peak efforts: --effects" in out
+    assert "sufficient within 1 of the peak efforts: --effects" in out
     assert "effects on: gravity, inertia" in err
     selection = Selection(("gravity",), 0.25, 1, 1e-6, 2e-6)
-    monkeypatch.setattr(Worth, "cheapest", lambda self, within: selection)
+    monkeypatch.setattr(Worth, "sufficient", lambda self, within: selection)
     assert main(["effects", *FIVE_BAR, "--effects", "default", "--within", "0.3"]) == 0
     last = capsys.readouterr().out.splitlines()[-1]
     assert "--effects gravity; largest departure 0.25 (motor m1_right_drive); 1.0 us" in last

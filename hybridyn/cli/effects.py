@@ -20,8 +20,7 @@ from .common.text import aligned_rows, counted
 if TYPE_CHECKING:
     from ..effects import Effects
     from ..structure.robot import HybridRobot
-    from ..studies.effect_sets import EffectSets
-    from ..studies.effect_worth import Contribution, Selection, Worth
+    from ..studies.effect_worth import Contribution, EffectSets, Selection, Worth
 
 
 def _part(ctx: click.Context, param: click.Parameter, value: str | None) -> float | None:
@@ -56,8 +55,8 @@ def _part(ctx: click.Context, param: click.Parameter, value: str | None) -> floa
     "--within",
     metavar="PART",
     callback=_part,
-    help="Also name the cheapest set of effects whose efforts depart by no more than this, '1%' say, of each "
-    "motor's peak effort.",
+    help="Also name a smaller set of effects whose efforts depart by no more than this, '1%' say, of each "
+    "motor's peak effort: one effect after the other is left out, the least felt first.",
 )
 def command(
     load: Callable[[], HybridRobot],
@@ -92,7 +91,7 @@ def command(
         click.echo(line)
     if within is not None:
         click.echo()
-        click.echo(selection_line(robot, worth.cheapest(within), within))
+        click.echo(selection_line(robot, worth.sufficient(within), within))
     if plot:
         from ..figures.effects import chart_of_effects
 
@@ -122,7 +121,7 @@ def weigh(
     import numpy as np
 
     from ..streams.postures import all_postures, rows_named
-    from ..studies.effect_worth import Worth
+    from ..studies.effect_worth import EffectSets, Worth
 
     layout, found = all_postures(robot, trajectory)
     q, v, a = (np.concatenate([getattr(block, x) for block in found]) for x in ("q", "v", "a"))
@@ -133,11 +132,7 @@ def weigh(
     }
     obstacles = {"wrenches in the table": bool(wrenches)}
     chosen = choose_engine(engine, robot, effects, len(q), obstacles, WORTH_OF_EFFECTS)
-    sets = None
-    if chosen.model is not None:
-        from ..studies.effect_sets import EffectSets
-
-        sets = EffectSets(chosen.model)
+    sets = None if chosen.model is None else EffectSets(chosen.model)
     with rows_named(layout, found[0].motion):
         worth = Worth(robot, q, v, a, effects, wrenches=wrenches, time=time, compiled=sets)
     return worth, lambda: engine_lines(chosen, sets)
@@ -147,9 +142,10 @@ def engine_lines(engine: Engine, sets: EffectSets | None) -> list[str]:
     """Say which engine computed, and what of it."""
     if sets is None:
         return [str(engine)]
-    engine.add(sets.recomputed)
-    each = ", each of which counts its samples" if sets.recomputed else ""
-    lines = [str(engine), f"{counted(len(sets), 'set')} of effects compiled{each}"]
+    recomputed = sum(model.recomputed for model in sets.models.values())
+    engine.add(recomputed)
+    each = ", each of which counts its samples" if recomputed else ""
+    lines = [str(engine), f"{counted(len(sets.models), 'set')} of effects compiled{each}"]
     if sets.refused:
         names, reason = next(iter(sets.refused.items()))
         left = f"{counted(len(sets.refused), 'set')} of effects left to the general path"
@@ -204,7 +200,7 @@ def selection_line(robot: HybridRobot, chosen: Selection, within: float) -> str:
     """Say which effects suffice, in one line."""
     where = f" (motor {robot.motors[chosen.motor]})" if robot.motors else ""
     return (
-        f"cheapest within {within:.3g} of the peak efforts: --effects {','.join(chosen.names) or 'none'}; "
+        f"sufficient within {within:.3g} of the peak efforts: --effects {','.join(chosen.names) or 'none'}; "
         f"largest departure {chosen.deviation:.2g}{where}; {chosen.seconds * 1e6:.1f} us per sample "
         f"instead of {chosen.full_seconds * 1e6:.1f} us"
     )

@@ -1,44 +1,34 @@
 """What each effect is worth on a motion: its part of the efforts, its cost in time, what can be left out.
 
-Efforts are linear in every effect but where leg_inertia meets gravity, inertia and velocity. So seven runs of
-the inverse model (with and without leg_inertia: gravity; with inertia; with velocity; and once nothing at
-all) and one per other effect give the efforts of every set. Only where some of these are impossible, for a
-motor that is missing would have to act, other sets are run by themselves.
+Every set of effects is run by itself: all of them, all but each one, and those that `Worth.sufficient` tries.
 """
 
 from __future__ import annotations
 
-import contextlib
-import itertools
+import re
 import time as clock
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property, reduce
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..effects.choice import DEFAULT, Effects
-from ..errors import ActuationError
+from ..effects.choice import Effects
+from ..errors import ActuationError, HybridynError
 from ..spatial import Array
 from .sizing import TIE
 
 if TYPE_CHECKING:
+    from ..compiled.model import CompiledRobot
     from ..structure.robot import HybridRobot
-    from .effect_sets import EffectSets
 
 Names = frozenset[str]
 
-NEEDS_INERTIA = ("velocity", "rotor_inertia")
-KEPT = ("payload", "base_motion")
-"""Effects that make another robot or another task, and are never weighed."""
+NEEDS_INERTIA: Names = frozenset({"velocity", "rotor_inertia"})
 
+#: Effects that make another robot or another task, and the limits of all effects together: never weighed.
+KEPT: Names = frozenset({"payload", "base_motion"})
 LIMITS = "limits"
-"""Kept too, for all the effects together: what is left out of a model would not spare a motor."""
-
-NOTHING: Names = frozenset()
-GRAVITY: Names = frozenset({"gravity"})
-LEGS: Names = frozenset({"leg_inertia"})
 
 TIMED_SAMPLES, ROUNDS = 200, 7
 
@@ -49,7 +39,8 @@ class Contribution:
 
     Attributes:
         name: Name of the effect.
-        peak: Largest addition by motor, with its sign, shape (motors,), [N or N m].
+        peak: Largest addition by motor, with its sign, shape (motors,), [N or N m]; not a number where a
+            passive motion would need an effort without it.
         rms: Its root mean square, shape (motors,).
         share: RMS over the RMS of the whole effort, shape (motors,); shares need not sum to one.
         seconds: Time that it costs per sample [s].
@@ -81,8 +72,33 @@ class Selection:
     full_seconds: float
 
 
+class EffectSets:
+    """Written-out models of one robot, each built where its set of effects is first asked for.
+
+    Attributes:
+        models: The models, by the names of their effects.
+        refused: Why sets of effects are left to the general path, by the names of their effects.
+    """
+
+    def __init__(self, whole: CompiledRobot) -> None:
+        """Start with the model of every effect that is ever asked for."""
+        self._robot, self.models = whole.robot, {whole.effects.names: whole}
+        self.refused: dict[tuple[str, ...], str] = {}
+
+    def model(self, on: Effects) -> CompiledRobot | None:
+        """Return the model of some effects; None where it cannot be written out, built or verified."""
+        from ..compiled.compiling import compile
+
+        if on.names not in self.models and on.names not in self.refused:
+            try:
+                self.models[on.names] = compile(self._robot, on)
+            except HybridynError as error:  # its direct model is undefined, say: nothing to check it against
+                self.refused[on.names] = re.sub(r" at sample \d+\b", "", str(error))  # a random one
+        return self.models.get(on.names)
+
+
 class Worth:
-    """The efforts of a motion under every set of effects.
+    """The efforts of a motion under sets of effects.
 
     Attributes:
         names: The effects that are weighed.
@@ -110,70 +126,25 @@ class Worth:
         Raises:
             HybridynError: As `hybridyn.idm`, for all the effects together.
         """
-        from ..dynamics.in_blocks import efforts_in_blocks
-
-        def general(names: Names, count: int) -> Array:
-            outer = {link: W[:count] if np.ndim(W) == 2 else W for link, W in (wrenches or {}).items()}
-            at = None if time is None else time[:count]
-            moved = q[:count], v[:count], a[:count]
-            return efforts_in_blocks(robot, *moved, on.only(names), wrenches=outer, time=at)
-
-        def whole(names: Names) -> Array:
-            if compiled is None:
-                return general(names, len(q))
-            return compiled.idm(q, v, a, on.only(names))
-
-        self.names = tuple(name for name in on.names if name not in (*KEPT, LIMITS))
-        self._always = frozenset(on.names) & frozenset(KEPT)
-        self._general, self._whole, self._samples = general, whole, len(q)
-        self._everything = frozenset(self.names)
-        self.full = whole(frozenset(on.names))
-        self._basis = self._possible(frozenset(name for name in self.names if name in DEFAULT))
-        self._cores: dict[Names, Array | None] = {self._everything: self.full}
-        self._additions: dict[str, Array] = {}
+        self._robot, self._motion, self._on, self._compiled = robot, (q, v, a), on, compiled
+        self._wrenches, self._time = wrenches or {}, time
+        self.names = tuple(name for name in on.names if name not in KEPT | {LIMITS})
+        self.full = self.run(frozenset(on.names))
+        self._found: dict[Names, Array | None] = {frozenset(self.names): self.full}
+        self._peaks = np.abs(self.full).max(axis=0, initial=0.0)
 
     def run(self, names: Names) -> Array:
-        """Return the efforts of a set of effects from the inverse model itself, shape (T, motors)."""
-        return self._whole(names | self._always)
+        """Return the efforts of a set of effects, shape (T, motors), [N or N m].
 
-    def of(self, names: Names) -> Array | None:
-        """Return the efforts of a set of effects, shape (T, motors); None where no motor can produce them."""
-        if names == self._everything:
-            return self.full
-        core = self._core(frozenset(name for name in names if name in DEFAULT))
-        if core is None:
-            return None
-        return reduce(np.add, (self._added(name) for name in names if name not in DEFAULT), core)
-
-    def _core(self, names: Names) -> Array | None:
-        """Return the efforts of some of the four effects that are not linear in each other."""
-        if names not in self._cores:
-            self._cores[names] = self._derived(names)
-        return self._cores[names]
-
-    def _derived(self, names: Names) -> Array | None:
-        """Return the efforts of some of the four: as a difference where that spares a run, or a model."""
-        legs = names & LEGS
-        if legs and not names - legs:  # they have no weight and do not resist
-            return self._core(NOTHING)
-        if "gravity" in self.names and "gravity" not in names and "inertia" in names:
-            heavy, weight, rest = (self._core(x) for x in (names | GRAVITY, legs | GRAVITY, NOTHING))
-            if heavy is not None and weight is not None and rest is not None:
-                return heavy - weight + rest
-        return self._try(names)
-
-    def _added(self, name: str) -> Array:
-        """Return what another effect adds to the efforts; not a number where some motor is missing."""
-        if name not in self._additions:
-            base, with_it = self._core(self._basis), self._with(name)
-            found = np.full_like(self.full, np.nan) if base is None or with_it is None else with_it - base
-            self._additions[name] = found
-        return self._additions[name]
-
-    def _with(self, name: str) -> Array | None:
-        """Return the efforts of the four effects and one more."""
-        names = self._basis | {name}
-        return self.full if names == self._everything else self._try(names)
+        Raises:
+            ActuationError: A passive motion would need an effort.
+        """
+        on = self._on.only(names | KEPT)
+        model = None if self._compiled is None else self._compiled.model(on)
+        if model is None:
+            return self._general(on)
+        efforts: Array = model.idm(*self._motion)
+        return efforts
 
     def contributions(self) -> tuple[list[Contribution], float]:
         """Return what each effect adds to the efforts of all the others (inertia: with all that needs it).
@@ -181,94 +152,78 @@ class Worth:
         Returns:
             One entry per effect, and the time per sample with all of them [s].
         """
-        out = []
-        everything = self._everything
+        everything, out = frozenset(self.names), []
         whole = np.sqrt(np.mean(self.full**2, axis=0))
-        rests = {name: self._possible(everything - {name}) for name in self.names}
-        seconds = self.seconds([everything, *rests.values()])
-        for name in self.names:
-            without = self.of(rests[name])
-            added = np.full_like(self.full, np.nan) if without is None else self.full - without
-            peak = _peaks(added)
+        rests = {name: without(everything, name) for name in self.names}
+        seconds = self._seconds([everything, *rests.values()])
+        for name, rest in rests.items():
+            left = self._efforts(rest)
+            added = np.full_like(self.full, np.nan) if left is None else self.full - left
             rms = np.sqrt(np.mean(added**2, axis=0))
             share = np.divide(rms, whole, out=np.zeros_like(rms), where=whole > 0)
-            cost = seconds[everything] - seconds.get(rests[name], 0.0)
-            out.append(Contribution(name, peak, rms, share, max(cost, 0.0)))
+            cost = max(seconds[everything] - seconds.get(rest, 0.0), 0.0)
+            out.append(Contribution(name, _peaks(added), rms, share, cost))
         return out, seconds[everything]
 
-    def cheapest(self, within: float) -> Selection:
-        """Return the fastest set of effects whose efforts stay near those of all of them.
+    def sufficient(self, within: float) -> Selection:
+        """Leave out one effect after the other, the least felt first, while the efforts stay near the full.
 
         Args:
             within: Largest departure from the full effort, as a part of that motor's peak effort.
         """
-        peaks = np.abs(self.full).max(axis=0, initial=0.0)
-        good: list[tuple[float, int, Names]] = []
-        for names in subsets(self.names):
-            if names != self._possible(names):
-                continue
-            efforts = self.of(names)
-            if efforts is None or not _departure(efforts - self.full, peaks)[0] <= within:
-                continue
-            good.append((self._priced(names), len(names), names))
-        names = min(good, key=lambda entry: entry[:2])[2] if good else frozenset(self.names)
-        efforts = self.of(names)
-        assert efforts is not None
-        deviation, motor = _departure(efforts - self.full, peaks)
+        everything = names = frozenset(self.names)
+        departure, motor = self._departure(names)
+        for name in sorted(self.names, key=lambda name: self._departure(without(everything, name))[0]):
+            further = self._departure(without(names, name))
+            if further[0] <= within:
+                names, (departure, motor) = without(names, name), further
+        seconds = self._seconds([names, everything])
         ordered = tuple(name for name in self.names if name in names)
-        seconds = self.seconds([names, self._everything])
-        return Selection(ordered, deviation, motor, seconds[names], seconds[self._everything])
+        return Selection(ordered, departure, motor, seconds[names], seconds[everything])
 
-    def seconds(self, sets: Iterable[Names]) -> dict[Names, float]:
-        """Measure the time per sample [s] that sets of effects take by the general path.
+    def _efforts(self, names: Names) -> Array | None:
+        """Return the efforts of a set of effects, None where a passive motion would need one."""
+        if names not in self._found:
+            try:
+                self._found[names] = self.run(names)
+            except ActuationError:
+                self._found[names] = None
+        return self._found[names]
 
-        Returns:
-            The best of a few rounds through all sets, but those that no motor can produce.
-        """
-        samples = min(TIMED_SAMPLES, self._samples)
-        best: dict[Names, float] = {}
-        for names in dict.fromkeys(sets):
-            with contextlib.suppress(ActuationError):
-                self._general(names | self._always, samples)
-                best[names] = np.inf
+    def _departure(self, names: Names) -> tuple[float, int]:
+        """Return the largest error over a motor's peak effort, infinite for an idle motor, and the motor."""
+        efforts = self._efforts(names)
+        if efforts is None:
+            return np.inf, 0
+        largest = np.abs(efforts - self.full).max(axis=0, initial=0.0)
+        part = np.where(largest > 0, np.inf, 0.0)
+        np.divide(largest, self._peaks, out=part, where=self._peaks > 0)
+        motor = int(np.argmax(part)) if len(part) else 0
+        return (float(part[motor]) if len(part) else 0.0), motor
+
+    def _seconds(self, sets: list[Names]) -> dict[Names, float]:
+        """Return the least time per sample [s] of sets of effects by the general path, of possible ones."""
+        samples = min(TIMED_SAMPLES, len(self.full))
+        best = {names: np.inf for names in sets if self._efforts(names) is not None}
         for names in list(best) * ROUNDS:
             started = clock.perf_counter()
-            self._general(names | self._always, samples)
+            self._general(self._on.only(names | KEPT), samples)
             best[names] = min(best[names], clock.perf_counter() - started)
-        return {names: float(value) / max(samples, 1) for names, value in best.items()}
+        return {names: value / max(samples, 1) for names, value in best.items()}
 
-    def _priced(self, names: Names) -> float:
-        """Return the time of a set from those of its parts [s]."""
-        cores, extra = self._prices
-        core = frozenset(name for name in names if name in DEFAULT)
-        return cores.get(core, np.inf) + sum(extra[name] for name in names if name in extra)
+    def _general(self, on: Effects, count: int | None = None) -> Array:
+        """Return the efforts of all samples, or of the first, by the general path."""
+        from ..dynamics.in_blocks import efforts_in_blocks
 
-    @cached_property
-    def _prices(self) -> tuple[dict[Names, float], dict[str, float]]:
-        """Time of each subset of the four, and what every other effect adds [s]."""
-        base, others = self._basis, [name for name in self.names if name not in DEFAULT]
-        four = [name for name in self.names if name in DEFAULT]
-        cores = [names for names in subsets(four) if names == self._possible(names)]
-        times = self.seconds([*cores, *(base | {name} for name in others)])
-        whole = times.get(base, 0.0)
-        extra = {name: max(times.get(base | {name}, np.inf) - whole, 0.0) for name in others}
-        return {core: times[core] for core in cores if core in times}, extra
-
-    def _possible(self, names: Names) -> Names:
-        """Take out of a set what cannot be without inertia."""
-        return names if "inertia" in names else names - frozenset(NEEDS_INERTIA)
-
-    def _try(self, names: Names) -> Array | None:
-        """Return the efforts of a set of effects, None where a passive motion would need one."""
-        try:
-            return self.run(names)
-        except ActuationError:
-            return None
+        q, v, a = (x[:count] for x in self._motion)
+        outer = {link: W[:count] if np.ndim(W) == 2 else W for link, W in self._wrenches.items()}
+        time = None if self._time is None else self._time[:count]
+        return efforts_in_blocks(self._robot, q, v, a, on, wrenches=outer, time=time)
 
 
-def subsets(names: list[str] | tuple[str, ...]) -> list[Names]:
-    """Give every subset of some names."""
-    return [frozenset(chosen) for n in range(len(names) + 1) for chosen in itertools.combinations(names, n)]
+def without(names: Names, name: str) -> Names:
+    """Return a set of effects without one, and without those that cannot be without it."""
+    return names - {name} - (NEEDS_INERTIA if name == "inertia" else frozenset())
 
 
 def _peaks(added: Array) -> Array:
@@ -276,12 +231,3 @@ def _peaks(added: Array) -> Array:
     size = np.abs(added)
     first = np.argmax(~(size < size.max(axis=0, initial=0.0) * (1 - TIE)), axis=0)
     return np.asarray(np.take_along_axis(added, first[None], axis=0)[0])
-
-
-def _departure(error: Array, peaks: Array) -> tuple[float, int]:
-    """Give the largest error over a motor's peak effort, and the motor; an idle motor's error is infinite."""
-    largest = np.abs(error).max(axis=0, initial=0.0)
-    part = np.where(largest > 0, np.inf, 0.0)
-    np.divide(largest, peaks, out=part, where=peaks > 0)
-    motor = int(np.argmax(part)) if len(part) else 0
-    return (float(part[motor]) if len(part) else 0.0), motor

@@ -22,8 +22,8 @@ WORTH_IN_TIME = 40_000
 """The same where samples come one after the other, as in `simulate`: one by one the general path is slow."""
 
 WORTH_OF_EFFECTS = 2_000_000
-"""The same for `effects`, where a model for each set of effects is built: for the LX4 with its friction seven
-for nine runs, half a minute on two cores, as long as the general path takes for so much."""
+"""The same for `effects`, where a model for each set of effects is built: for the LX4 with its friction that
+takes half a minute on two cores, as long as the general path takes for so much."""
 
 ENGINES = ("general", "compiled")
 
