@@ -41,6 +41,7 @@ from hybridyn.compiled.programs.sources import write_programs
 from hybridyn.effects.choice import choose
 from hybridyn.structure.building import build_robot
 from tests.extras import needs
+from tests.samples import slow
 from tests.shipped import shipped
 
 FIT = 1e-12  # a power law is fitted exactly
@@ -97,7 +98,7 @@ def test_long_double_reference_against_forty_digits(model: str) -> None:
 # ------------------------------------------------------------------ peers
 
 
-@pytest.mark.parametrize("case", ["five_bar", "rps3", "stack 2", "ur5"])
+@pytest.mark.parametrize("case", ["five_bar", slow("rps3"), slow("stack 2"), slow("ur5")])
 def test_every_method_agrees_with_the_reference(case: str) -> None:
     own = case_of(case)
     robot = own.load()

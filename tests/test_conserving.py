@@ -14,6 +14,7 @@ from hybridyn.errors import ModelError, SingularityError
 from hybridyn.simulation.conserving import Conserving
 from hybridyn.simulation.motion_law import MotionLaw
 from hybridyn.structure.building import build_robot
+from tests.samples import slow
 from tests.swings import Swing, begin, chain, hinge, rod, swing
 
 KEPT = 1e-9  # of the peak kinetic energy, the project's claim over 1e5 steps
@@ -46,7 +47,7 @@ def swung(name: str, method: str, steps: int, every: int = 10) -> hybridyn.simul
     return simulate(robot, q, v, times, method=method, step=STEP, effects=effects)
 
 
-@pytest.mark.parametrize("name", ["five_bar", "gough_stewart"])
+@pytest.mark.parametrize("name", ["five_bar", slow("gough_stewart")])
 def test_energy_over_2000_steps(name: str) -> None:
     result = swung(name, "conserving", 2000)
     assert result.status == "finished", result.message

@@ -192,10 +192,9 @@ SWING = ROOT / "models/five_bar/swing.toml"
 
 
 @pytest.fixture(scope="module")
-def swing(tmp_path_factory: pytest.TempPathFactory) -> Study:
+def swing() -> Study:
     """Measure the beginning of the swing once for all tests that look at it."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("HYBRIDYN_CACHE", str(tmp_path_factory.mktemp("cache")))
         patch.setattr(settings, "FACTORS", (8.0, 4.0))
         patch.setattr(settings, "TOLERANCES", (1e-3, 1e-7))
         patch.setattr(runs, "LADDER", (1e-8, 1e-10, 1e-12))

@@ -19,6 +19,7 @@ from tests.snippets import blocks, stand_where_a_user_does
 PAGE = ROOT / "docs" / "cost.md"
 
 
+@pytest.mark.slow
 def test_commands_run(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from tests import ROOT
+from tests.samples import some
 
 FOLDER = ROOT / "docs" / "examples"
 SCRIPTS = sorted(path.stem for path in FOLDER.glob("*.py") if path.stem != "pictures")
@@ -26,7 +27,7 @@ def is_a_picture(path: Path) -> bool:
         return picture.width > 600 and len(picture.convert("RGB").getcolors(2**24) or []) > 20
 
 
-@pytest.mark.parametrize("name", SCRIPTS)
+@pytest.mark.parametrize("name", some(SCRIPTS, ("singularity", "lx4_motor_sizing")))
 def test_example_runs(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     run(name, ["--short", "--to", str(tmp_path)], monkeypatch)
     assert is_a_picture(tmp_path / f"{name}.png")

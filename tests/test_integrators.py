@@ -13,6 +13,7 @@ from hybridyn.simulation.conserving import Conserving
 from hybridyn.simulation.explicit import DOPRI5, RK4
 from hybridyn.simulation.implicit import Implicit
 from hybridyn.simulation.system import State, System
+from tests.samples import some
 from tests.swings import begin, chain, hinge, rod, swing
 
 #: Time span by robot, so that errors of the coarsest step are small and those of the finest above rounding.
@@ -36,7 +37,7 @@ def apart(system: System, x: State, y: State) -> float:
     return float(np.abs(np.concatenate([dq, x.v - y.v]) / np.tile(system.manifold.unit, 2)).max())
 
 
-@pytest.fixture(scope="module", params=SPANS)
+@pytest.fixture(scope="module", params=some(SPANS, ("five_bar", "gough_stewart")))
 def reference(request: pytest.FixtureRequest) -> tuple[System, State, float, State]:
     system, state = begin(swing(request.param))
     span = SPANS[request.param]

@@ -24,6 +24,7 @@ from tests import ROOT
 from tests.hard.benchmark_references import all_bars, n_four_bar
 from tests.hard.one_freedom import REFERENCE, OneFreedom
 from tests.hard.redundant_loops import crossed_bars, loaded
+from tests.samples import some
 
 if TYPE_CHECKING:
     from tests.hard.claims import Claim
@@ -72,7 +73,7 @@ def test_rhombic_loops(claim: Claim, bars: hybridyn.HybridRobot, method: str) ->
     claim(f"row of rhombic loops, {method}", "angle between uprights [rad]", apart, SIDES)
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", some(METHODS, ("dopri5", "conserving")))
 def test_antiparallelogram(claim: Claim, crossed: OneFreedom, method: str) -> None:
     options, bound = METHODS[method]
     rng = np.random.default_rng(8)

@@ -26,6 +26,7 @@ from tests.hard.extended import LONG, Arithmetic, multiprecision, needs_long_dou
 from tests.hard.extended_stack import Stack
 from tests.hard.stacks import DOWN, PLANAR, SPATIAL, State, drawn, module
 from tests.peers import Peer
+from tests.samples import slow
 
 EPS = float(np.finfo(float).eps)
 BACKWARD = 1e-13  # per module
@@ -58,9 +59,7 @@ def drawn_efforts(count: int, state: State) -> np.ndarray:
 # -------------------------------------------------------------------- the reference itself
 
 
-@pytest.mark.parametrize(
-    ("kind", "count"), [(SPATIAL, 1), (PLANAR, 2), pytest.param(SPATIAL, 2, marks=pytest.mark.slow)]
-)
+@pytest.mark.parametrize(("kind", "count"), [slow(SPATIAL, 1), (PLANAR, 2), slow(SPATIAL, 2)])
 def test_the_reference_agrees_with_the_oracle(kind: str, count: int, claim: Claim) -> None:
     """Forty digits on both sides, at a state that is closed in all of them."""
     with mpmath.workdps(40):
@@ -126,7 +125,7 @@ def grown(kind: str, sizes: tuple[int, ...], claim: Claim) -> None:
 
 
 @needs_long_double
-@pytest.mark.parametrize("kind", [SPATIAL, PLANAR])
+@pytest.mark.parametrize("kind", [slow(SPATIAL), PLANAR])
 def test_errors_grow_no_faster_than_the_stack(kind: str, claim: Claim) -> None:
     """Moving stacks of 1 to 256 modules; of the planar ones' closure rows three in five are redundant."""
     grown(kind, SIZES, claim)

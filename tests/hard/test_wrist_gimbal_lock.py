@@ -21,6 +21,7 @@ from hybridyn.oracle import Oracle
 from hybridyn.structure.building import build_robot
 from tests.hard.closed_forms import about, balls, gough_stewart, numbers, placement, vector
 from tests.hard.extended_judge import EPS, Judge, mp, norm
+from tests.samples import slow
 from tests.shipped import shipped
 
 if TYPE_CHECKING:
@@ -30,7 +31,7 @@ FORWARD = 100 * EPS
 WRIST = "m1_leg1_wrist"
 LOCKED = 1e-9  # gimbal_lock.GIMBAL_LOCK: nearer, the hinges' rates are the least-norm ones
 DISTANCES = [1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10, 1e-11, 1e-12, 0.0]
-FEW = {1e-6, 0.0}
+FEW = {0.0}
 
 
 def twin(description: Description) -> Description:
@@ -78,9 +79,7 @@ def quaternion(R: Any) -> list[float]:
     ]
 
 
-@pytest.mark.parametrize(
-    "distance", [d if d in FEW else pytest.param(d, marks=pytest.mark.slow) for d in DISTANCES]
-)
+@pytest.mark.parametrize("distance", [d if d in FEW else slow(d) for d in DISTANCES])
 def test_a_carrying_ball_in_gimbal_lock(
     distance: float, claim: Claim, caplog: pytest.LogCaptureFixture
 ) -> None:
