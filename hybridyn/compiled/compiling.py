@@ -9,7 +9,7 @@ from ..threads import one_thread
 from .code.scalars import Scalar
 from .failures import failing_as_ours
 from .library.cache import Built
-from .library.calls import Library
+from .library.calls import Library, loaded
 from .library.compilers import best_lanes, find_compiler
 from .model import CompiledRobot, built_library
 from .verifying import verify
@@ -49,5 +49,5 @@ def compile(
         verify(Library(built), robot, on)
 
     with failing_as_ours(robot):
-        built = built_library(robot, on, scalar, accept)
-        return CompiledRobot(robot, on, Library(built), threads)
+        library = loaded(lambda: built_library(robot, on, scalar, accept))
+        return CompiledRobot(robot, on, library, threads)

@@ -2,8 +2,7 @@
 
     keys/<key>            hash of a source: what a cheap description of the model led to last time
     models/<source>.json  what the library of a source offers, and the hash of the library's file
-    libraries/<hash>.so   libraries by their own hash; `keeping` removes those not used for longest
-    lock                  held by who hands out a library, and by who removes some
+    libraries/<hash>.so   libraries by their own hash; `eviction` removes those not used for longest
 
 Everything is written beside and moved into place, so that processes may build at the same time; what is
 truncated, or not what its name says, is built anew. So is what somebody else may have written (`trust`).
@@ -26,7 +25,7 @@ from typing import TYPE_CHECKING, Any
 from ...errors import CompileError
 from .building import NATIVE, build
 from .compilers import FLAGS, find_compiler, machine
-from .eviction import handing_out, remove_unused
+from .eviction import remove_unused
 from .trust import is_own, refuse_foreign
 
 if TYPE_CHECKING:
@@ -132,8 +131,9 @@ def _load(at: Path, name: str) -> Built | None:
         path = at / "libraries" / f"{record['library']}.so"
         if not (is_own(described) and is_own(path)):
             return None
-        with handing_out(at, path):
-            whole = hashlib.sha256(path.read_bytes()).hexdigest() == record["library"]
+        with contextlib.suppress(OSError):  # it is not there, or another user's
+            os.utime(path)  # which keeps it for some time
+        whole = hashlib.sha256(path.read_bytes()).hexdigest() == record["library"]
         return Built(path, record["about"]) if whole and record["name"] == name else None
     except (OSError, ValueError, KeyError, TypeError):
         return None

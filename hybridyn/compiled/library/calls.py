@@ -300,4 +300,12 @@ def load(
     scalar = Scalar(dtype, lanes)
     source = library_source(programs, scalar)
     libraries = ("-lquadmath",) if dtype == "float128" else ()
-    return Library(cached(key or source.digest, lambda: source, libraries))
+    return loaded(lambda: cached(key or source.digest, lambda: source, libraries))
+
+
+def loaded(find: Callable[[], Built]) -> Library:
+    """Load a library; where another process removed it after it was found, it is found, or built, again."""
+    try:
+        return Library(find())
+    except OSError:
+        return Library(find())

@@ -1,47 +1,25 @@
 """How much of the cache stays: beyond `LIMIT` the libraries that were not used for longest go first.
 
-A library's time of modification is when it was last handed out. Whoever hands one out sets that time and
-reads the file under a lock that those who remove do not share, so what was just handed out is never old. A
-library that is loaded stays usable after its file is gone.
+A library's time of modification is when it was last handed out. One that is loaded stays usable after its
+file is gone, and whoever finds a file gone before it is loaded builds it again (`calls.loaded`): no process
+waits for another.
 """
 
 from __future__ import annotations
 
 import contextlib
-import fcntl
 import json
-import os
+import os.path
 import shutil
 import time
-from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
+#: Bytes of libraries that are kept; one of a robot of 24 motors has 400,000.
 LIMIT = 256 * 2**20
-"""Bytes of libraries that are kept; one of a robot of 24 motors has 400,000."""
-
+#: Time after it was handed out in which a library is never removed [s].
 IN_USE = 3600.0
-"""Time after it was handed out in which a library is never removed [s]."""
-
+#: Age from which on unfinished files are those of a process that was killed [s].
 ABANDONED = 86400.0
-"""Age from which on unfinished files are those of a process that was killed [s]."""
-
-PATIENCE, PAUSE = 5.0, 0.01
-"""Longest wait for the lock, and time between two tries [s]."""
-
-
-@contextlib.contextmanager
-def handing_out(at: Path, library: Path) -> Iterator[None]:
-    """Keep a library, if it is there, while it is read and for some time after.
-
-    Args:
-        at: The cache's folder.
-        library: The library's file.
-    """
-    with _lock(at, fcntl.LOCK_SH):
-        with contextlib.suppress(OSError):  # it is not there, or another user's
-            os.utime(library)
-        yield
 
 
 def remove_unused(at: Path) -> None:
@@ -50,91 +28,41 @@ def remove_unused(at: Path) -> None:
     Args:
         at: The cache's folder.
     """
-    with _lock(at, fcntl.LOCK_EX) as alone:
-        if not alone:  # whoever holds it removes too, or the next build will
-            return
-        _remove_libraries(at / "libraries")
-        drafts = (path for name in ("keys", "models", "libraries") for path in (at / name).glob("tmp*"))
-        for path in [*at.glob("building-*"), *drafts]:  # others' builds come and go: do not look into them
-            if _age(path) > ABANDONED:
-                shutil.rmtree(path, ignore_errors=True)
-                _remove(path)
-
-
-def _remove_libraries(folder: Path) -> None:
-    """Remove the libraries beyond `LIMIT`, and the records and keys of libraries that are gone."""
-    libraries = sorted(folder.glob("*.so"), key=_age)
-    room = LIMIT
-    for path in libraries:
-        room -= _size(path)
-        if room < 0 and _age(path) > IN_USE:
+    libraries, models, room = at / "libraries", at / "models", LIMIT
+    for path in sorted(libraries.glob("*.so"), key=_age_and_size):
+        age, size = _age_and_size(path)
+        room -= size
+        if room < 0 and age > IN_USE:
             _remove(path)
     if room < 0:  # what leads to a library is written after it
-        models, keys = folder.with_name("models"), folder.with_name("keys")
         for record in models.glob("*.json"):
-            if not (folder / f"{_library_of(record)}.so").exists():
+            if not os.path.exists(libraries / f"{_target(record)}.so"):
                 _remove(record)
-        for key in keys.glob("[0-9a-f]*"):
-            if not (models / f"{_text(key)}.json").exists():
+        for key in (at / "keys").glob("[0-9a-f]*"):
+            if not os.path.exists(models / f"{_target(key)}.json"):
                 _remove(key)
+    for path in [*at.glob("building-*"), *at.glob("*/tmp*")]:
+        if _age_and_size(path)[0] > ABANDONED:
+            shutil.rmtree(path, ignore_errors=True)
+            _remove(path)
 
 
-@contextlib.contextmanager
-def _lock(at: Path, kind: int) -> Iterator[bool]:
-    """Hold the cache's lock, shared or alone; tells whether it was to be had in time."""
-    try:
-        file = os.open(at / "lock", os.O_RDWR | os.O_CREAT, 0o600)
-    except OSError:
-        yield False
-        return
-    try:
-        yield _held(file, kind)
-    finally:
-        os.close(file)  # gives it back
-
-
-def _held(file: int, kind: int) -> bool:
-    """Wait for a lock, not for ever: its owner may be stopped."""
-    until = time.monotonic() + PATIENCE
-    while True:
-        try:
-            fcntl.flock(file, kind | fcntl.LOCK_NB)
-            return True
-        except OSError:
-            if time.monotonic() > until:
-                return False
-            time.sleep(PAUSE)
-
-
-def _library_of(record: Path) -> Any:
-    try:
-        return json.loads(record.read_bytes())["library"]
-    except (OSError, ValueError, KeyError, TypeError):
-        return None
-
-
-def _text(path: Path) -> str:
-    """Return the name in a key; none where it holds something else."""
+def _target(path: Path) -> str:
+    """Return the name that a record or a key leads to; none where it holds something else."""
     try:
         text = path.read_text()
-    except (OSError, ValueError):
+        return str(json.loads(text)["library"]) if path.suffix else text
+    except (OSError, ValueError, KeyError, TypeError):
         return ""
-    return text if text.isalnum() else ""
 
 
-def _age(path: Path) -> float:
-    """Return the time since a file was used [s]; what is gone is young."""
+def _age_and_size(path: Path) -> tuple[float, int]:
+    """Return the time since a file was used [s] and its bytes; what is gone is young."""
     try:
-        return time.time() - path.stat().st_mtime
+        stat = path.stat()
     except OSError:
-        return 0.0
-
-
-def _size(path: Path) -> int:
-    try:
-        return path.stat().st_size
-    except OSError:
-        return 0
+        return 0.0, 0
+    return time.time() - stat.st_mtime, stat.st_size
 
 
 def _remove(path: Path) -> None:
