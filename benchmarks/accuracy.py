@@ -21,7 +21,8 @@ from hybridyn import HybridRobot
 from hybridyn.spatial import Array
 
 NAN = math.nan
-MOST_CLOSED = 100  # velocities: beyond, closing loops in long double takes minutes
+#: Velocities: beyond, closing loops in long double takes minutes.
+MOST_CLOSED = 100
 
 
 @dataclass(frozen=True)

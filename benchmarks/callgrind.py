@@ -32,20 +32,22 @@ from hybridyn.compiled.library import compilers
 from hybridyn.compiled.library.cache import folder as cache_folder
 from hybridyn.errors import CompileError
 
-BATCH = 200  # samples of one call in a batch, and in a row of single ones: a tenth of them
-PATIENCE = 300  # for one process [s]
+#: Samples of one call in a batch, and in a row of single ones: a tenth of them.
+BATCH = 200
+#: For one process [s].
+PATIENCE = 300
 REASON = "not measured: "
+#: Robots with loops alone are counted; the oracle takes minutes in valgrind.
 LEFT_OUT = (
     compiled.SINGLE,
     *(method.name for method in (*serial.METHODS, *oracle.METHODS)),
 )
-"""Robots with loops alone are counted; the oracle takes minutes in valgrind."""
 
+#: One setting for each peer that is swept: the fastest that is good to 1e-10.
 SETTINGS = {
     **OTHERS,
     **{f"pin.{name}": {"mu": own.mu, "iterations": own.iterations} for name, own in rk4.SOLVERS.items()},
 }
-"""One setting for each peer that is swept: the fastest that is good to 1e-10."""
 
 SWITCH = """\
 #include <valgrind/callgrind.h>

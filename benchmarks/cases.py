@@ -21,14 +21,22 @@ LX4 = ROOT / "urdf" / "lx4.urdf.xacro"
 LX4_TRAJECTORY = ROOT / "models" / "lx4" / "traj.csv"
 
 DOWNWARD, UPWARD = (0.0, 0.0, -9.81), (0.0, 0.0, 9.81)  # gravity, of a robot that stands, that hangs
-HOME_HEIGHT = 0.5  # of a platform above the joints of the one below [m]
-PLATE = 0.025  # from a platform's frame to the joints of the module that it carries [m]
-STEP = 0.005  # between samples, as in the shipped trajectories [s]
-AMPLITUDE = 0.03  # of each coordinate of a platform [m]
-TURN = 0.15  # of a platform about its axis [rad]
-SWING = {"prismatic": 0.02, "revolute": 0.1, "continuous": 0.1}  # of a motor [m, rad]
-SNAKE_SLIDE = 0.005  # of a snake's motor [m]
-GOLDEN_ANGLE = np.pi * (3.0 - np.sqrt(5.0))  # phases that never coincide
+#: Of a platform above the joints of the one below [m].
+HOME_HEIGHT = 0.5
+#: From a platform's frame to the joints of the module that it carries [m].
+PLATE = 0.025
+#: Between samples, as in the shipped trajectories [s].
+STEP = 0.005
+#: Of each coordinate of a platform [m].
+AMPLITUDE = 0.03
+#: Of a platform about its axis [rad].
+TURN = 0.15
+#: Of a motor [m, rad].
+SWING = {"prismatic": 0.02, "revolute": 0.1, "continuous": 0.1}
+#: Of a snake's motor [m].
+SNAKE_SLIDE = 0.005
+#: Phases that never coincide.
+GOLDEN_ANGLE = np.pi * (3.0 - np.sqrt(5.0))
 
 
 @dataclass(frozen=True)

@@ -17,14 +17,21 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 INK, GRID, PALE = "#222222", "#e4e4e4", 0.16
-PANEL = (3.3, 2.75)  # width and height of the axes [inch]
-MARGIN = (0.75, 0.6)  # left of them and below
-CELL = (MARGIN[0] + PANEL[0] + 2.25, MARGIN[1] + PANEL[1] + 0.45)  # with the names and the title
-HEAD = 0.55  # above the panels
-DECADES = 2.2  # least range of an axis
+#: Width and height of the axes [inch].
+PANEL = (3.3, 2.75)
+#: Left of them and below.
+MARGIN = (0.75, 0.6)
+#: With the names and the title.
+CELL = (MARGIN[0] + PANEL[0] + 2.25, MARGIN[1] + PANEL[1] + 0.45)
+#: Above the panels.
+HEAD = 0.55
+#: Least range of an axis.
+DECADES = 2.2
 DOTS = 100
-MARKER = 3.0  # half the room that a point takes [points]
-SEED = "hybridyn"  # of the names inside an SVG, so that equal figures are equal files
+#: Half the room that a point takes [points].
+MARKER = 3.0
+#: Of the names inside an SVG, so that equal figures are equal files.
+SEED = "hybridyn"
 
 
 @dataclass(frozen=True)

@@ -27,12 +27,13 @@ COLOURS = {
     "pin.aba": "#7a3fa0",
     "pin.rnea": "#7a3fa0",
 }
+#: Shades of the compiled model's colour, by the number of threads; more are as dark as four.
 THREADS = {1: "#6f9fd8", 2: "#2f6fc0", 3: "#0b4f9e", 4: "#062c5a"}
-"""Shades of the compiled model's colour, by the number of threads; more are as dark as four."""
 
 FALLBACK = "#555555"
 ERROR = "error, relative to the largest entry"
-LEAST_ERROR = 1e-17  # what an error of nothing is drawn at
+#: What an error of nothing is drawn at.
+LEAST_ERROR = 1e-17
 
 
 class Figure(NamedTuple):

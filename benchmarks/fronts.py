@@ -10,8 +10,10 @@ import numpy as np
 
 from benchmarks.results import Point
 
-FITTED_FROM = 4  # modules: below, what every call costs once hides the slope
-GOOD = 1e-10  # the error that the speed goals ask of everybody
+#: Modules: below, what every call costs once hides the slope.
+FITTED_FROM = 4
+#: The error that the speed goals ask of everybody.
+GOOD = 1e-10
 
 Item = TypeVar("Item")
 

@@ -7,7 +7,8 @@ import numpy as np
 import hybridyn
 from hybridyn.spatial import Array
 
-DDM_LIMIT = 1e-10  # of the largest acceleration
+#: Of the largest acceleration.
+DDM_LIMIT = 1e-10
 #: ddm(idm(a)) against a: the condition of a stack grows with the cube of its height.
 ROUND_TRIP, LEAST_ROUND_TRIP = 4e-14, 1e-12
 

@@ -12,6 +12,7 @@ from benchmarks.cases import LX4, write_long_trajectory
 from benchmarks.processes import only_cores
 from benchmarks.results import Job
 
+#: The command line, and then the most memory it ever held [KiB] on standard output.
 COMMAND = """
 import re, sys
 from pathlib import Path
@@ -22,7 +23,6 @@ peak = re.search(r"VmHWM:\\s*(\\d+)", proc.read_text()) if proc.exists() else No
 print(peak[1] if peak else "nan")
 sys.exit(status)
 """
-"""The command line, and then the most memory it ever held [KiB] on standard output."""
 
 
 def measure(rows: int, cores: int) -> list[Job]:

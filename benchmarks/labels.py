@@ -8,10 +8,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-LETTER = 4.3  # width of a letter of size 8 [points]
-LINE = 11.0  # height of a line
-CROWDED = 12.0  # least vertical distance of two names in the column
-GAP = 5.0  # between a point and its name
+#: Width of a letter of size 8 [points].
+LETTER = 4.3
+#: Height of a line.
+LINE = 11.0
+#: Least vertical distance of two names in the column.
+CROWDED = 12.0
+#: Between a point and its name.
+GAP = 5.0
 
 
 class Box(NamedTuple):

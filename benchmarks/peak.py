@@ -24,8 +24,10 @@ from hybridyn.compiled.library.building import NATIVE
 from hybridyn.compiled.library.compilers import best_lanes, find_compiler
 from hybridyn.compiled.programs.whole_robot import programs
 
-CHAINS = 12  # independent sums, more than the latency of a multiply-add times those begun in a cycle
-LENGTH = 200_000  # of each sum in a round
+#: Independent sums, more than the latency of a multiply-add times those begun in a cycle.
+CHAINS = 12
+#: Of each sum in a round.
+LENGTH = 200_000
 ROUNDS = 50
 SAMPLES = 4096
 

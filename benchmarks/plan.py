@@ -20,6 +20,7 @@ from benchmarks.processes import in_own_process
 from benchmarks.results import SECTIONS, Check, machine
 
 CACHE = ROOT / "build" / "benchmarks" / "cache"
+#: Files of this package that only show what was measured, or measure something else.
 OUTPUT = {
     "report.py",
     "standing.py",
@@ -34,7 +35,6 @@ OUTPUT = {
     "slow.py",
     "hard.py",
 }
-"""Files of this package that only show what was measured, or measure something else."""
 
 SHIPPED = ("gough_stewart", "rps3", "five_bar", "delta", "tanev", "stewart_ur5", "scara_delta", "lx4")
 STACKS = (1, 2, 4, 8, 16)

@@ -21,7 +21,8 @@ from hybridyn.oracle import Extended, Oracle
 from hybridyn.spatial import Array
 
 DIGITS = 40
-SMALL = 24  # velocities up to which 40 digits take about a second per sample
+#: Velocities up to which 40 digits take about a second per sample.
+SMALL = 24
 
 
 class LongDouble(Extended):

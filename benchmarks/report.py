@@ -16,7 +16,8 @@ from benchmarks.texts import CALLGRIND, HEAD, JOB, LIMITS, METHODS, PEAK, SINGUL
 
 Results = dict[str, list[Any]]
 
-MOST_NAMED = 6  # cases of one reason that are written out
+#: Cases of one reason that are written out.
+MOST_NAMED = 6
 
 
 def write_report(folder: Path) -> Path:

@@ -194,6 +194,7 @@ class Limit(NamedTuple):
     cores: float
 
 
+#: The sections and the rows of each, in the order in which they are measured; `Check` rows open each.
 SECTIONS: dict[str, type[Any]] = {
     "ddm": Point,
     "idm": Point,
@@ -205,7 +206,6 @@ SECTIONS: dict[str, type[Any]] = {
     "peak": Limit,
     "job": Job,
 }
-"""The sections and the rows of each, in the order in which they are measured; `Check` rows open each."""
 
 
 def write_rows(path: Path, kind: type[Any], rows: Iterable[Sequence[Any]]) -> None:

@@ -27,7 +27,8 @@ from hybridyn.spatial import Array
 
 BATCH = 500
 ROUNDS = 3
-PATIENCE = 900.0  # for one point, compilation included [s]
+#: For one point, compilation included [s].
+PATIENCE = 900.0
 #: One setting for each peer that is swept: what reaches 1e-10 up to 16 modules, or comes nearest.
 SETTINGS: dict[str, Setting] = {
     "pin.constraintDynamics": {"mu": 1e-8, "iterations": 2},

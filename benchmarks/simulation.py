@@ -28,11 +28,14 @@ from benchmarks.results import Check, Flight
 from hybridyn import HybridRobot, HybridynError
 from hybridyn.spatial import Array
 
-SAMPLES = 200  # states of a run that are judged
-GIVEN_UP = 10.0  # error of the final state beyond which it is said to be lost
+#: States of a run that are judged.
+SAMPLES = 200
+#: Error of the final state beyond which it is said to be lost.
+GIVEN_UP = 10.0
 REFERENCE = {"method": "dopri5", "rtol": 1e-12, "atol": 1e-14}
 AGAIN, TIMES = 6.0, 3  # a run shorter than this [s] is flown so often, whoever it is; the best time counts
-OTHER = 0.5  # step of the RK4 that the reference is held against, in those of the finest run
+#: Step of the RK4 that the reference is held against, in those of the finest run.
+OTHER = 0.5
 
 Flown = tuple[Array, Array]
 #: Method, setting, and what prepares a run.

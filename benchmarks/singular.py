@@ -26,10 +26,12 @@ from hybridyn.oracle import Extended, Oracle
 from hybridyn.spatial import Array
 
 DIGITS = 60
-RANK = 1e-13  # below the least singular value at the nearest distance, above the rounding of the frames
+#: Below the least singular value at the nearest distance, above the rounding of the frames.
+RANK = 1e-13
 CRANK, ROD = 0.25, 0.5  # of the slider-crank [m]
 RATE, CHANGE = 1.0, 2.0  # of its crank [rad/s, rad/s^2]
-EFFORT = 3.0  # on the parallelogram's crank [N m]
+#: On the parallelogram's crank [N m].
+EFFORT = 3.0
 
 State = tuple[Array, Array, Array]
 

@@ -13,11 +13,12 @@ from benchmarks.texts import FLOWN, LOSSES, STANDING
 
 Results = dict[str, list[Any]]
 
+#: What is hybridyn's own, its oracle included.
 OWN = ("hybridyn", "dense null space")
-"""What is hybridyn's own, its oracle included."""
 
 ENGINES = ("hybridyn, compiled", "hybridyn, general")
-WANTED = (1e-3, 1e-6, 1e-9)  # errors of a simulation's final state
+#: Errors of a simulation's final state.
+WANTED = (1e-3, 1e-6, 1e-9)
 
 
 def standing(results: Results) -> Iterator[str]:

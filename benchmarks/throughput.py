@@ -17,9 +17,11 @@ from benchmarks.timing import interleaved
 from hybridyn.spatial import Array
 
 LOOPED = {"ddm": ("pin.constraintDynamics", "pin.lcaba"), "idm": ("pin.rnea, loops open",)}
-GOOD = 1e-10  # error at which a swept peer's cheapest setting is taken
+#: Error at which a swept peer's cheapest setting is taken.
+GOOD = 1e-10
 SWEEP_ROUNDS = 3
-MEASURED = 0.1  # a measurement repeats a call until it takes this long [s]: threads spread over cores
+#: A measurement repeats a call until it takes this long [s]: threads spread over cores.
+MEASURED = 0.1
 
 
 @dataclass(frozen=True)

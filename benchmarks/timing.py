@@ -9,7 +9,8 @@ import time
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
-LEAST = 2e-3  # a measurement repeats a call until it takes this long [s]
+#: A measurement repeats a call until it takes this long [s].
+LEAST = 2e-3
 ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+#: One colour after the other; robots with more modules than colours begin again.
 MODULES = (
     "#3b7dd8", "#e8743b", "#2a9d8f", "#b5489c", "#7a9e2e",
     "#d1495b", "#6f5fc6", "#00a5c8", "#b8862b", "#5b7083",
 )  # fmt: skip
-"""One colour after the other; robots with more modules than colours begin again."""
 
 GROUND = "#9aa2ab"
 MOTOR = "#30353c"

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import hybridyn
-from hybridyn.compiled.code.scalars import TRUSTED
-from hybridyn.compiled.derivatives import AGREE, Derivatives
+from hybridyn.compiled.code.scalars import GUARD_LIMIT
+from hybridyn.compiled.derivatives import DERIVATIVE_AGREES, Derivatives
 from hybridyn.compiled.equations.states import random_states
 from hybridyn.compiled.library.calls import load
 from hybridyn.compiled.programs.whole_robot import programs
@@ -142,10 +142,12 @@ def test_where_pivots_vanish_the_general_path_judges(monkeypatch: pytest.MonkeyP
     q = hybridyn.assemble(robot, motors=motors)
     v, tau = np.zeros(robot.nv), np.array([0.3, -0.2])
     derive = Derivatives(robot, "ddm")
-    assert float(derive.casadi.call([q[0], v, tau, parameters_of(robot)])[-1]) > TRUSTED
+    assert float(derive.casadi.call([q[0], v, tau, parameters_of(robot)])[-1]) > GUARD_LIMIT
     linear = hybridyn.ddm(robot, q[0], v, 2 * tau) - hybridyn.ddm(robot, q[0], v, tau)
-    np.testing.assert_allclose(derive(q[0], v, tau)["tau"] @ tau, linear, atol=AGREE * np.abs(linear).max())
-    monkeypatch.setattr("hybridyn.compiled.derivatives.AGREE", 1e-16)
+    np.testing.assert_allclose(
+        derive(q[0], v, tau)["tau"] @ tau, linear, atol=DERIVATIVE_AGREES * np.abs(linear).max()
+    )
+    monkeypatch.setattr("hybridyn.compiled.derivatives.DERIVATIVE_AGREES", 1e-16)
     with pytest.raises(SingularityError, match=r"not to be trusted at sample 0: the pivots .* vanish there"):
         derive(q[0], v, tau)
 

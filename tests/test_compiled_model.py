@@ -15,7 +15,7 @@ from hybridyn.compiled.equations.states import random_states
 from hybridyn.compiled.library.calls import BLOCK, Library
 from hybridyn.compiled.model import CompiledRobot
 from hybridyn.compiled.programs.sources import robot_key
-from hybridyn.compiled.verifying import AGREE, difference, verify
+from hybridyn.compiled.verifying import MODEL_AGREES, difference, verify
 from hybridyn.description.shipped import shipped_robots
 from hybridyn.errors import AssemblyError, CompileError, HybridynError, ModelError, TrajectoryError
 
@@ -38,8 +38,8 @@ def states(lx4: CompiledRobot) -> Arrays:
 
 def test_models_are_those_of_the_general_path(lx4: CompiledRobot, states: Arrays) -> None:
     q, v, a, tau = states
-    assert (difference(lx4.ddm(q, v, tau), a) <= AGREE["float64"]).all()
-    assert (difference(lx4.idm(q, v, a), hybridyn.idm(lx4.robot, q, v, a)) <= AGREE["float64"]).all()
+    assert (difference(lx4.ddm(q, v, tau), a) <= MODEL_AGREES["float64"]).all()
+    assert (difference(lx4.idm(q, v, a), hybridyn.idm(lx4.robot, q, v, a)) <= MODEL_AGREES["float64"]).all()
     assert lx4.recomputed == 0
 
 
@@ -146,12 +146,14 @@ def test_other_bases(base: Any) -> None:
         acceleration = np.random.default_rng(1).normal(size=(10, 6))
         for given in (None, acceleration, acceleration[3]):
             a = hybridyn.ddm(robot, q, v, tau, base_acceleration=given)
-            assert (difference(model.ddm(q, v, tau, base_acceleration=given), a) <= AGREE["float64"]).all()
+            assert (
+                difference(model.ddm(q, v, tau, base_acceleration=given), a) <= MODEL_AGREES["float64"]
+            ).all()
         one = model.ddm(q[3], v[3], tau[3], base_acceleration=acceleration[3])
         assert (one == model.ddm(q, v, tau, base_acceleration=acceleration[3])[3]).all()
         assert (model.ddm(q[3], v[3], tau[3]) == model.ddm(q, v, tau)[3]).all()
     else:
-        assert (difference(model.ddm(q, v, tau), a) <= AGREE["float64"]).all()
+        assert (difference(model.ddm(q, v, tau), a) <= MODEL_AGREES["float64"]).all()
 
 
 def test_only_doubtful_samples_are_computed_again(
@@ -216,7 +218,7 @@ def test_a_wrong_program_never_reaches_the_user(monkeypatch: pytest.MonkeyPatch)
             hybridyn.compile(robot)
     model = hybridyn.compile(robot)
     q, v, a, tau = random_states(robot, 4, seed=9)
-    assert (difference(model.ddm(q, v, tau), a) <= AGREE["float64"]).all()
+    assert (difference(model.ddm(q, v, tau), a) <= MODEL_AGREES["float64"]).all()
 
 
 def test_floats_agree_to_their_digits() -> None:
@@ -225,7 +227,7 @@ def test_floats_agree_to_their_digits() -> None:
     q, v, a, tau = random_states(robot, 30, seed=3)
     result = model.ddm(q, v, tau)
     assert result.dtype == np.float32
-    assert (difference(result, a) <= AGREE["float32"]).all()
+    assert (difference(result, a) <= MODEL_AGREES["float32"]).all()
     assert model.recomputed < 30
     assert (model.ddm(q[2], v[2], tau[2]) == result[2]).all()
 
@@ -236,7 +238,7 @@ def test_the_casadi_functions_are_the_models() -> None:
     q, v, a, tau = random_states(robot, 3, seed=3)
     assert functions["ddm"].name_in() == ["q", "v", "tau"]
     result = np.array(functions["ddm"](q[0], v[0], tau[0])[0])[:, 0]
-    assert (difference(result[None], a[:1]) <= AGREE["float64"]).all()
+    assert (difference(result[None], a[:1]) <= MODEL_AGREES["float64"]).all()
 
 
 def test_what_cannot_be_written_out_says_so() -> None:
@@ -291,7 +293,7 @@ def test_effort_limits_hold() -> None:
     effects = ["default", hybridyn.effects.Limits(dict.fromkeys(robot.motors, bound))]
     model = hybridyn.compile(robot, effects)
     wanted = hybridyn.ddm(robot, q, v, tau, effects=effects)
-    assert (difference(model.ddm(q, v, tau), wanted) <= AGREE["float64"]).all()
+    assert (difference(model.ddm(q, v, tau), wanted) <= MODEL_AGREES["float64"]).all()
     assert (model.ddm(q[4], v[4], tau[4]) == model.ddm(q, v, tau)[4]).all()
     with pytest.raises(HybridynError) as theirs:
         hybridyn.idm(robot, q, v, a, effects=effects)
@@ -315,7 +317,7 @@ def test_simulations_use_the_models(lx4: CompiledRobot, states: Arrays) -> None:
     theirs = hybridyn.simulate(lx4.robot, q[0], 0 * v[0], [0, 3e-3], **options)
     np.testing.assert_allclose(ours.q, theirs.q, rtol=0, atol=1e-9)  # other charts: the method's own error
     a = hybridyn.ddm(lx4.robot, ours.q, ours.v, ours.tau)
-    np.testing.assert_allclose(ours.a, a, rtol=0, atol=AGREE["float64"] * np.abs(a).max())
+    np.testing.assert_allclose(ours.a, a, rtol=0, atol=MODEL_AGREES["float64"] * np.abs(a).max())
     for other, words in (
         ({"effects": "model"}, "other effects"),
         ({"wrenches": {"m4_platform": np.zeros(6)}}, "know no wrenches"),

@@ -109,7 +109,7 @@ def test_kinematics(name: str, base: Base) -> None:
     for t in range(2):
         got = np.array(function(q[t], v[t], a[t])[0]).reshape(-1, WIDTH)
         for body, m in body_motions(robot, q, v, a).items():
-            for at, value in ((9, m.p), (12, m.pd), (15, m.w), (18, m.pdd), (21, m.wd)):
+            for at, value in ((9, m.p), (12, m.p_dot), (15, m.w), (18, m.p_ddot), (21, m.w_dot)):
                 size = max(np.abs(got[:, at : at + 3]).max(), 1.0)
                 np.testing.assert_allclose(got[body, at : at + 3], value[t], atol=EXACT * size)
             np.testing.assert_allclose(got[body, :9].reshape(3, 3), m.R[t], atol=EXACT)

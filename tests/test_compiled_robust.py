@@ -14,7 +14,7 @@ import hybridyn
 from hybridyn.compiled import verifying
 from hybridyn.compiled.equations.states import moving_states, random_states
 from hybridyn.compiled.equations.static_elimination import choose_pivots
-from hybridyn.compiled.verifying import AGREE, SAMPLES, difference, verify
+from hybridyn.compiled.verifying import MODEL_AGREES, SAMPLES, difference, verify
 from hybridyn.description.records import Closure, Coupling, Description, Joint, Link
 from hybridyn.effects.choice import choose
 from hybridyn.errors import CompileError, SingularityError
@@ -83,7 +83,7 @@ def test_a_home_with_open_loops_chooses_no_pivots() -> None:
     q, v, a, tau = random_states(robot, 4)
     (result,), guard = Interpreted(robot, ("ddm",)).batch("ddm", q, v, tau)
     assert (guard <= TRUSTED).sum() >= 3
-    assert (difference(result, a)[guard <= TRUSTED] <= AGREE["float64"]).all()
+    assert (difference(result, a)[guard <= TRUSTED] <= MODEL_AGREES["float64"]).all()
 
 
 def test_motions_without_inertia_are_the_general_paths() -> None:
@@ -147,7 +147,7 @@ def test_rounded_loops_are_the_general_paths_where_they_close_exactly() -> None:
         third = tau if name == "ddm" else hybridyn.ddm(robot, q, still, tau)
         (result,), guard = Interpreted(robot, (name,)).batch(name, q, still, third)
         off = difference(result, model(robot, q, still, third))
-        assert guard[0] > TRUSTED or off[0] <= AGREE["float64"], (name, off)
+        assert guard[0] > TRUSTED or off[0] <= MODEL_AGREES["float64"], (name, off)
 
 
 # -------------------------------------------------------------------- motors that do not move
@@ -176,7 +176,7 @@ def test_a_motor_that_loops_hold_still_has_no_effort() -> None:
     efforts = hybridyn.idm(robot, q, v, a)
     assert (efforts[:, 0] == 0.0).all()
     np.testing.assert_allclose(efforts[:, 1], tau[:, 1], rtol=1e-11)
-    assert compared(robot) == (pytest.approx(0.0, abs=AGREE["float64"]), 8)
+    assert compared(robot) == (pytest.approx(0.0, abs=MODEL_AGREES["float64"]), 8)
 
 
 def test_motors_that_no_posture_tells_apart_are_the_general_paths() -> None:
@@ -203,7 +203,7 @@ def test_redundant_motors_on_gears_alone() -> None:
         [hinge("a", "base", "one"), hinge("b", "one", "two", 1.0), hinge("c", "two", "three", 1.0)], [],
         ["a", "b", "c"], [Coupling("gear", (("a", 1.0), ("b", -0.5), ("c", 0.5)), 0.0)],
     )  # fmt: skip
-    assert compared(robot) == (pytest.approx(0.0, abs=AGREE["float64"]), 8)
+    assert compared(robot) == (pytest.approx(0.0, abs=MODEL_AGREES["float64"]), 8)
 
 
 # -------------------------------------------------------------------- one freedom
@@ -220,7 +220,7 @@ def door() -> HybridRobot:
 
 def test_a_door_with_two_hinges() -> None:
     robot = door()
-    assert compared(robot) == (pytest.approx(0.0, abs=AGREE["float64"]), 8)
+    assert compared(robot) == (pytest.approx(0.0, abs=MODEL_AGREES["float64"]), 8)
     manifold = Manifold(robot)
     residual, K = manifold.looped[0].rows.at(np.array([0.3]))
     assert K.shape == (5, 1)

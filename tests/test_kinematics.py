@@ -76,12 +76,12 @@ def test_accelerations_left_out_leave_what_the_rates_cause(case: tuple) -> None:
     tree, _, q, v, a = case
     none, zero, whole = tree.sweep(q, v), tree.sweep(q, v, np.zeros_like(a)), tree.sweep(q, v, a)
     only = tree.sweep(q, np.zeros_like(v), a)
-    close_to(none.pdd, zero.pdd, ROUNDING)
-    close_to(none.wd, zero.wd, ROUNDING)
-    close_to(none.pdd + only.pdd, whole.pdd, ROUNDING)
+    close_to(none.p_ddot, zero.p_ddot, ROUNDING)
+    close_to(none.w_dot, zero.w_dot, ROUNDING)
+    close_to(none.p_ddot + only.p_ddot, whole.p_ddot, ROUNDING)
     still = tree.sweep(q)
     assert not still.w.any()
-    assert not still.pdd.any()
+    assert not still.p_ddot.any()
 
 
 def test_jacobian_is_what_the_rates_do(case: tuple) -> None:
@@ -90,10 +90,10 @@ def test_jacobian_is_what_the_rates_do(case: tuple) -> None:
     rng = np.random.default_rng(1)
     for body in range(len(tree.joints) + 1):
         moved = np.einsum("tij,tj->ti", tree.jacobian(motion, body), v)
-        close_to(np.concatenate([motion.pd[:, body], motion.w[:, body]], axis=1), moved, ROUNDING)
+        close_to(np.concatenate([motion.p_dot[:, body], motion.w[:, body]], axis=1), moved, ROUNDING)
         arm = rng.normal(size=(SAMPLES, 3))
         at_point = np.einsum("tij,tj->ti", tree.jacobian(motion, body, motion.p[:, body] + arm), v)[:, :3]
-        close_to(at_point, motion.pd[:, body] + np.cross(motion.w[:, body], arm), ROUNDING)
+        close_to(at_point, motion.p_dot[:, body] + np.cross(motion.w[:, body], arm), ROUNDING)
 
 
 def test_a_batch_gives_what_its_samples_give_alone(case: tuple) -> None:

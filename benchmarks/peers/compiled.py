@@ -12,8 +12,10 @@ from hybridyn import HybridRobot, HybridynError
 
 NAME = "hybridyn, compiled"
 SINGLE = f"{NAME}, float32"
-MOST = 1_600  # velocities: 64 stacked modules compile in a minute, and as long again for four times as many
-SINGLE_LIMIT = 1e-2  # seven digits, less what a stack of 16 modules loses
+#: Velocities: 64 stacked modules compile in a minute, and as long again for four times as many.
+MOST = 1_600
+#: Seven digits, less what a stack of 16 modules loses.
+SINGLE_LIMIT = 1e-2
 
 
 def compiled(robot: HybridRobot, threads: int = 1, dtype: str = "float64") -> Any:

@@ -19,7 +19,8 @@ from hybridyn.spatial import Array
 
 KINDS = {"revolute": "hinge", "continuous": "hinge", "prismatic": "slide"}
 EQUALITY = {"spherical": "connect", "fixed": "weld"}
-PREFIX = "body_"  # "world" is a name of MuJoCo's own
+#: "world" is a name of MuJoCo's own.
+PREFIX = "body_"
 
 
 def mjcf(robot: HybridRobot) -> str:

@@ -99,6 +99,7 @@ def inverse(robot: HybridRobot) -> Callable[[Setting], Solver]:
     raise NotMeasuredError("mj_inverse gives efforts on every joint, passive ones too, not the motors'")
 
 
-MOST = 1_600  # velocities: 70 ms a call there, four seconds at four times as many
+#: Velocities: 70 ms a call there, four seconds at four times as many.
+MOST = 1_600
 
 METHODS = (Method("MuJoCo", "ddm", setup, SETTINGS, most=MOST), Method("MuJoCo", "idm", inverse))

@@ -8,7 +8,8 @@ from benchmarks.methods import Method, Setting, Solver
 from hybridyn import HybridRobot
 from hybridyn.oracle import Oracle
 
-MOST = 400  # velocities: beyond, seconds per sample
+#: Velocities: beyond, seconds per sample.
+MOST = 400
 
 
 def ddm(robot: HybridRobot) -> Callable[[Setting], Solver]:

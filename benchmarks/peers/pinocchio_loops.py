@@ -12,7 +12,8 @@ from benchmarks.methods import NotMeasuredError
 from hybridyn import HybridRobot
 from hybridyn.spatial import Array, Index
 
-MOST = 400  # velocities: Pinocchio's Data holds several nv^3 tensors, 3 GB there
+#: Velocities: Pinocchio's Data holds several nv^3 tensors, 3 GB there.
+MOST = 400
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,8 @@ from hybridyn.spatial import Array
 #: Sets a robot up and gives what is called with it, a state and the settings.
 Prepare = Callable[[Loops], Callable[..., Array]]
 
-ACCURACY = 1e-15  # of the proximal iterations: they end at their count, or when nothing changes any more
+#: Of the proximal iterations: they end at their count, or when nothing changes any more.
+ACCURACY = 1e-15
 SPARSE = grid(mu=(1e-14, 1e-12, 1e-10, 1e-8, 1e-6, 1e-4, 1e-2), iterations=(1, 2, 3, 5, 10))
 ARTICULATED = grid(mu=(1e-8, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1), iterations=(1, 2, 3, 4, 5, 6, 8, 10, 15))
 

@@ -19,8 +19,10 @@ from benchmarks.peers.rnea_projection import closure_rows
 from hybridyn import HybridRobot
 from hybridyn.spatial import Array
 
-BAUMGARTE = 0.1  # of the largest rate that the step allows, critically damped
-CLOSED = 1e-12  # [m]
+#: Of the largest rate that the step allows, critically damped.
+BAUMGARTE = 0.1
+#: [m].
+CLOSED = 1e-12
 MOST_STEPS = 5
 HOLDS = ("nothing", "baumgarte", "projection")
 

@@ -106,9 +106,9 @@ def place_base(robot: HybridRobot, requests: Requests, q: Array, v: Array, a: Ar
     pose = requests.base
     R = np.swapaxes(pose.R, 1, 2)
     q[:, :3], q[:, 3:7] = pose.p, requests.base_quaternion
-    v[:, :3], v[:, 3:6] = (np.matmul(R, x[..., None])[..., 0] for x in (pose.pd, pose.w))
-    spatial = pose.pdd - cross(pose.w, pose.pd)
-    a[:, :3], a[:, 3:6] = (np.matmul(R, x[..., None])[..., 0] for x in (spatial, pose.wd))
+    v[:, :3], v[:, 3:6] = (np.matmul(R, x[..., None])[..., 0] for x in (pose.p_dot, pose.w))
+    spatial = pose.p_ddot - cross(pose.w, pose.p_dot)
+    a[:, :3], a[:, 3:6] = (np.matmul(R, x[..., None])[..., 0] for x in (spatial, pose.w_dot))
 
 
 def _assemble_module(
@@ -136,8 +136,8 @@ def _assemble_module(
     target = m.tree.sweep(x, x_dot, x_ddot)
     q[:, module.q_index] = spanning_positions(module, x, target, q[0, module.q_index])
     vk, ak = np.zeros((2, len(x), m.spanning.nv))
-    m.take_legs(x_dot, vk)
-    m.take_legs(x_ddot, ak)
+    m.to_spanning(x_dot, vk)
+    m.to_spanning(x_ddot, ak)
     m.recover_rates(q[:, module.q_index], vk, target)
     m.recover_accelerations(q[:, module.q_index], vk, ak, target)
     v[:, module.v_index], a[:, module.v_index] = vk, ak
@@ -216,7 +216,7 @@ def spanning_positions(module: Module, x: Array, target: Motion, guess: Array) -
     """
     m = module.mechanism
     q = np.broadcast_to(guess, (len(x), m.spanning.nq)).copy()
-    m.take_leg_positions(x, q)
+    m.positions_to_spanning(x, q)
     for number, wrist in enumerate(m.spec.wrists):
         tree = Tree(list(m.wrist_joints(number)))
         end = RigidMotion.of_body(target, m.tree_body(wrist.target)).then(

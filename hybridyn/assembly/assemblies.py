@@ -26,17 +26,17 @@ from .requests import Requests, gather_requests
 from .residual import closure_residual
 
 #: Two postures are one where nothing that tells them apart differs by more (module lengths, cosines).
-SAME = 1e-5
+SAME_ASSEMBLY = 1e-5
 #: Longest step of the search [rad, module lengths], most steps, and the residual at which a start is there.
 LONGEST_STEP, MOST_STEPS, THERE = 1.0, 60, 1e-10
 #: The steps are least-norm ones by normal equations, regularised by this part of their trace.
-ROUNDING = 1e-12
+REGULARISATION = 1e-12
 #: Marks that idle motions of the first size change by the second tell nothing.
 NUDGE, NUDGED = 1e-3, 1e-5
 #: Starts that are moved at once: their arrays stay near the cache.
-BLOCK = 1000
+STARTS_AT_ONCE = 1000
 #: Most postures of a whole robot; stacked modules multiply theirs.
-MOST = 10_000
+MOST_POSTURES = 10_000
 
 
 @dataclass(frozen=True)
@@ -112,7 +112,7 @@ def _within_limits(robot: HybridRobot, q: Array) -> Mask:
     for joint in robot.description.joints:
         if joint.kind in ("revolute", "prismatic"):
             x = q[:, robot.q_slices[robot.joint_index[joint.name]].start]
-            slack = SAME * max(abs(x) for x in (joint.lower, joint.upper, 1.0) if np.isfinite(x))
+            slack = SAME_ASSEMBLY * max(abs(x) for x in (joint.lower, joint.upper, 1.0) if np.isfinite(x))
             within &= (x >= joint.lower - slack) & (x <= joint.upper + slack)
     return within
 
@@ -171,10 +171,10 @@ class _Search:
         known: dict[int, Found] = {row: self._module(number, row) for row in set(rows_below)}
         found = [known[row] for row in rows_below]
         total = sum(len(f.counts) for f in found)
-        if total > MOST:
+        if total > MOST_POSTURES:
             raise AssemblyError(
                 f"module '{module.name}': the robot has {total} postures or more with the modules below it "
-                f"(limit {MOST}): stacked modules multiply theirs. Give the poses of some platforms",
+                f"(limit {MOST_POSTURES}): stacked modules multiply theirs. Give the poses of some platforms",
                 module=module.name,
             )
         rows = np.repeat(np.arange(len(self.q)), [len(f.counts) for f in found])
@@ -217,7 +217,7 @@ class _Search:
 def _row(motion: RigidMotion, rows: int | Index) -> RigidMotion:
     """Return some samples of a frame's motion."""
     at = np.atleast_1d(rows)
-    return RigidMotion(*(x[at] for x in (motion.R, motion.p, motion.w, motion.pd, motion.wd, motion.pdd)))
+    return RigidMotion(*(x[at] for x in motion.arrays))
 
 
 def postures(robot: HybridRobot, module: Module, task: Task, starts: int, seed: int) -> Found:
@@ -237,8 +237,8 @@ def postures(robot: HybridRobot, module: Module, task: Task, starts: int, seed: 
     reached = [first_posture(task, m.home)[None]]
     if m.closures.rows:
         spread = np.where(np.abs(m.tree.S_linear).max(axis=1, initial=0.0) > 0, m.length, np.pi)
-        for first in range(0, starts, BLOCK):
-            noise = rng.uniform(-spread, spread, (min(BLOCK, starts - first), m.tree.nv))
+        for first in range(0, starts, STARTS_AT_ONCE):
+            noise = rng.uniform(-spread, spread, (min(STARTS_AT_ONCE, starts - first), m.tree.nv))
             reached.append(_reached(task, m.tree.integrate(np.tile(m.home, (len(noise), 1)), noise)))
     x = settled(m, np.concatenate(reached))
     marks = _marks(module, x)[:, _told(task, module, x[:8])]
@@ -246,7 +246,7 @@ def postures(robot: HybridRobot, module: Module, task: Task, starts: int, seed: 
     counts[0] = counts[0] - 1 if m.closures.rows else starts  # what `assemble` gives is no random start
     turned = np.abs(m.tree.difference(np.tile(m.home, (len(x), 1)), x) / task.problem.col_scale).sum(axis=1)
     kept = np.array([np.flatnonzero(label == i)[np.argmin(turned[label == i])] for i in range(len(counts))])
-    order = np.lexsort([*np.round(marks[kept].T / SAME), np.round(turned[kept] / SAME)])
+    order = np.lexsort([*np.round(marks[kept].T / SAME_ASSEMBLY), np.round(turned[kept] / SAME_ASSEMBLY)])
     x = x[kept[order]]
     guess = robot.home[module.q_index]
     one_by_one = [spanning_positions(module, row[None], m.tree.sweep(row[None]), guess) for row in x]
@@ -264,7 +264,7 @@ def _reached(task: Task, q: Array) -> Array:
         K = problem.matrix(motion, every=False)[:, :, problem.free]
         square = K @ K.transpose(0, 2, 1)
         size = np.trace(square, axis1=1, axis2=2)[:, None, None]
-        square += (ROUNDING * size + np.finfo(float).tiny) * np.eye(square.shape[1])
+        square += (REGULARISATION * size + np.finfo(float).tiny) * np.eye(square.shape[1])
         dx = np.zeros((len(active), problem.tree.nv))
         dx[:, problem.free] = -(K.transpose(0, 2, 1) @ np.linalg.solve(square, residual[..., None]))[..., 0]
         length = np.abs(dx).max(axis=1, initial=0.0)
@@ -319,6 +319,6 @@ def _grouped(marks: Array) -> tuple[Index, Index]:
     groups = 0
     while (label < 0).any():
         rest = np.flatnonzero(label < 0)
-        label[rest[np.abs(marks[rest] - marks[rest[0]]).max(axis=1, initial=0.0) <= SAME]] = groups
+        label[rest[np.abs(marks[rest] - marks[rest[0]]).max(axis=1, initial=0.0) <= SAME_ASSEMBLY]] = groups
         groups += 1
     return label, np.bincount(label)

@@ -13,7 +13,7 @@ from ..structure.module import Module
 #: A motion that moves outputs, motors and centres of mass by less than this is idle (a rod's spin).
 IDLE = 1e-6
 #: Rows over the free freedoms whose reciprocal condition falls below this are singular.
-SINGULAR = 1e-10
+SINGULAR_ROWS = 1e-10
 #: Rates that exceed what was asked by less than this do not come from a singularity.
 BOUNDED = 1e6
 
@@ -96,7 +96,7 @@ def refuse_unbounded(
         return
     s = np.linalg.svd(K[suspect][:, :, problem.free], compute_uv=False)
     least = s[:, (problem.rank or s.shape[1]) - 1]
-    singular = np.flatnonzero(least < SINGULAR * s[:, 0])
+    singular = np.flatnonzero(least < SINGULAR_ROWS * s[:, 0])
     if not len(singular):
         return
     t, i = int(suspect[singular[0]]), int(singular[0])
@@ -105,7 +105,7 @@ def refuse_unbounded(
     joint = module.freedom_names()[int(np.argmax(np.abs(x[t])))]
     raise SingularityError(
         f"module '{module.name}': the {what} given at sample {t} cannot be followed, those of {joint} would "
-        f"have no bound ({kind}; condition number {condition:.1e}, limit {1 / SINGULAR:.0e}). Move the "
+        f"have no bound ({kind}; condition number {condition:.1e}, limit {1 / SINGULAR_ROWS:.0e}). Move the "
         f"motion away from there{mend}",
         module=module.name,
         what=lost,
@@ -124,7 +124,7 @@ def _what_is_singular(module: Module, problem: LoopProblem, K: Array) -> tuple[s
     """
     m = module.mechanism
     s = np.linalg.svd(K[: m.closures.rows], compute_uv=False)
-    if m.reduction.rank and s[m.reduction.rank - 1] < SINGULAR * s[0]:
+    if m.reduction.rank and s[m.reduction.rank - 1] < SINGULAR_ROWS * s[0]:
         return "closures", "constraint singularity: the closures lose rank", ""
     given = [not problem.free[m.tree.v_slices[joint]].all() for joint in m.spec.platforms]
     if problem.targets or any(given):

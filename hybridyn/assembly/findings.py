@@ -14,7 +14,7 @@ from ..structure.robot import HybridRobot
 from .free_motions import free_motions, own_inertia
 
 #: Smallest pivot, or smallest share of the motors in a motion, below which a posture is called singular.
-SINGULAR = 1e-5
+SINGULAR_POSTURE = 1e-5
 
 
 def home_residuals(robot: HybridRobot) -> list[float]:
@@ -91,10 +91,10 @@ def singular_at_home(module: Module, robot: HybridRobot) -> str:
     m = module.mechanism
     motion = m.cut_motion(m.spanning.sweep(robot.home[None, module.q_index]))
     basis = m.basis(m.closures.matrix(motion))
-    if m.closures.rows and basis.pivot[0] < SINGULAR:
+    if m.closures.rows and basis.pivot[0] < SINGULAR_POSTURE:
         return f"its closures lose rank (smallest pivot {basis.pivot[0]:.1e})"
     share = motor_share(module, basis.Psi)
-    if share is not None and share[0] < SINGULAR:
+    if share is not None and share[0] < SINGULAR_POSTURE:
         return f"its motors lose a direction (their share in it: {share[0]:.1e})"
     return ""
 
@@ -130,7 +130,7 @@ def architecturally_singular(module: Module) -> str:
     if not m.closures.rows or len(module.motors) != m.mobility:
         return ""
     share = motor_share(module, m.basis(m.generic_K).Psi)
-    if share is None or not len(share) or share.max() >= SINGULAR:
+    if share is None or not len(share) or share.max() >= SINGULAR_POSTURE:
         return ""
     return (
         "architecturally singular: its motors lose a direction in every posture (their share in it is at "
@@ -149,7 +149,7 @@ def _of_structure(module: Module) -> list[str]:
     still = [
         name
         for name, column in zip(module.motors, module.motor_columns, strict=True)
-        if not m.mobility or np.abs(Psi[column]).max() < SINGULAR * np.abs(Psi).max()
+        if not m.mobility or np.abs(Psi[column]).max() < SINGULAR_POSTURE * np.abs(Psi).max()
     ]
     if still:
         out.append(f"motor '{still[0]}' cannot move: the closures hold it")

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..errors import AssemblyError
-from ..linkage.newton import ROUNDING, SMALLEST_STEP, Closed, LoopProblem, close
+from ..linkage.newton import RESIDUAL_ROUNDING, SMALLEST_STEP, Closed, LoopProblem, close
 from ..linkage.winding import winding_of
 from ..spatial import Array, Index, Mask
 
@@ -22,9 +22,9 @@ SAME_BRANCH = 0.25
 SMALL = 1e-7
 #: The rows' derivative may turn by this part of itself along a step: two solutions across a fold lie where
 #: |J^-1 (J(x) - J)| comes to 1, however short the way between them is beside the step.
-TURNED = 0.5
+MOST_TURNING = 0.5
 #: Rows that contradict one another within the tolerance are believed where they keep their rank this well.
-LOST = 1e-9
+CONTRADICTING_RANK = 1e-9
 #: Every so many samples are solved first, then all.
 STRIDES = (8, 1)
 #: Smallest part of a step that is walked.
@@ -69,14 +69,14 @@ class Task:
 
     def closed(self, result: Closed) -> Mask:
         """Say which samples converged and closed, shape (T,)."""
-        settled = (result.step <= SMALLEST_STEP) | (result.residual <= ROUNDING)
+        settled = (result.step <= SMALLEST_STEP) | (result.residual <= RESIDUAL_ROUNDING)
         out: Mask = settled & (result.residual <= self.tolerance)
-        doubtful = np.flatnonzero(out & (result.residual > ROUNDING))
+        doubtful = np.flatnonzero(out & (result.residual > RESIDUAL_ROUNDING))
         if len(doubtful) and self.problem.rank:
             # Where rows lose rank, a step of zero says nothing: the target may be just out of reach.
             K = self.problem.matrix(self.problem.tree.sweep(result.q[doubtful]))[:, :, self.problem.free]
             s = np.linalg.svd(K, compute_uv=False)
-            out[doubtful] = s[:, self.problem.rank - 1] > LOST * s[:, 0]
+            out[doubtful] = s[:, self.problem.rank - 1] > CONTRADICTING_RANK * s[:, 0]
         return out
 
     def between(self, sample: int, fractions: Array) -> Task:
@@ -278,7 +278,7 @@ def _steps_as_predicted(task: Task, q: Array, samples: Index) -> Mask:
     rest = np.flatnonzero(out & (size > SMALL))
     if len(rest):
         there = problem.matrix(tree.sweep(q[samples[rest] + 1]), every=False)
-        out[rest] = problem.turned(here[rest], there) <= TURNED
+        out[rest] = problem.turned(here[rest], there) <= MOST_TURNING
     return out
 
 

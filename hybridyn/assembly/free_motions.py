@@ -18,7 +18,7 @@ from ..structure.robot import HybridRobot
 from .determinacy import IDLE
 
 #: Part of a module's largest inertia below which a motion has none (rounding of the sum is far below).
-MASSLESS = 1e-12
+MASSLESS_MOTION = 1e-12
 #: Smallest share of the motors in a motion that counts as driving it.
 DRIVEN = 1e-6
 
@@ -54,7 +54,7 @@ def free_motions(module: Module) -> FreeMotions:
     free, calm = _undriven(module, motions, _effects(m, motion)[0])
     idle, moving = motions @ free @ calm, motions @ free @ _complement(calm)
     values, vectors = np.linalg.eigh(own_inertia(m, motions * m.reduction.col_scale[:, None]))
-    light = motions @ vectors[:, values <= MASSLESS * max(values[-1], 0.0)]
+    light = motions @ vectors[:, values <= MASSLESS_MOTION * max(values[-1], 0.0)]
     return FreeMotions(_named(moving, names), _named(idle, names), _named(light, names))
 
 

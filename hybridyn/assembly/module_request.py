@@ -81,8 +81,8 @@ class ModuleRequest:
         if joint.kind == "floating" and joint.parent == 0:
             self.give_platform(body - 1, moved)
             return
-        velocity = np.concatenate([moved.pd, moved.w], axis=1)
-        acceleration = np.concatenate([moved.pdd, moved.wd], axis=1)
+        velocity = np.concatenate([moved.p_dot, moved.w], axis=1)
+        acceleration = np.concatenate([moved.p_ddot, moved.w_dot], axis=1)
         self.add(PoseTarget(body, moved.R, moved.p, velocity, acceleration, _units(self.mechanism)), link)
 
     def give_platform(self, joint: int, body: RigidMotion) -> None:
@@ -93,9 +93,9 @@ class ModuleRequest:
         self.known[:, at.start : at.start + 3] = inner.p
         self.known[:, at.start + 3 : at.stop] = quaternion_from_rotation(inner.R)
         R = inner.R
-        spatial = inner.pdd - cross(inner.w, inner.pd)
-        self.known_v[:, to] = np.concatenate([rotate_back(R, inner.pd), rotate_back(R, inner.w)], axis=1)
-        self.known_a[:, to] = np.concatenate([rotate_back(R, spatial), rotate_back(R, inner.wd)], axis=1)
+        spatial = inner.p_ddot - cross(inner.w, inner.p_dot)
+        self.known_v[:, to] = np.concatenate([rotate_back(R, inner.p_dot), rotate_back(R, inner.w)], axis=1)
+        self.known_a[:, to] = np.concatenate([rotate_back(R, spatial), rotate_back(R, inner.w_dot)], axis=1)
         self.given.append(joint)
 
     def add(self, target: Target, link: str) -> None:

@@ -21,19 +21,19 @@ from .. import __version__
 from ..errors import HybridynError, shortened
 from ..threads import start_none
 
+#: Commands in the order of `--help`; each is `command` in the module of its name.
 COMMANDS = (
     "idm", "ddm", "simulate", "effects", "cost", "export", "plot", "view", "info", "check", "workspace",
     "size", "robots", "completion",
 )  # fmt: skip
-"""Commands in the order of `--help`; each is `command` in the module of its name."""
 
+#: What the library's advice is called here.
 OPTIONS = {
     'passive="solved"': "--passive solved",
     'on_singular="least-norm"': "--on-singular least-norm",
     "allow_python=True": "--allow-python",
     "holds it with package_dirs": "holds it with --package-dir",
 }
-"""What the library's advice is called here."""
 
 INTERRUPTED, TERMINATED, READER_GONE = 130, 143, 141  # what shells report for SIGINT, SIGTERM, SIGPIPE
 

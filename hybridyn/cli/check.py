@@ -21,7 +21,8 @@ NARROWEST, WIDEST = 40, 110  # columns of text
 FOUND, UNREADABLE = 1, 2  # exit status
 SEVERITIES = ("error", "warning", "note")
 COLOURS = {"error": "red", "warning": "yellow", "note": "cyan"}
-TOLD = 12  # findings of one code that are told in full; the rest are counted
+#: Findings of one code that are told in full; the rest are counted.
+TOLD = 12
 
 
 def _codes(ctx: click.Context, param: click.Parameter, value: str | None) -> frozenset[str]:

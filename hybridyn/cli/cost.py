@@ -24,11 +24,11 @@ COLUMNS = (
     "line", "setting", "error", "seconds", "own_seconds", "on_front", "use", "asked_for_by", "failure",
 )  # fmt: skip
 
+#: Letters of a failure that are printed; the CSV has all.
 WIDTH = 120
-"""Letters of a failure that are printed; the CSV has all."""
 
+#: The error that the sentence at the end is about, where nobody asks for another.
 SENTENCE = 1e-3
-"""The error that the sentence at the end is about, where nobody asks for another."""
 
 
 def _source(ctx: click.Context, param: click.Parameter, value: str) -> str:

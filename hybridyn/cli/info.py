@@ -20,9 +20,12 @@ if TYPE_CHECKING:
     from ..structure.robot import HybridRobot
 
 NARROWEST, WIDEST = 40, 110  # columns of text: a terminal may be tiny, a page must not be too wide to read
-LABEL = 10  # columns of "closures  "
-GLUE = "\u00a0"  # a space that no line is broken at
-ROUNDING = 1e-12  # relative singular values above this, and not counted, are digits the file lacks
+#: Columns of "closures  ".
+LABEL = 10
+#: A space that no line is broken at.
+GLUE = "\u00a0"
+#: Relative singular values above this, and not counted, are digits the file lacks.
+MISSING_DIGITS = 1e-12
 REMARKS = {
     "passive": " has no motor",
     "idle": " has no motor and moves no output and no centre of mass",
@@ -238,7 +241,7 @@ class _Tree:
         report = mechanism.reduction.report
         spare = report.rows - report.rank
         yield "closures", f"{', '.join(parts)}: {counted(report.rows, 'row')}, {spare or 'none'} redundant"
-        if report.dropped > ROUNDING:
+        if report.dropped > MISSING_DIGITS:
             yield (
                 "rank",
                 f"{report.rank}; relative singular values count from {report.kept:.1e} up, and not up to "

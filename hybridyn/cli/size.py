@@ -27,7 +27,8 @@ if TYPE_CHECKING:
     from ..studies.sizing import MotorLoad
     from ..tables.columns import Layout
 
-EXCEEDED = 1  # exit status
+#: Exit status.
+EXCEEDED = 1
 
 
 @click.command("size", cls=RobotCommand, short_help="What a motion asks of each motor: effort, speed, power.")

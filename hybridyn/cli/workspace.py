@@ -20,7 +20,8 @@ from .common.text import aligned_rows, counted
 if TYPE_CHECKING:
     from ..studies.workspace.workspace import Workspace
 
-BLOCKS = 6  # joints that are named as bounding
+#: Joints that are named as bounding.
+BLOCKS = 6
 
 
 def _numbers(ctx: click.Context, param: click.Parameter, values: tuple[str, ...]) -> dict[str, float]:

@@ -22,7 +22,7 @@ from ..spatial import Array
 from ..structure.leg_model import pinocchio_inertia
 from ..structure.robot import HybridRobot
 from ..structure.samples import as_batch, same_samples
-from .code.scalars import TRUSTED
+from .code.scalars import GUARD_LIMIT
 from .failures import failing_as_ours
 from .needs import WITHOUT_CASADI
 
@@ -40,8 +40,8 @@ Jacobians = dict[str, Array]
 
 GENERAL: dict[str, Callable[..., Array]] = {"idm": idm, "ddm": ddm}
 
-AGREE = 1e-6
-"""How far a model whose guard warns may be from the general path, relative to the largest entry."""
+#: How far a model whose guard warns may be from the general path, relative to the largest entry.
+DERIVATIVE_AGREES = 1e-6
 
 
 def idm_jacobian(
@@ -165,7 +165,7 @@ class Derivatives:
             guard[t] = float(worst)
             for block, value in zip(blocks, J, strict=True):
                 block[t] = value
-        doubtful = np.flatnonzero(~(guard <= TRUSTED))
+        doubtful = np.flatnonzero(~(guard <= GUARD_LIMIT))
         if len(doubtful):
             self._judge(arrays, doubtful.tolist())
         out = dict(zip(self._sizes, blocks, strict=True))
@@ -183,11 +183,11 @@ class Derivatives:
         for t in doubtful:
             value = self._value.call([*(x[t] for x in arrays.values()), self._parameters])[0]
             off = np.abs(np.array(value).ravel() - general[t]).max() / np.abs(general[t]).max(initial=1e-300)
-            if not off <= AGREE:
+            if not off <= DERIVATIVE_AGREES:
                 raise SingularityError(
                     f"derivatives of '{self._model}' are not to be trusted at sample {t}: the pivots of the "
                     f"written-out model vanish there, it differs from the general path by {off:.2g} of the "
-                    f"largest entry (limit {AGREE:g}). Move away from that posture",
+                    f"largest entry (limit {DERIVATIVE_AGREES:g}). Move away from that posture",
                     sample=t,
                 )
 

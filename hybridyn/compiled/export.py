@@ -123,7 +123,7 @@ def _comment(lines: Sequence[str]) -> str:
 
 def _header(robot: HybridRobot, programs: list[Program], name: str, dtype: str) -> str:
     """Return the header."""
-    from .equations.guards import CLOSED
+    from .equations.guards import GUARD_CLOSED
 
     motors = [f"     {i}  {motor}" for i, motor in enumerate(robot.motors)]
     bodies = [f"     {24 * i}..{24 * i + 23}  {link}" for i, link in enumerate(_body_names(robot))]
@@ -137,7 +137,7 @@ def _header(robot: HybridRobot, programs: list[Program], name: str, dtype: str) 
         "",
         "   Each function gives a guard: use the results where `guard <= 1`, and nowhere else. Above 1,",
         "   positions, rates or accelerations do not close the loops (to "
-        f"{CLOSED[dtype]:g} of their size),",
+        f"{GUARD_CLOSED[dtype]:g} of their size),",
         "   or the robot is near a posture where the pivots of the elimination vanish. NaN: a number that",
         "   is not finite came in or out. `work` is memory of yours; nothing in it is kept between calls,",
         "   and nothing else is written: calls may run at the same time, each with its own.",

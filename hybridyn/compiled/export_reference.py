@@ -17,12 +17,12 @@ from .code.plain_c import REAL, WRITTEN
 from .program import Program
 from .programs.body_rows import body_rows
 
+#: Reference states in the test.
 SAMPLES = 5
-"""Reference states in the test."""
 
-AGREE = {"float64": 1e-9, "float32": 1e-2}
-"""What the test allows, relative to each result's largest entry: another compiler may round otherwise, and
-floats lose what conditioning takes."""
+#: What the test allows, relative to each result's largest entry: another compiler may round otherwise, and
+#: floats lose what conditioning takes.
+EXPORT_AGREES = {"float64": 1e-9, "float32": 1e-2}
 
 DIFFERENCE = """/* Largest difference, relative to the largest entry of what was expected. */
 static double difference(const {real} *result, const {real} *expected, int n) {{
@@ -79,7 +79,7 @@ def test_text(robot: HybridRobot, effects: Effects, programs: list[Program], nam
             arrays = (*program.inputs, *program.outputs)
             lines += [_array(f"{program.name}_{n}", values[n], dtype) for n, _ in arrays]
             checks.append(_check(program, name, dtype))
-    limit = AGREE[dtype]
+    limit = EXPORT_AGREES[dtype]
     body = ["int main(void) {", "    double worst = 0.0;", "    int t, trusted;", *checks]
     body += [
         f'    printf("largest difference from the reference: %.2g (limit {limit:g})\\n", worst);',

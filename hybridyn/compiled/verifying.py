@@ -16,7 +16,7 @@ from ..errors import CompileError, HybridynError
 from ..manifold.manifold import Manifold
 from ..spatial import Array
 from ..structure.robot import HybridRobot
-from .code.scalars import TRUSTED
+from .code.scalars import GUARD_LIMIT
 from .library.calls import Numbers
 from .programs.body_rows import body_rows
 
@@ -24,7 +24,7 @@ log = logging.getLogger("hybridyn.compiled")
 
 #: Largest difference from the general path, relative to the largest entry of each sample's result; for floats
 #: their rounding, 6e-8, times what conditioning makes of it.
-AGREE = {"float64": 1e-10, "float32": 1e-2}
+MODEL_AGREES = {"float64": 1e-10, "float32": 1e-2}
 
 #: Roundings that two ways of elimination may lie apart.
 ROUNDINGS = 100
@@ -66,7 +66,7 @@ def verify(library: Built, robot: HybridRobot, effects: Effects) -> None:
         effects: What they compute.
 
     Raises:
-        CompileError: They differ by more than `AGREE`, or trust themselves nowhere.
+        CompileError: They differ by more than `MODEL_AGREES`, or trust themselves nowhere.
     """
     comparison = _Comparison(library, robot, replace(effects, limits=None))  # which act outside the models
     for seed in range(ROUNDS):
@@ -109,7 +109,7 @@ class _Comparison:
 
     def __init__(self, library: Built, robot: HybridRobot, effects: Effects) -> None:
         self._library, self._robot, self._effects = library, robot, effects
-        self._agree = AGREE[str(library.dtype)]
+        self._agree = MODEL_AGREES[str(library.dtype)]
         self.computed, self.reason = {"ddm": 0, "idm": 0}, ""
         self._lifted = "lift" not in library.programs
 
@@ -125,7 +125,7 @@ class _Comparison:
         q, v, tau = moving_states(robot, SAMPLES, seed)
         still = [np.zeros((SAMPLES, 6))] if robot.base == "moving" else []
         (a,), guard = self._library.batch("ddm", q, v, tau, *still)
-        good = guard <= TRUSTED
+        good = guard <= GUARD_LIMIT
         try:
             wanted = ddm(robot, q, v, tau, effects=self._effects)
         except HybridynError as error:  # as it should, if none of the good samples is among those refused
@@ -136,7 +136,7 @@ class _Comparison:
             wanted = self._general(ddm, "ddm", q, v, tau)
         self._compare("ddm", ddm, (q[good], v[good], tau[good]), a[good], wanted[good])
         (rows,), guard = self._library.batch("kinematics", q, v, wanted)
-        good = guard <= TRUSTED
+        good = guard <= GUARD_LIMIT
         if good.any():
             given = (q[good], v[good], wanted[good])
             self._compare("kinematics", body_rows, given, rows[good], body_rows(robot, *given))
@@ -147,7 +147,7 @@ class _Comparison:
     def _inverse(self, q: Array, v: Array, a: Array) -> None:
         """Compare the inverse model on samples that it computes itself."""
         (tau,), guard = self._library.batch("idm", q, v, a)
-        good = guard <= TRUSTED
+        good = guard <= GUARD_LIMIT
         q, v, a, tau = q[good], v[good], a[good], tau[good]
         if len(q):
             self._compare("idm", idm, (q, v, a), tau, self._general(idm, "idm", q, v, a))
@@ -169,7 +169,7 @@ class _Comparison:
     def _compare(
         self, name: str, model: Callable[..., Array], given: tuple[Array, ...], result: Numbers, wanted: Array
     ) -> None:
-        """Refuse a difference above `AGREE`, or above `ROUNDINGS` of the general path's own.
+        """Refuse a difference above `MODEL_AGREES`, or above `ROUNDINGS` of the general path's own.
 
         Raises:
             CompileError: There is one.
@@ -195,7 +195,7 @@ class _Comparison:
         """Return what rounding its inputs does to the general path's own results, relative, shape (T,).
 
         Where terms cancel, as in a long stack thrown about at random, or inertia all but vanishes along some
-        motion, that is more than `AGREE`, and no arithmetic of this width can do better.
+        motion, that is more than `MODEL_AGREES`, and no arithmetic of this width can do better.
         """
         rng, worst = np.random.default_rng(0), np.zeros(len(wanted))
         for _ in range(3):

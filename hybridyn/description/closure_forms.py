@@ -24,6 +24,7 @@ class Form:
     has_axis: bool = True
 
 
+#: Closures by name, 6, 5, 5, 5, 4, 4, 3, 3 and 3 rows.
 FORMS: dict[str, Form] = {
     "fixed": Form((0, 1, 2), "fixed", has_axis=False),
     "revolute": Form((0, 1, 2), "parallel"),
@@ -35,10 +36,9 @@ FORMS: dict[str, Form] = {
     "spherical": Form((0, 1, 2), "free", has_axis=False),
     "point": Form((0, 1, 2), "free", has_axis=False),
 }
-"""Closures by name, 6, 5, 5, 5, 4, 4, 3, 3 and 3 rows."""
 
+#: Rows of a general closure: translations along and rotations about the axes of the predecessor frame.
 ROWS = ("tx", "ty", "tz", "rx", "ry", "rz")
-"""Rows of a general closure: translations along and rotations about the axes of the predecessor frame."""
 
 SINGLE_ROTATION = (
     "a single rotation row is not holonomic, so it closes no loop by itself; "

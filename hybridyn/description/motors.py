@@ -12,8 +12,8 @@ from .names import closest, did_you_mean, listed
 from .records import Coupling, Joint
 from .robot_file import FREEDOMS, MotorSource, MotorStatement, RobotFile
 
+#: Sources of motor names, the strongest first; what the caller passes stands above all.
 RANKING: tuple[MotorSource, ...] = ("side-car", "model file", "transmission", "independent", "names")
-"""Sources of motor names, the strongest first; what the caller passes stands above all."""
 
 #: The rule for a tree whose files name no motor.
 EVERY_JOINT = "every joint (no closure, and no file names motors)"

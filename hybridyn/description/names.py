@@ -6,8 +6,8 @@ import difflib
 import functools
 from collections.abc import Iterable
 
+#: How many names an error message lists before it writes "and n more".
 LISTED_NAMES = 8
-"""How many names an error message lists before it writes "and n more"."""
 
 
 def closest(name: str, known: Iterable[str]) -> str | None:

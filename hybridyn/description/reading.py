@@ -23,8 +23,8 @@ from .urdf.xacro import expand
 from .urdf.xml_node import LARGEST_FILE, Node, parse
 from .validate import validate
 
+#: Readers by the name of the root element.
 FORMATS: dict[str, Callable[[Node], RobotFile]] = {"robot": read_urdf}
-"""Readers by the name of the root element."""
 
 
 def read(

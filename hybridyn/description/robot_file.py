@@ -10,6 +10,7 @@ from .records import Closure, Coupling, Joint, JointKind, Link
 MotorSource = Literal["side-car", "model file", "transmission", "independent", "names"]
 
 
+#: Freedoms of a joint by kind.
 FREEDOMS: dict[JointKind, int] = {
     "fixed": 0,
     "revolute": 1,
@@ -19,7 +20,6 @@ FREEDOMS: dict[JointKind, int] = {
     "planar": 3,
     "floating": 6,
 }
-"""Freedoms of a joint by kind."""
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,8 @@ PACKAGE = Path(__file__).parents[1]
 ENDINGS = (".urdf.xacro", ".urdf")
 BARE_NAME = re.compile(r"[A-Za-z]\w*")
 OPENING_COMMENT = re.compile(r"<!--\s*(.*?)\s*-->", re.DOTALL)
-OPENING = 4000  # characters of a file in which its first comment stands
+#: Characters of a file in which its first comment stands.
+OPENING = 4000
 
 
 @dataclass(frozen=True)

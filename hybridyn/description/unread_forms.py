@@ -6,8 +6,8 @@ import re
 
 from .urdf.foreign import LEGACY_FORMS
 
+#: Formats that are known and not read yet, by the name of the root element.
 UNREAD_FORMATS = {"mujoco": "MJCF (MuJoCo)", "sdf": "SDF (Gazebo)", "mujocoinclude": "MJCF (MuJoCo)"}
-"""Formats that are known and not read yet, by the name of the root element."""
 
 COMMENT = re.compile(rb"<!--.*?(?:-->|\Z)", re.DOTALL)
 ELEMENT = re.compile(rb"<([A-Za-z_][\w:.-]*)")

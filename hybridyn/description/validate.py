@@ -12,8 +12,8 @@ from .names import did_you_mean, listed
 from .records import Closure, Joint, Link
 from .robot_file import FREEDOMS, RobotFile
 
+#: How far the triangle inequality may fail, relative to the largest moment: CAD keeps 3 to 6 digits.
 INERTIA_SLACK = 1e-3
-"""How far the triangle inequality may fail, relative to the largest moment: CAD keeps 3 to 6 digits."""
 
 TWO_PARENTS_ADVICE = (
     "a robot file is a tree plus closures: keep one of the joints, and state the other as a closure, e.g. "

@@ -19,7 +19,7 @@ from ..structure.module import Module
 from ..structure.robot import HybridRobot
 
 #: A motor map whose reciprocal condition falls below this is at a parallel (type 2) singularity.
-SINGULAR = 1e-10
+SINGULAR_MOTOR_MAP = 1e-10
 #: Part of the largest term that may be left without a motor before it is an error.
 UNDRIVEN = 1e-6
 
@@ -105,7 +105,7 @@ def _square(module: Module, Psi: Array, B: Array, Q: Array, sharing: Sharing) ->
     R, order = pivoted_qr(np.concatenate([B, Q[..., None]], axis=-1), n, n)
     tau = np.empty_like(Q)
     np.put_along_axis(tau, order, back_substitute(R[:, :n, :n], R[:, :n, n:])[..., 0], axis=1)
-    suspect = np.flatnonzero(pivot_ratio(R, n) < SINGULAR * n)
+    suspect = np.flatnonzero(pivot_ratio(R, n) < SINGULAR_MOTOR_MAP * n)
     if len(suspect):
         share = np.ones(n)
         tau[suspect] = _least_norm(module, Psi[suspect], B[suspect], Q[suspect], share, sharing, suspect)
@@ -129,7 +129,7 @@ def _least_norm(
     along = np.linalg.solve(np.swapaxes(R, 1, 2), np.concatenate([B, Q[..., None]], axis=-1))
     B, Q = along[..., :-1], along[..., -1]
     U, s, Vt = np.linalg.svd(B * share, full_matrices=False)
-    keep = s > SINGULAR * s[:, :1]
+    keep = s > SINGULAR_MOTOR_MAP * s[:, :1]
     lost = np.flatnonzero(~keep.all(axis=1))
     if len(lost) and sharing.on_singular == "raise":
         t = int(lost[0])
@@ -138,7 +138,7 @@ def _least_norm(
         worst = module.motors[module.moving_motors[int(np.argmax(np.abs(Vt[t, -1])))]]
         raise SingularityError(
             f"module '{module.name}': its motors lose a direction at sample {sample} (parallel singularity; "
-            f"condition number {condition:.1e}, limit {1 / SINGULAR:.0e}; motor '{worst}' is most "
+            f"condition number {condition:.1e}, limit {1 / SINGULAR_MOTOR_MAP:.0e}; motor '{worst}' is most "
             'concerned). Move the trajectory away from it, or pass on_singular="least-norm"',
             module=module.name,
             what="motors",

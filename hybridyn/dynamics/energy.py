@@ -167,7 +167,7 @@ def momentum(robot: HybridRobot, q: Array, v: Array) -> Array:
     out = np.zeros((len(q), 6))
     for body, m in _moving_bodies(robot, q, v):
         arm = rotate(m.R, np.tile(body.com, (len(q), 1)))
-        linear = body.mass * (m.pd + cross(m.w, arm))
+        linear = body.mass * (m.p_dot + cross(m.w, arm))
         out[:, :3] += linear
         out[:, 3:] += rotate(m.R, rotate_back(m.R, m.w) @ body.inertia) + cross(m.p + arm - centre, linear)
     return out[0] if single else out
@@ -230,5 +230,5 @@ def _work(robot: HybridRobot, q: Array, v: Array, wrenches: Mapping[str, Array])
     out = np.zeros(len(q))
     for link, m in link_motions(robot, q, v, list(wrenches)).items():
         W = np.broadcast_to(wrenches[link], (len(q), 6))
-        out += np.sum(W[:, :3] * rotate_back(m.R, m.pd) + W[:, 3:] * rotate_back(m.R, m.w), axis=1)
+        out += np.sum(W[:, :3] * rotate_back(m.R, m.p_dot) + W[:, 3:] * rotate_back(m.R, m.w), axis=1)
     return out

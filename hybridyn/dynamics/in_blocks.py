@@ -14,8 +14,8 @@ from ..spatial import Array
 from ..structure.robot import HybridRobot
 from .inverse import idm
 
+#: Positions in a block: a hundred megabytes for a robot of 84 joints.
 NUMBERS_AT_ONCE = 84_000
-"""Positions in a block: a hundred megabytes for a robot of 84 joints."""
 
 
 def efforts_in_blocks(

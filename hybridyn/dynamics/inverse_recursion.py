@@ -11,7 +11,7 @@ from .actuation import Need, Sharing, motor_efforts
 from .forward import base_motion, forward
 from .loads import Loads
 from .lost_digits import flag_efforts, robot_weight
-from .lost_rank import LOST, along_motion, possible_motions, refuse_lost_digits, refuse_lost_rank
+from .lost_rank import LOST_PIVOT, along_motion, possible_motions, refuse_lost_digits, refuse_lost_rank
 from .natural_sizes import force_rounding
 from .reactions import Reactions, module_reactions
 
@@ -72,7 +72,7 @@ def backward(
             flag_efforts(s.module, Q, size, weight * m.length)
             need = Need(Q, size, rounding, s.motion)
             tau[:, s.module.motor_index] = motor_efforts(robot, s.module, Psi, need, sharing)  # Eq. (33)
-            for t in np.flatnonzero(basis.pivot < LOST) if m.reduction.rank else ():
+            for t in np.flatnonzero(basis.pivot < LOST_PIVOT) if m.reduction.rank else ():
                 at = slice(t, t + 1)
                 every = possible_motions(s.module, s.K[t])[None]
                 Q_all = np.einsum("tij,ti->tj", every, H[at])

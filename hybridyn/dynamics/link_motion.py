@@ -80,8 +80,8 @@ def motions_of(
         m = bodies[body].then(RigidMotion.at_rest(len(bodies[body].p), R, p))
         arrays = (
             np.concatenate([m.p, quaternion_from_rotation(m.R)], axis=1),
-            np.concatenate([m.pd, m.w], axis=1),
-            np.concatenate([m.pdd, m.wd], axis=1),
+            np.concatenate([m.p_dot, m.w], axis=1),
+            np.concatenate([m.p_ddot, m.w_dot], axis=1),
         )
         out[link] = LinkMotion(*(x[0] for x in arrays)) if single else LinkMotion(*arrays)
     return out

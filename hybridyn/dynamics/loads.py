@@ -110,7 +110,7 @@ class Loads:
         base, along = self.modules[k].on_legs(state)
         if self.joints is not None:
             passive = np.zeros_like(along)
-            state.mechanism.give_legs(self.joints[:, state.module.v_index], passive)
+            state.mechanism.to_cut(self.joints[:, state.module.v_index], passive)
             along = along + passive
         return base, along
 
@@ -119,7 +119,7 @@ class Loads:
         if self.rotors is None:
             return None
         out = np.zeros((1, state.mechanism.tree.nv))
-        state.mechanism.give_legs(self.rotors[None, state.module.v_index], out)
+        state.mechanism.to_cut(self.rotors[None, state.module.v_index], out)
         diagonal: Array = out[0]
         return diagonal
 

@@ -19,12 +19,12 @@ from ..structure.module import Module
 from ..structure.state import ModuleState
 
 #: A smallest pivot below this part of the largest is rounding: the row is lost at that posture.
-LOST = 1e-13
+LOST_PIVOT = 1e-13
 #: Accelerations of the motors alone tell the motion with the condition of the motors' map, and the motion
 #: their efforts with it again: the limit of both together.
 UNTOLD = 1e-10
 #: From this near on, the digits are counted that a small pivot leaves.
-NEAR = 1e-6
+NEAR_LOST_PIVOT = 1e-6
 
 
 def refuse_lost_rank(module: Module, basis: Basis) -> None:
@@ -33,7 +33,7 @@ def refuse_lost_rank(module: Module, basis: Basis) -> None:
     Raises:
         SingularityError: Naming module, sample and condition number.
     """
-    lost = np.flatnonzero(basis.pivot < LOST)
+    lost = np.flatnonzero(basis.pivot < LOST_PIVOT)
     if not len(lost) or not module.mechanism.reduction.rank:
         return
     t = int(lost[0])
@@ -41,7 +41,8 @@ def refuse_lost_rank(module: Module, basis: Basis) -> None:
     raise _refusal(
         module, "closures", t, condition,
         f"its closures lose rank at sample {t} (constraint singularity; condition number {condition:.1e}, "
-        f"limit {1 / LOST:.0e}): more than its {module.mobility} freedoms are possible there for an instant. "
+        f"limit {1 / LOST_PIVOT:.0e}): more than its {module.mobility} freedoms are possible there for an "
+        "instant. "
         'Move the posture away from it, or, for the inverse model, pass on_singular="least-norm"',
     )  # fmt: skip
 
@@ -87,7 +88,7 @@ def refuse_lost_digits(module: Module, basis: Basis, Q: Array, size: Array, weig
     """
     rounding = np.finfo(float).eps * size
     kept = np.maximum(np.abs(Q).max(axis=1, initial=0.0), weight) * basis.pivot
-    bad = np.flatnonzero((basis.pivot >= LOST) & (basis.pivot < NEAR) & (rounding > kept))
+    bad = np.flatnonzero((basis.pivot >= LOST_PIVOT) & (basis.pivot < NEAR_LOST_PIVOT) & (rounding > kept))
     if not len(bad) or not module.motors:
         return
     t = int(bad[0])
@@ -125,11 +126,11 @@ def along_motion(state: ModuleState, basis: Basis) -> Basis:
     Raises:
         SingularityError: A velocity is on no branch.
     """
-    lost = basis.pivot < LOST
+    lost = basis.pivot < LOST_PIVOT
     if not lost.any() or not state.mechanism.reduction.rank:
         return basis
     told = along_branch(state, replace(basis, pivot=np.where(lost, basis.pivot, 1.0)))
-    lost &= told.pivot >= LOST
+    lost &= told.pivot >= LOST_PIVOT
     Psi, pivot = told.Psi.copy(), np.where(lost, told.pivot, basis.pivot)
     if state.module.mobility == 1:
         x = state.v[lost]
@@ -150,6 +151,6 @@ def possible_motions(module: Module, K: Array) -> Array:
     """
     r = module.mechanism.reduction
     _, s, Vt = np.linalg.svd(r.scaled(K))
-    kept = min(int(np.sum(s > 10 * LOST * s[0])), r.rank - 1)
+    kept = min(int(np.sum(s > 10 * LOST_PIVOT * s[0])), r.rank - 1)
     out: Array = Vt[kept:].T * r.col_scale[:, None]
     return out

@@ -11,7 +11,7 @@ import numpy as np
 from ..linkage.closures import TreeClosure
 from ..linkage.tree import Motion
 from ..spatial import Array, Mask, cross, rotate, rotate_back
-from .lost_rank import LOST
+from .lost_rank import LOST_PIVOT
 
 if TYPE_CHECKING:
     from ..structure.mechanism import Mechanism
@@ -122,7 +122,7 @@ def _multipliers(state: ModuleState, needed: Array) -> tuple[Array, Array]:
     reduction = state.mechanism.reduction
     rows, rank = len(reduction.row_scale), reduction.rank
     U, s, Vt = np.linalg.svd(reduction.scaled(state.K), full_matrices=rank < rows)
-    keep = (np.arange(s.shape[1]) < rank) & (s > LOST * s[:, :1])
+    keep = (np.arange(s.shape[1]) < rank) & (s > LOST_PIVOT * s[:, :1])
     y = np.einsum("tij,tj->ti", Vt[:, : s.shape[1]], needed * reduction.col_scale)
     lam = np.einsum("tij,tj->ti", U[:, :, : s.shape[1]], np.where(keep, y / np.where(keep, s, 1.0), 0.0))
     kept = keep.sum(axis=1)

@@ -13,13 +13,13 @@ from ..structure.state import ModuleState
 from .natural_sizes import REST, NaturalSizes
 
 #: Positions and rates handed to the dynamics must close the loops to this part of the module's length.
-CLOSED = 1e-6
+STATE_CLOSED = 1e-6
 
 
 def check_closed(
     robot: HybridRobot, states: list[ModuleState], q: Array, v: Array, a: Array | None = None
 ) -> None:
-    """Refuse states that do not close the loops to `CLOSED` (more where the file itself is rounded).
+    """Refuse states that do not close the loops to `STATE_CLOSED` (more where the file itself is rounded).
 
     Args:
         robot: The robot.
@@ -36,7 +36,7 @@ def check_closed(
         m = state.mechanism
         if not m.spanning_closures.rows:
             continue
-        slack = CLOSED + m.rounding
+        slack = STATE_CLOSED + m.rounding
         qk = q[:, state.module.q_index]
         open_by = m.spanning_closures.residual(qk, state.spanning) * m.spanning_row_scale
         _refuse(state.module, np.abs(open_by), np.full(len(q), slack), "positions", "open")
@@ -65,18 +65,20 @@ def _check_wrists(state: ModuleState, slack: float, natural: NaturalSizes, accel
         return
     end = np.array([m.spec.wrists[i].end for i in welded])
     target = np.array([m.spec.wrists[i].target for i in welded])
-    p, pd, w, pdd, wd = (select(x, end) - select(x, target) for x in (s.p, s.pd, s.w, s.pdd, s.wd))
+    p, p_dot, w, p_ddot, w_dot = (
+        select(x, end) - select(x, target) for x in (s.p, s.p_dot, s.w, s.p_ddot, s.w_dot)
+    )
     w0 = select(s.w, target)
     sweep = cross(w0, p)
     unit = m.reduction.col_scale
     speed = np.maximum(np.abs(state.v / unit).max(axis=1, initial=0.0), np.abs(s.w).max(axis=(1, 2)))
     limit = np.maximum(slack * speed, REST * natural.rate(m.length))
-    misses = [("rates", "opening", pd - sweep, w, limit)]
+    misses = [("rates", "opening", p_dot - sweep, w, limit)]
     if accelerations:
-        apart = pdd - cross(select(s.wd, target), p) - cross(w0, sweep)
-        size = np.maximum(np.abs(state.a / unit).max(axis=1, initial=0.0), np.abs(s.wd).max(axis=(1, 2)))
+        apart = p_ddot - cross(select(s.w_dot, target), p) - cross(w0, sweep)
+        size = np.maximum(np.abs(state.a / unit).max(axis=1, initial=0.0), np.abs(s.w_dot).max(axis=(1, 2)))
         limit = np.maximum(slack * (size + speed**2), REST * natural.acceleration(m.length))
-        misses.append(("accelerations", "accelerating apart", apart, wd, limit))
+        misses.append(("accelerations", "accelerating apart", apart, w_dot, limit))
     unknown = m.locked_carriers(s)  # there the spanning tree itself does not tell its platform's motion
     for what, how, linear, angular, limit in misses:
         miss = np.abs(np.concatenate([linear / m.length, angular], axis=-1))

@@ -26,17 +26,17 @@ if TYPE_CHECKING:
 
 JOINTS = (RotorInertia, ViscousFriction, CoulombFriction, StribeckFriction, Spring, Damper, Stop)
 LINKS = (Wrench, GroundContact)
+#: Every effect by name.
 UNITS: dict[str, type[Any]] = {
     unit.name: unit
     for unit in (Gravity, Inertia, LegInertia, VelocityTerms, *JOINTS, *LINKS, Payload, BaseMotion, Limits)
 }
-"""Every effect by name."""
 
+#: What `effects=None` means, and the word "default".
 DEFAULT = ("gravity", "inertia", "leg_inertia", "velocity")
-"""What `effects=None` means, and the word "default"."""
 
+#: Effects whose numbers stand with the joints in URDF or model.toml.
 FROM_FILES = ("rotor_inertia", "viscous_friction", "coulomb_friction")
-"""Effects whose numbers stand with the joints in URDF or model.toml."""
 
 WORDS = ("default", "model", "none")
 
@@ -168,8 +168,8 @@ def times(time: object, samples: int) -> Array | None:
     return np.broadcast_to(out, (samples,))
 
 
+#: What `effects=None` means.
 STANDARD = Effects(Gravity(), Inertia(), LegInertia(), VelocityTerms(), names=DEFAULT)
-"""What `effects=None` means."""
 
 Choice = str | Iterable[Any] | Effects | None
 

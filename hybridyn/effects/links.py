@@ -162,7 +162,7 @@ class GroundContact:
     def _touch(self, m: RigidMotion, point: Array) -> tuple[Array, Array, Array, Array]:
         """Return arm and velocity of a point, its penetration, and the force on it, world axes."""
         arm = rotate(m.R, np.tile(point, (len(m.p), 1)))
-        velocity = m.pd + cross(m.w, arm)
+        velocity = m.p_dot + cross(m.w, arm)
         depth = np.maximum(self.height - m.p[:, 2] - arm[:, 2], 0.0)
         normal = self.stiffness * depth * np.maximum(1.0 - self.damping * velocity[:, 2], 0.0)
         slide = velocity[:, :2]

@@ -15,7 +15,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 WIDTHS, HEIGHT = {1: 10.0, 2: 14.0, 3: 18.0}, 2.3  # of figures by columns, of panels [inch]
-MOST_NAMES = 12  # in one column of a legend
+#: In one column of a legend.
+MOST_NAMES = 12
 
 
 def figure_of_chart(chart: Chart) -> Figure:

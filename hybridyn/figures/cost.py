@@ -13,11 +13,11 @@ if TYPE_CHECKING:
 COLOURS = ("#0b6e99", "#c8553d", "#3f8f5f", "#7a5195", "#d99a1c", "#555f6b", "#1c9ba6", "#a63d6f")
 
 
+#: What is drawn for no error at all.
 LEAST = 1e-17
-"""What is drawn for no error at all."""
 
+#: Families whose settings do not run from coarse to fine: no line joins them.
 UNORDERED = ("effects", "C in float64", "C in float32", "rates of the trajectory", "as the scene says")
-"""Families whose settings do not run from coarse to fine: no line joins them."""
 
 
 def figure_of(study: Study, source: str) -> Figure:

@@ -6,7 +6,8 @@ import numpy as np
 
 from ..spatial import Array
 
-MOST = 4000  # samples, or pairs of extremes, that are kept: more than a figure has pixels
+#: Samples, or pairs of extremes, that are kept: more than a figure has pixels.
+MOST = 4000
 
 
 class Envelope:

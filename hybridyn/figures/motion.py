@@ -14,14 +14,16 @@ from ..structure.robot import HybridRobot
 from ..tables.columns import ENERGIES, RESIDUAL
 from .panels import Chart, Line, Panel
 
-MOST_GROUPS = 60  # panels of motors: a figure with more cannot be read
-SMALLEST = 1e-17  # an exact zero has no logarithm; this stands for it
+#: Panels of motors: a figure with more cannot be read.
+MOST_GROUPS = 60
+#: An exact zero has no logarithm; this stands for it.
+SMALLEST = 1e-17
 
+#: For each quantity of a column its name, the units of kinds of joints, and the unit of all others.
 QUANTITIES = {
     "effort": ("effort", {"prismatic": "N"}, "N m"),
     "acceleration": ("acceleration", {"prismatic": "m/s^2"}, "rad/s^2"),
 }
-"""For each quantity of a column its name, the units of kinds of joints, and the unit of all others."""
 
 
 class Group(NamedTuple):

@@ -8,7 +8,8 @@ import numpy as np
 
 from ..spatial import Array
 
-NEAR = 2.5  # a limit is drawn if values come within this factor of it
+#: A limit is drawn if values come within this factor of it.
+LIMIT_FACTOR = 2.5
 
 
 @dataclass(frozen=True)
@@ -35,7 +36,7 @@ class Line:
     @property
     def is_near_limit(self) -> bool:
         """Whether its limit is near enough to be drawn without squashing it."""
-        return self.limit <= NEAR * float(np.abs(self.y).max(initial=0.0))
+        return self.limit <= LIMIT_FACTOR * float(np.abs(self.y).max(initial=0.0))
 
 
 @dataclass(frozen=True)

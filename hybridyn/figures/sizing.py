@@ -17,8 +17,10 @@ if TYPE_CHECKING:
 
     from ..spatial import Array
 
-COLUMNS = 6  # of panels; a module of six motors fills a row
-NEAR = 3.0  # a limit is drawn if the motion comes within this factor of it: else the cloud would be a dot
+#: Of panels; a module of six motors fills a row.
+COLUMNS = 6
+#: A limit is drawn if the motion comes within this factor of it: else the cloud would be a dot.
+CLOUD_LIMIT_FACTOR = 3.0
 
 
 def figure_of_sizing(sizing: Sizing, *, title: str = "") -> Figure:
@@ -66,9 +68,9 @@ def _draw(ax: Axes, load: MotorLoad, cloud: Array) -> None:
         ax.axhline(
             sign * load.rms_effort, color="tab:green", linewidth=0.9, linestyle="--", label="RMS effort"
         )
-        if load.effort_limit <= NEAR * abs(load.effort.value):
+        if load.effort_limit <= CLOUD_LIMIT_FACTOR * abs(load.effort.value):
             ax.axhline(sign * load.effort_limit, color="tab:red", linewidth=1.0, label="limit")
-        if load.speed_limit <= NEAR * abs(load.speed.value):
+        if load.speed_limit <= CLOUD_LIMIT_FACTOR * abs(load.speed.value):
             ax.axvline(sign * load.speed_limit, color="tab:red", linewidth=1.0, label="limit")
     ax.set_title(load.motor, fontsize="small")
     ax.set_xlabel(f"speed [{speed_unit}]", fontsize="x-small")

@@ -16,12 +16,15 @@ if TYPE_CHECKING:
 # All lengths in inches.
 WIDTH, INDENT, GUTTER, GAP = 4.2, 0.35, 0.55, 0.28
 TITLE, LINE, LEG, PAD = 0.30, 0.21, 0.30, 0.12
-TALLEST = 9.0  # of a column, as long as there are few
+#: Of a column, as long as there are few.
+TALLEST = 9.0
 MOST_COLUMNS = 4
 MARGIN, KEY = 0.3, 0.45
-PILE = 0.07  # from card to card of a pile
+#: From card to card of a pile.
+PILE = 0.07
 STEP, SIGN = 0.33, 0.10  # from joint to joint, half a joint's size
-MOST_SIGNS = 10  # of one row; a longer chain is told by its ends
+#: Of one row; a longer chain is told by its ends.
+MOST_SIGNS = 10
 INK, FAINT = "#22262b", "#5b6068"
 
 

@@ -14,8 +14,10 @@ from ..linkage.joints import LETTERS
 from ..structure.module import Module
 from ..structure.robot import HybridRobot
 
-MOST_LEGS = 6  # kinds of legs on a card
-FOLD = 3  # equal modules in a row from which on all but the first are one card
+#: Kinds of legs on a card.
+MOST_LEGS = 6
+#: Equal modules in a row from which on all but the first are one card.
+FOLD = 3
 
 
 class Sign(NamedTuple):

@@ -15,7 +15,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-SLICES = 5  # of the last coordinate, through its reached values
+#: Of the last coordinate, through its reached values.
+SLICES = 5
 LABELS = {
     "conditioning": "conditioning [-], 1 is isotropic",
     "effort_per_force": "largest effort per N of force",

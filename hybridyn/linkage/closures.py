@@ -170,11 +170,11 @@ class _Group:
     def rates(self, motion: Motion) -> tuple[Array, Array]:
         """Return the first two time derivatives of the residuals along the motion, shapes (T, g, rows)."""
         A, pa, B, pb = self.frames(motion)
-        wa, wb, wda, wdb = (select(x, i) for x in (motion.w, motion.wd) for i in (self.a, self.b))
+        wa, wb, wda, wdb = (select(x, i) for x in (motion.w, motion.w_dot) for i in (self.a, self.b))
         ra, rb = pa - select(motion.p, self.a), pb - select(motion.p, self.b)
-        va, vb = select(motion.pd, self.a) + cross(wa, ra), select(motion.pd, self.b) + cross(wb, rb)
-        aa = select(motion.pdd, self.a) + cross(wda, ra) + cross(wa, cross(wa, ra))
-        ab = select(motion.pdd, self.b) + cross(wdb, rb) + cross(wb, cross(wb, rb))
+        va, vb = select(motion.p_dot, self.a) + cross(wa, ra), select(motion.p_dot, self.b) + cross(wb, rb)
+        aa = select(motion.p_ddot, self.a) + cross(wda, ra) + cross(wa, cross(wa, ra))
+        ab = select(motion.p_ddot, self.b) + cross(wdb, rb) + cross(wb, cross(wb, rb))
         r = pb - pa
         slide = vb - va - cross(wa, r)
         slide_dot = ab - aa - cross(wda, r) - cross(wa, vb - va)

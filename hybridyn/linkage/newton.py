@@ -25,9 +25,9 @@ from .winding import Winding
 #: Longest step of one iteration in scaled coordinates [rad, module lengths].
 LONGEST_STEP = 0.5
 #: Scaled singular values are taken to be no less, so that quotients stay finite.
-LOST = 1e-100
+SMALLEST_SINGULAR_VALUE = 1e-100
 #: Residuals below this are rounding: at a singular posture damped steps may end there.
-ROUNDING = 1e-12
+RESIDUAL_ROUNDING = 1e-12
 #: Newton has converged after a step this small: the next one would be its square.
 SMALLEST_STEP = 1e-9
 #: A start whose residual keeps this part of itself through as many iterations is near a minimum or creeps.
@@ -163,7 +163,7 @@ def _turned(J: Array, change: Array, rank: int) -> Array:
     if 0 in J.shape:
         return np.zeros(len(J))
     U, s, Vt = np.linalg.svd(J, full_matrices=False)
-    top = np.maximum(s[:, :rank, None], LOST)
+    top = np.maximum(s[:, :rank, None], SMALLEST_SINGULAR_VALUE)
     part = np.swapaxes(U[:, :, :rank], 1, 2) @ change @ np.swapaxes(Vt[:, :rank], 1, 2) / top
     out: Array = np.linalg.norm(part, 2, axis=(1, 2))
     return out
@@ -212,7 +212,7 @@ def close(
     for spent in range(1, iterations + 1):  # noqa: B007 - the count is reported
         dx = problem.solve(problem.matrix(motion, every=False), -residual[active], damping[active])
         open_by = np.abs(residual[active]).max(axis=1, initial=0.0)
-        final = least | (damping[active] == 0.0) | (open_by <= ROUNDING)
+        final = least | (damping[active] == 0.0) | (open_by <= RESIDUAL_ROUNDING)
         length = np.abs(dx).max(axis=1, initial=0.0)
         last[active] = np.where(final, length, np.inf)
         dx *= np.minimum(1.0, LONGEST_STEP / np.where(length > 0, length, 1.0))[:, None]
@@ -228,7 +228,7 @@ def close(
         if impatient:
             course = [*course[-PATIENCE:], np.linalg.norm(residual, axis=1)]
             stalled = course[-1] > STALLED * course[0]
-            done |= (len(course) > PATIENCE) & (open_by > ROUNDING) & stalled[active]
+            done |= (len(course) > PATIENCE) & (open_by > RESIDUAL_ROUNDING) & stalled[active]
         if done.all():
             break
         active = active[~done]

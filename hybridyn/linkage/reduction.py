@@ -23,7 +23,7 @@ RANK_GAP = 100.0
 #: Singular values that count, but lie below this and under such a gap, may yet be a coarse file's rounding.
 SUSPECT = 1e-2
 #: Dependent rows above this (relative) are dependent only up to the rounding of a file.
-ROUNDED = 1e-12
+ROUNDED_ROWS = 1e-12
 #: A leg is eliminated alone while its smallest pivot is above this part of its largest (growth at most 1e2).
 LEG_PIVOT = 1e-2
 
@@ -128,7 +128,7 @@ class Reduction:
     @property
     def rounded(self) -> bool:
         """Whether rows depend on each other only up to the rounding of the file."""
-        return self.report.dropped > ROUNDED
+        return self.report.dropped > ROUNDED_ROWS
 
     def scaled(self, K: Array) -> Array:
         """Return rows without units, shape (T, rows, n)."""

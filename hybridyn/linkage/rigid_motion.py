@@ -18,17 +18,22 @@ class RigidMotion:
         R: Axes, shape (T, 3, 3).
         p: Origin, shape (T, 3), [m].
         w: Angular velocity, shape (T, 3), [rad/s].
-        pd: Velocity of the origin, shape (T, 3), [m/s].
-        wd: Angular acceleration, shape (T, 3), [rad/s^2].
-        pdd: Classical acceleration of the origin, shape (T, 3), [m/s^2].
+        p_dot: Velocity of the origin, shape (T, 3), [m/s].
+        w_dot: Angular acceleration, shape (T, 3), [rad/s^2].
+        p_ddot: Classical acceleration of the origin, shape (T, 3), [m/s^2].
     """
 
     R: Array
     p: Array
     w: Array
-    pd: Array
-    wd: Array
-    pdd: Array
+    p_dot: Array
+    w_dot: Array
+    p_ddot: Array
+
+    @property
+    def arrays(self) -> tuple[Array, ...]:
+        """R, p, w, p_dot, w_dot, p_ddot."""
+        return self.R, self.p, self.w, self.p_dot, self.w_dot, self.p_ddot
 
     @classmethod
     def at_rest(cls, samples: int, R: Array | None = None, p: Array | None = None) -> RigidMotion:
@@ -40,26 +45,28 @@ class RigidMotion:
     @classmethod
     def of_body(cls, motion: Motion, body: int) -> RigidMotion:
         """Return a body of a swept tree in the tree's base."""
-        return cls(*(x[:, body] for x in (motion.R, motion.p, motion.w, motion.pd, motion.wd, motion.pdd)))
+        return cls(*(x[:, body] for x in motion.arrays))
 
     def then(self, inner: RigidMotion) -> RigidMotion:
         """Give, in this frame's reference, a frame whose motion is known in this frame."""
-        r, w1, pd1 = rotate(self.R, inner.p), rotate(self.R, inner.w), rotate(self.R, inner.pd)
-        wd1, pdd1 = rotate(self.R, inner.wd), rotate(self.R, inner.pdd)
+        r, w1, pd1 = rotate(self.R, inner.p), rotate(self.R, inner.w), rotate(self.R, inner.p_dot)
+        wd1, pdd1 = rotate(self.R, inner.w_dot), rotate(self.R, inner.p_ddot)
         return RigidMotion(
             np.matmul(self.R, inner.R),
             self.p + r,
             self.w + w1,
-            self.pd + cross(self.w, r) + pd1,
-            self.wd + cross(self.w, w1) + wd1,
-            self.pdd + cross(self.wd, r) + cross(self.w, cross(self.w, r) + 2 * pd1) + pdd1,
+            self.p_dot + cross(self.w, r) + pd1,
+            self.w_dot + cross(self.w, w1) + wd1,
+            self.p_ddot + cross(self.w_dot, r) + cross(self.w, cross(self.w, r) + 2 * pd1) + pdd1,
         )
 
     def seen_from(self, base: RigidMotion) -> RigidMotion:
         """Return this frame's motion relative to another frame that is known in the same reference."""
         r, w = self.p - base.p, self.w - base.w
-        slide = self.pd - base.pd - cross(base.w, r)
-        wd = self.wd - base.wd - cross(base.w, w)
-        pdd = self.pdd - base.pdd - cross(base.wd, r) - cross(base.w, cross(base.w, r) + 2 * slide)
+        slide = self.p_dot - base.p_dot - cross(base.w, r)
+        w_dot = self.w_dot - base.w_dot - cross(base.w, w)
+        p_ddot = (
+            self.p_ddot - base.p_ddot - cross(base.w_dot, r) - cross(base.w, cross(base.w, r) + 2 * slide)
+        )
         R = np.matmul(np.swapaxes(base.R, 1, 2), self.R)
-        return RigidMotion(R, *(rotate_back(base.R, x) for x in (r, w, slide, wd, pdd)))
+        return RigidMotion(R, *(rotate_back(base.R, x) for x in (r, w, slide, w_dot, p_ddot)))

@@ -83,7 +83,7 @@ class PoseTarget:
 
     def rates(self, motion: Motion, samples: Index) -> tuple[Array, Array]:
         """Return the velocities wanted, and the accelerations wanted less what the rates already cause."""
-        bias = np.concatenate([motion.pdd[:, self.body], motion.wd[:, self.body]], axis=1)
+        bias = np.concatenate([motion.p_ddot[:, self.body], motion.w_dot[:, self.body]], axis=1)
         return self.velocity[samples], self.acceleration[samples] - bias
 
     def between(self, sample: int, fractions: Array) -> PoseTarget:
@@ -156,11 +156,11 @@ class CoordinateTarget:
     def rates(self, motion: Motion, samples: Index) -> tuple[Array, Array]:
         """Return the rates wanted, and the accelerations wanted less what the rates already cause."""
         R, _, offset = self._frame(motion)
-        w, wd = motion.w[:, self.body], motion.wd[:, self.body]
-        velocity = motion.pd[:, self.body] + cross(w, offset)
-        bias = motion.pdd[:, self.body] + cross(wd, offset) + cross(w, cross(w, offset))
+        w, w_dot = motion.w[:, self.body], motion.w_dot[:, self.body]
+        velocity = motion.p_dot[:, self.body] + cross(w, offset)
+        bias = motion.p_ddot[:, self.body] + cross(w_dot, offset) + cross(w, cross(w, offset))
         twist = np.concatenate([velocity @ self.R, w @ self.R], axis=1)
-        accel = np.concatenate([bias @ self.R, wd @ self.R], axis=1)
+        accel = np.concatenate([bias @ self.R, w_dot @ self.R], axis=1)
         caused = np.matmul(_coordinate_map(R), accel[..., None])[..., 0] + _coordinate_drift(R, twist)
         return self.rate[samples], self.acceleration[samples] - caused[:, self._rows()]
 

@@ -35,36 +35,38 @@ class Motion:
         R: Body axes in the base, shape (T, bodies, 3, 3).
         p: Body origins in the base, shape (T, bodies, 3), [m].
         w: Angular velocities, shape (T, bodies, 3), [rad/s], base axes.
-        pd: Velocities of the origins, shape (T, bodies, 3), [m/s], base axes.
-        wd: Angular accelerations, shape (T, bodies, 3), [rad/s^2], base axes.
-        pdd: Classical accelerations of the origins, shape (T, bodies, 3), [m/s^2], base axes.
+        p_dot: Velocities of the origins, shape (T, bodies, 3), [m/s], base axes.
+        w_dot: Angular accelerations, shape (T, bodies, 3), [rad/s^2], base axes.
+        p_ddot: Classical accelerations of the origins, shape (T, bodies, 3), [m/s^2], base axes.
     """
 
     R: Array
     p: Array
     w: Array
-    pd: Array
-    wd: Array
-    pdd: Array
+    p_dot: Array
+    w_dot: Array
+    p_ddot: Array
+
+    @property
+    def arrays(self) -> tuple[Array, ...]:
+        """R, p, w, p_dot, w_dot, p_ddot."""
+        return self.R, self.p, self.w, self.p_dot, self.w_dot, self.p_ddot
 
     def take(self, samples: Index | Mask) -> Motion:
         """Return the motion at some samples (numbers or a mask)."""
-        kept = (
-            np.ascontiguousarray(x.transpose(*range(1, x.ndim), 0)[..., samples])
-            for x in (self.R, self.p, self.w, self.pd, self.wd, self.pdd)
-        )
+        kept = (np.ascontiguousarray(x.transpose(*range(1, x.ndim), 0)[..., samples]) for x in self.arrays)
         return Motion(*(x.transpose(-1, *range(x.ndim - 1)) for x in kept))
 
     def twist(self, body: int) -> Array:
         """Return the body's twist relative to the base in its own frame, shape (T, 6): the paper's v_k."""
         R = self.R[:, body]
-        return np.concatenate([rotate_back(R, self.pd[:, body]), rotate_back(R, self.w[:, body])], axis=-1)
+        return np.concatenate([rotate_back(R, self.p_dot[:, body]), rotate_back(R, self.w[:, body])], axis=-1)
 
     def acceleration(self, body: int) -> Array:
         """Return the body's *spatial* acceleration relative to the base in its own frame, shape (T, 6)."""
-        R, w, pd = self.R[:, body], self.w[:, body], self.pd[:, body]
-        linear = self.pdd[:, body] - cross(w, pd)
-        return np.concatenate([rotate_back(R, linear), rotate_back(R, self.wd[:, body])], axis=-1)
+        R, w, p_dot = self.R[:, body], self.w[:, body], self.p_dot[:, body]
+        linear = self.p_ddot[:, body] - cross(w, p_dot)
+        return np.concatenate([rotate_back(R, linear), rotate_back(R, self.w_dot[:, body])], axis=-1)
 
 
 class Tree:
@@ -159,7 +161,7 @@ class Tree:
     def sweep(self, q: Array, v: Array | None = None, a: Array | None = None) -> Motion:
         """Return the motion of every body; rates and accelerations left out are zero.
 
-        With `a` left out, `wd` and `pdd` are what remains at zero joint accelerations (J_dot q_dot).
+        With `a` left out, `w_dot` and `p_ddot` are what remains at zero joint accelerations (J_dot q_dot).
 
         Args:
             q: Joint positions, shape (T, nq).
@@ -177,28 +179,28 @@ class Tree:
         if v is None:
             rest = np.broadcast_to(0.0, (T, n, 3))
             return Motion(R, p, rest, rest, rest, rest)
-        w, pd, wd, pdd = (samples_inside((T, n, 3)) for _ in range(4))
-        self._sweep_rates(R, p, v, a, (w, pd, wd, pdd))
-        return Motion(R, p, w, pd, wd, pdd)
+        w, p_dot, w_dot, p_ddot = (samples_inside((T, n, 3)) for _ in range(4))
+        self._sweep_rates(R, p, v, a, (w, p_dot, w_dot, p_ddot))
+        return Motion(R, p, w, p_dot, w_dot, p_ddot)
 
     def _sweep_rates(self, R: Array, p: Array, v: Array, a: Array | None, out: tuple[Array, ...]) -> None:
-        """Fill in w, pd, wd, pdd of `Motion`, bodies (R, p) known, parents before their children."""
-        w, pd, wd, pdd = out
+        """Fill in w, p_dot, w_dot, p_ddot of `Motion`, bodies (R, p) known, parents before their children."""
+        w, p_dot, w_dot, p_ddot = out
         rel_p, rel_w = self._joint_rates(R, v)
         acc_p, acc_w = (np.zeros(()), np.zeros(())) if a is None else self._joint_rates(R, a)
         for children, parents in self._levels:
             r = select(p, children) - select(p, parents)
-            w0, wd0 = select(w, parents), select(wd, parents)
+            w0, wd0 = select(w, parents), select(w_dot, parents)
             slide, turn = select(rel_p, children), select(rel_w, children)
             w1, sweep = w0 + turn, cross(w0, r)
             w[:, children] = w1
-            pd[:, children] = select(pd, parents) + sweep + slide
+            p_dot[:, children] = select(p_dot, parents) + sweep + slide
             wd1 = wd0 + cross(w0, turn)
-            pdd1 = select(pdd, parents) + cross(wd0, r) + cross(w0, sweep + slide) + cross(w1, slide)
+            pdd1 = select(p_ddot, parents) + cross(wd0, r) + cross(w0, sweep + slide) + cross(w1, slide)
             if a is not None:
                 wd1 += select(acc_w, children)
                 pdd1 += select(acc_p, children)
-            wd[:, children], pdd[:, children] = wd1, pdd1
+            w_dot[:, children], p_ddot[:, children] = wd1, pdd1
 
     def _joint_rates(self, R: Array, rates: Array) -> tuple[Array, Array]:
         """Return S times the joint rates per body in base axes: linear and angular, shape (T, bodies, 3)."""

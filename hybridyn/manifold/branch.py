@@ -28,10 +28,10 @@ from ..structure.state import ModuleState
 
 #: Singular values below this part of the largest are replaced by their limits: an error of this size, where
 #: positions, known to 1e-16 over it across the branch, would leave one of 1e-16 over its square.
-LOST = 5e-6
+LOST_RATES = 5e-6
 #: Accelerations lose two powers more of the distance; below this their limits are better, their error is its
 #: square.
-NEAR = 5e-4
+LOST_ACCELERATIONS = 5e-4
 #: Weak rows whose distances differ by this part are lost at different postures.
 ALIKE = 0.1
 #: Singular values below this are looked at: rows that the velocity does not obey are replaced as well.
@@ -44,7 +44,7 @@ CROSSING = 1e-6
 #: farther away, accelerations have a share in what it breaks.
 ASTRAY, AT_ONCE = 1e-4, 1e-10
 #: Step of the differences of fourth order, in scaled coordinates.
-DIFFERENCE = 1e-3
+BRANCH_DIFFERENCE = 1e-3
 
 
 @dataclass(frozen=True)
@@ -71,7 +71,7 @@ def branch_of(
     along: Callable[[Array], Array],
     name: str,
     parts: tuple[Array, ...] | None = None,
-    lost: float = LOST,
+    lost: float = LOST_RATES,
 ) -> Branch | None:
     """Give the branch that a velocity is on, where some rows of K are weak; None where none are, or at rest.
 
@@ -119,7 +119,7 @@ def branch_of(
 
 def derivative(f: Callable[[float], Array]) -> Array:
     """Return f'(0), by differences of fourth order."""
-    h = DIFFERENCE
+    h = BRANCH_DIFFERENCE
     out: Array = (8 * (f(h) - f(-h)) - (f(2 * h) - f(-2 * h))) / (12 * h)
     return out
 
@@ -209,7 +209,13 @@ def _motions_at(state: ModuleState, t: int) -> tuple[Array, Array] | None:
     q = path.at(0.0)[0]
     parts = np.linalg.svd(K)
     branch = branch_of(
-        K, r.rank, v, lambda x: derivative(lambda h: path.rows(q, h * x)), state.module.name, parts, NEAR
+        K,
+        r.rank,
+        v,
+        lambda x: derivative(lambda h: path.rows(q, h * x)),
+        state.module.name,
+        parts,
+        LOST_ACCELERATIONS,
     )
     if branch is None:
         return None
@@ -221,7 +227,7 @@ def _motions_at(state: ModuleState, t: int) -> tuple[Array, Array] | None:
     way = float(np.sum(weak * limit) / np.sum(limit * limit))
     if (
         np.abs(weak - way * limit).max() > ALIKE * np.abs(weak).max()
-        and parts[1][strong] > LOST * parts[1][0]
+        and parts[1][strong] > LOST_RATES * parts[1][0]
     ):
         return None  # several losses, at several distances
     there = np.linalg.svd(path.rows(path.at(-way)[0], 0 * v))

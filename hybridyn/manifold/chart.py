@@ -27,14 +27,14 @@ from ..errors import AssemblyError
 from ..linkage.retraction import Retraction
 from ..spatial import Array, Index
 from ..structure.module import Module
-from .branch import LOST, Branch, branch_of, derivative
+from .branch import LOST_RATES, Branch, branch_of, derivative
 from .loop_rows import LoopRows
 
 #: Newton stops once its step (rad, module lengths) is no more than this; the next one would be rounding.
 LAST_STEP = 1e-12
 #: Closures count as closed under this residual (relative to the module's length), on top of the file's
 #: rounding.
-CLOSED = 1e-11
+CHART_CLOSED = 1e-11
 #: Most Newton steps; a chart that needs more is left by a shorter time step.
 MOST_STEPS = 20
 #: A displacement of dependent coordinates beyond this (rad, module lengths) has left the chart.
@@ -46,7 +46,7 @@ NARROW = 0.2
 #: There Newton's second step must be no more than this part of the first.
 CONTRACTION = 0.25
 #: Residuals below this are rounding: where closures lose rank, a step that follows them leads astray.
-ROUNDING = 2e-15
+CHART_ROUNDING = 2e-15
 #: Singular values below this part of the largest are left alone where positions cannot be told apart.
 HELD = 1e-3
 
@@ -87,7 +87,7 @@ class LoopedModule:
     @property
     def closed(self) -> float:
         """Largest scaled residual of an assembled posture."""
-        return CLOSED + self.module.mechanism.rounding
+        return CHART_CLOSED + self.module.mechanism.rounding
 
 
 @dataclass(frozen=True)
@@ -154,7 +154,7 @@ class _Part:
             G = self.U.T @ K @ self.V
             step = self._newton_step(G, residual)
             lengths.append(float(np.abs(step).max(initial=0.0)))
-            if open_by <= ROUNDING and lengths[-1] > LAST_STEP:
+            if open_by <= CHART_ROUNDING and lengths[-1] > LAST_STEP:
                 step, lengths[-1] = 0.0 * w, 0.0
             if lengths[-1] <= LAST_STEP or (lengths[-1] >= lengths[-2] and open_by <= looped.closed):
                 if open_by > looped.closed:
@@ -187,7 +187,7 @@ class _Part:
         try:
             return np.asarray(np.linalg.solve(G, self.U.T @ residual), dtype=float)
         except np.linalg.LinAlgError:
-            if np.abs(residual).max() <= ROUNDING:
+            if np.abs(residual).max() <= CHART_ROUNDING:
                 return np.zeros(len(G))
             raise self._ambiguous() from None
 
@@ -199,7 +199,7 @@ class _Part:
         """
         s = np.linalg.svd(G, compute_uv=False) if len(G) else np.ones(1)
         usual = self.looped.module.mechanism.reduction.report.kept
-        self.narrow, self.lost = s[-1] <= NARROW * usual * s[0], s[-1] <= LOST * s[0]
+        self.narrow, self.lost = s[-1] <= NARROW * usual * s[0], s[-1] <= LOST_RATES * s[0]
         if self.narrow and len(lengths) > 2 and lengths[2] > CONTRACTION * lengths[1]:
             raise self._ambiguous()
 

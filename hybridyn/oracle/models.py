@@ -13,10 +13,13 @@ from .arithmetic import Arithmetic, Factor, Float64, Numbers, cross
 from .bodies import Bodies, Wrenches
 from .tree import Base, Posture, Tree
 
-RANK_TOLERANCE = 1e-9
-INERTIA_TOLERANCE = 1e-11  # on square roots of masses: 1e-22 in mass
-FORCED_TOLERANCE = 1e-8  # effort along a massless motion, against the largest effort
-CLOSED_TOLERANCE = 1e-9  # residual that `close` accepts, against the robot's length
+ORACLE_RANK = 1e-9
+#: On square roots of masses: 1e-22 in mass.
+INERTIA_TOLERANCE = 1e-11
+#: Effort along a massless motion, against the largest effort.
+FORCED_TOLERANCE = 1e-8
+#: Residual that `close` accepts, against the robot's length.
+CLOSED_TOLERANCE = 1e-9
 
 
 def largest(x: Numbers) -> float:
@@ -49,7 +52,7 @@ class Oracle:
         gravity: Sequence[float] = (0.0, 0.0, -9.81),
         *,
         arithmetic: Arithmetic | None = None,
-        rank_tolerance: float = RANK_TOLERANCE,
+        rank_tolerance: float = ORACLE_RANK,
         inertia_tolerance: float = INERTIA_TOLERANCE,
     ) -> None:
         self.description, self.base, self.arithmetic = description, base, arithmetic or Float64()

@@ -44,15 +44,15 @@ MOST_FREEDOMS = 250
 #: The step's equations are solved until they stop getting better, which must be under this (scaled).
 SOLVED = 1e-12
 #: Residuals under this (scaled) are rounding.
-ROUNDING = 3e-16
+STEP_ROUNDING = 3e-16
 #: Residuals under this (rad, module lengths, per unit of the positions) may be rounding of the positions.
 FLOOR = 2e-15
 #: Iterations that may pass without getting better, once solved.
-PATIENCE = 2
+STALLED_ITERATIONS = 2
 #: Most iterations of a step; one that needs more is too long.
-ITERATIONS = 60
+MOST_ITERATIONS = 60
 #: Reciprocal condition of the reduced mass under which a motion counts as massless.
-MASSLESS = 1e-13
+MASSLESS_CONDITION = 1e-13
 
 
 @dataclass(frozen=True)
@@ -157,7 +157,7 @@ class Conserving:
         inverse, attempt = np.eye(len(z)), self._attempt(system, chart, start, z, t, h, near)
         inverse[: chart.size, chart.size :] = np.eye(chart.size) / 2  # y_1 moves by half of what h u_1 does
         best, lowest, idle, spent = attempt, attempt.size, 0, 0
-        while spent < ITERATIONS and lowest > ROUNDING * scale and idle < PATIENCE:
+        while spent < MOST_ITERATIONS and lowest > STEP_ROUNDING * scale and idle < STALLED_ITERATIONS:
             spent += 1
             dz = -inverse @ attempt.F
             try:
@@ -282,10 +282,10 @@ def _refuse_massless(end: _End) -> None:
     if not end.B.shape[1]:
         return
     s = np.linalg.eigvalsh(end.B.T @ end.M @ end.B)
-    if s[0] <= MASSLESS * s[-1]:
+    if s[0] <= MASSLESS_CONDITION * s[-1]:
         raise SingularityError(
             f"method 'conserving': a motion has no inertia (its mass is {max(s[0], 0):.2g} where the largest "
-            f"is {s[-1]:.2g}, limit {MASSLESS:.0e} of it), so it has no momentum to conserve. Give its "
-            "bodies mass, or take 'rk4'",
+            f"is {s[-1]:.2g}, limit {MASSLESS_CONDITION:.0e} of it), so it has no momentum to conserve. Give "
+            "its bodies mass, or take 'rk4'",
             what="inertia", condition=float(s[-1] / s[0]) if s[0] > 0 else np.inf,
         )  # fmt: skip

@@ -15,7 +15,7 @@ from ..spatial import Array
 from .system import State, System
 
 #: Relative step of the central difference that gives the rate of T^-1 (joints with rotations only).
-DIFFERENCE = 1e-5
+RATE_DIFFERENCE = 1e-5
 
 # Quintic Hermite basis over s in [0, 1], coefficients of s^0 .. s^5: value, rate, second rate at 0, then at
 # 1.
@@ -71,7 +71,7 @@ class Between:
         """Return d(T^-1)/dt v."""
         manifold = self._system.manifold
         pull = manifold.retraction.pull
-        size = DIFFERENCE / max(1.0, float(np.abs(rate / manifold.unit).max(initial=0.0)))
+        size = RATE_DIFFERENCE / max(1.0, float(np.abs(rate / manifold.unit).max(initial=0.0)))
         out: Array = (pull(xi + size * rate, v) - pull(xi - size * rate, v)) / (2 * size)
         return out
 

@@ -20,9 +20,9 @@ STAGE_TOLERANCE = 1e-12
 #: Most iterations of a stage with one Jacobian; slower means the step is too long for it.
 STAGE_ITERATIONS = 25
 #: Step of the one-sided differences of the Jacobian, in scaled coordinates.
-DIFFERENCE = 1e-7
+JACOBIAN_DIFFERENCE = 1e-7
 #: The same where closures lose rank: positions there are known to less.
-WIDE_DIFFERENCE = 1e-5
+WIDE_JACOBIAN_DIFFERENCE = 1e-5
 
 
 class Implicit:
@@ -113,7 +113,9 @@ class Implicit:
     def _jacobian(self, system: System, chart: Coordinates, state: State, z0: Array, f0: Array) -> Array:
         """Return d(y_dot, u_dot)/d(y, u) at the start of the step, shape (2 N, 2 N)."""
         N = chart.size
-        size = (DIFFERENCE if chart.pivot > HELD else WIDE_DIFFERENCE) * np.maximum(1.0, np.abs(z0))
+        size = (JACOBIAN_DIFFERENCE if chart.pivot > HELD else WIDE_JACOBIAN_DIFFERENCE) * np.maximum(
+            1.0, np.abs(z0)
+        )
         postures = []
         for i in range(2 * N):
             z = z0.copy()

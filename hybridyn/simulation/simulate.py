@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..dynamics.natural_sizes import REST, NaturalSizes
-from ..dynamics.state_checks import CLOSED
+from ..dynamics.state_checks import STATE_CLOSED
 from ..effects.choice import Choice
 from ..errors import AssemblyError, SingularityError, TrajectoryError
 from ..manifold.manifold import Manifold
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 PROJECTIONS = ("stages", "steps", "never")
 #: Part of the rates that closing the loops may change; elsewhere it is no more than they open loops by.
-TURNED = 1e-3
+MOST_RATE_CHANGE = 1e-3
 
 
 @one_thread()
@@ -196,7 +196,7 @@ def _refuse_turned(manifold: Manifold, given: Array, v: Array) -> None:
         SingularityError: Putting them on the closures changes them.
     """
     change, size = (float(np.abs(x / manifold.unit).max(initial=0.0)) for x in (v - given, given))
-    if change > TURNED * size:
+    if change > MOST_RATE_CHANGE * size:
         raise SingularityError(
             f"v0 is {change / size:.2g} of itself away from what the loops allow: closures lose rank next to "
             "q0, and these rates are on none of the branches that meet there. Take them from "
@@ -220,18 +220,18 @@ def _start(system: System, q0: Array | None, v0: Array | None, t: float, initial
     law.place_base(t, q, v)
     rounding = max((m.module.mechanism.rounding for m in manifold.looped), default=0.0)
     residual, name = manifold.worst(q)
-    if residual > CLOSED + rounding:
+    if residual > STATE_CLOSED + rounding:
         raise AssemblyError(
             f"module '{name}': q0 does not close the loops: open by {residual:.2g} of the module's length "
-            f"(limit {CLOSED + rounding:.0e}). Take it from hybridyn.assemble",
+            f"(limit {STATE_CLOSED + rounding:.0e}). Take it from hybridyn.assemble",
             module=name, residual=residual,
         )  # fmt: skip
-    least = REST / CLOSED * float(NaturalSizes.of(robot, v[None]).rate(robot.bodies.size)[0])
+    least = REST / STATE_CLOSED * float(NaturalSizes.of(robot, v[None]).rate(robot.bodies.size)[0])
     opening, name = manifold.opening(q, v, least=least)
-    if opening > CLOSED + rounding and initial_velocity == "refuse":
+    if opening > STATE_CLOSED + rounding and initial_velocity == "refuse":
         raise AssemblyError(
             f"module '{name}': v0 does not keep the loops closed: they open at {opening:.2g} of the largest "
-            f"rate (limit {CLOSED + rounding:.0e}). Take it from hybridyn.assemble, or pass "
+            f"rate (limit {STATE_CLOSED + rounding:.0e}). Take it from hybridyn.assemble, or pass "
             'initial_velocity="project"',
             module=name, residual=opening,
         )  # fmt: skip

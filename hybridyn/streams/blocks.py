@@ -24,11 +24,16 @@ if TYPE_CHECKING:
     from ..tables.columns import Layout
     from ..tables.trajectory import Motion
 
-SAME_POSTURE = 1e-9  # relative; two closed postures on one branch agree to rounding, two branches to nothing
-LONG_TABLE = 300_000  # numbers: some three seconds of work for one process
-NUMBERS_AT_ONCE = 84_000  # positions of a block: its arrays stay near the cache, which processes share
-MOST_ROWS = 500  # in a block: enough for a batch, few enough for several processes to share a short table
-BLIND = 2  # blocks in a row that were done again: more guesses are not worth making
+#: Relative; two closed postures on one branch agree to rounding, two branches to nothing.
+SAME_POSTURE = 1e-9
+#: Numbers: some three seconds of work for one process.
+LONG_TABLE = 300_000
+#: Positions of a block: its arrays stay near the cache, which processes share.
+NUMBERS_AT_ONCE = 84_000
+#: In a block: enough for a batch, few enough for several processes to share a short table.
+MOST_ROWS = 500
+#: Blocks in a row that were done again: more guesses are not worth making.
+BLIND = 2
 
 
 class Rows(NamedTuple):

@@ -11,7 +11,7 @@ from ..description.names import did_you_mean
 from ..description.records import Description
 from ..errors import ModelError
 from ..linkage.joints import NQ, NV, ROOT_JOINT, TreeJoint
-from ..linkage.reduction import ROUNDED
+from ..linkage.reduction import ROUNDED_ROWS
 from ..spatial import Array, slices
 from ..threads import one_thread
 from .bodies import Bodies
@@ -98,7 +98,7 @@ class ModuleBuilder:
         q_index = np.concatenate([np.arange(self.home.size)[self.q_slices[self.number[n]]] for n in names])
         spec = module_spec(self.bodies, graph, self.home[q_index])
         report = self._mechanism(spec).reduction.report
-        if graph.wrists and report.dropped > ROUNDED:
+        if graph.wrists and report.dropped > ROUNDED_ROWS:
             leave_whole(self.bodies, graph)
             spec = module_spec(self.bodies, graph, self.home[q_index])
         body = dict(enumerate([graph.base] + [j + 1 for j in graph.joints]))

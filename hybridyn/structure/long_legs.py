@@ -34,17 +34,15 @@ class LongLegs:
     def rnea(self, V: Array, V_dot: Array, q: Array, v: Array, a: Array) -> tuple[Array, Array]:
         """Return the legs' inverse dynamic model, Eqs. (54)-(62); as `LegModel.rnea`."""
         motion = self.tree.sweep(q, v, a)
-        R, p, w, pd, wd, pdd = (
-            x[:, self._at] for x in (motion.R, motion.p, motion.w, motion.pd, motion.wd, motion.pdd)
-        )
+        R, p, w, p_dot, w_dot, p_ddot = (x[:, self._at] for x in motion.arrays)
         arm = rotate(R, np.broadcast_to(self._com, p.shape))
-        c, c_dot = p + arm, pd + cross(w, arm)
-        c_ddot = pdd + cross(wd, arm) + cross(w, cross(w, arm))
+        c, c_dot = p + arm, p_dot + cross(w, arm)
+        c_ddot = p_ddot + cross(w_dot, arm) + cross(w, cross(w, arm))
         w0, wd0 = V[:, None, 3:], V_dot[:, None, 3:]
         start = V_dot[:, None, :3] + cross(w0, V[:, None, :3])
         swept = cross(wd0, c) + cross(w0, cross(w0, c)) + 2.0 * cross(w0, c_dot)
         force = self._mass[:, None] * (start + swept + c_ddot)
-        turn, turn_dot = w + w0, wd + wd0 + cross(w0, w)
+        turn, turn_dot = w + w0, w_dot + wd0 + cross(w0, w)
         spin, spin_dot = rotate_back(R, turn), rotate_back(R, turn_dot)
         own = rotate(self._inertia, spin_dot) + cross(spin, rotate(self._inertia, spin))
         wrench = np.concatenate([force, rotate(R, own) + cross(c, force)], axis=-1)

@@ -188,18 +188,18 @@ class Mechanism:
             drift = self.closures.rates(right, x_dot[samples])[1]
             x_ddot[np.ix_(samples, cols)] += missing(x_ddot[samples], drift)
             right = self.tree.sweep(x[samples], x_dot[samples], x_ddot[samples])
-        for name in ("w", "pd", "wd", "pdd"):
+        for name in ("w", "p_dot", "w_dot", "p_ddot"):
             getattr(motion, name)[samples] = getattr(right, name)
 
-    def take_legs(self, x: Array, out: Array) -> None:
+    def to_spanning(self, x: Array, out: Array) -> None:
         """Copy the legs' rates (or accelerations) of `tree` into those of the spanning tree, in place."""
         out[:, self._v_from] = x[:, self._v_to]
 
-    def give_legs(self, spanning: Array, out: Array) -> None:
+    def to_cut(self, spanning: Array, out: Array) -> None:
         """Copy the legs' rates (or accelerations) of the spanning tree into those of `tree`, in place."""
         out[:, self._v_to] = spanning[:, self._v_from]
 
-    def take_leg_positions(self, x: Array, out: Array) -> None:
+    def positions_to_spanning(self, x: Array, out: Array) -> None:
         """Copy the legs' positions of `tree` into those of the spanning tree, in place."""
         out[:, self._q_from] = x[:, self._q_to]
 
@@ -223,9 +223,7 @@ class Mechanism:
     def cut_motion(self, motion: Motion) -> Motion:
         """Return the same motion for the bodies of `tree` (they are bodies of the spanning tree)."""
         take = self.bodies
-        return Motion(
-            *(select(x, take) for x in (motion.R, motion.p, motion.w, motion.pd, motion.wd, motion.pdd))
-        )
+        return Motion(*(select(x, take) for x in motion.arrays))
 
     def basis(self, K: Array, gamma: Array | None = None) -> Basis:
         """Return Psi and drift on `tree` from its closure rows (drift 0 where gamma is left out)."""
@@ -299,12 +297,17 @@ class Mechanism:
             r = motion.p[:, wrist.end] - target.p[:, body]
             w = target.w[:, body]
             if a is None:
-                linear = target.pd[:, body] + cross(w, r) - motion.pd[:, wrist.end]
+                linear = target.p_dot[:, body] + cross(w, r) - motion.p_dot[:, wrist.end]
                 angular = w - motion.w[:, wrist.end]
             else:
-                wd = target.wd[:, body]
-                linear = target.pdd[:, body] + cross(wd, r) + cross(w, cross(w, r)) - motion.pdd[:, wrist.end]
-                angular = wd - motion.wd[:, wrist.end]
+                w_dot = target.w_dot[:, body]
+                linear = (
+                    target.p_ddot[:, body]
+                    + cross(w_dot, r)
+                    + cross(w, cross(w, r))
+                    - motion.p_ddot[:, wrist.end]
+                )
+                angular = w_dot - motion.w_dot[:, wrist.end]
             miss = np.concatenate([linear / self.length, angular], axis=-1)
             S = self.wrist_rates(motion, number)
             unknown[:, cols] = least_squares(S, miss, relative=GIMBAL_LOCK) * self.spanning_col_scale[cols]

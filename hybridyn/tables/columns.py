@@ -62,8 +62,8 @@ _FORMS_ADVICE = (
 )
 
 ENERGIES = ("energy/kinetic", "energy/potential", "energy/total")
+#: Columns of a simulated run beside its motion.
 RESIDUAL = "residual"
-"""Columns of a simulated run beside its motion."""
 
 _Columns = dict[str, dict[str, dict[str, int]]]  # owner, quantity, component: column
 

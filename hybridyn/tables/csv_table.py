@@ -22,7 +22,8 @@ from ..description.records import Array
 from ..errors import TrajectoryError
 from .table import EMPTY_CELL, NUMBERS, Block, Table, as_number, check_columns
 
-LINE_LIMIT = 16_000_000  # characters in a line: a file without line ends must not fill the memory
+#: Characters in a line: a file without line ends must not fill the memory.
+LINE_LIMIT = 16_000_000
 
 
 def open_csv(file: str, block_rows: int) -> Table:

@@ -19,7 +19,8 @@ from ..description.records import Array
 from ..errors import TrajectoryError
 from .table import EMPTY_CELL, Block, Table, check_columns
 
-PART_ROWS = 50_000  # rows decoded, or kept before they go to disk: Parquet's pages do not follow our blocks
+#: Rows decoded, or kept before they go to disk: Parquet's pages do not follow our blocks.
+PART_ROWS = 50_000
 
 
 def load_polars(file: str) -> Any:

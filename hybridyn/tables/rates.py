@@ -16,9 +16,11 @@ from numpy.typing import NDArray
 from ..description.records import Array
 from .table import Block
 
-DEGREE = 5  # accelerations are then smooth themselves, and right to the fourth order of the step
+#: Accelerations are then smooth themselves, and right to the fourth order of the step.
+DEGREE = 5
 FEWEST_ROWS = DEGREE + 1
-HALO = 128  # 0.43 ** 128 = 1e-47; jittering steps need some 50 rows, measured
+#: 0.43 ** 128 = 1e-47; jittering steps need some 50 rows, measured.
+HALO = 128
 
 
 class Window(NamedTuple):

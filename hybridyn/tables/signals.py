@@ -14,12 +14,12 @@ ANGLES = ("roll", "pitch", "yaw")
 RATES = ("velocity", "acceleration")
 WRENCH = ("fx", "fy", "fz", "mx", "my", "mz")
 
+#: Components of position and of velocity of the joints with several freedoms.
 JOINT_COMPONENTS = {
     "spherical": (("qx", "qy", "qz", "qw"), ("wx", "wy", "wz")),
     "planar": (("x", "y", "yaw"), ("x", "y", "wz")),
     "floating": (POSE, TWIST),
 }
-"""Components of position and of velocity of the joints with several freedoms."""
 
 
 @dataclass(frozen=True)

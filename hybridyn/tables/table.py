@@ -9,10 +9,12 @@ from typing import NamedTuple, Self
 from ..description.records import Array
 from ..errors import TrajectoryError
 
-BLOCK_ROWS = 2_000  # rows per block: large enough to amortise a batch, small enough for any robot's memory
+#: Rows per block: large enough to amortise a batch, small enough for any robot's memory.
+BLOCK_ROWS = 2_000
 
 
-NUMBERS = re.compile(r"[0-9eE+\-.,; \t]*")  # what float() takes beyond this (1_000, other scripts) is refused
+#: What float() takes beyond this (1_000, other scripts) is refused.
+NUMBERS = re.compile(r"[0-9eE+\-.,; \t]*")
 
 
 EMPTY_CELL = "the cell is empty"

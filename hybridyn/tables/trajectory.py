@@ -16,12 +16,14 @@ from .rates import FEWEST_ROWS, HALO, Window, aligned, angular_rates, derivative
 from .signals import POSE, Signal
 from .table import Block, Table
 
-QUATERNION_TOLERANCE = 1e-6  # seven digits in a file are enough to pass; more is not a rotation
-LARGEST_TURN = 2.0 * np.pi / 3.0  # between two rows, for a fit: near half a turn its sense is a guess
+#: Seven digits in a file are enough to pass; more is not a rotation.
+QUATERNION_TOLERANCE = 1e-6
+#: Between two rows, for a fit: near half a turn its sense is a guess.
+LARGEST_TURN = 2.0 * np.pi / 3.0
 
 Triple = tuple[Array, Array, Array]  # position, velocity, acceleration
+#: A whole pose or its rates, shape (T, 7) or (T, 6), or some of its coordinates by name, shape (T,) each.
 Parts = Array | dict[str, Array]
-"""A whole pose or its rates, shape (T, 7) or (T, 6), or some of its coordinates by name, shape (T,) each."""
 
 
 @dataclass(frozen=True)

@@ -19,12 +19,17 @@ from .picture import Ball, Picture, Point, Rod, Role, Solid
 from .placing import Placement, extent, place_bodies
 from .visuals import Visual
 
-THIN = 0.018  # radius of a rod over its module's length
+#: Radius of a rod over its module's length.
+THIN = 0.018
 DRUM, BALL, HUB = 1.9, 1.7, 1.35  # radii over the rod's: a motor's drum, a closure, a passive joint
-PLATE = 1.2  # half of a plate's thickness over the rod's radius
-SAME = 1e-6  # of the module's length: points nearer than this are one
-BARREL = 0.55  # of a slide's rod at home that its motor covers
-LENGTH = 1.6  # half of a drum's length over its radius
+#: Half of a plate's thickness over the rod's radius.
+PLATE = 1.2
+#: Of the module's length: points nearer than this are one.
+SAME_PLACE = 1e-6
+#: Of a slide's rod at home that its motor covers.
+BARREL = 0.55
+#: Half of a drum's length over its radius.
+LENGTH = 1.6
 LEG, SLIDE = 0.18, 0.5  # how much paler than its module's platform a leg is, and the sliding part of it
 
 
@@ -100,7 +105,7 @@ class _Pen:
             if number in self.shaped:
                 continue
             own, module = points[number], self.module_of(number)
-            if len(own) == 1 and not np.allclose(body.com, own[0], atol=SAME * self.length):
+            if len(own) == 1 and not np.allclose(body.com, own[0], atol=SAME_PLACE * self.length):
                 own = [own[0], body.com] if body.mass else own  # a hand, a pendulum
             if len(own) >= 3 and self._add_plate(body.name, module, number, np.array(own)):
                 continue
@@ -120,7 +125,7 @@ class _Pen:
         for closure in self.robot.description.closures:
             for end in _ends(self.robot, closure):
                 points[end.body].append(end.at)
-        return [_distinct(own, SAME * self.length) for own in points]
+        return [_distinct(own, SAME_PLACE * self.length) for own in points]
 
     def _add_plate(self, name: str, module: int, body: int, points: Array) -> bool:
         """Draw the hull of three or more points, or say that they lie on one line."""
@@ -164,7 +169,7 @@ class _Pen:
         bodies = self.robot.bodies.joints
         passive = {j.child for j in bodies if j.joint.kind in hinges and j.joint.name not in motors}
         for joint in reversed(bodies):
-            if {joint.parent, joint.child} <= passive and np.abs(joint.p).max() <= SAME * self.length:
+            if {joint.parent, joint.child} <= passive and np.abs(joint.p).max() <= SAME_PLACE * self.length:
                 last[joint.parent] = last.setdefault(joint.child, joint.child)
         return last
 
@@ -175,7 +180,7 @@ class _Pen:
             return
         at = self.home.of([start, end])
         along = at[1] - at[0]
-        if np.linalg.norm(along) > SAME * self.length:
+        if np.linalg.norm(along) > SAME_PLACE * self.length:
             ends = at[0], at[0] + BARREL * along
         else:  # the slide is at zero
             joint = self.robot.bodies.joints[end.body - 1].joint

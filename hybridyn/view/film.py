@@ -15,11 +15,16 @@ from .placing import extent, place_bodies
 from .render import Image, labelled, render
 from .run import Run
 
-RATE = 25  # pictures per second
-LONGEST = 20.0  # seconds of a film: a longer motion is shown faster
-AROUND = 6.0  # seconds of a walk around
-LOOKS = 40  # samples of a motion that the camera is set up for
-QUALITY = 7  # of imageio-ffmpeg, 0 to 10
+#: Pictures per second.
+RATE = 25
+#: Seconds of a film: a longer motion is shown faster.
+LONGEST = 20.0
+#: Seconds of a walk around.
+AROUND = 6.0
+#: Samples of a motion that the camera is set up for.
+LOOKS = 40
+#: Of imageio-ffmpeg, 0 to 10.
+QUALITY = 7
 
 
 def corners_of(robot: HybridRobot, picture: Picture, run: Run) -> Array:

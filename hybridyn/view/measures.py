@@ -12,7 +12,10 @@ from ..simulation.events import near_singularity
 from ..spatial import Array
 from ..structure.robot import HybridRobot
 
-NEAR, AT = 1e-2, 1e-3  # below the first a posture is called near a singularity, below the second singular
+NEAR_SINGULAR, AT_SINGULAR = (
+    1e-2,
+    1e-3,
+)  # below the first a posture is called near a singularity, below the second singular
 
 
 @dataclass(frozen=True)

@@ -34,8 +34,10 @@ _log = logging.getLogger(__name__)
 
 FRAME, BARS = 1 / 30, 1 / 8  # least times between pictures and between updates of the bars while playing [s]
 SPEEDS = ("0.1x", "0.25x", "0.5x", "1x", "2x", "5x")
-LIGHT = 0.25  # of the surroundings: more washes the colours out
-ROOM = 1.25  # around the robot at first
+#: Of the surroundings: more washes the colours out.
+LIGHT = 0.25
+#: Around the robot at first.
+ROOM = 1.25
 BRAND = (59, 125, 216)
 
 

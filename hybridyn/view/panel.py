@@ -10,10 +10,11 @@ import numpy as np
 from ..colours import ALARM, CLOSURE, GOOD, JOINT, MOTOR, WARNING, module_colour
 from ..spatial import Array
 from ..structure.robot import HybridRobot
-from .measures import AT, NEAR, Closeness
+from .measures import AT_SINGULAR, NEAR_SINGULAR, Closeness
 
 SMALL = "font-size:0.8em;line-height:1.35;padding:0 0.9em"
-DECADES = 4  # that the bar of a distance spans
+#: That the bar of a distance spans.
+DECADES = 4
 TRACK = "#e9ecef"
 
 
@@ -36,7 +37,7 @@ def closeness_html(closeness: Closeness) -> str:
     """Draw how far a posture is from singularities, on a logarithmic scale."""
     rows = []
     for label, value in (("closures", closeness.closures), ("motors", closeness.motors)):
-        colour = ALARM if value < AT else WARNING if value < NEAR else GOOD
+        colour = ALARM if value < AT_SINGULAR else WARNING if value < NEAR_SINGULAR else GOOD
         part = 1 + np.log10(max(value, 10.0**-DECADES)) / DECADES
         rows.append(_bar_row(label, f"{value:.2g}", 0.0, max(part, 0.02), colour))
     return (

@@ -12,8 +12,8 @@ import numpy as np
 
 from ..spatial import Array, Index
 
+#: What a shape stands for.
 Role = Literal["link", "motor", "joint", "closure"]
-"""What a shape stands for."""
 
 
 @dataclass(frozen=True)

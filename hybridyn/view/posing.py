@@ -17,10 +17,14 @@ from ..spatial import Array
 from ..structure.module import Module
 from ..structure.robot import HybridRobot
 
-HALVINGS = 6  # of the way to a place out of reach, to find where the reach ends
-INDEPENDENT = 1e-3  # share of a joint in motions that the joints before it leave: less fixes nothing
-STROKE = 1.0  # of the module's length: a slide without limits goes this far from home
-TURN = np.pi  # a hinge without limits turns this far from home [rad]
+#: Of the way to a place out of reach, to find where the reach ends.
+HALVINGS = 6
+#: Share of a joint in motions that the joints before it leave: less fixes nothing.
+LEAST_SHARE = 1e-3
+#: Of the module's length: a slide without limits goes this far from home.
+STROKE = 1.0
+#: A hinge without limits turns this far from home [rad].
+TURN = np.pi
 DRAGGED = ("revolute", "continuous", "prismatic")
 
 
@@ -199,7 +203,7 @@ def independent(module: Module, joints: Sequence[str]) -> list[str]:
             continue
         row = left[m.tree.v_slices[tree[number]].start]
         size = float(np.linalg.norm(row))
-        if size > INDEPENDENT:
+        if size > LEAST_SHARE:
             unit = row / size
             left = left - np.outer(left @ unit, unit)
             chosen.append(joint)

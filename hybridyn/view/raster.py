@@ -6,9 +6,12 @@ import numpy as np
 
 from ..spatial import Array
 
-BOXES = (3, 6, 12, 24, 48)  # edges of the boxes of pixels in which triangles are tested together
-AT_ONCE = 200_000  # pixels tested at once
-TOUCHING = -1e-9  # a pixel on an edge belongs to both triangles: rounding must leave no gap between them
+#: Edges of the boxes of pixels in which triangles are tested together.
+BOXES = (3, 6, 12, 24, 48)
+#: Pixels tested at once.
+AT_ONCE = 200_000
+#: A pixel on an edge belongs to both triangles: rounding must leave no gap between them.
+EDGE_SLACK = -1e-9
 
 
 class Raster:
@@ -63,7 +66,7 @@ class Raster:
             along = -d[:, 1:] * (x - p[:, :1])
             across = d[:, :1] * (y - p[:, 1:])
             shares.append(along[:, None, :] + across[:, :, None])
-            hit &= shares[-1] >= TOUCHING
+            hit &= shares[-1] >= EDGE_SLACK
         which = np.nonzero(hit)
         u, v, w = (share[which] for share in shares)
         first = which[0]

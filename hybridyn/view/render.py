@@ -18,11 +18,15 @@ from .triangles import ball_transforms, rod_transforms, unit_ball, unit_cylinder
 Image = NDArray[np.uint8]
 
 SIDES, RINGS = 20, 10  # of rods and balls
-FINER = 2  # pixels are computed this much finer, and averaged
-LIGHT = np.array([0.38, -0.42, 0.82])  # towards the light, in the world
+#: Pixels are computed this much finer, and averaged.
+FINER = 2
+#: Towards the light, in the world.
+LIGHT = np.array([0.38, -0.42, 0.82])
 AMBIENT, DIFFUSE = 0.52, 0.55
-FLOOR_SQUARES = 12  # along one edge of the floor
-FLOOR_LINE = 0.0012  # half of a line's width over the robot's size
+#: Along one edge of the floor.
+FLOOR_SQUARES = 12
+#: Half of a line's width over the robot's size.
+FLOOR_LINE = 0.0012
 BACKGROUND, FLOOR, INK = "#ffffff", "#e2e5e9", "#30353c"
 
 

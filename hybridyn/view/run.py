@@ -8,7 +8,8 @@ import numpy as np
 
 from ..spatial import Array
 
-MOST = 6000  # samples that are kept: more than a screen shows in any minute
+#: Samples that are kept: more than a screen shows in any minute.
+MOST = 6000
 
 
 @dataclass(frozen=True)

@@ -10,8 +10,10 @@ import numpy as np
 from ..spatial import Array
 from .posing import Lever, Poser
 
-OPEN = 1  # folders that are unfolded at first
-STEPS = 500  # of a slider, at the least
+#: Folders that are unfolded at first.
+OPEN = 1
+#: Of a slider, at the least.
+STEPS = 500
 
 
 class Sliders:

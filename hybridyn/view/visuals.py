@@ -19,10 +19,14 @@ import numpy as np
 
 from ..spatial import Array, Index
 
-ROUND = 24  # sides of a cylinder
-LARGEST_MESH = 200_000  # triangles; a browser and a screen have no use for more
-UNSTATED = "#b9bfc6"  # colour of a shape whose file states none
-NAMED = 4  # missing shapes that are told one by one
+#: Sides of a cylinder.
+ROUND = 24
+#: Triangles; a browser and a screen have no use for more.
+LARGEST_MESH = 200_000
+#: Colour of a shape whose file states none.
+UNSTATED = "#b9bfc6"
+#: Missing shapes that are told one by one.
+NAMED = 4
 
 
 @dataclass(frozen=True)

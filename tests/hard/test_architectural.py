@@ -17,7 +17,7 @@ import pytest
 
 import hybridyn
 from hybridyn import SingularityError
-from hybridyn.assembly.findings import SINGULAR, architecturally_singular, findings, motor_share
+from hybridyn.assembly.findings import SINGULAR_POSTURE, architecturally_singular, findings, motor_share
 from hybridyn.description import Description
 from hybridyn.structure.building import build_robot
 from tests.hard.closed_forms import changed, changed_text
@@ -79,7 +79,7 @@ def test_shipped_robots_are_not(name: str, claim: Claim) -> None:
     assert not [text for text in findings(robot) if "singular" in text]
     least = [motor_share(m, m.mechanism.basis(m.mechanism.generic_K).Psi) for m in robot.modules]
     share = min(float(np.median(s)) for s in least if s is not None)
-    claim(name, "reciprocal of the motors' share in a motion", 1 / share, 1 / SINGULAR)
+    claim(name, "reciprocal of the motors' share in a motion", 1 / share, 1 / SINGULAR_POSTURE)
 
 
 @pytest.mark.parametrize("kind", some(KINDS))
@@ -93,4 +93,9 @@ def test_different_hexagons_are_not_but_for_ninety_degrees(claim: Claim) -> None
     robot = build_robot(hexagons(10, 50))
     assert findings(robot) == []
     share = 1 / share_of_motors(robot)
-    claim("hexagons of 10 and 50 deg", "reciprocal of the motors' share in a motion", share, 1 / SINGULAR)
+    claim(
+        "hexagons of 10 and 50 deg",
+        "reciprocal of the motors' share in a motion",
+        share,
+        1 / SINGULAR_POSTURE,
+    )

@@ -8,7 +8,7 @@ import pytest
 
 import hybridyn
 from hybridyn import AssemblyError, HybridRobot, TrajectoryError, closure_residual
-from hybridyn.assembly.assemblies import SAME, Assemblies
+from hybridyn.assembly.assemblies import SAME_ASSEMBLY, Assemblies
 from hybridyn.structure.building import build_robot
 from tests import ROOT
 from tests.command_line import call
@@ -87,7 +87,7 @@ def test_the_same_seed_gives_the_same_bits() -> None:
     )
     assert (first.q == second.q).all()
     assert (first.counts == second.counts).all()
-    assert np.abs(first.q - other.q).max() < SAME
+    assert np.abs(first.q - other.q).max() < SAME_ASSEMBLY
     assert (first.counts != other.counts).any()
 
 
@@ -100,7 +100,7 @@ def test_the_same_seed_gives_the_same_bits_of_forty_postures() -> None:
     poses = [dietmaier.poses(sought(robot, 1500, seed).q) for seed in (7, 8)]
     assert len(poses[0]) == len(poses[1]) == dietmaier.REAL
     apart = np.abs(poses[0][:, None] - poses[1][None]).max(axis=2)
-    assert (apart.min(axis=1) < SAME).all()
+    assert (apart.min(axis=1) < SAME_ASSEMBLY).all()
 
 
 @pytest.mark.slow
@@ -128,7 +128,7 @@ def test_known_numbers_of_postures(claim: Claim, name: str) -> None:
     claim(f"{name} at home", "postures missing", abs(COUNTED[name] - len(found.q)), 0)
     claim(f"{name} at home", "closure residual", found.residual.max(), CLOSED)
     home = hybridyn.assemble(robot, motors=at_home(robot))[0]
-    assert np.abs(found.q[0] - home).max() < SAME
+    assert np.abs(found.q[0] - home).max() < SAME_ASSEMBLY
 
 
 def home_pose(robot: HybridRobot) -> dict[str, object]:

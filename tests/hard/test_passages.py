@@ -18,7 +18,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import hybridyn
-from hybridyn.manifold.branch import LOST, NEAR
+from hybridyn.manifold.branch import LOST_ACCELERATIONS, LOST_RATES
 from hybridyn.simulation.motion_law import MotionLaw
 from tests import ROOT
 from tests.hard.benchmark_references import all_bars, n_four_bar
@@ -40,7 +40,7 @@ METHODS = {
     "steps": ({"rtol": 1e-8, "projection": "steps"}, 5e-7),
 }
 SPAN = 0.12
-PROJECTED = np.finfo(float).eps / LOST**2
+PROJECTED = np.finfo(float).eps / LOST_RATES**2
 SIDES = 1e-9  # two loops of a row are told apart by rounding over the distance only
 
 
@@ -96,7 +96,7 @@ def test_accelerations_near_and_at_the_posture(claim: Claim, crossed: OneFreedom
         s_ddot = crossed.acceleration(distance, -2.0)
         q, v, a = crossed.state(distance, -2.0, s_ddot)
         worst = max(worst, np.abs(law.acceleration(0.0, q, v) - a).max() / np.abs(a).max())
-    claim("antiparallelogram", "accelerations, 1e-12 to 1e-1 from the posture", worst, NEAR**2)
+    claim("antiparallelogram", "accelerations, 1e-12 to 1e-1 from the posture", worst, LOST_ACCELERATIONS**2)
 
 
 @pytest.mark.parametrize("method", ["rk4", "conserving", "implicit"])

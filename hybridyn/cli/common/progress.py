@@ -8,8 +8,10 @@ import time
 from types import TracebackType
 from typing import Self
 
-PATIENCE = 2.0  # seconds of silence before the bar appears
-INTERVAL = 0.1  # seconds between two drawings
+#: Seconds of silence before the bar appears.
+PATIENCE = 2.0
+#: Seconds between two drawings.
+INTERVAL = 0.1
 BAR_WIDTH = 30
 
 

@@ -34,8 +34,8 @@ TWO = (
     "and",
     "or",
 )
+#: Operations that give true or false.
 TRUTH = ("lt", "le", "eq", "ne", "not", "and", "or")
-"""Operations that give true or false."""
 
 
 @dataclass(frozen=True)

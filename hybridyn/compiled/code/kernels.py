@@ -11,8 +11,8 @@ from .fusing import fused
 from .graph import TRUTH, Graph, Node, graph_of
 
 INFIX = {"add": "+", "sub": "-", "mul": "*", "div": "/"}
+#: The name of a b + c by the signs of the product and of c.
 FUSED = {(True, True): "FMA", (True, False): "FMS", (False, True): "FNMA", (False, False): "FNMS"}
-"""The name of a b + c by the signs of the product and of c."""
 
 
 def kernel_graph(kernel: Kernel) -> Graph:

@@ -11,12 +11,12 @@ from .across_copies import across_copies
 from .across_samples import across_samples
 from .kernels import kernel_graph, kernel_text
 from .rules import check
-from .scalars import TRUSTED, Scalar, text_of
+from .scalars import GUARD_LIMIT, Scalar, text_of
 from .tables import Tables
 from .trimming import trimmed
 
 #: Statements that one compiler process is given before another is started.
-UNIT = 4000
+STATEMENTS_PER_UNIT = 4000
 
 
 @dataclass(frozen=True)
@@ -90,7 +90,7 @@ def _kernel_units(bodies: dict[str, str], scalar: Scalar) -> list[str]:
     room = 0
     for name, text in sorted(bodies.items(), key=lambda item: -item[1].count("\n")):
         length = text.count("\n")
-        if not parts or room + length > UNIT:
+        if not parts or room + length > STATEMENTS_PER_UNIT:
             parts.append([])
             room = 0
         parts[-1].append(f"void {name}{text}")
@@ -133,7 +133,7 @@ def driver_prelude(bodies: dict[str, str], scalar: Scalar) -> str:
     lines = [
         scalar.prelude(),
         f"#define B {border}",
-        f"#define TRUSTED {TRUSTED}",
+        f"#define GUARD_LIMIT {GUARD_LIMIT}",
         '#define EXPORT __attribute__((visibility("default")))',
         "#include <string.h>",
         text_of("driver.h"),
@@ -209,7 +209,7 @@ def _single(program: Program) -> str:
             f"    {name}_copies({name}_given, out, {name}_work, {name}_work + {shared}, &worst_yet);",
             f"    worst_yet += none_of(out, {count}); /* not finite: NaN */",
             f"    {name}_guard = worst_yet;",
-            "    return worst_yet <= TRUSTED ? 0 : 2;",
+            "    return worst_yet <= GUARD_LIMIT ? 0 : 2;",
             "}",
             f"EXPORT int {name}_single({', '.join([*arguments, 'const Array *result'])}) {{",
             *checks,

@@ -7,8 +7,8 @@ from collections import Counter
 from ..program import Add, Call, Program
 from .graph import graph_of
 
+#: Sums and differences; products; quotients; square roots; sines and cosines; everything else.
 KINDS = ("add", "mul", "div", "sqrt", "trig", "other")
-"""Sums and differences; products; quotients; square roots; sines and cosines; everything else."""
 
 FREE = ("input", "constant", "neg")
 

@@ -12,12 +12,13 @@ from .scalars import text_of
 from .tables import Tables
 from .trimming import trimmed
 
+#: Functions of kernels that the C library has under the same name.
 FUNCTIONS = (
     "SQRT", "FABS", "TAN", "ASIN", "ACOS", "ATAN", "SINH", "COSH", "TANH", "ASINH", "ACOSH", "ATANH", "EXP",
     "EXPM1", "LOG", "LOG1P", "FLOOR", "CEIL", "ERF", "ATAN2", "FMOD", "REMAINDER", "HYPOT", "COPYSIGN", "POW",
 )  # fmt: skip
-"""Functions of kernels that the C library has under the same name."""
 
+#: What drivers and kernels call; only what is used is printed.
 MOVES = {
     "worst": "static V worst(V a, V b) { return b <= a || a != a ? a : b; }",
     **{
@@ -33,14 +34,13 @@ MOVES = {
     "SINCOS": "static void SINCOS(V x, V *s, V *c) {\n"
     "    *s = FUNCTION(sin)(x);\n    *c = FUNCTION(cos)(x);\n}",
 }
-"""What drivers and kernels call; only what is used is printed."""
 
 
+#: Types of numbers in C.
 REAL = {"float64": "double", "float32": "float"}
-"""Types of numbers in C."""
 
+#: Stands in every file, so that no other is ever written over.
 WRITTEN = "Written by hybridyn"
-"""Stands in every file, so that no other is ever written over."""
 
 
 def plain_source(programs: list[Program], name: str, dtype: str = "float64") -> str:

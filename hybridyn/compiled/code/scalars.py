@@ -6,24 +6,24 @@ from dataclasses import dataclass
 from functools import cache
 from importlib import resources
 
+#: Type in C, integer of the same size (for vectors), bytes.
 TYPES = {
     "float64": ("double", "long long", 8),
     "float32": ("float", "int", 4),
     "longdouble": ("long double", "", 16),
     "float128": ("__float128", "", 16),
 }
-"""Type in C, integer of the same size (for vectors), bytes."""
 
+#: How the C library calls a function for a type.
 IN_LIBRARY = {
     "float64": "name",
     "float32": "name##f",
     "longdouble": "name##l",
     "float128": "name##q",
 }
-"""How the C library calls a function for a type."""
 
 #: Guards up to this are trusted.
-TRUSTED = 1.0
+GUARD_LIMIT = 1.0
 
 
 @dataclass(frozen=True)

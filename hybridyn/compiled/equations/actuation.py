@@ -7,14 +7,11 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from ...dynamics.actuation import UNDRIVEN
 from ...spatial import Array
 from .expressions import Expression, dot, is_zero, times, zeros
-from .guards import NOTHING, largest, trusted
+from .guards import TINY_RATE, largest, trusted
 from .static_elimination import Pivots, solve
-
-#: Part of the largest term that a motion without a motor may be left with, at most: the general path's limit.
-#: With float64 it is `guards.CLOSED`, rounding and no more.
-UNDRIVEN = 1e-6
 
 
 def motor_efforts(
@@ -48,7 +45,7 @@ def _undriven(left: Expression, size: Any, units: Array, closed: float) -> Any:
     """Return the guard of forces that no motor gives."""
     if all(is_zero(x) for x in left):
         return ca.SX(0.0)
-    return largest(left * units) / (min(closed, UNDRIVEN) * (size + NOTHING))
+    return largest(left * units) / (min(closed, UNDRIVEN) * (size + TINY_RATE))
 
 
 def _least_norm(B: Expression, Q: Expression, share: Array) -> tuple[Expression, Any]:

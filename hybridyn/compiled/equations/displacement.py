@@ -18,7 +18,7 @@ from .rigid import quaternion_matrix
 JointMap = Callable[..., Expression]
 
 #: Keeps 0 / 0 from being asked; what it is added to is exact for every angle that matters.
-NOTHING = 1e-300
+TINY_ANGLE = 1e-300
 
 
 def by_joint(tree: Tree, function: JointMap, *values: Expression, positions: int = 0) -> Expression:
@@ -114,7 +114,7 @@ def _second(r: Expression) -> Any:
 
 
 def _length(x: Expression) -> Any:
-    return ca.sqrt(sum((x[i] * x[i] for i in range(len(x))), ca.SX(NOTHING)))
+    return ca.sqrt(sum((x[i] * x[i] for i in range(len(x))), ca.SX(TINY_ANGLE)))
 
 
 def _unit(x: Expression) -> Expression:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 Expression = NDArray[Any]  # of float or casadi.SX scalars
 
 #: Entries of constant rotations below this are rounding of cosines and sines.
-ROUNDING = 4e-16
+ROTATION_ROUNDING = 4e-16
 
 
 def is_zero(x: Any) -> bool:
@@ -114,8 +114,8 @@ def hat(a: Expression) -> Expression:
 
 def snap(R: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return a rotation whose entries of rounding size are zero, and unit ones are units."""
-    out = np.where(np.abs(R) < ROUNDING, 0.0, R)
-    return np.where(np.abs(np.abs(out) - 1.0) < ROUNDING, np.sign(out), out)
+    out = np.where(np.abs(R) < ROTATION_ROUNDING, 0.0, R)
+    return np.where(np.abs(np.abs(out) - 1.0) < ROTATION_ROUNDING, np.sign(out), out)
 
 
 def upper(M: Expression) -> Expression:

@@ -11,7 +11,7 @@ from ...spatial import Array
 from .expressions import Expression
 
 #: Numbers that differ by less, relative to the largest of their array, are the same but for rounding.
-SAME = 8e-16
+FOLDED_ALIKE = 8e-16
 
 
 class Folding:
@@ -38,7 +38,7 @@ class Folding:
 
     def _scalar(self, values: Array, size: float) -> Any:
         """Return one expression for a number of all copies."""
-        if np.ptp(values) <= SAME * size:
+        if np.ptp(values) <= FOLDED_ALIKE * size:
             return float(values[0])
         for column, known in zip(self.columns, self.values, strict=True):
             if (known == values).all():

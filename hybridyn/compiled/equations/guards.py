@@ -14,11 +14,11 @@ from typing import Any
 import casadi as ca
 
 from .expressions import Expression, is_zero
-from .static_elimination import TRUSTED
+from .static_elimination import TRUSTED_PIVOT
 
 #: Loops may be open by this part of the module's length (or a radian), and rates slip by this part of theirs:
 #: ten thousand roundings of the numbers that a model computes with.
-CLOSED = {"float64": 1e-11, "float32": 3e-3}
+GUARD_CLOSED = {"float64": 1e-11, "float32": 3e-3}
 
 
 @dataclass(frozen=True)
@@ -27,7 +27,7 @@ class Scale:
 
     Attributes:
         length: The module's length, [m].
-        closed: One of `CLOSED`.
+        closed: One of `GUARD_CLOSED`.
     """
 
     length: float
@@ -35,12 +35,12 @@ class Scale:
 
 
 #: Keeps 0 / 0 from being asked; smaller than any rate that matters.
-NOTHING = 1e-290
+TINY_RATE = 1e-290
 
 
 def trusted(trust: ca.SX) -> Any:
     """Return the guard of a pivot that is `trust` times its usual size."""
-    return 2.0 - trust / TRUSTED
+    return 2.0 - trust / TRUSTED_PIVOT
 
 
 def loops_closed(
@@ -55,13 +55,13 @@ def loops_closed(
         positions: What must vanish, and its unit.
         rates: What must vanish, and its unit.
         speed: Size of the module's rates (`size_of`).
-        closed: `CLOSED`.
+        closed: `GUARD_CLOSED`.
     """
     worst: Any = ca.SX(0.0)
     for values, unit in positions:
         worst = ca.fmax(worst, largest(values) / (closed * unit))
     for values, unit in rates:
-        worst = ca.fmax(worst, largest(values) / (closed * unit * (speed + NOTHING)))
+        worst = ca.fmax(worst, largest(values) / (closed * unit * (speed + TINY_RATE)))
     return worst
 
 
@@ -71,11 +71,11 @@ def accelerating_apart(values: Expression, size: Any, closed: float) -> Any:
     Args:
         values: What must vanish, without units.
         size: Size of the module's accelerations, speed squared among it.
-        closed: `CLOSED`.
+        closed: `GUARD_CLOSED`.
     """
     if all(is_zero(x) for x in values):
         return ca.SX(0.0)
-    return largest(values) / (closed * (size + NOTHING))
+    return largest(values) / (closed * (size + TINY_RATE))
 
 
 def size_of(joints: Expression, units: Any, motions: list[Expression], length: float) -> Any:

@@ -11,7 +11,7 @@ import numpy as np
 
 from ...linkage.joints import NV, TreeJoint
 from ...spatial import Array
-from .expressions import ROUNDING, plain, snap
+from .expressions import ROTATION_ROUNDING, plain, snap
 from .rigid import moved
 
 TURNING = ("revolute", "continuous")
@@ -134,7 +134,7 @@ def _clean(inertia: Array, before: Array) -> Array:
     out = inertia.copy()
     for part in (slice(1, 4), slice(4, 10)):
         size = np.abs(before[part]).max()
-        out[part] = np.where(np.abs(out[part]) < ROUNDING * size, 0.0, out[part])
+        out[part] = np.where(np.abs(out[part]) < ROTATION_ROUNDING * size, 0.0, out[part])
     return out
 
 

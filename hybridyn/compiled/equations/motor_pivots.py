@@ -5,9 +5,9 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 
-from ...dynamics.actuation import SINGULAR
+from ...dynamics.actuation import SINGULAR_MOTOR_MAP
 from ...spatial import Array
-from ..code.scalars import TRUSTED
+from ..code.scalars import GUARD_LIMIT
 from .chains import motion_map
 from .core import Plan, write_core
 from .expressions import Expression, dot, pack, symbols, zeros
@@ -51,17 +51,21 @@ def motor_pivots(plan: Plan, positions: Array, motors: tuple[int, ...]) -> Pivot
     B = np.stack([columns[c] for c in motors], axis=1)
     function = ca.Function("B", [column], [pack(B), guard])
     maps = [function(x) for x in positions]
-    good = np.array([float(worst) <= TRUSTED for _, worst in maps])  # B is no better than what it comes from
+    good = np.array(
+        [float(worst) <= GUARD_LIMIT for _, worst in maps]
+    )  # B is no better than what it comes from
     samples = np.array([np.array(entries).reshape(B.shape) for entries, _ in maps])
     samples = samples[good if good.any() else np.isfinite(samples).all(axis=(1, 2))]
     size = np.abs(samples).max(axis=(0, 2))
-    size = np.where(size > SINGULAR * size.max(), size, size.max())  # motions without a motor: rounding
+    size = np.where(
+        size > SINGULAR_MOTOR_MAP * size.max(), size, size.max()
+    )  # motions without a motor: rounding
     unit = np.abs(samples / np.where(size > 0, size, 1.0)[:, None]).max(axis=(0, 1))
     size = np.where(
-        size > SINGULAR * size.max(), size, size.max()
+        size > SINGULAR_MOTOR_MAP * size.max(), size, size.max()
     )  # of a motion that no motor drives: rounding
     rows, cols = 1.0 / np.where(size > 0, size, 1.0), 1.0 / np.where(unit > 0, unit, 1.0)
     s = np.linalg.svd(samples * rows[:, None] * cols, compute_uv=False)
-    if np.median(s[:, -1] / s[:, 0]) < SINGULAR:
+    if np.median(s[:, -1] / s[:, 0]) < SINGULAR_MOTOR_MAP:
         return None
     return choose_pivots(samples, len(motors), rows, cols)

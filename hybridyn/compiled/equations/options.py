@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from ...assembly.free_motions import MASSLESS, own_inertia
+from ...assembly.free_motions import MASSLESS_MOTION, own_inertia
 from ...dynamics.actuation import Sharing, load_share
 from ...errors import ActuationError
 from ...spatial import Array
@@ -98,7 +98,7 @@ def _massless(request: Request, k: int) -> bool:
             a_map = m.jacobian(motion, body)[0] @ motions
             inertia = inertia + max(float(np.trace(inertia)), 1.0) * a_map.T @ a_map
     values = np.linalg.eigvalsh(inertia)
-    return bool(values[0] <= MASSLESS * values[-1])
+    return bool(values[0] <= MASSLESS_MOTION * values[-1])
 
 
 def inverse_options(request: Request, k: int) -> InverseOptions:

@@ -21,7 +21,7 @@ from .links import Link, aligned, askew, links_of, regrouped
 from .rigid import moved, ten_numbers
 
 #: A closure tells a leg's joints where, at most generic postures, its rows are better conditioned than this.
-TOLD = 1e-4
+LOCATED_LEG = 1e-4
 
 
 @dataclass(frozen=True)
@@ -240,7 +240,7 @@ def _closure_of_leg(mechanism: Mechanism, bodies: tuple[int, ...]) -> int | None
         return None
     K = mechanism.reduction.scaled(mechanism.generic_K)[:, mechanism.closures.row_slices[at]][:, :, cols]
     s = np.linalg.svd(K, compute_uv=False)
-    return at if np.median(s[:, -1] / s[:, 0]) > TOLD else None
+    return at if np.median(s[:, -1] / s[:, 0]) > LOCATED_LEG else None
 
 
 def _hangs_alone(spec: ModuleSpec, inside: set[int]) -> bool:

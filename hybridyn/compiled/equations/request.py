@@ -15,7 +15,7 @@ from ...structure.module import Module
 from ...structure.robot import HybridRobot
 from .core import Plan, plan_module
 from .expressions import Expression, unpack
-from .guards import CLOSED
+from .guards import GUARD_CLOSED
 from .parts import parts_of
 from .rigid import ten_numbers
 from .states import generic_positions
@@ -61,7 +61,7 @@ class Request:
                     align=self.align,
                     own=self._own(module) if self.parameters else None,
                 )
-                known[key] = plan_module(parts, self.positions(module), CLOSED[self.dtype])
+                known[key] = plan_module(parts, self.positions(module), GUARD_CLOSED[self.dtype])
             out.append(known[key])
         return out
 
@@ -96,7 +96,7 @@ class Request:
             on = np.zeros(self.robot.nv)
             on[law.columns] = 1.0
             own = np.zeros((1, m.tree.nv))
-            m.give_legs(on[None, module.v_index], own)
+            m.to_cut(on[None, module.v_index], own)
             for k in np.flatnonzero(own[0]):
                 out[k] += f"law {n} "
         return tuple(out)
@@ -106,7 +106,7 @@ class Request:
         diagonal = self.on.rotor_diagonal(self.robot)
         own = np.zeros((1, module.mechanism.tree.nv))
         if diagonal is not None:
-            module.mechanism.give_legs(diagonal[None, module.v_index], own)
+            module.mechanism.to_cut(diagonal[None, module.v_index], own)
         return tuple(own[0].tolist())
 
     def children(self, k: int, output: int) -> list[int]:

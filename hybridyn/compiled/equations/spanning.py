@@ -20,7 +20,7 @@ from .static_elimination import Pivots, choose_pivots
 
 #: Smaller pivots would keep the rows sparser, and steps in time less exact: by 50 times at 0.1, by 3 here, of
 #: what charts of the tangent space give.
-SPARSE = 0.5
+SPARSE_SPANNING = 0.5
 #: Factor on pivots of freedoms that are to stay independent: they serve only where all others are this small.
 LAST = 1e-4
 
@@ -78,4 +78,4 @@ def dependent_pivots(modules: list[Module], last: Sequence[int] = ()) -> Pivots:
     ]
     rank, unit = m.spanning.nv - m.mobility, m.spanning_col_scale.copy()
     unit[list(last)] *= LAST
-    return choose_pivots(np.array(samples), rank, m.spanning_row_scale, unit, SPARSE)
+    return choose_pivots(np.array(samples), rank, m.spanning_row_scale, unit, SPARSE_SPANNING)

@@ -67,7 +67,7 @@ def moving_states(robot: HybridRobot, count: int, seed: int = 0) -> tuple[Array,
             "tij,tj->ti", basis.Psi, u / np.linalg.norm(basis.Psi / m.reduction.col_scale[:, None], axis=1)
         )
         out = np.zeros((count, m.spanning.nv))
-        m.take_legs(rates, out)
+        m.to_spanning(rates, out)
         if m.spec.wrists:
             m.recover_rates(own, out, m.tree.sweep(x, rates))
         v[:, module.v_index] = out

@@ -17,9 +17,9 @@ from .expressions import Expression, dot, is_zero, times, zeros
 #: A pivot that is smaller than this part of its usual size leaves the choice of pivots in doubt. Rounding
 #: grows with the square of that part (inertias are congruences): 5e-16 / part^2 was measured, so that a part
 #: of 2e-3 is as far as 1e-10 goes; what two small pivots multiply to wants the rest.
-TRUSTED = 1e-2
+TRUSTED_PIVOT = 1e-2
 #: Pivots this much smaller than the best are taken where they keep the rows sparse.
-SPARSE = 0.1
+SPARSE_PIVOT = 0.1
 #: Shares of the samples that a pivot may fail at, tried one after the other until some pivot is left.
 FAILING = (0.0, 0.1, 0.25, 0.5)
 
@@ -34,7 +34,7 @@ class Pivots:
 
 
 def choose_pivots(
-    samples: Array, rank: int, row_scale: Array, col_scale: Array, sparse: float = SPARSE
+    samples: Array, rank: int, row_scale: Array, col_scale: Array, sparse: float = SPARSE_PIVOT
 ) -> Pivots:
     """Choose pivots that are large at every sample, or at as many as can be.
 
@@ -56,7 +56,7 @@ def choose_pivots(
     for _ in range(rank):
         block = np.abs(A[:, left_rows][:, :, left_cols])
         largest = block.max(axis=(1, 2))
-        heard = largest > TRUSTED * np.median(largest)
+        heard = largest > TRUSTED_PIVOT * np.median(largest)
         if not heard.all():
             A, block, largest = A[heard], block[heard], largest[heard]
         score = _score(block / largest[:, None, None])
@@ -65,7 +65,9 @@ def choose_pivots(
         good = score >= sparse * score.max()
         i, j = min(np.argwhere(good).tolist(), key=lambda ij: (fill[ij[0], ij[1]], -score[ij[0], ij[1]]))
         r, c = left_rows.pop(i), left_cols.pop(j)
-        A = A[np.abs(A[:, r, c]) >= sparse * TRUSTED * largest]  # where it fails, nothing more can be said
+        A = A[
+            np.abs(A[:, r, c]) >= sparse * TRUSTED_PIVOT * largest
+        ]  # where it fails, nothing more can be said
         pivot = A[:, r, c]
         A[:, left_rows] -= (A[:, left_rows, c] / pivot[:, None])[:, :, None] * A[:, None, r]
         structure[left_rows] |= np.outer(structure[left_rows, c], structure[r])
@@ -86,7 +88,7 @@ def _score(size: Array) -> Array:
     """
     for failing in FAILING:
         score = np.sort(size, axis=0)[int(failing * (len(size) - 1))]
-        if score.max() >= TRUSTED:
+        if score.max() >= TRUSTED_PIVOT:
             break
     return np.asarray(score)
 

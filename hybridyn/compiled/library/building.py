@@ -12,8 +12,8 @@ from pathlib import Path
 from ...errors import CompileError
 from .compilers import FLAGS, Compiler
 
+#: Code for this very processor.
 NATIVE = ("-mcpu=native",) if platform.machine() in ("aarch64", "arm64") else ("-march=native",)
-"""Code for this very processor."""
 
 ADVICE = "Name another one in the environment variable CC; the general path works without one"
 

@@ -31,8 +31,8 @@ from .trust import is_own, refuse_foreign
 if TYPE_CHECKING:
     from ..code.library_source import Source
 
+#: Environment variable that names another folder.
 VARIABLE = "HYBRIDYN_CACHE"
-"""Environment variable that names another folder."""
 
 
 @dataclass(frozen=True)

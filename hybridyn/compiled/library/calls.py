@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..code.scalars import TRUSTED, Scalar
+from ..code.scalars import GUARD_LIMIT, Scalar
 from .cache import Built, cached
 from .compilers import best_lanes
 from .steps import Steps
@@ -24,26 +24,29 @@ if TYPE_CHECKING:
 
 Numbers = NDArray[Any]
 
+#: Types of the arrays that come in and go out.
 BORDER = {
     "float64": np.float64,
     "float32": np.float32,
     "longdouble": np.longdouble,
     "float128": np.float64,  # numpy has none: in exactly, out rounded
 }
-"""Types of the arrays that come in and go out."""
 
+#: Status of a single call whose arrays are not plain.
 REFUSED = 1
-"""Status of a single call whose arrays are not plain."""
 
+#: Python's word for a C function that is handed all its arguments in one array.
 METH_FASTCALL = 0x0080
-"""Python's word for a C function that is handed all its arguments in one array."""
 
+#: What a single call answers: done, refused, or done but for the general path to do again.
 ANSWERS = (0, REFUSED, 2)
-"""What a single call answers: done, refused, or done but for the general path to do again."""
 
-BLOCK = 512  # a multiple of every width; what a thread takes at once is a multiple of it
-WORTH_WAKING = 2e-4  # for a thread, at least [s]
-STATEMENT = 2.5e-10  # time of a vector statement, roughly [s]
+#: A multiple of every width; what a thread takes at once is a multiple of it.
+BLOCK = 512
+#: For a thread, at least [s].
+WORTH_WAKING = 2e-4
+#: Time of a vector statement, roughly [s].
+STATEMENT = 2.5e-10
 
 
 class Library:
@@ -153,7 +156,7 @@ class Calls:
         self._batch.restype = None
         self._batch.argtypes = [ctypes.c_longlong] * 2 + [ctypes.c_void_p] * 4
         self._memory = threading.local()
-        self.trusted = TRUSTED
+        self.trusted = GUARD_LIMIT
         self.at_once: Callable[..., int] | None = None
         self._guard = np.zeros(1, dtype)
         if plain:

@@ -15,6 +15,7 @@ from pathlib import Path
 
 from ...errors import CompileError
 
+#: How every unit is compiled; -march is added where the compiler knows this machine.
 FLAGS = (
     "-std=gnu11",
     "-O3",
@@ -25,7 +26,6 @@ FLAGS = (
     "-fno-trapping-math",
     "-w",
 )
-"""How every unit is compiled; -march is added where the compiler knows this machine."""
 
 NAMES = ("cc", "gcc", "clang")
 

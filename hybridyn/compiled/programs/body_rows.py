@@ -9,8 +9,8 @@ from ...linkage.rigid_motion import RigidMotion
 from ...spatial import Array
 from ...structure.robot import HybridRobot
 
+#: Numbers of a body: axes row by row, origin, velocity, angular velocity, accelerations (classical).
 WIDTH = 24
-"""Numbers of a body: axes row by row, origin, velocity, angular velocity, accelerations (classical)."""
 
 
 def body_rows(robot: HybridRobot, q: Array, v: Array, a: Array) -> Array:
@@ -18,12 +18,14 @@ def body_rows(robot: HybridRobot, q: Array, v: Array, a: Array) -> Array:
     out = np.zeros((len(q), len(robot.bodies.bodies), WIDTH))
     for body, m in body_motions(robot, q, v, a).items():
         R = np.broadcast_to(m.R, (len(q), 3, 3)).reshape(-1, 9)
-        out[:, body] = np.concatenate([R, m.p, m.pd, m.w, m.pdd, m.wd], axis=1)
+        out[:, body] = np.concatenate([R, m.p, m.p_dot, m.w, m.p_ddot, m.w_dot], axis=1)
     return out.reshape(len(q), -1)
 
 
 def body_motion(rows: Array, body: int) -> RigidMotion:
     """Return the motion of one body from rows of all, shape (T, WIDTH bodies)."""
     x = rows[:, WIDTH * body : WIDTH * (body + 1)]
-    R, p, pd, w, pdd, wd = (x[:, i:j] for i, j in ((0, 9), (9, 12), (12, 15), (15, 18), (18, 21), (21, 24)))
-    return RigidMotion(R.reshape(-1, 3, 3), p, w, pd, wd, pdd)
+    R, p, p_dot, w, p_ddot, w_dot = (
+        x[:, i:j] for i, j in ((0, 9), (9, 12), (12, 15), (15, 18), (18, 21), (21, 24))
+    )
+    return RigidMotion(R.reshape(-1, 3, 3), p, w, p_dot, w_dot, p_ddot)

@@ -21,7 +21,7 @@ from ...structure.module import Module
 from ..equations.displacement import by_joint, moved_joint, position_rate
 from ..equations.expressions import Expression, dot, pack, symbols, unpack, zeros
 from ..equations.folding import Folding
-from ..equations.guards import CLOSED, largest, trusted
+from ..equations.guards import GUARD_CLOSED, largest, trusted
 from ..equations.request import Request
 from ..equations.spanning import dependent_pivots, shape_of, spanning_closures
 from ..equations.static_elimination import solve
@@ -47,7 +47,7 @@ def close_program(request: Request) -> Program:
     if robot.base == "moving":
         _keep_base(w)
     for shape, modules in shapes.items():
-        function, table = _write(modules, _motors(modules[0], driven), CLOSED[request.dtype])
+        function, table = _write(modules, _motors(modules[0], driven), GUARD_CLOSED[request.dtype])
         q, v = (np.array([getattr(m, index) for m in modules]) for index in ("q_index", "v_index"))
         sources: list[Source] = [
             w.from_given("near", q),

@@ -17,8 +17,8 @@ from ..program import Program, Shared, Source, Target
 from .roots import unit_base
 from .writer import Writer
 
+#: Numbers of one body: axes row by row, origin, twist and classical acceleration, all in the world.
 WIDTH = 24
-"""Numbers of one body: axes row by row, origin, twist and classical acceleration, all in the world."""
 
 
 def kinematics_program(request: Request) -> Program:

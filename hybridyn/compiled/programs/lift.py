@@ -29,7 +29,7 @@ from .writer import Writer
 
 #: Over-determined closures that their file rounds by more than this are met in the least-squares sense only,
 #: which pivots cannot do.
-ROUNDING = 1e-12
+LIFT_ROUNDING = 1e-12
 #: What the step says of each module.
 MEASURES = ("step", "pivot", "residual")
 
@@ -44,7 +44,7 @@ def lift_program(request: Request) -> Program | None:
     residual before the step.
     """
     robot = request.robot
-    if robot.base == "moving" or any(m.mechanism.rounding > ROUNDING for m in robot.modules):
+    if robot.base == "moving" or any(m.mechanism.rounding > LIFT_ROUNDING for m in robot.modules):
         return None
     shapes: dict[Any, list[int]] = {}
     for k, module in enumerate(robot.modules):

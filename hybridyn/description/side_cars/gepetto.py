@@ -28,8 +28,8 @@ from ..robot_file import MotorStatement, RobotFile
 from .schema import Schema, first_problem
 from .yaml_file import Place, YamlFile, read_yaml
 
+#: Keys of early side-cars, which named frames by a pattern.
 OLD_KEYS = ("name_closedloop", "closed_loop_number", "name_spherical")
-"""Keys of early side-cars, which named frames by a pattern."""
 
 UNIVERSAL = re.compile(r"UJOINT_([XYZ])([XYZ])")
 AXES = {"X": np.array([1.0, 0.0, 0.0]), "Y": np.array([0.0, 1.0, 0.0]), "Z": np.array([0.0, 0.0, 1.0])}

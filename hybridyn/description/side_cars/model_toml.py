@@ -30,6 +30,7 @@ from .toml_file import line_of, parse_toml
 
 NotNegative = Annotated[FiniteFloat, Field(ge=0)]
 
+#: How many numbers a home position may have, by kind of joint.
 COORDINATES = {
     "revolute": (1,),
     "prismatic": (1,),
@@ -38,13 +39,12 @@ COORDINATES = {
     "planar": (4,),
     "floating": (7,),
 }
-"""How many numbers a home position may have, by kind of joint."""
 
+#: Where the unit vector (cosine and sine, or quaternion) starts in such a position; it runs to the end.
 UNIT_PART = {("continuous", 2): 0, ("spherical", 4): 0, ("planar", 4): 2, ("floating", 7): 3}
-"""Where the unit vector (cosine and sine, or quaternion) starts in such a position; it runs to the end."""
 
+#: How far a written unit vector may be from length one before it is an error rather than rounding.
 UNIT_SLACK = 1e-4
-"""How far a written unit vector may be from length one before it is an error rather than rounding."""
 
 
 class JointNumbers(Schema):

@@ -8,8 +8,8 @@ from typing import Any
 
 from ...errors import ModelError
 
+#: Where a value stands: tables, numbers of tables in an array, and the key.
 Keys = tuple[str | int, ...]
-"""Where a value stands: tables, numbers of tables in an array, and the key."""
 
 #: Largest TOML file read [bytes]; those of robots and scenes have a few kilobytes.
 LARGEST_TOML = 2**20

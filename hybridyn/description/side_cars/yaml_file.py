@@ -10,11 +10,11 @@ import yaml
 
 from ...errors import ModelError
 
+#: Largest YAML file read [bytes]; side-cars have a few kilobytes.
 LARGEST_YAML = 2**20
-"""Largest YAML file read [bytes]; side-cars have a few kilobytes."""
 
+#: Most values a document may expand to; aliases of aliases grow without bound.
 MOST_VALUES = 100_000
-"""Most values a document may expand to; aliases of aliases grow without bound."""
 
 Place = tuple[str | int, ...]
 

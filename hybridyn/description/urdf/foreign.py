@@ -19,9 +19,10 @@ ACCEPTED_FORMS = (
     "or a side-car robot.yaml (closed_loop: pairs of frames)"
 )
 
+#: Elements that are read below `<robot>`.
 READ_TAGS = ("link", "joint", "transmission", "loop", "constraint", "loop_joint", "coupling")
-"""Elements that are read below `<robot>`."""
 
+#: Elements below `<robot>` that bear on nothing here (once looked into for loops).
 HARMLESS_TAGS = (
     "material",
     "gazebo",
@@ -44,8 +45,8 @@ HARMLESS_TAGS = (
     "drake:collision_filter_group",
     "collision_filter_group",
 )
-"""Elements below `<robot>` that bear on nothing here (once looked into for loops)."""
 
+#: Forms that are known and not read, with the way to write them.
 LEGACY_FORMS = {
     "loop_constraint": 'an early form of URDF+; write <loop type="..."> with <predecessor> and <successor>',
     "joint_constraint": "an early form of URDF+; write <coupling> with <predecessor>, <successor>, <ratio>",
@@ -56,15 +57,14 @@ LEGACY_FORMS = {
     "drake:joint": "a Drake joint; write it as one-freedom joints with massless links between them",
     "cable": "a cable of old Drake; hybridyn has no cables",
 }
-"""Forms that are known and not read, with the way to write them."""
 
+#: Files beside a robot that hold closures in forms that are not read.
 UNREAD_SIDE_CARS = {
     "submechanisms.yml": "Phobos and HyRoDyn",
     "submechanisms.yaml": "Phobos and HyRoDyn",
     "loop_closures.yaml": "scikit-robot",
     "loop_closures.yml": "scikit-robot",
 }
-"""Files beside a robot that hold closures in forms that are not read."""
 
 _LOOP_WORDS = re.compile(
     r"loop|constraint|closure|closing|coupling|equality|weld|bushing|mimic|linkage", re.IGNORECASE

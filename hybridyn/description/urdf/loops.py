@@ -23,8 +23,8 @@ Side = tuple[str, Array, Array]
 
 POSE = ("xyz", "rpy", "quat_xyzw")
 
+#: Other words for the types of `<loop_joint>`, in lower case.
 LOOP_JOINT_TYPES = {"3d": "spherical", "ball": "spherical", "6d": "fixed"}
-"""Other words for the types of `<loop_joint>`, in lower case."""
 
 
 def read_loop(node: Node) -> Closure:

@@ -8,8 +8,8 @@ from ..placement import placement_from, rotation_from_quaternion, rotation_from_
 from ..records import Array
 from .xml_node import Node
 
+#: Shortest axis that still has a direction; files write unit vectors with rounding, zero means a mistake.
 SMALLEST_AXIS = 1e-12
-"""Shortest axis that still has a direction; files write unit vectors with rounding, zero means a mistake."""
 
 
 def origin_of(node: Node | None) -> Array:

@@ -22,8 +22,8 @@ from .xml_node import Node
 
 URDF_KINDS = [kind for kind in get_args(JointKind) if kind != "spherical"]
 
+#: Most links read; beyond it the file is a mistake.
 MOST_LINKS = 300_000
-"""Most links read; beyond it the file is a mistake."""
 
 CLOSURE_READERS = {"loop": read_loop, "constraint": read_constraint, "loop_joint": read_loop_joint}
 

@@ -20,17 +20,17 @@ from ...errors import ModelError
 from ..names import closest, did_you_mean, listed
 from ..records import Array
 
+#: Largest XML file read [bytes]; a stack of 1,000 six-legged modules takes about a third of it.
 LARGEST_FILE = 128 * 2**20
-"""Largest XML file read [bytes]; a stack of 1,000 six-legged modules takes about a third of it."""
 
+#: Most elements read; a stack of 1,000 six-legged modules has about half a million.
 MOST_ELEMENTS = 2_000_000
-"""Most elements read; a stack of 1,000 six-legged modules has about half a million."""
 
+#: Longest attribute read [characters]; names and numbers are far shorter.
 LONGEST_TEXT = 2000
-"""Longest attribute read [characters]; names and numbers are far shorter."""
 
+#: Largest number accepted; its square is still finite, so no length or inertia overflows downstream.
 LARGEST_NUMBER = 1e150
-"""Largest number accepted; its square is still finite, so no length or inertia overflows downstream."""
 
 _ENCODINGS = {"utf-8", "utf8", "us-ascii", "ascii", "iso-8859-1", "latin-1", "latin1", "windows-1252"}
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)

@@ -10,7 +10,7 @@ from .finding import Finding
 from .subject import Subject
 
 #: How far a leader's range, mapped to the follower, may exceed the follower's: rounding of the file.
-ROUNDED = 1e-3
+RANGE_SLACK = 1e-3
 
 
 def check_couplings(subject: Subject) -> Iterator[Finding]:
@@ -59,7 +59,7 @@ def _limits(subject: Subject, coupling: Coupling, leader: str, ratio: float) -> 
         return
     offset = coupling.offset / coupling.terms[0][1]
     reached = sorted(ratio * end + offset for end in (first.lower, first.upper))
-    slack = ROUNDED * (second.upper - second.lower)
+    slack = RANGE_SLACK * (second.upper - second.lower)
     if second.lower - slack <= reached[0] and reached[1] <= second.upper + slack:
         return
     yield _finding(

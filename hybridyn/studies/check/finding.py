@@ -6,9 +6,10 @@ from dataclasses import dataclass
 from typing import Literal
 
 Severity = Literal["error", "warning", "note"]
+#: From the worst down: an error gives wrong numbers or none, a warning probably does, a note informs.
 SEVERITIES: tuple[Severity, ...] = ("error", "warning", "note")
-"""From the worst down: an error gives wrong numbers or none, a warning probably does, a note informs."""
 
+#: Every code with its severity and its title; codes stay, so that a CI can name them.
 CODES: dict[str, tuple[Severity, str]] = {
     # the file
     "unreadable": ("error", "the file cannot be read as a robot"),
@@ -69,7 +70,6 @@ CODES: dict[str, tuple[Severity, str]] = {
     "singular-parallel": ("warning", "the home posture is a parallel (type 2) singularity"),
     "singular-serial": ("warning", "the home posture is a serial (type 1) singularity"),
 }
-"""Every code with its severity and its title; codes stay, so that a CI can name them."""
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from .finding import Finding
 from .subject import Subject
 
 #: A home position may lie outside a limit by this part of its range: files are rounded.
-ROUNDED = 1e-6
+HOME_SLACK = 1e-6
 ONE_FREEDOM = ("revolute", "prismatic")
 
 
@@ -73,7 +73,7 @@ def _home(subject: Subject, joint: Joint) -> Iterator[Finding]:
     else:
         position = subject.description.home.get(joint.name, (0.0,))[0]
     width = joint.upper - joint.lower
-    slack = ROUNDED * (width if math.isfinite(width) else 1.0)
+    slack = HOME_SLACK * (width if math.isfinite(width) else 1.0)
     if joint.lower - slack <= position <= joint.upper + slack:
         return
     named = joint.name in subject.description.home

@@ -6,11 +6,11 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from ...assembly.findings import SINGULAR, architecturally_singular, home_residuals, motor_share
+from ...assembly.findings import SINGULAR_POSTURE, architecturally_singular, home_residuals, motor_share
 from ...assembly.free_motions import free_motions, own_inertia
 from ...description.lost_loops import lost_loops
 from ...description.names import LISTED_NAMES, listed
-from ...linkage.reduction import ROUNDED
+from ...linkage.reduction import ROUNDED_ROWS
 from ...spatial import Array
 from ...structure.module import Module
 from ...structure.robot import HybridRobot
@@ -106,7 +106,7 @@ class _Judge:
                 f"{listed(module.closures)}",
             )
         if (spare := report.rows - report.rank) > 0:
-            rounded = report.dropped > ROUNDED
+            rounded = report.dropped > ROUNDED_ROWS
             yield self._about(
                 "rounded" if rounded else "redundant-closures",
                 f"{spare} of {report.rows} closure rows say what others say"
@@ -171,7 +171,7 @@ class _Judge:
             return
         Psi = m.basis(m.generic_K[:1]).Psi[0] / m.reduction.col_scale[:, None]
         for name, column in zip(module.motors, module.motor_columns, strict=True):
-            if np.abs(Psi[column]).max() < SINGULAR * np.abs(Psi).max():
+            if np.abs(Psi[column]).max() < SINGULAR_POSTURE * np.abs(Psi).max():
                 yield self._about(
                     "motor-cannot-move",
                     "is a motor, but the closures hold it at every posture",
@@ -212,7 +212,7 @@ class _Judge:
         if not module.closures or not module.mobility:
             return
         basis = m.basis(m.closures.matrix(m.tree.sweep(m.home[None])))
-        if basis.pivot[0] < SINGULAR:
+        if basis.pivot[0] < SINGULAR_POSTURE:
             yield self._about(
                 "singular-closures",
                 f"its closures lose rank at the home posture (smallest pivot {basis.pivot[0]:.1e})",
@@ -222,7 +222,7 @@ class _Judge:
             return
         share = motor_share(module, basis.Psi)
         usual = motor_share(module, m.basis(m.generic_K).Psi)
-        if share is not None and usual is not None and share[0] < SINGULAR <= np.median(usual):
+        if share is not None and usual is not None and share[0] < SINGULAR_POSTURE <= np.median(usual):
             yield self._about(
                 "singular-parallel",
                 f"with its motors locked it still moves at the home posture (share of the motors "
@@ -256,8 +256,8 @@ class _Judge:
             return out
 
         usual = np.median(values(m.postures, m.basis(m.generic_K).Psi), axis=0)
-        rank = int(np.sum(usual > SINGULAR * usual[0]))
+        rank = int(np.sum(usual > SINGULAR_POSTURE * usual[0]))
         if not rank:
             return None
         least = float(values(m.home[None], Psi)[0, rank - 1] / usual[0])
-        return least if least < SINGULAR else None
+        return least if least < SINGULAR_POSTURE else None

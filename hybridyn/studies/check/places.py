@@ -14,7 +14,8 @@ from ...description.urdf.xml_node import Node
 
 EXPANDED = " (expanded)"
 SUBSTITUTED = re.compile(r"\$\{[^}]*\}|\$\([^)]*\)")
-MOST_FILES = 200  # of one robot
+#: Of one robot.
+MOST_FILES = 200
 
 
 class _Written(NamedTuple):

@@ -22,7 +22,8 @@ from ...description.urdf.xml_node import Node
 from ...errors import ModelError
 from ...spatial import Array
 
-LARGEST_MESH = 100 * 2**20  # bytes: larger ones are not loaded for their box
+#: Bytes: larger ones are not loaded for their box.
+LARGEST_MESH = 100 * 2**20
 
 
 @dataclass(frozen=True)

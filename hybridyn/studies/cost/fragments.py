@@ -10,8 +10,8 @@ from ...effects import UNITS
 if TYPE_CHECKING:
     from ...scenes.scene_file import SceneFile
 
+#: Effects that only tables of their own ask for.
 TABLES = ("payload", "wrench", "base_motion")
-"""Effects that only tables of their own ask for."""
 
 
 def solver_fragment(options: dict[str, Any], dtype: str) -> str:

@@ -15,8 +15,8 @@ from ...structure.robot import HybridRobot
 from .points import Point, timed
 from .written import written_out
 
+#: How far loops may stay open, over the module's length.
 TOLERANCES = (1e-3, 1e-5, 1e-7, 1e-9, 1e-11, 1e-13)
-"""How far loops may stay open, over the module's length."""
 
 MOST_STEPS = 12
 
@@ -109,7 +109,7 @@ class Newton:
             if np.abs(residual).max(initial=0.0) <= tolerance:
                 break
         own = q[:, self.module.q_index]
-        m.take_leg_positions(posture, own)
+        m.positions_to_spanning(posture, own)
         q[:, self.module.q_index] = own
         return seconds
 

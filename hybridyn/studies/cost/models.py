@@ -17,14 +17,14 @@ from .points import Point, Study, Use, timed
 from .rates import by_rates
 from .written import written_out
 
+#: Rows of the trajectory that are looked at, spread over it.
 SAMPLES = 400
-"""Rows of the trajectory that are looked at, spread over it."""
 
+#: What is claimed of the general path where nothing better is there to judge it.
 UNJUDGED = 1e-9
-"""What is claimed of the general path where nothing better is there to judge it."""
 
+#: Effects of platforms and serial links alone, which are never left out.
 KEPT = ("gravity", "inertia")
-"""Effects of platforms and serial links alone, which are never left out."""
 
 GENERAL = "effects"
 WORDS = {"float64": "C in float64", "float32": "C in float32"}
@@ -130,8 +130,8 @@ def _reference(robot: HybridRobot, some: Trajectory, effects: Effects) -> tuple[
 
 EVERY = "every effect"
 
+#: Words for a set of effects, and their names.
 Choice = tuple[str, tuple[str, ...]]
-"""Words for a set of effects, and their names."""
 
 
 def _rising(effects: Effects) -> Iterator[Choice]:

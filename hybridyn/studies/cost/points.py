@@ -7,11 +7,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple
 
+#: Measurements of a time; the least counts, since nothing makes a computation faster than it is.
 ROUNDS = 5
-"""Measurements of a time; the least counts, since nothing makes a computation faster than it is."""
 
+#: Times within this factor are the same time: the more accurate way is taken.
 NOISE = 1.05
-"""Times within this factor are the same time: the more accurate way is taken."""
 
 Use = Literal["usual", "command", "program", "comparison"]
 

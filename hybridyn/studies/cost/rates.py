@@ -15,11 +15,11 @@ from ...structure.robot import HybridRobot
 from ...tables.rates import derivatives
 from .points import Point, timed
 
+#: Rows at either end whose rates a spline cannot know well.
 EDGE = 40
-"""Rows at either end whose rates a spline cannot know well."""
 
-SAME = 1e-12
-"""Rates that differ by less come from the same rule: the table gives none, and was given a spline's."""
+#: Rates that differ by less come from the same rule: the table gives none, and was given a spline's.
+SAME_RULE = 1e-12
 
 LINE = "rates of the trajectory"
 
@@ -67,7 +67,7 @@ def by_rates(
             yield Point(LINE, words, np.inf, np.inf, "", str(failure))
             continue
         off = float((np.abs(tau - wanted) / peak).max(initial=0.0))
-        if off < SAME:  # nothing is known of its error
+        if off < SAME_RULE:  # nothing is known of its error
             against = ", against that spline"
             reason = "the table gives no rates: this is where they come from, nothing judges them"
             yield Point(LINE, words, np.inf, np.inf, "", reason)

@@ -22,17 +22,17 @@ from .settings import FACTORS, Setting, of_effects, of_integration, own_options,
 if TYPE_CHECKING:
     from ...compiled.model import CompiledRobot
 
+#: Longest time of a run [s], unless the scene's own solver takes a third of that or more.
 LIMIT = 10.0
-"""Longest time of a run [s], unless the scene's own solver takes a third of that or more."""
 
+#: Relative tolerances on the way to a reference.
 LADDER = (1e-6, 1e-8, 1e-10, 1e-11, 1e-12)
-"""Relative tolerances on the way to a reference."""
 
+#: How much longer than any other run the reference may take.
 PATIENCE = 10
-"""How much longer than any other run the reference may take."""
 
+#: Measurements of a short run.
 ROUNDS = 3
-"""Measurements of a short run."""
 
 
 class Run(NamedTuple):

@@ -8,16 +8,16 @@ from typing import Any, NamedTuple
 from ...scenes.stage import Stage
 from .points import Use
 
+#: Fixed steps, over the mean step of the scene's own solver.
 FACTORS = (8.0, 4.0, 2.0, 1.0)
-"""Fixed steps, over the mean step of the scene's own solver."""
 
+#: Relative tolerances of the methods that choose their steps.
 TOLERANCES = (1e-3, 1e-5, 1e-7, 1e-9)
-"""Relative tolerances of the methods that choose their steps."""
 
+#: Effects that a scene may do without and still be the same scene.
 DROPPABLE = (
     "leg_inertia", "velocity", "rotor_inertia", "viscous_friction", "coulomb_friction", "stribeck_friction",
 )  # fmt: skip
-"""Effects that a scene may do without and still be the same scene."""
 
 ENGINES = {"": "", "float64": ", C in float64", "float32": ", C in float32"}
 

@@ -12,8 +12,8 @@ from ...errors import HybridynError
 from ...spatial import Array
 from ...structure.robot import HybridRobot
 
+#: From q, v, a to motor efforts, shape (T, motors), and the largest guard, at most 1 where they hold.
 Written = Callable[[Array, Array, Array], tuple[np.ndarray[Any, Any], float]]
-"""From q, v, a to motor efforts, shape (T, motors), and the largest guard, at most 1 where they hold."""
 
 
 def written_out(robot: HybridRobot, effects: Effects, dtype: str = "float64") -> Written | str:

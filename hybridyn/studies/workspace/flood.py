@@ -26,8 +26,8 @@ CHUNK = 256
 #: More poses than this are a mistake.
 MOST = 200_000
 
+#: Applies a function, always the same, to tuples of arguments, in order; perhaps in other processes.
 Spread = Callable[[Callable[..., Any], Iterable[tuple[Any, ...]]], Iterator[Any]]
-"""Applies a function, always the same, to tuples of arguments, in order; perhaps in other processes."""
 
 
 def in_this_process(function: Callable[..., Any], tasks: Iterable[tuple[Any, ...]]) -> Iterator[Any]:
@@ -52,10 +52,10 @@ class Work:
         return self.closing(*arguments) if what == "close" else self.measures(*arguments)
 
 
+#: A lattice point: steps from the origin along each axis.
 Point = tuple[int, ...]
-"""A lattice point: steps from the origin along each axis."""
+#: A step from one point to a neighbour.
 Pair = tuple[Point, Point]
-"""A step from one point to a neighbour."""
 
 
 class Flood:

@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...assembly.findings import SINGULAR
+from ...assembly.findings import SINGULAR_POSTURE
 from ...dynamics.inverse import idm
 from ...errors import ActuationError
 from ...linkage.targets import COORDINATES
@@ -27,9 +27,9 @@ from ...structure.robot import HybridRobot
 from .sweep import Sweep
 
 #: Efforts below this part of all of them are rounding: a Delta's platform passes no torque to its motors.
-ZERO = 1e-12
+NO_EFFORT = 1e-12
 #: Twists below this part of the largest are no motion of the platform.
-NOTHING = 1e-7
+NO_TWIST = 1e-7
 
 
 class Measures:
@@ -47,7 +47,7 @@ class Measures:
         t = self._twists(m.tree.sweep(m.postures), m.basis(m.generic_K).Psi)
         values = np.linalg.svd(t, compute_uv=False)
         #: Freedoms of the platform, at generic postures.
-        self.rank = int(np.sum(np.median(values / values[:, :1], axis=0) > NOTHING))
+        self.rank = int(np.sum(np.median(values / values[:, :1], axis=0) > NO_TWIST))
 
     def _twists(self, motion: Motion, Psi: Array) -> Array:
         """Return the platform's twist along motions, linear over L, shape (T, 6, N), base axes."""
@@ -72,11 +72,11 @@ class Measures:
         """
         conditioning, holding = self._maps(q)
         out = {"conditioning": conditioning}
-        singular = conditioning < SINGULAR
+        singular = conditioning < SINGULAR_POSTURE
         if holding is not None:
             for name, part in (("effort_per_force", slice(0, 3)), ("effort_per_torque", slice(3, 6))):
                 worst = np.linalg.norm(holding[:, :, part], axis=2).max(axis=1)
-                worst[worst < ZERO * np.linalg.norm(holding, axis=(1, 2))] = 0.0
+                worst[worst < NO_EFFORT * np.linalg.norm(holding, axis=(1, 2))] = 0.0
                 out[name] = np.where(singular, np.inf, worst)
         for name, effort in self._gravity(q, singular).items():
             out[name] = effort

@@ -15,9 +15,9 @@ from ...structure.robot import HybridRobot
 from .sweep import Sweep, pose_of
 
 #: Newton's steps from one pose to the next; where more are needed the pose is at the end of what is reached.
-ITERATIONS = 25
+MOST_NEWTON_STEPS = 25
 #: A joint may pass its limit by this [m, rad]: rounding.
-ROUNDING = 1e-9
+LIMIT_SLACK = 1e-9
 #: What a step came to; else the number of the joint that is at its limit.
 REACHED, OUT_OF_REACH = -1, -2
 
@@ -47,7 +47,7 @@ class JointLimits:
         positions = q[:, self.columns]
         outside = np.maximum(self.lower - positions, positions - self.upper)
         worst = outside.argmax(axis=1)
-        out: Index = np.where(outside.max(axis=1) > ROUNDING, self.joints[worst], REACHED)
+        out: Index = np.where(outside.max(axis=1) > LIMIT_SLACK, self.joints[worst], REACHED)
         return out
 
 
@@ -97,7 +97,7 @@ class Closing:
         problem = task.problem
         dx = problem.solve(problem.matrix(motion, every=False), -problem.residual(known, samples, motion))
         predicted = m.tree.integrate(known, dx * problem.col_scale)
-        result = close(problem, known, samples, iterations=ITERATIONS)
+        result = close(problem, known, samples, iterations=MOST_NEWTON_STEPS)
         off = np.abs(m.tree.difference(predicted, result.q) / problem.col_scale).max(axis=1, initial=0.0)
         good = task.closed(result) & (off <= SAME_BRANCH * np.abs(dx).max(axis=1, initial=0.0) + SMALL)
         out = q.copy()

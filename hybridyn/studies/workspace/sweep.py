@@ -17,7 +17,7 @@ from ...structure.robot import HybridRobot
 
 #: A coordinate is independent of those before it while this part of its motion is its own: a 3-RPS moves a
 #: little in x when it rolls, and nobody would ask it for x.
-INDEPENDENT = 0.1
+INDEPENDENT_SHARE = 0.1
 
 
 @dataclass(frozen=True)
@@ -182,12 +182,16 @@ def _at_home(robot: HybridRobot, number: int, link: str, q: Array) -> tuple[Arra
 def _independent(J: Array, first: tuple[str, ...]) -> tuple[str, ...]:
     """Choose coordinates, rows of J (6, N), with independent motions; those in `first` have precedence."""
     s = np.linalg.svd(J, compute_uv=False)
-    freedoms = int(np.sum(s > INDEPENDENT**4 * s[0])) if s.size and s[0] else 0
+    freedoms = int(np.sum(s > INDEPENDENT_SHARE**4 * s[0])) if s.size and s[0] else 0
     order = [*first, *(name for name in _preferred(J) if name not in first)]
     largest = float(np.linalg.norm(J, axis=1).max(initial=0.0))
     chosen: list[str] = []
     basis = np.zeros((0, J.shape[1]))
-    for part in (INDEPENDENT, INDEPENDENT**2, INDEPENDENT**4):  # a last resort: all that can be told apart
+    for part in (
+        INDEPENDENT_SHARE,
+        INDEPENDENT_SHARE**2,
+        INDEPENDENT_SHARE**4,
+    ):  # a last resort: all that can be told apart
         for name in order:
             row = J[COORDINATES.index(name)]
             own = row - basis.T @ (basis @ row)
@@ -204,11 +208,11 @@ def _preferred(J: Array) -> tuple[str, ...]:
     A platform on a ball joint is asked for its angles, wherever its link's origin is.
     """
     s = np.linalg.svd(J, compute_uv=False)
-    freedoms = int(np.sum(s > INDEPENDENT * s[0])) if s.size and s[0] else 0
+    freedoms = int(np.sum(s > INDEPENDENT_SHARE * s[0])) if s.size and s[0] else 0
     turning = np.linalg.svd(J[3:], compute_uv=False)
     moving = np.linalg.svd(J[:3], compute_uv=False)
-    only_turns = freedoms <= 3 and turning[freedoms - 1] > INDEPENDENT * turning[0]
-    only_moves = freedoms <= 3 and moving[freedoms - 1] > INDEPENDENT * moving[0]
+    only_turns = freedoms <= 3 and turning[freedoms - 1] > INDEPENDENT_SHARE * turning[0]
+    only_moves = freedoms <= 3 and moving[freedoms - 1] > INDEPENDENT_SHARE * moving[0]
     if freedoms and only_turns and not only_moves:
         return (*COORDINATES[3:], *COORDINATES[:3])
     return COORDINATES
