@@ -15,15 +15,15 @@ if TYPE_CHECKING:
     from ...effects import Effects
     from ...structure.robot import HybridRobot
 
+#: Samples times freedoms from which on building a model pays: some seven seconds by the general path.
 WORTH = 3_000_000
-"""Samples times freedoms from which on building a model pays: some seven seconds by the general path."""
 
+#: The same where samples come one after the other, as in `simulate`: one by one the general path is slow.
 WORTH_IN_TIME = 40_000
-"""The same where samples come one after the other, as in `simulate`: one by one the general path is slow."""
 
+#: The same for `effects`, where a model for each set of effects is built: for the LX4 with its friction that
+#: takes half a minute on two cores, as long as the general path takes for so much.
 WORTH_OF_EFFECTS = 2_000_000
-"""The same for `effects`, where a model for each set of effects is built: for the LX4 with its friction that
-takes half a minute on two cores, as long as the general path takes for so much."""
 
 ENGINES = ("general", "compiled")
 

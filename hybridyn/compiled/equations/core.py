@@ -55,7 +55,7 @@ def plan_module(parts: Parts, positions: Array, closed: float) -> Plan:
     Args:
         parts: Its core and its legs.
         positions: Positions of its spanning tree at generic assembled postures, shape (samples, nq).
-        closed: How far loops may be open (`guards.CLOSED`).
+        closed: How far loops may be open (`guards.GUARD_CLOSED`).
     """
     m = parts.mechanism
     paths = tuple(path_of(m, wrist) for wrist in m.spec.wrists)
