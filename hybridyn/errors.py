@@ -31,6 +31,15 @@ def shortened(message: str) -> str:
     return f"{message[: LONGEST - END - 5]} ... {message[-END:]}"
 
 
+def install_advice(extra: str) -> str:
+    """Return the words that say how to install an extra, from a clone and from a release.
+
+    Args:
+        extra: Name of the extra in `pyproject.toml`.
+    """
+    return f"install it with `pip install -e '.[{extra}]'` in a clone, or `pip install 'hybridyn[{extra}]'`"
+
+
 class HybridynError(Exception):
     """Base of every error that hybridyn raises on purpose."""
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -11,7 +12,7 @@ import polars
 import pytest
 
 import hybridyn
-from hybridyn.errors import ModelError, TrajectoryError
+from hybridyn.errors import ModelError, TrajectoryError, install_advice
 from tests.command_line import call
 from tests.robot_texts import FOUR_BAR, read_text
 
@@ -79,7 +80,7 @@ def test_the_extra_that_installs_a_package_is_named(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr("hybridyn.description.urdf.xacro._share_dirs", list)
-    with pytest.raises(ModelError, match=r"or install it with `pip install 'hybridyn\[robots\]'`"):
+    with pytest.raises(ModelError, match=f", or {re.escape(install_advice('robots'))}"):
         hybridyn.load("stewart_ur5")
     assert "name the folder that holds it with --package-dir, or" in call(capsys, "info", "stewart_ur5").err
 

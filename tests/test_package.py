@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import ast
+import re
+import tomllib
 
 import pytest
 
 import hybridyn
+from hybridyn.description.urdf.xacro import EXTRAS
+from hybridyn.errors import install_advice
 from tests import ROOT
 
 PACKAGE = ROOT / "hybridyn"
@@ -69,3 +73,12 @@ def test_every_public_name_is_there_and_no_file() -> None:
         assert getattr(hybridyn, name) is not None
         assert not (PACKAGE / f"{name}.py").exists()
         assert not (PACKAGE / name).exists()
+
+
+def test_messages_name_extras_that_exist() -> None:
+    extras = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
+    sources = "".join(path.read_text() for path in PACKAGE.rglob("*.py"))
+    named = set(re.findall(r"install_advice\('(\w+)'\)", sources)) | set(EXTRAS.values())
+    assert {"io", "plot", "view", "compiled", "robots"} <= named <= extras.keys()
+    assert sources.count("pip install 'hybridyn[") == 1  # the words stand in one function
+    assert "pip install -e '.[plot]'" in install_advice("plot")

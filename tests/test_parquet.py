@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hybridyn.errors import TrajectoryError
+from hybridyn.errors import TrajectoryError, install_advice
 from hybridyn.tables.opening import open_table
 from hybridyn.tables.parquet import parquet_writer
 from tests.extras import needs
@@ -68,7 +68,7 @@ def test_refuses_damaged_files(tmp_path: Path, damage: str) -> None:
 def test_says_what_to_install_without_polars(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = saved(tmp_path, {"a": [1.0]})
     monkeypatch.setitem(sys.modules, "polars", None)
-    assert "hybridyn[io]" in str(refusal(path))
+    assert install_advice("io") in str(refusal(path))
 
 
 @pytest.mark.parametrize("rows", [0, 1, 120_000])

@@ -7,7 +7,7 @@ import pytest
 
 import hybridyn
 from hybridyn.cli import main
-from hybridyn.errors import TrajectoryError
+from hybridyn.errors import TrajectoryError, install_advice
 from hybridyn.figures.envelope import Envelope
 from hybridyn.figures.motion import chart_of_rows
 from hybridyn.figures.panels import Chart
@@ -209,4 +209,4 @@ def test_a_missing_package_is_told_before_any_work(
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
     answer = call(capsys, "idm", "five_bar", "--plot", "a.html")
     assert answer.status == 2
-    assert "plotly: install it with `pip install 'hybridyn[plot]'`" in answer.err
+    assert f"this needs plotly: {install_advice('plot')}" in answer.err

@@ -12,6 +12,7 @@ import pytest
 import hybridyn
 from hybridyn.colours import ALARM, CLOSURE, MOTOR, module_colour, rgb
 from hybridyn.description import read
+from hybridyn.errors import install_advice
 from hybridyn.structure.building import build_robot
 from hybridyn.view.camera import Camera, camera_around
 from hybridyn.view.drawing import draw, hull
@@ -346,7 +347,7 @@ def test_what_is_missing_is_said_before_any_work(
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
     answer = call(capsys, "view", "delta")
     assert answer.status == 2
-    assert "pip install 'hybridyn[view]'" in answer.err
+    assert install_advice("view") in answer.err
 
 
 def test_the_box_of_a_robot_holds_its_bodies() -> None:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from ..errors import install_advice
 from .common.figures import appearing
 from .common.options import RobotChoice, RobotCommand, existing_file, takes_effects, takes_robot
 from .common.progress import Progress
@@ -130,7 +131,7 @@ def _check_installed(what: str) -> None:
     """Refuse, before any work is done, what needs packages that are missing."""
     for package in NEEDS[what]:
         if importlib.util.find_spec(package) is None:
-            raise click.UsageError(f"this needs {package}: install it with `pip install 'hybridyn[view]'`")
+            raise click.UsageError(f"this needs {package}: {install_advice('view')}")
 
 
 def _picture(robot: HybridRobot, choice: RobotChoice) -> Picture:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import importlib.util
 
-from ..errors import CompileError
+from ..errors import CompileError, install_advice
 
 WITHOUT_CASADI = (
-    "writing a model out needs CasADi, of the extra 'compiled': install it with `pip install "
-    "'hybridyn[compiled]'`, or alone with `pip install casadi`; the general path works without it"
+    f"writing a model out needs CasADi: {install_advice('compiled')}, "
+    "or CasADi alone with `pip install casadi`; the general path works without it"
 )
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from ..colours import ALARM, MODULES
-from ..errors import HybridynError
+from ..errors import HybridynError, install_advice
 from .panels import Chart, Panel
 
 if TYPE_CHECKING:
@@ -31,7 +31,7 @@ def _figure(chart: Chart) -> Figure:
     try:
         from plotly.subplots import make_subplots
     except ImportError as error:
-        message = "pages need plotly: install it with `pip install 'hybridyn[plot]'`"
+        message = f"pages need plotly: {install_advice('plot')}"
         raise HybridynError(message) from error
     columns = chart.columns
     rows = -(-len(chart.panels) // columns)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from ..errors import HybridynError
+from ..errors import HybridynError, install_advice
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -23,6 +23,6 @@ def empty_figure(width: float, height: float) -> Figure:
     try:
         from matplotlib.figure import Figure
     except ImportError as error:
-        message = "figures need matplotlib: install it with `pip install 'hybridyn[plot]'`"
+        message = f"figures need matplotlib: {install_advice('plot')}"
         raise HybridynError(message) from error
     return Figure(figsize=(width, height), layout="constrained")

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from ..description.records import Array
-from ..errors import TrajectoryError
+from ..errors import TrajectoryError, install_advice
 from .table import EMPTY_CELL, Block, Table, check_columns
 
 #: Rows decoded, or kept before they go to disk: Parquet's pages do not follow our blocks.
@@ -38,7 +38,7 @@ def load_polars(file: str) -> Any:
     try:
         import polars
     except ImportError as error:
-        message = "Parquet needs polars: install it with `pip install 'hybridyn[io]'`, or use CSV"
+        message = f"Parquet needs polars: {install_advice('io')}, or use CSV"
         raise TrajectoryError(message, file=file) from error
     return polars
 

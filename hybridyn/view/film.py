@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from ..errors import TrajectoryError
+from ..errors import TrajectoryError, install_advice
 from ..spatial import Array
 from ..structure.robot import HybridRobot
 from .camera import camera_around
@@ -105,7 +105,7 @@ def save_mp4(frames: Iterator[Image], size: tuple[int, int], file: str) -> int:
     try:
         import imageio_ffmpeg
     except ImportError as error:
-        message = "films need imageio-ffmpeg: install it with `pip install 'hybridyn[view]'`"
+        message = f"films need imageio-ffmpeg: {install_advice('view')}"
         raise TrajectoryError(message) from error
     writer = imageio_ffmpeg.write_frames(
         file, size, fps=RATE, quality=QUALITY, macro_block_size=2, ffmpeg_log_level="error"

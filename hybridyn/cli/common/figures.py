@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from ...errors import install_advice
+
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
@@ -53,7 +55,7 @@ def check_figure(ctx: click.Context, param: click.Parameter, value: str, endings
     if value.lower().endswith(GRAPH):
         return value
     if importlib.util.find_spec(package) is None:
-        message = f"this needs {package}: install it with `pip install 'hybridyn[plot]'`"
+        message = f"this needs {package}: {install_advice('plot')}"
         raise click.BadParameter(message, ctx, param)
     return value
 

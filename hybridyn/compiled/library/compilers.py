@@ -31,7 +31,7 @@ NAMES = ("cc", "gcc", "clang")
 
 ADVICE = (
     "no C compiler was found: install gcc or clang, name one in the environment variable CC, or "
-    "`pip install ziglang` (the extra 'hybridyn[compiler]'); the general path works without one"
+    "`pip install ziglang` (the extra 'compiler'); the general path works without one"
 )
 
 

@@ -14,7 +14,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import IO, Any
 
-from ...errors import ModelError
+from ...errors import ModelError, install_advice
 from ..shipped import data_folder
 from .robot_folders import RobotFolders
 from .xml_node import LARGEST_FILE
@@ -96,7 +96,7 @@ def _extra_for(error: str) -> str:
     """Name the command that installs a package which was not found, where an extra of ours does."""
     for package, extra in EXTRAS.items():
         if f"package '{package}' is not found" in error:
-            return f", or install it with `pip install 'hybridyn[{extra}]'`"
+            return f", or {install_advice(extra)}"
     return ""
 
 
