@@ -8,11 +8,11 @@ import pytest
 import hybridyn
 from hybridyn import AssemblyError, HybridRobot, closure_residual
 from hybridyn.structure.building import build_robot
+from tests.dynamics.test_idm import symmetric_five_bar
 from tests.hard import dietmaier
 from tests.hard.claims import Claim
 from tests.posing import of_link, position
 from tests.shipped import shipped
-from tests.test_idm import symmetric_five_bar
 
 CRANK, ROD, BASE = 0.4, 0.55, 0.5  # of the five-bar [m]
 CLOSED = 1e-13  # closure residual, of the module's size: the suite's general claim for one module

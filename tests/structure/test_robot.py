@@ -16,9 +16,9 @@ from hybridyn.oracle import Base, Oracle
 from hybridyn.structure.building import build_robot
 from tests.comparing import ROUNDING, close_to
 from tests.mechanisms import KINDS, home_posture, random_mechanism
+from tests.oracle.test_oracle import SHUFFLED
 from tests.samples import in_turn, some
 from tests.shipped import ROBOTS, shipped
-from tests.test_oracle import SHUFFLED
 
 BASES: tuple[Base, ...] = ("fixed", "moving", "floating")
 SAMPLES = 4

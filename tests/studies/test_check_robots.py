@@ -14,8 +14,8 @@ from hybridyn.studies.check.check import CODES, is_readable
 from tests.command_line import call
 from tests.extras import robots_of_others
 from tests.mutations import TREE
-from tests.test_check import WRONG as WRONG_ROBOTS
-from tests.test_check import arm, boxed
+from tests.studies.test_check import WRONG as WRONG_ROBOTS
+from tests.studies.test_check import arm, boxed
 
 OTHERS = sorted(str(path) for path in robots_of_others() if path.suffix in (".urdf", ".xacro"))
 SAMPLE = ("ur5_robot", "panda", "romeo_laas_small", "pr2", "double_pendulum", "quadrotor_base", "baxter")

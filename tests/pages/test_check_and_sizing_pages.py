@@ -11,8 +11,8 @@ import pytest
 from hybridyn.cli import main
 from hybridyn.studies.check.check import CODES
 from tests import ROOT
+from tests.pages.test_readme import same_line
 from tests.snippets import blocks, stand_where_a_user_does
-from tests.test_readme import same_line
 
 PAGES = ("check.md", "workspace-and-sizing.md")
 

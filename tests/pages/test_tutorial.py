@@ -12,8 +12,8 @@ import pytest
 import hybridyn
 from hybridyn.cli import main
 from tests import ROOT
+from tests.pages.test_readme import same_line
 from tests.snippets import blocks
-from tests.test_readme import same_line
 
 PAGE = ROOT / "docs" / "tutorial.md"
 

@@ -17,12 +17,12 @@ from hybridyn.spatial import Array
 from hybridyn.structure.building import build_robot
 from hybridyn.structure.graph import find_modules
 from tests.comparing import close_to
+from tests.dynamics.test_idm import symmetric_five_bar
 from tests.mechanisms import KINDS, home_posture, random_mechanism, random_states
 from tests.posing import far_apart, of_joints, of_link, position
 from tests.samples import in_turn, some
 from tests.shipped import shipped, states_near_home
 from tests.sketch import turn
-from tests.test_idm import symmetric_five_bar
 
 CLOSED = 1e-12  # of the module's size, on the closures' generic range
 SAME = 1e-9  # the same posture, through the conditioning of a mechanism of this collection
