@@ -109,7 +109,7 @@ def test_the_svg_names_every_module(tmp_path: Path, capsys: pytest.CaptureFixtur
     assert answer.status == 0
     assert "nothing looks wrong" in answer.out  # the text comes as well
     words = {element.text for element in ElementTree.parse(target).iter() if element.text}
-    assert {"m1_base", "m1_platform", "m2_platform", "motor"} <= words
+    assert {"m1_base", "m1_platform", "m2_platform", "dark: motor, R revolute, P prismatic"} <= words
 
 
 @pytest.mark.parametrize(("ending", "head"), [("png", b"\x89PNG"), ("pdf", b"%PDF"), ("dot", b"digraph")])
