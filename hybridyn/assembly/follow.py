@@ -17,9 +17,10 @@ from ..linkage.newton import RESIDUAL_ROUNDING, SMALLEST_STEP, Closed, LoopProbl
 from ..linkage.winding import winding_of
 from ..spatial import Array, Index, Mask
 
-#: A step between samples may differ from the predicted one by this part of it, plus `SMALL`.
+#: A step between samples may differ from the predicted one by this part of it, plus `SMALL_STEP`.
 SAME_BRANCH = 0.25
-SMALL = 1e-7
+#: Steps this small [rad, module lengths] are not judged: they are as large as the rounding of a prediction.
+SMALL_STEP = 1e-7
 #: The rows' derivative may turn by this part of itself along a step: two solutions across a fold lie where
 #: |J^-1 (J(x) - J)| comes to 1, however short the way between them is beside the step.
 MOST_TURNING = 0.5
@@ -121,7 +122,7 @@ def follow(task: Task, guess: Array, *, keep_branch: bool = True) -> Array:
             off = task.problem.tree.difference(walked[None], q[pair + 1 : pair + 2])
             off /= task.problem.col_scale
             q[pair + 1], before = walked, np.abs(off).max(initial=0.0)
-            if before > SMALL:
+            if before > SMALL_STEP:
                 last, chunk = int(pair) + 1, 64
                 break
         else:
@@ -272,10 +273,10 @@ def _steps_as_predicted(task: Task, q: Array, samples: Index) -> Mask:
     predicted = tree.integrate(start, dx * problem.col_scale)
     off = tree.difference(predicted, q[samples + 1]) / problem.col_scale
     size = np.abs(dx).max(axis=1, initial=0.0)
-    out: Mask = np.abs(off).max(axis=1, initial=0.0) <= SAME_BRANCH * size + SMALL
+    out: Mask = np.abs(off).max(axis=1, initial=0.0) <= SAME_BRANCH * size + SMALL_STEP
     if problem.winding is not None:
         out &= problem.winding.keeps_sheets(tree.difference(q[samples], q[samples + 1]), samples)
-    rest = np.flatnonzero(out & (size > SMALL))
+    rest = np.flatnonzero(out & (size > SMALL_STEP))
     if len(rest):
         there = problem.matrix(tree.sweep(q[samples[rest] + 1]), every=False)
         out[rest] = problem.turned(here[rest], there) <= MOST_TURNING

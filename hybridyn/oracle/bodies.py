@@ -13,6 +13,7 @@ from .tree import Posture
 
 Wrenches = Mapping[str, Any]
 
+#: Principal moments below this part of the trace are rounding of the file's numbers.
 DATA_ROUNDING = 1e-15
 
 

@@ -13,6 +13,7 @@ from .arithmetic import Arithmetic, Factor, Float64, Numbers, cross
 from .bodies import Bodies, Wrenches
 from .tree import Base, Posture, Tree
 
+#: Relative singular value below which rows of closures are dependent; data of tests are exact.
 ORACLE_RANK = 1e-9
 #: On square roots of masses: 1e-22 in mass.
 INERTIA_TOLERANCE = 1e-11

@@ -12,10 +12,8 @@ from ..simulation.events import near_singularity
 from ..spatial import Array
 from ..structure.robot import HybridRobot
 
-NEAR_SINGULAR, AT_SINGULAR = (
-    1e-2,
-    1e-3,
-)  # below the first a posture is called near a singularity, below the second singular
+#: A posture is called near a singularity below the first, and singular below the second.
+NEAR_SINGULAR, AT_SINGULAR = 1e-2, 1e-3
 
 
 @dataclass(frozen=True)

@@ -16,9 +16,6 @@ if TYPE_CHECKING:
     from ...tables.columns import Layout
     from .engine import Engine
 
-#: Peaks that differ by less than this (relative) are one: the first counts, whatever rounding says.
-TIE = 1e-6
-
 
 class Summary:
     """Peaks and RMS of some columns and the worst closure residual, gathered block by block."""
@@ -68,6 +65,8 @@ class Summary:
         Args:
             done: What it came to.
         """
+        from ...studies.sizing import TIE
+
         self.samples += len(done.rows)
         self.left.add(done.left, done.first_row, done.time)
         self.engine.add(done.handed_over)

@@ -16,7 +16,7 @@ from .points import Point, timed
 from .written import written_out
 
 #: How far loops may stay open, over the module's length.
-TOLERANCES = (1e-3, 1e-5, 1e-7, 1e-9, 1e-11, 1e-13)
+CLOSING_TOLERANCES = (1e-3, 1e-5, 1e-7, 1e-9, 1e-11, 1e-13)
 
 MOST_STEPS = 12
 
@@ -42,7 +42,7 @@ def by_closing(
     looped = [Newton(module, q) for module in robot.modules if module.mechanism.closures.rows]
     if not looped or len(q) < 2:
         return
-    for tolerance in TOLERANCES:
+    for tolerance in CLOSING_TOLERANCES:
         posture, seconds = q.copy(), 0.0
         for newton in looped:
             seconds += newton.until(tolerance, posture) / len(q)

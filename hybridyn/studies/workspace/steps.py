@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ...assembly.assemble import module_task, settled, spanning_positions
-from ...assembly.follow import SAME_BRANCH, SMALL
+from ...assembly.follow import SAME_BRANCH, SMALL_STEP
 from ...assembly.module_request import module_request
 from ...assembly.requests import gather_requests
 from ...linkage.newton import close
@@ -99,7 +99,7 @@ class Closing:
         predicted = m.tree.integrate(known, dx * problem.col_scale)
         result = close(problem, known, samples, iterations=MOST_NEWTON_STEPS)
         off = np.abs(m.tree.difference(predicted, result.q) / problem.col_scale).max(axis=1, initial=0.0)
-        good = task.closed(result) & (off <= SAME_BRANCH * np.abs(dx).max(axis=1, initial=0.0) + SMALL)
+        good = task.closed(result) & (off <= SAME_BRANCH * np.abs(dx).max(axis=1, initial=0.0) + SMALL_STEP)
         out = q.copy()
         if good.any():
             x = settled(m, result.q[good])
