@@ -16,9 +16,9 @@ PACKAGE = DOCS.parent / "hybridyn"
 PAGE = DOCS / "tolerances.md"
 HEAD = """# Tolerances
 
-Every tolerance of the package, by folder: its name, its value, and its reason. Unless the reason says otherwise,
-lengths are relative to a module's length and angles are in radians. Users set two of them: `rank_tolerance` and
-`closure_tolerance` of `hybridyn.load`. `docs/extensions/tolerances.py` writes this page from the code.
+Every tolerance of the package, by folder: its name, its value, and its reason. Unless the reason says
+otherwise, lengths are relative to a module's length and angles are in radians. Users set two of them:
+`rank_tolerance` and `closure_tolerance` of `hybridyn.load`. `docs/extensions/tolerances.py` writes this page.
 """
 #: What counts as a tolerance: a constant written as a power of ten, or by type of number.
 SMALL = re.compile(r"\d(\.\d+)?e-\d+")
