@@ -17,7 +17,7 @@ import numpy as np
 from ..spatial import Array, Index, Mask
 from .closures import Closures
 from .elimination import back_substitute, pivot_ratio, pivoted_qr
-from .reduction import RANK_TOLERANCE, Block
+from .reduction import RANK_TOLERANCE, Block, size_of_rows
 from .targets import Target
 from .tree import Motion, Tree
 from .winding import Winding
@@ -175,7 +175,11 @@ def _truncated(K: Array, rhs: Array, damping: Array, rank: int | None) -> Array:
         return np.zeros((len(K), K.shape[2]))
     U, s, Vt = np.linalg.svd(K, full_matrices=False)
     top = s[:, :1]
-    keep = s > RANK_TOLERANCE * top if rank is None else (np.arange(s.shape[1]) < rank) & (s > 0)
+    keep = (
+        s > RANK_TOLERANCE * size_of_rows(s, RANK_TOLERANCE)
+        if rank is None
+        else (np.arange(s.shape[1]) < rank) & (s > 0)
+    )
     gain = np.where(keep, s / np.where(keep, s * s + damping[:, None] * top**2, 1.0), 0.0)
     x: Array = np.einsum("bji,bj->bi", Vt, gain * np.einsum("bji,bj->bi", U, rhs))
     return x

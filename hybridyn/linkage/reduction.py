@@ -82,13 +82,27 @@ class RankReport:
         return self.dropped * RANK_GAP <= self.kept
 
 
+def size_of_rows(s: Array, tolerance: float) -> Array:
+    """Return what the singular values of scaled rows are measured by, shape (T, 1).
+
+    That is the largest, except where it is no larger than rounding of a file, beside the rows' own size, one:
+    two hinges of one door do not lock it for standing askew by their last digits.
+
+    Args:
+        s: Singular values, largest first, shape (T, values).
+        tolerance: Below this part of their size values are rounding.
+    """
+    out: Array = np.where(s[:, :1] > tolerance, s[:, :1], 1.0)
+    return out
+
+
 def decide_rank(K: Array, tolerance: float) -> RankReport:
     """Decide the generic rank of scaled rows, shape (samples, rows, columns), by singular values."""
     rows = K.shape[1]
     if 0 in K.shape:
         return RankReport(0, rows, 1.0, 0.0)
     s = np.linalg.svd(K, compute_uv=False)
-    typical = np.median(s / np.where(s[:, :1] > 0, s[:, :1], 1.0), axis=0)
+    typical = np.median(s / size_of_rows(np.asarray(s, dtype=float), tolerance), axis=0)
     rank = int(np.sum(typical > tolerance))
     kept = float(typical[rank - 1]) if rank else 1.0
     dropped = float(typical[rank]) if rank < len(typical) else 0.0

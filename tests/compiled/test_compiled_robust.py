@@ -22,7 +22,7 @@ from hybridyn.manifold.manifold import Manifold
 from hybridyn.structure.building import build_robot
 from hybridyn.structure.robot import HybridRobot
 from tests.hard import dietmaier
-from tests.sketch import placement
+from tests.sketch import placement, rotation_of
 from tests.written_out import Interpreted
 
 TRUSTED = 1.0
@@ -227,6 +227,22 @@ def test_a_door_with_two_hinges() -> None:
     np.testing.assert_allclose(K, 0.0, atol=1e-15)
     np.testing.assert_allclose(residual, 0.0, atol=1e-15)
     verify(Interpreted(robot, ("idm", "ddm", "kinematics", "lift")), robot, choose(robot, None))
+
+
+@pytest.mark.parametrize("digits", [6, 16])
+def test_a_door_whose_hinges_are_askew_by_rounding_still_turns(digits: int) -> None:
+    """Rows that are rounding alone: the largest of them is no measure, and the door not locked."""
+    frame = placement(rotation_of(np.array([0.2, -0.5, 0.4, 0.7])), [0.1, 0.2, 0.3])
+    axis = frame[:3, :3] @ Z
+    lower = placement(np.round(frame[:3, :3], digits), np.round(frame[:3, 3], digits))
+    upper = placement(np.round(frame[:3, :3], digits), np.round(frame[:3, 3] + 1.5 * axis, digits))
+    leaf = at(0, 0, 1.5)
+    hinges = [Joint("hinge", "revolute", "base", "door", lower, Z)]
+    second = Closure("second", "revolute", "base", upper, "door", leaf, (0, 1, 2), "parallel")
+    robot = robot_of("door", ("door",), hinges, [second], ["hinge"])
+    assert robot.mobility == 1
+    q, v, a, tau = random_states(robot, 3)
+    np.testing.assert_allclose(hybridyn.idm(robot, q, v, a), tau, rtol=1e-9)
 
 
 # -------------------------------------------------------------------- verification
