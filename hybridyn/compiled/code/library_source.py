@@ -10,10 +10,9 @@ from ..program import Call, Program
 from .across_copies import across_copies
 from .across_samples import across_samples
 from .kernels import kernel_graph, kernel_text
-from .rules import check
+from .rules import check, trimmed
 from .scalars import GUARD_LIMIT, Scalar, text_of
 from .tables import Tables
-from .trimming import trimmed
 
 #: Statements that one compiler process is given before another is started.
 STATEMENTS_PER_UNIT = 4000

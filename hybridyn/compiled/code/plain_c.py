@@ -7,10 +7,9 @@ import re
 from ..program import Program
 from .across_samples import across_samples
 from .kernels import kernel_graph, kernel_text
-from .rules import check
+from .rules import check, trimmed
 from .scalars import text_of
 from .tables import Tables
-from .trimming import trimmed
 
 #: Functions of kernels that the C library has under the same name.
 FUNCTIONS = (

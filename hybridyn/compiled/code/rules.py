@@ -1,6 +1,8 @@
-"""What a program must keep to for its two ways of running to agree."""
+"""What a program must keep to for its two ways of running to agree, and what of it need not be printed."""
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 
@@ -37,6 +39,20 @@ def _range(index: np.ndarray[tuple[int, ...], np.dtype[np.intp]]) -> tuple[int, 
 def overlap(a: Span, b: Span) -> bool:
     """Say whether two spans share memory."""
     return bool(a[0]) and a[0] == b[0] and max(a[1], b[1]) < min(a[2], b[2])
+
+
+def trimmed(program: Program) -> Program:
+    """Return a program without calls whose outputs are all empty, and without kernels that are not called."""
+    steps: list[Start | Call] = []
+    number: dict[int, int] = {}
+    for step in program.steps:
+        if isinstance(step, Start):
+            steps.append(step)
+            continue
+        function = program.kernels[step.kernel].function
+        if any(function.nnz_out(i) for i in range(function.n_out())):
+            steps.append(replace(step, kernel=number.setdefault(step.kernel, len(number))))
+    return replace(program, steps=tuple(steps), kernels=tuple(program.kernels[old] for old in number))
 
 
 def check(program: Program) -> None:
