@@ -30,8 +30,8 @@ SAME_POSTURE = 1e-9
 LONG_TABLE = 300_000
 #: Positions of a block: its arrays stay near the cache, which processes share.
 NUMBERS_AT_ONCE = 84_000
-#: In a block: enough for a batch, few enough for several processes to share a short table.
-MOST_ROWS = 500
+#: Rows of a block: enough for a batch, few enough for several processes to share a short table.
+MOST_ROWS = 1_000
 #: Blocks in a row that were done again: more guesses are not worth making.
 BLIND = 2
 

@@ -360,7 +360,7 @@ def test_workers_answer_in_turn_and_give_their_errors() -> None:
 
 def test_how_many_processes_and_rows(tmp_path: Path) -> None:
     robot = hybridyn.load(FIVE_BAR)
-    assert rows_at_once(robot) == 500
+    assert rows_at_once(robot) == 1_000
     path = tmp_path / "traj.csv"
     long_table(path, 1)
     with open_table(path) as table:
