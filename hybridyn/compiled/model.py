@@ -196,7 +196,11 @@ class CompiledRobot:
             return self._general(name, given)
         if any(hasattr(value, "columns") for value in given.values()):
             as_batches(given, sizes)
-        arrays = {key: np.asarray(value, dtype=float) for key, value in given.items()}
+        try:
+            arrays = {key: np.asarray(value, dtype=float) for key, value in given.items()}
+        except (TypeError, ValueError):
+            as_batches(given, sizes)
+            raise
         ranks = {array.ndim for array in arrays.values()}
         if ranks - {1, 2}:
             as_batches(arrays, sizes)

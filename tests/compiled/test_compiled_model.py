@@ -112,7 +112,7 @@ def spoiled(states: Arrays, kind: str) -> list[Any]:
         ("rank", TrajectoryError),
         ("open", AssemblyError),
         ("opening", AssemblyError),
-        ("text", ValueError),
+        ("text", TrajectoryError),
     ],
 )
 def test_errors_are_the_general_paths(lx4: CompiledRobot, states: Arrays, kind: str, error: type) -> None:
