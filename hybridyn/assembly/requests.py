@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from ..description.names import did_you_mean
 from ..errors import TrajectoryError
 from ..linkage.rigid_motion import RigidMotion
 from ..linkage.targets import COORDINATES
@@ -99,9 +99,7 @@ def _known(name: str, known: Mapping[str, object], what: str) -> None:
         TrajectoryError: With the nearest name that is.
     """
     if name not in known:
-        near = difflib.get_close_matches(name, list(known), 1)
-        hint = f"; did you mean '{near[0]}'?" if near else ""
-        raise TrajectoryError(f"unknown {what} '{name}'{hint}", column=name)
+        raise TrajectoryError(f"unknown {what} '{name}'{did_you_mean(name, known)}", column=name)
 
 
 def _triple(value: object) -> tuple[object, object, object]:

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from ..description.names import did_you_mean
 from ..effects.choice import Effects
 from ..errors import TrajectoryError
 from ..linkage.rigid_motion import RigidMotion
@@ -65,8 +65,7 @@ def named_links(robot: HybridRobot, links: Sequence[str] | None) -> Iterable[str
     """
     for link in links or ():
         if link not in robot.bodies.place:
-            near = difflib.get_close_matches(link, robot.bodies.place, 1)
-            raise TrajectoryError(f"unknown link '{link}'" + (f"; did you mean '{near[0]}'?" if near else ""))
+            raise TrajectoryError(f"unknown link '{link}'{did_you_mean(link, robot.bodies.place)}")
     return robot.bodies.place if links is None else links
 
 

@@ -5,13 +5,13 @@ These are wrenches on links, efforts of joint laws, and rotors.
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..description.names import did_you_mean
 from ..effects.choice import STANDARD, Effects
 from ..errors import TrajectoryError
 from ..spatial import Array, rotate, wrench_to_base
@@ -189,9 +189,7 @@ def _wrench(robot: HybridRobot, link: str, given: Array, samples: int) -> Array:
         TrajectoryError: An unknown link, a wrong shape, or a number that is not finite.
     """
     if link not in robot.bodies.place:
-        near = difflib.get_close_matches(link, robot.bodies.place, 1)
-        hint = f"; did you mean '{near[0]}'?" if near else ""
-        raise TrajectoryError(f"wrench on unknown link '{link}'{hint}")
+        raise TrajectoryError(f"wrench on unknown link '{link}'{did_you_mean(link, robot.bodies.place)}")
     wrench = np.asarray(given, dtype=float)
     if wrench.shape not in ((6,), (samples, 6)):
         raise TrajectoryError(f"wrench on '{link}' has shape {wrench.shape}; wanted (6,) or ({samples}, 6)")

@@ -481,7 +481,7 @@ def test_a_later_row_beyond_tolerance_is_named() -> None:
 
 BAD: dict[str, tuple[dict, dict, str]] = {
     "joint": ({"nobody": 0.1}, {}, "unknown joint 'nobody'"),
-    "near": ({"left_elbo": 0.1}, {}, r"unknown joint 'left_elbo'; did you mean 'left_elbow'\?"),
+    "near": ({"left_elbo": 0.1}, {}, r"unknown joint 'left_elbo' \(did you mean 'left_elbow'\?\)"),
     "link": ({}, {"nobody": np.zeros(7)}, "unknown link 'nobody'"),
     "nan": ({"left": np.nan, "right": 0.0}, {}, "joint 'left' needs finite numbers"),
     "shape": ({"left": np.zeros((2, 2)), "right": 0.0}, {}, "joint 'left' needs finite numbers of shape"),
