@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import tomllib
 from importlib import import_module
 from pathlib import Path
 
@@ -90,6 +91,19 @@ def test_names_of_functions_exist(page: Path) -> None:
 def _is_module(package: object, name: str) -> bool:
     folder = Path(getattr(package, "__path__", ["/nowhere"])[0])
     return (folder / f"{name}.py").is_file() or (folder / name / "__init__.py").is_file()
+
+
+@pytest.mark.parametrize(
+    "page", [*PAGES, DOCS / "examples" / "index.md", ROOT / "CONTRIBUTING.md"], ids=lambda page: page.name
+)
+def test_install_lines_work_from_a_clone(page: Path) -> None:
+    extras = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
+    text, released, after = page.read_text().partition("After the first release")
+    assert not released or page == ROOT / "README.md"
+    for what in re.findall(r"pip install (?:-q |-e )*('[^']*'|[^\s`]+)", text + after.partition("\n\n")[2]):
+        names = re.fullmatch(r"'\.\[([\w,]+)\]'|\.", what)
+        assert names, f"{page.name}: {what}"
+        assert set((names[1] or "").split(",")) - {""} <= extras.keys(), what
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
