@@ -10,6 +10,8 @@ from pydantic import Field, FiniteFloat, model_validator
 
 from ..description.side_cars.effect_tables import EffectTables
 from ..description.side_cars.schema import Schema
+from ..errors import TrajectoryError
+from ..simulation.solver import Solver
 
 NotNegative = Annotated[FiniteFloat, Field(ge=0)]
 Positive = Annotated[FiniteFloat, Field(gt=0)]
@@ -201,13 +203,19 @@ class SolverTable(Schema):
 
     @model_validator(mode="after")
     def _fits(self) -> SolverTable:
-        if self.method in ("rk4", "conserving") and self.step is None:
-            raise ValueError(f"method '{self.method}' takes fixed steps: give step")
-        if self.method in ("conserving", "implicit") and self.projection != "stages":
-            raise ValueError(f"method '{self.method}' lives on the closures: projection must be 'stages'")
-        if self.baumgarte is not None and self.projection != "never":
-            raise ValueError("baumgarte needs projection = 'never'")
+        try:
+            self.solver()
+        except TrajectoryError as error:
+            raise ValueError(str(error)) from None
         return self
+
+    def solver(self) -> Solver:
+        """Build the solver.
+
+        Raises:
+            TrajectoryError: The options exclude each other.
+        """
+        return Solver(**self.model_dump())
 
 
 class OutputTable(Schema):

@@ -127,13 +127,10 @@ def play(
         times = np.array([0.0, scene.duration]) if ready.output_times is None else ready.output_times
         with naming(source, ("motion",)):
             return follow_motion(ready.robot, ready.motion, times, ready.effects, ready.q0)
-    solver = scene.solver
     with naming(source, ("solver",)):
         return simulate(
             ready.robot, ready.q0, ready.v0, (0.0, scene.duration), effort=ready.effort,
-            effects=ready.effects,
-            method=solver.method, step=solver.step, rtol=solver.rtol, atol=solver.atol,
-            projection=solver.projection, baumgarte=solver.baumgarte, events=ready.events,
+            effects=ready.effects, solver=scene.solver.solver(), events=ready.events,
             output_times=ready.output_times, progress=progress, checkpoint=checkpoint, resume=resume,
             compiled=compiled, scene=identity(source),
         )  # fmt: skip

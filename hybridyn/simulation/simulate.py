@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from os import PathLike
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Unpack
 
 import numpy as np
 
@@ -22,13 +22,13 @@ from .motion_law import BaseMotion, Effort, MotionLaw, Wrenches
 from .result import Origin, Result, digest
 from .run import Progress, Run
 from .run_size import refuse_excess
-from .stepping import Stepper, build_method, control_of
+from .solver import Solver, SolverOptions, choose_solver
+from .stepping import Stepper, build_method
 from .system import State, System
 
 if TYPE_CHECKING:
     from ..compiled.model import CompiledRobot
 
-PROJECTIONS = ("stages", "steps", "never")
 #: Part of the rates that closing the loops may change; elsewhere it is no more than they open loops by.
 MOST_RATE_CHANGE = 1e-3
 
@@ -44,12 +44,7 @@ def simulate(
     effects: Choice = None,
     wrenches: Wrenches | Mapping[str, Array] | None = None,
     base_motion: BaseMotion | None = None,
-    method: str = "dopri5",
-    step: float | None = None,
-    rtol: float = 1e-8,
-    atol: float = 1e-10,
-    projection: str = "stages",
-    baumgarte: float | None = None,
+    solver: Solver | None = None,
     events: Sequence[Event] = (),
     output_times: Sequence[float] | Array | None = None,
     initial_velocity: str = "refuse",
@@ -58,6 +53,7 @@ def simulate(
     resume: Result | str | PathLike[str] | None = None,
     compiled: CompiledRobot | None = None,
     scene: str = "",
+    **options: Unpack[SolverOptions],
 ) -> Result:
     """Integrate a robot's motion.
 
@@ -73,16 +69,8 @@ def simulate(
             that gives such a mapping.
         base_motion: For base="moving", a function of t that gives the root's pose x, y, z, qx, qy, qz, qw,
             its twist and its spatial acceleration, both in its own frame (Pinocchio's).
-        method: "dopri5": adaptive, orders 5 and 4. "rk4": fixed steps, order 4. "implicit": L-stable, order
-            3, for stiff scenes, adaptive unless `step` is given. "conserving": fixed steps, order 2,
-            conserves energy.
-        step: Length of fixed steps [s]; for "dopri5" that of the first step.
-        rtol: Relative tolerance of one step's error in q and v (adaptive methods), see `stepping.Control`.
-        atol: Absolute tolerance, in radians and module lengths, and those per second.
-        projection: "stages": every stage is assembled, closures never open. "steps": closures may open within
-            a step and are closed after it where they are open by more than 1e-11. "never": they drift; for
-            comparison.
-        baumgarte: Rate [1/s] of Baumgarte's stabilisation, with projection="never"; for comparison.
+        solver: Method, length of steps, tolerances and projection, see `hybridyn.simulation.solver.Solver`;
+            adaptive steps of "dopri5" where left out.
         events: What to watch for; found on the dense output to rounding.
         output_times: Times of the samples; the ends of the steps where left out (or `times`, if more than
             two).
@@ -98,6 +86,8 @@ def simulate(
             over where the compiled one cannot be trusted.
         scene: Digest of what decides the run beside the robot and the method (`scene.identity`); it is kept
             in the checkpoint, and must be the same where that is resumed.
+        **options: Fields of `Solver` as keywords, instead of `solver`: method, step, rtol, atol, projection,
+            baumgarte.
 
     Returns:
         The motion; `status` and `message` say how it ended. Postures that the loops cannot reach, and a
@@ -110,31 +100,34 @@ def simulate(
         TrajectoryError: Wrong arguments, more steps than memory can hold, or a strange run to resume.
         ModelError: The method is not for this robot.
     """
-    control = control_of(method, step, rtol, atol)
-    _check_options(projection, baumgarte, initial_velocity, method)
+    solver = choose_solver(solver, **options)
+    if initial_velocity not in ("refuse", "project"):
+        raise TrajectoryError(f"initial_velocity must be 'refuse' or 'project', not {initial_velocity!r}")
     times = _times(times, "times")
     wanted = None if output_times is None else _times(output_times, "output_times")
     if wanted is None and len(times) > 2:
         wanted = times
-    if control.fixed is not None:
-        steps = abs(float(times[-1] - times[0])) / control.fixed
+    if solver.fixed is not None:
+        steps = abs(float(times[-1] - times[0])) / solver.fixed
         refuse_excess(robot, steps if wanted is None else len(wanted), steps, "take longer steps")
     manifold = Manifold(robot)
     law = MotionLaw(robot, effort, wrenches, base_motion, effects, compiled)
-    system = System(manifold, law, projection == "stages", projection == "steps", baumgarte)
+    system = System(
+        manifold, law, solver.projection == "stages", solver.projection == "steps", solver.baumgarte
+    )
     earlier = Result.load(resume) if isinstance(resume, str | PathLike) else resume
-    origin = Origin(robot.name, method, digest(robot), scene)
+    origin = Origin(robot.name, solver.method, digest(robot), scene)
     if earlier is None:
         state = _start(system, q0, v0, float(times[0]), initial_velocity)
     else:
         file = str(resume) if isinstance(resume, str | PathLike) else None
         _refuse_strange(earlier, origin, times, file)
         state = earlier.state
-    stepper = Stepper(system, build_method(method, system), control, projection, float(times[-1]), state)
+    stepper = Stepper(system, build_method(solver.method, system), solver, float(times[-1]), state)
     if earlier is not None:
         stepper.resume(earlier.next_step, earlier.on_grid, earlier.start)
     run = Run(system, stepper, origin, tuple(events), wanted, state, earlier)
-    return run.to(float(times[-1]), progress, checkpoint, project=projection != "never")
+    return run.to(float(times[-1]), progress, checkpoint, project=solver.projection != "never")
 
 
 def _refuse_strange(earlier: Result, origin: Origin, times: Array, file: str | None) -> None:
@@ -171,22 +164,6 @@ def _times(times: Sequence[float] | Array, name: str) -> Array:
     if len(steps) and not ((steps > 0).all() or (steps < 0).all()):
         raise TrajectoryError(f"{name} must all rise or all fall")
     return out
-
-
-def _check_options(projection: str, baumgarte: float | None, initial_velocity: str, method: str) -> None:
-    """Refuse options that mean nothing.
-
-    Raises:
-        TrajectoryError: Naming the option.
-    """
-    if projection not in PROJECTIONS:
-        raise TrajectoryError(f"projection must be one of {', '.join(PROJECTIONS)}, not {projection!r}")
-    if initial_velocity not in ("refuse", "project"):
-        raise TrajectoryError(f"initial_velocity must be 'refuse' or 'project', not {initial_velocity!r}")
-    if baumgarte is not None and projection != "never":
-        raise TrajectoryError("baumgarte is for projection='never': what is projected needs no stabilisation")
-    if method in ("conserving", "implicit") and projection != "stages":
-        raise TrajectoryError(f"method '{method}' lives on the closures: projection must be 'stages'")
 
 
 def _refuse_turned(manifold: Manifold, given: Array, v: Array) -> None:

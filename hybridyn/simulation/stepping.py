@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Protocol
 
 import numpy as np
 
-from ..errors import AssemblyError, TrajectoryError
+from ..errors import AssemblyError
 from ..manifold.chart import AmbiguousBranchError
 from .conserving import Conserving
 from .explicit import DOPRI5, RK4, Explicit
 from .implicit import Implicit
 from .result import Counters
+from .solver import Solver
 from .system import State, StepError, Stepped, System
 
-METHODS = ("rk4", "dopri5", "implicit", "conserving")
 #: Closures and their rates (relative) are put right after a step that leaves them more open than this.
 DRIFT = 1e-11
 #: The shortest step, relative to the longest time in play.
@@ -38,43 +38,6 @@ class Method(Protocol):
         ...
 
 
-@dataclass(frozen=True)
-class Control:
-    """How steps are chosen.
-
-    Attributes:
-        fixed: Length of every step [s], or None where errors choose it.
-        first: Length of the first chosen step [s], or None.
-        rtol: Error of rates relative to the largest scaled rate, and of positions per radian or module
-            length.
-        atol: Absolute error, in radians and module lengths, and those per second.
-        order: Order of the error estimate plus one.
-    """
-
-    fixed: float | None
-    first: float | None
-    rtol: float
-    atol: float
-    order: int
-
-
-def control_of(method: str, step: float | None, rtol: float, atol: float) -> Control:
-    """Return a method's control.
-
-    Raises:
-        TrajectoryError: An unknown method, a missing step, or numbers that are not positive.
-    """
-    if method not in METHODS:
-        raise TrajectoryError(f"unknown method {method!r}; choose one of {', '.join(METHODS)}")
-    for name, x in (("step", step), ("rtol", rtol), ("atol", atol)):
-        if x is not None and not (np.isfinite(x) and x > 0):
-            raise TrajectoryError(f"{name} must be positive, not {x}")
-    if method in ("rk4", "conserving") and step is None:
-        raise TrajectoryError(f"method '{method}' takes fixed steps: give step [s]")
-    fixed = step if method != "dopri5" else None
-    return Control(fixed, step, rtol, atol, 5 if method == "dopri5" else 3)
-
-
 def build_method(method: str, system: System) -> Explicit | Implicit | Conserving:
     """Return the method of a name."""
     if method == "conserving":
@@ -95,23 +58,20 @@ class Stepper:
         method: The method.
     """
 
-    def __init__(
-        self, system: System, method: Method, control: Control, projection: str, end: float, begin: State
-    ) -> None:
-        self._system, self.method, self._control = system, method, control
-        self._drifts = projection == "steps"
+    def __init__(self, system: System, method: Method, solver: Solver, end: float, begin: State) -> None:
+        self._system, self.method, self._solver = system, method, solver
         self._end = end
         self.sign = 1.0 if end >= begin.t else -1.0
         self.counters = Counters()
         self.on_grid, self.start = 0, begin.t
-        self.next_step = self.sign * (control.fixed or control.first or self._first(begin))
+        self.next_step = self.sign * (solver.step or self._first(begin))
         self._ahead: list[Stepped] = []
         self._reached: State | None = None
 
     def resume(self, next_step: float, on_grid: int, start: float) -> None:
         """Go on as an earlier run would have."""
         self.next_step = next_step
-        if self._control.fixed is None or abs(next_step) == self._control.fixed:
+        if self._solver.fixed is None or abs(next_step) == self._solver.fixed:
             self.on_grid, self.start = on_grid, start
 
     def advance(self, state: State) -> Stepped:
@@ -121,10 +81,10 @@ class Stepper:
             AssemblyError: The motion leaves the postures that the loops can reach, whatever the step.
             StepError: A step's equations cannot be solved.
         """
-        stepped = self._fixed(state) if self._control.fixed else self._chosen(state)
+        stepped = self._fixed(state) if self._solver.fixed else self._chosen(state)
         self.counters.steps += 1
         self.counters.iterations += stepped.iterations
-        return self._projected(stepped) if self._drifts else stepped
+        return self._projected(stepped) if self._solver.projection == "steps" else stepped
 
     def _fixed(self, state: State) -> Stepped:
         """Step to the next point of the grid, or to the end."""
@@ -188,7 +148,7 @@ class Stepper:
             factor = (
                 0.25
                 if failure
-                else float(np.clip(0.9 * max(error, 1e-10) ** (-1 / self._control.order), 0.2, 5))
+                else float(np.clip(0.9 * max(error, 1e-10) ** (-1 / self._solver.error_order), 0.2, 5))
             )
             if error <= 1.0:
                 if not (last and factor > 1 and abs(h) < abs(self.next_step)):
@@ -208,9 +168,9 @@ class Stepper:
             return 0.0
         unit = self._system.manifold.unit
         speed = max(float(np.abs(x / unit).max(initial=0.0)) for x in (state.v, stepped.state.v))
-        of_q = np.abs(stepped.error_q / unit).max(initial=0.0) / (self._control.atol + self._control.rtol)
+        of_q = np.abs(stepped.error_q / unit).max(initial=0.0) / (self._solver.atol + self._solver.rtol)
         of_v = np.abs(stepped.error_v / unit).max(initial=0.0) / (
-            self._control.atol + self._control.rtol * speed
+            self._solver.atol + self._solver.rtol * speed
         )
         worst = float(max(of_q, of_v))
         return worst if np.isfinite(worst) else np.inf

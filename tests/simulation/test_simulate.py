@@ -15,6 +15,7 @@ from hybridyn.effects import BaseMotion
 from hybridyn.errors import AssemblyError, TrajectoryError
 from hybridyn.manifold.manifold import Manifold
 from hybridyn.simulation.result import Result
+from hybridyn.simulation.solver import Solver
 from hybridyn.structure.building import build_robot
 from hybridyn.structure.robot import HybridRobot
 from tests.swings import chain, hinge, rod, swing
@@ -343,8 +344,9 @@ def test_velocities_that_open_the_loops() -> None:
     ({"step": -1.0}, "step must be positive"),
     ({"rtol": np.nan}, "rtol must be positive"),
     ({"projection": "often"}, "projection must be one of"),
-    ({"baumgarte": 1.0}, "baumgarte is for"),
-    ({"method": "conserving", "step": 1.0, "projection": "steps"}, "lives on the closures"),
+    ({"baumgarte": 1.0}, "baumgarte needs projection='never'"),
+    ({"method": "conserving", "step": 1.0, "projection": "steps"}, "works on closed loops only"),
+    ({"solver": Solver(), "rtol": 1e-6, "step": None}, "give either solver= or rtol, step"),
     ({"initial_velocity": "guess"}, "initial_velocity must be"),
     ({"times": (0.0,)}, "at least 2"),
     ({"times": (0.0, 1.0, 0.5)}, "all rise or all fall"),
@@ -357,6 +359,16 @@ def test_wrong_arguments(options: dict[str, object], message: str) -> None:
     times = options.pop("times", (0.0, 0.01))
     with pytest.raises(TrajectoryError, match=message):
         simulate(robot, q, v, times, **options)  # type: ignore[arg-type]
+
+
+def test_a_solver_and_its_keywords_give_the_same_bits() -> None:
+    robot, q, v = swing("five_bar")
+    for options in ({"method": "rk4", "step": 5e-3}, {"rtol": 1e-5}, {"method": "implicit", "step": 5e-3}):
+        by_keywords = simulate(robot, q, v, (0, 0.01), **options)
+        by_object = simulate(robot, q, v, (0, 0.01), solver=Solver(**options))
+        assert by_object.method == options.get("method", "dopri5")
+        assert np.array_equal(by_object.q, by_keywords.q)
+        assert by_object.counters == by_keywords.counters
 
 
 def test_files_that_are_no_result(tmp_path: Path) -> None:
