@@ -72,5 +72,7 @@ def _warn(robot: HybridRobot) -> None:
         _log.warning("robot '%s': %s", robot.name, lost)
 
     for module in {id(module.mechanism): module for module in reversed(robot.modules)}.values():
+        if decided := module.mechanism.rank_decision:
+            _log.warning("module '%s': %s", module.name, decided)
         if singular := architecturally_singular(module):
             _log.warning("module '%s' is %s", module.name, singular)

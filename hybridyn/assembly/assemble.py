@@ -149,10 +149,13 @@ def module_task(robot: HybridRobot, module: Module, request: ModuleRequest) -> T
     free = np.ones(m.tree.nv, dtype=bool)
     for joint in request.given:
         free[m.tree.v_slices[joint]] = False
-    problem = LoopProblem(m.closures, m.reduction.row_scale, m.reduction.col_scale, free, request.targets)
+    problem = LoopProblem(
+        m.closures, m.reduction.row_scale, m.reduction.col_scale, free, request.targets,
+        rank_tolerance=m.rank_tolerance,
+    )  # fmt: skip
     generic = problem.matrix(m.tree.sweep(m.postures))
     rank = check_determined(module, problem, generic)
-    blocks = full_rank_blocks(generic, free)
+    blocks = full_rank_blocks(generic, free, m.rank_tolerance)
     winding = winding_of(m.closures, request.known, request.given, request.angles)
     problem = replace(problem, rank=rank, blocks=blocks, winding=winding)
     names = [module.row_name(i) for i in range(m.closures.rows)]

@@ -6,7 +6,7 @@ import numpy as np
 
 from ..errors import AssemblyError, SingularityError
 from ..linkage.newton import LoopProblem
-from ..linkage.reduction import RANK_TOLERANCE, Block, decide_rank
+from ..linkage.reduction import Block, decide_rank
 from ..spatial import Array, Mask
 from ..structure.module import Module
 
@@ -30,7 +30,7 @@ def check_determined(module: Module, problem: LoopProblem, generic: Array) -> in
         AssemblyError: A motion that is not idle is left open; names what it moves.
     """
     free = problem.free
-    report = decide_rank(generic[:, :, free], RANK_TOLERANCE)
+    report = decide_rank(generic[:, :, free], problem.rank_tolerance)
     left = int(free.sum()) - report.rank
     if left:
         K = generic[0][:, free]
@@ -134,7 +134,7 @@ def _what_is_singular(module: Module, problem: LoopProblem, K: Array) -> tuple[s
     return "motors", kind, ", or give a platform instead of motors"
 
 
-def full_rank_blocks(generic: Array, free: Mask) -> list[Block]:
+def full_rank_blocks(generic: Array, free: Mask, tolerance: float) -> list[Block]:
     """Return the connected blocks of rows and free columns; none where one has not full column rank."""
     cols = np.flatnonzero(free)
     touched: Mask = np.abs(generic[:, :, cols]).max(axis=0, initial=0.0) > 1e-12
@@ -148,7 +148,7 @@ def full_rank_blocks(generic: Array, free: Mask) -> list[Block]:
         own = label == name
         rows = np.flatnonzero(touched[:, own].any(axis=1))
         K = generic[:, rows[:, None], cols[own]]
-        if decide_rank(K, RANK_TOLERANCE).rank < own.sum():
+        if decide_rank(K, tolerance).rank < own.sum():
             return []
         blocks.append(Block(rows, cols[own]))
     return blocks

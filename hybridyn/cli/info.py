@@ -247,6 +247,8 @@ class _Tree:
                 f"{report.rank}; relative singular values count from {report.kept:.1e} up, and not up to "
                 f"{report.dropped:.1e}: the file is rounded",
             )
+        elif mechanism.rank_decision:
+            yield "rank", f"{report.rank}; {mechanism.rank_decision}"
         closed = open_by <= self.robot.closure_tolerance
         how = f"{'closed' if closed else 'OPEN'} to {open_by:.1e} of the module's size"
         yield "at home", f"{how}; SINGULAR" if closed and self.singular_at_home(module, self.robot) else how

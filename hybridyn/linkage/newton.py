@@ -63,9 +63,10 @@ class LoopProblem:
         col_scale: Unit of each freedom, shape (nv,).
         free: Freedoms that may move, shape (nv,).
         targets: Poses that bodies shall take, one more set of rows each.
-        rank: Number of singular values that count; those above `RANK_TOLERANCE` where None.
+        rank: Number of singular values that count; those above `rank_tolerance` where None.
         blocks: Blocks of full column rank that hold every free freedom; empty for one dense step.
         winding: Whole turns that the positions given tell, or None where none matter.
+        rank_tolerance: Relative singular value from which on rows count as independent.
     """
 
     closures: Closures
@@ -76,6 +77,7 @@ class LoopProblem:
     rank: int | None = None
     blocks: Sequence[Block] = ()
     winding: Winding | None = None
+    rank_tolerance: float = RANK_TOLERANCE
 
     @property
     def tree(self) -> Tree:
@@ -119,9 +121,8 @@ class LoopProblem:
             hard = np.arange(len(K))
         if len(hard):
             A = K[hard][:, :, self.free]
-            out[np.ix_(hard, self.free)] = _truncated(
-                A, rhs[hard], np.zeros(len(hard)) if damping is None else damping[hard], self.rank
-            )
+            damped = np.zeros(len(hard)) if damping is None else damping[hard]
+            out[np.ix_(hard, self.free)] = _truncated(A, rhs[hard], damped, self.rank, self.rank_tolerance)
         return out
 
     def turned(self, before: Array, after: Array) -> Array:
@@ -169,14 +170,14 @@ def _turned(J: Array, change: Array, rank: int) -> Array:
     return out
 
 
-def _truncated(K: Array, rhs: Array, damping: Array, rank: int | None) -> Array:
+def _truncated(K: Array, rhs: Array, damping: Array, rank: int | None, tolerance: float) -> Array:
     """Solve K x = rhs on the leading singular values, damped, least norm, shape (T, columns)."""
     if 0 in K.shape:
         return np.zeros((len(K), K.shape[2]))
     U, s, Vt = np.linalg.svd(K, full_matrices=False)
     top = s[:, :1]
     keep = (
-        s > RANK_TOLERANCE * size_of_rows(s, RANK_TOLERANCE)
+        s > tolerance * size_of_rows(s, tolerance)
         if rank is None
         else (np.arange(s.shape[1]) < rank) & (s > 0)
     )
@@ -241,7 +242,14 @@ def close(
 
 
 def generic_postures(
-    closures: Closures, home: Array, row_scale: Array, col_scale: Array, tolerance: float, *, count: int = 24
+    closures: Closures,
+    home: Array,
+    row_scale: Array,
+    col_scale: Array,
+    tolerance: float,
+    *,
+    count: int = 24,
+    rank_tolerance: float = RANK_TOLERANCE,
 ) -> tuple[Array, float]:
     """Draw assembled postures about a home posture, from which rank and mobility are read.
 
@@ -255,12 +263,15 @@ def generic_postures(
         col_scale: Unit of each freedom.
         tolerance: Largest scaled residual that counts as closed (rounding in the file).
         count: How many postures are wanted.
+        rank_tolerance: Relative singular value from which on rows count as independent.
 
     Returns:
         Postures, shape (at most count, nq), none where nothing closed, and the best residual seen.
     """
     tree = closures.tree
-    search = _Search(LoopProblem(closures, row_scale, col_scale, np.ones(tree.nv, dtype=bool)), tolerance)
+    every = np.ones(tree.nv, dtype=bool)
+    problem = LoopProblem(closures, row_scale, col_scale, every, rank_tolerance=rank_tolerance)
+    search = _Search(problem, tolerance)
     rng = np.random.default_rng(2010)
     for spread, share in SPREADS:
         search.about(home[None], rng.uniform(-spread, spread, (share * count, tree.nv)), count)

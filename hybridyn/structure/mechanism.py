@@ -28,6 +28,7 @@ from ..spatial import Array, Index, Mask, cross, quaternion_from_rotation, selec
 from .leg_model import LegModel
 from .long_legs import LongLegs
 from .module_spec import ModuleSpec
+from .rank_evidence import rank_by_home, rank_decision
 from .scaling import freedom_units, leg_by_leg, module_length, row_factors
 
 #: Where its axes span less than this, a carrying wrist does not tell its platform's motion: rates grow there.
@@ -52,6 +53,7 @@ class Mechanism:
         legs: The model of the legs: Pinocchio's, or for hundreds of freedoms our own.
         inertias: 6-D inertias of the outputs, shape (outputs, 6, 6), body frames.
         postures: Assembled generic postures of `tree`, shape (samples, nq).
+        rank_tolerance: Relative singular value from which on rows count as independent.
     """
 
     def __init__(
@@ -84,6 +86,7 @@ class Mechanism:
         home_open = np.abs(self.closures.residual(home, self.tree.sweep(home)) * self.reduction.row_scale)
         #: Whether the loops are closed at home; robots may be written with their loops open.
         self.home_closes = bool((home_open <= closure_tolerance).all())
+        self.rank_tolerance = rank_tolerance or RANK_TOLERANCE
         if self.closures.rows:
             self.postures, self.best_residual = generic_postures(
                 self.closures, self.home, *scales, closure_tolerance
@@ -92,12 +95,26 @@ class Mechanism:
         self.spanning_row_scale = row_factors(self.spanning, self.spanning_closures, self.length)
         self.rounding = 0.0
         self.generic_K = self.closures.matrix(self.tree.sweep(self.postures))
+        #: How rows were counted where numbers had to decide it; empty where nothing was in doubt.
+        self.rank_decision = ""
         if len(self.postures):
-            self.reduction.fix_ranks(self.generic_K, rank_tolerance or RANK_TOLERANCE)
+            self.reduction.fix_ranks(self.generic_K, self.rank_tolerance)
+            if rank_tolerance is None:
+                self._decide_by_home(float(home_open.max(initial=0.0)))
             at_best = self.closures.residual(self.postures, self.tree.sweep(self.postures))
             worst = np.abs(at_best * self.reduction.row_scale).max(initial=0.0)
             #: How far rounding in the file keeps over-constrained loops from closing, relative to the length.
             self.rounding = 4.0 * max(float(worst), self.reduction.report.dropped)
+
+    def _decide_by_home(self, open_by: float) -> None:
+        """Count rows in doubt where home, open by that much, closes too well for them to be rounding."""
+        evidence = rank_by_home(self.closures, self.reduction, self.home, open_by)
+        if evidence:
+            self.postures, self.rank_tolerance = evidence.postures, evidence.tolerance
+            self.generic_K = self.closures.matrix(self.tree.sweep(self.postures))
+            self.reduction.fix_ranks(self.generic_K, self.rank_tolerance)
+            self.reduction.report = replace(self.reduction.report, doubted=None)
+        self.rank_decision = rank_decision(self.reduction.report, evidence, open_by)
 
     @property
     def mobility(self) -> int:
