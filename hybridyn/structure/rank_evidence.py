@@ -15,7 +15,7 @@ from ..spatial import Array
 
 #: A singular value this many times as large as what home leaves open does not come from the same rounding.
 EVIDENT = 1e3
-#: Rounding to five digits, which home need not show: closure frames may be taken from the rounded tree at home.
+#: Rounding to five digits, which home need not show: closure frames may come from the rounded tree at home.
 FINEST = 1e-5
 #: Loops count as closed to the last digit from this residual on.
 CLOSED = 1e-11

@@ -113,7 +113,7 @@ def wrench_map(robot: hybridyn.HybridRobot, q: np.ndarray) -> tuple[np.ndarray, 
         for link, frame in ((closure.link_a, closure.frame_a), (closure.link_b, closure.frame_b)):
             body = model.frames[model.getFrameId(link, pin.BODY)]
             ends.append((body.parentJoint, data.oMf[model.getFrameId(link, pin.BODY)] * pin.SE3(frame)))
-        at = pin.SE3(ends[0][1].rotation, ends[1][1].translation)
+        at = pin.SE3(ends[0][1].rotation @ closure.turn.T, ends[1][1].translation)
         rates = [
             pin.getJointJacobian(model, data, joint, pin.ReferenceFrame.WORLD)
             if joint

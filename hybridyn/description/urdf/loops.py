@@ -177,7 +177,7 @@ def _rows_closure(node: Node, link_a: str, frame_a: Array, link_b: str, frame_b:
 
 def _closure(node: Node, kind: str, form: Form, a: Side, b: Side) -> Closure:
     name = node.text("name")
-    frame_a, frame_b = (turned(frame, turn) for _, frame, turn in (a, b))
+    frame_a, frame_b = (turned(frame, turn) if form.has_axis else frame for _, frame, turn in (a, b))
     return Closure(
         name, kind, a[0], frame_a, b[0], frame_b, form.translations, form.rotation, node.line, a[2]
     )
