@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 from ..linkage.closures import Closures
 from ..linkage.newton import generic_postures
-from ..linkage.reduction import ROUNDED, RankReport, Reduction, decide_rank
+from ..linkage.reduction import ROUNDED_ROWS, RankReport, Reduction, decide_rank
 from ..spatial import Array
 
 #: A singular value this many times as large as what home leaves open does not come from the same rounding.
@@ -70,7 +70,7 @@ def _in_doubt(report: RankReport) -> float:
     """Return the largest relative singular value that may or may not count; 0 where there is none."""
     if report.doubted:
         return report.doubted[1]
-    return report.dropped if report.dropped > ROUNDED else 0.0
+    return report.dropped if report.dropped > ROUNDED_ROWS else 0.0
 
 
 def rank_decision(report: RankReport, evidence: RankEvidence | None, open_by: float) -> str:
@@ -87,8 +87,8 @@ def rank_decision(report: RankReport, evidence: RankEvidence | None, open_by: fl
             f"closure rows of relative singular values down to {evidence.counted:.1e} count as independent: "
             f"{closes}, so the file is not rounded that much (rank_tolerance decides otherwise)"
         )
-    if report.dropped > ROUNDED:
-        so = "" if report.dropped <= max(EVIDENT * open_by, ROUNDED) else ", though "
+    if report.dropped > ROUNDED_ROWS:
+        so = "" if report.dropped <= max(EVIDENT * open_by, ROUNDED_ROWS) else ", though "
         return (
             f"closure rows of relative singular values up to {report.dropped:.1e} count as dependent, as "
             f"rounding in the file{so or '; '}{closes} (rank_tolerance decides otherwise)"
