@@ -16,7 +16,7 @@ from tests import ROOT
 PACKAGE = ROOT / "hybridyn"
 #: The floors from the ground. A room imports from its own folder and from the floors below.
 FLOORS = (
-    {"errors", "spatial", "colours", "threads"},
+    {"errors", "spatial", "colours"},
     {"description"},
     {"linkage", "tables", "oracle"},
     {"structure"},

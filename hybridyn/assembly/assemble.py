@@ -18,13 +18,13 @@ from ..linkage.newton import LoopProblem, close
 from ..linkage.reduction import Block
 from ..linkage.rigid_motion import RigidMotion
 from ..linkage.targets import PoseTarget
+from ..linkage.threads import one_thread
 from ..linkage.tree import Motion, Tree
 from ..linkage.winding import winding_of
 from ..spatial import Array, cross
 from ..structure.mechanism import Mechanism
 from ..structure.module import Module
 from ..structure.robot import HybridRobot
-from ..threads import one_thread
 from .determinacy import check_determined, full_rank_blocks, refuse_unbounded
 from .follow import Task, follow
 from .module_request import ModuleRequest, module_request

@@ -15,10 +15,10 @@ import numpy as np
 from ..errors import AssemblyError, TrajectoryError
 from ..linkage.newton import SMALLEST_STEP
 from ..linkage.rigid_motion import RigidMotion
+from ..linkage.threads import one_thread
 from ..spatial import Array, Index, Mask
 from ..structure.module import Module
 from ..structure.robot import HybridRobot
-from ..threads import one_thread
 from .assemble import module_task, place_base, settled, spanning_positions
 from .follow import Task, first_posture
 from .module_request import module_request

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from ..effects.choice import Choice, choose
 from ..errors import ModelError
+from ..linkage.threads import one_thread
 from ..structure.robot import HybridRobot
-from ..threads import one_thread
 from .code.scalars import Scalar
 from .failures import failing_as_ours
 from .library.cache import Built

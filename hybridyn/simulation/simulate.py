@@ -12,11 +12,11 @@ from ..dynamics.natural_sizes import REST, NaturalSizes
 from ..dynamics.state_checks import STATE_CLOSED
 from ..effects.choice import Choice
 from ..errors import AssemblyError, SingularityError, TrajectoryError
+from ..linkage.threads import one_thread
 from ..manifold.manifold import Manifold
 from ..spatial import Array
 from ..structure.robot import HybridRobot
 from ..structure.samples import as_batch, as_positions
-from ..threads import one_thread
 from .events import Event
 from .motion_law import BaseMotion, Effort, MotionLaw, Wrenches
 from .result import Origin, Result, digest

@@ -12,8 +12,8 @@ from ..description.records import Description
 from ..errors import ModelError
 from ..linkage.joints import NQ, NV, ROOT_JOINT, TreeJoint
 from ..linkage.reduction import ROUNDED_ROWS
+from ..linkage.threads import one_thread
 from ..spatial import Array, slices
-from ..threads import one_thread
 from .bodies import Bodies
 from .graph import ModuleGraph, find_modules, leave_whole
 from .mechanism import Mechanism
