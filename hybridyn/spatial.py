@@ -1,11 +1,11 @@
-"""The page of conventions, and the few 6-D helpers that Pinocchio does not give for batches.
+"""Conventions of the package, and batched 6-D operations that Pinocchio offers for single samples only.
 
 - Units are SI, angles in radians.
 - Spatial vectors are Pinocchio's: linear part first, in body coordinates, at the body frame's origin. A twist
   is [v; omega], a wrench [f; m].
 - A *placement* (R, p) of frame B in frame A: columns of R are B's axes in A, p is B's origin in A.
 - `V_dot` is the *spatial* acceleration (Pinocchio's `data.a`): linear part = classical acceleration of the
-  origin minus omega x v. Users' tables hold classical accelerations; they are converted where they enter.
+    origin minus omega x v. Users' tables hold classical accelerations, which are converted on input.
 - `X` moves a twist from a base frame to a body frame: X = [R^T, -R^T hat(p); 0, R^T], Eq. (26); a wrench
   moves back to the base frame through X^T.
 - Every function takes leading batch axes.
@@ -19,35 +19,35 @@ from itertools import accumulate, pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-#: Numbers of any shape.
+#: Array of floats of any shape.
 Array = NDArray[np.float64]
-#: Numbers of rows, columns, bodies or samples, shape (some,).
+#: Indices of rows, columns, bodies or samples, shape (k,).
 Index = NDArray[np.intp]
-#: A choice of rows, columns or samples, True where it is taken.
+#: Boolean mask of rows, columns or samples, True where selected.
 Mask = NDArray[np.bool_]
 
 
 def slices(lengths: Iterable[int]) -> list[slice]:
-    """Return slices of the given lengths, one behind the other."""
+    """Return consecutive slices of the given lengths, starting at zero."""
     return [slice(a, b) for a, b in pairwise(accumulate(lengths, initial=0))]
 
 
 def samples_inside(shape: tuple[int, ...]) -> Array:
-    """Return zeros of a shape (T, ...) whose memory runs over the samples first (long inner loops: fast)."""
+    """Return zeros of shape (T, ...) with the samples contiguous in memory (long inner loops are fast)."""
     return np.zeros((*shape[1:], shape[0])).transpose(-1, *range(len(shape) - 1))
 
 
 def select(x: Array, numbers: Index) -> Array:
-    """Return x[:, numbers] for x of shape (T, bodies, ...), keeping the samples innermost in memory."""
+    """Return x[:, numbers] for x of shape (T, bodies, ...), with the samples contiguous in memory."""
     chosen: Array = x.transpose(*range(1, x.ndim), 0)[numbers]
     return chosen.transpose(-1, *range(chosen.ndim - 1))
 
 
 def cross(a: Array, b: Array) -> Array:
-    """Return a x b along the last axis, shapes (..., 3) (np.cross without its overhead)."""
+    """Compute a x b along the last axis, shapes (..., 3), without the overhead of np.cross."""
     a0, a1, a2 = a[..., 0], a[..., 1], a[..., 2]
     b0, b1, b2 = b[..., 0], b[..., 1], b[..., 2]
-    out: Array = np.multiply(a, b)  # only for its shape and memory order
+    out: Array = np.multiply(a, b)  # allocates the result's shape and memory order
     np.subtract(a1 * b2, a2 * b1, out=out[..., 0])
     np.subtract(a2 * b0, a0 * b2, out=out[..., 1])
     np.subtract(a0 * b1, a1 * b0, out=out[..., 2])
@@ -55,25 +55,25 @@ def cross(a: Array, b: Array) -> Array:
 
 
 def compose(A: Array, B: Array) -> Array:
-    """Return A B for matrices (..., 3, 3) (einsum follows the memory order, matmul would not)."""
+    """Compute A B for matrices (..., 3, 3); einsum keeps the memory order, matmul would not."""
     out: Array = np.einsum("...ij,...jk->...ik", A, B)
     return out
 
 
 def rotate(R: Array, x: Array) -> Array:
-    """Return R x for matrices (..., 3, 3) and vectors (..., 3)."""
+    """Compute R x for matrices (..., 3, 3) and vectors (..., 3)."""
     out: Array = np.einsum("...ij,...j->...i", R, x)
     return out
 
 
 def rotate_back(R: Array, x: Array) -> Array:
-    """Return R^T x for matrices (..., 3, 3) and vectors (..., 3)."""
+    """Compute R^T x for matrices (..., 3, 3) and vectors (..., 3)."""
     out: Array = np.einsum("...ji,...j->...i", R, x)
     return out
 
 
 def hat(x: Array) -> Array:
-    """Return the matrix of the vector product by x, shape (..., 3, 3): times y it is x cross y."""
+    """Return the skew-symmetric matrix of x, shape (..., 3, 3): its product with y is x cross y."""
     out = np.zeros((*x.shape, 3))
     out[..., 0, 1], out[..., 0, 2], out[..., 1, 2] = -x[..., 2], x[..., 1], -x[..., 0]
     out[..., 1, 0], out[..., 2, 0], out[..., 2, 1] = x[..., 2], -x[..., 1], x[..., 0]
@@ -81,19 +81,19 @@ def hat(x: Array) -> Array:
 
 
 def motion_to_body(R: Array, p: Array, V: Array) -> Array:
-    """Give X V: a twist of the base frame seen from a body at placement (R, p), shape (..., 6), Eq. (24)."""
+    """Compute X V: transform a twist from the base frame to a body at (R, p), shape (..., 6), Eq. (24)."""
     v, w = V[..., :3], V[..., 3:]
     return np.concatenate([rotate_back(R, v + cross(w, p)), rotate_back(R, w)], axis=-1)
 
 
 def wrench_to_base(R: Array, p: Array, W: Array) -> Array:
-    """Return X^T W: a wrench in body coordinates moved to the base frame, shape (..., 6)."""
+    """Compute X^T W: transform a wrench from the body frame to the base frame, shape (..., 6)."""
     f = rotate(R, W[..., :3])
     return np.concatenate([f, rotate(R, W[..., 3:]) + cross(p, f)], axis=-1)
 
 
 def motion_matrix(R: Array, p: Array) -> Array:
-    """Return X, shape (..., 6, 6), Eq. (26)."""
+    """Build the motion transform X, shape (..., 6, 6), Eq. (26)."""
     Rt = np.swapaxes(R, -1, -2)
     X = np.zeros((*R.shape[:-2], 6, 6))
     X[..., :3, :3] = X[..., 3:, 3:] = Rt
@@ -102,19 +102,19 @@ def motion_matrix(R: Array, p: Array) -> Array:
 
 
 def crm(V: Array, U: Array) -> Array:
-    """Return the spatial product of two twists, V cross U, shapes (..., 6)."""
+    """Compute the spatial product of two twists, V cross U, shapes (..., 6)."""
     v, w = V[..., :3], V[..., 3:]
     return np.concatenate([cross(w, U[..., :3]) + cross(v, U[..., 3:]), cross(w, U[..., 3:])], axis=-1)
 
 
 def crf(V: Array, F: Array) -> Array:
-    """Return the spatial product of a twist and a wrench, V cross* F, shapes (..., 6)."""
+    """Compute the spatial product of a twist and a wrench, V cross* F, shapes (..., 6)."""
     v, w, f = V[..., :3], V[..., 3:], F[..., :3]
     return np.concatenate([cross(w, f), cross(w, F[..., 3:]) + cross(v, f)], axis=-1)
 
 
 def spatial_inertia(mass: float, com: Array, inertia: Array) -> Array:
-    """Return the 6-D inertia about the body frame's origin, shape (6, 6), Eq. (13).
+    """Build the 6-D inertia about the body frame's origin, shape (6, 6), Eq. (13).
 
     Args:
         mass: Mass [kg].
@@ -130,7 +130,7 @@ def spatial_inertia(mass: float, com: Array, inertia: Array) -> Array:
 
 
 def rotation_from_axis_angle(axis: Array, cos: Array, sin: Array) -> Array:
-    """Return rotations about unit axes (..., 3) by angles given as cosine and sine (...,)."""
+    """Build rotations about unit axes (..., 3) by angles given as cosine and sine (...,)."""
     x, y, z = axis[..., 0], axis[..., 1], axis[..., 2]
     d = 1.0 - cos
     shape = np.broadcast(x, cos).shape
@@ -142,7 +142,7 @@ def rotation_from_axis_angle(axis: Array, cos: Array, sin: Array) -> Array:
 
 
 def rotation_from_quaternion(quat: Array) -> Array:
-    """Return rotations from quaternions x, y, z, w, shape (..., 4), which need not be normalised."""
+    """Build rotations from quaternions x, y, z, w, shape (..., 4), which need not be normalised."""
     s = 2.0 / np.sum(quat * quat, axis=-1)
     x, y, z, w = quat[..., 0], quat[..., 1], quat[..., 2], quat[..., 3]
     R = samples_inside((*quat.shape[:-1], 3, 3)) if quat.ndim > 1 else np.empty((3, 3))
@@ -155,11 +155,11 @@ def rotation_from_quaternion(quat: Array) -> Array:
 
 
 def quaternion_from_rotation(R: Array) -> Array:
-    """Return unit quaternions x, y, z, w with w >= 0 from rotations (..., 3, 3), stable for every angle."""
+    """Compute unit quaternions x, y, z, w with w >= 0 from rotations (..., 3, 3), stable at every angle."""
     m00, m11, m22 = R[..., 0, 0], R[..., 1, 1], R[..., 2, 2]
     xy, xz, yz = R[..., 0, 1] + R[..., 1, 0], R[..., 0, 2] + R[..., 2, 0], R[..., 1, 2] + R[..., 2, 1]
     wx, wy, wz = R[..., 2, 1] - R[..., 1, 2], R[..., 0, 2] - R[..., 2, 0], R[..., 1, 0] - R[..., 0, 1]
-    # The row of the 4x4 matrix 4 q q^T with the largest diagonal entry is the quaternion, safely scaled.
+    # The row of the 4x4 matrix 4 q q^T with the largest diagonal entry is a well-scaled multiple of q.
     rows = np.stack(
         [
             np.stack([1 + m00 - m11 - m22, xy, xz, wx], axis=-1),
@@ -177,7 +177,7 @@ def quaternion_from_rotation(R: Array) -> Array:
 
 
 def rotation_vector(R: Array) -> Array:
-    """Return log of rotations (..., 3, 3) as vectors (..., 3), well behaved up to half a turn."""
+    """Compute the log of rotations (..., 3, 3) as rotation vectors (..., 3), accurate up to half a turn."""
     quat = quaternion_from_rotation(R)
     sine = np.linalg.norm(quat[..., :3], axis=-1)
     angle = 2.0 * np.arctan2(sine, quat[..., 3])
@@ -186,7 +186,7 @@ def rotation_vector(R: Array) -> Array:
 
 
 def rotation_from_vector(r: Array) -> Array:
-    """Return exp of rotation vectors (..., 3)."""
+    """Compute the exp of rotation vectors (..., 3) as rotations (..., 3, 3)."""
     angle = np.linalg.norm(r, axis=-1)
     axis = r / np.where(angle > 0, angle, 1.0)[..., None]
     return rotation_from_axis_angle(axis, np.cos(angle), np.sin(angle))

@@ -1,7 +1,8 @@
-"""Trees of bodies and their loops, without names: joints, closures, elimination, Newton's method.
+"""Trees of bodies and their loop closures, by index: joints, closures, elimination, Newton's method.
 
 Read `joints`, `tree` (its motion), `closures` (rows K and drift), `reduction` (x_dot = Psi u), `newton`
-(closing). `elimination` decides ranks; `retraction` moves along joints; `gimbal_lock` serves wrists.
+(loop closing). `elimination` factors matrices by pivoted QR; `retraction` applies joint displacements;
+`winding` counts whole turns of gears; `gimbal_lock` detects gimbal lock of wrists.
 
 May import: `description` and below.
 """

@@ -1,15 +1,15 @@
-"""Loop closures on a tree: residual, constraint rows and drift term.
+"""Loop closures of a tree: residual, constraint rows and drift term.
 
-A closure joins frame A on one body and frame B on another; its rows are the derivatives of its residual,
-written with r = p_B - p_A, the relative angular velocity w = w_B - w_A and the axes of A and B:
+A closure joins frame A on one body and frame B on another. Its rows are the derivatives of its residual,
+with r = p_B - p_A, the relative angular velocity w = w_B - w_A and the axes of A and B:
 
     translation i    A_i . r = 0             row   A_i . (v_B - v_A - w_A x r)
     "fixed"          log(R_A^T R_B) = 0      rows  A_i . w                      i = x, y, z
     "parallel"       A_i . B_z = 0           rows  (B_z x A_i) . w              i = x, y
     "perpendicular"  A_z . B_z = 0           row   (B_z x A_z) . w
 
-All rows of a tree together are K, with K q_dot = 0 and K q_ddot + gamma = 0 on every motion that keeps the
-loops closed. A coupling is one more row, constant, without drift.
+K stacks all rows of a tree: K q_dot = 0 and K q_ddot + gamma = 0 on every motion that keeps the loops
+closed. A coupling adds one constant row without drift.
 """
 
 from __future__ import annotations
@@ -38,28 +38,29 @@ from ..spatial import (
 )
 from .tree import Motion, Tree
 
-#: A ratio of coefficients is a fraction of few digits where the two differ by this part, rounding of the
-#: file's decimals. More than `DIGITS` digits leave no phase of a gear that could be told from the next.
+#: A ratio of coefficients is replaced by the simplest fraction within this relative error, the rounding of
+#: the file's decimals. With a denominator of more than `DIGITS` digits, neighbouring phases of a gear could
+#: not be told apart.
 FRACTION, DIGITS = 1e-13, 6
 ROTATION_ROWS = {"free": 0, "perpendicular": 1, "parallel": 2, "fixed": 3}
 
 
 @dataclass(frozen=True)
 class TreeClosure:
-    """A closure between two bodies of a tree (see `description.records.Closure` for its meaning).
+    """A closure between two bodies of a tree (defined in `description.records.Closure`).
 
     Attributes:
         name: Name of the closure.
-        kind: What the author called it.
-        body_a: Number of the predecessor body.
-        R_a: Axes of frame A in it, shape (3, 3).
-        p_a: Origin of frame A in it, shape (3,), [m].
-        body_b: Number of the successor body.
-        R_b: Axes of frame B in it, shape (3, 3).
-        p_b: Origin of frame B in it, shape (3,), [m].
-        translations: Axes of A along which B's origin may not move.
-        rotation: What the rotation may not do.
-        turn: Axes of frame A in the author's frame, in whose axes wrenches are told, shape (3, 3).
+        kind: Its kind as written in the file.
+        body_a: Index of the predecessor body.
+        R_a: Axes of frame A, shape (3, 3), frame of body A.
+        p_a: Origin of frame A, shape (3,), [m], frame of body A.
+        body_b: Index of the successor body.
+        R_b: Axes of frame B, shape (3, 3), frame of body B.
+        p_b: Origin of frame B, shape (3,), [m], frame of body B.
+        translations: Axes of A along which B's origin is constrained.
+        rotation: Kind of constraint on the relative rotation.
+        turn: Axes of frame A in the author's frame, in which wrenches are reported, shape (3, 3).
     """
 
     name: str
@@ -82,11 +83,11 @@ class TreeClosure:
 
 @dataclass(frozen=True)
 class TreeCoupling:
-    """A linear relation of joint positions of a tree: sum of coefficient x position = offset.
+    """A linear relation between joint positions of a tree: sum of coefficient x position = offset.
 
     Attributes:
         name: Name of the coupling.
-        terms: Pairs (joint number in the tree, coefficient).
+        terms: Pairs (joint index in the tree, coefficient).
         offset: Right-hand side.
     """
 
@@ -96,7 +97,7 @@ class TreeCoupling:
 
 
 class _Group:
-    """Closures of one shape, evaluated together: same rows, same number of freedoms involved."""
+    """Closures of the same form, evaluated as a batch: same rows, same number of freedoms involved."""
 
     def __init__(self, tree: Tree, closures: list[TreeClosure], first_rows: list[int]) -> None:
         first = closures[0]
@@ -111,7 +112,7 @@ class _Group:
         self.sign = on_b - tree.support[self.a[:, None], self.cols]
 
     def moved_by(self, free: Mask) -> _Group:
-        """Return the same group over some freedoms only, where every closure involves as many of them."""
+        """Return the group restricted to some freedoms, if every closure involves the same number of them."""
         count = free[self.cols].sum(axis=1)
         out = copy(self)
         if (count == count[0]).all():
@@ -121,7 +122,7 @@ class _Group:
         return out
 
     def frames(self, motion: Motion) -> tuple[Array, Array, Array, Array]:
-        """Return axes and origins of A and B in the base: (T, g, 3, 3), (T, g, 3), twice."""
+        """Compute axes and origins of A, then of B, in the base: (T, g, 3, 3), (T, g, 3), twice."""
         Ra, Rb = select(motion.R, self.a), select(motion.R, self.b)
         return (
             compose(Ra, self.R_a), select(motion.p, self.a) + rotate(Ra, self.p_a),
@@ -129,7 +130,7 @@ class _Group:
         )  # fmt: skip
 
     def normals(self, A: Array, B: Array) -> Array:
-        """Return the vectors whose product with the relative angular velocity is zero, (T, g, rows, 3)."""
+        """Compute the vectors that are orthogonal to the relative angular velocity, (T, g, rows, 3)."""
         if self.rotation == "free":
             return np.zeros((*A.shape[:2], 0, 3))
         if self.rotation == "fixed":
@@ -138,7 +139,7 @@ class _Group:
         return np.stack([cross(B[..., :, 2], A[..., :, i]) for i in axes], axis=-2)
 
     def residual(self, motion: Motion) -> Array:
-        """Return the residuals, shape (T, g, rows): metres, then radians."""
+        """Compute the residuals, shape (T, g, rows): metres, then radians."""
         A, pa, B, pb = self.frames(motion)
         shift = rotate_back(A, pb - pa)[..., self.translations]
         if self.rotation == "free":
@@ -153,12 +154,12 @@ class _Group:
             sine = np.linalg.norm(tilt, axis=-1, keepdims=True)
             angle = np.arctan2(sine, relative[..., 2:3, 2])
             turn = tilt * np.where(sine > 1e-9, angle / np.where(sine > 1e-9, sine, 1.0), 1.0)
-            # Exactly opposite axes have no direction to turn in: take any.
+            # Exactly opposite axes do not define a direction of tilt: take x.
             turn[..., 0] += np.where((sine[..., 0] <= 1e-9) & (relative[..., 2, 2] < 0), np.pi, 0.0)
         return np.concatenate([shift, turn], axis=-1)
 
     def matrix(self, tree: Tree, motion: Motion, columns: tuple[Array, Array]) -> Array:
-        """Return the rows over the involved freedoms, shape (T, g, rows, involved)."""
+        """Compute the rows over the involved freedoms, shape (T, g, rows, involved)."""
         A, _, B, pb = self.frames(motion)
         linear, angular = (select(c, self.cols) * self.sign[..., None] for c in columns)
         origin = select(motion.p, tree.dof_body[self.cols])
@@ -168,7 +169,7 @@ class _Group:
         return np.concatenate([shift, turn], axis=-2)
 
     def rates(self, motion: Motion) -> tuple[Array, Array]:
-        """Return the first two time derivatives of the residuals along the motion, shapes (T, g, rows)."""
+        """Compute the first two time derivatives of the residuals along the motion, shapes (T, g, rows)."""
         A, pa, B, pb = self.frames(motion)
         wa, wb, wda, wdb = (select(x, i) for x in (motion.w, motion.w_dot) for i in (self.a, self.b))
         ra, rb = pa - select(motion.p, self.a), pb - select(motion.p, self.b)
@@ -188,7 +189,7 @@ class _Group:
         return np.concatenate([shift, turn], axis=-1), np.concatenate([shift_dot, turn_dot], axis=-1)
 
     def _normals_dot(self, A: Array, B: Array, wa: Array, wb: Array) -> Array:
-        """Return the time derivatives of `normals` where A and B turn at wa and wb."""
+        """Compute the time derivatives of `normals` for angular velocities wa of A and wb of B."""
         if self.rotation == "free":
             return np.zeros((*A.shape[:2], 0, 3))
         if self.rotation == "fixed":
@@ -202,13 +203,13 @@ class _Group:
 
 
 def common_measure(numbers: Sequence[float]) -> float:
-    """Return the largest number that divides all, their ratios taken as fractions; 0 for none."""
+    """Compute the greatest common divisor of numbers with rational ratios; 0 if there are none."""
     return _measure(tuple(numbers))
 
 
 @lru_cache(maxsize=1024)
 def _measure(numbers: tuple[float, ...]) -> float:
-    """Return what `common_measure` does: small numbers of the same few couplings, asked for at every step."""
+    """Compute `common_measure`, cached: the same few couplings need it at every step."""
     sizes = [abs(x) for x in numbers if x]
     if not sizes:
         return 0.0
@@ -218,7 +219,7 @@ def _measure(numbers: tuple[float, ...]) -> float:
 
 
 def _fraction(x: float) -> Fraction:
-    """Return the simplest fraction that is x to `FRACTION`."""
+    """Return the simplest fraction within `FRACTION` of x."""
     exact = Fraction(x)
     rough = (exact.limit_denominator(10**digits) for digits in range(1, DIGITS))
     return next(
@@ -227,20 +228,20 @@ def _fraction(x: float) -> Fraction:
 
 
 def involved(tree: Tree, closure: TreeClosure) -> Mask:
-    """Return which freedoms of the tree move frame B relative to frame A, shape (nv,)."""
+    """Return the mask of freedoms that move frame B relative to frame A, shape (nv,)."""
     out: Mask = tree.support[closure.body_a] ^ tree.support[closure.body_b]
     return out
 
 
 class Closures:
-    """All closures and couplings of one tree, in the order given: rows of closures, then of couplings.
+    """All closures and couplings of one tree, in the order given: first closure rows, then coupling rows.
 
     Attributes:
         closures: The closures.
         couplings: The couplings.
-        row_slices: Rows of each closure, then of each coupling.
-        rows: Number of rows in all.
-        is_angle: Rows whose residual is an angle, shape (rows,).
+        row_slices: Row slice of each closure, then of each coupling.
+        rows: Total number of rows.
+        is_angle: Mask of the rows whose residual is an angle, shape (rows,).
     """
 
     def __init__(self, tree: Tree, closures: list[TreeClosure], couplings: list[TreeCoupling]) -> None:
@@ -264,7 +265,7 @@ class Closures:
             self.is_angle[at.start + len(c.translations) : at.stop] = True
 
     def residual(self, q: Array, motion: Motion) -> Array:
-        """Return by how much the loops are open, shape (T, rows), [m, rad]."""
+        """Compute the closure residuals, shape (T, rows), [m, rad]."""
         out = np.zeros((len(q), self.rows))
         for group in self._groups:
             out[:, group.rows] = group.residual(motion)
@@ -273,7 +274,7 @@ class Closures:
         return out
 
     def _coupling_residual(self, coupling: TreeCoupling, q: Array) -> Array:
-        """Return by how much a coupling is off, shape (T,), in its coefficients' unit times positions."""
+        """Compute the residual of a coupling, shape (T,), in the unit of coefficient times position."""
         total = np.full(len(q), -coupling.offset)
         endless = []
         for joint, coefficient in coupling.terms:
@@ -283,17 +284,17 @@ class Closures:
                 endless.append(coefficient)
             else:
                 total += coefficient * x[:, 0]
-        # Whole turns of a continuous joint cannot be seen in its cosine and sine.
+        # Cosine and sine of a continuous joint determine its angle up to whole turns.
         period = 2 * np.pi * common_measure(endless)
         out: Array = total - period * np.round(total / period) if period else total
         return out
 
     def matrix(self, motion: Motion, scales: tuple[Array, Array] | None = None) -> Array:
-        """Return the constraint rows K over the tree's freedoms, shape (T, rows, nv).
+        """Compute the constraint rows K over the tree's freedoms, shape (T, rows, nv).
 
         Args:
             motion: Motion of the tree (positions suffice).
-            scales: Factor of each row and of each column, shapes (rows,) and (nv,); one where left out.
+            scales: Factor of each row and of each column, shapes (rows,) and (nv,); one by default.
         """
         K = samples_inside((len(motion.p), self.rows, self.tree.nv))
         row_scale, col_scale = scales or (np.ones(self.rows), np.ones(self.tree.nv))
@@ -308,16 +309,16 @@ class Closures:
         return K
 
     def moved_by(self, free: Mask) -> Closures:
-        """Return the same closures whose matrix is filled in for some freedoms only, shape (nv,)."""
+        """Return the closures with a matrix filled in only for freedoms in the mask `free`, shape (nv,)."""
         out = copy(self)
         out._groups = [group.moved_by(free) for group in self._groups]
         out._coupling_rows = self._coupling_rows * free
         return out
 
     def rates(self, motion: Motion, v: Array) -> tuple[Array, Array]:
-        """Return K q_dot and the second derivative of the residual along the motion, shapes (T, rows).
+        """Compute K q_dot and the second derivative of the residual along the motion, shapes (T, rows).
 
-        With a motion swept at zero joint accelerations, the second is the drift term gamma.
+        For a motion swept at zero joint accelerations, the second is the drift term gamma.
         """
         first, second = np.zeros((2, len(v), self.rows))
         for group in self._groups:

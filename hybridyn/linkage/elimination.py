@@ -1,8 +1,8 @@
-"""Rank-revealing elimination of many small matrices at once.
+"""Rank-revealing elimination of batches of small matrices.
 
-`pivoted_qr` is Householder's QR with column pivoting (Businger and Golub), the number of pivots fixed by the
-caller: rank belongs to the module and not to the posture. `null_basis` gives every solution of K x = -gamma.
-Nothing forms K^T K and nothing inverts.
+`pivoted_qr` is the Householder QR with column pivoting (Businger and Golub). The caller fixes the number of
+pivots, since rank is a property of the module and not of the posture. `null_basis` returns every solution
+of K x = -gamma. No function forms K^T K or an inverse.
 """
 
 from __future__ import annotations
@@ -16,13 +16,13 @@ def pivoted_qr(A: Array, columns: int, rank: int) -> tuple[Array, Index]:
     """Reduce the first `columns` columns by `rank` Householder steps with column pivoting.
 
     Args:
-        A: Matrices, shape (B, m, n); columns from `columns` on are only transformed (right-hand sides).
-        columns: Number of columns among which pivots are chosen.
+        A: Matrices, shape (B, m, n); the columns after the first `columns` are right-hand sides.
+        columns: Number of leading columns from which pivots are chosen.
         rank: Number of steps, at most min(m, columns).
 
     Returns:
-        The transformed matrices (B, m, n), whose leading (rank, rank) block is upper triangular, and the
-        order of the pivoted columns, shape (B, columns).
+        The transformed matrices (B, m, n), with an upper triangular leading (rank, rank) block, and the
+        column permutation, shape (B, columns).
     """
     A = A.copy()
     B, m, _ = A.shape
@@ -49,7 +49,7 @@ def pivoted_qr(A: Array, columns: int, rank: int) -> tuple[Array, Index]:
 
 
 def pivot_ratio(R: Array, rank: int) -> Array:
-    """Give the smallest over the largest pivot of each reduced matrix, shape (B,); 1 where there is none."""
+    """Compute the smallest over the largest pivot of each reduced matrix, shape (B,); 1 if rank is 0."""
     if rank == 0:
         return np.ones(len(R))
     pivots = np.abs(np.diagonal(R[:, :rank, :rank], axis1=1, axis2=2))
@@ -59,7 +59,7 @@ def pivot_ratio(R: Array, rank: int) -> Array:
 
 
 def back_substitute(R: Array, rhs: Array) -> Array:
-    """Solve R x = rhs, R (B, r, r) upper triangular, rhs (B, r, c); x_i = 0 where a pivot is exactly zero."""
+    """Solve R x = rhs, R (B, r, r) upper triangular, rhs (B, r, c); x_i = 0 if pivot i is exactly zero."""
     x = rhs.copy()
     for i in range(R.shape[1] - 1, -1, -1):
         pivot = R[:, i, i]
@@ -71,10 +71,10 @@ def back_substitute(R: Array, rhs: Array) -> Array:
 
 
 def null_basis(K: Array, gamma: Array, rank: int) -> tuple[Array, Array, Array]:
-    """Give every solution x = Psi u + x0 of K x = -gamma, K of the given rank.
+    """Compute every solution x = Psi u + x0 of K x = -gamma, for K of the given rank.
 
-    The free coordinates u are the columns that were not chosen as pivots, so that Psi holds an identity and
-    stays bounded however close K comes to losing rank.
+    The free coordinates u are the non-pivot columns. Psi therefore contains an identity and stays bounded
+    however close K comes to losing rank.
 
     Args:
         K: Matrices, shape (B, m, n).
@@ -82,7 +82,7 @@ def null_basis(K: Array, gamma: Array, rank: int) -> tuple[Array, Array, Array]:
         rank: Number of pivots.
 
     Returns:
-        Psi, shape (B, n, n - rank), x0, shape (B, n), and the smallest pivot relative to the largest, (B,).
+        Psi, shape (B, n, n - rank), x0, shape (B, n), and the smallest over the largest pivot, shape (B,).
     """
     B, _, n = K.shape
     R, order = pivoted_qr(np.concatenate([K, gamma[..., None]], axis=-1), n, rank)
@@ -96,9 +96,9 @@ def null_basis(K: Array, gamma: Array, rank: int) -> tuple[Array, Array, Array]:
 
 
 def least_squares(A: Array, b: Array, *, relative: float = 1e-12, rank: int | None = None) -> Array:
-    """Return the least-norm least-squares solution of A x = b by singular values, shapes (B, m, n), (B, m).
+    """Compute the least-norm least-squares solution of A x = b by SVD, shapes (B, m, n), (B, m).
 
-    The leading `rank` singular values count, or, where left out, those above `relative` times the largest.
+    Uses the leading `rank` singular values or, if `rank` is None, those above `relative` times the largest.
     """
     if A.shape[1] == 0 or A.shape[2] == 0:
         return np.zeros((len(A), A.shape[2]))

@@ -1,4 +1,4 @@
-"""Where a wrist's joints lose a direction: its end moves as it must, its rates are the least-norm ones."""
+"""Gimbal lock of wrists: the end follows its target with least-norm joint rates."""
 
 from __future__ import annotations
 
@@ -15,14 +15,21 @@ _log = logging.getLogger("hybridyn")
 
 
 def is_locked(S: Array) -> Mask:
-    """Say where a wrist's joints lose a direction, from `wrist_rates` (T, 6, joints), shape (T,)."""
+    """Check at which samples a wrist is in gimbal lock.
+
+    Args:
+        S: Joint columns of the wrist, as `Mechanism.wrist_rates` computes them, shape (T, 6, joints).
+
+    Returns:
+        Mask, shape (T,).
+    """
     s = np.linalg.svd(S, compute_uv=False)
     out: Mask = s[:, -1] <= GIMBAL_LOCK * s[:, 0]
     return out
 
 
-def flag_gimbal_lock(S: Array) -> None:
-    """Log samples at which a wrist's joints lose a direction; their rates are the least-norm ones."""
+def warn_of_gimbal_lock(S: Array) -> None:
+    """Log a warning if a wrist is in gimbal lock at some sample; its rates there are least-norm."""
     locked = np.flatnonzero(is_locked(S))
     if len(locked):
         _log.warning(

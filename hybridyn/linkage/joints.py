@@ -1,6 +1,6 @@
-"""One joint of a tree: its coordinates, what they do to its child, and how they move.
+"""One joint of a tree: its coordinates, the placement of its child, integration and difference.
 
-Every function takes samples first: positions (T, nq), twists (T, nv) of this joint alone.
+Arrays have the samples first: positions (T, nq), twists (T, nv) of this joint alone.
 """
 
 from __future__ import annotations
@@ -21,15 +21,15 @@ from ..spatial import (
     rotation_vector,
 )
 
-#: Name of the free-flyer under the root link, Pinocchio's.
+#: Name of the free-flyer joint of the root link, as in Pinocchio.
 ROOT_JOINT = "root_joint"
-#: Coordinates of each kind of joint, as in Pinocchio: angles without limits are cosine and sine.
+#: Number of coordinates of each kind of joint, as in Pinocchio: unlimited angles are cosine and sine.
 NQ = {"revolute": 1, "continuous": 2, "prismatic": 1, "spherical": 4, "planar": 4, "floating": 7}
-#: Coordinates in metres, the first of each kind of joint that has any.
+#: Number of leading coordinates in metres, for the kinds of joint that have any.
 TRANSLATIONS = {"prismatic": 1, "planar": 2, "floating": 3}
-#: Freedoms of each kind of joint.
+#: Number of freedoms of each kind of joint.
 NV = {"revolute": 1, "continuous": 1, "prismatic": 1, "spherical": 3, "planar": 3, "floating": 6}
-#: Letter of each kind of joint, as chains of joints are written: R R P.
+#: Letter of each kind of joint, used to write chains of joints: R R P.
 LETTERS = {
     "revolute": "R", "continuous": "R", "prismatic": "P", "spherical": "S", "planar": "E", "floating": "F",
 }  # fmt: skip
@@ -37,15 +37,15 @@ LETTERS = {
 
 @dataclass(frozen=True)
 class TreeJoint:
-    """A joint of a tree; its child is the body of the same number plus one (body 0 is the base).
+    """A joint of a tree; the child of joint i is body i + 1 (body 0 is the base).
 
     Attributes:
         name: Name of the joint.
         kind: Kind of joint (never "fixed").
-        parent: Number of the parent body.
-        R: Child axes in the parent at joint position zero, shape (3, 3).
-        p: Child origin in the parent at joint position zero, shape (3,), [m].
-        axis: Unit axis in the child frame, shape (3,).
+        parent: Index of the parent body.
+        R: Child axes at joint position zero, shape (3, 3), parent frame.
+        p: Child origin at joint position zero, shape (3,), [m], parent frame.
+        axis: Unit axis, shape (3,), child frame.
     """
 
     name: str
@@ -57,7 +57,7 @@ class TreeJoint:
 
     @cached_property
     def S(self) -> Array:
-        """Motion subspace in the child frame, shape (6, nv); constant for every kind of joint we know."""
+        """Motion subspace, shape (6, nv), child frame; constant for every kind of joint."""
         if self.kind == "prismatic":
             return np.concatenate([self.axis, np.zeros(3)])[:, None]
         if self.kind in ("revolute", "continuous"):
@@ -66,9 +66,9 @@ class TreeJoint:
         return np.eye(6)[:, list(columns)]
 
     def transform(self, q: Array) -> tuple[Array, Array]:
-        """Return where a joint of several freedoms puts its child: rotations (T, 3, 3), shifts (T, 3).
+        """Compute the child placement of a joint with several freedoms: rotations (T, 3, 3), shifts (T, 3).
 
-        Joints of one freedom are evaluated all at once by their tree (`Tree.sweep`).
+        The tree evaluates all joints with one freedom together (`Tree.sweep`).
         """
         zero = np.zeros((len(q), 3))
         if self.kind == "spherical":
@@ -80,7 +80,7 @@ class TreeJoint:
 
     @cached_property
     def neutral(self) -> Array:
-        """Zero position, shape (nq,)."""
+        """The zero position, shape (nq,)."""
         q = np.zeros(NQ[self.kind])
         if self.kind == "planar":
             q[2] = 1.0
@@ -91,10 +91,10 @@ class TreeJoint:
         return q
 
     def integrate(self, q: Array, dq: Array) -> Array:
-        """Move from q along the constant twist dq for unit time, shape (T, nq).
+        """Integrate the constant twist dq from q over unit time, shape (T, nq).
 
-        The result stays on the joint's manifold; for `floating` and `planar` joints the rotation and the
-        translation are moved separately, which is a retraction, not Pinocchio's exponential.
+        The result stays on the joint's manifold. For `floating` and `planar` joints rotation and translation
+        are integrated separately, which is a retraction and not Pinocchio's exponential.
         """
         if self.kind in ("revolute", "prismatic"):
             return q + dq
@@ -114,7 +114,7 @@ class TreeJoint:
         return out
 
     def difference(self, q0: Array, q1: Array) -> Array:
-        """Return the twist dq with `integrate(q0, dq) = q1`, shape (T, nv)."""
+        """Compute the twist dq with `integrate(q0, dq) = q1`, shape (T, nv)."""
         if self.kind in ("revolute", "prismatic"):
             return q1 - q0
         out = np.empty((len(q0), NV[self.kind]))
@@ -135,13 +135,13 @@ class TreeJoint:
 
 
 def _turned(x: Array, y: Array) -> Array:
-    """Return the angles from unit vectors x to y, shape (T,)."""
+    """Compute the signed angles from unit vectors x to y, shape (T,)."""
     out: Array = np.arctan2(x[:, 0] * y[:, 1] - x[:, 1] * y[:, 0], x[:, 0] * y[:, 0] + x[:, 1] * y[:, 1])
     return out
 
 
 def _turn(cos_sin: Array, angle: Array) -> Array:
-    """Turn unit vectors (T, 2) by angles (T,)."""
+    """Rotate unit vectors (T, 2) by angles (T,)."""
     cos, sin = np.cos(angle), np.sin(angle)
     out = np.stack([cos_sin[:, 0] * cos - cos_sin[:, 1] * sin, cos_sin[:, 0] * sin + cos_sin[:, 1] * cos], -1)
     unit: Array = out / np.linalg.norm(out, axis=-1, keepdims=True)
@@ -149,7 +149,7 @@ def _turn(cos_sin: Array, angle: Array) -> Array:
 
 
 def _compose(quat: Array, turn: Array) -> Array:
-    """Follow quaternions (T, 4) by body rotation vectors (T, 3)."""
+    """Multiply quaternions (T, 4) by the exp of rotation vectors (T, 3), body frame."""
     half = 0.5 * np.linalg.norm(turn, axis=-1, keepdims=True)
     u = 0.5 * turn * np.sinc(half / np.pi)
     c = np.cos(half)

@@ -19,7 +19,7 @@ import numpy as np
 
 from ..linkage.closures import Closures
 from ..linkage.elimination import least_squares
-from ..linkage.gimbal_lock import GIMBAL_LOCK, flag_gimbal_lock
+from ..linkage.gimbal_lock import GIMBAL_LOCK, warn_of_gimbal_lock
 from ..linkage.joints import TreeJoint
 from ..linkage.newton import generic_postures
 from ..linkage.reduction import RANK_TOLERANCE, Basis
@@ -328,7 +328,7 @@ class Mechanism:
             miss = np.concatenate([linear / self.length, angular], axis=-1)
             S = self.wrist_rates(motion, number)
             unknown[:, cols] = least_squares(S, miss, relative=GIMBAL_LOCK) * self.spanning_col_scale[cols]
-            flag_gimbal_lock(S)
+            warn_of_gimbal_lock(S)
             if wrist.carries:  # what hangs from a platform moves with it: sweep again before the next wrist
                 motion = None
 
