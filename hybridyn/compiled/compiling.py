@@ -1,4 +1,4 @@
-"""Write a robot's models out as C, build them, and check them against the general path."""
+"""`hybridyn.compile`: generate C for a robot's models, build it, and check it against the general path."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from ..errors import ModelError
 from ..linkage.threads import one_thread
 from ..structure.robot import HybridRobot
 from .code.scalars import Scalar
-from .failures import failing_as_ours
+from .failures import as_compile_error
 from .library.cache import Built
 from .library.calls import Library, loaded
 from .library.compilers import best_lanes, find_compiler
@@ -19,23 +19,24 @@ from .verifying import verify
 def compile(
     robot: HybridRobot, effects: Choice = None, *, threads: int = 1, dtype: str = "float64"
 ) -> CompiledRobot:
-    """Write a robot's models out as C, build them, and check them against the general path.
+    """Generate C for a robot's models, build it, and check it against the general path.
 
-    What was built once is found again in the user's cache folder.
+    Libraries are kept in the user's cache folder, so that each model is built once.
 
     Args:
         robot: The robot.
-        effects: As `hybridyn.idm` takes them.
-        threads: Threads that share a batch.
-        dtype: "float64", or "float32" for twice the speed of a batch and seven digits.
+        effects: Effects to include, as for `hybridyn.idm`.
+        threads: Number of threads that share a batch.
+        dtype: "float64", or "float32", which computes a batch twice as fast with seven digits.
 
     Returns:
-        The models; call its `idm` and `ddm` as those of the general path.
+        The compiled models. Call `idm` and `ddm` like the functions of the general path.
 
     Raises:
-        CompileError: There is no C compiler, casadi is not installed, or the built model differs from the
-            general path or would leave everything to it, or something else went wrong.
-        ModelError: An effect is not for written-out models.
+        CompileError: There is no C compiler; casadi is not installed; the built model differs from the
+            general path or would hand every sample to it; or the models cannot be generated for another
+            reason.
+        ModelError: `dtype` or `threads` is invalid, or an effect is not available in compiled models.
     """
     if dtype not in ("float64", "float32"):
         raise ModelError(f"dtype must be 'float64' or 'float32', not {dtype!r}")
@@ -48,6 +49,6 @@ def compile(
     def accept(built: Built) -> None:
         verify(Library(built), robot, on)
 
-    with failing_as_ours(robot):
+    with as_compile_error(robot):
         library = loaded(lambda: built_library(robot, on, scalar, accept))
         return CompiledRobot(robot, on, library, threads)

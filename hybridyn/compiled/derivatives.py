@@ -1,9 +1,9 @@
-"""Derivatives of both dynamic models, exact to rounding: CasADi differentiates the written-out models.
+"""Derivatives of both dynamic models, exact to rounding, by CasADi's automatic differentiation.
 
-Positions are differentiated along the joints' own freedoms: a column of "q" belongs to a freedom of v, so
-that cosine-sine pairs and quaternions need no care. The formulas that are differentiated hold where the loops
-are closed. Along motions that keep them closed (q, v, a changing as the loops demand) the derivatives are
-those of the models; taken column by column they also depend on which closing rows were eliminated.
+Derivatives over positions are taken in the tangent space: each column of "q" belongs to a freedom of v, also
+for cosine-sine pairs and quaternions. The differentiated formulas hold where the loops are closed. Along
+motions that keep the loops closed (q, v and a changing consistently) the derivatives are those of the models.
+Single columns also depend on the choice of eliminated closure rows.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from ..structure.leg_model import pinocchio_inertia
 from ..structure.robot import HybridRobot
 from ..structure.samples import as_batch, same_samples
 from .code.scalars import GUARD_LIMIT
-from .failures import failing_as_ours
+from .failures import as_compile_error
 from .needs import WITHOUT_CASADI
 
 try:
@@ -40,29 +40,31 @@ Jacobians = dict[str, Array]
 
 GENERAL: dict[str, Callable[..., Array]] = {"idm": idm, "ddm": ddm}
 
-#: How far a model whose guard warns may be from the general path, relative to the largest entry.
+#: Largest allowed difference from the general path of a model whose guard is above its limit, relative to the
+#: largest entry.
 DERIVATIVE_AGREES = 1e-6
 
 
 def idm_jacobian(
     robot: HybridRobot, q: ArrayLike, v: ArrayLike, a: ArrayLike, *, effects: Choice = None
 ) -> Jacobians:
-    """Return the derivatives of motor efforts.
+    """Compute the derivatives of motor efforts.
 
     Args:
         robot: The robot.
         q: Positions, shape (nq,) or (T, nq).
         v: Rates, shape (nv,) or (T, nv), [m/s, rad/s].
         a: Accelerations, shape (nv,) or (T, nv), [m/s^2, rad/s^2].
-        effects: As `hybridyn.idm` takes them.
+        effects: Effects to include, as for `hybridyn.idm`.
 
     Returns:
-        "q", "v", "a": d tau over the freedoms of q, over v and over a, shapes ([T,] motors, nv);
-        "parameters": over ten inertial parameters of each body of `robot.bodies`, shape (motors, 10 bodies).
+        "q", "v", "a": derivatives of tau over the freedoms of q, over v and over a, shapes
+        ([T,] motors, nv); "parameters": derivatives over the ten inertial parameters of each body of
+        `robot.bodies`, shape (motors, 10 bodies).
 
     Raises:
-        ModelError: An effect is not for written-out models, or has no derivative.
-        HybridynError: What `Derivatives` says of the samples.
+        ModelError: An effect is not available in compiled models, or has no derivative.
+        HybridynError: As `Derivatives` raises for the samples.
     """
     return Derivatives(robot, "idm", effects)(q, v, a)
 
@@ -70,22 +72,23 @@ def idm_jacobian(
 def ddm_jacobian(
     robot: HybridRobot, q: ArrayLike, v: ArrayLike, tau: ArrayLike, *, effects: Choice = None
 ) -> Jacobians:
-    """Return the derivatives of accelerations.
+    """Compute the derivatives of accelerations.
 
     Args:
         robot: The robot.
         q: Positions, shape (nq,) or (T, nq).
         v: Rates, shape (nv,) or (T, nv), [m/s, rad/s].
         tau: Motor efforts, shape (motors,) or (T, motors), [N or N m].
-        effects: As `hybridyn.ddm` takes them.
+        effects: Effects to include, as for `hybridyn.ddm`.
 
     Returns:
-        "q", "v": d a over the freedoms of q and over v, shape (nv, nv) or (T, nv, nv); "tau": (nv, motors);
-        "parameters": over ten inertial parameters of each body of `robot.bodies`, shape (nv, 10 bodies).
+        "q", "v": derivatives of a over the freedoms of q and over v, shape (nv, nv) or (T, nv, nv); "tau":
+        derivatives over the efforts, shape (nv, motors); "parameters": derivatives over the ten inertial
+        parameters of each body of `robot.bodies`, shape (nv, 10 bodies).
 
     Raises:
-        ModelError: An effect is not for written-out models, or has no derivative.
-        HybridynError: What `Derivatives` says of the samples.
+        ModelError: An effect is not available in compiled models, or has no derivative.
+        HybridynError: As `Derivatives` raises for the samples.
     """
     return Derivatives(robot, "ddm", effects)(q, v, tau)
 
@@ -94,15 +97,16 @@ class Derivatives:
     """The derivatives of one model of one robot, prepared once and evaluated often."""
 
     def __init__(self, robot: HybridRobot, model: str, effects: Choice = None) -> None:
-        """Write the model out and differentiate it.
+        """Generate the model and differentiate it.
 
         Args:
             robot: The robot.
             model: "idm" or "ddm".
-            effects: As `hybridyn.idm` takes them.
+            effects: Effects to include, as for `hybridyn.idm`.
 
         Raises:
-            ModelError: Another model, or an effect that is not for written-out models or has no derivative.
+            ModelError: `model` is unknown, or an effect is not available in compiled models or has no
+                derivative.
         """
         if model not in GENERAL:
             raise ModelError(f"there are derivatives of 'idm' and 'ddm', not of '{model}'")
@@ -112,7 +116,7 @@ class Derivatives:
                 "the effect 'limits' has no derivative: clip the efforts before the call", element="limits"
             )
         self._robot, self._model = robot, model
-        with failing_as_ours(robot):
+        with as_compile_error(robot):
             program = programs(robot, self._effects, models=(model,), parameters=True)[model]
         self._value = function_of(program)
         self._sizes = dict(program.inputs)
@@ -132,26 +136,26 @@ class Derivatives:
 
     @property
     def casadi(self) -> ca.Function:
-        """The derivatives as a CasADi function, inputs and outputs named, and "guard" last."""
+        """The derivatives as a CasADi function with named inputs and outputs, and "guard" last."""
         return self._jacobian
 
     def __call__(self, *given: ArrayLike) -> Jacobians:
         """Evaluate at one sample or many.
 
         Args:
-            given: The model's arguments, shapes (n,) or (T, n); the base acceleration of a "moving" base
-                may be left out and is zero then.
+            given: The model's arguments, shapes (n,) or (T, n). The acceleration of a "moving" base is
+                optional and defaults to zero.
 
         Raises:
-            TrajectoryError: A wrong shape, or a number that is not finite.
-            HybridynError: What the general path says of a state with open loops or lost rank.
-            SingularityError: The pivots of the elimination vanish at a state, and with them the digits.
+            TrajectoryError: An array is missing, has a wrong shape, or has a number that is not finite.
+            HybridynError: The loops are open or rank is lost at a state (errors of the general path).
+            SingularityError: The pivots of the elimination vanish at a state, so digits are lost.
         """
         wanted = {name: size for name, size in self._sizes.items() if name != "parameters"}
         if len(given) == 3 and "base_acceleration" in wanted:
             given = (*given, np.zeros((*np.shape(given[0])[:-1], 6)))
         if len(given) != len(wanted):
-            raise TrajectoryError(f"wanted {', '.join(wanted)}; {len(given)} arrays were given")
+            raise TrajectoryError(f"expected the arrays {', '.join(wanted)}; {len(given)} were given")
         pairs = zip(given, wanted.items(), strict=True)
         checked = {name: as_batch(array, size, name) for array, (name, size) in pairs}
         arrays = {name: array for name, (array, _) in checked.items()}
@@ -167,15 +171,15 @@ class Derivatives:
                 block[t] = value
         doubtful = np.flatnonzero(~(guard <= GUARD_LIMIT))
         if len(doubtful):
-            self._judge(arrays, doubtful.tolist())
+            self._check_doubtful(arrays, doubtful.tolist())
         out = dict(zip(self._sizes, blocks, strict=True))
         return {name: block[0] for name, block in out.items()} if checked["q"][1] else out
 
-    def _judge(self, arrays: dict[str, Array], doubtful: list[int]) -> None:
-        """Let the general path judge samples that are not to be trusted.
+    def _check_doubtful(self, arrays: dict[str, Array], doubtful: list[int]) -> None:
+        """Compare samples whose guard is above its limit with the general path.
 
         Raises:
-            HybridynError: It cannot compute them either, or the written-out model differs there.
+            HybridynError: The general path cannot compute them either, or the model differs from it there.
         """
         more = dict(arrays)
         base = {"base_acceleration": more.pop("base_acceleration")} if len(more) == 4 else {}
@@ -186,14 +190,14 @@ class Derivatives:
             if not off <= DERIVATIVE_AGREES:
                 raise SingularityError(
                     f"derivatives of '{self._model}' are not to be trusted at sample {t}: the pivots of the "
-                    f"written-out model vanish there, it differs from the general path by {off:.2g} of the "
+                    f"compiled model vanish there, and it differs from the general path by {off:.2g} of the "
                     f"largest entry (limit {DERIVATIVE_AGREES:g}). Move away from that posture",
                     sample=t,
                 )
 
 
 def _tangent(robot: HybridRobot, q: ca.SX) -> ca.SX:
-    """Return dq over the freedoms, shape (nq, nv): how coordinates change as joints move."""
+    """Return the derivative of the coordinates q over the freedoms, shape (nq, nv)."""
     E = ca.SX(robot.nq, robot.nv)
     for kind, at, to in zip(robot.kinds, robot.q_slices, robot.v_slices, strict=True):
         x = q[at.start : at.stop]
@@ -218,7 +222,7 @@ def _tangent(robot: HybridRobot, q: ca.SX) -> ca.SX:
 
 
 def _quaternion_rates(x: ca.SX) -> ca.SX:
-    """Return d(x, y, z, w) over a body rotation, shape (4, 3)."""
+    """Return the derivative of a quaternion (x, y, z, w) over a rotation in the body frame, shape (4, 3)."""
     a, b, c, w = x[0], x[1], x[2], x[3]
     return 0.5 * ca.vertcat(
         ca.horzcat(w, -c, b), ca.horzcat(c, w, -a), ca.horzcat(-b, a, w), ca.horzcat(-a, -b, -c)

@@ -1,4 +1,4 @@
-"""A robot's models as a folder of C99: header, source, a test with reference values, Makefile, README."""
+"""Export a robot's models as a folder of C99: header, source, test, Makefile and README."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pathlib import Path
 from ..effects.choice import Choice, choose
 from ..errors import CompileError, ModelError
 from ..structure.robot import HybridRobot
-from .failures import failing_as_ours
+from .failures import as_compile_error
 from .needs import WITHOUT_CASADI
 
 try:
@@ -40,26 +40,28 @@ def export(
     name: str | None = None,
     dtype: str = "float64",
 ) -> list[Path]:
-    """Write a robot's models as C for other programs.
+    """Write a robot's models as C source for other programs.
 
     Args:
         robot: The robot.
-        directory: Folder that the files go to; made where it is not there.
-        effects: As `hybridyn.idm` takes them.
-        name: Prefix of files and names in C; the robot's own where left out.
-        dtype: "float64", or "float32" for processors that compute with single precision only.
+        directory: Folder for the files; it is created if it does not exist.
+        effects: Effects to include, as for `hybridyn.idm`.
+        name: Prefix of the files and of all C identifiers; default the robot's name.
+        dtype: "float64", or "float32" for processors with single precision only.
 
     Returns:
-        The files.
+        Paths of the written files.
 
     Raises:
-        ModelError: An effect is not for written-out models, the name is no name in C, or a file of that name
-            is there that hybridyn did not write.
-        CompileError: casadi is not installed, or the models cannot be written out.
+        ModelError: An effect is not available in compiled models, `dtype` is invalid, `name` is not a C
+            identifier, or a file of the same name exists that hybridyn did not write.
+        CompileError: casadi is not installed, or the models cannot be generated.
     """
     name = c_name(robot.description.name) if name is None else name
     if not re.fullmatch(r"[A-Za-z_]\w*", name, re.ASCII):
-        raise ModelError(f"'{name}' is no name in C: letters, digits and _ only", element=name)
+        raise ModelError(
+            f"'{name}' is not a C identifier: use letters, digits and _, no digit first", element=name
+        )
     if dtype not in REAL:
         raise ModelError(f"dtype must be 'float64' or 'float32', not {dtype!r}")
     on = choose(robot, effects)
@@ -67,7 +69,7 @@ def export(
         raise ModelError(
             "the effect 'limits' is not exported: clip the efforts before the call", element="limits"
         )
-    with failing_as_ours(robot):
+    with as_compile_error(robot):
         models = list(programs(robot, on, models=tuple(WHAT), dtype=dtype).values())
         contents = {
             f"{name}.h": _header(robot, models, name, dtype),
@@ -79,31 +81,31 @@ def export(
     folder = Path(directory)
     paths = [folder / file for file in contents]
     for path in paths:
-        _refuse_foreign(path)
+        _check_replaceable(path)
     folder.mkdir(parents=True, exist_ok=True)
     for path, text in zip(paths, contents.values(), strict=True):
         path.write_text(text, encoding="utf-8")
     return paths
 
 
-def _refuse_foreign(path: Path) -> None:
-    """Refuse to write over a file that is not ours.
+def _check_replaceable(path: Path) -> None:
+    """Check that no file stands at a path but one that hybridyn wrote.
 
     Raises:
-        ModelError: There is one.
+        ModelError: Another file stands there.
     """
     if path.exists() and WRITTEN not in path.read_text(encoding="utf-8", errors="replace"):
-        raise ModelError(f"'{path}' is there and was not written by hybridyn: name another folder")
+        raise ModelError(f"'{path}' exists and was not written by hybridyn: name another folder")
 
 
 def c_name(text: str) -> str:
-    """Make a name in C of any name."""
+    """Convert any name to a C identifier."""
     name = re.sub(r"\W", "_", text, flags=re.ASCII).lower() or "robot"
     return name if not name[0].isdigit() else f"robot_{name}"
 
 
 def _body_names(robot: HybridRobot) -> list[str]:
-    """Return each body a name: that of the first link that is part of it and stands in its frame."""
+    """Return a name for each body: its first link, whose frame is the body's."""
     names = [""] * len(robot.bodies.bodies)
     for link, (body, _, _) in robot.bodies.place.items():
         names[body] = names[body] or link
@@ -111,12 +113,12 @@ def _body_names(robot: HybridRobot) -> list[str]:
 
 
 def _places(names: Sequence[str], places: Sequence[slice]) -> list[str]:
-    """Return lines that say where each name's numbers are."""
+    """Return lines that list the index range of each name."""
     return [f"     {at.start}..{at.stop - 1}  {name}" for name, at in zip(names, places, strict=True)]
 
 
 def _comment(lines: Sequence[str]) -> str:
-    """Return a comment in C, whatever names stand in it."""
+    """Return a C comment; line breaks and comment signs inside names are made harmless."""
     text = "\n".join(" ".join(re.split(r"[\r\n]", line)) for line in lines)
     return f"/* {re.sub(r'/(?=[*])|[*](?=/)', lambda sign: sign.group() + ' ', text)} */"
 

@@ -1,4 +1,4 @@
-"""The test that goes with exported C: states, what the general path makes of them, and calls to refuse."""
+"""Generate the test of exported C: reference values of the general path, and inputs that must be refused."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from .code.plain_c import REAL, WRITTEN
 from .program import Program
 from .programs.body_rows import body_rows
 
-#: Reference states in the test.
+#: Number of reference states in the test.
 SAMPLES = 5
 
-#: What the test allows, relative to each result's largest entry: another compiler may round otherwise, and
-#: floats lose what conditioning takes.
+#: Largest difference that the test allows, relative to each result's largest entry: other compilers round
+#: differently, and single precision loses digits to conditioning.
 EXPORT_AGREES = {"float64": 1e-9, "float32": 1e-2}
 
 DIFFERENCE = """/* Largest difference, relative to the largest entry of what was expected. */
@@ -60,13 +60,13 @@ CHECK = """    trusted = 0;
 
 
 def test_text(robot: HybridRobot, effects: Effects, programs: list[Program], name: str, dtype: str) -> str:
-    """Return the test in C.
+    """Generate the test in C.
 
     Args:
         robot: The robot.
-        effects: What is computed.
+        effects: Effects in the models.
         programs: The models.
-        name: Prefix of files and names in C.
+        name: Prefix of the files and of all C identifiers.
         dtype: "float64" or "float32".
     """
     lines = [
@@ -89,7 +89,10 @@ def test_text(robot: HybridRobot, effects: Effects, programs: list[Program], nam
 
 
 def _references(robot: HybridRobot, effects: Effects, programs: list[Program]) -> list[dict[str, Array]]:
-    """Give each program's inputs and outputs, shapes (SAMPLES, n); none where motors cannot do the motion."""
+    """Compute each program's inputs and outputs, shapes (SAMPLES, n).
+
+    The entry of the inverse model is empty if the motors cannot produce the motion.
+    """
     from .equations.states import random_states
 
     q, v, _, tau = random_states(robot, SAMPLES, seed=1)
@@ -115,7 +118,7 @@ def _references(robot: HybridRobot, effects: Effects, programs: list[Program]) -
 
 
 def rates_read(program: Program) -> Array:
-    """Say which rates the closing reads: 1 or 0 for each freedom, shape (nv,)."""
+    """Return 1 for each freedom whose rate the program "close" reads and 0 for the others, shape (nv,)."""
     from .programs.interpreter import function_of
 
     pattern = function_of(program).jac_sparsity(1, 1)  # v_closed over v
@@ -125,7 +128,7 @@ def rates_read(program: Program) -> Array:
 
 
 def _array(name: str, values: Array, dtype: str) -> str:
-    """Return samples as an array in C."""
+    """Return samples as a C array."""
     rounded: Array = values.astype(dtype).astype(np.float64)
     rows = ",\n    ".join("{" + ", ".join(map(literal, row)) + "}" for row in rounded.tolist())
     shape = f"[{values.shape[0]}][{max(values.shape[1], 1)}]"
@@ -133,7 +136,7 @@ def _array(name: str, values: Array, dtype: str) -> str:
 
 
 def _check(program: Program, name: str, dtype: str) -> str:
-    """Give the lines that run a program on every state and compare, and see it refuse what is not finite."""
+    """Return the C lines that compare a program on every state and check that it refuses non-finite input."""
     results = [f"result_{n}[{size}]" for n, size in program.outputs]
     names = [f"result_{n}" for n, _ in program.outputs]
     off = [f"difference(result_{n}, {program.name}_{n}[t], {size})" for n, size in program.outputs]

@@ -1,4 +1,4 @@
-"""What goes wrong while a model is written out and is nobody's fault but ours, in one line."""
+"""Report an internal error of code generation as a `CompileError` of one line."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from ..structure.robot import HybridRobot
 
 
 @contextmanager
-def failing_as_ours(robot: HybridRobot) -> Iterator[None]:
-    """Return a `CompileError` with the robot's name for whatever is raised inside and is no error of ours.
+def as_compile_error(robot: HybridRobot) -> Iterator[None]:
+    """Turn every exception inside that is no `HybridynError` into a `CompileError` with the robot's name.
 
     Raises:
-        CompileError: Something was.
+        CompileError: Another exception was raised inside.
     """
     try:
         yield

@@ -1,4 +1,4 @@
-"""What `hybridyn.compile` returns: one robot's models, built, checked, and called like the general path."""
+"""`CompiledRobot`, the result of `hybridyn.compile`: compiled models with the calls of the general path."""
 
 from __future__ import annotations
 
@@ -35,17 +35,17 @@ GENERAL: dict[str, Callable[..., Any]] = {"idm": idm, "ddm": ddm}
 
 
 class CompiledRobot:
-    """One robot with one choice of effects, written out and built.
+    """Compiled models of one robot with one choice of effects.
 
-    Results are those of `hybridyn.idm` and `hybridyn.ddm` to rounding; a sample whose closures are open, or
-    where a pivot of the elimination that was chosen beforehand is small, is handed to the general path.
+    Results equal those of `hybridyn.idm` and `hybridyn.ddm` up to rounding. The general path computes samples
+    whose closures are open, and samples at which a preselected pivot of the elimination is small.
 
     Attributes:
         robot: The robot.
-        effects: What is computed.
-        dtype: Type of the numbers inside and of the results.
-        threads: Threads that share a batch.
-        recomputed: How many samples the general path had to compute so far.
+        effects: Effects in the models.
+        dtype: Type of the arithmetic and of the results.
+        threads: Number of threads that share a batch.
+        recomputed: Number of samples that the general path has computed so far.
     """
 
     def __init__(self, robot: HybridRobot, effects: Effects, library: Library, threads: int) -> None:
@@ -60,11 +60,11 @@ class CompiledRobot:
         self._ddm_at_once = self._ddm.at_once if self._ddm.at_once and plain and not self._moving else _refuse
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Travel to another process as the library's file."""
-        return _revived, (self.robot, self.effects, self.library.built, self.threads)
+        """Pickle the path of the library's file; the receiving process loads it again."""
+        return _restored, (self.robot, self.effects, self.library.built, self.threads)
 
     def idm(self, q: ArrayLike, v: ArrayLike, a: ArrayLike) -> Numbers:
-        """Return motor efforts, as `hybridyn.idm` does.
+        """Compute motor efforts, like `hybridyn.idm`.
 
         Args:
             q: Positions, shape (nq,) or (T, nq).
@@ -75,7 +75,7 @@ class CompiledRobot:
             Efforts in the order of `robot.motors`, shape (motors,) or (T, motors), [N or N m].
 
         Raises:
-            HybridynError: What `hybridyn.idm` raises, with the same words.
+            HybridynError: The same errors with the same messages as `hybridyn.idm`.
         """
         out = np.empty(self._idm.size, self.dtype)
         if self._idm_at_once(q, v, a, out) == 0:  # every tenth of a microsecond counts here
@@ -85,20 +85,20 @@ class CompiledRobot:
     def ddm(
         self, q: ArrayLike, v: ArrayLike, tau: ArrayLike, *, base_acceleration: ArrayLike | None = None
     ) -> Numbers:
-        """Return accelerations, as `hybridyn.ddm` does.
+        """Compute accelerations, like `hybridyn.ddm`.
 
         Args:
             q: Positions, shape (nq,) or (T, nq).
             v: Rates, shape (nv,) or (T, nv), [m/s, rad/s].
             tau: Efforts in the order of `robot.motors`, shape (motors,) or (T, motors), [N or N m].
             base_acceleration: Spatial acceleration of a "moving" base in its own frame, shape (6,) or (T, 6);
-                zero where left out.
+                default zero.
 
         Returns:
             Accelerations of the spanning tree, shape (nv,) or (T, nv), [m/s^2, rad/s^2].
 
         Raises:
-            HybridynError: What `hybridyn.ddm` raises, with the same words.
+            HybridynError: The same errors with the same messages as `hybridyn.ddm`.
         """
         if base_acceleration is None:
             out = np.empty(self._ddm.size, self.dtype)
@@ -110,7 +110,7 @@ class CompiledRobot:
         return self._run("ddm", given)
 
     def accelerations(self, q: Array, v: Array, tau: Array, base: Array) -> Array | None:
-        """Return accelerations for `simulate`: of closed states, within effort limits.
+        """Compute accelerations for `simulate`, whose states are closed and whose efforts are within limits.
 
         Args:
             q: Positions, shape (T, nq).
@@ -119,7 +119,7 @@ class CompiledRobot:
             base: Accelerations of a moving base, shape (T, 6); not read for another base.
 
         Returns:
-            Accelerations, shape (T, nv), or None where some sample is for the general path.
+            Accelerations, shape (T, nv), or None if the general path must compute some sample.
         """
         calls = self._ddm
         if len(q) == 1 and calls.at_once is not None and not self._moving:
@@ -133,13 +133,14 @@ class CompiledRobot:
         return None if doubtful else result
 
     def closure_residual(self, q: Array) -> Array | None:
-        """Give the worst closure residual of postures next to assembled ones, as `hybridyn.closure_residual`.
+        """Compute the largest closure residual of each posture, like `hybridyn.closure_residual`.
 
         Args:
-            q: Positions, shape (T, nq).
+            q: Positions of nearly assembled postures, shape (T, nq).
 
         Returns:
-            Residuals relative to the module's length, shape (T,), or None where postures are not lifted in C.
+            Residuals relative to the module's length, shape (T,), or None if the library has no program
+            "lift".
         """
         lift = self.library.programs.get("lift")
         if lift is None:
@@ -151,7 +152,7 @@ class CompiledRobot:
     def kinematics(
         self, q: Array, v: Array, a: Array | None = None, links: Sequence[str] | None = None
     ) -> dict[str, LinkMotion]:
-        """Return poses, twists and accelerations of links, as `hybridyn.kinematics` does."""
+        """Compute poses, twists and accelerations of links, like `hybridyn.kinematics`."""
         a = np.zeros(np.shape(v)) if a is None else a
         rows = self._run("kinematics", {"q": q, "v": v, "a": a})
         places = self.robot.bodies.place
@@ -161,14 +162,15 @@ class CompiledRobot:
 
     @property
     def casadi(self) -> dict[str, ca.Function]:
-        """The models as CasADi functions: inputs and outputs named as here, and "guard" last.
+        """The models as CasADi functions with the input and output names used here, and "guard" last.
 
         Raises:
-            ModelError: The effect 'limits' is on, which clips efforts around the call.
+            ModelError: The effect 'limits' is on. It clips efforts outside the models.
         """
         if self.effects.limits is not None:
             raise ModelError(
-                "the effect 'limits' is not part of CasADi functions: compile without it, clip the efforts",
+                "the effect 'limits' is not part of CasADi functions: compile without it, and clip the "
+                "efforts yourself",
                 element="limits",
             )
         from .programs.interpreter import function_of
@@ -181,7 +183,7 @@ class CompiledRobot:
         return write_programs(self.robot, self.effects)
 
     def _base(self, acceleration: ArrayLike | None, samples: tuple[int, ...]) -> ArrayLike:
-        """Return the acceleration of a moving base for every sample."""
+        """Return the acceleration of a moving base at every sample."""
         if acceleration is None:
             return self._still if not samples else np.zeros((*samples, 6), self.dtype)
         if np.shape(acceleration) == (6,) and samples:
@@ -195,18 +197,18 @@ class CompiledRobot:
         if given.keys() != sizes.keys():  # a base_acceleration for a base that does not move
             return self._general(name, given)
         if any(hasattr(value, "columns") for value in given.values()):
-            as_batches(given, sizes)
+            check_batches(given, sizes)
         try:
             arrays = {key: np.asarray(value, dtype=float) for key, value in given.items()}
         except (TypeError, ValueError):
-            as_batches(given, sizes)
+            check_batches(given, sizes)
             raise
         ranks = {array.ndim for array in arrays.values()}
         if ranks - {1, 2}:
-            as_batches(arrays, sizes)
+            check_batches(arrays, sizes)
         many = {key: array if array.ndim == 2 else array[None] for key, array in arrays.items()}
         if any(array.shape[1] != sizes[key] for key, array in many.items()):
-            as_batches(arrays, sizes)
+            check_batches(arrays, sizes)
         same_samples(**many)
         limits = self.effects.limits
         if limits is not None and name == "ddm":
@@ -215,14 +217,14 @@ class CompiledRobot:
         doubtful = np.flatnonzero(~(guard <= calls.trusted))
         result = outputs[0]
         if len(doubtful):
-            as_batches(arrays, sizes)
-            result[doubtful] = self._again(name, many, doubtful)
+            check_batches(arrays, sizes)
+            result[doubtful] = self._recompute(name, many, doubtful)
         if limits is not None and name == "idm":
             limits.check(self.robot, result)
         return result[0] if arrays["q"].ndim == 1 else result
 
-    def _again(self, name: str, given: dict[str, Array], doubtful: np.ndarray[Any, Any]) -> Array:
-        """Return samples by the general path."""
+    def _recompute(self, name: str, given: dict[str, Array], doubtful: np.ndarray[Any, Any]) -> Array:
+        """Compute doubtful samples by the general path."""
         self.recomputed += len(doubtful)
         log.info(
             "%s: %d of %d samples computed by the general path (first: %d)",
@@ -233,7 +235,7 @@ class CompiledRobot:
         except HybridynError:
             if len(doubtful) == len(given["q"]):
                 raise
-            return np.asarray(self._general(name, given)[doubtful])  # the error with the sample's own number
+            return np.asarray(self._general(name, given)[doubtful])  # the error names the sample's own number
 
     def _general(self, name: str, given: dict[str, Any]) -> Array:
         """Call the general path."""
@@ -246,10 +248,10 @@ class CompiledRobot:
         return general(self.robot, *inputs.values(), effects=self.effects, **more)
 
 
-def _revived(robot: HybridRobot, effects: Effects, built: Built, threads: int) -> CompiledRobot:
-    """Return a compiled robot that came from another process, built anew where its library is gone.
+def _restored(robot: HybridRobot, effects: Effects, built: Built, threads: int) -> CompiledRobot:
+    """Restore a pickled compiled robot, and rebuild its library if the file is gone.
 
-    The process that sent it has checked the same source.
+    A rebuilt library is not verified again: the sending process has verified the same source.
     """
     try:
         library = Library(built)
@@ -260,15 +262,15 @@ def _revived(robot: HybridRobot, effects: Effects, built: Built, threads: int) -
 
 
 def _refuse(*_: object) -> int:
-    """Stand for a call at once where there is none."""
+    """Refuse every single call; stands for the fast C call of a program that has none."""
     return REFUSED
 
 
-def as_batches(arrays: Mapping[str, ArrayLike], sizes: dict[str, int]) -> None:
-    """Refuse what the general path refuses, in its words.
+def check_batches(arrays: Mapping[str, ArrayLike], sizes: dict[str, int]) -> None:
+    """Check arrays as the general path does, with its error messages.
 
     Raises:
-        TrajectoryError: A wrong shape, or a number that is not finite.
+        TrajectoryError: An array has a wrong shape or a number that is not finite.
     """
     for key, array in arrays.items():
         as_batch(array, sizes[key], key)
@@ -277,16 +279,16 @@ def as_batches(arrays: Mapping[str, ArrayLike], sizes: dict[str, int]) -> None:
 def built_library(
     robot: HybridRobot, effects: Effects, scalar: Scalar, accept: Callable[[Built], None] = lambda built: None
 ) -> Built:
-    """Return the library of a robot's models, from the cache or built.
+    """Return the library of a robot's models from the cache, or build it.
 
     Args:
         robot: The robot.
-        effects: What is computed.
-        scalar: What a number is.
-        accept: Raises where a new library is not what it should be.
+        effects: Effects in the models.
+        scalar: Scalar type and number of lanes.
+        accept: Checks a new library and raises if it is wrong.
 
     Raises:
-        CompileError: There is no compiler, it fails, or casadi is not installed.
+        CompileError: There is no compiler, the compiler fails, or casadi is not installed.
     """
     key = robot_key(robot, effects) + repr(scalar)
     return cached(key, lambda: source_of(robot, effects, scalar), accept=accept)

@@ -1,4 +1,4 @@
-"""What writing a model out needs beyond hybridyn's own requirements."""
+"""Check that CasADi, which code generation needs, is installed."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ WITHOUT_CASADI = (
 
 
 def needs_casadi() -> None:
-    """Say what to install where CasADi is not.
+    """Check that CasADi is installed.
 
     Raises:
-        CompileError: It is not installed.
+        CompileError: CasADi is not installed; the message says how to install it.
     """
     if importlib.util.find_spec("casadi") is None:
         raise CompileError(WITHOUT_CASADI)

@@ -1,21 +1,20 @@
-"""What a written-out model consists of: kernels of straight-line arithmetic, and the order of their calls.
+"""Representation of a compiled model: kernels of straight-line arithmetic and the order of their calls.
 
-A `Program` turns one sample's inputs into its outputs. It is a list of calls of kernels, each a CasADi
-function of scalars. A kernel of legs is called once for several equal legs ("copies"): their own numbers
-differ, the code does not. How copies and samples are spread over the lanes of a vector unit is the printer's
-business:
+A `Program` maps one sample's inputs to its outputs. It is a list of calls of kernels. Each kernel is a CasADi
+function of scalars. A kernel of legs is called once for several equal legs ("copies"), which share the code
+and differ in their numbers. The code generator spreads samples or copies over the lanes of a vector unit:
 
-    batch    every lane is a sample; copies are called one after the other
-    single   every lane is a copy; what is not a copy's own is the same in all lanes
+    batch    each lane holds a sample; copies are called one after the other
+    single   each lane holds a copy; numbers that the copies share are the same in all lanes
 
-so both run the same machine code, and a sample's result has the same bits in both.
+Both ways run the same machine code, so a sample's result has the same bits in both.
 
-Numbers live in four places:
+Numbers are stored in four places:
 
-    given    the user's inputs, one after the other (`Program.inputs`): read only
-    result   the user's outputs (`Program.outputs`): written once, and readable afterwards
+    given    user inputs, one after the other (`Program.inputs`): read only
+    result   user outputs (`Program.outputs`): written once, readable afterwards
     shared   one number per sample, `Program.shared` of them
-    own      one number per sample and copy, `Program.own` of them: what legs leave for a later kernel
+    own      one number per sample and copy, `Program.own` of them: intermediate results of the legs
 """
 
 from __future__ import annotations
@@ -36,7 +35,7 @@ class Kernel:
     Attributes:
         name: A C identifier, unique in the program.
         function: CasADi SX function; every input and output is a dense column (of any length, also 0).
-        part: What it is for, in operation counts: "kinematics", "legs", "module", "acceleration", ...
+        part: Its heading in operation counts: "kinematics", "legs", "module", "acceleration", ...
     """
 
     name: str
@@ -46,28 +45,28 @@ class Kernel:
 
 @dataclass(frozen=True)
 class Given:
-    """Reads user inputs: `index[i, k]` is the number in `given` of entry k for copy i."""
+    """Read user inputs: `index[i, k]` is the position in `given` of entry k for copy i."""
 
     index: Index
 
 
 @dataclass(frozen=True)
 class Constants:
-    """Reads constants: `values[i, k]` for copy i."""
+    """Read constants: `values[i, k]` is entry k for copy i."""
 
     values: Array
 
 
 @dataclass(frozen=True)
 class Result:
-    """Reads or writes user outputs: `index[i, k]` is the number in `result` of entry k for copy i."""
+    """Read or write user outputs: `index[i, k]` is the position in `result` of entry k for copy i."""
 
     index: Index
 
 
 @dataclass(frozen=True)
 class Shared:
-    """Reads or writes `size` shared numbers from `start` on, the same for every copy."""
+    """Read or write `size` shared numbers from `start` on, the same for every copy."""
 
     start: int
     size: int
@@ -75,7 +74,7 @@ class Shared:
 
 @dataclass(frozen=True)
 class Each:
-    """Writes or reads shared numbers, copy i at start + i * size."""
+    """Write or read shared numbers, those of copy i from start + i * size on."""
 
     start: int
     size: int
@@ -83,7 +82,7 @@ class Each:
 
 @dataclass(frozen=True)
 class Own:
-    """Reads or writes the copies' own numbers, copy i at start + i * size of `own`."""
+    """Read or write the copies' own numbers, those of copy i from start + i * size of `own` on."""
 
     start: int
     size: int
@@ -91,7 +90,7 @@ class Own:
 
 @dataclass(frozen=True)
 class Add:
-    """Adds every copy's output to shared numbers from `start` on: first copy first."""
+    """Add the outputs of all copies, in their order, to shared numbers from `start` on."""
 
     start: int
     size: int
@@ -99,7 +98,7 @@ class Add:
 
 @dataclass(frozen=True)
 class Worst:
-    """Keeps the largest output of all copies and calls as the sample's guard; NaN counts as worst."""
+    """Keep the largest output of all copies and calls as the sample's guard; NaN counts as largest."""
 
 
 Source = Given | Constants | Result | Shared | Each | Own
@@ -111,10 +110,10 @@ class Call:
     """One call of a kernel.
 
     Attributes:
-        kernel: Number of the kernel.
+        kernel: Index of the kernel.
         copies: Number of copies, at least 1.
-        sources: Where its inputs come from, in order.
-        targets: Where its outputs go, in order.
+        sources: Sources of its inputs, in order.
+        targets: Targets of its outputs, in order.
     """
 
     kernel: int
@@ -125,7 +124,7 @@ class Call:
 
 @dataclass(frozen=True)
 class Start:
-    """Shared numbers set before the calls after it, from `start` on: where sums begin."""
+    """Set shared numbers from `start` on, before the calls that add to them."""
 
     start: int
     values: Array
@@ -133,7 +132,7 @@ class Start:
 
 @dataclass(frozen=True)
 class Program:
-    """A written-out model.
+    """A compiled model.
 
     Attributes:
         name: A C identifier: "idm", "ddm", "kinematics".
@@ -144,8 +143,8 @@ class Program:
         shared: Number of shared numbers.
         own: Number of the copies' own numbers.
 
-    The sample's guard (`Worst`) is at most 1 where the written-out model may be trusted; samples above 1 (or
-    NaN) are for the general path.
+    The sample's guard (`Worst`) is at most 1 where the model can be trusted. The general path computes
+    samples whose guard is above 1 or NaN.
     """
 
     name: str

@@ -1,4 +1,4 @@
-"""A built model against the general path, before anybody gets it."""
+"""Verify a newly built model against the general path before it is used."""
 
 from __future__ import annotations
 
@@ -22,39 +22,39 @@ from .programs.body_rows import body_rows
 
 log = logging.getLogger("hybridyn.compiled")
 
-#: Largest difference from the general path, relative to the largest entry of each sample's result; for floats
-#: their rounding, 6e-8, times what conditioning makes of it.
+#: Largest allowed difference from the general path, relative to the largest entry of each sample's result.
+#: In single precision it is the rounding, 6e-8, amplified by conditioning.
 MODEL_AGREES = {"float64": 1e-10, "float32": 1e-2}
 
-#: Roundings that two ways of elimination may lie apart.
+#: Allowed difference between two orders of elimination, in multiples of the general path's rounding error.
 ROUNDINGS = 100
 
-#: More than this no rounding excuses: where it does that much, samples are not to be trusted.
+#: Largest difference that rounding may explain. Where rounding does more, samples must not be trusted at all.
 EXCUSED = 1e-6
 
-#: Random states on which both are compared: as many must have been computed by the models themselves.
+#: Number of random states of the comparison that the models must have computed themselves.
 SAMPLES = 12
 
-#: How many times as many states are drawn, at most, until there are enough.
+#: Largest number of draws of `SAMPLES` states.
 ROUNDS = 8
 
-#: By how much (rad, module lengths) postures are left before Newton's steps are looked at.
+#: Displacement (rad, module lengths) from closed postures at which the check of Newton's steps begins.
 AWAY = 1e-3
 
-#: More than Newton needs from there.
+#: Number of Newton steps of that check; fewer suffice from `AWAY`.
 NEWTON_STEPS = 8
 
 BUG = "it is not used. This is a bug: report it with the robot's files; the general path is right"
 
 
 class Built(Protocol):
-    """What computes a robot's programs."""
+    """Interface to a robot's programs."""
 
     dtype: Any
     programs: Any
 
     def batch(self, name: str, *inputs: Array) -> tuple[tuple[Numbers, ...], Numbers]:
-        """Return outputs, shapes (T, n), and guards, shape (T,)."""
+        """Compute outputs, shapes (T, n), and guards, shape (T,)."""
 
 
 def verify(library: Built, robot: HybridRobot, effects: Effects) -> None:
@@ -63,12 +63,12 @@ def verify(library: Built, robot: HybridRobot, effects: Effects) -> None:
     Args:
         library: The models.
         robot: The robot.
-        effects: What they compute.
+        effects: Effects in the models.
 
     Raises:
-        CompileError: They differ by more than `MODEL_AGREES`, or trust themselves nowhere.
+        CompileError: They differ by more than `MODEL_AGREES`, or no model computes any of the states itself.
     """
-    comparison = _Comparison(library, robot, replace(effects, limits=None))  # which act outside the models
+    comparison = _Comparison(library, robot, replace(effects, limits=None))  # limits act outside the models
     for seed in range(ROUNDS):
         comparison.draw(seed)
         if min(comparison.computed.values()) >= SAMPLES:
@@ -77,34 +77,34 @@ def verify(library: Built, robot: HybridRobot, effects: Effects) -> None:
     nowhere = [name for name, count in comparison.computed.items() if not count]
     if len(nowhere) == len(comparison.computed):
         raise CompileError(
-            f"the written-out models of the robot '{robot.description.name}' would hand every one of {drawn} "
+            f"the compiled models of the robot '{robot.description.name}' would hand every one of {drawn} "
             f"random states to the general path{comparison.reason or _reason(robot)}: they are not used"
         )
     for name in nowhere:
         log.warning(
-            "robot '%s': the written-out '%s' hands every one of %d random states to the general path%s",
+            "robot '%s': the compiled '%s' hands every one of %d random states to the general path%s",
             robot.description.name, name, drawn, _reason(robot),
         )  # fmt: skip
 
 
 def _reason(robot: HybridRobot) -> str:
-    """Say why no sample may be trusted, where the robot as such is the reason."""
+    """Return the reason why no sample can be trusted if it lies in the robot itself, else an empty text."""
     for module in robot.modules:
         if module.mechanism.reduction.rounded:
             dropped = module.mechanism.reduction.report.dropped
             return (
-                f" (loops of module '{module.name}' agree with each other to {dropped:.1g} only, rounding of "
-                "the file: what follows from them depends on the order of elimination)"
+                f" (the redundant loops of module '{module.name}' agree with each other to {dropped:.1g} "
+                "only, because its file is rounded: the solution depends on the order of elimination)"
             )
     return ""
 
 
 class _Comparison:
-    """Draws states and compares.
+    """Draw random states and compare both paths on them.
 
     Attributes:
-        computed: How many samples each model computed so far.
-        reason: Why the general path refuses states, where it does.
+        computed: Number of samples that each model has computed so far.
+        reason: Why the general path refused states, empty if it refused none.
     """
 
     def __init__(self, library: Built, robot: HybridRobot, effects: Effects) -> None:
@@ -117,7 +117,7 @@ class _Comparison:
         """Compare both models on `SAMPLES` more states.
 
         Raises:
-            CompileError: They differ.
+            CompileError: The models differ.
         """
         from .equations.states import moving_states
 
@@ -128,7 +128,7 @@ class _Comparison:
         good = guard <= GUARD_LIMIT
         try:
             wanted = ddm(robot, q, v, tau, effects=self._effects)
-        except HybridynError as error:  # as it should, if none of the good samples is among those refused
+        except HybridynError as error:  # correct, as long as it refuses none of the good samples
             self.reason = f", which refuses them ({error})"
             q, v, tau, a, good = q[good], v[good], tau[good], a[good], good[good]
             if not len(q):
@@ -153,26 +153,26 @@ class _Comparison:
             self._compare("idm", idm, (q, v, a), tau, self._general(idm, "idm", q, v, a))
 
     def _general(self, model: Callable[..., Array], name: str, *given: Array) -> Array:
-        """Return what the general path says of samples that the written-out model computes itself.
+        """Compute samples by the general path that the compiled model computes itself.
 
         Raises:
-            CompileError: It refuses them.
+            CompileError: The general path refuses them.
         """
         try:
             return model(self._robot, *given, effects=self._effects)
         except HybridynError as error:
             raise CompileError(
-                f"the written-out '{name}' of the robot '{self._robot.description.name}' computes what the "
-                f"general path refuses ({error}): {BUG}"
+                f"the compiled '{name}' of the robot '{self._robot.description.name}' computes a state that "
+                f"the general path refuses ({error}): {BUG}"
             ) from error
 
     def _compare(
         self, name: str, model: Callable[..., Array], given: tuple[Array, ...], result: Numbers, wanted: Array
     ) -> None:
-        """Refuse a difference above `MODEL_AGREES`, or above `ROUNDINGS` of the general path's own.
+        """Check that no difference exceeds both `MODEL_AGREES` and `ROUNDINGS` of the general path's own.
 
         Raises:
-            CompileError: There is one.
+            CompileError: A difference exceeds both.
         """
         if name in self.computed:
             self.computed[name] += len(wanted)
@@ -184,7 +184,7 @@ class _Comparison:
         if not (off <= allowed).all():
             worst = int(np.argmax(np.where(np.isnan(off), np.inf, off / allowed)))
             raise CompileError(
-                f"the written-out '{name}' of the robot '{self._robot.description.name}' differs from the "
+                f"the compiled '{name}' of the robot '{self._robot.description.name}' differs from the "
                 f"general path by {off[worst]:.2g} of its largest entry (limit {allowed[worst]:.2g}) at a "
                 f"random state: {BUG}"
             )
@@ -192,10 +192,10 @@ class _Comparison:
     def _rounding(
         self, name: str, model: Callable[..., Array], given: tuple[Array, ...], wanted: Array
     ) -> Array:
-        """Return what rounding its inputs does to the general path's own results, relative, shape (T,).
+        """Compute the relative change of the general path's results when its inputs are rounded, shape (T,).
 
-        Where terms cancel, as in a long stack thrown about at random, or inertia all but vanishes along some
-        motion, that is more than `MODEL_AGREES`, and no arithmetic of this width can do better.
+        The change exceeds `MODEL_AGREES` where terms cancel (long stacks at random states) or where the
+        inertia nearly vanishes along a motion. No arithmetic of this width can do better there.
         """
         rng, worst = np.random.default_rng(0), np.zeros(len(wanted))
         for _ in range(3):
@@ -208,13 +208,13 @@ class _Comparison:
 
 
 def _lift(library: Built, robot: HybridRobot, q: Array, v: Array, agree: float) -> bool:
-    """See that Newton's steps close loops that are open by a little, and that the rates keep them closed.
+    """Check that Newton's steps close slightly open loops, and that the rates keep them closed.
 
     Returns:
-        Whether they led back at some sample at all.
+        Whether the steps converged at some sample.
 
     Raises:
-        CompileError: They do not close them.
+        CompileError: The steps converged, but the loops are not closed.
     """
     manifold = Manifold(robot)
     xi = AWAY * manifold.unit * np.random.default_rng(0).choice([-1.0, 1.0], size=v.shape)
@@ -233,14 +233,14 @@ def _lift(library: Built, robot: HybridRobot, q: Array, v: Array, agree: float) 
     ]
     if off and not max(off) <= agree:
         raise CompileError(
-            f"the written-out Newton step of the robot '{robot.description.name}' does not close the loops "
+            f"the compiled Newton step of the robot '{robot.description.name}' does not close the loops "
             f"(off by {max(off):.2g}, limit {agree:g}): {BUG}"
         )
     return bool(off)
 
 
 def difference(result: Numbers, reference: Array) -> Array:
-    """Return the difference of each sample, relative to its largest entry, shape (T,)."""
+    """Compute the difference of each sample, relative to its largest entry, shape (T,)."""
     scale = np.abs(reference).max(axis=1, initial=0.0)
     out: Array = np.abs(result - reference).max(axis=1, initial=0.0) / np.where(scale > 0, scale, 1.0)
     return out

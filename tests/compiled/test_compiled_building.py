@@ -23,7 +23,7 @@ from hybridyn.compiled.library.building import build
 from hybridyn.compiled.library.cache import Built, cached, folder
 from hybridyn.compiled.library.calls import Library
 from hybridyn.compiled.library.compilers import Compiler, find_compiler
-from hybridyn.compiled.model import _revived
+from hybridyn.compiled.model import _restored
 from hybridyn.effects.choice import choose
 from hybridyn.errors import CompileError, ModelError
 from hybridyn.structure.building import build_robot
@@ -148,7 +148,7 @@ def test_a_folder_that_cannot_be_written_does_no_harm(
 def test_a_robot_from_another_process_is_built_anew_where_its_library_is_gone(tmp_path: Path) -> None:
     robot = build_robot(shipped("five_bar"))
     gone = Built(tmp_path / "gone.so", {"number": "float32"})
-    compiled = _revived(robot, choose(robot, None), gone, 2)
+    compiled = _restored(robot, choose(robot, None), gone, 2)
     assert (compiled.dtype, compiled.threads) == (np.float32, 2)
 
 

@@ -154,7 +154,7 @@ def test_models_of_two_robots_go_into_one_program(tmp_path: Path) -> None:
 def test_no_other_file_is_written_over(tmp_path: Path) -> None:
     robot = shipped("five_bar")
     (tmp_path / "README.md").write_text("# My controller\n")
-    with pytest.raises(ModelError, match=r"README\.md' is there and was not written by hybridyn"):
+    with pytest.raises(ModelError, match=r"README\.md' exists and was not written by hybridyn"):
         export(robot, tmp_path, name="bar")
     assert [path.name for path in tmp_path.iterdir()] == ["README.md"]
     (tmp_path / "README.md").unlink()
@@ -201,7 +201,7 @@ def test_every_kind_of_program_compiles(tmp_path: Path) -> None:
 def test_names_are_names_in_c(tmp_path: Path) -> None:
     assert c_name("LX-4 (new)") == "lx_4__new_"
     assert c_name("4bar") == "robot_4bar"
-    with pytest.raises(ModelError, match="'a b' is no name in C"):
+    with pytest.raises(ModelError, match="'a b' is not a C identifier"):
         export(shipped("five_bar"), tmp_path, name="a b")
 
 

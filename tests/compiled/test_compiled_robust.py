@@ -304,7 +304,7 @@ def test_models_that_trust_themselves_nowhere_are_said_to(caplog: pytest.LogCapt
 
     with caplog.at_level(logging.WARNING):
         verify(Edited(robot, half), robot, effects)
-    assert "'door': the written-out 'idm' hands every one of" in caplog.text
+    assert "'door': the compiled 'idm' hands every one of" in caplog.text
 
 
 def test_the_reason_is_the_files_rounding() -> None:

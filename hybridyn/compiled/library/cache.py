@@ -26,7 +26,7 @@ from ...errors import CompileError
 from .building import NATIVE, build
 from .compilers import FLAGS, find_compiler, machine
 from .eviction import remove_unused
-from .trust import is_own, refuse_foreign
+from .trust import check_ownership, is_own
 
 if TYPE_CHECKING:
     from ..code.library_source import Source
@@ -77,7 +77,7 @@ def cached(
         CompileError: There is no compiler, or it fails; or others can write in the cache's folder.
     """
     at = _writable(folder())
-    refuse_foreign(at, VARIABLE)
+    check_ownership(at, VARIABLE)
     tools = _tools(libraries)
     pointer = at / "keys" / _hash(key, package_state(), tools)
     with contextlib.suppress(OSError, ValueError):  # not there, or not text

@@ -12,7 +12,7 @@ _INNER = ("keys", "models", "libraries")
 _OTHERS_WRITE = stat.S_IWGRP | stat.S_IWOTH
 
 
-def refuse_foreign(folder: Path, variable: str) -> None:
+def check_ownership(folder: Path, variable: str) -> None:
     """Refuse a folder that belongs to somebody else, or in which others can write.
 
     Args:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from ...effects.choice import Effects
 from ...structure.robot import HybridRobot
 from ..code.scalars import Scalar
-from ..failures import failing_as_ours
+from ..failures import as_compile_error
 
 if TYPE_CHECKING:
     from ..code.library_source import Source
@@ -51,6 +51,6 @@ def write_programs(robot: HybridRobot, effects: Effects, dtype: str = "float64")
     needs_casadi()
     from .whole_robot import programs
 
-    with failing_as_ours(robot):
+    with as_compile_error(robot):
         written = programs(robot, effects, dtype=dtype)
     return {name: replace(program, name=name) for name, program in written.items()}
