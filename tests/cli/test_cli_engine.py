@@ -213,7 +213,7 @@ def test_effects_tell_what_compiled_models_cannot_do(tmp_path: Path, capsys: Any
     assert "cannot do: wrenches in the table; use --engine general" in capsys.readouterr().err
     statics = ["effects", "five_bar", str(trajectory), "--effects", "gravity,leg_inertia"]
     assert main([*statics, "--engine", "compiled"]) == 1
-    assert "models without the effect 'inertia' are not written out" in capsys.readouterr().err
+    assert "models without the effect 'inertia' cannot be compiled" in capsys.readouterr().err
 
 
 def test_simulations_too(tmp_path: Path, capsys: Any) -> None:

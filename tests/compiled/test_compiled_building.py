@@ -180,7 +180,7 @@ def test_a_compiler_that_is_named_must_be_there(
     fresh_compiler: None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("CC", "no-such-compiler -v")
-    with pytest.raises(CompileError, match="'no-such-compiler', is not there"):
+    with pytest.raises(CompileError, match="'no-such-compiler', does not exist"):
         cached("a robot", source)
 
 

@@ -156,10 +156,10 @@ def request(
     on = choose(robot, effects)
     for unit in (*on.links, *((on.base,) if on.base else ())):
         raise ModelError(
-            f"the effect '{unit.name}' is not written out: it depends on time or on contact. Use the general "
+            f"the effect '{unit.name}' cannot be compiled: it depends on time or on contact. Use the general "
             "path for it",
             element=unit.name,
         )
     if on.inertia is None:
-        raise ModelError("models without the effect 'inertia' are not written out", element="inertia")
+        raise ModelError("models without the effect 'inertia' cannot be compiled", element="inertia")
     return Request(robot, on, regroup, align, parameters, dtype)

@@ -1,7 +1,7 @@
-"""C text to a library that Python calls.
+"""Build C source into a shared library and call it from Python.
 
-Read `compilers`, `building`, `cache`, `trust` (whose files they are), `calls` (one sample or a batch),
-`steps` (time steps in C).
+Read `compilers`, `building`, `cache`, `trust` (ownership of the cache's files), `calls` (one sample or a
+batch), `steps` (time steps in C).
 
 May import: `code`, `program`, and what `compiled` may.
 """

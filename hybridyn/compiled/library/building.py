@@ -1,4 +1,4 @@
-"""C sources to a shared library: units compiled side by side, then linked."""
+"""Build a shared library from C sources: compile the units in parallel, then link them."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from pathlib import Path
 from ...errors import CompileError
 from .compilers import FLAGS, Compiler
 
-#: Code for this very processor.
+#: Compiler flags for this machine's processor.
 NATIVE = ("-mcpu=native",) if platform.machine() in ("aarch64", "arm64") else ("-march=native",)
 
-ADVICE = "Name another one in the environment variable CC; the general path works without one"
+ADVICE = "Name another compiler in the environment variable CC; the general path works without one"
 
 
 def build(units: tuple[str, ...], compiler: Compiler, target: Path, libraries: tuple[str, ...] = ()) -> None:
@@ -24,11 +24,11 @@ def build(units: tuple[str, ...], compiler: Compiler, target: Path, libraries: t
     Args:
         units: C sources.
         compiler: The compiler.
-        target: The library that is written; sources lie beside it meanwhile.
-        libraries: Libraries it needs besides the C library's mathematics.
+        target: Path of the library; the sources are kept beside it during the build.
+        libraries: Linker flags of further libraries; -lm is always linked.
 
     Raises:
-        CompileError: The compiler refuses, with what it says.
+        CompileError: The compiler fails; the message quotes its output.
     """
     with tempfile.TemporaryDirectory(prefix="hybridyn-", dir=target.parent) as folder:
         sources = [Path(folder, f"unit{i}.c") for i in range(len(units))]
@@ -46,7 +46,7 @@ def build(units: tuple[str, ...], compiler: Compiler, target: Path, libraries: t
         _run([*compiler.command, "-shared", "-o", str(target), *objects, *libraries, "-lm"])
     if not target.exists():
         raise CompileError(
-            f"the C compiler '{compiler.command[0]}' says that all is well, but there is no library. {ADVICE}"
+            f"the C compiler '{compiler.command[0]}' reported success, but there is no library. {ADVICE}"
         )
 
 
@@ -54,7 +54,7 @@ def _run(command: list[str]) -> None:
     """Run the compiler.
 
     Raises:
-        CompileError: It fails.
+        CompileError: The compiler cannot be started, or it fails.
     """
     try:
         done = subprocess.run(
@@ -65,6 +65,6 @@ def _run(command: list[str]) -> None:
     if done.returncode:
         said = " ".join((done.stderr or done.stdout).split())[:600]
         raise CompileError(
-            f"the C compiler '{command[0]}' failed (status {done.returncode}): {said or 'it says nothing'}. "
+            f"the C compiler '{command[0]}' failed (status {done.returncode}): {said or 'no output'}. "
             f"{ADVICE}"
         )

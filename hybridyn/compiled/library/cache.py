@@ -1,11 +1,12 @@
-"""Built libraries, kept between runs in the user's cache folder.
+"""Cache of built libraries in the user's cache folder.
 
-    keys/<key>            hash of a source: what a cheap description of the model led to last time
-    models/<source>.json  what the library of a source offers, and the hash of the library's file
-    libraries/<hash>.so   libraries by their own hash; `eviction` removes those not used for longest
+    keys/<key>            hash of the source that a cheap description of the model led to last time
+    models/<source>.json  programs in the library of a source, and the hash of the library's file
+    libraries/<hash>.so   libraries by their own hash; `eviction` removes the least recently used
 
-Everything is written beside and moved into place, so that processes may build at the same time; what is
-truncated, or not what its name says, is built anew. So is what somebody else may have written (`trust`).
+Each file is written beside its place and then moved there, so several processes may build at the same time.
+A file is built again if it is truncated, if its name does not match its content, or if another user may have
+written it (`trust`).
 """
 
 from __future__ import annotations
@@ -31,17 +32,17 @@ from .trust import check_ownership, is_own
 if TYPE_CHECKING:
     from ..code.library_source import Source
 
-#: Environment variable that names another folder.
+#: Environment variable that sets another cache folder.
 VARIABLE = "HYBRIDYN_CACHE"
 
 
 @dataclass(frozen=True)
 class Built:
-    """A library that is there.
+    """A built library.
 
     Attributes:
         path: Its file.
-        about: What it offers (`Source.about`).
+        about: Description of its programs (`Source.about`).
     """
 
     path: Path
@@ -65,22 +66,23 @@ def cached(
     libraries: tuple[str, ...] = (),
     accept: Callable[[Built], None] = lambda built: None,
 ) -> Built:
-    """Return the library of a model, built where it is not there yet.
+    """Return the library of a model from the cache, or build it.
 
     Args:
-        key: Text that says everything the source depends on, and is cheap to have.
-        make_source: Gives the source; called only where the key is new.
-        libraries: Libraries to link besides the C library's mathematics.
-        accept: Raises where a built library is not what it should be; then its key stays unknown.
+        key: Text that determines the source and is cheap to compute.
+        make_source: Generates the source; called only for a new key.
+        libraries: Linker flags of further libraries; -lm is always linked.
+        accept: Checks a library and raises if it is wrong; its key is then not stored.
 
     Raises:
-        CompileError: There is no compiler, or it fails; or others can write in the cache's folder.
+        CompileError: There is no compiler, the compiler fails, the cache folder cannot be used, or other
+            users can write in it.
     """
     at = _writable(folder())
     check_ownership(at, VARIABLE)
     tools = _tools(libraries)
     pointer = at / "keys" / _hash(key, package_state(), tools)
-    with contextlib.suppress(OSError, ValueError):  # not there, or not text
+    with contextlib.suppress(OSError, ValueError):  # the file does not exist, or is no text
         if is_own(pointer) and (known := _load(at, pointer.read_text())) is not None:
             return known
     source = make_source()
@@ -91,20 +93,20 @@ def cached(
         _write(pointer, name.encode())
     except OSError as error:  # a full disk, a folder where a file should be
         raise CompileError(
-            f"the cache folder '{at}' cannot be used: {error}; mend it, or name another in {VARIABLE}"
+            f"the cache folder '{at}' cannot be used: {error}; repair it, or name another in {VARIABLE}"
         ) from error
     return found
 
 
 def _tools(libraries: tuple[str, ...]) -> str:
-    """Name compiler, flags and machine."""
+    """Return a text that identifies compiler, flags and machine."""
     compiler = find_compiler()
     return " ".join([compiler.identity, *compiler.command, *FLAGS, *NATIVE, *libraries, machine()])
 
 
 @cache
 def package_state() -> str:
-    """Name the state of this package's own files, which write the source."""
+    """Return a hash of the sizes and times of the package's files that generate the source."""
     root = Path(__file__).parents[2]
     lines = []
     for file in sorted([*root.rglob("*.py"), *root.rglob("*.h")]):
@@ -115,7 +117,7 @@ def package_state() -> str:
 
 
 def _hash(*texts: str) -> str:
-    """Give a name for texts."""
+    """Return a hash of texts."""
     digest = hashlib.sha256()
     for text in texts:
         digest.update(text.encode())
@@ -124,15 +126,15 @@ def _hash(*texts: str) -> str:
 
 
 def _load(at: Path, name: str) -> Built | None:
-    """Return a model that is there and whole, else None."""
+    """Return a built model if its files exist and are intact, else None."""
     try:
         described = at / "models" / f"{name}.json"
         record = json.loads(described.read_bytes())
         path = at / "libraries" / f"{record['library']}.so"
         if not (is_own(described) and is_own(path)):
             return None
-        with contextlib.suppress(OSError):  # it is not there, or another user's
-            os.utime(path)  # which keeps it for some time
+        with contextlib.suppress(OSError):  # the file does not exist, or belongs to another user
+            os.utime(path)  # protects it from eviction for some time
         whole = hashlib.sha256(path.read_bytes()).hexdigest() == record["library"]
         return Built(path, record["about"]) if whole and record["name"] == name else None
     except (OSError, ValueError, KeyError, TypeError):
@@ -140,8 +142,8 @@ def _load(at: Path, name: str) -> Built | None:
 
 
 def _build(at: Path, name: str, source: Source, libraries: tuple[str, ...]) -> Built:
-    """Build a library and put it in its place."""
-    at.mkdir(parents=True, exist_ok=True)  # somebody may have emptied the cache meanwhile
+    """Build a library and move it to its place in the cache."""
+    at.mkdir(parents=True, exist_ok=True)  # the cache may have been emptied meanwhile
     with tempfile.TemporaryDirectory(dir=at, prefix="building-") as temporary:
         target = Path(temporary, "library.so")
         build(source.units, find_compiler(), target, libraries)
@@ -167,7 +169,11 @@ def _write(path: Path, content: bytes) -> None:
 
 @cache
 def _writable(at: Path) -> Path:
-    """Give the folder, made where it is not there; where it cannot be written, one for this process alone."""
+    """Return the cache folder, created if missing; if it cannot be written, a temporary folder.
+
+    Raises:
+        CompileError: No temporary folder can be created either.
+    """
     try:
         at.mkdir(parents=True, exist_ok=True, mode=0o700)
         with tempfile.TemporaryFile(dir=at):

@@ -1,4 +1,4 @@
-"""Calls of built programs: one sample with as little around it as possible, batches in blocks and threads."""
+"""Call built programs: single samples with little overhead, batches in blocks and threads."""
 
 from __future__ import annotations
 
@@ -24,53 +24,53 @@ if TYPE_CHECKING:
 
 Numbers = NDArray[Any]
 
-#: Types of the arrays that come in and go out.
+#: Types of input and output arrays.
 BORDER = {
     "float64": np.float64,
     "float32": np.float32,
     "longdouble": np.longdouble,
-    "float128": np.float64,  # numpy has none: in exactly, out rounded
+    "float128": np.float64,  # NumPy has no such type: inputs are exact, outputs are rounded
 }
 
-#: Status of a single call whose arrays are not plain.
+#: Status of a single call whose arguments are not contiguous arrays of the library's type.
 REFUSED = 1
 
-#: Python's word for a C function that is handed all its arguments in one array.
+#: CPython's flag for a C function that receives its arguments in one array.
 METH_FASTCALL = 0x0080
 
-#: What a single call answers: done, refused, or done but for the general path to do again.
+#: Status of a single call: done, refused, or done but the guard is above its limit.
 ANSWERS = (0, REFUSED, 2)
 
-#: A multiple of every width; what a thread takes at once is a multiple of it.
+#: Unit of a thread's share of a batch [samples], a multiple of every vector width.
 BLOCK = 512
-#: For a thread, at least [s].
+#: Least work of a thread [s]; waking a thread for less does not pay.
 WORTH_WAKING = 2e-4
-#: Time of a vector statement, roughly [s].
+#: Approximate time of a vector statement [s].
 STATEMENT = 2.5e-10
 
 
 class Library:
-    """Built programs.
+    """A loaded library of programs.
 
     Attributes:
-        built: Where they are.
-        about: What they are (`Source.about`).
-        dtype: Type of arrays in and out.
+        built: The library's file.
+        about: Description of its programs (`Source.about`).
+        dtype: Type of input and output arrays.
         programs: The programs by name.
-        steps: Whole steps in time, or None where the library takes none.
+        steps: Time steps in C, or None if the library has none.
     """
 
     def __init__(self, built: Built) -> None:
         """Load a library.
 
         Args:
-            built: Its file and what it offers.
+            built: Its file and the description of its programs.
         """
         self.built, self.about = built, built.about
         self.dtype = np.dtype(BORDER[built.about["number"]])
-        free = ctypes.CDLL(str(built.path))  # lets other threads of Python run meanwhile
-        held = ctypes.PyDLL(str(built.path))  # does not: a microsecond is not worth it
-        alone = getattr(sys, "_is_gil_enabled", lambda: True)()  # single calls share their memory
+        free = ctypes.CDLL(str(built.path))  # releases the interpreter's lock during a call
+        held = ctypes.PyDLL(str(built.path))  # holds it: releasing does not pay for a microsecond
+        alone = getattr(sys, "_is_gil_enabled", lambda: True)()  # single calls share one workspace
         cpython = sys.implementation.name == "cpython"
         plain = alone and cpython and built.about["lanes"] > 1 and _knows_arrays(held, self.dtype)
         self.programs = {
@@ -109,7 +109,7 @@ class Library:
 
 
 class Method(ctypes.Structure):
-    """Python's `PyMethodDef`: a C function that Python calls without a detour through ctypes."""
+    """CPython's `PyMethodDef`: a C function that Python calls directly, without ctypes."""
 
     _fields_ = (
         ("name", ctypes.c_char_p),
@@ -119,7 +119,7 @@ class Method(ctypes.Structure):
     )
 
     def function(self) -> Callable[..., int]:
-        """Return the function; it needs this structure as long as it lives."""
+        """Return the function; this structure must stay alive as long as the function."""
         new = ctypes.pythonapi.PyCFunction_NewEx
         new.restype = ctypes.py_object
         new.argtypes = [ctypes.POINTER(Method), ctypes.c_void_p, ctypes.c_void_p]
@@ -131,7 +131,7 @@ class Calls:
     """The calls of one program.
 
     Attributes:
-        block: Samples that a thread takes at once; fewer are not worth waking it.
+        block: Number of samples that a thread takes at once.
     """
 
     def __init__(
@@ -178,7 +178,7 @@ class Calls:
             inputs: Inputs, shapes (n,).
 
         Returns:
-            All outputs one behind the other, and 0 where the guard lets them pass (see `guard`).
+            All outputs in one array, and 0 if the guard is within its limit (see `guard`).
         """
         out = np.empty(self.size, self.dtype)
         if self.at_once is not None and len(inputs) == len(self.inputs):
@@ -188,7 +188,7 @@ class Calls:
         return self._converted(inputs, out)
 
     def _converted(self, inputs: tuple[ArrayLike, ...], out: Numbers) -> tuple[Numbers, int]:
-        """Run one sample from whatever can be made plain arrays."""
+        """Run one sample after converting its inputs to contiguous arrays."""
         arrays = [np.array(x, self.dtype, order="C", ndmin=1) for x in inputs]
         for array, (name, size) in zip(arrays, self.inputs, strict=True):
             if array.shape != (size,):
@@ -201,7 +201,7 @@ class Calls:
         return out, 0 if guard[0] <= self.trusted else 2
 
     def split(self, out: Numbers) -> tuple[Numbers, ...]:
-        """Cut outputs that lie one behind the other."""
+        """Split an array of all outputs."""
         parts, at = [], 0
         for _, size in self.outputs:
             parts.append(out[at : at + size])
@@ -223,7 +223,7 @@ class Calls:
         for array, (name, size) in zip(arrays, self.inputs, strict=True):
             if array.shape != (samples, size):
                 raise ValueError(f"{name} has shape {array.shape}; wanted ({samples}, {size})")
-        if samples == 1 and self.at_once is not None:  # the same bits, without lanes that nobody asked for
+        if samples == 1 and self.at_once is not None:  # the same bits, without unused lanes
             rows, out = [array[0] for array in arrays], np.empty(self.size, self.dtype)
             if self.at_once(*rows, out) == 0:
                 return tuple(part[None] for part in self.split(out)), np.fmin(self._guard, self.trusted)
@@ -245,7 +245,7 @@ class Calls:
         return outs, guard
 
     def _workspace(self) -> int:
-        """Return the address of memory for this thread, aligned for the widest vectors."""
+        """Return the address of this thread's workspace, aligned for the widest vectors."""
         if not hasattr(self._memory, "array"):
             self._memory.array = np.zeros(self._work + 64, np.uint8)
             self._memory.at = -(-self._memory.array.ctypes.data // 64) * 64
@@ -255,16 +255,16 @@ class Calls:
 
 @cache
 def pool(threads: int) -> ThreadPoolExecutor:
-    """Return the threads, which sleep between calls."""
+    """Return the thread pool, whose threads sleep between calls."""
     return ThreadPoolExecutor(threads, thread_name_prefix="hybridyn")
 
 
-if hasattr(os, "register_at_fork"):  # threads stay behind: a child that waited for them would wait for ever
+if hasattr(os, "register_at_fork"):  # a forked child has none of the threads and must not wait for them
     os.register_at_fork(after_in_child=pool.cache_clear)
 
 
 def _knows_arrays(held: ctypes.PyDLL, dtype: np.dtype[Any]) -> bool:
-    """Set up the reading of arrays in C, and say whether an array looks there as it does here."""
+    """Set up the reading of NumPy arrays in C, and return whether C sees their layout correctly."""
     held.hybridyn_setup.argtypes = [ctypes.c_void_p] * 4
     held.hybridyn_setup.restype = None
     answers = (ctypes.c_void_p * len(ANSWERS))(*map(id, ANSWERS))
@@ -288,13 +288,13 @@ def load(
     lanes: int | None = None,
     key: str | None = None,
 ) -> Library:
-    """Build programs, or find them built, and load them.
+    """Load programs from the cache, or build and load them.
 
     Args:
         programs: The programs.
-        dtype: "float64", "float32"; and for studies, with one lane, "longdouble", "float128".
-        lanes: Numbers side by side; None for what suits this machine.
-        key: Text that says everything the programs depend on; None looks at their source.
+        dtype: "float64" or "float32"; for studies, with one lane, also "longdouble" or "float128".
+        lanes: Numbers in a vector; None chooses what suits this machine.
+        key: Text that determines the programs; None takes the hash of their source.
     """
     from ..code.library_source import library_source
 
@@ -307,7 +307,7 @@ def load(
 
 
 def loaded(find: Callable[[], Built]) -> Library:
-    """Load a library; where another process removed it after it was found, it is found, or built, again."""
+    """Load a library; find or build it again if another process removed it after it was found."""
     try:
         return Library(find())
     except OSError:

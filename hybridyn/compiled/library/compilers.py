@@ -1,4 +1,4 @@
-"""The C compiler of this machine: which one, and what its code may use."""
+"""Find the C compiler of this machine and the vector features that its code may use."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from pathlib import Path
 
 from ...errors import CompileError
 
-#: How every unit is compiled; -march is added where the compiler knows this machine.
+#: Compiler flags of every unit; `building.NATIVE` is added.
 FLAGS = (
     "-std=gnu11",
     "-O3",
     "-fPIC",
     "-fvisibility=hidden",
-    "-ffp-contract=off",  # fusing.py decides
+    "-ffp-contract=off",  # fusing.py chooses the fused products
     "-fno-math-errno",
     "-fno-trapping-math",
     "-w",
@@ -40,8 +40,8 @@ class Compiler:
     """A C compiler.
 
     Attributes:
-        command: How it is called.
-        identity: Changes whenever the compiler does.
+        command: Its command line.
+        identity: Text that changes whenever the compiler changes.
     """
 
     command: tuple[str, ...]
@@ -53,12 +53,12 @@ def find_compiler() -> Compiler:
     """Find a compiler: $CC, then cc, gcc, clang, then the `ziglang` wheel.
 
     Raises:
-        CompileError: There is none; the message says what to install.
+        CompileError: No compiler is found; the message says what to install.
     """
     if words := _words(os.environ.get("CC", "")):
         path = shutil.which(words[0])
         if path is None:
-            raise CompileError(f"the compiler that CC names, '{words[0]}', is not there")
+            raise CompileError(f"the compiler that CC names, '{words[0]}', does not exist")
         return Compiler((path, *words[1:]), _identity(path))
     for name in NAMES:
         if path := shutil.which(name):
@@ -70,10 +70,10 @@ def find_compiler() -> Compiler:
 
 
 def _words(command: str) -> list[str]:
-    """Cut a command into words, as a shell does.
+    """Split a command into words, as a shell does.
 
     Raises:
-        CompileError: It has an open quotation.
+        CompileError: A quotation is not closed.
     """
     try:
         return shlex.split(command)
@@ -82,7 +82,7 @@ def _words(command: str) -> list[str]:
 
 
 def _identity(path: str) -> str:
-    """Return the path, size and age of a compiler's file: cheaper than asking for its version."""
+    """Return path, size and modification time of a compiler's file; asking for its version costs more."""
     real = os.path.realpath(path)
     stat = os.stat(real)
     return f"{real} {stat.st_size} {stat.st_mtime_ns}"
@@ -90,7 +90,7 @@ def _identity(path: str) -> str:
 
 @cache
 def machine() -> str:
-    """Name what code for this machine may use: processor, its features, system."""
+    """Return a text that identifies system, processor and processor features."""
     features = platform.processor()
     cpuinfo = Path("/proc/cpuinfo")
     if cpuinfo.exists():
@@ -103,7 +103,7 @@ def machine() -> str:
 
 @cache
 def features() -> frozenset[str]:
-    """Return the vector features of this processor, in Linux' words ("avx512f", "avx", "fma")."""
+    """Return the vector features of this processor by their Linux names ("avx512f", "avx", "fma")."""
     cpuinfo = Path("/proc/cpuinfo")
     if not cpuinfo.exists():
         return frozenset()
@@ -114,7 +114,7 @@ def features() -> frozenset[str]:
 
 
 def best_lanes(number: str = "float64") -> int:
-    """Return how many numbers the machine's vectors hold."""
+    """Return how many numbers a vector register of this machine holds."""
     known = features()
     doubles = 8 if "avx512f" in known else 4 if "avx" in known or not known else 2
     return doubles * (2 if number == "float32" else 1)

@@ -1,7 +1,7 @@
-"""How much of the cache stays: beyond `LIMIT` the libraries that were not used for longest go first.
+"""Evict least recently used libraries from the cache when it exceeds `LIMIT`.
 
-A library's time of modification is when it was last handed out. One that is loaded stays usable after its
-file is gone, and whoever finds a file gone before it is loaded builds it again (`calls.loaded`): no process
+A library's modification time is the time of its last use. A loaded library stays usable after its file is
+removed. A process whose file is removed before it is loaded builds it again (`calls.loaded`). So no process
 waits for another.
 """
 
@@ -14,16 +14,16 @@ import shutil
 import time
 from pathlib import Path
 
-#: Bytes of libraries that are kept; one of a robot of 24 motors has 400,000.
+#: Size of the cached libraries [bytes]; the library of a robot with 24 motors has 400,000.
 LIMIT = 256 * 2**20
-#: Time after it was handed out in which a library is never removed [s].
+#: Time after its last use in which a library is never removed [s].
 IN_USE = 3600.0
-#: Age from which on unfinished files are those of a process that was killed [s].
+#: Age from which unfinished files are taken to be left by a killed process [s].
 ABANDONED = 86400.0
 
 
 def remove_unused(at: Path) -> None:
-    """Remove what is beyond `LIMIT`, what led there, and what was never finished.
+    """Remove libraries beyond `LIMIT`, the records and keys that lead to them, and abandoned files.
 
     Args:
         at: The cache's folder.
@@ -34,7 +34,7 @@ def remove_unused(at: Path) -> None:
         room -= size
         if room < 0 and age > IN_USE:
             _remove(path)
-    if room < 0:  # what leads to a library is written after it
+    if room < 0:  # records and keys are written after their library, so none is removed too early
         for record in models.glob("*.json"):
             if not os.path.exists(libraries / f"{_target(record)}.so"):
                 _remove(record)
@@ -48,7 +48,7 @@ def remove_unused(at: Path) -> None:
 
 
 def _target(path: Path) -> str:
-    """Return the name that a record or a key leads to; none where it holds something else."""
+    """Return the name that a record or a key leads to; empty if its content is invalid."""
     try:
         text = path.read_text()
         return str(json.loads(text)["library"]) if path.suffix else text
@@ -57,7 +57,7 @@ def _target(path: Path) -> str:
 
 
 def _age_and_size(path: Path) -> tuple[float, int]:
-    """Return the time since a file was used [s] and its bytes; what is gone is young."""
+    """Return the time since a file's last use [s] and its size [bytes]; zeros if it is gone."""
     try:
         stat = path.stat()
     except OSError:

@@ -1,4 +1,4 @@
-"""Steps in time by a built library: `integrators.Explicit` in C, and charts of independent joints."""
+"""Take time steps in a built library: `integrators.Explicit` in C, and charts of independent joints."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from ...spatial import Array
 
 @dataclass(frozen=True)
 class Taken:
-    """Steps that were taken.
+    """States after the steps taken.
 
     Attributes:
         q, v, a: States after each step, shapes (steps, nq), (steps, nv), (steps, nv).
-        pivot: Least pivot of the closures met in each step, over its usual size, shape (steps,).
+        pivot: Smallest pivot of the closures in each step, over its usual size, shape (steps,).
         error_q, error_v: Estimated errors of the last step, shape (nv,), or None.
     """
 
@@ -30,11 +30,11 @@ class Taken:
 
 
 class Steps:
-    """The functions of `c/steps.h`; they keep the interpreter's lock, and so their own memory.
+    """The functions of `c/steps.h`. They hold the interpreter's lock, which protects their workspace.
 
     Attributes:
         freedoms: Number of the robot's freedoms.
-        independent: Those that the closures leave independent.
+        independent: Freedoms that the closures leave independent.
     """
 
     def __init__(self, held: ctypes.PyDLL, lifted: list[tuple[str, int]]) -> None:
@@ -42,7 +42,7 @@ class Steps:
 
         Args:
             held: The library.
-            lifted: Names and lengths of what a lifted posture consists of.
+            lifted: Names and lengths of the outputs of the program "lift".
         """
         self._steps, self._lift = held.explicit_steps, held.lifted_posture
         self._steps.restype = ctypes.c_longlong
@@ -53,16 +53,16 @@ class Steps:
         nq, nv = lifted[0][1], lifted[1][1]
         out, pivot = np.empty(self._ends[-1]), np.ones(1)
         nowhere = np.zeros(nq), np.zeros(nv), np.zeros(nv)
-        self._lift(*(x.ctypes.data for x in (*nowhere, out, pivot)))  # whether closed or not: it is the same
+        self._lift(*(x.ctypes.data for x in (*nowhere, out, pivot)))  # "independent" is the same everywhere
         self.freedoms = nv
         self.independent = np.flatnonzero(out[self._ends[3] : self._ends[4]])
 
     def lift(self, q_0: Array, xi: Array, v: Array) -> tuple[list[Array], float] | None:
-        """Close the loops from a displacement on, with the independent rates of v.
+        """Close the loops by Newton's method from a displacement, with the independent rates of v.
 
         Returns:
-            Positions (nq,); displacement, rates, rate of the displacement, (nv,) each; the least pivot met.
-            None where that is left to the general path.
+            Positions, shape (nq,); displacement, rates and rate of the displacement, shape (nv,) each; and
+            the smallest pivot met. None if the general path must do it.
         """
         out, pivot = np.empty(self._ends[-1]), np.ones(1)
         given = [np.ascontiguousarray(x) for x in (q_0, xi, v)]
@@ -71,7 +71,7 @@ class Steps:
         return np.split(out, self._ends[:4])[:4], float(pivot[0])
 
     def chart(self, q: Array) -> JointChart:
-        """Lay a chart about an assembled posture."""
+        """Return a chart about an assembled posture."""
         return JointChart(self, q)
 
     def take(
@@ -85,14 +85,14 @@ class Steps:
         """Take steps as long as they can be trusted.
 
         Args:
-            tableau: Weights A of the stages, b of the result, e of its error or None.
+            tableau: Weights A of the stages, b of the result, and e of its error or None.
             state: Assembled positions, rates and accelerations, shapes (nq,), (nv,), (nv,).
             tau: Efforts, shape (motors,).
             h: Length of a step [s].
             count: Number of steps.
 
         Returns:
-            The steps taken; fewer than `count` where the general path must take the next.
+            The states after the steps; fewer than `count` if the general path must take the next step.
         """
         rows = [np.empty((count + 1, len(x))) for x in state]
         for row, x in zip(rows, state, strict=True):
@@ -114,8 +114,8 @@ class JointChart:
 
     Attributes:
         size: Number of coordinates.
-        pivot: Least pivot met so far, over its usual size.
-        narrow: Never true: where another branch is near, nothing is lifted.
+        pivot: Smallest pivot met so far, over its usual size.
+        narrow: Always false: `lift` raises near another branch.
     """
 
     narrow = False
@@ -126,26 +126,26 @@ class JointChart:
         self.size, self.pivot = len(steps.independent), 1.0
 
     def independent(self, x: Array) -> Array:
-        """Return the coordinates' share of rates, accelerations or displacements, shape (nv,) or (nv, k)."""
+        """Return the independent entries of rates, accelerations or displacements, (nv,) or (nv, k)."""
         out: Array = x[self._independent]
         return out
 
     def lift(self, y: Array, u: Array, near: Array | None = None) -> Posture:
-        """Return posture and rates, as `Chart.lift`.
+        """Compute posture and rates, like `Chart.lift`.
 
         Raises:
-            AmbiguousBranchError: It is left to the general path.
+            AmbiguousBranchError: The general path must lift this posture.
         """
         xi = self._xi.copy() if near is None else near.copy()
         v = np.zeros_like(xi)
         xi[self._independent], v[self._independent] = y, u
         lifted = self._steps.lift(self._q, xi, v)
         if lifted is None:
-            raise AmbiguousBranchError("the dependent joints are too near to losing hold of the others")
+            raise AmbiguousBranchError("the dependent joints are too near to a singularity of the closures")
         (q, self._xi, v, _), pivot = lifted
         self.pivot = min(self.pivot, pivot)
         return Posture(q, self._xi, v)
 
     def rates(self, u: Array) -> Array:
-        """Return the rates of u at the posture that `lift` gave last, shape (nv,)."""
+        """Compute the rates of u at the posture of the last `lift`, shape (nv,)."""
         return self.lift(self.independent(self._xi), u).v

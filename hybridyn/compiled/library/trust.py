@@ -1,4 +1,4 @@
-"""Whose files the cache's are: a library runs as its user, so nobody else may have written it."""
+"""Check who owns the cache's files: a library runs with its user's rights, so only the user may write it."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ _OTHERS_WRITE = stat.S_IWGRP | stat.S_IWOTH
 
 
 def check_ownership(folder: Path, variable: str) -> None:
-    """Refuse a folder that belongs to somebody else, or in which others can write.
+    """Check that the cache folder belongs to the user and that nobody else can write in it.
 
     Args:
-        folder: The folder; those in it that hold libraries, and what leads to them, are looked at too.
-        variable: Environment variable that names another, for the message.
+        folder: The folder; its folders of keys, models and libraries are checked too.
+        variable: Environment variable that sets another folder, for the message.
 
     Raises:
-        CompileError: It is one.
+        CompileError: A folder belongs to another user, or others can write in it.
     """
     for place in (folder, *(folder / name for name in _INNER)):
         try:
             about = place.stat()
-        except FileNotFoundError:  # not made yet, or the whole cache was just removed
+        except FileNotFoundError:  # not created yet, or the whole cache was just removed
             continue
         if about.st_uid != os.geteuid():
             raise CompileError(
@@ -40,10 +40,10 @@ def check_ownership(folder: Path, variable: str) -> None:
 
 
 def is_own(file: Path) -> bool:
-    """Tell whether a file is the user's own and only theirs to write; links are followed nowhere.
+    """Return whether a file belongs to the user and nobody else can write it; links are not followed.
 
     Raises:
-        OSError: It is not there.
+        OSError: The file does not exist.
     """
     about = file.lstat()
     return stat.S_ISREG(about.st_mode) and about.st_uid == os.geteuid() and not about.st_mode & _OTHERS_WRITE

@@ -1,7 +1,7 @@
-"""A whole robot's models as programs: calls of its modules' kernels.
+"""Build the models of a whole robot as programs: calls of its modules' kernels.
 
 Read `writer` (collects kernels and calls), `module_calls`, `inverse`, `direct`, `kinematics`, `close`,
-`lift`, then `whole_robot` and `sources`. `interpreter` runs a program in CasADi; `statistics` counts its
+`lift`, then `whole_robot` and `sources`. `interpreter` runs a program in CasADi. `statistics` counts its
 operations.
 
 May import: `equations`, `code`, `program`, and what `compiled` may.

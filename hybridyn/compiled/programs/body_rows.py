@@ -1,4 +1,4 @@
-"""Motions of bodies as rows of numbers, as the "kinematics" program gives them."""
+"""Motions of bodies as rows of numbers, in the layout of the program "kinematics"."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from ...linkage.rigid_motion import RigidMotion
 from ...spatial import Array
 from ...structure.robot import HybridRobot
 
-#: Numbers of a body: axes row by row, origin, velocity, angular velocity, accelerations (classical).
+#: Numbers per body: axes row by row, origin, velocity, angular velocity, accelerations (classical).
 WIDTH = 24
 
 
 def body_rows(robot: HybridRobot, q: Array, v: Array, a: Array) -> Array:
-    """Return the motion of every body in the world by the general path, shape (T, WIDTH bodies)."""
+    """Compute the motion of every body in the world frame by the general path, shape (T, WIDTH bodies)."""
     out = np.zeros((len(q), len(robot.bodies.bodies), WIDTH))
     for body, m in body_motions(robot, q, v, a).items():
         R = np.broadcast_to(m.R, (len(q), 3, 3)).reshape(-1, 9)

@@ -1,11 +1,12 @@
-"""From what the motors do to what all joints do, as a program: for controllers that measure motors alone.
+"""Program that computes the motion of all joints from the motors', for controllers that measure motors only.
 
-The motors (and what they do not move) are the independent coordinates; one step of Newton's method for the
-positions of the others, and their rates and accelerations:
+The independent coordinates are those of the motors and of joints that no motor moves. From a nearby posture,
+such as that of the last tick, the program takes one Newton step for the positions of the other joints and
+computes their rates and accelerations:
 
     K_d step = -residual(q)      K_d v_d = -K_i v_i      K_d a_d = -K_i a_i - K_dot v
 
-(d: dependent, i: independent freedoms), from a posture nearby, as that of the last tick.
+(d: dependent, i: independent freedoms).
 """
 
 from __future__ import annotations
@@ -30,12 +31,13 @@ from .writer import Writer
 
 
 def close_program(request: Request) -> Program:
-    """Write the closing of a robot's loops.
+    """Build the program that closes a robot's loops.
 
-    Inputs are "near", a posture with the motors' positions as they are and the others' as they were, and "v"
-    and "a", of which the entries of motors are read, of a free base, and of what motors do not move.
-    Outputs are "q", a Newton step from "near", and all joints' rates and accelerations at "near". The guard
-    is at most 1 where loops were closed before the step: else call again with its "q".
+    Inputs are "near", a posture with the motors' present positions and the other joints' previous ones, and
+    "v" and "a", of which the entries of motors, of a moving base, and of joints that no motor moves are read.
+    Outputs are "q", the posture after a Newton step from "near", and the rates and accelerations of all
+    joints at "near". The guard is at most 1 if the loops were closed before the step. Otherwise call again
+    with "q".
     """
     robot = request.robot
     shapes: dict[Any, list[Module]] = {}
@@ -61,7 +63,7 @@ def close_program(request: Request) -> Program:
 
 
 def _keep_base(w: Writer) -> None:
-    """Hand on what is prescribed of a moving base."""
+    """Copy the prescribed motion of a moving base to the outputs."""
     columns = [ca.SX.sym("base", size) for size in (7, 6, 6)]
     kernel = w.kernel("base", ca.Function("base", columns, columns), "closures")
     pairs = (("near", "q", 7), ("v", "v_closed", 6), ("a", "a_closed", 6))
@@ -76,7 +78,7 @@ def _motors(module: Module, driven: set[int]) -> tuple[int, ...]:
 
 
 def _write(modules: list[Module], motors: tuple[int, ...], closed: float) -> tuple[ca.Function, Array]:
-    """Write the closing of modules of one shape, and the numbers in which they differ."""
+    """Return the closing kernel of modules of one shape, and the table of numbers in which they differ."""
     m, folding = modules[0].mechanism, Folding()
     tree = m.spanning
     (q_col, q), (v_col, v), (a_col, a) = symbols("q", tree.nq), symbols("v", tree.nv), symbols("a", tree.nv)
@@ -98,7 +100,7 @@ def _write(modules: list[Module], motors: tuple[int, ...], closed: float) -> tup
 
 
 def _drift(K: Expression, q: ca.SX, v: Expression, tree: Tree) -> Expression:
-    """Return K_dot v, shape (rows,)."""
+    """Compute K_dot v, shape (rows,)."""
     w_col, w = symbols("w", len(v))
     rate = by_joint(tree, position_rate, unpack(q), w, positions=1)
     drift = ca.jtimes(pack(dot(K, w)), q, pack(rate))

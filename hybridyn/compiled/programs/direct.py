@@ -1,4 +1,4 @@
-"""The direct model of a whole robot as a program: three sweeps over its modules."""
+"""Program of a robot's direct model: three sweeps over its modules."""
 
 from __future__ import annotations
 
@@ -31,11 +31,11 @@ LEG_PARTS = ["legs", "legs' accelerations"]
 
 @dataclass
 class _DirectCalls(ModuleCalls):
-    """One module in the program.
+    """Calls of one module in the direct model.
 
     Attributes:
         articulated: Articulated inertia and bias of its outputs that carry modules, by output.
-        legs: Its groups of legs, with their calls and their numbers.
+        legs: Its groups of legs, with their calls and their own numbers.
     """
 
     options: DirectOptions
@@ -46,7 +46,7 @@ class _DirectCalls(ModuleCalls):
 
 
 def direct_program(request: Request) -> Program:
-    """Write the direct model of a robot."""
+    """Build the program of a robot's direct model."""
     robot = request.robot
     inputs = [("q", robot.nq), ("v", robot.nv), ("tau", len(robot.motors))]
     if robot.base == "moving":
@@ -68,7 +68,7 @@ def direct_program(request: Request) -> Program:
 
 
 class _Sweeps:
-    """Writes the calls of one module after the other."""
+    """Add the calls of the modules to the program, sweep by sweep."""
 
     def __init__(self, request: Request, writer: Writer, root: tuple[Source, Source] | None) -> None:
         self.request, self.w, self.root = request, writer, root
@@ -77,7 +77,7 @@ class _Sweeps:
         self._leg_code: dict[Any, tuple[list[Stage], Constants]] = {}
 
     def outwards(self, k: int, modules: list[_DirectCalls]) -> _DirectCalls:
-        """Write motion outwards: platforms, twists, and what the legs bring."""
+        """Add the motion outwards: platforms, twists, and the legs' inertias and biases."""
         w, calls = self.w, self._calls(k, modules)
         targets = calls.place_platforms(18)
         for o, carried in enumerate(calls.options.carries):
@@ -87,14 +87,14 @@ class _Sweeps:
                 calls.articulated[o] = own, bias
                 targets |= {f"V {o}": calls.V[o], f"bias {o}": bias, f"own {o}": own}
         calls.stages.call(0, calls.sources(), targets)
-        for i in sorted({group[0].platform for group in calls.groups}):  # sums stand in the platforms' order
+        for i in sorted({group[0].platform for group in calls.groups}):  # sums in the order of the platforms
             calls.sums_of(i, LEG_SUMS)
         for n in range(len(calls.groups)):
             self._legs_outwards(calls, n)
         return calls
 
     def inwards(self, calls: _DirectCalls) -> None:
-        """Write articulated inertias inwards."""
+        """Add the articulated inertias inwards."""
         sources = calls.sources() | calls.summed()
         for o, (inertia, bias) in calls.articulated.items():
             sources |= {f"I {o}": read(inertia), f"beta {o}": read(bias)}
@@ -109,7 +109,7 @@ class _Sweeps:
         calls.stages.call(1, sources, targets)
 
     def accelerate(self, calls: _DirectCalls) -> None:
-        """Write accelerations outwards: the core, the legs, the wrists."""
+        """Add the accelerations outwards: the core, the legs, the wrists."""
         w, written, v_index = self.w, calls.written, calls.module.v_index
         deltas = {i: w.shared(6) for i in written.platforms}
         calls.A = {o: w.shared(6) for o in calls.V}
@@ -125,7 +125,7 @@ class _Sweeps:
         calls.stages.call(3, sources, {"a_wrists": wrists, "guard": Worst()})
 
     def _calls(self, k: int, modules: list[_DirectCalls]) -> _DirectCalls:
-        """Return the calls of module k, none made yet; its code is written where no equal module has it."""
+        """Return the still empty calls of module k; equal modules share their code."""
         plan, options = self.request.plans[k], direct_options(self.request, k)
         key = (id(plan), options)
         if key not in self._code:
@@ -136,13 +136,13 @@ class _Sweeps:
         return _DirectCalls(self.request, self.w, k, options, written, stages, below, self.root)
 
     def _own(self, calls: _DirectCalls, o: int) -> Array:
-        """Give an output's own inertia, from which its articulated one starts; zero where it is an input."""
+        """Return an output's own inertia, the start of its articulated inertia; zero if it is an input."""
         if self.request.parameters:
             return np.zeros(21)
         return upper(inertia_matrix(plain(calls.options.inertias[o]))).astype(float)
 
     def _legs_outwards(self, calls: _DirectCalls, n: int) -> None:
-        """Write what a group of legs brings, summed by platform."""
+        """Add the inertias and biases of a group of legs, summed by platform."""
         plan, options, group = self.request.plans[calls.k], calls.options, calls.groups[n]
         key = (id(plan), n, options.base is None, options.velocity, options.rotor)
         if key not in self._leg_code:

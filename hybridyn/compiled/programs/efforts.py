@@ -1,4 +1,4 @@
-"""Efforts on joints: what the user gives, and what joint laws add."""
+"""Efforts on joints: motor efforts given by the user, and joint laws."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ from .writer import Writer
 
 
 class Efforts:
-    """Gives the efforts on any freedoms of any module as a source of a call."""
+    """Provide the efforts on freedoms of a module as a source of a call."""
 
     def __init__(self, request: Request, writer: Writer, *, motors: bool = True) -> None:
-        """Prepare.
+        """Prepare the efforts of a program.
 
         Args:
             request: The robot and its effects.
-            writer: The program.
-            motors: Whether motors' efforts are user inputs ("tau"); the inverse model wants the laws alone.
+            writer: The program under construction.
+            motors: Whether motor efforts are user inputs ("tau"). The inverse model uses the laws alone.
         """
         self._request, self._writer, self._motors = request, writer, motors
         robot = request.robot
@@ -35,7 +35,7 @@ class Efforts:
                 self._motor_of[id(module), int(column)] = int(number)
 
     def of(self, k: int, columns: Index) -> Source:
-        """Return the efforts on freedoms of the tree after the cuts of module k, shape (copies, entries)."""
+        """Return the source of efforts on freedoms of module k's cut tree, shape (copies, entries)."""
         marks = self._request.marks(self._request.robot.modules[k])
         if self._motors and all(marks[int(c)] == "motor " for c in columns.ravel()):
             return self._writer.from_given("tau", self._motor_numbers(k, columns))
@@ -46,13 +46,13 @@ class Efforts:
         return place
 
     def _motor_numbers(self, k: int, columns: Index) -> Index:
-        """Return the motors' numbers in tau."""
+        """Return the motors' indices in tau."""
         module = self._request.robot.modules[k]
         numbers = [self._motor_of[id(module), int(c)] for c in columns.ravel()]
         return np.array(numbers, dtype=int).reshape(columns.shape)
 
     def _laws(self, k: int, columns: Index, start: int, stride: int) -> None:
-        """Write the sum of motor and laws on one joint after the other."""
+        """Add calls that compute the sum of motor effort and laws, joint by joint."""
         request, w = self._request, self._writer
         module = request.robot.modules[k]
         mark = request.marks(module)[int(columns[0])]
@@ -63,7 +63,7 @@ class Efforts:
             w.call(kernel, 1, sources, [Shared(start + i * stride, 1)])
 
     def _one(self, k: int, column: int, mark: str) -> tuple[list[ca.SX], list[Source], Any, Any]:
-        """Give the effort on one freedom: symbols, where they come from, the sum, and what it depends on."""
+        """Return the effort on one freedom: symbols, their sources, the sum, and a key of equal efforts."""
         request, w = self._request, self._writer
         module = request.robot.modules[k]
         own = np.zeros((1, module.mechanism.tree.nv))
@@ -105,10 +105,10 @@ class Efforts:
 
 
 def _written(effect: Any, p: ca.SX, x: Any, v: ca.SX) -> Any:
-    """Return a law's effort as an expression: its NumPy code runs on symbols.
+    """Return a law's effort as an expression by running its NumPy code on symbols.
 
     Raises:
-        ModelError: Its code has no expression.
+        ModelError: The code does not run on symbols.
     """
     try:
         with warnings.catch_warnings():
@@ -116,5 +116,5 @@ def _written(effect: Any, p: ca.SX, x: Any, v: ca.SX) -> Any:
             return effect.effort(tuple(p[n] for n in range(p.numel())), x, v)
     except (TypeError, AttributeError, ValueError, RuntimeError, NotImplementedError) as error:
         raise ModelError(
-            f"the effect '{effect.name}' is not written out: use the general path for it", element=effect.name
+            f"the effect '{effect.name}' cannot be compiled: use the general path for it", element=effect.name
         ) from error

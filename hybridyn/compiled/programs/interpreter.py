@@ -1,4 +1,4 @@
-"""Runs a program in CasADi: numbers in plain floats, or the whole model as one CasADi function."""
+"""Run a program in CasADi, and convert a program to one CasADi function."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from ..program import Add, Call, Constants, Each, Given, Own, Program, Result, S
 
 
 def function_of(program: Program, symbol: Any = ca.SX) -> ca.Function:
-    """Return a program as one CasADi function.
+    """Convert a program to one CasADi function.
 
     Args:
         program: The program.
         symbol: `casadi.SX` for one flat graph, `casadi.MX` for a graph of calls.
 
     Returns:
-        Inputs and outputs named as the program's, and "guard" last.
+        Function with the program's names of inputs and outputs, and the output "guard" last.
     """
     columns = [symbol.sym(name, size) for name, size in program.inputs]
     given = [
@@ -37,7 +37,7 @@ def function_of(program: Program, symbol: Any = ca.SX) -> ca.Function:
 
 
 def run(program: Program, given: list[Any], kind: Any) -> tuple[list[Any], Any]:
-    """Run a program on scalars of CasADi: results and guard."""
+    """Run a program on CasADi scalars and return results and guard."""
     shared: list[Any] = [None] * program.shared
     own: list[Any] = [None] * program.own
     result: list[Any] = [kind(np.nan)] * sum(size for _, size in program.outputs)
@@ -54,7 +54,7 @@ def _call(
     program: Program, call: Call, given: list[Any], result: list[Any], shared: list[Any], own: list[Any],
     guard: Any, kind: Any,
 ) -> Any:  # fmt: skip
-    """Run one call; gives the guard after it."""
+    """Run one call and return the updated guard."""
     function = program.kernels[call.kernel].function
     for i in range(call.copies):
         arguments = []

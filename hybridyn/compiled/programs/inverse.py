@@ -1,4 +1,4 @@
-"""The inverse model of a whole robot as a program: one sweep outwards, one inwards."""
+"""Program of a robot's inverse model: one sweep over the modules outwards, one inwards."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ PARTS = ["kinematics", "efforts"]
 
 @dataclass
 class _InverseCalls(ModuleCalls):
-    """One module in the program.
+    """Calls of one module in the inverse model.
 
     Attributes:
-        received: Wrench that its outputs' modules need, by output.
-        motors: What the motors of its groups of legs do along delta, by group.
+        received: Wrench that the modules on each output require, by output.
+        motors: Wrenches along delta of unit motor efforts in its groups of legs, by group.
     """
 
     options: InverseOptions
@@ -42,7 +42,7 @@ class _InverseCalls(ModuleCalls):
 
 
 def inverse_program(request: Request) -> Program:
-    """Write the inverse model of a robot."""
+    """Build the program of a robot's inverse model."""
     robot = request.robot
     inputs = [("q", robot.nq), ("v", robot.nv), ("a", robot.nv)]
     if request.parameters:
@@ -60,7 +60,7 @@ def inverse_program(request: Request) -> Program:
 
 
 class _Sweeps:
-    """Writes the calls of one module after the other."""
+    """Add the calls of the modules to the program, sweep by sweep."""
 
     def __init__(self, request: Request, writer: Writer, root: tuple[Source, Source] | None) -> None:
         self.request, self.w, self.root = request, writer, root
@@ -70,7 +70,7 @@ class _Sweeps:
         self._pivots: dict[Any, Pivots | None] = {}
 
     def outwards(self, k: int, modules: list[_InverseCalls]) -> _InverseCalls:
-        """Write motion outwards, and what the legs need."""
+        """Add the motion outwards, and the legs' forces."""
         w, calls = self.w, self._calls(k, modules)
         targets = calls.place_platforms(24)
         for o, carried in enumerate(calls.options.carries):
@@ -84,7 +84,7 @@ class _Sweeps:
         return calls
 
     def inwards(self, calls: _InverseCalls) -> None:
-        """Write efforts inwards."""
+        """Add the efforts inwards."""
         sources = calls.sources() | calls.summed()
         sources |= {f"F {o}": read(wrench) for o, wrench in calls.received.items()}
         for n, each in calls.motors.items():
@@ -102,7 +102,7 @@ class _Sweeps:
         calls.stages.call(1, sources, targets)
 
     def _calls(self, k: int, modules: list[_InverseCalls]) -> _InverseCalls:
-        """Return the calls of module k, none made yet; its code is written where no equal module has it."""
+        """Return the still empty calls of module k; equal modules share their code."""
         plan, options = self.request.plans[k], inverse_options(self.request, k)
         key = (id(plan), options)
         if key not in self._code:
@@ -114,7 +114,7 @@ class _Sweeps:
         return _InverseCalls(self.request, self.w, k, options, written, stages, below, self.root)
 
     def _motor_pivots(self, k: int, options: InverseOptions) -> Pivots | None:
-        """Return the pivots of the motors' map of module k, the same for equal modules."""
+        """Return the pivots of the motor map of module k; equal modules share them."""
         plan, motors = self.request.plans[k], tuple(options.motors[i] for i in options.moving)
         key = (id(plan), motors)
         if key not in self._pivots:
@@ -123,7 +123,7 @@ class _Sweeps:
         return self._pivots[key]
 
     def _legs_outwards(self, calls: _InverseCalls, n: int) -> None:
-        """Write what a group of legs needs, summed by platform."""
+        """Add the forces of a group of legs, summed by platform."""
         plan, options, group = self.request.plans[calls.k], calls.options, calls.groups[n]
         lawful, driven = lawful_joints(group[0], options), driven_joints(group[0], options)
         key = (id(plan), n, options.base, options.velocity, options.rotor, tuple(lawful), tuple(driven))

@@ -1,4 +1,4 @@
-"""Where every body is and how it moves, as a program: one sweep outwards over the spanning tree."""
+"""Program of the motion of all bodies: one sweep outwards over the spanning tree."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from ..program import Program, Shared, Source, Target
 from .roots import unit_base
 from .writer import Writer
 
-#: Numbers of one body: axes row by row, origin, twist and classical acceleration, all in the world.
+#: Numbers per body: axes row by row, origin, twist and classical acceleration, all in the world frame.
 WIDTH = 24
 
 
 def kinematics_program(request: Request) -> Program:
-    """Write the motion of every body of a robot; body b of `robot.bodies` begins at WIDTH b of "bodies"."""
+    """Build the program of all bodies' motions; body b of `robot.bodies` begins at WIDTH b of "bodies"."""
     robot = request.robot
     inputs = [("q", robot.nq), ("v", robot.nv), ("a", robot.nv)]
     w = Writer("kinematics", inputs, [("bodies", WIDTH * len(robot.bodies.bodies))])
@@ -51,7 +51,7 @@ def kinematics_program(request: Request) -> Program:
 
 
 def _root(request: Request, w: Writer) -> Shared:
-    """Write the motion of the root body."""
+    """Add the motion of the root body."""
     robot = request.robot
     unit_base(request, w)
     state = w.shared(WIDTH)
@@ -73,13 +73,13 @@ def _root(request: Request, w: Writer) -> Shared:
 
 
 def _in_world(R: Expression, p: Expression, V: Expression, A: Expression) -> ca.SX:
-    """Return the numbers of a body from its placement, and its own frame's twist and spatial acceleration."""
+    """Compute a body's numbers from its placement, and twist and spatial acceleration in its own frame."""
     v, w = V[:3], V[3:]
     return pack(R, p, dot(R, v), dot(R, w), dot(R, A[:3] + cross(w, v)), dot(R, A[3:]))
 
 
 def _module(module: Module) -> ca.Function:
-    """Write the motion of the bodies of a module; each comes twice: as a result, and to stand on."""
+    """Return the kernel of a module's bodies; each body is output twice, as a result and for its children."""
     spec = module.mechanism.spec
     links = links_of(spec.spanning, [np.zeros(10)] * len(spec.spanning))
     tree = module.mechanism.spanning

@@ -1,11 +1,11 @@
-"""One Newton step onto the assembled postures, and the rates there, as a program.
+"""Program of one Newton step onto the assembled postures, and of the rates there.
 
-The coordinates of a module are those of its joints that the closures leave independent: chosen once, where
-the pivots of K over the others are large at generic postures. About a posture q_0, with q = move(q_0, xi),
+The coordinates of a module are its independent joints. They are chosen once, such that the pivots of K over
+the other joints are large at generic postures. About a posture q_0, with q = move(q_0, xi),
 
     K_d step = -residual(q)        K_d v_d = -K_i v_i        xi_dot = T(xi)^-1 v
 
-(d: dependent, i: independent freedoms). All modules stand for themselves, so that equal ones are copies.
+(d: dependent, i: independent freedoms). Modules do not depend on each other, so equal modules are copies.
 """
 
 from __future__ import annotations
@@ -27,21 +27,21 @@ from ..equations.static_elimination import solve
 from ..program import Constants, Program
 from .writer import Writer
 
-#: Over-determined closures that their file rounds by more than this are met in the least-squares sense only,
-#: which pivots cannot do.
+#: Largest rounding of over-determined closures in the robot's file. Above it they can only be met in the
+#: least-squares sense, which elimination with pivots cannot do.
 LIFT_ROUNDING = 1e-12
-#: What the step says of each module.
+#: Outputs of the step for each module.
 MEASURES = ("step", "pivot", "residual")
 
 
 def lift_program(request: Request) -> Program | None:
-    """Write the step onto the assembled postures; None where that is left to the general path.
+    """Build the program of the Newton step; return None if the general path must take it.
 
     Inputs are the posture "q_0", the displacement "xi" from it, and rates "v" of which the independent ones
-    are read. Outputs are position "q" and displacement "xi_next" after the step, the closed rates "v_closed"
-    and the rate "xi_dot" before it, 1 for each "independent" freedom and 0 for the others, and `MEASURES` for
-    each module: how far the step went (rad, module lengths), the least pivot over its usual size, the worst
-    residual before the step.
+    are read. Outputs are position "q" and displacement "xi_next" after the step; the closed rates "v_closed"
+    and the rate "xi_dot" before it; "independent", 1 for each independent freedom and 0 for the others; and
+    `MEASURES` for each module: the size of the step (rad, module lengths), the smallest pivot over its usual
+    size, and the largest residual before the step.
     """
     robot = request.robot
     if robot.base == "moving" or any(m.mechanism.rounding > LIFT_ROUNDING for m in robot.modules):
@@ -75,7 +75,7 @@ def lift_program(request: Request) -> Program | None:
 
 
 def _write(modules: list[Module]) -> tuple[ca.Function, Array]:
-    """Write the step of modules of one shape, and the numbers in which they differ."""
+    """Return the kernel of modules of one shape, and the table of numbers in which they differ."""
     m = modules[0].mechanism
     tree = m.spanning
     (q_col, q_0), (xi_col, xi) = symbols("q_0", tree.nq), symbols("xi", tree.nv)

@@ -1,4 +1,4 @@
-"""One module's calls in a program: where the numbers come from that it reads, and where its own go."""
+"""Calls of one module in a program: sources of its inputs and targets of its outputs."""
 
 from __future__ import annotations
 
@@ -20,20 +20,20 @@ from .writer import Writer
 
 @dataclass
 class ModuleCalls:
-    """One module in a program.
+    """Calls of one module in a program.
 
     Attributes:
         request: The robot and its effects.
-        writer: The program.
-        k: Number of the module.
-        options: What its code depends on.
+        writer: The program under construction.
+        k: Index of the module.
+        options: Options that its code depends on.
         written: Its code.
         stages: Calls of its stages.
-        below: The module that it stands on, None for the first ones.
-        root: Twist and acceleration of a base that moves, where the first ones stand on one.
+        below: The module that it stands on, None for a module on the robot's base.
+        root: Twist and acceleration of the robot's base if it moves, else None.
         V, A: Twist and acceleration of its outputs that carry modules, by output.
         platforms: Motion of its platforms, by link of the core.
-        sums: What the legs of a platform add up, by the platform's link and by name.
+        sums: Sums over the legs of a platform, by the platform's link and by name.
     """
 
     request: Request
@@ -60,7 +60,7 @@ class ModuleCalls:
         return self.request.plans[self.k].parts.groups
 
     def sources(self) -> dict[str, Source]:
-        """Return where its stages find positions, rates, parameters, and the motion of its base."""
+        """Return the sources of positions, rates, parameters and base motion for its stages."""
         out = self._coordinates([self.written])
         if self.request.parameters:
             index = self.request.parameter_index(self.module)
@@ -68,12 +68,12 @@ class ModuleCalls:
         return out | self._base()
 
     def leg_sources(self, group: tuple[Leg, ...], numbers: Constants) -> dict[str, Source]:
-        """Return where equal legs find positions, rates, the numbers they differ in, platform and base."""
+        """Return the sources of positions, rates, own numbers, platform and base motion for equal legs."""
         platform = self.platforms[group[0].platform]
         return self._coordinates(group) | self._base() | {"numbers": numbers, "platform": platform}
 
     def _coordinates(self, readers: Sequence[WrittenModule | Leg]) -> dict[str, Source]:
-        """Return positions and rates of equal readers side by side; accelerations where they are given."""
+        """Return sources of positions, rates and, if they are inputs, accelerations for equal readers."""
         w = self.writer
         q = self.module.q_index[np.array([reader.q for reader in readers])]
         v = self.module.v_index[np.array([reader.v for reader in readers])]
@@ -81,7 +81,7 @@ class ModuleCalls:
         return out | ({"a": w.from_given("a", v)} if "a" in w.given else {})
 
     def _base(self) -> dict[str, Source]:
-        """Return twist and acceleration of the base, as far as they are known yet."""
+        """Return the sources of the base's twist and acceleration that are known so far."""
         if self.below is None:
             return {} if self.root is None else {"V_base": self.root[0], "A_base": self.root[1]}
         known = {"V_base": self.below.V, "A_base": self.below.A}
@@ -89,14 +89,16 @@ class ModuleCalls:
         return {name: places[output] for name, places in known.items() if output in places}
 
     def place_platforms(self, size: int) -> dict[str, Target]:
-        """Make room for the motion of each platform, and give it as targets."""
+        """Allocate shared numbers for the motion of each platform and return them as targets."""
         self.platforms = {i: self.writer.shared(size) for i in self.written.platforms}
         return {f"platform {i}": place for i, place in self.platforms.items()}
 
     def sums_of(self, platform: int, parts: tuple[tuple[str, int], ...]) -> dict[str, Target]:
-        """Return where the legs of a platform add their parts (name and size), zero before the first.
+        """Return the targets of a platform's sums over its legs, which start at zero, and of their guards.
 
-        The legs' guards go with them.
+        Args:
+            platform: The platform's link of the core.
+            parts: Name and size of each sum.
         """
         for name, size in parts:
             if (platform, name) not in self.sums:
@@ -105,10 +107,10 @@ class ModuleCalls:
         return targets | {"guard": Worst()}
 
     def summed(self) -> dict[str, Source]:
-        """Return what the legs of every platform added up."""
+        """Return the sums over the legs of every platform as sources."""
         return {f"{name} {i}": read(place) for (i, name), place in self.sums.items()}
 
 
 def read(place: Add) -> Shared:
-    """Return the sum that was added up at a place."""
+    """Return the source that reads a sum."""
     return Shared(place.start, place.size)

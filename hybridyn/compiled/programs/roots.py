@@ -1,4 +1,4 @@
-"""What the first modules stand on: a base at rest, or one whose motion is prescribed."""
+"""The base that the first modules stand on: fixed, floating, or with a prescribed motion."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from .writer import Writer
 
 
 def unit_base(request: Request, w: Writer) -> None:
-    """Guard the quaternion of a base that moves or floats: one that is not of length one is refused."""
+    """Add a guard that rejects a non-unit quaternion of a moving or floating base."""
     if request.robot.base == "fixed":
         return
     column, q = symbols("q", 4)
@@ -26,12 +26,12 @@ def unit_base(request: Request, w: Writer) -> None:
 def moving_base(
     request: Request, w: Writer, acceleration: Source, *, report: bool
 ) -> tuple[Source, Source] | None:
-    """Return twist and acceleration of a moving base as `module_graph.base_motion` counts them; None at rest.
+    """Return sources of a moving base's twist and acceleration (see `module_graph.base_motion`), else None.
 
     Args:
-        request: The robot.
-        w: The program.
-        acceleration: Where the base's acceleration comes from.
+        request: The robot and its effects.
+        w: The program under construction.
+        acceleration: Source of the base's acceleration.
         report: Whether the base's acceleration is among the results.
     """
     if request.robot.base != "moving":

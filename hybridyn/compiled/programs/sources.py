@@ -1,4 +1,4 @@
-"""From a robot to the programs of its models, and to their C."""
+"""Generate the programs of a robot's models and their C source."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 def robot_key(robot: HybridRobot, effects: Effects) -> str:
-    """Name everything that the models of a robot depend on."""
+    """Return a hash of everything that the models of a robot depend on."""
     facts = (
         robot.description, robot.base, robot.gravity, robot.motors, robot.home, robot.closure_tolerance,
         robot.rank_tolerance, sorted(robot.held), robot.payloads, effects,
@@ -27,7 +27,7 @@ def robot_key(robot: HybridRobot, effects: Effects) -> str:
 
 
 def source_of(robot: HybridRobot, effects: Effects, scalar: Scalar) -> Source:
-    """Print the models of a robot.
+    """Generate the C source of a robot's models.
 
     Raises:
         CompileError: casadi is not installed.
@@ -41,10 +41,10 @@ def source_of(robot: HybridRobot, effects: Effects, scalar: Scalar) -> Source:
 
 
 def write_programs(robot: HybridRobot, effects: Effects, dtype: str = "float64") -> dict[str, Program]:
-    """Write a robot's models out.
+    """Generate the programs of a robot's models.
 
     Raises:
-        CompileError: casadi is not installed, or the models cannot be written out.
+        CompileError: casadi is not installed, or the models cannot be generated.
     """
     from ..needs import needs_casadi
 

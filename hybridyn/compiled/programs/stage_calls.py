@@ -1,4 +1,4 @@
-"""Calls of the stages of a cut graph: which place holds what one stage hands to another."""
+"""Calls of the stages of a cut graph, and the places of the numbers that stages pass on."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from .writer import Writer
 class Stages:
     """The stages of one module (or one group of legs) in a program, called one after the other.
 
-    What stages hand over goes to shared numbers for a single copy, to the copies' own for several.
+    Numbers that one stage passes to another are shared for a single copy, and the copies' own for several.
     """
 
     def __init__(
@@ -26,12 +26,12 @@ class Stages:
         self._handed: dict[tuple[int, int], Shared | Own] = {}
 
     def call(self, s: int, sources: dict[str, Source], targets: dict[str, Target]) -> None:
-        """Call a stage; stages that give nothing are left out.
+        """Add the call of a stage; a stage without outputs is skipped.
 
         Args:
-            s: The stage.
-            sources: Where its named inputs come from.
-            targets: Where its named outputs go.
+            s: Index of the stage.
+            sources: Sources of its inputs, by name.
+            targets: Targets of its outputs, by name.
         """
         stage = self._stages[s]
         if not stage.outputs:

@@ -1,4 +1,4 @@
-"""What the reductions save: operations of a robot's models before and after each."""
+"""Count the operations of a robot's models before and after each reduction."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ MODELS = ("idm", "ddm")
 
 
 def statistics(robot: HybridRobot, effects: Choice = None) -> str:
-    """Return the operations of both models, part by part and variant by variant, as a table for people.
+    """Return a printable table of the operations of both models, by part and by variant.
 
-    First with inertial parameters that may be anything and bodies' axes that no joint has, then with what
-    each reduction leaves: axes turned into the joints', so that zeros and ones vanish; inertial parameters
-    folded in; base inertial parameters.
+    The first variant has inertial parameters as inputs and body axes that are aligned with no joint. Each
+    further variant adds one reduction: axes aligned with the joints, so that zeros and ones vanish; constant
+    inertial parameters; base inertial parameters.
 
     Args:
         robot: The robot.
-        effects: As `hybridyn.idm` takes them.
+        effects: Effects to include, as for `hybridyn.idm`.
 
     Raises:
-        ModelError: An effect is not for written-out models.
+        ModelError: An effect is not available in compiled models.
         CompileError: casadi is not installed.
     """
     needs_casadi()

@@ -1,4 +1,4 @@
-"""Every model of one robot as programs."""
+"""Build all models of one robot as programs."""
 
 from __future__ import annotations
 
@@ -25,23 +25,24 @@ def programs(
     parameters: bool = False,
     dtype: str = "float64",
 ) -> dict[str, Program]:
-    """Write a robot's models out.
+    """Build a robot's models as programs.
 
     Args:
         robot: The robot.
-        effects: As `hybridyn.idm` takes them.
-        models: Which models: "idm", "ddm", "kinematics"; "lift", onto the assembled postures, where it can be
-            written; "close", from motors' motion to that of all joints.
+        effects: Effects to include, as for `hybridyn.idm`.
+        models: Names of the models: "idm", "ddm", "kinematics"; "lift", a Newton step onto the assembled
+            postures, left out if the robot has no such program; "close", the motion of all joints from the
+            motors'.
         regroup: Whether base inertial parameters are used.
-        align: Whether bodies' axes are turned into their joints', so that zeros and ones leave no operations;
-            else they are turned away from them.
+        align: Whether body axes are aligned with the joint axes, so that zeros and ones need no operations;
+            otherwise they are turned away from them.
         parameters: Whether the inertial parameters of the bodies are an input ("parameters"), ten for each
             body of `robot.bodies` in the order and frame of `pinocchio.Inertia.toDynamicParameters`.
-        dtype: What they compute with, "float64" or "float32": samples whose loops are open by more than its
-            rounding go to the general path.
+        dtype: Type of the arithmetic, "float64" or "float32". The general path computes samples whose loops
+            are open by more than its rounding.
 
     Raises:
-        ModelError: An effect is not for written-out models.
+        ModelError: An effect is not available in compiled models.
     """
     asked = request(robot, effects, regroup=regroup, align=align, parameters=parameters, dtype=dtype)
     write: dict[str, Callable[[Request], Program | None]] = {

@@ -1,4 +1,4 @@
-"""Collects kernels, calls and places of a program while it is written."""
+"""Builder of a program: collects kernels and calls, and allocates numbers."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ class Writer:
     """A program under construction.
 
     Attributes:
-        given: Where each user input begins.
-        results: Where each user output begins.
+        given: Start of each user input.
+        results: Start of each user output.
     """
 
     def __init__(self, name: str, inputs: list[tuple[str, int]], outputs: list[tuple[str, int]]) -> None:
@@ -28,41 +28,41 @@ class Writer:
         self._shared = self._own = 0
 
     def kernel(self, key: Any, function: ca.Function, part: str) -> int:
-        """Return the number of a kernel; an equal key gives the same one."""
+        """Return the index of a kernel; equal keys share one kernel."""
         if key not in self._number:
             self._number[key] = len(self._kernels)
             self._kernels.append(Kernel(f"{self.name}_{len(self._kernels)}", function, part))
         return self._number[key]
 
     def shared(self, size: int) -> Shared:
-        """Return new shared numbers."""
+        """Allocate shared numbers."""
         self._shared += size
         return Shared(self._shared - size, size)
 
     def each(self, copies: int, size: int) -> Each:
-        """Return new shared numbers for each copy."""
+        """Allocate shared numbers for each copy."""
         return Each(self.shared(copies * size).start, size)
 
     def own(self, copies: int, size: int) -> Own:
-        """Return new numbers of the copies' own."""
+        """Allocate the copies' own numbers."""
         self._own += copies * size
         return Own(self._own - copies * size, size)
 
     def start(self, place: Shared, values: Array) -> Add:
-        """Set shared numbers before a sum, and give the target that adds to them."""
+        """Set shared numbers to the start of a sum and return the target that adds to them."""
         self._steps.append(Start(place.start, np.asarray(values, dtype=float)))
         return Add(place.start, place.size)
 
     def from_given(self, name: str, index: Index) -> Given:
-        """Read entries of a user input, shape (entries,) or (copies, entries)."""
+        """Return the source of entries of a user input, shape (entries,) or (copies, entries)."""
         return Given(np.atleast_2d(index).astype(int) + self.given[name])
 
     def result(self, name: str, index: Index) -> Result:
-        """Read or write entries of a user output, shape (entries,) or (copies, entries)."""
+        """Return the place of entries of a user output, shape (entries,) or (copies, entries)."""
         return Result(np.atleast_2d(index).astype(int) + self.results[name])
 
     def call(self, kernel: int, copies: int, sources: list[Source], targets: list[Target]) -> None:
-        """Call a kernel."""
+        """Add the call of a kernel."""
         self._steps.append(Call(kernel, copies, tuple(sources), tuple(targets)))
 
     def program(self) -> Program:
@@ -79,6 +79,6 @@ class Writer:
 
 
 def _starts(parts: list[tuple[str, int]]) -> dict[str, int]:
-    """Return where each part begins."""
+    """Return the start of each part."""
     ends = np.cumsum([0] + [size for _, size in parts]).tolist()
     return {name: ends[i] for i, (name, _) in enumerate(parts)}
