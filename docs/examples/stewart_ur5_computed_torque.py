@@ -47,7 +47,7 @@ def main(words: list[str] | None = None) -> None:
             output_times=times,
         )
         runs[what] = run
-        late[what] = np.array([axes.behind(wanted.at(t)[0], q) for t, q in zip(run.t, run.q, strict=True)])
+        late[what] = np.array([axes.error(wanted.at(t)[0], q) for t, q in zip(run.t, run.q, strict=True)])
         print(f"{what}: left at the end {np.abs(late[what][-1, :6]).max() * 1e3:.2g} mm, "
               f"{np.degrees(np.abs(late[what][-1, 6:]).max()):.2g} degrees")  # fmt: skip
     knows, blind = late.values()

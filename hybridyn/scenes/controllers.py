@@ -1,4 +1,4 @@
-"""Controllers: functions of (t, q, v) that give the motors' efforts."""
+"""Controllers: functions of (t, q, v) that return the motors' efforts."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ def by_motor(robot: HybridRobot, what: str, numbers: Gains) -> Array:
 
     Args:
         robot: The robot.
-        what: What the numbers are, for messages.
-        numbers: One for all, or each motor's own.
+        what: Name of the numbers, for messages.
+        numbers: One number for all motors, or one by motor.
 
     Raises:
         ModelError: An unknown motor, one without a number, or a number that is negative or not finite.
@@ -50,17 +50,17 @@ def by_motor(robot: HybridRobot, what: str, numbers: Gains) -> Array:
 
 
 class EffortTable:
-    """Efforts over time, linear between the rows of a table."""
+    """Efforts over time, interpolated linearly between the rows of a table."""
 
     def __init__(self, time: Array, tau: Array) -> None:
-        """Keep the table.
+        """Check the table.
 
         Args:
             time: Times, shape (rows,), [s].
             tau: Efforts in the order of `robot.motors`, shape (rows, motors), [N or N m].
 
         Raises:
-            ModelError: Wrong shapes, not finite, or times that do not grow.
+            ModelError: Shapes are wrong, numbers are not finite, or times do not increase.
         """
         self.time, self.tau = table("efforts", time, tau, np.shape(tau)[-1])
 
@@ -68,21 +68,21 @@ class EffortTable:
         """Return the efforts at a time, shape (motors,).
 
         Raises:
-            TrajectoryError: The table does not reach that far.
+            TrajectoryError: The time is outside the table.
         """
         at_times("efforts", self.time, np.array([t]))
         return np.array([np.interp(t, self.time, column) for column in self.tau.T])
 
 
 class Pd:
-    """Motors on springs and dampers: tau = kp (x_d - x) + kd (x_d' - x'), each motor on its own."""
+    """Proportional-derivative control of each motor: tau = kp (x_d - x) + kd (x_d' - x')."""
 
     def __init__(self, robot: HybridRobot, reference: Reference, kp: Gains, kd: Gains) -> None:
-        """Find the motors.
+        """Set motors, reference and gains.
 
         Args:
             robot: The robot.
-            reference: The wanted motion x_d.
+            reference: The reference motion x_d.
             kp: Stiffness, for all or by motor [N/m or N m/rad].
             kd: Damping, for all or by motor [N s/m or N m s/rad].
 
@@ -95,28 +95,28 @@ class Pd:
     def __call__(self, t: float, q: Array, v: Array) -> Array:
         """Return the efforts, shape (motors,)."""
         x, x_dot, _ = self._reference.at(t)
-        out: Array = self._kp * self._axes.behind(x, q) + self._kd * (x_dot - v[self._axes.columns])
+        out: Array = self._kp * self._axes.error(x, q) + self._kd * (x_dot - v[self._axes.columns])
         return out
 
 
 class ComputedTorque:
     """The inverse model of the accelerations x_d'' + kd (x_d' - x') + kp (x_d - x) of the motors.
 
-    Errors then decay as those of a linear system, as far as the effects that the controller knows are those
-    that act. Motions without a motor follow from zero effort. Source: Khalil & Dombre (2002), section 14.4.
+    Errors decay as in a linear system if the controller's effects are those that act. Joints without a motor
+    move under zero effort. Source: Khalil & Dombre (2002), section 14.4.
     """
 
     def __init__(
         self, robot: HybridRobot, reference: Reference, kp: Gains, kd: Gains, effects: Choice = None
     ) -> None:
-        """Find the motors and the effects.
+        """Set motors, reference, gains and effects.
 
         Args:
             robot: The robot.
-            reference: The wanted motion x_d.
-            kp: For all or by motor [1/s^2].
-            kd: For all or by motor [1/s].
-            effects: The effects that the controller knows, as `idm` takes them; limits do not count.
+            reference: The reference motion x_d.
+            kp: Gain of the position error, for all or by motor [1/s^2].
+            kd: Gain of the rate error, for all or by motor [1/s].
+            effects: The effects in the controller's model, as in `idm`; limits are left out.
 
         Raises:
             ModelError: Unknown motors or effects, or negative gains.
@@ -129,9 +129,9 @@ class ComputedTorque:
     def __call__(self, t: float, q: Array, v: Array) -> Array:
         """Return the efforts, shape (motors,)."""
         x, x_dot, x_ddot = self._reference.at(t)
-        late = self._kp * self._axes.behind(x, q) + self._kd * (x_dot - v[self._axes.columns])
+        feedback = self._kp * self._axes.error(x, q) + self._kd * (x_dot - v[self._axes.columns])
         a = np.zeros(self._robot.nv)
-        a[self._axes.columns] = x_ddot + late
+        a[self._axes.columns] = x_ddot + feedback
         return idm(self._robot, q, v, a, effects=self._on, time=t, passive="solved")
 
 
@@ -148,12 +148,12 @@ def constant(robot: HybridRobot, efforts: Mapping[str, float]) -> Array:
 
 
 def from_file(robot: HybridRobot, path: str, function: str) -> Effort:
-    """Run a Python file, call its `function(robot)`, and give the law of (t, q, v) that this returns.
+    """Run a Python file, call its `function(robot)`, and return the resulting law of (t, q, v).
 
-    The file runs with every right of this process: only files that are trusted may come here.
+    The file runs with all rights of this process: use trusted files only.
 
     Raises:
-        ModelError: There is no such file or function, it fails, or gives nothing that can be called.
+        ModelError: There is no such file or function, it fails, or its result is not callable.
     """
     spec = importlib.util.spec_from_file_location(Path(path).stem, path)
     if spec is None or spec.loader is None or not Path(path).is_file():

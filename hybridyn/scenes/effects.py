@@ -1,4 +1,4 @@
-"""The effects that a scene names, as objects with the scene's own numbers or the robot's."""
+"""Build the effects that a scene names, with the scene's own numbers or the robot's."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ LISTS = ("payload", "wrench", "base_motion", "use")
 
 
 def units(source: SceneFile, robot: HybridRobot) -> list[Any]:
-    """Return the effect objects of a scene; its own numbers replace those of the robot's files.
+    """Build the effects of a scene; its own numbers replace those of the robot's files.
 
     Raises:
-        ModelError: An unknown effect, joint or link, or numbers that make no sense.
+        ModelError: An unknown effect, joint or link, or invalid numbers.
     """
     tables = source.scene.effects
     use = [tables.use] if isinstance(tables.use, str) else tables.use
@@ -51,7 +51,7 @@ def units(source: SceneFile, robot: HybridRobot) -> list[Any]:
 
 
 def _made(source: SceneFile, keys: Keys, kind: type[Any], values: dict[str, Any]) -> Any:
-    """Build an effect, its complaints with file, line and key."""
+    """Build an effect; its errors name file, line and key."""
     try:
         return kind(**values)
     except HybridynError as error:
@@ -59,10 +59,10 @@ def _made(source: SceneFile, keys: Keys, kind: type[Any], values: dict[str, Any]
 
 
 def _check_names(source: SceneFile, robot: HybridRobot, name: str, values: dict[str, Any]) -> None:
-    """Refuse joints and links that the robot does not have.
+    """Check that the robot has the joints or links that an effect names.
 
     Raises:
-        ModelError: With the nearest name that there is.
+        ModelError: It does not; the message suggests the nearest name.
     """
     points = name == "ground_contact"
     known = robot.bodies.place if points else robot.body_of_joint
@@ -75,7 +75,7 @@ def _check_names(source: SceneFile, robot: HybridRobot, name: str, values: dict[
                 )
 
 
-def _link(source: SceneFile, robot: HybridRobot, name: str, number: int, link: str) -> None:
+def _check_link(source: SceneFile, robot: HybridRobot, name: str, number: int, link: str) -> None:
     if link not in robot.bodies.place:
         raise source.error(
             ("effects", name, number, "link"),
@@ -86,7 +86,7 @@ def _link(source: SceneFile, robot: HybridRobot, name: str, number: int, link: s
 def _payloads(source: SceneFile, robot: HybridRobot) -> list[Any]:
     out = []
     for i, table in enumerate(source.scene.effects.payload):
-        _link(source, robot, "payload", i, table.link)
+        _check_link(source, robot, "payload", i, table.link)
         values = table.model_dump(exclude_none=True)
         out.append(_made(source, ("effects", "payload", i), Payload, values))
     return out
@@ -95,7 +95,7 @@ def _payloads(source: SceneFile, robot: HybridRobot) -> list[Any]:
 def _wrenches(source: SceneFile, robot: HybridRobot) -> list[Any]:
     out = []
     for i, table in enumerate(source.scene.effects.wrench):
-        _link(source, robot, "wrench", i, table.link)
+        _check_link(source, robot, "wrench", i, table.link)
         values: dict[str, Any] = {"link": table.link, "frame": table.frame, "wrench": table.wrench}
         if table.table is not None:
             rows = read_rows(source, ("effects", "wrench", i, "table"), table.table,
@@ -115,13 +115,13 @@ def _base(source: SceneFile, robot: HybridRobot) -> list[Any]:
 
 
 def read_rows(source: SceneFile, keys: Keys, name: str, columns: list[str]) -> Array:
-    """Read columns of a table beside the scene, time first, and check that it covers the scene.
+    """Read columns of a table that a scene names, time first, and check that it covers the scene.
 
     Args:
         source: The scene.
-        keys: Where the scene names the table.
+        keys: Keys under which the scene names the table.
         name: Path of the table.
-        columns: What to read besides the time.
+        columns: Names of the columns besides the time.
 
     Returns:
         Shape (rows, 1 + columns).
@@ -144,10 +144,10 @@ def read_rows(source: SceneFile, keys: Keys, name: str, columns: list[str]) -> A
 
 
 def check_covers(source: SceneFile, keys: Keys, time: Array) -> None:
-    """Refuse a table that is too short for the scene.
+    """Check that a table covers the duration of the scene.
 
     Raises:
-        ModelError: Naming the key.
+        ModelError: It does not; the message names the key.
     """
     if time[0] > 0.0 or time[-1] < source.scene.duration:
         raise source.error(

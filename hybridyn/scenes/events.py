@@ -1,4 +1,4 @@
-"""The events that a scene watches for."""
+"""Build the events of a scene."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ AXES = ("x", "y", "z")
 
 
 def events(source: SceneFile, robot: HybridRobot) -> tuple[Event, ...]:
-    """Return the events of a scene.
+    """Build the events of a scene.
 
     Raises:
         ModelError: An unknown joint or link, or a joint with several freedoms.
@@ -53,7 +53,7 @@ def _event(source: SceneFile, robot: HybridRobot, number: int, table: EventTable
 
 
 def _coordinate(source: SceneFile, robot: HybridRobot, number: int, joint: str) -> int:
-    """Return a joint's coordinate in q."""
+    """Return the index of a joint's coordinate in q."""
     if joint not in robot.joint_index:
         raise source.error(
             ("events", number, "joint"), f"no such joint '{joint}'{did_you_mean(joint, robot.joints)}"

@@ -1,4 +1,4 @@
-"""Motors that move as prescribed: nothing is integrated, the efforts follow from the inverse model."""
+"""Prescribed motion of the motors: nothing is integrated, the inverse model computes the efforts."""
 
 from __future__ import annotations
 
@@ -19,17 +19,17 @@ from .references import Reference
 def follow_motion(
     robot: HybridRobot, reference: Reference, times: Array, effects: Effects, guess: Array
 ) -> Result:
-    """Return the motion of a robot whose motors follow a reference exactly, and the efforts that this takes.
+    """Compute the motion of a robot whose motors follow a reference exactly, and the efforts for it.
 
     Args:
         robot: The robot; its motors must determine its posture.
-        reference: The motors' motion.
+        reference: The motion of the motors.
         times: Times of the samples, shape (T,), [s].
-        effects: What is computed.
+        effects: The effects that are computed.
         guess: Posture near the start, shape (nq,).
 
     Raises:
-        AssemblyError: A posture out of reach, or motions that no motor determines.
+        AssemblyError: A posture is out of reach, or motors do not determine the motion.
         ActuationError: A passive motion would need an effort.
     """
     x = np.array([reference.at(float(t)) for t in times])

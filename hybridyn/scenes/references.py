@@ -1,4 +1,4 @@
-"""Wanted motions of the motors, as functions of time: from a table, or from point to point."""
+"""Reference motions of the motors as functions of time: from a table, or from point to point."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ from ..tables.trajectory import Motion, read_motions
 
 @dataclass(frozen=True)
 class MotorAxes:
-    """Where the motors' positions and rates stand in q and v.
+    """Indices of the motors' positions and rates in q and v.
 
     Attributes:
-        at: First coordinate in q, shape (motors,).
-        columns: Coordinate in v, shape (motors,).
-        turns: Whether q holds cosine and sine there, shape (motors,).
+        at: Index of the first coordinate in q, shape (motors,).
+        columns: Index of the coordinate in v, shape (motors,).
+        turns: Whether q holds cosine and sine (continuous joints), shape (motors,).
     """
 
     at: Index
@@ -34,7 +34,7 @@ class MotorAxes:
 
     @staticmethod
     def of(robot: HybridRobot) -> MotorAxes:
-        """Find a robot's motors.
+        """Find the motors of a robot in q and v.
 
         Raises:
             ModelError: A motor has several freedoms.
@@ -50,28 +50,28 @@ class MotorAxes:
         )
 
     def positions(self, q: Array) -> Array:
-        """Return the motors' positions, shape (motors,); of endless joints the angle in [-pi, pi]."""
+        """Return the motors' positions, shape (motors,); for continuous joints the angle in [-pi, pi]."""
         x: Array = q[self.at]
         if self.turns.any():
             x[self.turns] = np.arctan2(q[self.at[self.turns] + 1], x[self.turns])
         return x
 
-    def behind(self, wanted: Array, q: Array) -> Array:
-        """Return how far the motors are behind, shape (motors,); endless joints take the short way round."""
-        out = wanted - self.positions(q)
+    def error(self, desired: Array, q: Array) -> Array:
+        """Compute the position errors x_d - x, shape (motors,); for continuous joints in [-pi, pi)."""
+        out = desired - self.positions(q)
         out[self.turns] = (out[self.turns] + np.pi) % (2 * np.pi) - np.pi
         return out
 
 
 @dataclass(frozen=True)
 class Reference:
-    """A wanted motion: quintic polynomials between times at which position and both rates are known.
+    """A reference motion: quintic polynomials between times of known position, rate and acceleration.
 
     Attributes:
-        time: Times, growing, shape (T,), [s].
-        x: Positions, rates and accelerations of the motors there, shape (3, T, motors).
-        holds: Whether the last position holds after the last time; else the motion ends there.
-        guess: A posture near its start, shape (nq,).
+        time: Strictly increasing times, shape (T,), [s].
+        x: Positions, rates and accelerations of the motors at these times, shape (3, T, motors).
+        holds: Whether the motors stay at the last position after the last time; else the motion ends there.
+        guess: A posture near the start, shape (nq,).
     """
 
     time: Array
@@ -80,7 +80,7 @@ class Reference:
     guess: Array
 
     def at(self, t: float) -> tuple[Array, Array, Array]:
-        """Return positions, rates and accelerations of the motors at a time, shape (motors,) each.
+        """Compute positions, rates and accelerations of the motors at a time, shape (motors,) each.
 
         Raises:
             TrajectoryError: The motion ends before that time.
@@ -110,12 +110,12 @@ class Reference:
 
 @dataclass(frozen=True)
 class Point:
-    """Where to be at rest.
+    """A posture at which the robot is at rest.
 
     Attributes:
-        time: When [s].
-        joints: Positions of motors [m or rad]; the others stay where they were.
-        platforms: Poses of links instead, as `assemble` takes them.
+        time: Time [s].
+        joints: Positions of motors [m or rad]; the others stay at the position of the point before.
+        platforms: Poses of links instead, as in `assemble`.
     """
 
     time: float
@@ -124,15 +124,15 @@ class Point:
 
 
 def from_points(robot: HybridRobot, points: Sequence[Point], start: Array) -> Reference:
-    """Go from point to point, at rest in each, in the motors' coordinates.
+    """Build a motion from point to point in the motors' coordinates, at rest in each point.
 
     Args:
         robot: The robot.
-        points: The points, at growing times; the first at 0, or the motion starts at `start`.
+        points: The points, at increasing times; unless the first is at 0, the motion starts at `start`.
         start: Posture at time 0, shape (nq,).
 
     Raises:
-        AssemblyError: A point out of reach.
+        AssemblyError: A point is out of reach.
         TrajectoryError: Unknown names.
     """
     axes, q = MotorAxes.of(robot), start
@@ -149,14 +149,14 @@ def from_points(robot: HybridRobot, points: Sequence[Point], start: Array) -> Re
             error.args = (f"the point at {point.time:g} s: {error}",)
             raise
         times.append(point.time)
-        rows.append(row if not rows else rows[-1] + _short(axes, row - rows[-1]))
+        rows.append(row if not rows else rows[-1] + _shortest(axes, row - rows[-1]))
     x = np.zeros((3, len(rows), len(robot.motors)))
     x[0] = rows
     return Reference(np.array(times), x, True, start)
 
 
 def _posture(robot: HybridRobot, axes: MotorAxes, point: Point, q: Array) -> tuple[Array, Array]:
-    """Return a point's posture near q (q itself where motors say it all) and its motor positions."""
+    """Compute a point's posture near q, or q with the motors moved if it has no platforms; and its motors."""
     if point.platforms:
         out = assemble(robot, motors=dict(point.joints), platforms=dict(point.platforms), guess=q)[0]
         return out, axes.positions(out)
@@ -169,17 +169,17 @@ def _posture(robot: HybridRobot, axes: MotorAxes, point: Point, q: Array) -> tup
     return out, row
 
 
-def _short(axes: MotorAxes, step: Array) -> Array:
-    """Let endless joints take the short way round."""
+def _shortest(axes: MotorAxes, step: Array) -> Array:
+    """Reduce the steps of continuous joints to [-pi, pi)."""
     return np.where(axes.turns, (step + np.pi) % (2 * np.pi) - np.pi, step)
 
 
 def from_table(robot: HybridRobot, path: str) -> Reference:
-    """Follow a table of motors, platforms or a mixture, as `hybridyn idm` reads it.
+    """Build a motion from a table of motors, platforms or a mixture, as `hybridyn idm` reads it.
 
     Raises:
         TrajectoryError: The table is wrong, or has no time.
-        AssemblyError: A row out of reach.
+        AssemblyError: A row is out of reach.
     """
     axes = MotorAxes.of(robot)
     motion = read_motion(robot, path)
@@ -199,7 +199,7 @@ def from_table(robot: HybridRobot, path: str) -> Reference:
 
 
 def read_motion(robot: HybridRobot, path: str) -> Motion:
-    """Read a whole table of a motion; the pose of a base that moves may be left out.
+    """Read a whole table of a motion; the pose of a moving base may be left out.
 
     Raises:
         TrajectoryError: The table is wrong.

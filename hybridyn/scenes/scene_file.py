@@ -1,4 +1,4 @@
-"""Scene files: one TOML file that says which robot moves how, under which effects, for how long.
+"""Read scene files: one TOML file states robot, start, controller, effects and duration of a simulation.
 
     duration = 2.0
     [robot]
@@ -10,9 +10,8 @@
     [output]
     rate = 100.0
 
-Every key stands in docs/scenes.md. Paths are relative to the scene's folder; a shipped robot needs only its
-name. A scene is data: it runs no code of its own; a controller in Python is named here and allowed by whoever
-starts the scene.
+docs/scenes.md describes every key. Paths are relative to the scene's folder; a shipped robot needs only its
+name. A scene is data and runs no code: it may name a Python controller, which the user has to allow.
 """
 
 from __future__ import annotations
@@ -35,12 +34,12 @@ from .scene_tables import CONTROLLERS, Scene, keys_at
 
 @dataclass(frozen=True)
 class SceneFile:
-    """A scene and the text that it came from.
+    """A scene and the text of its file.
 
     Attributes:
         file: Path as the user gave it.
         text: The text.
-        scene: What it says.
+        scene: The parsed and validated content.
     """
 
     file: str
@@ -48,20 +47,20 @@ class SceneFile:
     scene: Scene
 
     def error(self, keys: Keys, message: str) -> ModelError:
-        """Return an error that names file, line and key."""
+        """Build an error that names file, line and key."""
         key = ".".join(str(part) for part in keys if isinstance(part, str))
         return ModelError(f"'{key}': {message}", file=self.file, line=line_of(self.text, keys), element=key)
 
     def beside(self, path: str) -> str:
-        """Return a path that the scene names, seen from here."""
+        """Return the path of a file that the scene names, from the working directory."""
         return str(Path(self.file).parent / path)
 
     @property
     def robot(self) -> str:
-        """The robot's file: one that the scene names, or that of a shipped robot.
+        """The robot's file: that of the scene, or of the shipped robot it names.
 
         Raises:
-            ModelError: It is a bare name that no file and no shipped robot has.
+            ModelError: There is no file and no shipped robot of this name.
         """
         return find_robot(self.scene.robot.file, Path(self.file).parent)
 
@@ -73,7 +72,8 @@ def read_scene(path: str | Path) -> SceneFile:
         path: The TOML file.
 
     Raises:
-        ModelError: It cannot be read, is no TOML, or says something wrong: one line with file, line and key.
+        ModelError: The file cannot be read, is not TOML, or has a wrong key or value; the message names file,
+            line and key.
     """
     file = str(path)
     text, content = parse_toml(read_bytes(file), file)
@@ -90,7 +90,7 @@ def read_scene(path: str | Path) -> SceneFile:
 
 @contextmanager
 def naming(source: SceneFile, keys: Keys) -> Iterator[None]:
-    """Put file, line and key of a scene before the message of an error."""
+    """Prefix the message of an error with file, line and key of a scene."""
     try:
         yield
     except HybridynError as error:
@@ -100,7 +100,7 @@ def naming(source: SceneFile, keys: Keys) -> Iterator[None]:
 
 
 def _problem(error: ValidationError, content: dict[str, Any]) -> tuple[Keys, str]:
-    """Return the keys and the text of the problem that says most: an unknown key, else the deepest one."""
+    """Return keys and text of the most specific problem: an unknown key, else the most deeply nested one."""
     found = [(_keys(problem["loc"], content, problem["type"]), problem) for problem in error.errors()]
     keys, problem = max(found, key=lambda pair: (pair[1]["type"] == "extra_forbidden", len(pair[0])))
     if problem["type"] == "extra_forbidden":
@@ -116,7 +116,7 @@ def _problem(error: ValidationError, content: dict[str, Any]) -> tuple[Keys, str
 
 
 def _keys(place: Keys, content: Any, kind: str) -> Keys:
-    """Return the keys of a problem as the file has them, without pydantic's own marks of alternatives."""
+    """Return the keys of a problem as they are in the file, without pydantic's marks of alternatives."""
     out: list[str | int] = []
     for i, part in enumerate(place):
         inside = isinstance(content, dict) and part in content

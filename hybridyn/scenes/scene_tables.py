@@ -1,4 +1,4 @@
-"""The tables of a scene file: which keys there are, and of which kind; docs/scenes.md explains them."""
+"""The schema of scene files: tables, keys and types; docs/scenes.md explains them."""
 
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ Twists = dict[str, Six | Coordinates]
 
 
 def exactly_one(table: Schema, *keys: str) -> None:
-    """Refuse a table that has none of some keys, or several.
+    """Check that a table has exactly one of some keys.
 
     Raises:
-        ValueError: Naming them.
+        ValueError: It has none or several; the message names them.
     """
     given = [key for key in keys if getattr(table, key) is not None]
     if len(given) != 1:
@@ -37,7 +37,7 @@ def exactly_one(table: Schema, *keys: str) -> None:
 
 
 class RobotTable(Schema):
-    """[robot]: as `hybridyn.load` takes it."""
+    """[robot]: the arguments of `hybridyn.load`."""
 
     file: str
     base: Literal["fixed", "moving", "floating"] = "fixed"
@@ -65,7 +65,7 @@ class InitialTable(Schema):
 
 
 class PointTable(Schema):
-    """[[...points]]: where to be at rest, and when."""
+    """[[...points]]: a time, and the posture at rest at that time."""
 
     time: NotNegative
     joints: ByJoint = Field(default_factory=dict)
@@ -73,7 +73,7 @@ class PointTable(Schema):
 
 
 class ReferenceTable(Schema):
-    """A wanted motion: a table, or points with quintic motions between them."""
+    """A reference motion: a table, or points with quintic motions between them."""
 
     table: str | None = None
     points: Annotated[list[PointTable], Field(min_length=1)] | None = None
@@ -145,7 +145,7 @@ class ViscousTable(Schema):
 
 
 class LimitsTable(Schema):
-    """[effects.limits]; left out, those of the robot's files."""
+    """[effects.limits]; where left out, the limits of the robot's files."""
 
     effort: dict[str, Positive] | None = None
 
@@ -174,13 +174,13 @@ class WrenchTable(Schema):
 
 
 class BaseMotionTable(Schema):
-    """[effects.base_motion]: how a prescribed base moves."""
+    """[effects.base_motion]: the motion of a prescribed base."""
 
     table: str
 
 
 class SceneEffects(EffectTables):
-    """[effects]: words, and the numbers of effects; what is not named is not computed."""
+    """[effects]: the names of effects, and their numbers; others are not computed."""
 
     use: str | list[str] = "default"
     rotor_inertia: RotorTable | None = None
@@ -192,7 +192,7 @@ class SceneEffects(EffectTables):
 
 
 class SolverTable(Schema):
-    """[solver]: as `hybridyn.simulate` takes it."""
+    """[solver]: the fields of `simulation.solver.Solver`."""
 
     method: Literal["dopri5", "rk4", "implicit", "conserving"] = "dopri5"
     step: Positive | None = None
@@ -219,7 +219,7 @@ class SolverTable(Schema):
 
 
 class OutputTable(Schema):
-    """[output]: which times and columns go where."""
+    """[output]: times, columns and file of the result."""
 
     rate: Positive | None = None
     times: Annotated[list[NotNegative], Field(min_length=1)] | None = None
@@ -280,7 +280,7 @@ def keys_at(place: tuple[str | int, ...], content: dict[str, Any]) -> list[str]:
 
     Args:
         place: Keys of the table in the file.
-        content: The file's content, for the kind of its controller.
+        content: The file's content, which states the kind of its controller.
     """
     table: type[Schema] = Scene
     for part in place:

@@ -1,4 +1,4 @@
-"""From a scene file to a robot, its controller and effects, and their simulation."""
+"""Load a scene file (robot, controller, effects, start, events) and simulate it."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from ..simulation.events import Event
 from ..simulation.motion_law import Effort
 from ..simulation.result import Result
 from ..simulation.run import Progress
-from ..simulation.run_size import refuse_excess
+from ..simulation.run_size import check_run_size
 from ..simulation.simulate import simulate
 from ..spatial import Array
 from ..structure.robot import HybridRobot
@@ -38,17 +38,17 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Stage:
-    """A scene made ready.
+    """A loaded scene, its start assembled.
 
     Attributes:
         source: The file.
         robot: The robot, with its payloads.
-        effects: What is computed.
+        effects: The effects that are computed.
         q0: Positions at the start, shape (nq,).
         v0: Rates at the start, shape (nv,).
-        effort: What the motors do: a law of (t, q, v), or constant efforts.
-        motion: The wanted motion, where the motors are prescribed and nothing is integrated.
-        events: What is watched for.
+        effort: The motor efforts: a function of (t, q, v), or constant efforts.
+        motion: The prescribed motion of the motors, where nothing is integrated; else None.
+        events: The events to detect.
         output_times: Times of the samples [s], or None for the ends of the steps.
     """
 
@@ -66,16 +66,16 @@ class Stage:
 def stage(
     path: str | PathLike[str] | SceneFile, *, effort: Effort | Array | None = None, allow_python: bool = False
 ) -> Stage:
-    """Read a scene and make it ready.
+    """Load a scene and assemble its start.
 
     Args:
         path: The scene file.
-        effort: A controller of one's own, instead of the scene's.
-        allow_python: Whether a controller in Python that the scene names may run; it has every right that
-            this process has.
+        effort: A controller that replaces the scene's.
+        allow_python: Whether a Python controller named by the scene may run; it has all rights of this
+            process.
 
     Raises:
-        HybridynError: Something in the scene is wrong: one line that names file, line and key.
+        HybridynError: The scene is wrong; the message names file, line and key.
     """
     source = path if isinstance(path, SceneFile) else read_scene(Path(path))
     scene = source.scene
@@ -110,13 +110,13 @@ def play(
 
     Args:
         ready: The scene.
-        progress: As `simulate` takes it.
-        checkpoint: As `simulate` takes it.
-        resume: As `simulate` takes it.
-        compiled: As `simulate` takes it.
+        progress: As in `simulate`.
+        checkpoint: As in `simulate`.
+        resume: As in `simulate`.
+        compiled: As in `simulate`.
 
     Raises:
-        HybridynError: The start is impossible.
+        HybridynError: The motion cannot start from the scene's start.
     """
     scene, source = ready.source.scene, ready.source
     if ready.motion is not None:
@@ -137,7 +137,7 @@ def play(
 
 
 def identity(source: SceneFile) -> str:
-    """Give a digest of what a scene says and of the files that it names; its end and outputs do not count."""
+    """Compute a digest of a scene and of the files it names; duration and outputs are left out."""
     said = source.scene.model_dump(mode="json", exclude={"duration": True, "output": {"file", "columns"}})
     digest = hashlib.sha256(json.dumps(said, sort_keys=True).encode())
     for path in map(Path, files_of(source)[1:]):
@@ -146,7 +146,7 @@ def identity(source: SceneFile) -> str:
 
 
 def files_of(source: SceneFile) -> list[str]:
-    """Return the paths of a scene and of the files that it names to be read."""
+    """Return the paths of a scene and of the files that it reads."""
     said = source.scene.model_dump(mode="json", exclude={"output"})
     names = sorted(set(_files(said)))
     return [
@@ -156,7 +156,7 @@ def files_of(source: SceneFile) -> list[str]:
 
 
 def _files(said: object) -> Iterator[str]:
-    """Return the files that a scene names."""
+    """Yield the names of the files in a scene's content."""
     if isinstance(said, dict):
         for key, value in said.items():
             if key in ("file", "table") and isinstance(value, str):
@@ -169,20 +169,20 @@ def _files(said: object) -> Iterator[str]:
 
 
 def _xacro(value: str | bool | int | float) -> str:
-    """Write a value as xacro reads it."""
+    """Format a value as a xacro argument."""
     return str(value).lower() if isinstance(value, bool) else str(value)
 
 
 def _output_times(source: SceneFile, robot: HybridRobot) -> Array | None:
-    """Return the times of the samples, or None for every step.
+    """Return the times of the samples, shape (T,), [s], or None for every step.
 
     Raises:
-        HybridynError: A time after the end, or more rows or steps than memory can hold.
+        HybridynError: A time is after the end, or rows or steps do not fit in memory.
     """
     scene = source.scene
     steps = scene.duration / scene.solver.step if scene.solver.step and scene.motion is None else 0.0
     with naming(source, ("solver", "step")):
-        refuse_excess(robot, 0.0, steps, "take longer steps, or a shorter duration")
+        check_run_size(robot, 0.0, steps, "take longer steps, or a shorter duration")
     if scene.output.times is not None:
         late = next((t for t in scene.output.times if t > scene.duration), None)
         if late is not None:
@@ -192,7 +192,7 @@ def _output_times(source: SceneFile, robot: HybridRobot) -> Array | None:
         return None
     rows = np.floor(scene.duration * scene.output.rate * (1 + 1e-12))
     with naming(source, ("output", "rate")):
-        refuse_excess(robot, float(rows), steps, "lower the rate or the duration")
+        check_run_size(robot, float(rows), steps, "lower the rate or the duration")
     count = int(rows)
     return np.minimum(np.arange(count + 1) / scene.output.rate, scene.duration)
 
@@ -200,10 +200,10 @@ def _output_times(source: SceneFile, robot: HybridRobot) -> Array | None:
 def _reference(
     source: SceneFile, keys: Keys, table: ReferenceTable, robot: HybridRobot, start: Array
 ) -> Reference:
-    """Build a wanted motion, and check that it covers the scene.
+    """Build a reference motion, and check that it covers the scene.
 
     Raises:
-        HybridynError: It is wrong, or too short.
+        HybridynError: The reference is wrong or too short.
     """
     if table.points is not None:
         for i, point in enumerate(table.points):
@@ -228,7 +228,7 @@ def _reference(
 def _effort(
     source: SceneFile, robot: HybridRobot, on: Effects, start: Array, allow_python: bool
 ) -> tuple[Effort | Array | None, Reference | None]:
-    """Build the scene's controller, and the motion that it follows."""
+    """Build the scene's controller and the reference that it follows."""
     table = source.scene.controller
     with naming(source, ("controller",)):
         if isinstance(table, EffortsTable):
@@ -248,7 +248,7 @@ def _effort(
 
 
 def _python(source: SceneFile, robot: HybridRobot, table: PythonTable, allow: bool) -> Effort:
-    """Load a controller in Python, if it is allowed and lies beside the scene."""
+    """Load a Python controller, if this is allowed and its file is beside the scene."""
     if Path(table.file).name != table.file or not table.file.endswith(".py"):
         raise source.error(("controller", "file"), "must be the name of a .py file beside the scene")
     if not allow:
@@ -261,7 +261,7 @@ def _python(source: SceneFile, robot: HybridRobot, table: PythonTable, allow: bo
 
 
 def _effort_table(source: SceneFile, robot: HybridRobot, name: str) -> controllers.EffortTable:
-    """Read efforts over time."""
+    """Read the table of efforts over time."""
     columns = [f"{motor}/effort" for motor in robot.motors]
     rows = read_rows(source, ("controller", "table"), name, columns)
     return controllers.EffortTable(rows[:, 0], rows[:, 1:])

@@ -1,4 +1,4 @@
-"""Where a scene starts."""
+"""Assemble the initial state of a scene."""
 
 from __future__ import annotations
 
@@ -11,20 +11,20 @@ from ..structure.robot import HybridRobot
 from .references import Reference
 from .scene_file import SceneFile, naming
 
-#: Rates that were asked for may differ by this from those that the loops allow, relative to the largest.
+#: Largest difference between given rates and those that closed loops allow, relative to the largest rate.
 RATES = 1e-6
 
 
 def initial_state(source: SceneFile, robot: HybridRobot, reference: Reference | None) -> tuple[Array, Array]:
-    """Assemble the state at the start, shapes (nq,), (nv,).
+    """Assemble positions and rates at the start, shapes (nq,), (nv,).
 
     Args:
         source: The scene.
         robot: The robot.
-        reference: The motion that the controller follows, where the start may lie on it.
+        reference: The motion that the controller follows, for `on_reference`; or None.
 
     Raises:
-        HybridynError: It cannot be reached, or its rates would open loops.
+        HybridynError: The start cannot be assembled, or its rates would open loops.
     """
     initial = source.scene.initial
     for keys, names in ((("joints",), initial.joints), (("rates", "joints"), initial.rates.joints)):
@@ -56,9 +56,9 @@ def initial_state(source: SceneFile, robot: HybridRobot, reference: Reference | 
 
 
 def _positions(source: SceneFile, robot: HybridRobot) -> dict[str, float]:
-    """Return the joint positions that are given; motors not named stay at home where no platform is placed.
+    """Return the given joint positions; where no platform is placed, motors not named stay at home.
 
-    The pose of a moving or floating base leaves the motors open, so that it places no platform.
+    The pose of a moving or floating base does not count as a platform, since it leaves the motors open.
     """
     initial = source.scene.initial
     joints = dict(initial.joints)
@@ -75,16 +75,16 @@ def _positions(source: SceneFile, robot: HybridRobot) -> dict[str, float]:
 
 
 def _check_rates(source: SceneFile, robot: HybridRobot, v: Array) -> None:
-    """Refuse rates that would open loops: `assemble` lets them yield to the closures.
+    """Check that the given rates keep the loops closed, since `assemble` changes rates that do not.
 
     Raises:
-        ModelError: Naming the joint whose rate cannot be.
+        ModelError: They do not; the message names the joint.
     """
     rates = source.scene.initial.rates.joints
     at = {name: robot.v_slices[robot.joint_index[name]].start for name in rates}
     found = {name: float(v[i]) for name, i in at.items()}
     largest = max((abs(rates[name]) / robot.unit[i] for name, i in at.items()), default=0.0)
-    for name in sorted(rates, key=lambda name: name in robot.motors):  # a passive one is named first
+    for name in sorted(rates, key=lambda name: name in robot.motors):  # passive joints first
         rate = rates[name]
         if abs(found[name] - rate) > RATES * largest * robot.unit[at[name]]:
             raise source.error(

@@ -12,8 +12,8 @@ The step from (y_0, p_0) to (y_1, p_1) solves
     p_1 - p_0 = -h D_y,    D_y = g_y + r W_y (y_1 - y_0),    g_y = an average of dH/dy at the ends
     r = (H_1 - H_0 - g . (z_1 - z_0)) / |z_1 - z_0|_W^2
 
-so that D . (z_1 - z_0) = H_1 - H_0, a discrete gradient (Gonzalez), and H_1 = H_0 whatever g_y is. All of it
-is the same with the ends exchanged: the method is symmetric, of order 2, and runs back to where it came from.
+so that D . (z_1 - z_0) = H_1 - H_0, a discrete gradient (Gonzalez), and H_1 = H_0 whatever g_y is. The
+equations do not change when the ends are exchanged: the method is symmetric, of order 2, and reversible.
 Forces that are no part of H enter as their mean Q over the ends, and then H_1 - H_0 is exactly their discrete
 work.
 
@@ -21,8 +21,8 @@ The reduced mass A of the whole robot is assembled from Pinocchio's `crba` on `r
 costs O(nv^2 N) and memory O(nv^3), so robots above `MOST_FREEDOMS` are refused.
 
 Source:
-    Gonzalez (1996), Time integration and discrete Hamiltonian systems, J. Nonlinear Sci. 6, in one-parted
-    form; charts and the mean tangent space are ours.
+    Gonzalez (1996), Time integration and discrete Hamiltonian systems, J. Nonlinear Sci. 6, in its
+    unpartitioned form. The charts and the mean tangent space are not from there.
 """
 
 from __future__ import annotations
@@ -41,17 +41,17 @@ from .system import State, StepError, Stepped, System
 
 #: Pinocchio's Data grows with the cube of the number of freedoms: 0.6 GB at 200.
 MOST_FREEDOMS = 250
-#: The step's equations are solved until they stop getting better, which must be under this (scaled).
+#: Largest residual of a step's equations (scaled) once iterations stop improving it.
 SOLVED = 1e-12
-#: Residuals under this (scaled) are rounding.
+#: Residuals (scaled) below this are rounding.
 STEP_ROUNDING = 3e-16
-#: Residuals under this (rad, module lengths, per unit of the positions) may be rounding of the positions.
+#: Residuals below this (rad, module lengths, per unit of the positions) may be rounding of the positions.
 FLOOR = 2e-15
-#: Iterations that may pass without getting better, once solved.
+#: Iterations without improvement after which a solved step stops.
 STALLED_ITERATIONS = 2
-#: Most iterations of a step; one that needs more is too long.
+#: Maximum number of iterations of a step; a step that needs more is too long.
 MOST_ITERATIONS = 60
-#: Reciprocal condition of the reduced mass under which a motion counts as massless.
+#: Reciprocal condition of the reduced mass below which a motion counts as massless.
 MASSLESS_CONDITION = 1e-13
 
 
@@ -65,7 +65,7 @@ class _End:
         B: Rates of unit independent velocities, shape (nv, N).
         M: Mass matrix of the spanning tree, rotors included, shape (nv, nv).
         V: Potential energy [J].
-        elastic: Efforts of what V stores beside weights, shape (nv,).
+        elastic: Efforts of the elastic part of V (springs and stops), shape (nv,).
         other: Forces that are no part of the energy, shape (nv,), or None where there are none.
     """
 
@@ -80,24 +80,29 @@ class _End:
 
 @dataclass(frozen=True)
 class _Attempt:
-    """The equations at one trial of the new state: scaled residual (2 N,), and the trial."""
+    """The step's equations, evaluated at a trial of the new state.
+
+    Attributes:
+        F: Scaled residual, shape (2 N,).
+        end: The trial.
+    """
 
     F: Array
     end: _End
 
     @property
     def size(self) -> float:
-        """Largest entry of the residual."""
+        """Largest absolute entry of the residual."""
         return float(np.abs(self.F).max(initial=0.0))
 
 
 class Conserving:
-    """The method; holds Pinocchio's data of one robot."""
+    """The energy-conserving method, with Pinocchio's data of one robot."""
 
     order = 2
 
     def __init__(self, law: MotionLaw) -> None:
-        """Prepare the robot's energy: what gravity, legs, rotors and springs among the effects make of it.
+        """Build the model of the robot's energy from the effects: gravity, leg inertia, rotors, springs.
 
         Raises:
             ModelError: The robot is too large, or its base is prescribed.
@@ -119,17 +124,17 @@ class Conserving:
         self._rotors = np.zeros(robot.nv) if rotors is None else rotors
 
     def step(self, system: System, state: State, h: float) -> Stepped:
-        """Advance by h (negative: back).
+        """Advance a state by h [s]; a negative h runs backwards.
 
         Raises:
             AssemblyError: The new posture is out of reach.
             SingularityError: A motion has no inertia.
-            StepError: The equations did not solve to rounding.
+            StepError: The equations were not solved to rounding.
         """
         chart = system.manifold.chart(state.q, state.v)
         N = chart.size
         start = self._end(state.t, state.q, state.v, chart.at_origin(np.eye(N)))
-        _refuse_massless(start)
+        _check_inertia(start)
         u0, u_dot = chart.independent(state.v), chart.independent(state.a)
         z = np.concatenate([h * u0 + h * h / 2 * u_dot, h * u0 + h * h * u_dot])
         near = h * state.v + h * h / 2 * state.a
@@ -141,14 +146,14 @@ class Conserving:
     def _solve(
         self, system: System, chart: Chart, start: _End, z: Array, t: float, h: float, near: Array
     ) -> tuple[_Attempt, int]:
-        """Solve the step's equations by Broyden's method, until rounding keeps them from getting better.
+        """Solve the step's equations by Broyden's method, until rounding stops the residual from falling.
 
-        The first trial is looked for near a displacement, shape (nv,).
+        The first trial is assembled near the displacement `near`, shape (nv,).
 
         Raises:
             AssemblyError: A trial is out of reach.
-            AmbiguousBranchError: They did not solve, at a posture where closures lose rank.
-            StepError: They did not solve.
+            AmbiguousBranchError: The equations were not solved, and closures lose rank there.
+            StepError: The equations were not solved.
         """
         scale = float(np.abs(z).max(initial=0.0))
         # Near rest the step is short, and the rounding of positions is all that counts.
@@ -186,7 +191,7 @@ class Conserving:
         return best, spent
 
     def _end(self, t: float, q: Array, v: Array, B: Array) -> _End:
-        """Evaluate mass and potential energy at one end; other forces only where there are any."""
+        """Compute mass and potential energy at one end, and other forces where there are any."""
         upper = np.triu(pin.crba(self._model, self._data, q))
         M = upper + np.triu(upper, 1).T
         M[np.diag_indices_from(M)] += self._rotors
@@ -213,7 +218,7 @@ class Conserving:
         h: float,
         near: Array | None = None,
     ) -> _Attempt:
-        """Evaluate the equations at y = z[:N], u = z[N:] / h of the chart at the step's start."""
+        """Evaluate the step's equations at y = z[:N], u = z[N:] / h of the chart at the step's start."""
         N = chart.size
         posture = chart.lift(z[:N], z[N:] / h, near)
         end = self._end(t + h, posture.q, posture.v, chart.rates(np.eye(N)))
@@ -244,27 +249,27 @@ class Conserving:
         return _Attempt(F, end)
 
     def _force(self, end: _End, B: Array, drift: Array) -> Array:
-        """Return B^T (M drift + c + gravity - elastic), shape (N,)."""
+        """Compute B^T (M drift + c + gravity - elastic), shape (N,)."""
         force = pin.rnea(self._model, self._data, end.q, end.v, drift) + self._rotors * drift - end.elastic
         out: Array = B.T @ force
         return out
 
 
 def _mean_basis(B0: Array, B1: Array) -> Array:
-    """Return an orthonormal basis halfway between two spaces, shapes (nv, N); B0 orthonormal, B0^T B1 = 1."""
+    """Compute an orthonormal basis halfway between two spaces, (nv, N); B0 orthonormal, B0^T B1 = 1."""
     Z1 = _orthonormal(B1)  # the basis of the second space that is closest to B0
     return _orthonormal(B0 + Z1)
 
 
 def _orthonormal(B: Array) -> Array:
-    """Return B (B^T B)^-1/2, the closest orthonormal basis of the same space."""
+    """Compute B (B^T B)^-1/2, the closest orthonormal basis of the same space."""
     square, turn = np.linalg.eigh(B.T @ B)
     out: Array = B @ (turn / np.sqrt(square)) @ turn.T
     return out
 
 
 def _broyden(inverse: Array, dz: Array, dF: Array) -> Array:
-    """Return Broyden's update of an inverse Jacobian."""
+    """Compute Broyden's update of an inverse Jacobian."""
     moved = inverse @ dF
     scale = dz @ moved
     if scale == 0.0 or not np.isfinite(scale):
@@ -273,8 +278,8 @@ def _broyden(inverse: Array, dz: Array, dF: Array) -> Array:
     return out
 
 
-def _refuse_massless(end: _End) -> None:
-    """Refuse motions without inertia.
+def _check_inertia(end: _End) -> None:
+    """Check that every motion has inertia.
 
     Raises:
         SingularityError: The reduced mass is singular.
@@ -286,6 +291,6 @@ def _refuse_massless(end: _End) -> None:
         raise SingularityError(
             f"method 'conserving': a motion has no inertia (its mass is {max(s[0], 0):.2g} where the largest "
             f"is {s[-1]:.2g}, limit {MASSLESS_CONDITION:.0e} of it), so it has no momentum to conserve. Give "
-            "its bodies mass, or take 'rk4'",
+            "its bodies mass, or use 'rk4'",
             what="inertia", condition=float(s[-1] / s[0]) if s[0] > 0 else np.inf,
         )  # fmt: skip

@@ -1,8 +1,7 @@
-"""States between the ends of a step, on the joints' manifolds and on the closures.
+"""Dense output: states between the ends of a step, on the joints' manifolds and on the closures.
 
 Positions follow the quintic Hermite polynomial of the displacement xi, its rate and its second rate at both
-ends; rates are its derivative. What comes out is projected on the closures, so that it is a state like any
-other.
+ends; rates are its derivative. The result is projected on the closures, as every other state.
 """
 
 from __future__ import annotations
@@ -32,17 +31,17 @@ QUINTIC = np.array(
 
 
 class Between:
-    """One step's states at every time in between."""
+    """Interpolation of the states within one step."""
 
     def __init__(self, system: System, before: State, after: State, *, exact: bool, project: bool) -> None:
-        """Keep the ends.
+        """Set the ends of the step.
 
         Args:
-            system: What is integrated.
+            system: The integrated system.
             before: Start of the step.
             after: End of the step.
             exact: True where both ends carry the direct model's accelerations.
-            project: Whether states are put back on the closures.
+            project: Whether states are projected on the closures.
         """
         self._system, self._before, self._after = system, before, after
         self._exact, self._project = exact, project
@@ -54,7 +53,7 @@ class Between:
 
     @cached_property
     def _ends(self) -> Array:
-        """Values, rates and second rates of xi at both ends times the powers of h, shape (6, nv)."""
+        """Value, first and second rate of xi at both ends, times powers of h, shape (6, nv)."""
         retraction = self._system.manifold.retraction
         h = self._after.t - self._before.t
         a0, a1 = (self._acceleration(s) for s in (self._before, self._after))
@@ -68,7 +67,7 @@ class Between:
         return np.array([0 * xi, h * self._before.v, h * h * second0, xi, h * rate, h * h * second1])
 
     def _turning(self, xi: Array, rate: Array, v: Array) -> Array:
-        """Return d(T^-1)/dt v."""
+        """Compute d(T^-1)/dt v by a central difference, shape (nv,)."""
         manifold = self._system.manifold
         pull = manifold.retraction.pull
         size = RATE_DIFFERENCE / max(1.0, float(np.abs(rate / manifold.unit).max(initial=0.0)))
@@ -81,7 +80,7 @@ class Between:
         return self._system.law.acceleration(state.t, state.q.copy(), state.v.copy())
 
     def at(self, t: float) -> tuple[Array, Array]:
-        """Return positions and rates at a time, shapes (nq,), (nv,).
+        """Compute positions and rates at a time, shapes (nq,), (nv,).
 
         Raises:
             AssemblyError: The loops do not close there.

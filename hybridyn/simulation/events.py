@@ -1,4 +1,4 @@
-"""Events of a simulation: zeros of functions of time and state, found on the dense output."""
+"""Events of a simulation: zeros of functions of time and state, located on the dense output."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ BISECTIONS = 52
 
 @dataclass(frozen=True)
 class Event:
-    """Something to watch for.
+    """An event to detect: a zero of a function of time and state.
 
     Attributes:
         name: Name, for the result.
-        function: Function of (t, q, v) that goes through zero; q of shape (nq,), v of shape (nv,).
+        function: Function of (t, q, v) that crosses zero; q of shape (nq,), v of shape (nv,).
         direction: +1 for rising zeros only, -1 for falling ones, 0 for both.
-        terminal: Whether the run ends there.
+        terminal: Whether the event ends the run.
     """
 
     name: str
@@ -35,7 +35,7 @@ class Event:
 
 @dataclass(frozen=True)
 class Found:
-    """An event that happened.
+    """An event that occurred.
 
     Attributes:
         name: Name of the event.
@@ -51,10 +51,9 @@ class Found:
 
 
 def crossed(event: Event, before: float, after: float) -> bool:
-    """Say whether an event's function went through zero in the wanted direction.
+    """Return whether an event's function crossed zero in the event's direction.
 
-    A function that is zero at the start of a step has had its event there; it counts again once it has left
-    zero.
+    A zero at the start of a step belongs to the step before and does not count again.
     """
     if before == 0.0 or np.sign(before) == np.sign(after):
         return False
@@ -62,13 +61,13 @@ def crossed(event: Event, before: float, after: float) -> bool:
 
 
 def locate(event: Event, between: Between, t0: float, before: float) -> Found:
-    """Find the first state at which an event's function has changed its sign.
+    """Find the first state at which an event's function has changed sign, by bisection.
 
     Args:
-        event: The event, which crosses in the step.
+        event: The event, whose function changes sign in the step.
         between: The step.
         t0: Start of the step [s].
-        before: The function there.
+        before: Value of the function there.
     """
     t1 = between.end
     for _ in range(BISECTIONS):
@@ -86,14 +85,14 @@ def locate(event: Event, between: Between, t0: float, before: float) -> Found:
 def near_singularity(
     robot: HybridRobot, threshold: float = 1e-3, *, what: str = "closures", terminal: bool = True
 ) -> Event:
-    """Return the event of coming close to a singularity.
+    """Build the event that a robot comes close to a singularity.
 
     Args:
         robot: The robot.
-        threshold: Least singular value, relative to the largest, at which the event happens.
+        threshold: Least singular value, relative to the largest, at which the event occurs.
         what: "closures" where the loops are about to lose rank; "motors" where the motors are about to lose a
             motion (parallel singularities), or the motions a motor.
-        terminal: Whether the run ends there.
+        terminal: Whether the event ends the run.
     """
     manifold = Manifold(robot)
     at = [robot.v_slices[robot.joints.index(name)].start for name in robot.motors]

@@ -1,12 +1,13 @@
-"""Methods that advance a state by one step on the constraint manifold.
+"""Explicit Runge-Kutta methods on the constraint manifold.
 
-Inside a step the unknowns are the independent coordinates y and velocities u of one chart (`chart.py`),
-laid at the step's start:
+Within a step the unknowns are the independent coordinates y and velocities u of one chart (`chart.py`),
+built at the step's start:
 
     y_dot = L T(xi)^-1 v(y, u),    u_dot = L a(t, q, v),    L = the chart's `independent`
 
-Every stage is lifted to an assembled posture before the direct model sees it. Errors are measured on q and v.
-Near postures of lost rank a stage must move as the step's start foretells; else it is on another branch.
+Every stage is lifted to an assembled posture, at which the direct model is evaluated. Errors are estimated on
+q and v. Near postures of lost rank a stage must agree with the motion predicted from the step's start;
+otherwise it is on another branch.
 
 Source:
     Butcher tableaus: the classical method; Dormand & Prince (1980). Charts by tangent space: Potra &
@@ -28,7 +29,7 @@ class Explicit:
     """An explicit Runge-Kutta method.
 
     Attributes:
-        order: Its order.
+        order: Order of the method.
         A: Stage weights, shape (stages, stages).
         b: Weights of the result.
         e: Weights of the error estimate over the stages and one more at the result, or None.
@@ -40,10 +41,10 @@ class Explicit:
     e: Array | None
 
     def steps(self, system: System, state: State, h: float, count: int) -> list[Stepped]:
-        """Advance by h as often as the compiled path can be trusted to, `count` times at most.
+        """Advance a state by h up to `count` times, as long as the compiled path is valid.
 
-        Its charts are those of joints that are independent everywhere else (`compiled.lift_program`), not of
-        the tangent space at each step's start: results agree to the method's error.
+        The compiled path takes independent joints as coordinates (`compiled.lift_program`), not those of the
+        tangent space at each step's start. The results of both agree to the method's error.
         """
         law = system.law
         tau = law.constant_effort
@@ -57,7 +58,7 @@ class Explicit:
         ]
 
     def step(self, system: System, state: State, h: float) -> Stepped:
-        """Advance by h, on the compiled path as far as it can be trusted.
+        """Advance a state by h [s], on the compiled path where it is valid.
 
         Raises:
             AssemblyError: A stage is out of reach.
@@ -67,7 +68,7 @@ class Explicit:
         return in_quickest_chart(system, state, lambda chart: self._step(system, state, h, chart))
 
     def _step(self, system: System, state: State, h: float, chart: Coordinates) -> Stepped:
-        """Advance by h in a chart.
+        """Advance a state by h [s] in a chart.
 
         Raises:
             AssemblyError: A stage is out of reach.
@@ -91,7 +92,7 @@ class Explicit:
 
 
 def _rows(*rows: list[float]) -> Array:
-    """Return a square lower triangular array from ragged rows."""
+    """Build a square lower triangular array from ragged rows."""
     out = np.zeros((len(rows), len(rows)))
     for i, row in enumerate(rows):
         out[i, : len(row)] = row

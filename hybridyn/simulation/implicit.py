@@ -1,4 +1,4 @@
-"""An implicit method for stiff scenes, in the charts of `integrators`.
+"""An implicit method for stiff scenes, in the same charts as `explicit`.
 
 Source:
     Alexander (1977): the L-stable diagonally implicit Runge-Kutta method of order 3.
@@ -15,20 +15,20 @@ from .system import Coordinates, State, StepError, Stepped, System, in_quickest_
 
 #: Diagonal of Alexander's L-stable SDIRK of order 3: the root of x^3 - 3 x^2 + 3/2 x - 1/6 near 0.44.
 GAMMA = 0.435866521508458999416019451194
-#: Part of the solution's scale to which the stages of the implicit method are solved.
+#: Tolerance of the implicit method's stages, relative to the solution's scale.
 STAGE_TOLERANCE = 1e-12
-#: Most iterations of a stage with one Jacobian; slower means the step is too long for it.
+#: Maximum number of iterations of a stage with one Jacobian; if more are needed, the step is too long.
 STAGE_ITERATIONS = 25
 #: Step of the one-sided differences of the Jacobian, in scaled coordinates.
 JACOBIAN_DIFFERENCE = 1e-7
-#: The same where closures lose rank: positions there are known to less.
+#: The same where closures lose rank, since positions are less accurate there.
 WIDE_JACOBIAN_DIFFERENCE = 1e-5
 
 
 class Implicit:
     """Alexander's diagonally implicit Runge-Kutta method of order 3, L-stable and stiffly accurate.
 
-    One Jacobian per step, by differences: all its columns in one batch of the direct model.
+    Each step computes one Jacobian by differences, with all columns in one batch of the direct model.
     """
 
     order = 3
@@ -44,7 +44,7 @@ class Implicit:
     e = A[2] - np.array([1 - (1 - 2 * GAMMA) / (1 - GAMMA), (1 - 2 * GAMMA) / (1 - GAMMA), 0.0])
 
     def step(self, system: System, state: State, h: float) -> Stepped:
-        """Advance by h.
+        """Advance a state by h [s].
 
         Raises:
             AssemblyError: A stage is out of reach.
@@ -54,7 +54,7 @@ class Implicit:
         return in_quickest_chart(system, state, lambda chart: self._step(system, state, h, chart))
 
     def _step(self, system: System, state: State, h: float, chart: Coordinates) -> Stepped:
-        """Advance by h in a chart, as `step`."""
+        """Advance a state by h [s] in a chart, as `step`."""
         N = chart.size
         z0 = np.concatenate([np.zeros(N), chart.independent(state.v)])
         first = np.concatenate([z0[N:], chart.independent(state.a)])
@@ -72,7 +72,7 @@ class Implicit:
             except (AssemblyError, StepError) as failure:
                 if chart.pivot > HELD:
                     raise
-                # The Jacobian there is good for short steps only.
+                # There the Jacobian is accurate for short steps only.
                 raise AmbiguousBranchError(str(failure)) from None
             k.append(guess)
             spent += more
@@ -111,7 +111,7 @@ class Implicit:
         )
 
     def _jacobian(self, system: System, chart: Coordinates, state: State, z0: Array, f0: Array) -> Array:
-        """Return d(y_dot, u_dot)/d(y, u) at the start of the step, shape (2 N, 2 N)."""
+        """Compute d(y_dot, u_dot)/d(y, u) at the start of the step, shape (2 N, 2 N)."""
         N = chart.size
         size = (JACOBIAN_DIFFERENCE if chart.pivot > HELD else WIDE_JACOBIAN_DIFFERENCE) * np.maximum(
             1.0, np.abs(z0)

@@ -1,4 +1,4 @@
-"""What moves a robot in time: efforts, wrenches, a prescribed base, and the direct model's accelerations."""
+"""The law of motion: efforts, wrenches, a prescribed base, and the direct model's accelerations."""
 
 from __future__ import annotations
 
@@ -25,8 +25,7 @@ Effort = Callable[[float, Array, Array], Array]
 Wrenches = Callable[[float, Array, Array], Mapping[str, Array]]
 BaseMotion = Callable[[float], tuple[Array, Array, Array]]
 
-
-#: Effects that store energy and lose none, beside those that are always there.
+#: Effects that store energy without dissipating any, besides inertia and velocity.
 CONSERVATIVE = {"gravity", "leg_inertia", "rotor_inertia", "spring"}
 
 
@@ -36,7 +35,7 @@ class MotionLaw:
     Attributes:
         robot: The robot.
         on: The effects that are computed.
-        evaluations: States at which the direct model was run so far.
+        evaluations: Number of states at which the direct model was evaluated so far.
     """
 
     def __init__(
@@ -48,13 +47,13 @@ class MotionLaw:
         effects: Choice = None,
         compiled: CompiledRobot | None = None,
     ) -> None:
-        """Collect what acts; see `simulate` for the arguments.
+        """Collect efforts, wrenches, base motion and effects; see `simulate` for the arguments.
 
         Raises:
-            ModelError: Effects that are unknown, without numbers or contradict each other; no inertia;
-                compiled models of another robot, or of other effects, or wrenches, which they do not know.
-            TrajectoryError: Efforts of the wrong shape; a base motion missing, or given to a base that has
-                none.
+            ModelError: Effects that are unknown, lack numbers or contradict each other; no inertia;
+                compiled models of another robot or of other effects, or together with wrenches.
+            TrajectoryError: Efforts of the wrong shape; a base motion that is missing, or given for a base
+                that does not move.
         """
         self.robot, self.evaluations = robot, 0
         self.on = choose(robot, effects)
@@ -62,7 +61,7 @@ class MotionLaw:
             raise ModelError("nothing moves without the effect 'inertia'", element="inertia")
         self._wrenches, self._base, self._compiled = wrenches, base_motion, compiled
         if compiled is not None:
-            self._refuse_others(compiled)
+            self._check_compiled(compiled)
         moves = (base_motion is not None) + (self.on.base is not None)
         if moves != (robot.base == "moving"):
             raise TrajectoryError(
@@ -78,41 +77,41 @@ class MotionLaw:
                     f"effort must be {len(robot.motors)} finite numbers, or a callable of (t, q, v)"
                 )
 
-    def _refuse_others(self, compiled: CompiledRobot) -> None:
-        """Refuse compiled models that are not of this robot and these effects.
+    def _check_compiled(self, compiled: CompiledRobot) -> None:
+        """Check that compiled models are of this robot and these effects, and that there are no wrenches.
 
         Raises:
-            ModelError: They are not.
+            ModelError: One of these does not hold.
         """
         if compiled.robot is not self.robot:
             raise ModelError(f"compiled: these models are of another robot object, '{compiled.robot.name}'")
         if compiled.effects.names != self.on.names:
             raise ModelError("compiled: these models were compiled with other effects")
         if self._wrenches is not None:
-            raise ModelError("compiled: compiled models know no wrenches; simulate without compiled=")
+            raise ModelError("compiled: compiled models take no wrenches; simulate without compiled=")
 
     @property
     def conserves(self) -> bool:
-        """True where nothing acts that could change the energy."""
+        """Whether no effect, effort or wrench can change the energy."""
         names = set(self.on.names)
         quiet = names - CONSERVATIVE == {"inertia", "velocity"} and self.robot.base != "moving"
         return quiet and self._law is None and not self._effort.any() and not self._wrenches
 
     @property
     def steps(self) -> Steps | None:
-        """What takes steps in time in C, None where nothing does."""
+        """The compiled steps in time, or None where there are none."""
         return None if self._compiled is None else self._compiled.library.steps
 
     @property
     def constant_effort(self) -> Array | None:
-        """The motor efforts within their limits, shape (motors,), where they are the same at all times."""
+        """The motor efforts within their limits, shape (motors,), or None if they depend on time or state."""
         if self._law is not None:
             return None
         limits = self.on.limits
         return self._effort if limits is None else limits.clip(self.robot, self._effort[None])[0]
 
     def closure_residual(self, q: Array) -> Array:
-        """Give the worst closure residual of assembled postures, shape (T, nq), relative to lengths, (T,)."""
+        """Compute the worst relative closure residual of assembled postures, shapes (T, nq) and (T,)."""
         quick = None if self._compiled is None else self._compiled.closure_residual(q)
         return np.asarray(closure_residual(self.robot, q)) if quick is None else quick
 
@@ -120,19 +119,19 @@ class MotionLaw:
         """Return the motor efforts, shape (motors,).
 
         Raises:
-            TrajectoryError: The user's callable gave the wrong shape, or numbers that are not finite.
+            TrajectoryError: The user's callable returned the wrong shape, or numbers that are not finite.
         """
         if self._law is None:
             return self._effort
         tau = np.asarray(self._law(t, q, v), dtype=float)
         if tau.shape != self._effort.shape or not np.isfinite(tau).all():
             raise TrajectoryError(
-                f"effort(t, q, v) gave {tau} at t = {t:g} s; wanted {len(self._effort)} finite numbers"
+                f"effort(t, q, v) returned {tau} at t = {t:g} s; expected {len(self._effort)} finite numbers"
             )
         return tau
 
     def place_base(self, t: float, q: Array, v: Array) -> Array:
-        """Enter a prescribed base's pose and twist, in place; give its acceleration, shape (6,)."""
+        """Write a prescribed base's pose and twist into q and v; return its acceleration, shape (6,)."""
         if self.on.base is not None:
             pose, twist, acceleration = (x[0] for x in self.on.base.at(np.array([t])))
         elif self._base is not None:
@@ -143,14 +142,14 @@ class MotionLaw:
         return np.asarray(acceleration)
 
     def acceleration(self, t: float, q: Array, v: Array) -> Array:
-        """Give the accelerations at one state, shape (nv,); a prescribed base is placed in q and v first."""
+        """Compute the accelerations at one state, shape (nv,), after placing a prescribed base in q and v."""
         out: Array = self.accelerations(np.array([t]), q[None], v[None])[0]
         return out
 
     def accelerations(self, t: Array, q: Array, v: Array) -> Array:
-        """Return the accelerations at many closed states, shapes (T,), (T, nq), (T, nv).
+        """Compute the accelerations at many closed states, shapes (T,), (T, nq), (T, nv).
 
-        A prescribed base is placed in q and v first. These are the recursions of `ddm`, without its checks.
+        A prescribed base is first placed in q and v. The recursions are those of `ddm`, without its checks.
 
         Raises:
             SingularityError: A force acts on a motion without inertia, or closures lose rank.
@@ -176,7 +175,7 @@ class MotionLaw:
         return a
 
     def _gather(self, t: Array, q: Array, v: Array) -> Mapping[str, Array] | None:
-        """Return the wrenches of a batch, each (T, 6) or (6,)."""
+        """Return the wrenches of a batch by link, shape (T, 6) or (6,) each."""
         if not callable(self._wrenches):
             return self._wrenches
         each = [self._wrenches(*s) for s in zip(t, q, v, strict=True)]

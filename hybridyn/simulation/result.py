@@ -1,4 +1,4 @@
-"""What a simulation gives, and the file in which a run waits to be resumed."""
+"""The result of a simulation, and the file from which a run is resumed."""
 
 from __future__ import annotations
 
@@ -28,14 +28,14 @@ FORMAT = 2
 
 @dataclass
 class Counters:
-    """What a run cost.
+    """Counters of a run's work.
 
     Attributes:
         steps: Steps taken.
-        rejected: Steps repeated with a shorter one.
-        evaluations: States at which the direct model was run (outputs not counted).
+        rejected: Steps that were repeated with a shorter length.
+        evaluations: States at which the direct model was evaluated (outputs not counted).
         iterations: Iterations of nonlinear solves.
-        projections: Steps after which position and velocity were put back on the closures.
+        projections: Steps after which position and velocity were projected on the closures.
     """
 
     steps: int = 0
@@ -47,13 +47,13 @@ class Counters:
 
 @dataclass(frozen=True)
 class Origin:
-    """What a run was of.
+    """Robot, method and scene of a run.
 
     Attributes:
         robot: Name of the robot.
         method: The method.
         digest: Digest of the robot's numbers.
-        scene: Digest of the scene, empty where there is none.
+        scene: Digest of the scene, empty for a run without one.
     """
 
     robot: str
@@ -64,10 +64,10 @@ class Origin:
 
 @dataclass(frozen=True)
 class Result:
-    """A simulated motion. Equal runs give equal bits; no clock stands in it.
+    """A simulated motion. Equal runs give the same bits, since no wall-clock time is stored.
 
     Attributes:
-        origin: What the run was of.
+        origin: Robot, method and scene of the run.
         t: Times, shape (T,), [s].
         q: Positions, shape (T, nq).
         v: Rates, shape (T, nv), [m/s, rad/s].
@@ -78,13 +78,13 @@ class Result:
         residual: Worst closure residual relative to the module's length, shape (T,).
         pivot: How far closures are from losing rank in every step, shape (steps,): their least relative
             singular value at its start, or, where it was taken in C, the least pivot met over its usual size.
-        events: What was watched for and happened.
+        events: Events that occurred.
         status: "finished", "event", "unreachable", "unsolved", "singular" or "interrupted".
-        message: What the status means, empty where finished.
-        counters: What the run cost.
+        message: Explanation of the status, empty for "finished".
+        counters: Counters of the run's work.
         state: The state reached, from which `simulate(..., resume=result)` goes on.
-        next_step: The step with which it goes on [s].
-        on_grid: Fixed steps already taken from `start`.
+        next_step: Length of the next step [s].
+        on_grid: Number of fixed steps taken since `start`.
         start: Start of the grid of fixed steps [s].
     """
 
@@ -123,10 +123,10 @@ class Result:
         return self.kinetic + self.potential
 
     def save(self, path: str | PathLike[str]) -> None:
-        """Write the result to a file of NumPy's npz format, at once or not at all.
+        """Write the result to a file of NumPy's npz format; the file appears complete or not at all.
 
         Raises:
-            OSError: It cannot be written: no space, no such folder; no part is left behind.
+            OSError: The file cannot be written (no space, no such folder); no partial file is left.
         """
         data: dict[str, Any] = {name: getattr(self, name) for name in _ARRAYS}
         data["format"] = np.array(FORMAT)
@@ -151,13 +151,12 @@ class Result:
 
     @staticmethod
     def load(path: str | PathLike[str]) -> Result:
-        """Read what `save` wrote.
+        """Read a result from the file that `save` wrote.
 
         Raises:
-            TrajectoryError: The file is none of ours, was cut short or changed, or holds numbers that make no
-                sense.
+            TrajectoryError: The file is not a result, was truncated or changed, or holds invalid numbers.
         """
-        if os.path.exists(path) and not os.path.isfile(path):  # a pipe would be waited for
+        if os.path.exists(path) and not os.path.isfile(path):  # opening a pipe would block
             raise TrajectoryError("is not a regular file", file=str(path))
         try:
             with open(path, "rb") as opened, np.load(opened, allow_pickle=False) as file:
@@ -175,12 +174,12 @@ class Result:
             ) from None
         numbers = (out.state.t, out.state.q, out.state.v, out.state.a, out.next_step, out.start)
         if not all(np.isfinite(x).all() for x in numbers) or out.next_step == 0:
-            raise TrajectoryError("holds numbers from which no run can go on", file=str(path))
+            raise TrajectoryError("holds numbers from which no run can continue", file=str(path))
         return out
 
     @staticmethod
     def _from(data: dict[str, Array]) -> Result:
-        """Return the result that `save` laid down in arrays."""
+        """Build a result from the arrays that `save` wrote."""
         *origin, status, message = (str(x) for x in data["texts"])
         events = tuple(
             Found(str(name), float(t), q, v)
@@ -197,7 +196,7 @@ class Result:
 
 
 def _checksum(data: Mapping[str, Array]) -> str:
-    """Return a digest of arrays and their names."""
+    """Compute a digest of arrays and their names."""
     out = hashlib.sha256()
     for name, x in sorted(data.items()):
         out.update(f"{name} {x.dtype.str} {x.shape}\n".encode())
@@ -206,7 +205,7 @@ def _checksum(data: Mapping[str, Array]) -> str:
 
 
 def digest(robot: HybridRobot) -> str:
-    """Return a digest of a robot's numbers: what its files say, wherever they lie, its base and gravity."""
+    """Compute a digest of a robot's numbers: the content of its files (not their paths), base and gravity."""
     out = hashlib.sha256()
 
     def add(x: object) -> None:
@@ -232,14 +231,14 @@ _ARRAYS = [f.name for f in fields(Result) if f.type == "Array"]
 
 @dataclass
 class Samples:
-    """Output states as they come."""
+    """Output states collected during a run."""
 
     t: list[float] = field(default_factory=list)
     q: list[Array] = field(default_factory=list)
     v: list[Array] = field(default_factory=list)
 
     def add(self, t: float, q: Array, v: Array) -> None:
-        """Keep one state."""
+        """Append one state."""
         self.t.append(t)
         self.q.append(q.copy())
         self.v.append(v.copy())
@@ -252,7 +251,7 @@ class Samples:
 
 
 def joined(first: Result, then: Result) -> Result:
-    """Return one result of a run and its continuation."""
+    """Return the result of a run and its continuation as one."""
     arrays: dict[str, Any] = {
         name: np.concatenate([getattr(first, name), getattr(then, name)]) for name in _ARRAYS
     }

@@ -1,4 +1,4 @@
-"""One run of a simulation: the loop over steps, its events and outputs, and what it gathers."""
+"""One run of a simulation: the loop over steps, with its events and outputs."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ from .result import Counters, Origin, Result, Samples, joined
 from .stepping import Stepper
 from .system import State, StepError, System
 
-#: Steps between two writings of the checkpoint.
+#: Number of steps between two checkpoints.
 CHECKPOINT_STEPS = 1000
-#: Output samples that go through the direct model together.
+#: Number of output samples that are evaluated in one batch of the direct model.
 BLOCK = 512
 
 Progress = Callable[[float, float], None]
 
 
 class Run:
-    """One run: the loop over steps, and what it has gathered."""
+    """One run: the loop over steps, and the samples, events and counters collected so far."""
 
     def __init__(
         self, system: System, stepper: Stepper, origin: Origin, events: tuple[Event, ...],
@@ -56,7 +56,7 @@ class Run:
     def to(
         self, end: float, progress: Progress | None, checkpoint: str | PathLike[str] | None, *, project: bool
     ) -> Result:
-        """Run to the end, or to what comes before it."""
+        """Run to the end, or until an event, a failure or an interrupt stops the run."""
         status, message = "finished", ""
         self._project = project
         if progress is not None:
@@ -83,7 +83,7 @@ class Run:
         return result
 
     def _step(self) -> bool:
-        """Take one step with its events and outputs; say whether an event ends the run."""
+        """Take one step with its events and outputs; return whether an event ends the run."""
         before = self._state
         stepped = self._stepper.advance(before)
         after = stepped.state
@@ -98,7 +98,7 @@ class Run:
             self._add(t, *((after.q, after.v) if t == after.t else between.at(t)))
             if len(self._samples.t) == BLOCK:
                 self._complete_block()
-                self._progress()  # many rows in one step: an interrupt need not wait for its end
+                self._progress()  # many rows in one step: an interrupt does not have to wait for its end
         if last is not None and self._wanted is not None and self._latest != last.t:
             self._add(last.t, last.q, last.v)
         self._found += found
@@ -107,14 +107,14 @@ class Run:
         return last is not None
 
     def _add(self, t: float, q: Array, v: Array) -> None:
-        """Keep an output state."""
+        """Add an output state."""
         self._samples.add(t, q, v)
         self._latest = t
 
     def _events_in(
         self, between: Between, t0: float, values: list[float]
     ) -> tuple[list[Found], Found | None]:
-        """Return a step's events in their order, and the first that ends the run."""
+        """Return the events of a step in order, and the first that ends the run."""
         sign = self._stepper.sign
         found = []
         for event, x0, x1 in zip(self._events, self._values, values, strict=True):
@@ -126,7 +126,7 @@ class Run:
         return kept, last
 
     def _outputs(self, t0: float, t1: float) -> list[float]:
-        """Return the output times in a step."""
+        """Return the output times of a step."""
         if self._wanted is None:
             return [t1]
         out = []
@@ -136,7 +136,7 @@ class Run:
         return out
 
     def result(self, status: str, message: str) -> Result:
-        """Return what there is, completing the samples that came since the last time."""
+        """Build the result so far, and complete the samples added since the last call."""
         law, counters = self._system.law, self._stepper.counters
         counters.evaluations = law.evaluations
         new, stepper = self._complete(), self._stepper
@@ -152,16 +152,16 @@ class Run:
         return result
 
     def _complete(self) -> dict[str, Array]:
-        """Return times, q, v, a, efforts, energies and residuals of the new samples."""
+        """Compute times, q, v, a, efforts, energies and residuals of the new samples."""
         self._complete_block()
         out = {name: np.concatenate([part[name] for part in self._parts]) for name in self._parts[0]}
         self._parts = []
-        # An interrupt between the outputs of a step and its end: that step is taken again.
+        # After an interrupt between the outputs of a step and its end, that step is repeated on resuming.
         late = self._stepper.sign * (out["t"] - self._state.t) > 0
         return {name: x[~late] for name, x in out.items()}
 
     def _complete_block(self) -> None:
-        """Put the samples that wait through the direct model."""
+        """Evaluate the direct model at the pending samples."""
         law = self._system.law
         robot, spent = law.robot, law.evaluations
         t, q, v = self._samples.arrays(robot)

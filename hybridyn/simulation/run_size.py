@@ -1,4 +1,4 @@
-"""How large a run may be: rows and steps that this machine's memory can hold."""
+"""Check that the rows and steps of a run fit in memory."""
 
 from __future__ import annotations
 
@@ -9,25 +9,25 @@ from pathlib import Path
 from ..errors import TrajectoryError
 from ..structure.robot import HybridRobot
 
-#: Memory of one number of a row: in the samples, the result, the table of them and its text [bytes].
+#: Memory of one number of a row, in samples, result, table and text together [bytes].
 NUMBER_BYTES = 48
-#: Memory of a row beside its numbers, and of a step: entries of lists, and small arrays' heads [bytes].
+#: Memory of a row besides its numbers, and of a step: list entries and headers of small arrays [bytes].
 ROW_BYTES, STEP_BYTES = 400, 40
-#: Where Linux says how much memory a container may use.
+#: File in which Linux states the memory limit of a container.
 CONTAINER = Path("/sys/fs/cgroup/memory.max")
 
 
-def refuse_excess(robot: HybridRobot, rows: float, steps: float, mend: str) -> None:
-    """Refuse a run whose rows and steps memory cannot hold, before it starts.
+def check_run_size(robot: HybridRobot, rows: float, steps: float, mend: str) -> None:
+    """Check, before a run starts, that its rows and steps fit in memory.
 
     Args:
         robot: The robot.
-        rows: Output samples; need not be finite.
-        steps: Fixed steps, 0 where errors choose them; need not be finite.
-        mend: What to change.
+        rows: Number of output samples; may be infinite.
+        steps: Number of fixed steps, 0 for adaptive methods; may be infinite.
+        mend: Advice that ends the message.
 
     Raises:
-        TrajectoryError: The run needs more memory than there is.
+        TrajectoryError: The run needs more memory than is available.
     """
     numbers = 1 + robot.nq + 2 * robot.nv + len(robot.motors) + 4
     needed = rows * (ROW_BYTES + numbers * NUMBER_BYTES) + steps * STEP_BYTES
@@ -40,7 +40,7 @@ def refuse_excess(robot: HybridRobot, rows: float, steps: float, mend: str) -> N
 
 
 def memory() -> float:
-    """Return the memory of this machine, or of its container where that has less [bytes]."""
+    """Return the memory of this machine, or of its container where that is less [bytes]."""
     own = float(os.sysconf("SC_PAGE_SIZE")) * os.sysconf("SC_PHYS_PAGES")
     with contextlib.suppress(OSError, ValueError):  # no such file, or "max"
         own = min(own, float(CONTAINER.read_text()))

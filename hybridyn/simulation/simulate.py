@@ -1,4 +1,4 @@
-"""`simulate`: a robot's motion in time, on the manifold of its assembled postures."""
+"""`simulate`: integrate a robot's motion in time, on the manifold of its assembled postures."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from .events import Event
 from .motion_law import BaseMotion, Effort, MotionLaw, Wrenches
 from .result import Origin, Result, digest
 from .run import Progress, Run
-from .run_size import refuse_excess
+from .run_size import check_run_size
 from .solver import Solver, SolverOptions, choose_solver
 from .stepping import Stepper, build_method
 from .system import State, System
@@ -29,7 +29,7 @@ from .system import State, System
 if TYPE_CHECKING:
     from ..compiled.model import CompiledRobot
 
-#: Part of the rates that closing the loops may change; elsewhere it is no more than they open loops by.
+#: Largest relative change of v0 by projection; away from lost rank the change is as small as v0's residual.
 MOST_RATE_CHANGE = 1e-3
 
 
@@ -61,44 +61,45 @@ def simulate(
         robot: The robot.
         q0: Positions at the start, shape (nq,), assembled; not used with `resume`.
         v0: Rates at the start, shape (nv,), [m/s, rad/s]; not used with `resume`.
-        times: Start and end [s], or all the times wanted, in order; an end before the start runs backwards.
+        times: Start and end [s], or all output times, in order; an end before the start runs backwards.
         effort: Efforts in the order of `robot.motors`, shape (motors,), [N or N m], or a function of (t, q,
-            v) that gives them; none where left out.
-        effects: As in `ddm`; their tables follow the simulated time.
+            v) that returns them; zero where left out.
+        effects: As in `ddm`; tables over time are evaluated at the simulated time.
         wrenches: For each link a wrench ON it, shape (6,), [N, N m], in its frame, or a function of (t, q, v)
-            that gives such a mapping.
-        base_motion: For base="moving", a function of t that gives the root's pose x, y, z, qx, qy, qz, qw,
+            that returns such a mapping.
+        base_motion: For base="moving", a function of t that returns the root's pose x, y, z, qx, qy, qz, qw,
             its twist and its spatial acceleration, both in its own frame (Pinocchio's).
         solver: Method, length of steps, tolerances and projection, see `hybridyn.simulation.solver.Solver`;
             adaptive steps of "dopri5" where left out.
-        events: What to watch for; found on the dense output to rounding.
-        output_times: Times of the samples; the ends of the steps where left out (or `times`, if more than
+        events: Events to detect; they are located on the dense output to rounding.
+        output_times: Times of the samples; where left out, the ends of the steps (or `times`, if more than
             two).
-        initial_velocity: "refuse" a velocity at the start that does not keep the loops closed, or "project"
-            it.
+        initial_velocity: "refuse" raises an error for a v0 that does not keep the loops closed; "project"
+            projects it.
         progress: Called after every step with the time reached and the end.
-        checkpoint: File that holds the run's result so far, written every 1,000 steps and at the end.
-        resume: An earlier result, or its file, whose run goes on; the same arguments give the same bits as
-            one run.
-        compiled: `hybridyn.compile(robot, effects)`, which then gives the accelerations, and takes steps of
-            "rk4" and "dopri5" in C. Accelerations agree to rounding; a step's error is the method's, in
-            coordinates of independent joints instead of those of the tangent space. The general path takes
-            over where the compiled one cannot be trusted.
-        scene: Digest of what decides the run beside the robot and the method (`scene.identity`); it is kept
-            in the checkpoint, and must be the same where that is resumed.
+        checkpoint: File for the result so far, written every 1,000 steps and at the end.
+        resume: An earlier result, or its file, from which the run continues; with the same arguments the
+            bits are the same as those of one run.
+        compiled: `hybridyn.compile(robot, effects)`, which then computes the accelerations, and takes steps
+            of "rk4" and "dopri5" in C. Accelerations agree to rounding; a step's error is the method's, in
+            coordinates of independent joints instead of those of the tangent space. The general path is used
+            where the compiled one is not valid.
+        scene: Digest of the scene (`hybridyn.scenes.stage.identity`). It is stored in the checkpoint, and a
+            run that resumes it must have the same one.
         **options: Fields of `Solver` as keywords, instead of `solver`: method, step, rtol, atol, projection,
             baumgarte.
 
     Returns:
-        The motion; `status` and `message` say how it ended. Postures that the loops cannot reach, and a
-        keyboard interrupt, end a run without losing what was computed.
+        The motion; `status` and `message` say how it ended. Where loops cannot be closed any more, and at a
+        keyboard interrupt, the run ends and returns what was computed so far.
 
     Raises:
-        AssemblyError: The start does not close the loops, in position or velocity.
-        SingularityError: A force acts at the start on a motion without inertia, or closures lose rank there
-            and the rates are on none of the branches that meet.
-        TrajectoryError: Wrong arguments, more steps than memory can hold, or a strange run to resume.
-        ModelError: The method is not for this robot.
+        AssemblyError: q0 or v0 does not close the loops.
+        SingularityError: At the start, a force acts on a motion without inertia, or closures lose rank and
+            the rates are on none of the branches that meet there.
+        TrajectoryError: Wrong arguments, more steps than fit in memory, or a run to resume that does not
+            match.
+        ModelError: The method does not support this robot.
     """
     solver = choose_solver(solver, **options)
     if initial_velocity not in ("refuse", "project"):
@@ -109,7 +110,7 @@ def simulate(
         wanted = times
     if solver.fixed is not None:
         steps = abs(float(times[-1] - times[0])) / solver.fixed
-        refuse_excess(robot, steps if wanted is None else len(wanted), steps, "take longer steps")
+        check_run_size(robot, steps if wanted is None else len(wanted), steps, "take longer steps")
     manifold = Manifold(robot)
     law = MotionLaw(robot, effort, wrenches, base_motion, effects, compiled)
     system = System(
@@ -121,7 +122,7 @@ def simulate(
         state = _start(system, q0, v0, float(times[0]), initial_velocity)
     else:
         file = str(resume) if isinstance(resume, str | PathLike) else None
-        _refuse_strange(earlier, origin, times, file)
+        _check_resumed(earlier, origin, times, file)
         state = earlier.state
     stepper = Stepper(system, build_method(solver.method, system), solver, float(times[-1]), state)
     if earlier is not None:
@@ -130,11 +131,11 @@ def simulate(
     return run.to(float(times[-1]), progress, checkpoint, project=solver.projection != "never")
 
 
-def _refuse_strange(earlier: Result, origin: Origin, times: Array, file: str | None) -> None:
-    """Refuse to go on with a run of something else, or from a time that this run does not pass.
+def _check_resumed(earlier: Result, origin: Origin, times: Array, file: str | None) -> None:
+    """Check that an earlier run is of the same robot, method and scene, and ended after this run's start.
 
     Raises:
-        TrajectoryError: Naming the file.
+        TrajectoryError: It is not; the message names the file.
     """
     there = earlier.origin
     if (there.robot, there.method) != (origin.robot, origin.method):
@@ -151,10 +152,10 @@ def _refuse_strange(earlier: Result, origin: Origin, times: Array, file: str | N
 
 
 def _times(times: Sequence[float] | Array, name: str) -> Array:
-    """Return times as an array.
+    """Return times as an array, shape (T,), [s].
 
     Raises:
-        TrajectoryError: Not finite, not in order, or too few.
+        TrajectoryError: They are not finite, not in order, or too few.
     """
     out = np.asarray(times, dtype=float)
     least = 2 if name == "times" else 1
@@ -166,11 +167,13 @@ def _times(times: Sequence[float] | Array, name: str) -> Array:
     return out
 
 
-def _refuse_turned(manifold: Manifold, given: Array, v: Array) -> None:
-    """Refuse rates that keep the loops closed to first order only, where closures lose rank next to them.
+def _check_projected_rates(manifold: Manifold, given: Array, v: Array) -> None:
+    """Check that projection left the initial rates unchanged.
+
+    Next to lost rank, rates may keep the loops closed to first order and still be on none of the branches.
 
     Raises:
-        SingularityError: Putting them on the closures changes them.
+        SingularityError: Projection changed them.
     """
     change, size = (float(np.abs(x / manifold.unit).max(initial=0.0)) for x in (v - given, given))
     if change > MOST_RATE_CHANGE * size:
@@ -183,10 +186,10 @@ def _refuse_turned(manifold: Manifold, given: Array, v: Array) -> None:
 
 
 def _start(system: System, q0: Array | None, v0: Array | None, t: float, initial_velocity: str) -> State:
-    """Return the state at the start, closed to rounding.
+    """Build the initial state, closed to rounding.
 
     Raises:
-        AssemblyError: Naming the module whose loops q0 or v0 leave open.
+        AssemblyError: q0 or v0 leaves the loops of a module open; the message names the module.
         TrajectoryError: Wrong shapes.
     """
     manifold, law = system.manifold, system.law
@@ -216,5 +219,5 @@ def _start(system: System, q0: Array | None, v0: Array | None, t: float, initial
         given = v
         q, v = manifold.project(q, v)
         if initial_velocity == "refuse":
-            _refuse_turned(manifold, given, v)
+            _check_projected_rates(manifold, given, v)
     return State(t, q, v, system.acceleration(t, q, v))

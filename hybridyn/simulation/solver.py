@@ -1,4 +1,4 @@
-"""The options of a solver: method, length of steps, tolerances, and how closures are kept."""
+"""The options of a solver: method, length of steps, tolerances, and projection on the closures."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Choosing steps: a fixed grid, or as long as the error allows; what to do where a step fails."""
+"""Step control: fixed steps on a grid, adaptive steps by the error estimate, and retries of failed steps."""
 
 from __future__ import annotations
 
@@ -16,22 +16,22 @@ from .result import Counters
 from .solver import Solver
 from .system import State, StepError, Stepped, System
 
-#: Closures and their rates (relative) are put right after a step that leaves them more open than this.
+#: Relative residual of closures and their rates above which a step's result is projected.
 DRIFT = 1e-11
-#: The shortest step, relative to the longest time in play.
+#: Shortest step, relative to the largest time of the run.
 SHORTEST = 1e-13
-#: A grid point closer to the end than this part of a step is the end.
+#: Distance to the end of the run, in steps, below which a grid point counts as the end.
 SAME_POINT = 1e-9
-#: A fixed step that comes too near to another branch is taken in two parts, the first this long.
+#: First part of a fixed step that is split in two since it comes too near to another branch.
 PART = 0.38
-#: Most times that a step is parted.
-PARTINGS = 8
-#: Steps of the grid that the compiled path takes in one go.
+#: Maximum depth of such splits.
+SPLITS = 8
+#: Maximum number of fixed steps that the compiled path takes in one call.
 AHEAD = 64
 
 
 class Method(Protocol):
-    """What advances a state by one step."""
+    """A method that advances a state by one step."""
 
     def step(self, system: System, state: State, h: float) -> Stepped:
         """Advance by h."""
@@ -39,7 +39,7 @@ class Method(Protocol):
 
 
 def build_method(method: str, system: System) -> Explicit | Implicit | Conserving:
-    """Return the method of a name."""
+    """Build the method of a name."""
     if method == "conserving":
         return Conserving(system.law)
     if method == "implicit":
@@ -48,10 +48,10 @@ def build_method(method: str, system: System) -> Explicit | Implicit | Conservin
 
 
 class Stepper:
-    """Steps from a start to an end.
+    """Takes the steps of a run from its start to its end.
 
     Attributes:
-        counters: What was spent.
+        counters: Counters of the steps' work.
         next_step: Length of the next step, signed [s].
         on_grid: Fixed steps taken since `start`.
         start: Start of the grid of fixed steps [s].
@@ -69,16 +69,16 @@ class Stepper:
         self._reached: State | None = None
 
     def resume(self, next_step: float, on_grid: int, start: float) -> None:
-        """Go on as an earlier run would have."""
+        """Continue with the next step and the grid of an earlier run."""
         self.next_step = next_step
         if self._solver.fixed is None or abs(next_step) == self._solver.fixed:
             self.on_grid, self.start = on_grid, start
 
     def advance(self, state: State) -> Stepped:
-        """Take one step that meets the control.
+        """Take one step: of fixed length, or one whose error is within the tolerances.
 
         Raises:
-            AssemblyError: The motion leaves the postures that the loops can reach, whatever the step.
+            AssemblyError: The loops cannot be closed, however short the step.
             StepError: A step's equations cannot be solved.
         """
         stepped = self._fixed(state) if self._solver.fixed else self._chosen(state)
@@ -87,11 +87,11 @@ class Stepper:
         return self._projected(stepped) if self._solver.projection == "steps" else stepped
 
     def _fixed(self, state: State) -> Stepped:
-        """Step to the next point of the grid, or to the end."""
+        """Step to the next grid point, or to the end."""
         h = self.next_step
         if (
             state.t != self.start + self.on_grid * h
-        ):  # a run that ended between grid points goes on from there
+        ):  # a run that ended between grid points continues from there
             self.start, self.on_grid = state.t, 0
         target = self.start + (self.on_grid + 1) * h
         beyond = self.sign * (target - self._end)
@@ -99,14 +99,14 @@ class Stepper:
             target = self._end
         whole = abs(beyond) <= SAME_POINT * abs(h) or beyond < 0
         stepped = self._taken_ahead(state, h) if whole else None
-        stepped = stepped or self._in_parts(state, h if whole else target - state.t, PARTINGS)
+        stepped = stepped or self._in_parts(state, h if whole else target - state.t, SPLITS)
         self.on_grid += 1
         at = stepped.state
         self._reached = State(target, at.q, at.v, at.a)
         return replace(stepped, state=self._reached)
 
     def _taken_ahead(self, state: State, h: float) -> Stepped | None:
-        """Return the next of the steps that the compiled path took in one go; None where it took none."""
+        """Return the next step that the compiled path took in advance, or None where there is none."""
         if state is not self._reached:
             self._ahead = []
         if not self._ahead and isinstance(self.method, Explicit):
@@ -114,24 +114,24 @@ class Stepper:
             self._ahead = self.method.steps(self._system, state, h, min(left, AHEAD))[::-1]
         return self._ahead.pop() if self._ahead else None
 
-    def _in_parts(self, state: State, h: float, partings: int) -> Stepped:
-        """Step by h, in unequal parts where a stage would come too near to another branch.
+    def _in_parts(self, state: State, h: float, splits: int) -> Stepped:
+        """Advance by h, in unequal parts where a stage comes too near to another branch.
 
         Raises:
-            AmbiguousBranchError: Shorter steps do as well.
+            AmbiguousBranchError: The shortest parts come too near, too.
         """
         try:
             return self.method.step(self._system, state, h)
         except AmbiguousBranchError:
-            if not partings:
+            if not splits:
                 raise
-        first = self._in_parts(state, PART * h, partings - 1)
-        second = self._in_parts(first.state, state.t + h - first.state.t, partings - 1)
+        first = self._in_parts(state, PART * h, splits - 1)
+        second = self._in_parts(first.state, state.t + h - first.state.t, splits - 1)
         self.counters.iterations += first.iterations
         return replace(second, error_q=None, error_v=None, pivot=min(first.pivot, second.pivot))
 
     def _chosen(self, state: State) -> Stepped:
-        """Repeat a step until its error is small enough."""
+        """Take an adaptive step, repeated with shorter lengths until its error is within the tolerances."""
         shortest = SHORTEST * max(abs(state.t), abs(self._end), abs(self._end - state.t))
         while True:
             left = self._end - state.t
@@ -163,7 +163,7 @@ class Stepper:
                 )
 
     def _error(self, state: State, stepped: Stepped) -> float:
-        """Return the worst error relative to its tolerance."""
+        """Compute the largest error relative to its tolerance."""
         if stepped.error_q is None or stepped.error_v is None:
             return 0.0
         unit = self._system.manifold.unit
@@ -176,7 +176,7 @@ class Stepper:
         return worst if np.isfinite(worst) else np.inf
 
     def _projected(self, stepped: Stepped) -> Stepped:
-        """Put position and velocity back on the closures, where they have left them."""
+        """Project position and velocity on the closures where they deviate by more than `DRIFT`."""
         manifold, state = self._system.manifold, stepped.state
         if manifold.residual(state.q) <= DRIFT and manifold.opening(state.q, state.v)[0] <= DRIFT:
             return stepped
@@ -185,7 +185,7 @@ class Stepper:
         return replace(stepped, state=State(state.t, q, v, self._system.acceleration(state.t, q, v)))
 
     def _first(self, state: State) -> float:
-        """Guess a first step from how fast the robot moves and accelerates."""
+        """Estimate the length of the first step from rates and accelerations."""
         unit = self._system.manifold.unit
         v, a = (float(np.abs(x / unit).max(initial=0.0)) for x in (state.v, state.a))
         span = abs(self._end - state.t)

@@ -1,4 +1,4 @@
-"""What is integrated: states, accelerations on the manifold, and the charts in which steps are taken."""
+"""The integrated system: states, accelerations on the manifold, and the charts in which steps are taken."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ from .motion_law import MotionLaw
 if TYPE_CHECKING:
     from ..compiled.library.steps import JointChart
 
-#: Part of the speed by which rates may differ from those foretold where another branch is near.
+#: Largest difference between rates and their prediction, relative to speed, where another branch is near.
 TURN = 0.3
 
 
 class StepError(HybridynError):
-    """A step could not be solved; a shorter one may."""
+    """The equations of a step could not be solved; a shorter step may succeed."""
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ class State:
 
 @dataclass(frozen=True)
 class Stepped:
-    """What one step gave.
+    """The result of one step.
 
     Attributes:
         state: The new state.
@@ -72,37 +72,37 @@ class Coordinates(Protocol):
 
     @property
     def narrow(self) -> bool:
-        """True where another branch may be near the posture that `lift` gave last."""
+        """Whether another branch may be near the posture that `lift` returned last."""
         ...
 
     @property
     def pivot(self) -> float:
-        """How far closures are from losing rank."""
+        """Distance of the closures from losing rank: their least pivot."""
         ...
 
     def independent(self, x: Array) -> Array:
-        """Return the coordinates' share of rates, accelerations or displacements."""
+        """Return the independent part of rates, accelerations or displacements."""
         ...
 
     def lift(self, y: Array, u: Array, near: Array | None = None) -> Posture:
-        """Return posture and rates at coordinates and velocities."""
+        """Compute posture and rates at coordinates and velocities."""
         ...
 
     def rates(self, u: Array) -> Array:
-        """Return the rates of u at the posture that `lift` gave last."""
+        """Compute the rates of u at the posture that `lift` returned last."""
         ...
 
 
 @dataclass(frozen=True)
 class System:
-    """What is integrated.
+    """The integrated system.
 
     Attributes:
-        manifold: The assembled postures.
+        manifold: The manifold of assembled postures.
         law: The accelerations.
-        bound: False to let the closures drift inside a step (projected afterwards, or never).
-        guarded: Whether they are bound all the same where closures are close to losing rank: there drift
-            leads to another branch.
+        bound: Whether every stage is assembled; if not, closures drift within a step.
+        guarded: Whether stages are assembled all the same where closures are close to losing rank, since
+            drift there leads to another branch.
         baumgarte: Rate of Baumgarte's stabilisation [1/s], or None.
     """
 
@@ -113,40 +113,40 @@ class System:
     baumgarte: float | None = None
 
     def acceleration(self, t: float, q: Array, v: Array) -> Array:
-        """Return the accelerations at one state, shape (nv,)."""
+        """Compute the accelerations at one state, shape (nv,)."""
         out: Array = self.accelerations(np.array([t]), q[None], v[None])[0]
         return out
 
     def accelerations(self, t: Array, q: Array, v: Array) -> Array:
-        """Return the accelerations at many states, stabilised where that is asked for, shape (T, nv)."""
+        """Compute the accelerations at many states, with Baumgarte's stabilisation if set, shape (T, nv)."""
         a = self.law.accelerations(t, q, v)
         if self.baumgarte is not None:
             a += np.array([self.manifold.pull_back(*s, self.baumgarte) for s in zip(q, v, strict=True)])
         return a
 
     def chart(self, state: State) -> Chart:
-        """Lay the chart of a step."""
+        """Build the chart of a step."""
         chart = self.manifold.chart(state.q, state.v, bound=self.bound or self.guarded)
         if self.bound or (self.guarded and chart.close_to_lost_rank):
             return chart
         return self.manifold.chart(state.q, bound=False)
 
     def joint_chart(self, state: State) -> JointChart | None:
-        """Return the compiled path's chart for a step, None where there is none."""
+        """Return the compiled path's chart for a step, or None where there is none."""
         steps = self.law.steps
         return None if steps is None or not self.bound else steps.chart(state.q)
 
     def posture(
         self, chart: Coordinates, t: float, y: Array, u: Array, start: State | None = None
     ) -> Posture:
-        """Return a chart's posture with a prescribed base in its place.
+        """Compute a chart's posture, with a prescribed base at its pose.
 
         Args:
             chart: The chart.
             t: Time [s].
             y: Coordinates, shape (N,).
             u: Velocities, shape (N,).
-            start: The state at the chart's origin, which foretells the posture.
+            start: The state at the chart's origin, from which the posture is predicted.
 
         Raises:
             AssemblyError: The loops do not close there.
@@ -158,18 +158,18 @@ class System:
             h = t - start.t
             p = chart.lift(y, u, h * start.v + h * h / 2 * start.a)
             if chart.narrow:
-                self._refuse_turns(p.v, start.v + h * start.a, t)
+                self._check_prediction(p.v, start.v + h * start.a, t)
         self.law.place_base(t, p.q, p.v)
         return p
 
-    def _refuse_turns(self, v: Array, foretold: Array, t: float) -> None:
-        """Refuse rates that are not near those foretold.
+    def _check_prediction(self, v: Array, predicted: Array, t: float) -> None:
+        """Check that rates are near their prediction.
 
         Raises:
             AmbiguousBranchError: They are not.
         """
         unit = self.manifold.unit
-        off, size = (float(np.abs(x / unit).max(initial=0.0)) for x in (v - foretold, foretold))
+        off, size = (float(np.abs(x / unit).max(initial=0.0)) for x in (v - predicted, predicted))
         if off > TURN * size:
             raise AmbiguousBranchError(
                 f"at t = {t:g} s, next to postures where closures lose rank, the motion turns away from "
@@ -177,7 +177,7 @@ class System:
             )
 
     def rates(self, chart: Coordinates, t: Array, postures: list[Posture]) -> tuple[Array, Array, Array]:
-        """Return y_dot, u_dot and the accelerations of postures, shapes (T, N), (T, N), (T, nv)."""
+        """Compute y_dot, u_dot and the accelerations of postures, shapes (T, N), (T, N), (T, nv)."""
         a = self.accelerations(t, np.array([p.q for p in postures]), np.array([p.v for p in postures]))
         pull = self.manifold.retraction.pull
         y_dot = np.array([chart.independent(pull(p.xi, p.v)) for p in postures])
@@ -185,10 +185,10 @@ class System:
 
 
 def in_quickest_chart(system: System, state: State, step: Callable[[Coordinates], Stepped]) -> Stepped:
-    """Take a step in the compiled path's chart where that can be trusted, else in the tangent space's.
+    """Take a step in the compiled path's chart where that is valid, else in a chart of the tangent space.
 
     Raises:
-        AssemblyError, StepError: What `step` raises in the latter.
+        AssemblyError, StepError: What `step` raises in the chart of the tangent space.
     """
     if (chart := system.joint_chart(state)) is not None:
         with contextlib.suppress(AmbiguousBranchError):
@@ -197,7 +197,7 @@ def in_quickest_chart(system: System, state: State, step: Callable[[Coordinates]
 
 
 def weighted(weights: Array, k: list[Array]) -> Array:
-    """Return the weighted sum of stages, zero weights left out."""
+    """Compute the weighted sum of stages, leaving out zero weights."""
     out = np.zeros_like(k[0]) if k else np.zeros(())
     for w, x in zip(weights, k, strict=False):
         if w:

@@ -1,4 +1,4 @@
-"""The table of a simulated motion, in the columns that trajectories have, so that it can be read back."""
+"""The table of a simulated motion, in the columns of a trajectory, so that it can be read back."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from .result import Result
 
 
 def columns_of(robot: HybridRobot) -> list[str]:
-    """Return the columns: time, base, joints, efforts, energies, residual."""
+    """Return the names of the columns: time, base, joints, efforts, energies, residual."""
     out = ["time"]
     if robot.base != "fixed":
         root = robot.description.root
@@ -33,7 +33,7 @@ def columns_of(robot: HybridRobot) -> list[str]:
 
 
 def rows_of(robot: HybridRobot, result: Result) -> Array:
-    """Return the rows under `columns_of`, shape (T, columns)."""
+    """Return the rows of a result in the order of `columns_of`, shape (T, columns)."""
     parts = [result.t[:, None]]
     if robot.base != "fixed":
         R = rotation_from_quaternion(result.q[:, 3:7])
@@ -52,16 +52,16 @@ def rows_of(robot: HybridRobot, result: Result) -> Array:
 
 
 def picked(columns: Sequence[str], patterns: Sequence[str] | None) -> list[int]:
-    """Return the numbers of the columns that patterns like "*/effort" name, the time always; None names all.
+    """Return the indices of the columns that match patterns like "*/effort", and of the time; None means all.
 
     Raises:
-        TrajectoryError: A pattern fits no column.
+        TrajectoryError: A pattern matches no column.
     """
     if patterns is None:
         return [*range(len(columns))]
     for pattern in patterns:
         if not any(fnmatchcase(column, pattern) for column in columns):
-            raise TrajectoryError(f"'{pattern}' fits no column{did_you_mean(pattern, columns)}")
+            raise TrajectoryError(f"'{pattern}' matches no column{did_you_mean(pattern, columns)}")
     return [
         i for i, column in enumerate(columns)
         if column == "time" or any(fnmatchcase(column, pattern) for pattern in patterns)
@@ -69,7 +69,7 @@ def picked(columns: Sequence[str], patterns: Sequence[str] | None) -> list[int]:
 
 
 def remarks(robot: HybridRobot, method: str, effects: Effects) -> list[str]:
-    """Return the lines at the head of the table: robot, method, effects that were on and off."""
+    """Return the comment lines before the table's header: robot, method, effects that were on and off."""
     return [
         f"hybridyn simulation of {robot.name}, base {robot.base}, method {method}",
         f"effects on: {', '.join(effects.names) or 'none'}",
@@ -78,13 +78,13 @@ def remarks(robot: HybridRobot, method: str, effects: Effects) -> list[str]:
 
 
 def _joints(robot: HybridRobot) -> list[tuple[str, str]]:
-    """Return name and kind of the joints, without the root joint of a base that moves."""
+    """Return name and kind of each joint, without the root joint of a moving base."""
     pairs = zip(robot.joints, robot.kinds, strict=True)
     return [(name, kind) for i, (name, kind) in enumerate(pairs) if i or robot.base == "fixed"]
 
 
 def _position(kind: str, t: Array, q: Array, v: Array) -> Array:
-    """Give positions as tables hold them: an angle for cosine and sine, whole turns counted by the rates."""
+    """Return positions as tables store them: an angle for cosine and sine, turns counted by the rates."""
     if kind not in ("continuous", "planar"):
         return q
     angle = np.arctan2(q[:, -1], q[:, -2])

@@ -178,7 +178,7 @@ def test_columns_and_file_of_the_scene(run, tmp_path: Path) -> None:
     path.write_text(SCENE + 'columns = ["*/efort"]\n')
     said = run("simulate", path, "--until", 0.01)
     assert (said.status, said.out) == (1, "")
-    assert f"{path}:11: 'output.columns': '*/efort' fits no column" in said.err
+    assert f"{path}:11: 'output.columns': '*/efort' matches no column" in said.err
 
 
 def test_standard_output_and_mistakes(run, scene: Path) -> None:

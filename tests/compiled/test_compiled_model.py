@@ -320,7 +320,7 @@ def test_simulations_use_the_models(lx4: CompiledRobot, states: Arrays) -> None:
     np.testing.assert_allclose(ours.a, a, rtol=0, atol=MODEL_AGREES["float64"] * np.abs(a).max())
     for other, words in (
         ({"effects": "model"}, "other effects"),
-        ({"wrenches": {"m4_platform": np.zeros(6)}}, "know no wrenches"),
+        ({"wrenches": {"m4_platform": np.zeros(6)}}, "take no wrenches"),
     ):
         with pytest.raises(ModelError, match=words):
             hybridyn.simulate(lx4.robot, q[0], v[0], [0, 1e-3], compiled=lx4, **options, **other)

@@ -87,7 +87,7 @@ def test_endless_motors_take_the_short_way_round(tmp_path: Path) -> None:
     q = np.array([np.cos(3.0), np.sin(3.0)])
     axes = MotorAxes.of(wheel)
     assert axes.positions(q) == pytest.approx([3.0])
-    assert axes.behind(np.array([-3.0]), q) == pytest.approx([2 * np.pi - 6.0])
+    assert axes.error(np.array([-3.0]), q) == pytest.approx([2 * np.pi - 6.0])
     x = from_points(wheel, [Point(1.0, {"hub": -3.0}, {})], q).at(1.0)[0]
     assert x == pytest.approx([2 * np.pi - 3.0])
     law = controllers.Pd(

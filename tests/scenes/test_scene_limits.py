@@ -165,7 +165,7 @@ def test_a_state_file_with_an_array_missing_is_refused(run, stopped: tuple[Path,
     refused(run, stopped, "was changed")
 
 
-@pytest.mark.parametrize(("t", "text"), [(np.nan, "no run can go on"), (-5.0, "before the start")])
+@pytest.mark.parametrize(("t", "text"), [(np.nan, "no run can continue"), (-5.0, "before the start")])
 def test_a_time_that_makes_no_sense_is_refused(run, stopped: tuple[Path, Path], t: float, text: str) -> None:
     state = Path(f"{stopped[1]}.state")
     result = Result.load(state)

@@ -351,7 +351,7 @@ def test_velocities_that_open_the_loops() -> None:
     ({"times": (0.0,)}, "at least 2"),
     ({"times": (0.0, 1.0, 0.5)}, "all rise or all fall"),
     ({"effort": np.zeros(3)}, "effort must be 2"),
-    ({"effort": lambda t, q, v: np.zeros(1)}, "wanted 2 finite"),
+    ({"effort": lambda t, q, v: np.zeros(1)}, "expected 2 finite"),
     ({"base_motion": lambda t: None}, "is 'fixed', and 1 motions"),
 ])  # fmt: skip
 def test_wrong_arguments(options: dict[str, object], message: str) -> None:
