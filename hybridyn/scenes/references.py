@@ -156,7 +156,7 @@ def from_points(robot: HybridRobot, points: Sequence[Point], start: Array) -> Re
 
 
 def _posture(robot: HybridRobot, axes: MotorAxes, point: Point, q: Array) -> tuple[Array, Array]:
-    """Compute a point's posture near q, or q with the motors moved if it has no platforms; and its motors."""
+    """Compute a point's posture near q and its motor positions; without platforms, only motors move."""
     if point.platforms:
         out = assemble(robot, motors=dict(point.joints), platforms=dict(point.platforms), guess=q)[0]
         return out, axes.positions(out)
