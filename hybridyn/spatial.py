@@ -86,6 +86,12 @@ def motion_to_body(R: Array, p: Array, V: Array) -> Array:
     return np.concatenate([rotate_back(R, v + cross(w, p)), rotate_back(R, w)], axis=-1)
 
 
+def to_body_axes(R: Array, J: Array) -> Array:
+    """Turn Jacobians, shape (T, 6, n), from base axes to axes R, shape (T, 3, 3)."""
+    Rt = np.swapaxes(R, 1, 2)
+    return np.concatenate([np.matmul(Rt, J[:, :3]), np.matmul(Rt, J[:, 3:])], axis=1)
+
+
 def wrench_to_base(R: Array, p: Array, W: Array) -> Array:
     """Compute X^T W: transform a wrench from the body frame to the base frame, shape (..., 6)."""
     f = rotate(R, W[..., :3])

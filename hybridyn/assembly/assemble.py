@@ -127,7 +127,7 @@ def _assemble_module(
     """
     m = module.mechanism
     task = module_task(robot, module, request)
-    start = m.cut(q[:1, module.q_index], None, None, m.spanning.sweep(q[:1, module.q_index]))[0][0]
+    start = m.cut.positions(q[:1, module.q_index])[0]
     if anchored and task.problem.winding is not None:
         winding = task.problem.winding.anchored(start, task.known)
         task = replace(task, problem=replace(task.problem, winding=winding))
@@ -136,10 +136,10 @@ def _assemble_module(
     target = m.tree.sweep(x, x_dot, x_ddot)
     q[:, module.q_index] = spanning_positions(module, x, target, q[0, module.q_index])
     vk, ak = np.zeros((2, len(x), m.spanning.nv))
-    m.to_spanning(x_dot, vk)
-    m.to_spanning(x_ddot, ak)
-    m.recover_rates(q[:, module.q_index], vk, target)
-    m.recover_accelerations(q[:, module.q_index], vk, ak, target)
+    m.cut.to_spanning(x_dot, vk)
+    m.cut.to_spanning(x_ddot, ak)
+    m.wrists.recover_rates(q[:, module.q_index], vk, target)
+    m.wrists.recover_accelerations(q[:, module.q_index], vk, ak, target)
     v[:, module.v_index], a[:, module.v_index] = vk, ak
 
 
@@ -219,24 +219,24 @@ def spanning_positions(module: Module, x: Array, target: Motion, guess: Array) -
     """
     m = module.mechanism
     q = np.broadcast_to(guess, (len(x), m.spanning.nq)).copy()
-    m.positions_to_spanning(x, q)
+    m.cut.positions_to_spanning(x, q)
     for number, wrist in enumerate(m.spec.wrists):
-        tree = Tree(list(m.wrist_joints(number)))
-        end = RigidMotion.of_body(target, m.tree_body(wrist.target)).then(
+        tree = Tree(list(m.wrists.joints(number)))
+        end = RigidMotion.of_body(target, m.cut.tree_body(wrist.target)).then(
             RigidMotion.at_rest(len(x), wrist.R, wrist.p)
         )
         first = m.spanning.joints[wrist.joints[0]].parent
-        relative = end.seen_from(RigidMotion.of_body(target, m.tree_body(first)))
+        relative = end.seen_from(RigidMotion.of_body(target, m.cut.tree_body(first)))
         rest = np.zeros((len(x), 6))
         units = np.array([m.length] * 3 + [1.0] * 3)
         goal = PoseTarget(len(tree.joints), relative.R, relative.p, rest, rest, units)
         free = np.ones(tree.nv, dtype=bool)
         none = Closures(tree, [], [])
-        cols = m.wrist_columns(number)
+        cols = m.wrists.columns(number)
         blocks = [Block(np.arange(6), np.arange(tree.nv))]
         problem = LoopProblem(none, np.zeros(0), m.spanning_col_scale[cols], free, [goal], tree.nv, blocks)
         name = f"wrist of '{module.joints[wrist.joints[-1]]}'"
-        at = m.wrist_positions(number)
+        at = m.wrists.positions(number)
         task = Task(problem, q[:, at], (), 1e-6, module.name, [name] * 6)
         if guess.ndim == 1:
             q[:, at] = follow(task, guess[at], keep_branch=False)

@@ -27,7 +27,7 @@ def home_residuals(robot: HybridRobot) -> list[float]:
     for module in robot.modules:
         m = module.mechanism
         q = robot.home[None, module.q_index]
-        open_by = m.spanning_closures.residual(q, m.spanning.sweep(q)) * m.spanning_row_scale
+        open_by = m.residual(q, m.spanning.sweep(q))
         out.append(float(np.abs(open_by).max(initial=0.0)))
     return out
 
@@ -89,7 +89,7 @@ def singular_at_home(module: Module, robot: HybridRobot) -> str:
         robot: Its robot.
     """
     m = module.mechanism
-    motion = m.cut_motion(m.spanning.sweep(robot.home[None, module.q_index]))
+    motion = m.cut.motion(m.spanning.sweep(robot.home[None, module.q_index]))
     basis = m.basis(m.closures.matrix(motion))
     if m.closures.rows and basis.pivot[0] < SINGULAR_POSTURE:
         return f"its closures lose rank (smallest pivot {basis.pivot[0]:.1e})"

@@ -138,7 +138,7 @@ def module_request(
         owner, local = robot.body_owner[body]
         if owner != number:
             continue
-        place = (m.tree_body(local), R, p)
+        place = (m.cut.tree_body(local), R, p)
         if pose.motion is None:
             request.add(_coordinate_target(robot, module, base_body, pose, place), pose.link)
         else:

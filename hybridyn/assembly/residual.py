@@ -18,8 +18,7 @@ def residuals(robot: HybridRobot, q: Array) -> Iterator[tuple[Module, Array]]:
         m = module.mechanism
         if m.spanning_closures.rows:
             qk = q[:, module.q_index]
-            residual = m.spanning_closures.residual(qk, m.spanning.sweep(qk))
-            yield module, residual * m.spanning_row_scale
+            yield module, m.residual(qk, m.spanning.sweep(qk))
 
 
 def closure_residual(robot: HybridRobot, q: Array) -> Array:

@@ -201,10 +201,10 @@ def accelerate(
         x_ddot = np.einsum("tij,tj->ti", item.basis.Psi, u_dot) + item.basis.drift
         flag_accelerations(module, x_ddot, item.terms + largest(carried), gravity)
         spanning = np.zeros((len(q), m.spanning.nv))
-        m.to_spanning(x_ddot, spanning)
+        m.cut.to_spanning(x_ddot, spanning)
         if m.spec.wrists:
             target = m.tree.sweep(s.q, s.v, x_ddot)
-            m.recover_accelerations(q[:, module.q_index], v[:, module.v_index], spanning, target)
+            m.wrists.recover_accelerations(q[:, module.q_index], v[:, module.v_index], spanning, target)
         a[:, module.v_index] = spanning
 
 
@@ -233,7 +233,7 @@ def _motions(state: ModuleState, prescribed: Array | None, passing: bool) -> tup
     if prescribed is None or not len(motors):
         return basis, bias
     wanted = np.zeros((len(prescribed), m.tree.nv))
-    m.to_cut(prescribed, wanted)
+    m.cut.to_tree(prescribed, wanted)
     unit = m.reduction.col_scale[motors]
     S_Psi = basis.Psi[:, motors] / unit[:, None]
     miss = (basis.drift[:, motors] - wanted[:, motors]) / unit

@@ -75,9 +75,9 @@ def forward(
         qk, vk = q[:, module.q_index], v[:, module.v_index]
         ak = None if a is None else a[:, module.v_index]
         spanning = m.spanning.sweep(qk, vk, ak)
-        x, x_dot, x_ddot = m.cut(qk, vk, ak, spanning)
-        motion = m.cut_motion(spanning)
-        locked = m.locked_carriers(spanning)
+        x, x_dot, x_ddot = m.cut.coordinates(qk, vk, ak, spanning)
+        motion = m.cut.motion(spanning)
+        locked = m.wrists.near_gimbal_lock(spanning)
         if len(locked):
             m.platforms_from_legs(x, x_dot, None if a is None else x_ddot, motion, locked)
         outputs, outputs_dot, convective = np.zeros((3, len(q), len(m.spec.outputs), 6))

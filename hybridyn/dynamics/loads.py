@@ -61,12 +61,12 @@ class ModuleLoad:
                 out += np.concatenate([rotate(R, wrench[:, :3]), rotate(R, wrench[:, 3:])], axis=1)
         for body, wrench in self.wrist_links:
             if body - 1 in wrist.joints:
-                R, cols = spanning.R[:, body], m.wrist_columns(number)
+                R, cols = spanning.R[:, body], m.wrists.columns(number)
                 own = m.spanning.jacobian(spanning, body)[:, :, cols] * m.spanning_col_scale[cols]
                 world = np.concatenate([rotate(R, wrench[:, :3]), rotate(R, wrench[:, 3:])], axis=1)
                 along = np.einsum("tij,ti->tj", own, world)
                 handed = np.einsum(
-                    "tij,ti->tj", np.linalg.pinv(m.wrist_rates(spanning, number), rcond=1e-12), along
+                    "tij,ti->tj", np.linalg.pinv(m.wrists.jacobian(spanning, number), rcond=1e-12), along
                 )
                 out += handed / np.array([m.length] * 3 + [1.0] * 3)
         return out
@@ -82,7 +82,7 @@ class ModuleLoad:
             along += np.einsum("tij,ti->tj", m.jacobian(state.motion, body), wrench)
         for body, wrench in self.wrist_links:
             base += wrench_to_base(state.spanning.R[:, body], state.spanning.p[:, body], wrench)
-            J = m.wrist_link_jacobian(state.spanning, state.motion, body)
+            J = m.wrists.link_jacobian(state.spanning, state.motion, body)
             along += np.einsum("tij,ti->tj", J, wrench)
         return base, along
 
@@ -110,7 +110,7 @@ class Loads:
         base, along = self.modules[k].on_legs(state)
         if self.joints is not None:
             passive = np.zeros_like(along)
-            state.mechanism.to_cut(self.joints[:, state.module.v_index], passive)
+            state.mechanism.cut.to_tree(self.joints[:, state.module.v_index], passive)
             along = along + passive
         return base, along
 
@@ -119,7 +119,7 @@ class Loads:
         if self.rotors is None:
             return None
         out = np.zeros((1, state.mechanism.tree.nv))
-        state.mechanism.to_cut(self.rotors[None, state.module.v_index], out)
+        state.mechanism.cut.to_tree(self.rotors[None, state.module.v_index], out)
         diagonal: Array = out[0]
         return diagonal
 

@@ -166,7 +166,7 @@ def _closure_wrench(state: ModuleState, cut: TreeClosure, author: TreeClosure, l
     A_out, p_out = _told_in(state.spanning, author)
     moment = moment + cross(pb - p_out, force)
     # A wrist that was cut keeps the author's sense: from its chain's side to the target, or back.
-    numbers = state.mechanism.bodies
+    numbers = state.mechanism.cut.bodies
     sign = 1.0 if numbers[cut.body_b] == author.body_b or numbers[cut.body_a] == author.body_a else -1.0
     return sign * np.concatenate([rotate_back(A_out, force), rotate_back(A_out, moment)], axis=-1)
 

@@ -38,7 +38,7 @@ def check_closed(
             continue
         slack = STATE_CLOSED + m.rounding
         qk = q[:, state.module.q_index]
-        open_by = m.spanning_closures.residual(qk, state.spanning) * m.spanning_row_scale
+        open_by = m.residual(qk, state.spanning)
         _refuse(state.module, np.abs(open_by), np.full(len(q), slack), "positions", "open")
         motion = m.tree.sweep(state.q, state.v)
         first, drift = m.closures.rates(motion, state.v)
@@ -79,12 +79,12 @@ def _check_wrists(state: ModuleState, slack: float, natural: NaturalSizes, accel
         size = np.maximum(np.abs(state.a / unit).max(axis=1, initial=0.0), np.abs(s.w_dot).max(axis=(1, 2)))
         limit = np.maximum(slack * (size + speed**2), REST * natural.acceleration(m.length))
         misses.append(("accelerations", "accelerating apart", apart, w_dot, limit))
-    unknown = m.locked_carriers(s)  # there the spanning tree itself does not tell its platform's motion
+    unknown = m.wrists.near_gimbal_lock(s)  # there its rates do not determine the platform's
     for what, how, linear, angular, limit in misses:
         miss = np.abs(np.concatenate([linear / m.length, angular], axis=-1))
         miss[unknown] = 0.0
         for t, i in np.argwhere((miss > limit[:, None, None]).any(axis=-1)):
-            if is_locked(m.wrist_rates(s.take(np.array([t])), welded[i]))[0]:
+            if is_locked(m.wrists.jacobian(s.take(np.array([t])), welded[i]))[0]:
                 miss[t, i] = 0.0
         _refuse(state.module, miss.reshape(len(miss), 6 * len(welded)), limit, what, how)
 

@@ -18,7 +18,7 @@ def is_locked(S: Array) -> Mask:
     """Check at which samples a wrist is in gimbal lock.
 
     Args:
-        S: Joint columns of the wrist, as `Mechanism.wrist_rates` computes them, shape (T, 6, joints).
+        S: Joint columns of the wrist, as `WristMotion.jacobian` computes them, shape (T, 6, joints).
 
     Returns:
         Mask, shape (T,).

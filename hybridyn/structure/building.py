@@ -16,7 +16,7 @@ from ..linkage.threads import one_thread
 from ..spatial import Array, slices
 from .bodies import Bodies
 from .graph import ModuleGraph, find_modules, leave_whole
-from .mechanism import Mechanism
+from .mechanism import Mechanism, Tolerances
 from .module import Module, check_mechanism
 from .module_spec import ModuleSpec, module_spec
 from .robot import Base, HybridRobot
@@ -43,7 +43,7 @@ class ModuleBuilder:
         q_slices: tuple[slice, ...],
         v_slices: tuple[slice, ...],
         home: Array,
-        tolerances: tuple[float | None, float],
+        tolerances: Tolerances,
     ) -> None:
         """Prepare an empty robot.
 
@@ -54,7 +54,7 @@ class ModuleBuilder:
             q_slices: Slice of q of each joint.
             v_slices: Slice of v of each joint.
             home: Home position, shape (nq,).
-            tolerances: The rank's, or None, and the closures' (`build_robot`).
+            tolerances: Tolerances of the robot.
         """
         self.bodies, self.description = bodies, description
         self.number = {name: i for i, name in enumerate(joints)}
@@ -123,7 +123,7 @@ class ModuleBuilder:
         """Return the mechanism of a module, the one of an equal module where there is one."""
         key = spec.key
         if key not in self.shared:
-            self.shared[key] = Mechanism(spec, *self.tolerances, self.bodies.size)
+            self.shared[key] = Mechanism(spec, self.tolerances, self.bodies.size)
         return self.shared[key]
 
     def _append(
@@ -139,7 +139,7 @@ class ModuleBuilder:
     ) -> None:
         """Append a module: its numbers, its names, and the module and output that it stands on."""
         mechanism = self._mechanism(spec)
-        check_mechanism(mechanism, name, self.description.source, self.tolerances[1])
+        check_mechanism(mechanism, name, self.description.source, self.tolerances.closure)
         every_q, every_v = np.arange(self.q_slices[-1].stop), np.arange(self.v_slices[-1].stop)
         numbers = [self.number[j] for j in joints]
         tree_joint = {joints[s]: i for i, s in enumerate(spec.tree_joint) if s is not None}
@@ -211,7 +211,7 @@ def build_robot(
         joints, kinds = [ROOT_JOINT, *joints], ["floating", *kinds]
     q_slices, v_slices = (tuple(slices(size[kind] for kind in kinds)) for size in (NQ, NV))
     home = _home(description, bodies, kinds, base)
-    tolerances = (rank_tolerance, closure_tolerance)
+    tolerances = Tolerances(rank_tolerance, closure_tolerance)
     build = ModuleBuilder(bodies, description, joints, q_slices, v_slices, home, tolerances)
     if base == "floating":
         build.add_base()

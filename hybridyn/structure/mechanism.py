@@ -1,8 +1,7 @@
-"""One module in its general form: legs, platforms, closures, and the motions that keep its loops closed.
+"""What is solved once for equal modules: lengths, ranks, generic postures, the model of the legs.
 
-A `Mechanism` is what equal modules share: trees, closures, ranks, Pinocchio's leg model. It knows no names.
-
-The unknowns x of a module are [legs' joints; platforms' twists]. In x the module's row of the paper reads
+A `Mechanism` has no names. The unknowns x of a module are [joints of its legs; twists of its platforms]. In x
+the row of the paper for the module reads
 
     x_dot = [q_dot; v] = [Psi; a] u                     (2), (8), (15)
     H = D V_dot_base + A q_ddot + h                     (34)
@@ -12,27 +11,26 @@ and an output on a leg link moves with a_o = J_o Psi.
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
 from ..linkage.closures import Closures
 from ..linkage.elimination import least_squares
-from ..linkage.gimbal_lock import GIMBAL_LOCK, warn_of_gimbal_lock
-from ..linkage.joints import TreeJoint
+from ..linkage.gimbal_lock import GIMBAL_LOCK
 from ..linkage.newton import generic_postures
 from ..linkage.reduction import RANK_TOLERANCE, Basis
-from ..linkage.tree import Motion, Tree
-from ..spatial import Array, Index, Mask, cross, quaternion_from_rotation, select, spatial_inertia
+from ..linkage.tree import Motion
+from ..spatial import Array, Index, Mask, spatial_inertia, to_body_axes
+from .cut import Cut
 from .leg_model import LegModel
 from .long_legs import LongLegs
 from .module_spec import ModuleSpec
 from .rank_evidence import rank_by_home, rank_decision
 from .scaling import freedom_units, leg_by_leg, module_length, row_factors
+from .wrist_motion import WristMotion
 
-#: Where its axes span less than this, a carrying wrist does not tell its platform's motion: rates grow there.
-NEAR_LOCK = 1e-2
 #: A freedom that moves no more than this where a module moves by one (rad, module lengths) does not move at
 #: all: ten thousand roundings.
 STILL = 1e-11
@@ -40,71 +38,97 @@ STILL = 1e-11
 PINOCCHIO_HOLDS = 128
 
 
+@dataclass(frozen=True)
+class Tolerances:
+    """Tolerances that a robot is built with (see `build_robot`).
+
+    Attributes:
+        rank: Relative singular value under which closure rows are dependent; None to find it.
+        closure: Largest residual that counts as closed, relative to the length of a module.
+    """
+
+    rank: float | None
+    closure: float
+
+
 class Mechanism:
     """The numbers of a module, shared by all modules that are equal.
 
     Attributes:
-        spanning: Tree of every joint of the module, wrists included, as in the user's q, v, a.
-        tree: Tree after the cuts: legs' joints and platforms (as `floating` joints from the base).
+        spec: The joints, closures and inertias it was built from.
+        cut: The spanning tree, the tree after the cuts, and the maps between them.
+        spanning: Tree of every joint of the module (`cut.spanning`).
+        tree: Tree after the cuts (`cut.tree`).
         closures: Closures on `tree`.
         spanning_closures: The author's closures, on `spanning`.
-        length: The module's length [m], a power of two.
-        reduction: Elimination of `closures`, ranks fixed.
-        legs: The model of the legs: Pinocchio's, or for hundreds of freedoms our own.
+        length: Length of the module [m], a power of two.
+        legs: Model of the legs: Pinocchio's, or for hundreds of freedoms our own.
         inertias: 6-D inertias of the outputs, shape (outputs, 6, 6), body frames.
+        reduction: Elimination of `closures`, ranks fixed.
+        wrists: Motion of the wrists that were cut.
+        home: Home position of `tree`, shape (nq,).
+        home_closes: Whether the loops are closed at home; files may describe robots with open loops.
         postures: Assembled generic postures of `tree`, shape (samples, nq).
+        best_residual: Smallest residual found in the search for them, relative to the length.
         rank_tolerance: Relative singular value from which on rows count as independent.
+        rank_decision: How rows were counted where numbers had to decide it; empty where nothing was in doubt.
+        generic_K: Closure rows at `postures`, shape (samples, rows, n).
+        rounding: How far rounding in the file keeps over-constrained loops from closing, relative to the
+            length.
     """
 
-    def __init__(
-        self, spec: ModuleSpec, rank_tolerance: float | None, closure_tolerance: float, robot_size: float
-    ) -> None:
-        """Find ranks and lengths of a module.
+    def __init__(self, spec: ModuleSpec, tolerances: Tolerances, robot_size: float) -> None:
+        """Find the length, the ranks and generic postures of a module.
 
         Args:
-            spec: Its numbers.
-            rank_tolerance: What `build_robot` was given.
-            closure_tolerance: What `build_robot` was given.
-            robot_size: A length of the robot, for modules without an extent of their own [m].
+            spec: Numbers of the module.
+            tolerances: Tolerances of the robot.
+            robot_size: Length of the robot, for modules without an extent of their own [m].
         """
         self.spec = spec
-        self.rank_is_given = rank_tolerance is not None
-        self.spanning, self.tree = Tree(list(spec.spanning)), Tree(list(spec.tree))
+        self.rank_is_given = tolerances.rank is not None
+        self.cut = Cut(spec)
+        self.spanning, self.tree = self.cut.spanning, self.cut.tree
         self.spanning_closures = Closures(self.spanning, list(spec.closures), list(spec.couplings))
         self.closures = Closures(self.tree, list(spec.cut_closures), list(spec.cut_couplings))
         self.length = module_length(spec, self.spanning, robot_size)
-        self.inertias = np.array([spatial_inertia(b.mass, b.com, b.inertia) for b in spec.outputs_inertia])
-        self.inertias = self.inertias.reshape(-1, 6, 6)
+        inertias = [spatial_inertia(b.mass, b.com, b.inertia) for b in spec.outputs_inertia]
+        self.inertias = np.array(inertias).reshape(-1, 6, 6)
         model = LegModel if self.tree.nv <= PINOCCHIO_HOLDS else LongLegs
         self.legs = model(self.tree, list(spec.leg_bodies))
-        self._map_coordinates()
         self.reduction = leg_by_leg(spec, self.tree, self.closures, self.length)
-        home = self.cut(spec.home[None], None, None, self.spanning.sweep(spec.home[None]))[0]
-        self.home = home[0]
-        scales = (self.reduction.row_scale, self.reduction.col_scale)
-        self.postures, self.best_residual = home, 0.0
-        home_open = np.abs(self.closures.residual(home, self.tree.sweep(home)) * self.reduction.row_scale)
-        #: Whether the loops are closed at home; robots may be written with their loops open.
-        self.home_closes = bool((home_open <= closure_tolerance).all())
-        self.rank_tolerance = rank_tolerance or RANK_TOLERANCE
-        if self.closures.rows:
-            self.postures, self.best_residual = generic_postures(
-                self.closures, self.home, *scales, closure_tolerance
-            )
         self.spanning_col_scale = freedom_units(self.spanning, self.length)
         self.spanning_row_scale = row_factors(self.spanning, self.spanning_closures, self.length)
-        self.rounding = 0.0
-        self.generic_K = self.closures.matrix(self.tree.sweep(self.postures))
-        #: How rows were counted where numbers had to decide it; empty where nothing was in doubt.
-        self.rank_decision = ""
-        if len(self.postures):
-            self.reduction.fix_ranks(self.generic_K, self.rank_tolerance)
-            if rank_tolerance is None:
-                self._decide_by_home(float(home_open.max(initial=0.0)))
-            at_best = self.closures.residual(self.postures, self.tree.sweep(self.postures))
-            worst = np.abs(at_best * self.reduction.row_scale).max(initial=0.0)
-            #: How far rounding in the file keeps over-constrained loops from closing, relative to the length.
-            self.rounding = 4.0 * max(float(worst), self.reduction.report.dropped)
+        self.wrists = WristMotion(spec.wrists, self.cut, self.length, self.spanning_col_scale)
+        open_by = self._find_postures(tolerances.closure)
+        self._fix_ranks(tolerances.rank, open_by)
+
+    def _find_postures(self, tolerance: float) -> float:
+        """Find generic postures that close the loops, and return the largest residual at home."""
+        home = self.cut.positions(self.spec.home[None])
+        row_scale, col_scale = self.reduction.row_scale, self.reduction.col_scale
+        residual = self.closures.residual(home, self.tree.sweep(home)) * row_scale
+        open_by = float(np.abs(residual).max(initial=0.0))
+        self.home, self.home_closes = home[0], open_by <= tolerance
+        self.postures, self.best_residual = home, 0.0
+        if self.closures.rows:
+            self.postures, self.best_residual = generic_postures(
+                self.closures, self.home, row_scale, col_scale, tolerance
+            )
+        return open_by
+
+    def _fix_ranks(self, tolerance: float | None, open_by: float) -> None:
+        """Decide the ranks of the closures at the generic postures; home is open by `open_by`."""
+        self.rank_tolerance, self.rank_decision = tolerance or RANK_TOLERANCE, ""
+        self.rounding, self.generic_K = 0.0, self.closures.matrix(self.tree.sweep(self.postures))
+        if not len(self.postures):
+            return
+        self.reduction.fix_ranks(self.generic_K, self.rank_tolerance)
+        if tolerance is None:
+            self._decide_by_home(open_by)
+        residual = self.closures.residual(self.postures, self.tree.sweep(self.postures))
+        worst = float(np.abs(residual * self.reduction.row_scale).max(initial=0.0))
+        self.rounding = 4.0 * max(worst, self.reduction.report.dropped)
 
     def _decide_by_home(self, open_by: float) -> None:
         """Count rows in doubt where home, open by that much, closes too well for them to be rounding."""
@@ -123,10 +147,10 @@ class Mechanism:
 
     @cached_property
     def locked(self) -> Mask:
-        """Freedoms of `tree` that the closures let not move, at no generic posture, shape (nv,).
+        """Freedoms of `tree` that the closures hold still at every generic posture, shape (nv,).
 
-        A motor there does no work: what it does is not told by the motion, and numbers that would tell it
-        are rounding divided by rounding.
+        A motor there does no work: the motion does not determine its effort, and a number computed for it
+        would be rounding divided by rounding.
         """
         if not len(self.postures):
             return np.zeros(self.tree.nv, dtype=bool)
@@ -134,61 +158,17 @@ class Mechanism:
         out: Mask = np.abs(Psi).max(axis=(0, 2), initial=0.0) <= STILL + self.rounding
         return out
 
-    def _map_coordinates(self) -> None:
-        """Index arrays between the spanning tree and the tree after the cuts."""
-        self._q_from: list[int] = []
-        self._q_to: list[int] = []
-        self._v_from: list[int] = []
-        self._v_to: list[int] = []
-        for i, source in enumerate(self.spec.tree_joint):
-            if source is None:
-                continue
-            self._q_from += range(*self.spanning.q_slices[source].indices(self.spanning.nq))
-            self._q_to += range(*self.tree.q_slices[i].indices(self.tree.nq))
-            self._v_from += range(*self.spanning.v_slices[source].indices(self.spanning.nv))
-            self._v_to += range(*self.tree.v_slices[i].indices(self.tree.nv))
-        self.bodies = np.array(self.spec.tree_body)
-
-    def cut(self, q: Array, v: Array | None, a: Array | None, motion: Motion) -> tuple[Array, Array, Array]:
-        """Return positions, rates, accelerations of `tree` from those of the spanning tree and its motion."""
-        T = len(q)
-        out_q = np.zeros((T, self.tree.nq))
-        out_v, out_a = np.zeros((2, T, self.tree.nv))
-        out_q[:, self._q_to] = q[:, self._q_from]
-        if v is not None:
-            out_v[:, self._v_to] = v[:, self._v_from]
-        if a is not None:
-            out_a[:, self._v_to] = a[:, self._v_from]
-        for joint in self.spec.platforms:
-            body = self.bodies[joint + 1]
-            at, to = self.tree.q_slices[joint], self.tree.v_slices[joint]
-            out_q[:, at.start : at.start + 3] = motion.p[:, body]
-            out_q[:, at.start + 3 : at.stop] = quaternion_from_rotation(motion.R[:, body])
-            if v is not None:
-                out_v[:, to] = motion.twist(body)
-            if a is not None:
-                out_a[:, to] = motion.acceleration(body)
-        return out_q, out_v, out_a
-
-    def locked_carriers(self, spanning: Motion) -> Index:
-        """Return the samples at which a wrist that carries a platform is near gimbal lock."""
-        near = np.zeros(len(spanning.p), dtype=bool)
-        for number, wrist in enumerate(self.spec.wrists):
-            if wrist.carries and len(wrist.joints) == 3:
-                near |= np.abs(np.linalg.det(self.wrist_rates(spanning, number)[:, 3:])) <= NEAR_LOCK
-        return np.flatnonzero(near)
-
     def platforms_from_legs(
         self, x: Array, x_dot: Array, x_ddot: Array | None, motion: Motion, samples: Index
     ) -> None:
-        """Take the platforms' rates from the closures instead of from the wrists that carry them, in place.
+        """Compute the rates of platforms from the closures instead of the wrists that carry them, in place.
 
         Args:
             x: Positions of `tree`, shape (T, nq).
             x_dot: Rates, shape (T, nv).
             x_ddot: Accelerations, shape (T, nv), or None.
-            motion: Motion of `tree` as the spanning tree tells it.
-            samples: The samples concerned.
+            motion: Motion of `tree` as read from the spanning tree.
+            samples: The samples concerned (`WristMotion.near_gimbal_lock`).
         """
         r, slices = self.reduction, [self.tree.v_slices[i] for i in self.spec.platforms]
         cols = np.concatenate([np.arange(s.start, s.stop) for s in slices])
@@ -208,137 +188,35 @@ class Mechanism:
         for name in ("w", "p_dot", "w_dot", "p_ddot"):
             getattr(motion, name)[samples] = getattr(right, name)
 
-    def to_spanning(self, x: Array, out: Array) -> None:
-        """Copy the legs' rates (or accelerations) of `tree` into those of the spanning tree, in place."""
-        out[:, self._v_from] = x[:, self._v_to]
+    def residual(self, q: Array, motion: Motion) -> Array:
+        """Compute by how much the author's closures are open, without units.
 
-    def to_cut(self, spanning: Array, out: Array) -> None:
-        """Copy the legs' rates (or accelerations) of the spanning tree into those of `tree`, in place."""
-        out[:, self._v_to] = spanning[:, self._v_from]
+        Args:
+            q: Positions of `spanning`, shape (T, nq).
+            motion: Motion of `spanning`.
 
-    def positions_to_spanning(self, x: Array, out: Array) -> None:
-        """Copy the legs' positions of `tree` into those of the spanning tree, in place."""
-        out[:, self._q_from] = x[:, self._q_to]
-
-    def tree_body(self, body: int) -> int:
-        """Return the number in `tree` of a body of the spanning tree (a welded wrist's end is its target)."""
-        for wrist in self.spec.wrists:
-            if wrist.end == body:
-                body = wrist.target
-        return int(np.flatnonzero(self.bodies == body)[0])
-
-    def wrist_joints(self, wrist: int) -> tuple[TreeJoint, ...]:
-        """Return a wrist's joints as a chain of their own, hanging from the wrist's parent body."""
-        joints = self.spec.wrists[wrist].joints
-        return tuple(replace(self.spanning.joints[j], parent=i) for i, j in enumerate(joints))
-
-    def wrist_positions(self, wrist: int) -> Index:
-        """Return the position coordinates of a wrist in the spanning tree."""
-        every = np.arange(self.spanning.nq)
-        return np.concatenate([every[self.spanning.q_slices[i]] for i in self.spec.wrists[wrist].joints])
-
-    def cut_motion(self, motion: Motion) -> Motion:
-        """Return the same motion for the bodies of `tree` (they are bodies of the spanning tree)."""
-        take = self.bodies
-        return Motion(*(select(x, take) for x in motion.arrays))
+        Returns:
+            Shape (T, rows): [m] over the length of the module, or [rad].
+        """
+        return self.spanning_closures.residual(q, motion) * self.spanning_row_scale
 
     def basis(self, K: Array, gamma: Array | None = None) -> Basis:
-        """Return Psi and drift on `tree` from its closure rows (drift 0 where gamma is left out)."""
+        """Compute the motions that keep the loops closed.
+
+        Args:
+            K: Closure rows, shape (T, rows, n).
+            gamma: Drift term of the rows, shape (T, rows); zero where left out.
+        """
         return self.reduction.basis(K, np.zeros(K.shape[:2]) if gamma is None else gamma)
 
     def jacobian(self, motion: Motion, body: int) -> Array:
-        """Return a body's twist in its own frame over x_dot, shape (T, 6, n); J Psi is the paper's a."""
-        return to_body_axes(motion.R[:, body], self.tree.jacobian(motion, body))
-
-    def wrist_link_jacobian(self, spanning: Motion, motion: Motion, body: int) -> Array:
-        """Return the twist in its own frame of a link inside a wrist that was cut, over x_dot, (T, 6, n).
+        """Compute the twist of a body, in its own frame, over x_dot; J Psi is the paper's a.
 
         Args:
-            spanning: Motion of the spanning tree.
             motion: Motion of `tree`.
-            body: The link's body in the spanning tree.
-        """
-        number = next(i for i, w in enumerate(self.spec.wrists) if body - 1 in w.joints)
-        wrist, cols = self.spec.wrists[number], self.wrist_columns(number)
-        parent = int(np.flatnonzero(self.bodies == self.spanning.joints[wrist.joints[0]].parent)[0])
-        target = int(np.flatnonzero(self.bodies == wrist.target)[0])
-        end, here = spanning.p[:, wrist.end], spanning.p[:, body]
-        miss = self.tree.jacobian(motion, target, end) - self.tree.jacobian(motion, parent, end)
-        miss[:, :3] /= self.length
-        rates = np.matmul(np.linalg.pinv(self.wrist_rates(spanning, number), rcond=1e-12), miss)
-        own = self.spanning.jacobian(spanning, body, here)[:, :, cols] * self.spanning_col_scale[cols]
-        J = self.tree.jacobian(motion, parent, here) + np.matmul(own, rates)
-        return to_body_axes(spanning.R[:, body], J)
-
-    def wrist_rates(self, motion: Motion, wrist: int) -> Array:
-        """Return the twist of a wrist's end, relative to its parent, over the wrist's scaled joint rates.
-
-        Args:
-            motion: Motion of the spanning tree.
-            wrist: Number of the wrist.
+            body: Number of the body in `tree`.
 
         Returns:
-            Shape (T, 6, joints of the wrist), at the end body's origin, base axes, linear over the length.
+            Shape (T, 6, n).
         """
-        end, cols = self.spec.wrists[wrist].end, self.wrist_columns(wrist)
-        linear, angular = (c[:, cols] for c in self.spanning.columns(motion))
-        shift = cross(angular, motion.p[:, end, None] - motion.p[:, self.spanning.dof_body[cols]])
-        S = np.swapaxes(np.concatenate([(linear + shift) / self.length, angular], axis=-1), 1, 2)
-        out: Array = S * self.spanning_col_scale[cols]
-        return out
-
-    def recover_rates(self, q: Array, v: Array, target: Motion) -> None:
-        """Fill in the wrists' rates that make their ends follow their targets (least norm), in place.
-
-        Args:
-            q: Positions of the spanning tree, shape (T, nq).
-            v: Rates of the spanning tree, shape (T, nv); those of the wrists are overwritten.
-            target: Motion of `tree`, with rates.
-        """
-        self._recover(q, v, None, target)
-
-    def recover_accelerations(self, q: Array, v: Array, a: Array, target: Motion) -> None:
-        """Fill in the wrists' accelerations, in place; arguments as in `recover_rates`."""
-        self._recover(q, v, a, target)
-
-    def _recover(self, q: Array, v: Array, a: Array | None, target: Motion) -> None:
-        """Fill in the wrists' rates, or, where `a` is given, their accelerations, in place."""
-        unknown = v if a is None else a
-        motion: Motion | None = None
-        for number, wrist in enumerate(self.spec.wrists):
-            cols = self.wrist_columns(number)
-            unknown[:, cols] = 0.0
-            if motion is None:
-                motion = self.spanning.sweep(q, v, a)
-            body = int(np.flatnonzero(self.bodies == wrist.target)[0])
-            r = motion.p[:, wrist.end] - target.p[:, body]
-            w = target.w[:, body]
-            if a is None:
-                linear = target.p_dot[:, body] + cross(w, r) - motion.p_dot[:, wrist.end]
-                angular = w - motion.w[:, wrist.end]
-            else:
-                w_dot = target.w_dot[:, body]
-                linear = (
-                    target.p_ddot[:, body]
-                    + cross(w_dot, r)
-                    + cross(w, cross(w, r))
-                    - motion.p_ddot[:, wrist.end]
-                )
-                angular = w_dot - motion.w_dot[:, wrist.end]
-            miss = np.concatenate([linear / self.length, angular], axis=-1)
-            S = self.wrist_rates(motion, number)
-            unknown[:, cols] = least_squares(S, miss, relative=GIMBAL_LOCK) * self.spanning_col_scale[cols]
-            warn_of_gimbal_lock(S)
-            if wrist.carries:  # what hangs from a platform moves with it: sweep again before the next wrist
-                motion = None
-
-    def wrist_columns(self, wrist: int) -> Index:
-        """Return the freedoms of a wrist in the spanning tree."""
-        every = np.arange(self.spanning.nv)
-        return np.concatenate([every[self.spanning.v_slices[i]] for i in self.spec.wrists[wrist].joints])
-
-
-def to_body_axes(R: Array, J: Array) -> Array:
-    """Turn Jacobians (T, 6, n) from base axes to axes R (T, 3, 3)."""
-    Rt = np.swapaxes(R, 1, 2)
-    return np.concatenate([np.matmul(Rt, J[:, :3]), np.matmul(Rt, J[:, 3:])], axis=1)
+        return to_body_axes(motion.R[:, body], self.tree.jacobian(motion, body))

@@ -96,7 +96,7 @@ class Request:
             on = np.zeros(self.robot.nv)
             on[law.columns] = 1.0
             own = np.zeros((1, m.tree.nv))
-            m.to_cut(on[None, module.v_index], own)
+            m.cut.to_tree(on[None, module.v_index], own)
             for k in np.flatnonzero(own[0]):
                 out[k] += f"law {n} "
         return tuple(out)
@@ -106,7 +106,7 @@ class Request:
         diagonal = self.on.rotor_diagonal(self.robot)
         own = np.zeros((1, module.mechanism.tree.nv))
         if diagonal is not None:
-            module.mechanism.to_cut(diagonal[None, module.v_index], own)
+            module.mechanism.cut.to_tree(diagonal[None, module.v_index], own)
         return tuple(own[0].tolist())
 
     def children(self, k: int, output: int) -> list[int]:

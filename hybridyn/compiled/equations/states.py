@@ -59,7 +59,7 @@ def moving_states(robot: HybridRobot, count: int, seed: int = 0) -> tuple[Array,
             continue
         own = generic_positions(module)[-len(m.postures) :][rng.integers(len(m.postures), size=count)]
         q[:, module.q_index] = own
-        x, _, _ = m.cut(own, None, None, m.spanning.sweep(own))
+        x = m.cut.positions(own)
         motion = m.tree.sweep(x)
         basis = m.basis(m.closures.matrix(motion))
         u = rng.normal(size=basis.Psi.shape[::2])
@@ -67,9 +67,9 @@ def moving_states(robot: HybridRobot, count: int, seed: int = 0) -> tuple[Array,
             "tij,tj->ti", basis.Psi, u / np.linalg.norm(basis.Psi / m.reduction.col_scale[:, None], axis=1)
         )
         out = np.zeros((count, m.spanning.nv))
-        m.to_spanning(rates, out)
+        m.cut.to_spanning(rates, out)
         if m.spec.wrists:
-            m.recover_rates(own, out, m.tree.sweep(x, rates))
+            m.wrists.recover_rates(own, out, m.tree.sweep(x, rates))
         v[:, module.v_index] = out
     tau = rng.normal(size=(count, len(robot.motors))) * _weight(robot)
     return q, v, tau

@@ -68,7 +68,7 @@ class Efforts:
         module = request.robot.modules[k]
         own = np.zeros((1, module.mechanism.tree.nv))
         numbers = np.arange(1, request.robot.nv + 1, dtype=float)
-        module.mechanism.to_cut(numbers[None, module.v_index], own)
+        module.mechanism.cut.to_tree(numbers[None, module.v_index], own)
         at = int(own[0, column]) - 1
         inputs: list[ca.SX] = []
         sources: list[Source] = []

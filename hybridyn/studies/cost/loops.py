@@ -79,7 +79,7 @@ class Newton:
         """
         m = module.mechanism
         own = q[:, module.q_index]
-        x = m.cut(own, None, None, m.spanning.sweep(own))[0]
+        x = m.cut.positions(own)
         self.start = np.concatenate([x[:1], x[:-1]])
         free = np.ones(m.tree.nv, dtype=bool)
         held = module.motor_columns if len(module.motor_columns) <= m.mobility else module.motor_columns[:0]
@@ -109,7 +109,7 @@ class Newton:
             if np.abs(residual).max(initial=0.0) <= tolerance:
                 break
         own = q[:, self.module.q_index]
-        m.positions_to_spanning(posture, own)
+        m.cut.positions_to_spanning(posture, own)
         q[:, self.module.q_index] = own
         return seconds
 

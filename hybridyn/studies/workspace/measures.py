@@ -53,7 +53,7 @@ class Measures:
         """Return the platform's twist along motions, linear over L, shape (T, 6, N), base axes."""
         m = self.robot.modules[self.sweep.module].mechanism
         body, _, p = self.robot.bodies.place[self.sweep.link]
-        number = m.tree_body(self.robot.body_owner[body][1])
+        number = m.cut.tree_body(self.robot.body_owner[body][1])
         point = motion.p[:, number] + np.matmul(motion.R[:, number], p)
         out: Array = np.matmul(m.tree.jacobian(motion, number, point), Psi)
         out[:, :3] /= m.length
@@ -88,7 +88,7 @@ class Measures:
         m = module.mechanism
         if not module.motors or not module.mobility:
             return np.zeros(len(q)), None
-        motion = m.cut_motion(m.spanning.sweep(q[:, module.q_index]))
+        motion = m.cut.motion(m.spanning.sweep(q[:, module.q_index]))
         Psi = m.basis(m.closures.matrix(motion)).Psi
         unit = m.reduction.col_scale[module.motor_columns]
         rates = Psi[:, module.motor_columns] / unit[:, None]

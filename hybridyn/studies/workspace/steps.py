@@ -90,7 +90,7 @@ class Closing:
         still = {base: RigidMotion.at_rest(len(values))}
         request = module_request(requests, robot, self.sweep.module, base, still)
         task = module_task(robot, module, request)
-        start = m.cut(q, None, None, m.spanning.sweep(q))[0]
+        start = m.cut.positions(q)
         samples = np.arange(len(q))
         known = task.with_known(start, samples)
         motion = m.tree.sweep(known)
@@ -104,7 +104,6 @@ class Closing:
         if good.any():
             x = settled(m, result.q[good])
             out[good] = spanning_positions(module, x, m.tree.sweep(x), q[good])
-            residual = m.spanning_closures.residual(out[good], m.spanning.sweep(out[good]))
-            closed = np.abs(residual * m.spanning_row_scale).max(axis=1, initial=0.0) <= task.tolerance
-            good[np.flatnonzero(good)] = closed
+            residual = m.residual(out[good], m.spanning.sweep(out[good]))
+            good[np.flatnonzero(good)] = np.abs(residual).max(axis=1, initial=0.0) <= task.tolerance
         return out, good

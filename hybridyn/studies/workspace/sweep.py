@@ -129,7 +129,7 @@ def coordinate_target(
     """
     body, R, p = robot.bodies.place[link]
     number, local = robot.body_owner[body]
-    tree_body = robot.modules[number].mechanism.tree_body(local)
+    tree_body = robot.modules[number].mechanism.cut.tree_body(local)
     _, base_R, base_p = robot.bodies.place[base]
     zero = np.zeros((1, 6))
     units = np.array([length] * 3 + [1.0] * 3)
@@ -172,7 +172,7 @@ def _at_home(robot: HybridRobot, number: int, link: str, q: Array) -> tuple[Arra
     m = module.mechanism
     _, target = coordinate_target(robot, link, module.base, m.length)
     spanning = m.spanning.sweep(q[None, module.q_index])
-    motion = m.cut_motion(spanning)
+    motion = m.cut.motion(spanning)
     Psi = m.basis(m.closures.matrix(motion)).Psi[0]
     orthonormal = np.linalg.qr(Psi / m.reduction.col_scale[:, None])[0] * m.reduction.col_scale[:, None]
     J = target.matrix(m.tree, motion)[0] @ orthonormal / target.units[:, None]

@@ -1,0 +1,167 @@
+"""How wrists that were cut move: the Jacobians of their joints, and their rates from the bodies they join."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from ..linkage.elimination import least_squares
+from ..linkage.gimbal_lock import GIMBAL_LOCK, warn_of_gimbal_lock
+from ..linkage.joints import TreeJoint
+from ..linkage.tree import Motion
+from ..spatial import Array, Index, cross, to_body_axes
+from .cut import Cut
+from .module_spec import WristSpec
+
+#: A wrist that carries a platform is near gimbal lock where the determinant of its axes is smaller than this:
+#: its joint rates, from which the platform's are read, grow with the reciprocal.
+NEAR_LOCK = 1e-2
+
+
+class WristMotion:
+    """The wrists of one module, by number.
+
+    Attributes:
+        specs: Numbers of each wrist.
+    """
+
+    def __init__(self, specs: tuple[WristSpec, ...], cut: Cut, length: float, col_scale: Array) -> None:
+        """Keep what the wrists' motion depends on.
+
+        Args:
+            specs: Numbers of each wrist.
+            cut: The trees of the module.
+            length: Length of the module [m].
+            col_scale: Unit of each freedom of the spanning tree, shape (nv,).
+        """
+        self.specs = specs
+        self._cut, self._length, self._col_scale = cut, length, col_scale
+
+    def joints(self, wrist: int) -> tuple[TreeJoint, ...]:
+        """Return the joints of a wrist as a chain of their own, which hangs from the wrist's parent body."""
+        joints = (self._cut.spanning.joints[j] for j in self.specs[wrist].joints)
+        return tuple(replace(joint, parent=i) for i, joint in enumerate(joints))
+
+    def positions(self, wrist: int) -> Index:
+        """Return the position coordinates of a wrist in the spanning tree."""
+        every = np.arange(self._cut.spanning.nq)
+        return np.concatenate([every[self._cut.spanning.q_slices[i]] for i in self.specs[wrist].joints])
+
+    def columns(self, wrist: int) -> Index:
+        """Return the freedoms of a wrist in the spanning tree."""
+        every = np.arange(self._cut.spanning.nv)
+        return np.concatenate([every[self._cut.spanning.v_slices[i]] for i in self.specs[wrist].joints])
+
+    def near_gimbal_lock(self, spanning: Motion) -> Index:
+        """Return the samples at which a wrist that carries a platform is near gimbal lock.
+
+        Args:
+            spanning: Motion of the spanning tree.
+        """
+        near = np.zeros(len(spanning.p), dtype=bool)
+        for number, wrist in enumerate(self.specs):
+            if wrist.carries and len(wrist.joints) == 3:
+                near |= np.abs(np.linalg.det(self.jacobian(spanning, number)[:, 3:])) <= NEAR_LOCK
+        return np.flatnonzero(near)
+
+    def jacobian(self, motion: Motion, wrist: int) -> Array:
+        """Compute the twist of a wrist's end relative to its parent over the scaled joint rates of the wrist.
+
+        Args:
+            motion: Motion of the spanning tree.
+            wrist: Number of the wrist.
+
+        Returns:
+            Shape (T, 6, joints of the wrist), at the origin of the end, base axes, linear over the length.
+        """
+        spanning, end, cols = self._cut.spanning, self.specs[wrist].end, self.columns(wrist)
+        linear, angular = (c[:, cols] for c in spanning.columns(motion))
+        shift = cross(angular, motion.p[:, end, None] - motion.p[:, spanning.dof_body[cols]])
+        S = np.swapaxes(np.concatenate([(linear + shift) / self._length, angular], axis=-1), 1, 2)
+        out: Array = S * self._col_scale[cols]
+        return out
+
+    def link_jacobian(self, spanning: Motion, motion: Motion, body: int) -> Array:
+        """Compute the twist of a link inside a wrist, in its own frame, over x_dot.
+
+        Args:
+            spanning: Motion of the spanning tree.
+            motion: Motion of the tree after the cuts.
+            body: Number of the link's body in the spanning tree.
+
+        Returns:
+            Shape (T, 6, n).
+        """
+        tree, number = self._cut.tree, next(i for i, w in enumerate(self.specs) if body - 1 in w.joints)
+        wrist, cols = self.specs[number], self.columns(number)
+        parent = self._cut.tree_body(self._cut.spanning.joints[wrist.joints[0]].parent)
+        target = self._cut.tree_body(wrist.target)
+        end, here = spanning.p[:, wrist.end], spanning.p[:, body]
+        miss = tree.jacobian(motion, target, end) - tree.jacobian(motion, parent, end)
+        miss[:, :3] /= self._length
+        rates = np.matmul(np.linalg.pinv(self.jacobian(spanning, number), rcond=1e-12), miss)
+        own = self._cut.spanning.jacobian(spanning, body, here)[:, :, cols] * self._col_scale[cols]
+        J = tree.jacobian(motion, parent, here) + np.matmul(own, rates)
+        return to_body_axes(spanning.R[:, body], J)
+
+    def recover_rates(self, q: Array, v: Array, target: Motion) -> None:
+        """Compute the least-norm rates of the wrists with which their ends follow their targets, in place.
+
+        Args:
+            q: Positions of the spanning tree, shape (T, nq).
+            v: Rates of the spanning tree, shape (T, nv); those of the wrists are overwritten.
+            target: Motion of the tree after the cuts, with rates.
+        """
+        self._recover(q, v, None, target)
+
+    def recover_accelerations(self, q: Array, v: Array, a: Array, target: Motion) -> None:
+        """Compute the least-norm accelerations of the wrists with which their ends follow, in place.
+
+        Args:
+            q: Positions of the spanning tree, shape (T, nq).
+            v: Rates of the spanning tree, shape (T, nv).
+            a: Accelerations of the spanning tree, shape (T, nv); those of the wrists are overwritten.
+            target: Motion of the tree after the cuts, with accelerations.
+        """
+        self._recover(q, v, a, target)
+
+    def _recover(self, q: Array, v: Array, a: Array | None, target: Motion) -> None:
+        """Compute the rates of the wrists or, where `a` is given, their accelerations, in place."""
+        unknown = v if a is None else a
+        motion: Motion | None = None
+        for number, wrist in enumerate(self.specs):
+            cols = self.columns(number)
+            unknown[:, cols] = 0.0
+            if motion is None:
+                motion = self._cut.spanning.sweep(q, v, a)
+            miss = _miss(motion, wrist.end, target, self._cut.tree_body(wrist.target), a is not None)
+            S = self.jacobian(motion, number)
+            miss[:, :3] /= self._length
+            unknown[:, cols] = least_squares(S, miss, relative=GIMBAL_LOCK) * self._col_scale[cols]
+            warn_of_gimbal_lock(S)
+            if wrist.carries:  # bodies beyond a platform move with it: sweep again before the next wrist
+                motion = None
+
+
+def _miss(motion: Motion, end: int, target: Motion, body: int, accelerations: bool) -> Array:
+    """Compute by how much a wrist's end misses the rates (or accelerations) of its target.
+
+    Args:
+        motion: Motion of the spanning tree, the wrist's rates (or accelerations) zero.
+        end: Number of the end in the spanning tree.
+        target: Motion of the tree after the cuts.
+        body: Number of the wrist's target there.
+        accelerations: Whether accelerations are compared.
+
+    Returns:
+        At the origin of the end, linear and angular, base axes, shape (T, 6).
+    """
+    r = motion.p[:, end] - target.p[:, body]
+    w = target.w[:, body]
+    if not accelerations:
+        linear = target.p_dot[:, body] + cross(w, r) - motion.p_dot[:, end]
+        return np.concatenate([linear, w - motion.w[:, end]], axis=-1)
+    w_dot = target.w_dot[:, body]
+    linear = target.p_ddot[:, body] + cross(w_dot, r) + cross(w, cross(w, r)) - motion.p_ddot[:, end]
+    return np.concatenate([linear, w_dot - motion.w_dot[:, end]], axis=-1)
