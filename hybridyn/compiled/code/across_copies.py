@@ -1,7 +1,7 @@
-"""The driver whose lanes are copies: one sample, equal legs side by side.
+"""Generate the driver whose lanes hold copies: one sample, equal legs in parallel.
 
-What is not a copy's own is the same in all lanes; lanes without a copy repeat the first one. Sums take the
-copies in their order, from the lanes: the very additions of the other driver.
+Numbers that the copies share are the same in all lanes. Lanes without a copy repeat the first copy. Sums add
+the copies in their order, with the same additions as the other driver.
 """
 
 from __future__ import annotations
@@ -17,13 +17,13 @@ HEAD = "static void {name}_copies(const S *given, S *result, V *shared, V *own, 
 
 
 def across_copies(program: Program, names: list[str], lanes: int, tables: Tables) -> str:
-    """Return the function `<program>_copies` in C.
+    """Return the C function `<program>_copies`.
 
     Args:
         program: The program.
-        names: Name in C of each kernel.
+        names: C name of each kernel.
         lanes: Number of lanes.
-        tables: Where its tables go.
+        tables: Collects its tables.
     """
 
     def call(step: Call, name: str) -> list[str]:
@@ -36,7 +36,7 @@ def across_copies(program: Program, names: list[str], lanes: int, tables: Tables
 
 
 def _alone(call: Call, name: str, tables: Tables) -> list[str]:
-    """Return a call of one copy: every lane the same."""
+    """Return the call of a kernel with one copy, the same in every lane."""
     block = Block()
     for n, source in enumerate(call.sources):
         block.arguments.append(_alone_source(n, source, tables, block))
@@ -46,7 +46,7 @@ def _alone(call: Call, name: str, tables: Tables) -> list[str]:
 
 
 def _alone_source(n: int, source: Source, tables: Tables, block: Block) -> str:
-    """Return an argument that is read; numbers that are not in lanes are spread over them first."""
+    """Return an argument that is read; scalars are first spread over the lanes."""
     match source:
         case Shared(start, _) | Each(start, _):
             return f"shared + {start}"
@@ -68,7 +68,7 @@ def _alone_source(n: int, source: Source, tables: Tables, block: Block) -> str:
 
 
 def _alone_target(n: int, target: Target, free: bool, tables: Tables, block: Block) -> str:
-    """Return an argument that is written; results and the guard take the first lane."""
+    """Return an argument that is written; results and the guard are taken from the first lane."""
     y = f"y{n}"
     match target:
         case Shared(start, size) | Each(start, size) | Own(start, size):
@@ -89,7 +89,7 @@ def _alone_target(n: int, target: Target, free: bool, tables: Tables, block: Blo
 
 
 class _Pack:
-    """A call of as many copies as there are lanes, among those of one call."""
+    """Call of a kernel for one pack of copies, as many as there are lanes."""
 
     def __init__(self, call: Call, pack: int, lanes: int, tables: Tables) -> None:
         self.call, self.pack, self.lanes, self.tables = call, pack, lanes, tables
@@ -99,7 +99,7 @@ class _Pack:
         self.copies[self.valid :] = 0
 
     def text(self, name: str) -> list[str]:
-        """Return the call."""
+        """Return the lines of the call."""
         block = Block()
         for n, source in enumerate(self.call.sources):
             block.arguments.append(self._source(n, source, block))
@@ -108,12 +108,12 @@ class _Pack:
         return block.lines(name)
 
     def _lanes(self, values: Array | Index) -> Array | Index:
-        """Return rows of the copies, side by side: (entries, lanes)."""
+        """Return the copies' rows as columns, shape (entries, lanes)."""
         rows: Array | Index = values[self.copies].T
         return rows
 
     def _source(self, n: int, source: Source, block: Block) -> str:
-        """Return an argument that is read; numbers of the copies are gathered into their lanes first."""
+        """Return an argument that is read; the copies' numbers are first gathered into their lanes."""
         match source:
             case Shared(start, _):
                 return f"shared + {start}"
@@ -136,7 +136,7 @@ class _Pack:
         return x
 
     def _target(self, n: int, target: Target, free: bool, block: Block) -> str:
-        """Return an argument that is written; what is not the copies' own is spread or summed afterwards."""
+        """Return an argument that is written; all but the copies' own numbers are moved on afterwards."""
         y, first, valid = f"y{n}", self.first, self.valid
         match target:
             case Own(start, size):

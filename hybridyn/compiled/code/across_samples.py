@@ -1,6 +1,6 @@
-"""The driver whose lanes are samples: calls one after the other, copies one after the other.
+"""Generate the driver whose lanes hold samples: calls and copies run one after the other.
 
-With one lane it is the plain program of one sample.
+With one lane it is the scalar program of one sample.
 """
 
 from __future__ import annotations
@@ -16,19 +16,19 @@ HEAD = "static void {name}_samples(const V *given, V *result, V *shared, V *own,
 
 
 def across_samples(program: Program, names: list[str], tables: Tables) -> str:
-    """Return the function `<program>_samples` in C.
+    """Return the C function `<program>_samples`.
 
     Args:
         program: The program.
-        names: Name in C of each kernel.
-        tables: Where its tables go.
+        names: C name of each kernel.
+        tables: Collects its tables.
     """
     head = HEAD.format(name=program.name)
     return driver(program, head, names, tables, lambda call, name: _call(call, name, tables))
 
 
 def _call(call: Call, name: str, tables: Tables) -> list[str]:
-    """Return a call of a kernel for each copy."""
+    """Return the calls of a kernel for all copies."""
     block = Block()
     for n, source in enumerate(call.sources):
         block.arguments.append(_source(call, n, source, tables, block))
@@ -39,18 +39,18 @@ def _call(call: Call, name: str, tables: Tables) -> list[str]:
 
 
 def _row(call: Call, index: Index, tables: Tables) -> str:
-    """Return where copy i begins, for places that count up by one."""
+    """Return the C expression of the start of copy i, for indices that increase by one in each row."""
     first = index[:, 0] if index.shape[1] else np.zeros(len(index), dtype=int)
     return str(int(first[0])) if call.copies == 1 else f"{tables.places(first)}[i]"
 
 
 def _at(call: Call, start: int, size: int) -> str:
-    """Return where copy i begins, for places one behind the other."""
+    """Return the C expression of the start of copy i, for copies stored one after the other."""
     return str(start) if call.copies == 1 else f"{start} + i * {size}"
 
 
 def _source(call: Call, n: int, source: Source, tables: Tables, block: Block) -> str:
-    """Return an argument that is read; what is not there as a row is gathered first."""
+    """Return an argument that is read; entries that are not contiguous are gathered first."""
     match source:
         case Shared(_, 0) | Each(_, 0) | Own(_, 0):
             return "0"
@@ -80,7 +80,7 @@ def _source(call: Call, n: int, source: Source, tables: Tables, block: Block) ->
 
 
 def _target(call: Call, n: int, target: Target, free: bool, tables: Tables, block: Block) -> str:
-    """Return an argument that is written; what cannot be written in place goes there afterwards."""
+    """Return an argument that is written; what cannot be written in place is copied afterwards."""
     y = f"y{n}"
     match target:
         case Shared(_, 0) | Each(_, 0) | Own(_, 0) | Add(_, 0):

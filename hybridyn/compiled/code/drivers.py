@@ -1,4 +1,4 @@
-"""What both drivers share: steps in their order, a call with what is copied before and after it."""
+"""Parts shared by both drivers: the sequence of steps, and a call with the copies before and after it."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from .tables import Tables, steps_of_one
 
 @dataclass
 class Block:
-    """One call of a kernel in C.
+    """C block of one call of a kernel.
 
     Attributes:
-        before: Lines before it: vectors of its own, and what is gathered into them.
-        arguments: Its arguments.
-        after: Lines after it: where what it wrote to vectors of its own goes.
+        before: Lines before the call: local vectors, and gathering into them.
+        arguments: Arguments of the call.
+        after: Lines after the call: copying from local vectors to their targets.
     """
 
     before: list[str] = field(default_factory=list)
@@ -25,12 +25,12 @@ class Block:
     after: list[str] = field(default_factory=list)
 
     def vector(self, name: str, size: int) -> str:
-        """Declare a vector of its own, and give its name."""
+        """Declare a local vector and return its name."""
         self.before.append(f"V {name}[{max(size, 1)}];")
         return name
 
     def lines(self, kernel: str, head: str = "{") -> list[str]:
-        """Return the block."""
+        """Return the lines of the block."""
         body = [*self.before, f"{kernel}({', '.join(self.arguments)});", *self.after]
         return [f"    {head}", *(f"        {line}" for line in body), "    }"]
 
@@ -38,14 +38,14 @@ class Block:
 def driver(
     program: Program, head: str, names: list[str], tables: Tables, call: Callable[[Call, str], list[str]]
 ) -> str:
-    """Return a function that takes a program's steps.
+    """Return the C function that runs a program's steps in order.
 
     Args:
         program: The program.
-        head: The line that opens it.
-        names: Name in C of each kernel.
-        tables: Where its tables go.
-        call: Gives the lines of a call, from the call and its kernel's name.
+        head: First line of the function.
+        names: C name of each kernel.
+        tables: Collects its tables.
+        call: Returns the lines of a call from the call and its kernel's name.
     """
     lines = [head, "    (void)given, (void)result, (void)shared, (void)own, (void)guard;"]
     for step in program.steps:
@@ -58,7 +58,10 @@ def driver(
 
 
 def in_place(call: Call) -> list[bool]:
-    """Say for each target whether a kernel may write it itself: no other argument shares its memory."""
+    """Return for each target whether the kernel may write it directly.
+
+    It may if no other argument shares its memory.
+    """
     reads = [span for source, span in zip(call.sources, spans(call, 0), strict=True) if _handed(source)]
     writes = spans(call, 1)
     return [
@@ -68,7 +71,7 @@ def in_place(call: Call) -> list[bool]:
 
 
 def _handed(source: Source) -> bool:
-    """Say whether a kernel may be handed the place itself and no copy of it."""
+    """Return whether a kernel may read a source directly, without a copy."""
     match source:
         case Given(index) | Result(index):
             return steps_of_one(index)

@@ -1,7 +1,7 @@
-"""Products fused with the sums that read them: a b + c with one rounding.
+"""Fuse products with the sums that read them: a b + c with one rounding.
 
-The compiler is told not to do this by itself (`-ffp-contract=off`): decided here, it is the same for every
-compiler, vector width and way of calling, and so are the bits of the results.
+The compiler's own fusing is switched off (`-ffp-contract=off`). Fusing here makes the results the same, bit
+by bit, for every compiler, vector width and driver.
 """
 
 from __future__ import annotations
@@ -12,15 +12,15 @@ from .graph import Graph, Node, Reference
 def fused(graph: Graph) -> Graph:
     """Return a graph with products fused into the sums that read them.
 
-    A product is fused where that makes the product itself needless: all that read it are sums, and none of
-    them takes another product instead.
+    A product is fused if the product itself is then no longer needed: all its readers are sums, and none of
+    them is already fused with another product.
 
     Args:
-        graph: Without fused products.
+        graph: Graph without fused products.
 
     Returns:
-        The same numbers but for roundings. "fma" has arguments (a, b, c): a b + c, where a carries the
-        sign of the product and c its own.
+        Graph of the same values up to rounding. "fma" has arguments (a, b, c) for a b + c, where a carries
+        the sign of the product and c its own.
     """
     uses = _uses(graph)
     partner = _choices(graph, uses)
@@ -36,7 +36,7 @@ def fused(graph: Graph) -> Graph:
 
 
 def _uses(graph: Graph) -> list[list[int]]:
-    """Return for each node those that read it; -1 stands for an output."""
+    """Return for each node the nodes that read it; -1 stands for an output."""
     uses: list[list[int]] = [[] for _ in graph.nodes]
     for i, node in enumerate(graph.nodes):
         if node.name != "input":
@@ -51,7 +51,7 @@ def _uses(graph: Graph) -> list[list[int]]:
 def _choices(graph: Graph, uses: list[list[int]]) -> dict[int, tuple[Reference, Reference]]:
     """Choose for each sum the product that is fused into it: (product, rest) by node."""
     taken: dict[int, tuple[Reference, Reference]] = {}
-    for i in reversed(range(len(graph.nodes))):  # later products first: the sum waits for them
+    for i in reversed(range(len(graph.nodes))):  # of a sum's two products the later one is fused
         if graph.nodes[i].name != "mul":
             continue
         readers = uses[i]
@@ -63,7 +63,7 @@ def _choices(graph: Graph, uses: list[list[int]]) -> dict[int, tuple[Reference, 
 
 
 def _split(node: Node, product: int) -> tuple[Reference, Reference]:
-    """Return the product and the rest of a sum, both with their signs."""
+    """Return the product and the other term of a sum, both with their signs."""
     first, second = node.arguments
     if node.name == "sub":
         second = -second

@@ -1,8 +1,8 @@
-"""A kernel as a graph of operations: equal ones once, signs outside, nothing that nobody reads.
+"""Graph of a kernel's operations, without duplicates, negations and unused operations.
 
-A *reference* names a node and a sign: node n is n + 1, its negative -(n + 1). Signs move outwards through
-products and quotients and vanish in sums and differences, so that negations cost nothing and a - b and b - a
-are one operation. All of that is exact in floating point.
+A *reference* is a node with a sign: n + 1 for node n, -(n + 1) for its negative. Signs move outwards through
+products and quotients and are absorbed in sums and differences. So negations cost nothing, and a - b and
+b - a are one operation. All of that is exact in floating point.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ TWO = (
     "and",
     "or",
 )
-#: Operations that give true or false.
+#: Operations whose result is true or false.
 TRUTH = ("lt", "le", "eq", "ne", "not", "and", "or")
 
 
@@ -43,10 +43,10 @@ class Node:
     """An operation.
 
     Attributes:
-        name: "input", "constant", "add", "sub", "mul", "div", "neg", "choose" (the second where the first is
-            true, else zero), "fma" (a b + c) or a function of `ONE`, `TWO`, `ODD`, `EVEN`.
-        arguments: References; for "input" the numbers of the argument and of its entry.
-        value: Of a constant.
+        name: "input", "constant", "add", "sub", "mul", "div", "neg", "choose" (the second argument where the
+            first is true, else zero), "fma" (a b + c) or a function of `ONE`, `TWO`, `ODD`, `EVEN`.
+        arguments: References; for "input" the indices of the argument and of its entry.
+        value: Value of a constant.
     """
 
     name: str
@@ -56,7 +56,7 @@ class Node:
 
 @dataclass
 class Graph:
-    """A kernel's operations, each after those it reads.
+    """A kernel's operations in order of evaluation.
 
     Attributes:
         sizes: Number of entries of each input.
@@ -70,7 +70,7 @@ class Graph:
     _known: dict[Node, int] = field(default_factory=dict)
 
     def node(self, name: str, *arguments: int, value: float = 0.0) -> Reference:
-        """Return the reference of an operation, made if it is new."""
+        """Return the reference of an operation, and add the operation if it is new."""
         if name in SYMMETRIC:
             arguments = tuple(sorted(arguments, key=abs))
         node = Node(name, arguments, value)
@@ -80,9 +80,13 @@ class Graph:
         return self._known[node] + 1
 
     def constant(self, value: float) -> Reference:
-        """Return the reference of a constant."""
+        """Return the reference of a constant.
+
+        Raises:
+            ValueError: The constant is NaN.
+        """
         if value != value:
-            raise ValueError("a kernel has a constant that is not a number")
+            raise ValueError("a kernel has a constant that is NaN")
         return self.node("constant", value=value) if value >= 0 else -self.node("constant", value=-value)
 
     def value(self, x: Reference) -> float | None:
@@ -126,11 +130,11 @@ class Graph:
         return sign * self.node("div", abs(a), abs(b))
 
     def plain(self, x: Reference) -> Reference:
-        """Return x without a sign outside, which functions and outputs need."""
+        """Return a positive reference to x, as functions and outputs need it."""
         return x if x > 0 else self.node("neg", -x)
 
     def function(self, name: str, x: Reference) -> Reference:
-        """Return a function of one number."""
+        """Return the reference of a function of one number."""
         if name in EVEN:
             return self.node(name, abs(x))
         if name in ODD:
@@ -142,7 +146,7 @@ class Graph:
         return self.node("choose", self.plain(condition), abs(x)) * (1 if x > 0 else -1)
 
     def used(self) -> Graph:
-        """Return the graph without operations that no output needs."""
+        """Return the graph without operations that no output depends on."""
         needed = [False] * len(self.nodes)
         for output in self.outputs:
             for x in output:
@@ -167,13 +171,13 @@ class Graph:
 
 
 def graph_of(function: ca.Function) -> Graph:
-    """Read a CasADi function of scalars.
+    """Convert a CasADi function of scalars to a graph.
 
     Args:
-        function: SX function whose inputs and outputs are dense.
+        function: SX function with dense inputs and outputs.
 
     Raises:
-        ValueError: It has an operation that cannot be printed, or a sparse output.
+        ValueError: An operation cannot be printed, or an output is sparse.
     """
     for i in range(function.n_out()):
         if not function.sparsity_out(i).is_dense():
@@ -193,14 +197,18 @@ def graph_of(function: ca.Function) -> Graph:
         else:
             arguments = [slots[i] for i in read]
             slots[out[0]] = _operation(graph, function.name(), code, arguments)
-    for output in graph.outputs:  # structural zeros of dense outputs are constants, so nothing stays empty
+    for output in graph.outputs:  # entries that no instruction writes are structural zeros
         for i, x in enumerate(output):
             output[i] = x or graph.constant(0.0)
     return graph.used()
 
 
 def _operation(graph: Graph, name: str, code: int, x: list[Reference]) -> Reference:
-    """Return the reference of an instruction."""
+    """Return the reference of a CasADi instruction.
+
+    Raises:
+        ValueError: The instruction cannot be printed.
+    """
     if code in _ARITHMETIC:
         return _ARITHMETIC[code](graph, x)
     for known in (*ONE, *ODD, *EVEN):

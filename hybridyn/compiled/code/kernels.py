@@ -1,6 +1,6 @@
-"""Kernels as C: one function per kernel, one statement per operation, every value named once.
+"""Generate the C of kernels: one function per kernel, one statement per operation, one name per value.
 
-The text is the same for every kind of number; `Scalar.prelude` gives V and its arithmetic a meaning.
+The text is the same for every number type; `Scalar.prelude` defines V and its arithmetic.
 """
 
 from __future__ import annotations
@@ -11,20 +11,20 @@ from .fusing import fused
 from .graph import TRUTH, Graph, Node, graph_of
 
 INFIX = {"add": "+", "sub": "-", "mul": "*", "div": "/"}
-#: The name of a b + c by the signs of the product and of c.
+#: C name of the fused a b + c, by the signs of the product and of c (True: positive).
 FUSED = {(True, True): "FMA", (True, False): "FMS", (False, True): "FNMA", (False, False): "FNMS"}
 
 
 def kernel_graph(kernel: Kernel) -> Graph:
-    """Return a kernel's operations as they are printed."""
+    """Return a kernel's operations in the form that is printed, with fused products."""
     return fused(graph_of(kernel.function))
 
 
 def kernel_text(graph: Graph) -> str:
-    """Give the body of a kernel in C, with arguments but without a name: `(const V *restrict x0, ...) {...}`.
+    """Return the arguments and body of a kernel in C, without a name: `(const V *restrict x0, ...) {...}`.
 
     Args:
-        graph: Its operations.
+        graph: The kernel's operations.
     """
     arguments = [f"const V *restrict x{i}" for i, _ in enumerate(graph.sizes)]
     arguments += [f"V *restrict y{i}" for i, _ in enumerate(graph.outputs)]
@@ -40,12 +40,12 @@ def kernel_text(graph: Graph) -> str:
 
 
 def _reads(graph: Graph, argument: int) -> bool:
-    """Say whether any operation reads an input."""
+    """Return whether any operation reads an input."""
     return any(node.name == "input" and node.arguments[0] == argument for node in graph.nodes)
 
 
 def _statements(graph: Graph, written: dict[int, list[str]]) -> list[str]:
-    """Return the statements; outputs are written as soon as they are known."""
+    """Return the statements; each output is written as soon as it is computed."""
     lines: list[str] = []
     names: list[str] = []
     both = _sines(graph)
@@ -72,7 +72,7 @@ def _statements(graph: Graph, written: dict[int, list[str]]) -> list[str]:
 
 
 def _sines(graph: Graph) -> dict[int, int]:
-    """Return for each argument of a sine or cosine the first node that takes it."""
+    """Return for each argument of a sine or cosine the first node that reads it."""
     first: dict[int, int] = {}
     for i, node in enumerate(graph.nodes):
         if node.name in ("sin", "cos"):
@@ -106,12 +106,12 @@ def _expression(graph: Graph, node: Node, names: list[str]) -> str:
 
 
 def literal(value: float) -> str:
-    """Return a finite number or an infinity in C, exactly."""
+    """Return a finite number or an infinity as an exact C literal."""
     if value in (float("inf"), float("-inf")):
         return "HUGE_VAL" if value > 0 else "-HUGE_VAL"
     return repr(float(value))
 
 
 def table(values: Array) -> str:
-    """Return numbers as the inside of an initialiser in C."""
+    """Return numbers as the content of a C initialiser."""
     return ", ".join(literal(x) for x in values.ravel().tolist())

@@ -1,4 +1,4 @@
-"""Programs as the C sources of one library."""
+"""Generate the C sources of one library from programs."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ from .rules import check, trimmed
 from .scalars import GUARD_LIMIT, Scalar, text_of
 from .tables import Tables
 
-#: Statements that one compiler process is given before another is started.
+#: Largest number of statements of one C file of kernels; each file is compiled by its own process.
 STATEMENTS_PER_UNIT = 4000
 
 
 @dataclass(frozen=True)
 class Source:
-    """Sources and what their library offers.
+    """C sources of a library and the description of its programs.
 
     Attributes:
-        units: C files.
-        about: What `library.Library` must know of it, as JSON holds it.
+        units: Contents of the C files.
+        about: Description of the programs for `library.Library`, in JSON types.
     """
 
     units: tuple[str, ...]
@@ -32,16 +32,16 @@ class Source:
 
     @property
     def digest(self) -> str:
-        """A name for its content."""
+        """Hash of the sources."""
         return hashlib.sha256("\0".join(self.units).encode()).hexdigest()
 
 
 def library_source(programs: list[Program], scalar: Scalar) -> Source:
-    """Print programs.
+    """Generate the sources of programs.
 
     Args:
-        programs: The programs, names unique.
-        scalar: What a number is; with several lanes single calls spread copies over them.
+        programs: The programs, with unique names.
+        scalar: Number type and lanes; with several lanes, single calls spread copies over them.
     """
     bodies: dict[str, str] = {}
     names: dict[str, list[str]] = {}
@@ -65,7 +65,7 @@ def library_source(programs: list[Program], scalar: Scalar) -> Source:
 
 
 def _about(program: Program, scalar: Scalar, kernels: list[str]) -> dict[str, Any]:
-    """Return what a caller must know of a program whose kernels are printed."""
+    """Return the description of a program for its callers."""
     calls = [step for step in program.steps if isinstance(step, Call)]
     return {
         "inputs": [list(x) for x in program.inputs],
@@ -77,13 +77,13 @@ def _about(program: Program, scalar: Scalar, kernels: list[str]) -> dict[str, An
 
 
 def _sizes(program: Program) -> tuple[int, int, int, int]:
-    """Return how many vectors given, result, shared and own need."""
+    """Return the numbers of vectors in given, result, shared and own."""
     given, result = (sum(size for _, size in x) for x in (program.inputs, program.outputs))
     return given, result, program.shared, program.own
 
 
 def _kernel_units(bodies: dict[str, str], scalar: Scalar) -> list[str]:
-    """Return the kernels in files of about equal length."""
+    """Distribute the kernels, longest first, over files of about `STATEMENTS_PER_UNIT` statements."""
     prelude = scalar.prelude()
     parts: list[list[str]] = []
     room = 0
@@ -100,7 +100,7 @@ def _kernel_units(bodies: dict[str, str], scalar: Scalar) -> list[str]:
 def _driver_unit(
     programs: list[Program], names: dict[str, list[str]], bodies: dict[str, str], scalar: Scalar
 ) -> str:
-    """Return the file with everything but the kernels."""
+    """Return the file with the drivers and tables."""
     tables = Tables()
     drivers: list[str] = []
     for program in programs:
@@ -115,19 +115,19 @@ def _driver_unit(
 
 
 def steps_in_c(programs: list[Program], scalar: Scalar) -> bool:
-    """Say whether a library takes whole steps in time: double precision, and every posture can be lifted."""
+    """Return whether a library takes time steps in C: in double precision, with programs "lift" and "ddm"."""
     return scalar.name == "float64" and scalar.lanes > 1 and {"lift", "ddm"} <= {p.name for p in programs}
 
 
 def _steps(programs: list[Program]) -> str:
-    """Return the function that takes steps in time."""
+    """Return the C of the time steps."""
     sizes = dict(next(p for p in programs if p.name == "lift").outputs)
     names = {"NQ": "q", "NV": "xi_dot", "MODULES": "step"}
     return "\n".join([*(f"#define {name} {sizes[key]}" for name, key in names.items()), text_of("steps.h")])
 
 
 def driver_prelude(bodies: dict[str, str], scalar: Scalar) -> str:
-    """Return what stands before the drivers: moves, and the kernels' declarations."""
+    """Return the C before the drivers: definitions, copying functions, and declarations of the kernels."""
     border = "double" if scalar.name == "float128" else "S"
     lines = [
         scalar.prelude(),
@@ -149,7 +149,7 @@ def driver_prelude(bodies: dict[str, str], scalar: Scalar) -> str:
 
 
 def _batch(program: Program) -> str:
-    """Return the function that runs samples `from` to `to`; `work` is memory of the caller."""
+    """Return the C function that runs samples `from` to `to`; the caller provides the memory `work`."""
     given, result, shared, _ = _sizes(program)
     reads, writes, ahead, at = [], [], [], 0
     for n, (_, size) in enumerate(program.inputs):
@@ -184,7 +184,7 @@ def _batch(program: Program) -> str:
 
 
 def _single(program: Program) -> str:
-    """Return the functions that run one sample: of plain arrays, and of pointers."""
+    """Return the C functions that run one sample, from NumPy arrays and from pointers."""
     given, _, shared, own = _sizes(program)
     count = sum(size for _, size in program.outputs)
     arguments = [f"const Array *a{n}" for n, _ in enumerate(program.inputs)]

@@ -1,4 +1,4 @@
-"""How many operations a program takes: what one sample costs, part by part."""
+"""Count the operations of a program for one sample, by part."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections import Counter
 from ..program import Add, Call, Program
 from .graph import graph_of
 
-#: Sums and differences; products; quotients; square roots; sines and cosines; everything else.
+#: Kinds of operations: sums and differences; products; quotients; square roots; sines and cosines; others.
 KINDS = ("add", "mul", "div", "sqrt", "trig", "other")
 
 FREE = ("input", "constant", "neg")
@@ -18,7 +18,7 @@ Counts = dict[str, dict[str, int]]
 
 
 def operations(program: Program) -> Counts:
-    """Count operations by part (`Kernel.part`) and kind, every call and copy counted.
+    """Count operations by part (`Kernel.part`) and kind, over all calls and copies.
 
     Args:
         program: The program.
@@ -39,10 +39,10 @@ def operations(program: Program) -> Counts:
 
 
 def operations_table(variants: dict[str, Program]) -> str:
-    """Return the operations of variants of one model as a table for people.
+    """Return a printable table of the operations of variants of one model.
 
     Args:
-        variants: Programs by what distinguishes them.
+        variants: Programs by the name of the variant.
     """
     counts = {name: operations(program) for name, program in variants.items()}
     parts = list(dict.fromkeys(part for table in counts.values() for part in table))

@@ -1,4 +1,4 @@
-"""Programs as C99 that needs nothing: plain numbers, no allocation, of the C library only mathematics."""
+"""Generate portable C99 from programs: scalar code, no allocation, no library but <math.h>."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from .rules import check, trimmed
 from .scalars import text_of
 from .tables import Tables
 
-#: Functions of kernels that the C library has under the same name.
+#: Functions of kernels that have the same name in the C library.
 FUNCTIONS = (
     "SQRT", "FABS", "TAN", "ASIN", "ACOS", "ATAN", "SINH", "COSH", "TANH", "ASINH", "ACOSH", "ATANH", "EXP",
     "EXPM1", "LOG", "LOG1P", "FLOOR", "CEIL", "ERF", "ATAN2", "FMOD", "REMAINDER", "HYPOT", "COPYSIGN", "POW",
 )  # fmt: skip
 
-#: What drivers and kernels call; only what is used is printed.
+#: Functions that drivers and kernels call; only those in use are printed.
 MOVES = {
     "worst": "static V worst(V a, V b) { return b <= a || a != a ? a : b; }",
     **{
@@ -35,19 +35,19 @@ MOVES = {
 }
 
 
-#: Types of numbers in C.
+#: C types of numbers.
 REAL = {"float64": "double", "float32": "float"}
 
-#: Stands in every file, so that no other is ever written over.
+#: Mark in every exported file; a file without it is never overwritten.
 WRITTEN = "Written by hybridyn"
 
 
 def plain_source(programs: list[Program], name: str, dtype: str = "float64") -> str:
-    """Return the C file of programs.
+    """Return the C source of programs.
 
     Args:
         programs: The programs.
-        name: Prefix of every public name.
+        name: Prefix of every public identifier.
         dtype: "float64" or "float32".
     """
     kernels: dict[str, str] = {}
@@ -88,19 +88,19 @@ def prototype(program: Program, name: str, dtype: str = "float64") -> str:
 
 
 def work_type(program: Program, name: str, dtype: str = "float64") -> str:
-    """Return the type of the memory that a program's function works in."""
+    """Return the C type of the workspace of a program's function."""
     room = f"{REAL[dtype]} numbers[{sum(_sizes(program))}]"
     return f"typedef struct {{\n    {room};\n}} {name}_{program.name}_work;"
 
 
 def _sizes(program: Program) -> tuple[int, int, int, int]:
-    """Return how many numbers given, result, shared and own need; none is empty."""
+    """Return the sizes of given, result, shared and own; shared and own are at least 1."""
     given, result = (sum(size for _, size in x) for x in (program.inputs, program.outputs))
     return given, result, max(program.shared, 1), max(program.own, 1)
 
 
 def _call(program: Program, name: str, dtype: str) -> str:
-    """Return the public function of a program."""
+    """Return the public C function of a program."""
     given, result, shared, _ = _sizes(program)
     lines = [
         f"{prototype(program, name, dtype)} {{",

@@ -1,4 +1,4 @@
-"""What a program must keep to for its two ways of running to agree, and what of it need not be printed."""
+"""Check that both drivers of a program agree, and remove unused calls and kernels."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ Span = tuple[str, int, int]
 
 
 def spans(call: Call, given: int) -> list[Span]:
-    """Return the memory that the sources of a call cover (for given = 1 the targets): place, from, to."""
+    """Return the memory spans (place, start, end) of a call's sources, or of its targets for given = 1."""
     out: list[Span] = []
     for end in call.targets if given else call.sources:
         match end:
@@ -32,17 +32,17 @@ def spans(call: Call, given: int) -> list[Span]:
 
 
 def _range(index: np.ndarray[tuple[int, ...], np.dtype[np.intp]]) -> tuple[int, int]:
-    """Return the range of places."""
+    """Return start and end of the range that indices cover."""
     return (int(index.min()), int(index.max()) + 1) if index.size else (0, 0)
 
 
 def overlap(a: Span, b: Span) -> bool:
-    """Say whether two spans share memory."""
+    """Return whether two spans share memory."""
     return bool(a[0]) and a[0] == b[0] and max(a[1], b[1]) < min(a[2], b[2])
 
 
 def trimmed(program: Program) -> Program:
-    """Return a program without calls whose outputs are all empty, and without kernels that are not called."""
+    """Return a program without calls whose outputs are all empty and without uncalled kernels."""
     steps: list[Start | Call] = []
     number: dict[int, int] = {}
     for step in program.steps:
@@ -56,12 +56,12 @@ def trimmed(program: Program) -> Program:
 
 
 def check(program: Program) -> None:
-    """Refuse a program that would not mean the same with samples in the lanes and with copies in the lanes.
+    """Check that a program computes the same with samples in the lanes and with copies in the lanes.
 
     Raises:
-        ValueError: A size or a place that does not fit; a read of what was not written; own numbers read
-            otherwise than they were written; a call of several copies that reads what it sums, or writes
-            shared numbers.
+        ValueError: A size or a place does not fit; a number is read before it is written; own numbers are
+            read with other sizes than they were written with; a call of several copies reads what it sums,
+            or writes shared numbers; or a result is never written.
     """
     own: dict[int, tuple[int, int]] = {}
     shared = np.zeros(program.shared, dtype=bool)
@@ -105,7 +105,11 @@ def check(program: Program) -> None:
 
 
 def _check_sizes(program: Program, call: Call, where: str) -> None:
-    """Refuse sources and targets whose sizes are not the kernel's."""
+    """Check that sources and targets have the sizes of the kernel.
+
+    Raises:
+        ValueError: A number or a size of theirs differs.
+    """
     f = program.kernels[call.kernel].function
     pairs = [(f.nnz_in(i), x) for i, x in enumerate(call.sources)] if f.n_in() == len(call.sources) else None
     if pairs is None or f.n_out() != len(call.targets):

@@ -1,4 +1,4 @@
-"""What a number is in printed code: its type, how many lie side by side, and their arithmetic."""
+"""Number types of generated code: C type, lanes of a vector, and their arithmetic."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from functools import cache
 from importlib import resources
 
-#: Type in C, integer of the same size (for vectors), bytes.
+#: C type, integer type of the same size (for vectors), and size in bytes of each number type.
 TYPES = {
     "float64": ("double", "long long", 8),
     "float32": ("float", "int", 4),
@@ -14,7 +14,7 @@ TYPES = {
     "float128": ("__float128", "", 16),
 }
 
-#: How the C library calls a function for a type.
+#: Name of a C library function for each number type.
 IN_LIBRARY = {
     "float64": "name",
     "float32": "name##f",
@@ -22,17 +22,17 @@ IN_LIBRARY = {
     "float128": "name##q",
 }
 
-#: Guards up to this are trusted.
+#: Largest guard at which a sample is trusted.
 GUARD_LIMIT = 1.0
 
 
 @dataclass(frozen=True)
 class Scalar:
-    """A number of printed code.
+    """Number type of generated code.
 
     Attributes:
         name: One of `TYPES`.
-        lanes: Numbers side by side; 1 for plain numbers.
+        lanes: Numbers in a vector; 1 for scalar code.
     """
 
     name: str = "float64"
@@ -40,16 +40,16 @@ class Scalar:
 
     @property
     def c(self) -> str:
-        """The type of one number in C."""
+        """C type of one number."""
         return TYPES[self.name][0]
 
     @property
     def bytes(self) -> int:
-        """Size of all lanes."""
+        """Size of all lanes in bytes."""
         return TYPES[self.name][2] * self.lanes
 
     def prelude(self) -> str:
-        """Return the C source that defines V, its arithmetic and its functions."""
+        """Return the C source that defines the vector type V, its arithmetic and its functions."""
         c, integer, _ = TYPES[self.name]
         lines = [
             "#include <math.h>",
@@ -70,7 +70,7 @@ class Scalar:
 
 
 def _sines(scalar: Scalar) -> str:
-    """Return SINCOS (and for plain numbers SQRT, FABS)."""
+    """Return the C source of SINCOS; for "longdouble" and "float128" also of SQRT and FABS."""
     if scalar.name not in ("float64", "float32"):
         return "\n".join(
             [
@@ -85,5 +85,5 @@ def _sines(scalar: Scalar) -> str:
 
 @cache
 def text_of(name: str) -> str:
-    """Read one of the C sources that lie beside this package."""
+    """Read one of the C sources of the folder `c`."""
     return (resources.files("hybridyn.compiled") / "c" / name).read_text()

@@ -1,4 +1,4 @@
-"""Tables of numbers and places in printed drivers, equal ones once."""
+"""Tables of numbers and indices in generated drivers; equal tables are stored once."""
 
 from __future__ import annotations
 
@@ -11,24 +11,24 @@ from .kernels import literal
 
 
 class Tables:
-    """Collects tables; `text` declares them."""
+    """Collect tables; `text` declares them in C."""
 
     def __init__(self, dtype: str = "float64") -> None:
-        """Begin without any.
+        """Start with no tables.
 
         Args:
-            dtype: What numbers are rounded to here, so that the compiler need not.
+            dtype: Type that numbers are rounded to before they are printed.
         """
         self._known: dict[str, str] = {}
         self._dtype = dtype
 
     @property
     def text(self) -> str:
-        """The declarations in C."""
+        """The C declarations."""
         return "\n".join(f"static const {head.format(name)};" for head, name in self._known.items())
 
     def places(self, index: Index) -> str:
-        """Return the name of a table of places, of any shape."""
+        """Return the name of a table of indices, of any shape."""
         return self._named(
             "int {}" + _shape(index) + " = {{" + ", ".join(map(str, index.ravel().tolist())) + "}}"
         )
@@ -45,10 +45,10 @@ class Tables:
 
 
 def _shape(array: Array | Index) -> str:
-    """Return the brackets of a flat table; the readers count for themselves."""
+    """Return the C dimension of a flattened table."""
     return f"[{max(array.size, 1)}]"
 
 
 def steps_of_one(index: Index) -> bool:
-    """Say whether each row of places counts up by one."""
+    """Return whether the indices in each row increase by one."""
     return bool((np.diff(index, axis=1) == 1).all())
