@@ -1,4 +1,4 @@
-"""A table through a model, block by block, in one process or several.
+"""Run the rows of a table through a model, block by block, in one process or several.
 
 Read `blocks` (the loop over blocks), `postures` (from a table's motion to postures), `workers` (other
 processes).

@@ -1,9 +1,10 @@
-"""The rows of a table on their way through a model, block by block, in order, in one process or several.
+"""Run the rows of a table through a model, block by block, in order, in one process or several.
 
-Several processes work on neighbouring blocks at once. A trajectory must stay on its assembly branch from
-block to block, so each block has the row before it in front: its posture must be the one that the block
-before ended in. Where it is not, the block is done again from there. One process goes about it in the same
-way, and blocks do not depend on the number of processes: so the results have the same bits.
+Several processes compute neighbouring blocks at once. A trajectory must stay on its assembly branch from
+block to block. Each block therefore starts with the last row of the block before, and both blocks must find
+the same posture for this row; if they do not, the block is computed again from the posture of the block
+before. A single process works in the same way, and blocks do not depend on the number of processes, so the
+results are the same bits.
 """
 
 from __future__ import annotations
@@ -24,26 +25,26 @@ if TYPE_CHECKING:
     from ..tables.columns import Layout
     from ..tables.trajectory import Motion
 
-#: Relative; two closed postures on one branch agree to rounding, two branches to nothing.
+#: Relative difference below which two postures are on one branch: there they agree to rounding.
 SAME_POSTURE = 1e-9
-#: Numbers: some three seconds of work for one process.
+#: Numbers in a table above which several processes pay: about three seconds of work for one.
 LONG_TABLE = 300_000
-#: Positions of a block: its arrays stay near the cache, which processes share.
+#: Positions in a block, so that its arrays stay near the cache, which processes share.
 NUMBERS_AT_ONCE = 84_000
-#: Rows of a block: enough for a batch, few enough for several processes to share a short table.
+#: Maximum number of rows in a block: enough for a batch, few enough to share a short table among processes.
 MOST_ROWS = 1_000
-#: Blocks in a row that were done again: more guesses are not worth making.
-BLIND = 2
+#: Consecutive blocks computed again, after which blocks are no longer computed in advance.
+MOST_MISSES = 2
 
 
 class Rows(NamedTuple):
-    """What a model makes of postures.
+    """Results of a model at some postures.
 
     Attributes:
         result: Rows of the result, shape (T, columns).
         reactions: Rows of the reactions, shape (T, columns), or None.
         handed_over: Samples that compiled models handed to the general path.
-        left: Limits that joints leave.
+        left: Joint limits that are exceeded.
     """
 
     result: Array
@@ -59,8 +60,8 @@ class Block(NamedTuple):
     """Consecutive rows.
 
     Attributes:
-        motion: The rows, and in front of them `lead` rows of the block before.
-        lead: 0, or 1 where the rows go on from the block before.
+        motion: `lead` rows of the block before, then the block's own rows.
+        lead: 1 where the rows continue those of the block before, else 0.
     """
 
     motion: Motion
@@ -68,7 +69,7 @@ class Block(NamedTuple):
 
 
 class Done(NamedTuple):
-    """What a block came to.
+    """Results of a block.
 
     Attributes:
         first_row: Number of its first own row in the table.
@@ -79,7 +80,7 @@ class Done(NamedTuple):
         first: Posture of its first row, that of the lead if there is one, shape (nq,).
         last: Posture of its last row, shape (nq,).
         handed_over: Samples that compiled models handed to the general path.
-        left: Limits that joints leave.
+        left: Joint limits that are exceeded.
     """
 
     first_row: int
@@ -95,12 +96,12 @@ class Done(NamedTuple):
 
 @dataclass(frozen=True)
 class Work:
-    """What is done to each block; it travels to other processes.
+    """The computation for each block; it is pickled for other processes.
 
     Attributes:
         robot: The robot.
         layout: The meaning of the table's columns.
-        model: What to compute.
+        model: The model to evaluate.
     """
 
     robot: HybridRobot
@@ -108,22 +109,20 @@ class Work:
     model: Model
 
     def __call__(self, block: Block, guess: Array | None) -> Done:
-        """Do a block.
+        """Compute a block.
 
         Args:
             block: The block.
             guess: Posture near its first row, shape (nq,), or None for the home posture.
 
         Raises:
-            HybridynError: Something is wrong with a row; the message names file and row.
+            HybridynError: A row is wrong; the message names file and row.
         """
         import numpy as np
 
         import hybridyn
 
-        with np.errstate(
-            all="ignore"
-        ):  # numbers too large for the model show in its results, which are checked
+        with np.errstate(all="ignore"):  # overflow shows in the results, which are checked
             whole = postures(self.robot, block.motion, self.layout, guess)
             own = whole.after(block.lead) if block.lead else whole
             with rows_named(self.layout, own.motion):
@@ -144,8 +143,8 @@ def blocks(motions: Iterable[Motion], rows: int, connected: bool) -> Iterator[Bl
 
     Args:
         motions: Consecutive rows of a table.
-        rows: Most rows in a block.
-        connected: Whether each block goes on from the one before.
+        rows: Maximum number of rows in a block.
+        connected: Whether each block continues the one before.
 
     Yields:
         Blocks in order.
@@ -159,23 +158,23 @@ def blocks(motions: Iterable[Motion], rows: int, connected: bool) -> Iterator[Bl
 
 
 def rows_at_once(robot: HybridRobot) -> int:
-    """Return how many rows make a block: fewer for a large robot, whatever the number of processes."""
+    """Return the number of rows in a block: fewer for large robots, whatever the number of processes."""
     return max(1, min(MOST_ROWS, NUMBERS_AT_ONCE // max(robot.nq, 1)))
 
 
 def in_order(work: Work, given: Iterable[Block], workers: Workers) -> Iterator[Done]:
-    """Do blocks one after the other, or several at once in other processes.
+    """Compute blocks one after the other, or several at once in other processes.
 
     Args:
-        work: What is done to each.
+        work: The computation for each block.
         given: The blocks; only as many as there are processes are held at once.
-        workers: The processes; without any, the work is done here.
+        workers: The processes; if there are none, this process computes.
 
     Yields:
-        What each block came to, in their order.
+        The results of the blocks, in order.
 
     Raises:
-        HybridynError: The first that the rows, in their order, give reason for.
+        HybridynError: The first error in the order of the rows.
     """
     chain = _Chain(work)
     waiting: deque[Block] = deque()
@@ -189,7 +188,7 @@ def in_order(work: Work, given: Iterable[Block], workers: Workers) -> Iterator[D
         except HybridynError as error:  # of the table; the rows before it come first
             wrong = error
             break
-        if chain.blind or not workers:
+        if chain.sequential or not workers:
             while waiting:
                 yield chain.link(waiting.popleft(), workers.take())
             yield chain.alone(block)
@@ -206,20 +205,20 @@ def in_order(work: Work, given: Iterable[Block], workers: Workers) -> Iterator[D
 
 
 class _Chain:
-    """Blocks linked by the postures in which one ends and the next begins."""
+    """Consecutive blocks, linked by the posture of the row that they share."""
 
     def __init__(self, work: Work) -> None:
         self.work, self.missed = work, 0
         self.last: Array | None = None
 
     @property
-    def blind(self) -> bool:
-        """Whether guesses do not help: postures depend on the way to them (a rod that spins freely)."""
-        return self.missed >= BLIND
+    def sequential(self) -> bool:
+        """Whether each block waits for the one before: postures depend on the path (a freely spinning rod)."""
+        return self.missed >= MOST_MISSES
 
     def alone(self, block: Block) -> Done:
-        """Do a block here, as another process would."""
-        if self.blind or not block.lead:
+        """Compute a block in this process in the same way as in another."""
+        if self.sequential or not block.lead:
             return self.do(block)
         try:
             result: Done | Failure = self.work(block, None)
@@ -228,24 +227,24 @@ class _Chain:
         return self.link(block, result)
 
     def do(self, block: Block) -> Done:
-        """Do a block here, from where the one before ended."""
+        """Compute a block in this process, from the last posture of the block before."""
         done = self.work(block, self.last if block.lead else None)
         self.last = done.last
         return done
 
     def link(self, block: Block, result: Done | Failure) -> Done:
-        """Take what another process made of a block, or do it again where that went another way."""
+        """Return a block's result, computed again where it is on another branch than the block before."""
         if isinstance(result, Failure) and not block.lead:
             raise result.error
-        if self.blind and block.lead:  # given before anybody knew: one process would not have tried
+        if self.sequential and block.lead:  # sent before the misses were known; one process would not
             return self.do(block)
-        if isinstance(result, Failure) or not self._goes_on(block, result):
+        if isinstance(result, Failure) or not self._continues(block, result):
             self.missed += 1
             return self.do(block)
         self.missed, self.last = 0, result.last
         return result
 
-    def _goes_on(self, block: Block, result: Done) -> bool:
+    def _continues(self, block: Block, result: Done) -> bool:
         import numpy as np
 
         if not block.lead or self.last is None:

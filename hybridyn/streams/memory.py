@@ -1,4 +1,4 @@
-"""Memory of a process that makes and drops large arrays all the time."""
+"""Settings of the C library's memory for processes that allocate and free many large arrays."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ _TRIM_THRESHOLD, _MMAP_THRESHOLD = -1, -3  # glibc's names for mallopt
 
 
 def keep_freed_memory() -> None:
-    """Let the C library keep freed memory for the next array instead of handing it back to the system.
+    """Make the C library keep freed memory for the next array instead of returning it to the system.
 
-    By default glibc maps each large array anew, and half the time of a table goes into page faults. Does
-    nothing where the C library is another one.
+    By default glibc maps each large array anew, and half the time of a table is spent on page faults. With
+    other C libraries this function does nothing.
     """
     if not sys.platform.startswith("linux"):
         return

@@ -1,4 +1,4 @@
-"""From a table's motion to postures of the whole robot, with rows in the error messages."""
+"""Compute postures of the whole robot from a table's motion; errors name the row."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class Postures(NamedTuple):
     """Samples on the spanning tree.
 
     Attributes:
-        motion: The rows they come from.
+        motion: The rows of the samples.
         q: Positions, shape (T, nq).
         v: Rates, shape (T, nv).
         a: Accelerations, shape (T, nv).
@@ -37,23 +37,23 @@ class Postures(NamedTuple):
     a: Array
 
     def after(self, lead: int) -> Postures:
-        """Return the samples after the first `lead` ones."""
+        """Return the samples without the first `lead` ones."""
         rest = self.motion.part(lead, self.motion.size)
         return Postures(rest, self.q[lead:], self.v[lead:], self.a[lead:])
 
 
 def postures(robot: HybridRobot, motion: Motion, layout: Layout, guess: Array | None) -> Postures:
-    """Return the robot's postures: read from the table where it names every joint, assembled where not.
+    """Compute the robot's postures: read them where the table names every joint, else assemble them.
 
     Args:
         robot: The robot.
         motion: Some rows of the table.
         layout: The meaning of the table's columns.
-        guess: Posture near the first row, shape (nq,); None is the home posture. Rows without time are
-            assembled each from the home posture.
+        guess: Posture near the first row, shape (nq,); None means the home posture. Rows without time are
+            each assembled from the home posture.
 
     Raises:
-        HybridynError: As `hybridyn.assemble` does; the message names file, row and time.
+        HybridynError: As in `hybridyn.assemble`; the message names file, row and time.
     """
     if not layout.full_state:
         with rows_named(layout, motion):
@@ -67,17 +67,17 @@ def postures(robot: HybridRobot, motion: Motion, layout: Layout, guess: Array | 
 
 
 def all_postures(robot: HybridRobot, file: str) -> tuple[Layout, list[Postures]]:
-    """Read a whole table.
+    """Read a whole table and compute its postures.
 
     Args:
         robot: The robot.
         file: The table.
 
     Returns:
-        The meaning of its columns, and its rows, block by block.
+        The meaning of its columns, and its postures, block by block.
 
     Raises:
-        HybridynError: The table is wrong, or cannot be followed.
+        HybridynError: The table is wrong, or a row cannot be assembled.
     """
     from ..tables.columns import read_layout
     from ..tables.opening import open_table
@@ -95,7 +95,7 @@ def all_postures(robot: HybridRobot, file: str) -> tuple[Layout, list[Postures]]
 
 
 def _assembled(robot: HybridRobot, motion: Motion, guess: Array | None) -> tuple[Array, Array, Array]:
-    """Assemble rows: as one motion, or one by one where they have nothing to do with each other."""
+    """Assemble rows: with time as one motion, without as independent samples."""
     import numpy as np
 
     import hybridyn
@@ -119,11 +119,11 @@ def _assembled(robot: HybridRobot, motion: Motion, guess: Array | None) -> tuple
 
 @contextlib.contextmanager
 def rows_named(layout: Layout, motion: Motion) -> Iterator[None]:
-    """Put file, row and time before the message of an error that knows its sample, and rows for samples.
+    """Prefix errors that have a sample with file, row and time, and replace sample numbers by rows.
 
     Args:
         layout: The meaning of the table's columns.
-        motion: The rows that are being worked on.
+        motion: The rows of the samples.
     """
     try:
         yield

@@ -1,4 +1,4 @@
-"""Inner wrenches as columns of a table; `description.columns` says what each is."""
+"""Reaction wrenches as columns of a table; `tables.columns` explains each column."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
 
 def reaction_columns(robot: HybridRobot) -> list[str]:
-    """Return the columns: the root's, then each module's with its closures'.
+    """Return the names of the columns: those of the root, of the modules, of the closures.
 
     Args:
         robot: The robot.
@@ -28,7 +28,7 @@ def reaction_columns(robot: HybridRobot) -> list[str]:
 
 
 def reaction_rows(robot: HybridRobot, reactions: Reactions) -> Array:
-    """Return the rows that belong to `reaction_columns`.
+    """Return the rows of reactions in the order of `reaction_columns`.
 
     Args:
         robot: The robot.
@@ -45,7 +45,7 @@ def reaction_rows(robot: HybridRobot, reactions: Reactions) -> Array:
 
 
 def shared_wrenches(robot: HybridRobot) -> list[str]:
-    """Say of which modules the closures' wrenches are not unique, one sentence each.
+    """Return a sentence for each module whose closure wrenches are not unique.
 
     Args:
         robot: The robot.
@@ -65,7 +65,7 @@ def shared_wrenches(robot: HybridRobot) -> list[str]:
 
 
 def _bodies(robot: HybridRobot) -> list[str]:
-    """Return the root link and the modules; a free base is a module of its own under the root link's name."""
+    """Return the root link and the modules by name; a free base is a module with the root link's name."""
     return list(dict.fromkeys([robot.description.root, *(module.name for module in robot.modules)]))
 
 

@@ -1,8 +1,8 @@
-"""Other processes that do blocks of a table: started afresh, fed through pipes, gone when we are.
+"""Worker processes for the blocks of a table: started anew, fed through pipes, ended with this process.
 
-Each is a Python of its own that knows nothing of this one: no fork of a process with threads or of
-Pinocchio's memory, no signal that reaches both (Ctrl-C is for us, we end them), and where this process dies,
-whatever the reason, they find their pipe closed and end.
+Each is a new Python interpreter: no process with threads or with Pinocchio's memory is forked, and no signal
+reaches both (this process handles Ctrl-C and ends the workers). If this process dies for whatever reason, the
+workers find their pipe closed and end.
 """
 
 from __future__ import annotations
@@ -24,14 +24,14 @@ ENVIRONMENT = {
     "OMP_NUM_THREADS": "1",  # the processes are the threads
     "OPENBLAS_NUM_THREADS": "1",
     "MKL_NUM_THREADS": "1",
-    "MALLOC_MMAP_THRESHOLD_": str(2**30),  # large arrays come and go: memory once had is kept,
-    "MALLOC_TRIM_THRESHOLD_": str(2**31),  # or a quarter of the time goes into page faults (glibc)
+    "MALLOC_MMAP_THRESHOLD_": str(2**30),  # glibc: keep freed memory for the next large array,
+    "MALLOC_TRIM_THRESHOLD_": str(2**31),  # else a quarter of the time is spent on page faults
 }
 
 
 @dataclass(frozen=True)
 class Failure:
-    """A task that ended in an error.
+    """The result of a task that raised an error.
 
     Attributes:
         error: The error.
@@ -41,13 +41,13 @@ class Failure:
 
 
 class Workers:
-    """Processes that take tasks in turn and give results in the same order. Use it in `with`."""
+    """Processes that take tasks in turn and return results in the same order. A context manager."""
 
     def __init__(self, count: int) -> None:
-        """Start the processes; they import what they need while the caller goes on.
+        """Start the processes; they import modules while the caller continues.
 
         Args:
-            count: How many, 0 for none.
+            count: Number of processes, 0 for none.
         """
         package = str(Path(__file__).parents[2])
         environment = ENVIRONMENT | os.environ
@@ -60,7 +60,7 @@ class Workers:
                     stdin=subprocess.PIPE,
                     stdout=subprocess.PIPE,
                     env=environment,
-                    process_group=0,  # a Ctrl-C of the terminal is not for them
+                    process_group=0,  # Ctrl-C in the terminal does not reach them
                 )
                 self._processes.append(process)
         except BaseException:
@@ -79,13 +79,13 @@ class Workers:
         self.close()
 
     def prepare(self, work: object) -> None:
-        """Hand every process the function that it is to call on its tasks."""
+        """Send the function for the tasks to every process."""
         text = pickle.dumps(work, protocol=pickle.HIGHEST_PROTOCOL)
         for process in self._processes:
             self._send(process, text)
 
     def give(self, arguments: tuple[Any, ...]) -> None:
-        """Give the next process a task; it must have none (as many may be under way as there are processes).
+        """Send a task to the next process, which must be idle: there are at most as many tasks as processes.
 
         Args:
             arguments: Arguments of the function.
@@ -96,22 +96,22 @@ class Workers:
         self._given += 1
 
     def take(self) -> Any:
-        """Return the result of the oldest task, or its `Failure`.
+        """Wait for the result of the oldest task, or its `Failure`.
 
         Raises:
-            HybridynError: The process is gone.
+            HybridynError: The process has ended.
         """
         process = self._processes[self._taken % len(self)]
         assert process.stdout is not None
         try:
             result = pickle.load(process.stdout)
         except (EOFError, pickle.UnpicklingError):
-            raise self._gone(process) from None
+            raise self._ended(process) from None
         self._taken += 1
         return result
 
     def close(self) -> None:
-        """End the processes, whatever they are doing."""
+        """End the processes, idle or not."""
         for process in self._processes:
             process.kill()
         for process in self._processes:
@@ -120,7 +120,7 @@ class Workers:
                 try:
                     if pipe is not None:
                         pipe.close()
-                except BrokenPipeError:  # what was not sent yet
+                except BrokenPipeError:  # data not sent yet
                     pass
         self._processes = []
 
@@ -130,12 +130,12 @@ class Workers:
             process.stdin.write(text)
             process.stdin.flush()
         except BrokenPipeError:
-            raise self._gone(process) from None
+            raise self._ended(process) from None
 
-    def _gone(self, process: subprocess.Popen[bytes]) -> HybridynError:
+    def _ended(self, process: subprocess.Popen[bytes]) -> HybridynError:
         try:
             status = process.wait(timeout=10.0)
-        except subprocess.TimeoutExpired:  # it lives and sends what is no result
+        except subprocess.TimeoutExpired:  # it runs and sends something other than a result
             process.kill()
             status = process.wait()
         reason = signal.Signals(-status).name if status < 0 else f"status {status}"
@@ -145,10 +145,10 @@ class Workers:
 
 
 def serve() -> None:
-    """Work for a `Workers` at the other end of standard input and output, until it is gone."""
+    """Run the tasks of a `Workers` at the other end of standard input and output, until it ends."""
     tasks = os.fdopen(os.dup(0), "rb")
     results = os.fdopen(os.dup(1), "wb")
-    os.dup2(2, 1)  # whatever prints must not write between results
+    os.dup2(2, 1)  # prints must not mix with results
     import hybridyn.assembly.assemble
     import hybridyn.dynamics.direct  # noqa: F401 - imported while the other end still reads the robot
 
@@ -159,7 +159,7 @@ def serve() -> None:
             pickle.dump(_done(work, arguments), results, protocol=pickle.HIGHEST_PROTOCOL)
             results.flush()
     except (EOFError, pickle.UnpicklingError, BrokenPipeError):  # in the middle of a task, or after it
-        os._exit(0)  # nobody waits for what is left in buffers
+        os._exit(0)  # nobody reads what is left in buffers
 
 
 def _done(work: Any, arguments: tuple[Any, ...]) -> Any:

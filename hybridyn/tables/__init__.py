@@ -1,7 +1,7 @@
-"""Tables of numbers with named columns: trajectories in, results out, as CSV or Parquet.
+"""Tables of numbers with named columns, CSV or Parquet: reading trajectories, writing results.
 
-Read `table` (rows in blocks), `opening`, `columns` (what a header says), `trajectory` (from rows to
-motions), `rates` (rates that a table leaves out), `results` (files that are complete or not there).
+Read `table` (rows in blocks), `opening`, `columns` (the meaning of a header), `trajectory` (from rows to
+motions), `rates` (fitted rates), `results` (files that appear complete or not at all).
 
 May import: `description` and below.
 """

@@ -1,35 +1,35 @@
-"""What the header of a trajectory says: which columns describe which joint, link and wrench.
+"""The header of a trajectory: which columns describe which joint, link and wrench.
 
     time                                     [s], strictly increasing
     <joint>/position|velocity|acceleration   a joint with one freedom [m or rad, per s, per s^2]
-    <joint>/effort                           [N or N m], of every motor, where efforts lead to accelerations
+    <joint>/effort                           [N or N m], of every motor, for the direct model
     <joint>/position/qx ...                  other joints, by the components in `signals.JOINT_COMPONENTS`
-    <link>/pose/x|y|z|qx|qy|qz|qw            pose of a link relative to the root link, the whole of it,
+    <link>/pose/x|y|z|qx|qy|qz|qw            pose of a link relative to the root link, all components,
     <link>/pose/x|y|z|roll|pitch|yaw         or any of these coordinates: fixed-axis angles, as in URDF's rpy
     <link>/velocity/x|y|z|wx|wy|wz           of the link's origin, and angular, in the root link's axes
     <link>/acceleration/x|y|z|wx|wy|wz       classical: the time derivative of that velocity
     <link>@<other>/...                       the same relative to another link and in its axes
     <link>/wrench/fx|fy|fz|mx|my|mz          acts on the link, at its origin and in its axes [N, N m]
 
-The rates of a pose given by coordinates are the rates of the same coordinates. The pose of the root link of a
-robot on a moving or floating base is the base's own, in the world. A table that names every joint is a *full
-state*; any other one names motors, platforms or a mixture, from which the posture is assembled. With efforts
-no accelerations are read but that of a moving base, whose motion is prescribed.
+The rates of a pose given by coordinates are the rates of the same coordinates. On a moving or floating base,
+the pose of the root link is the pose of the base in the world. A table that names every joint is a *full
+state*; other tables name motors, platforms or a mixture, from which the posture is assembled. With efforts,
+the only acceleration that is read is that of a moving base, whose motion is prescribed.
 
-Tables of simulations hold a full state and, beside it, `<motor>/effort`, `energy/kinetic|potential|total`
-[J] and `residual`: the reader skips these, so that a run can be read back.
+Tables of simulations hold a full state, and `<motor>/effort`, `energy/kinetic|potential|total` [J] and
+`residual`. The reader skips the latter three, so that a run can be read back.
 
-Tables of results: `<motor>/effort` of the inverse model; of the direct one `<joint>/acceleration` of every
-joint (`<joint>/acceleration/wx` ... by components) and `<root>/acceleration/x` .. `wz` of a floating base.
-Reactions, forces [N] and moments [N m]:
+Tables of results hold `<motor>/effort` (inverse model), or `<joint>/acceleration` of every joint
+(`<joint>/acceleration/wx` ... by components) and `<root>/acceleration/x` .. `wz` of a floating base (direct
+model). Reactions, forces [N] and moments [N m]:
 
     <root>/reaction/fx|fy|fz|mx|my|mz        of the ground on the root body, about its origin, in its axes
     <module>/reaction/fx ... mz              of a module's base body on the module, about the origin of that
-                                             body, in its axes; modules bear the name of their first output
+                                             body, in its axes; a module has the name of its first output
     <closure>/wrench/fx ... mz               of a closure on its successor (opposite on its predecessor),
                                              about the origin of the successor's closure frame, in the axes of
                                              the predecessor's
-    <coupling>/multiplier                    of a coupling's relation as it is written
+    <coupling>/multiplier                    multiplier of a coupling's equation as written in the file
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ _FORMS_ADVICE = (
 )
 
 ENERGIES = ("energy/kinetic", "energy/potential", "energy/total")
-#: Columns of a simulated run beside its motion.
+#: Column of a simulated run for its closure residual.
 RESIDUAL = "residual"
 
 _Columns = dict[str, dict[str, dict[str, int]]]  # owner, quantity, component: column
@@ -74,12 +74,12 @@ class Layout:
 
     Attributes:
         file: Path of the table, for messages.
-        time: Column of the time, or None: rows are then samples that have nothing to do with each other.
+        time: Column of the time, or None, where rows are independent samples.
         joints: Joints by name.
         poses: Poses by name.
         wrenches: Columns of the wrenches by link.
         efforts: Column of the efforts by joint.
-        full_state: Whether every joint of the tree is given, so that nothing is left to assemble.
+        full_state: Whether every joint of the tree is given, so that nothing needs to be assembled.
     """
 
     file: str | None
@@ -105,7 +105,7 @@ def read_layout(
     file: str | None = None,
     efforts: bool = False,
 ) -> Layout:
-    """Find out what each column means, and that nothing is missing.
+    """Determine the meaning of each column, and check that none is missing.
 
     Args:
         columns: Header of the table.
@@ -113,11 +113,11 @@ def read_layout(
         motors: Names of its driven joints.
         base: "fixed", "moving" or "floating".
         file: Path of the table, for messages.
-        efforts: Whether the caller reads `<motor>/effort`, of every motor, and no accelerations; they are
-            refused otherwise.
+        efforts: Whether the caller reads `<motor>/effort` of every motor, and no accelerations; if not,
+            columns of efforts are an error.
 
     Raises:
-        TrajectoryError: A column is unknown, one that is needed is missing, or together they make no sense.
+        TrajectoryError: A column is unknown, a needed one is missing, or columns contradict each other.
     """
     joints = {joint.name: joint for joint in description.joints}
     movable = [joint.name for joint in description.joints if joint.kind != "fixed"]
@@ -140,7 +140,7 @@ def read_layout(
         efforts={name: given["effort"][""] for name, given in of_joints.items() if "effort" in given},
         full_state=moving_joints.keys() >= set(movable),
     )
-    if layout.efforts and not efforts and RESIDUAL in columns:  # a run: what it says of efforts is an output
+    if layout.efforts and not efforts and RESIDUAL in columns:  # efforts of a simulated run are outputs
         layout = replace(layout, efforts={})
     if layout.efforts and not efforts:
         joint = next(iter(layout.efforts))
@@ -154,7 +154,7 @@ def read_layout(
 
 
 def _check_efforts(layout: Layout, motors: Sequence[str]) -> None:
-    """Check that every motor has its effort and nothing else has one."""
+    """Check that every motor has an effort, and no other joint."""
     for name in layout.efforts:
         if name not in motors:
             message = (
@@ -172,7 +172,7 @@ def acceleration_columns(description: Description, joints: Iterable[str], base: 
 
     Args:
         description: The robot.
-        joints: Names of the movable joints in order; what is no joint's name is the base's.
+        joints: Names of the movable joints in order; a name that is no joint's is that of the base.
         base: "fixed", "moving" or "floating".
     """
     kinds = {joint.name: joint.kind for joint in description.joints}
@@ -198,7 +198,7 @@ def _check_base(layout: Layout, root: str, base: str) -> None:
 
 
 def _check_inputs(layout: Layout, movable: Iterable[str], motors: Sequence[str], root: str) -> None:
-    """Check that the joints and poses given are a full state, or something to assemble from."""
+    """Check that joints and poses are a full state, or that a posture can be assembled from them."""
     platforms = [key for key in layout.poses if key != root]
     if layout.full_state:
         if platforms:
@@ -221,7 +221,7 @@ def _check_inputs(layout: Layout, movable: Iterable[str], motors: Sequence[str],
 
 
 def _check_time(layout: Layout) -> None:
-    """Check that rates which are not given can be fitted over time."""
+    """Check that there is a time where rates have to be fitted."""
     if layout.time is not None:
         return
     for signal in layout.signals:
@@ -234,7 +234,7 @@ def _check_time(layout: Layout) -> None:
 def _sorted_columns(
     columns: Sequence[str], joints: dict[str, Joint], links: set[str], file: str | None
 ) -> tuple[int | None, _Columns, _Columns]:
-    """Sort columns by what they belong to: time; joint, quantity, component; link, quantity, component."""
+    """Sort columns by owner: time; joint, quantity, component; link, quantity, component."""
     time = None
     of_joints: _Columns = {}
     of_links: _Columns = {}

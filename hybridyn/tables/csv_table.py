@@ -1,8 +1,8 @@
-"""CSV tables, read in blocks.
+"""Read CSV tables in blocks.
 
-UTF-8; separator comma, semicolon or tab; decimal point. Quotes, a byte order mark, CRLF line ends and lines
-that start with `#` are accepted. The header is checked before any number. Every cell must be a finite number.
-Memory stays that of one block however long the table is.
+Tables are UTF-8 text with comma, semicolon or tab as separator, and with a decimal point. Quotes, a byte
+order mark, CRLF line ends and lines that start with `#` are accepted. The header is checked before any
+number. Every cell must be a finite number. Memory holds one block at a time, however long the table is.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from ..description.records import Array
 from ..errors import TrajectoryError
 from .table import EMPTY_CELL, NUMBERS, Block, Table, as_number, check_columns
 
-#: Characters in a line: a file without line ends must not fill the memory.
+#: Maximum number of characters in a line, so that a file without line ends does not fill the memory.
 LINE_LIMIT = 16_000_000
 
 
@@ -34,7 +34,7 @@ def open_csv(file: str, block_rows: int) -> Table:
         block_rows: Rows per block.
 
     Raises:
-        TrajectoryError: The file is no UTF-8 text, or its header is wrong.
+        TrajectoryError: The file is not UTF-8 text, or its header is wrong.
         OSError: The file cannot be read.
     """
     if file == "-":
@@ -53,7 +53,7 @@ def open_csv(file: str, block_rows: int) -> Table:
         lines = _lines(text, file)
         separator, columns = _header(next(lines, ""), file)
         rows = None
-        if size:  # a pipe is not waited for
+        if size:  # do not wait for the rows of a pipe
             first = next(lines, None)
             rows = size // (len(first) + 1) if first else 0
             lines = itertools.chain([first] if first else [], lines)
@@ -65,7 +65,7 @@ def open_csv(file: str, block_rows: int) -> Table:
 
 
 def _lines(text: TextIO, file: str) -> Iterator[str]:
-    """Yield the header and the rows: no line ends, no comments, no blank lines at the end."""
+    """Yield the header and the rows without line ends, comments and blank lines at the end."""
     count = -1  # rows so far; the header is row 0
     blank = False
     while True:
@@ -115,7 +115,7 @@ def _csv_blocks(
 
 
 def _parse_fast(lines: list[str], width: int, separator: str) -> Array | None:
-    """Parse rows that are plain numbers, or return None where anything is unusual."""
+    """Parse rows of plain numbers; return None where a row needs `_parse_slow`."""
     if not all(NUMBERS.fullmatch(line) for line in lines):
         return None
     rows = [line.split(separator) for line in lines]
@@ -131,7 +131,7 @@ def _parse_fast(lines: list[str], width: int, separator: str) -> Array | None:
 def _parse_slow(
     lines: list[str], first_row: int, file: str, columns: tuple[str, ...], separator: str
 ) -> Array:
-    """Parse rows cell by cell, with quotes, and name the first cell that is wrong."""
+    """Parse rows cell by cell, with quotes; the error names the first wrong cell."""
     values = np.empty((len(lines), len(columns)))
     for index, line in enumerate(lines):
         row = first_row + index
@@ -157,7 +157,7 @@ def _cells(line: str, separator: str) -> list[str]:
 
 
 def _fault(cell: str) -> str:
-    """Say what is wrong with a cell that is no finite number."""
+    """Return the message for a cell that is not a finite number."""
     cell = cell.strip()
     if not cell:
         return EMPTY_CELL

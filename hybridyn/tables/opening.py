@@ -1,4 +1,4 @@
-"""Open a table of either kind: CSV or Parquet."""
+"""Open a table, CSV or Parquet."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ def open_table(path: str | Path, *, block_rows: int = BLOCK_ROWS) -> Table:
         block_rows: Rows per block.
 
     Returns:
-        The table, its first block not read yet.
+        The table; no block is read yet.
 
     Raises:
         TrajectoryError: The file cannot be read, is a pipe or a device, or its header is wrong.
     """
     file = str(path)
     if file != "-" and os.path.exists(file) and not os.path.isfile(file) and not os.path.isdir(file):
-        # a pipe would be waited for, and is gone after the first look at it
+        # reading a pipe would block, and its data can be read only once
         raise TrajectoryError(
             "is not a regular file; give what comes out of a pipe or a device on standard input, as '-'",
             file=file,

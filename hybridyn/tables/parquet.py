@@ -1,6 +1,6 @@
-"""Parquet tables, through polars (the extra `io`), which is imported only here.
+"""Read and write Parquet tables with polars (the extra `io`), which is imported only here.
 
-Reading gives the same `Table` as a CSV file does, in blocks; writing takes blocks.
+A Parquet file is read as the same `Table` as a CSV file, in blocks, and is written in blocks.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ from ..description.records import Array
 from ..errors import TrajectoryError, install_advice
 from .table import EMPTY_CELL, Block, Table, check_columns
 
-#: Rows decoded, or kept before they go to disk: Parquet's pages do not follow our blocks.
+#: Rows that are decoded, or collected before they are written, together: Parquet's pages are not our blocks.
 PART_ROWS = 50_000
 
 
 def load_polars(file: str) -> Any:
-    """Import polars, or say how to install it.
+    """Import polars; the error says how to install it.
 
     Args:
         file: Path of the table that needs it, for the message.
@@ -51,7 +51,7 @@ def open_parquet(file: str, block_rows: int) -> Table:
         block_rows: Rows per block.
 
     Returns:
-        The table, its first block not read yet.
+        The table; no block is read yet.
 
     Raises:
         TrajectoryError: polars is missing, the file cannot be read, or a column does not hold numbers.
@@ -105,14 +105,14 @@ def parquet_writer(
     """Return a function that writes rows; polars streams them into one file when the context ends.
 
     Args:
-        file: Path of the file, which must not be an old result that is still wanted.
+        file: Path of the file; an existing file is overwritten.
         columns: Names of the columns.
         remarks: Lines for the file's metadata, under the key "hybridyn"; a polars that cannot write them
             leaves them out.
-        name: The file's name in errors, where `file` is a draft of it.
+        name: Name of the file in errors, where `file` is a draft.
 
     Yields:
-        A function that takes rows, shape (rows, columns); they wait in parts on disk, not in memory.
+        A function that takes rows, shape (rows, columns), and collects them in parts on disk.
 
     Raises:
         TrajectoryError: The disk is full, or the file cannot be written for another reason.

@@ -1,8 +1,8 @@
-"""Rates that a table does not give: an interpolating quintic spline over time, differentiated.
+"""Compute the rates that a table leaves out, from an interpolating quintic spline over time.
 
-A spline through all rows cannot be had when rows stream by in blocks, and need not: the influence of a row
-dies out by a factor of about 0.43 per row (uniform steps), so a window with `HALO` rows on either side gives
-the same numbers as the whole table.
+Rows are read in blocks, so that no spline can go through all of them at once. This is not needed either: the
+influence of a row decays by a factor of about 0.43 per row (uniform steps), so that a window with `HALO` rows
+on either side gives the same numbers as the whole table.
 """
 
 from __future__ import annotations
@@ -16,10 +16,10 @@ from numpy.typing import NDArray
 from ..description.records import Array
 from .table import Block
 
-#: Accelerations are then smooth themselves, and right to the fourth order of the step.
+#: Degree of the splines: accelerations are then smooth, with an error of the fourth order of the step.
 DEGREE = 5
 FEWEST_ROWS = DEGREE + 1
-#: 0.43 ** 128 = 1e-47; jittering steps need some 50 rows, measured.
+#: Rows on either side of a block: 0.43 ** 128 = 1e-47; irregular steps need about 50 rows, measured.
 HALO = 128
 
 
@@ -29,7 +29,7 @@ class Window(NamedTuple):
     Attributes:
         first_row: Number of the block's first row in the table.
         values: Rows of the block and its neighbours, shape (rows, columns).
-        core: Where the block's own rows are.
+        core: Slice of the block's own rows.
     """
 
     first_row: int
@@ -38,7 +38,7 @@ class Window(NamedTuple):
 
 
 def windows(blocks: Iterable[Block], halo: int = HALO) -> Iterator[Window]:
-    """Return each block with up to `halo` rows of its neighbours on either side.
+    """Yield each block with up to `halo` rows of its neighbours on either side.
 
     Args:
         blocks: Blocks of consecutive rows.
@@ -49,7 +49,7 @@ def windows(blocks: Iterable[Block], halo: int = HALO) -> Iterator[Window]:
     """
     rows = np.empty((0, 0))
     start = 1  # number of the row that rows[0] is
-    waiting: list[tuple[int, int]] = []  # first and one past last row of blocks not given out yet
+    waiting: list[tuple[int, int]] = []  # first and one past last row of blocks not yielded yet
     for block in blocks:
         rows = np.concatenate([rows, block.values]) if len(rows) else block.values
         waiting.append((block.first_row, block.first_row + len(block.values)))
@@ -68,7 +68,7 @@ def _window(rows: Array, start: int, first: int, stop: int, halo: int) -> Window
 
 
 def derivatives(time: Array, values: Array, core: slice) -> tuple[Array, Array]:
-    """Return the first two time derivatives of sampled values, by an interpolating quintic spline.
+    """Compute the first two time derivatives of sampled values, by an interpolating quintic spline.
 
     Args:
         time: Strictly increasing times, shape (rows,), [s]; at least `FEWEST_ROWS`.
@@ -85,7 +85,7 @@ def derivatives(time: Array, values: Array, core: slice) -> tuple[Array, Array]:
 
 
 def aligned(quaternions: Array) -> Array:
-    """Choose signs so that neighbouring quaternions are near each other.
+    """Choose the signs of quaternions such that neighbouring ones are near each other.
 
     Args:
         quaternions: Shape (rows, 4).
@@ -99,7 +99,7 @@ def aligned(quaternions: Array) -> Array:
 
 
 def turns(quaternions: Array) -> Array:
-    """Return the angles between neighbouring rotations.
+    """Compute the angles between neighbouring rotations.
 
     Args:
         quaternions: Unit quaternions, shape (rows, 4).
@@ -112,9 +112,9 @@ def turns(quaternions: Array) -> Array:
 
 
 def angular_rates(p: Array, p_dot: Array, p_ddot: Array) -> tuple[Array, Array]:
-    """Return angular velocity and acceleration of a quaternion that need not stay normalised.
+    """Compute angular velocity and acceleration from a quaternion whose length may vary.
 
-    The rotation is that of p / |p|. With w = p_dot p^-1, the vector part of 2 w is omega whatever |p| does;
+    The rotation is that of p / |p|. With w = p_dot p^-1, the vector part of 2 w is omega for any |p(t)|;
     its derivative is w_dot = p_ddot p^-1 - w w.
 
     Args:
@@ -132,7 +132,7 @@ def angular_rates(p: Array, p_dot: Array, p_ddot: Array) -> tuple[Array, Array]:
 
 
 def _product(a: Array, b: Array) -> Array:
-    """Return the quaternion product a b, shapes (rows, 4)."""
+    """Compute the quaternion product a b, shapes (rows, 4)."""
     vector = a[:, 3:] * b[:, :3] + b[:, 3:] * a[:, :3] + np.cross(a[:, :3], b[:, :3])
     scalar: NDArray[np.float64] = a[:, 3] * b[:, 3] - np.sum(a[:, :3] * b[:, :3], axis=1)
     return np.column_stack([vector, scalar])

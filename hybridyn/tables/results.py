@@ -1,7 +1,7 @@
-"""Tables going out: CSV or Parquet, complete or not there at all.
+"""Write tables of results, CSV or Parquet; a file appears complete or not at all.
 
-A file is written beside its target under another name and takes the target's place when its last row is in.
-Numbers have as many digits as it takes to read the same bits back.
+A file is written beside its target under another name, and is renamed after its last row. Numbers have as
+many digits as are needed to read the same bits back.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ Write = Callable[[Array], None]
 def open_results(
     target: str | Path | None, columns: Sequence[str], remarks: Sequence[str] = ()
 ) -> Iterator[Write]:
-    """Return a function that writes blocks of rows; the file appears when the context ends without an error.
+    """Yield a function that writes blocks of rows; the file appears when the context ends without an error.
 
     Args:
         target: A `.csv` or `.parquet` file, or None (or "-") for CSV on standard output.
@@ -37,7 +37,7 @@ def open_results(
         A function that takes rows, shape (rows, columns), and writes them.
 
     Raises:
-        TrajectoryError: The ending is neither `.csv` nor `.parquet`, or the place cannot be written.
+        TrajectoryError: The ending is neither `.csv` nor `.parquet`, or the file cannot be written.
     """
     if target is None or str(target) == "-":
         with naming("standard output"):
@@ -50,8 +50,8 @@ def open_results(
 
 @contextlib.contextmanager
 def _opened(target: str | Path, columns: Sequence[str], remarks: Sequence[str]) -> Iterator[Write]:
-    """Open a result file, as `open_results` does."""
-    file = Path(os.path.realpath(target))  # a link keeps pointing at what it points at
+    """Open a result file, see `open_results`."""
+    file = Path(os.path.realpath(target))  # the target of a link is replaced, not the link
     check_target(target)
     if file.suffix.lower() == ".parquet":
         with _replacing(file) as draft, parquet_writer(draft, columns, remarks, str(target)) as write:
@@ -89,9 +89,9 @@ def check_target(target: str | Path) -> None:
 
 @contextlib.contextmanager
 def _replacing(file: Path) -> Iterator[Path]:
-    """Return the name of a draft beside `file`; rename it to `file` at the end, remove it on any error."""
+    """Yield the name of a draft beside `file`; rename it to `file` at the end, remove it on any error."""
     draft = file.with_name(f".{file.name}.{os.getpid()}.tmp")
-    draft.unlink(missing_ok=True)  # left by a killed process that had our number
+    draft.unlink(missing_ok=True)  # left by a killed process with the same id
     try:
         yield draft
         os.replace(draft, file)

@@ -1,4 +1,4 @@
-"""Signals: the moving things of a table, each with the columns of its position and of its rates."""
+"""Signals: the joints and poses of a table, with the columns of position and rates."""
 
 from __future__ import annotations
 
@@ -24,16 +24,16 @@ JOINT_COMPONENTS = {
 
 @dataclass(frozen=True)
 class Signal:
-    """A moving thing, a joint or a pose, and where its numbers stand.
+    """A joint or a pose, with the columns of its numbers.
 
     Attributes:
-        name: Joint, or link as the header writes it (`link`, `link@other`).
+        name: Joint, or link as in the header (`link`, `link@other`).
         components: Names of the position's components; ("",) for a joint with one freedom.
         position: Column of each component.
-        velocity: Columns of the rates, or None where the table does not give them.
+        velocity: Columns of the rates, or None where the table does not have them.
         acceleration: Columns of their derivatives, or None.
-        wraps: Indices of the components that are angles on the whole circle.
-        wanted: Which rates the reader of the table has a use for; what else is not given is zero.
+        wraps: Indices of the components that are angles without bounds.
+        wanted: Rates that the reader of the table uses; other missing rates are zero.
     """
 
     name: str
@@ -46,7 +46,7 @@ class Signal:
 
     @property
     def missing(self) -> tuple[str, ...]:
-        """Names of the rates that are wanted and that the table does not give."""
+        """Names of the wanted rates that the table does not have."""
         given = {"velocity": self.velocity, "acceleration": self.acceleration}
         return tuple(name for name in self.wanted if given[name] is None)
 
@@ -54,16 +54,16 @@ class Signal:
 def joint_signal(
     joint: Joint, given: dict[str, dict[str, int]], file: str | None, wanted: tuple[str, ...] = RATES
 ) -> Signal:
-    """Return the signal of a joint.
+    """Build the signal of a joint.
 
     Args:
         joint: The joint.
         given: Columns by quantity and component.
         file: Path of the table, for messages.
-        wanted: Rates that are needed, of "velocity" and "acceleration".
+        wanted: The needed ones of "velocity" and "acceleration".
 
     Raises:
-        TrajectoryError: A component is missing or does not belong there, or rates that must be given are.
+        TrajectoryError: A component is missing or unknown, or rates that cannot be fitted are missing.
     """
     components, rates = JOINT_COMPONENTS.get(joint.kind, (("",), ("",)))
     what = f"joint '{joint.name}' ({joint.kind})"
@@ -85,16 +85,16 @@ def joint_signal(
 def pose_signal(
     key: str, given: dict[str, dict[str, int]], file: str | None, wanted: tuple[str, ...] = RATES
 ) -> Signal:
-    """Return the signal of a pose: the whole of it by a quaternion, or some of its coordinates.
+    """Build the signal of a pose: the whole pose with a quaternion, or some of its coordinates.
 
     Args:
-        key: The link, as the header writes it.
+        key: The link, as in the header.
         given: Columns by quantity and component.
         file: Path of the table, for messages.
-        wanted: Rates that are needed, of "velocity" and "acceleration".
+        wanted: The needed ones of "velocity" and "acceleration".
 
     Raises:
-        TrajectoryError: A component is missing or does not belong there.
+        TrajectoryError: A component is missing or unknown.
     """
     pose = given.get("pose", {})
     components: tuple[str, ...] = POSE
@@ -127,7 +127,7 @@ def _rates(
 
 
 def wrench_columns(key: str, given: dict[str, int], file: str | None) -> tuple[int, ...]:
-    """Return the columns of a wrench: all six components.
+    """Return the columns of all six components of a wrench.
 
     Args:
         key: The link.
@@ -135,7 +135,7 @@ def wrench_columns(key: str, given: dict[str, int], file: str | None) -> tuple[i
         file: Path of the table, for messages.
 
     Raises:
-        TrajectoryError: A component is missing or does not belong there.
+        TrajectoryError: A component is missing or unknown.
     """
     return _picked(given, WRENCH, f"{key}/wrench", f"a wrench on '{key}'", file)
 
@@ -143,7 +143,7 @@ def wrench_columns(key: str, given: dict[str, int], file: str | None) -> tuple[i
 def _picked(
     given: dict[str, int], names: tuple[str, ...], prefix: str, what: str, file: str | None
 ) -> tuple[int, ...]:
-    """Return the columns of exactly these components, or name the one that is unknown or missing."""
+    """Return the columns of exactly these components; the error names an unknown or missing one."""
     expected = ", ".join(f"{prefix}/{name}" if name else prefix for name in names)
     for name in given:
         if name not in names:

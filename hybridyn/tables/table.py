@@ -9,14 +9,10 @@ from typing import NamedTuple, Self
 from ..description.records import Array
 from ..errors import TrajectoryError
 
-#: Rows per block: large enough to amortise a batch, small enough for any robot's memory.
+#: Rows per block: enough for an efficient batch, few enough for the memory of any robot.
 BLOCK_ROWS = 2_000
-
-
-#: What float() takes beyond this (1_000, other scripts) is refused.
+#: Characters of plain numbers; other forms that float() accepts (1_000, digits of other scripts) are errors.
 NUMBERS = re.compile(r"[0-9eE+\-.,; \t]*")
-
-
 EMPTY_CELL = "the cell is empty"
 
 
@@ -33,14 +29,14 @@ class Block(NamedTuple):
 
 
 class Table:
-    """An open table: its columns, and its rows as an iterator of blocks. Close it, or use it in `with`.
+    """An open table: its columns, and its rows as an iterator of blocks; a context manager that closes it.
 
     Attributes:
         file: Path as the user gave it, for messages.
         columns: Names of the columns, in file order.
         blocks: Iterator over the rows, to be consumed once.
-        fraction: Call it to know how much of the file has been read, in [0, 1]; None where that is unknown.
-        rows: About how many rows there are, by the size of the file; None where that is unknown.
+        fraction: Function that returns the fraction of the file read so far, in [0, 1], or None if unknown.
+        rows: Approximate number of rows, from the size of the file, or None if unknown.
     """
 
     def __init__(
@@ -63,19 +59,19 @@ class Table:
         self.close()
 
     def close(self) -> None:
-        """Close the file; harmless when it is closed already."""
+        """Close the file; a second call does nothing."""
         self._close()
 
 
 def check_columns(columns: tuple[str, ...], file: str | None) -> None:
-    """Check that every column has one readable name of its own.
+    """Check that every column has a readable and unique name.
 
     Args:
         columns: Names of the columns.
         file: Path of the table, for messages.
 
     Raises:
-        TrajectoryError: A name is empty, a number, unprintable, or stands twice.
+        TrajectoryError: A name is empty, a number, unprintable, or not unique.
     """
     seen: set[str] = set()
     for position, name in enumerate(columns, start=1):
@@ -92,7 +88,7 @@ def check_columns(columns: tuple[str, ...], file: str | None) -> None:
 
 
 def as_number(cell: str) -> float | None:
-    """Return the number that a cell holds, or None."""
+    """Return the number in a cell, or None if there is none."""
     try:
         return float(cell) if NUMBERS.fullmatch(cell) else None
     except ValueError:

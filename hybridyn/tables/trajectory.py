@@ -1,4 +1,4 @@
-"""From the rows of a table to the motion of joints and platforms, block by block."""
+"""Convert the rows of a table to the motion of joints and platforms, block by block."""
 
 from __future__ import annotations
 
@@ -16,19 +16,19 @@ from .rates import FEWEST_ROWS, HALO, Window, aligned, angular_rates, derivative
 from .signals import POSE, Signal
 from .table import Block, Table
 
-#: Seven digits in a file are enough to pass; more is not a rotation.
+#: Largest deviation of a quaternion's length from one; seven digits in a file suffice.
 QUATERNION_TOLERANCE = 1e-6
-#: Between two rows, for a fit: near half a turn its sense is a guess.
+#: Largest rotation between two rows for a fit [rad]: near half a turn its direction is ambiguous.
 LARGEST_TURN = 2.0 * np.pi / 3.0
 
 Triple = tuple[Array, Array, Array]  # position, velocity, acceleration
-#: A whole pose or its rates, shape (T, 7) or (T, 6), or some of its coordinates by name, shape (T,) each.
+#: A whole pose or its rates, shape (T, 7) or (T, 6), or some coordinates by name, shape (T,) each.
 Parts = Array | dict[str, Array]
 
 
 @dataclass(frozen=True)
 class Motion:
-    """What some consecutive rows of a table say.
+    """The motion in some consecutive rows of a table.
 
     Attributes:
         first_row: Number of the first row in the table (from 1).
@@ -49,10 +49,10 @@ class Motion:
     efforts: dict[str, Array] = field(default_factory=dict)
 
     def part(self, start: int, stop: int) -> Motion:
-        """Return the rows from `start` to before `stop`, counted from 0, in memory of their own.
+        """Return a copy of the rows from `start` to before `stop`, counted from 0.
 
-        NumPy's sine of every n-th number is not that of neighbours to the last bit: rows that travelled to
-        another process, packed, would come to other results.
+        The copy is contiguous: NumPy's sine of strided numbers differs in the last bit from that of
+        contiguous ones, and rows pickled for another process would give other results.
         """
         rows = slice(start, stop)
         size = len(range(self.size)[rows])
@@ -60,7 +60,7 @@ class Motion:
         return Motion(self.first_row + start, size, *content)
 
     def after(self, before: Motion) -> Motion:
-        """Return these rows with those that come before them in front."""
+        """Return the rows of `before`, followed by these."""
         content = _each(lambda x, y: np.concatenate([x, y]), before._content(), self._content())
         return Motion(before.first_row, before.size + self.size, *content)
 
@@ -79,17 +79,18 @@ def _each(function: Callable[..., Any], *trees: Any) -> Any:
 
 
 def read_motions(table: Table, layout: Layout) -> Iterator[Motion]:
-    """Turn the rows of a table into motion, block by block, and fit the rates that it does not give.
+    """Convert the rows of a table to motions, block by block, and fit missing rates.
 
-    Velocities come from a spline through the positions; accelerations from one through the velocities where
-    the table gives these, else through the positions (`rates.py`). The block size does not change them.
+    Missing velocities are derivatives of a spline through the positions; missing accelerations are those of
+    a spline through the velocities where the table has these, else through the positions (`rates.py`). They
+    do not depend on the block size.
 
     Args:
-        table: The table, not read yet.
+        table: The table; no block is read yet.
         layout: The meaning of its columns.
 
     Yields:
-        The motion of one block after the other.
+        The motion of each block, in order.
 
     Raises:
         TrajectoryError: Time does not increase, a quaternion is not normalised, or rows are too few or too
@@ -115,7 +116,7 @@ def read_motions(table: Table, layout: Layout) -> Iterator[Motion]:
 
 
 def _checked(table: Table, layout: Layout) -> Iterator[Block]:
-    """Pass blocks on once their times increase and their quaternions have length one."""
+    """Yield blocks after checking that times increase and quaternions have length one."""
     last = -np.inf
     for block in table.blocks:
         if layout.time is not None:
@@ -127,7 +128,7 @@ def _checked(table: Table, layout: Layout) -> Iterator[Block]:
 
 
 def _check_times(block: Block, column: int, last: float, file: str | None) -> float:
-    """Check that times increase, from the last one of the block before; give the last one of this block."""
+    """Check that times increase, from the last one of the block before; return the last one of this block."""
     times = np.concatenate([[last], block.values[:, column]])
     late = np.flatnonzero(times[1:] <= times[:-1])
     if len(late):
@@ -139,7 +140,7 @@ def _check_times(block: Block, column: int, last: float, file: str | None) -> fl
 
 def _check_quaternions(block: Block, signal: Signal, columns: Sequence[str], file: str | None) -> None:
     part = list(signal.position[signal.components.index("qx") :])
-    with np.errstate(over="ignore"):  # 1e300 squared is as wrong as infinity
+    with np.errstate(over="ignore"):  # an infinite length is an error, too
         lengths = np.linalg.norm(block.values[:, part], axis=1)
     wrong = np.flatnonzero(~(np.abs(lengths - 1.0) <= QUATERNION_TOLERANCE))
     if len(wrong):
@@ -173,7 +174,7 @@ def _platform(
 
 
 def _check_turns(signal: Signal, window: Window, file: str | None) -> None:
-    """Refuse to fit orientations that turn so far between two rows that the way round is a guess."""
+    """Check that orientations rotate little enough between two rows for a fit."""
     angles = turns(window.values[:, list(signal.position[3:])])
     index = int(np.argmax(angles))
     if angles[index] > LARGEST_TURN:
@@ -196,7 +197,7 @@ def _levels(signal: Signal, window: Window, time: Array | None, file: str | None
     if not signal.missing:
         assert velocity is not None
         return position[core], velocity[core], np.zeros_like(velocity[core])
-    assert time is not None  # read_layout wants it where rates are missing
+    assert time is not None  # read_layout requires it where rates are missing
     try:
         with np.errstate(all="ignore"):  # numbers too large for a fit are found below
             if velocity is None:
@@ -214,7 +215,7 @@ def _levels(signal: Signal, window: Window, time: Array | None, file: str | None
 
 
 def _fit(signal: Signal, time: Array, position: Array, core: slice) -> tuple[Array, Array]:
-    """Fit velocity and acceleration to positions; a pose's angular part as angular velocity."""
+    """Compute velocity and acceleration from positions; those of an orientation are angular."""
     values = position.copy()
     values[:, list(signal.wraps)] = np.unwrap(values[:, list(signal.wraps)], axis=0)
     if signal.components != POSE:
@@ -231,7 +232,7 @@ def full_state(motion: Motion, joints: Sequence[Joint], root: str | None = None)
     Args:
         motion: The motion.
         joints: The movable joints, in the order of q.
-        root: Name of the root link, whose pose leads, where the base moves; else None.
+        root: Name of the root link, whose pose comes first, where the base moves; else None.
 
     Returns:
         q, v and a, shapes (T, nq), (T, nv), (T, nv), in Pinocchio's coordinates.
@@ -255,7 +256,7 @@ def _joint_coordinates(kind: str, position: Array, velocity: Array, acceleration
 
 
 def _base_coordinates(pose: Array, twist: Array, acceleration: Array) -> Triple:
-    """Turn a pose with its twist and classical acceleration in world axes into a free-flyer's coordinates."""
+    """Convert a pose with twist and classical acceleration in world axes to a free-flyer's coordinates."""
     R = rotation_from_quaternion(pose[:, 3:])
     v, omega = rotate_back(R, twist[:, :3]), rotate_back(R, twist[:, 3:])
     linear = rotate_back(R, acceleration[:, :3]) - cross(omega, v)
@@ -263,7 +264,7 @@ def _base_coordinates(pose: Array, twist: Array, acceleration: Array) -> Triple:
 
 
 def base_acceleration(q: Array, v: Array, a: Array) -> Array:
-    """Return a free-flyer's acceleration as tables hold it: classical and angular, in world axes.
+    """Compute a free-flyer's acceleration as stored in tables: classical and angular, in world axes.
 
     Args:
         q: Positions, the free-flyer's first, shape (T, nq).
