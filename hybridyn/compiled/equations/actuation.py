@@ -1,4 +1,4 @@
-"""From the generalised force along each motion to motor efforts, written: B tau = Q, Eq. (33)."""
+"""Solve for motor efforts from the generalised force along each motion: B tau = Q, Eq. (33)."""
 
 from __future__ import annotations
 
@@ -17,22 +17,22 @@ from .static_elimination import Pivots, solve
 def motor_efforts(
     B: Expression, Q: Expression, terms: tuple[Any, Array, float], share: Array, pivots: Pivots | None
 ) -> tuple[Expression, Any]:
-    """Return the efforts of a module's motors and the guard of their map.
+    """Compute the efforts of a module's motors and the guard of the motor map.
 
     Args:
         B: Work of each motor along each motion, shape (N, motors).
-        Q: Generalised force needed, shape (N,).
-        terms: What Q was summed from: the size of its terms as work per scaled coordinate [N m], the unit of
-            each motion, shape (N,), and how far loops may be open (`guards.CLOSED`).
-        share: Each motor's share of the load, where there are more motors than motions, shape (motors,).
-        pivots: Pivots of B (`motor_pivots`); not read where there are more motors than motions.
+        Q: Required generalised force, shape (N,).
+        terms: The size of the terms of Q as work per scaled coordinate [N m], the unit of each motion,
+            shape (N,), and how far loops may be open (`guards.GUARD_CLOSED`).
+        share: Each motor's share of the load if there are more motors than motions, shape (motors,).
+        pivots: Pivots of B (`motor_pivots`); not read if there are more motors than motions.
     """
     N, motors = B.shape
     if not motors:
         return zeros(0), _undriven(Q, *terms)
     if motors > N:
         return _least_norm(B, Q, share)
-    if pivots is None:  # no posture tells the motors apart: the general path says so
+    if pivots is None:  # B is singular at every posture: the general path raises the error
         return zeros(motors), ca.SX(np.inf)
     X, trust = solve(B, Q[:, None], pivots)
     guard = trusted(trust)
@@ -42,14 +42,14 @@ def motor_efforts(
 
 
 def _undriven(left: Expression, size: Any, units: Array, closed: float) -> Any:
-    """Return the guard of forces that no motor gives."""
+    """Return the guard of generalised forces that no motor can produce."""
     if all(is_zero(x) for x in left):
         return ca.SX(0.0)
     return largest(left * units) / (min(closed, UNDRIVEN) * (size + TINY_RATE))
 
 
 def _least_norm(B: Expression, Q: Expression, share: Array) -> tuple[Expression, Any]:
-    """Return the least of |tau / share| with B tau = Q, by Householder's L Q factors of B share."""
+    """Compute tau of least |tau / share| with B tau = Q by a Householder LQ factorisation of B share."""
     N, motors = B.shape
     A = np.array([[times(B[i, j], float(share[j])) for i in range(N)] for j in range(motors)], dtype=object)
     reflections: list[tuple[Expression, Any]] = []
@@ -80,4 +80,4 @@ def _least_norm(B: Expression, Q: Expression, share: Array) -> tuple[Expression,
     for k in range(N):
         small, big = ca.fmin(small, ca.fabs(R[k, k])), ca.fmax(big, ca.fabs(R[k, k]))
     tau = np.array([times(float(s), x) for s, x in zip(share, y, strict=True)], dtype=object)
-    return tau, trusted(ca.if_else(big > 0, small / big, 0.0))  # 0 / 0 would be left out by fmax
+    return tau, trusted(ca.if_else(big > 0, small / big, 0.0))  # fmax would ignore the NaN of 0 / 0

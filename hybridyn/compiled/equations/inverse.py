@@ -1,6 +1,7 @@
-"""The inverse model of one module, written: Eqs. (30)-(33) in the form of `hybridyn.idm`.
+"""Write the inverse model of one module: Eqs. (30)-(33) in the form of `hybridyn.idm`.
 
-Two stages: outwards (motion, and the forces of the core), inwards (motors' efforts, the base's wrench).
+It has two stages: outwards (motion and the forces of the core) and inwards (motor efforts and the base's
+wrench).
 """
 
 from __future__ import annotations
@@ -35,25 +36,24 @@ from .static_elimination import Pivots, solve
 
 @dataclass(frozen=True)
 class InverseModule(WrittenModule):
-    """One module's inverse model: outwards, inwards.
+    """Stages of one module's inverse model: outwards, inwards.
 
     Attributes:
-        laws: Freedoms of the tree after the cuts that the input "laws" holds.
+        laws: Freedoms of the tree after the cuts in the input "laws".
     """
 
     laws: Index
 
 
 @dataclass
-class _Needed:
-    """Forces that a motion needs, summed up.
+class _RequiredForces:
+    """Sum of the generalised forces that a motion requires.
 
     Attributes:
-        b: Over s = [base; y], shape (6 + n,).
-        terms: What they were summed from, work per scaled coordinate, as far as one module can tell them
-            apart.
+        b: The sum over s = [base; y], shape (6 + n,).
+        terms: The terms of the sum that one module can distinguish, as work per scaled coordinate.
         length: The module's length [m].
-        received: Columns of symbols of what comes from elsewhere, by name.
+        received: Columns of symbols that other kernels provide, by name.
     """
 
     b: Expression
@@ -62,16 +62,16 @@ class _Needed:
     received: dict[str, ca.SX]
 
     def count(self, wrench: Expression) -> None:
-        """Enter a wrench among the terms."""
+        """Append a wrench to the terms."""
         self.terms += [*(wrench[:3] * self.length), *wrench[3:]]
 
     def receive(self, name: str) -> Expression:
-        """Return a wrench that comes from elsewhere, shape (6,)."""
+        """Return the symbols of a wrench that another kernel provides, shape (6,)."""
         self.received[name], wrench = symbols(name, 6)
         return wrench
 
     def size(self) -> Any:
-        """Return the sum of all terms."""
+        """Compute the sum of the terms' absolute values."""
         size = ca.SX(0.0)
         for value in self.terms:
             size = size + ca.fabs(value)
@@ -87,8 +87,8 @@ def write_inverse(name: str, plan: Plan, options: InverseOptions, pivots: Pivots
     base = base_motion(options.base, options.velocity)
     motion = {"q": q_column, "v": v_column, "a": a_column} | parameters_of(plan)
     core = write_core(plan, q, v, base.V, a, base.A)
-    needed = _needed(
-        core, plan, options, core.chain if options.velocity else _slow(core, plan, q, a, base), a
+    needed = _required_forces(
+        core, plan, options, core.chain if options.velocity else _without_rates(core, plan, q, a, base), a
     )
     laws = [k for k, col in enumerate(parts.tree_v) if int(col) in options.laws]
     laws_column, law = symbols("laws", len(laws))
@@ -96,7 +96,7 @@ def write_inverse(name: str, plan: Plan, options: InverseOptions, pivots: Pivots
     at = 6 + np.array(laws, dtype=int)
     needed.b[at] = needed.b[at] - law
     X, trust = solve(core.rows.K[:, 6:], zeros(len(core.rows.K), 1), plan.loop_pivots)
-    guard = ca.fmax(ca.fmax(core.rows.guard, trusted(trust)), _apart(core, plan, a, base.A))
+    guard = ca.fmax(ca.fmax(core.rows.guard, trusted(trust)), _acceleration_guard(core, plan, a, base.A))
     tau, measure = _efforts(core, plan, options, X[:, 1:], needed, pivots)
     efforts = {"guard": ca.SX(ca.fmax(guard, measure))} | ({"tau": pack(tau)} if len(tau) else {})
     if options.base is None:
@@ -110,36 +110,39 @@ def write_inverse(name: str, plan: Plan, options: InverseOptions, pivots: Pivots
 
 
 def _motion_outwards(core: Core, options: InverseOptions) -> dict[str, ca.SX]:
-    """Return motion of the platforms for the legs, twists and accelerations of outputs that carry."""
+    """Return the platforms' motion for the legs, and the motion of outputs that carry modules."""
     out: dict[str, ca.SX] = {}
     for i, motion in sorted(core.platforms.items()):
         A = motion_to_parent(motion.R, motion.p, core.chain.c[i + 1])
         out[f"platform {i}"] = pack(motion.R, motion.p, motion.V, A)
     for o, body in enumerate(core.outputs):
         if options.carries[o]:
-            V, A = _seen(core.chain, body, options.velocity)
+            V, A = _relative_motion(core.chain, body, options.velocity)
             out[f"V {o}"], out[f"A {o}"] = pack(V[-twist_width(options.velocity) :]), pack(A)
     return out
 
 
-def _seen(chain: Chain, body: int, velocity: bool) -> tuple[Expression, Expression]:
-    """Return a body's twist and acceleration as one sees them who moves with its origin (`base_motion`)."""
+def _relative_motion(chain: Chain, body: int, velocity: bool) -> tuple[Expression, Expression]:
+    """Return a body's twist and acceleration relative to an observer at its origin (`base_motion`)."""
     V, A = chain.V[body], chain.c[body]
     return (resting(V), classical(V, A)) if velocity else (V, A)
 
 
-def _needed(core: Core, plan: Plan, options: InverseOptions, moving: Chain, a: Expression) -> _Needed:
-    """Return the forces that a motion needs, without joint laws.
+def _required_forces(
+    core: Core, plan: Plan, options: InverseOptions, moving: Chain, a: Expression
+) -> _RequiredForces:
+    """Compute the forces that a motion requires, without joint laws.
 
     Args:
         core: The core.
         plan: The module.
-        options: The effects.
-        moving: The core's motion as far as it needs forces.
+        options: Options of the inverse model.
+        moving: The core's motion for inertial forces (rates zero without velocity terms).
         a: Accelerations of the spanning tree.
     """
     parts, b = plan.parts, forces(moving)
-    out = _Needed(b, [x * u for x, u in zip(b[6:], core.units, strict=True)], plan.mechanism.length, {})
+    terms = [x * u for x, u in zip(b[6:], core.units, strict=True)]
+    out = _RequiredForces(b, terms, plan.mechanism.length, {})
     for k, col in enumerate(parts.tree_v):
         if parts.v[k] >= 0 and options.rotor[col]:
             b[6 + k] = b[6 + k] + a[parts.v[k]] * options.rotor[col]
@@ -153,11 +156,11 @@ def _needed(core: Core, plan: Plan, options: InverseOptions, moving: Chain, a: E
     return out
 
 
-def _add_output(core: Core, plan: Plan, options: InverseOptions, o: int, out: _Needed) -> None:
-    """Add the wrench that an output needs, with those of the modules on it, Eqs. (30)-(32)."""
+def _add_output(core: Core, plan: Plan, options: InverseOptions, o: int, out: _RequiredForces) -> None:
+    """Add the wrench that an output and the modules on it require, Eqs. (30)-(32)."""
     chain, body = core.chain, core.outputs[o]
     own = own_inertia(plan, options.inertias[o], o)
-    V, A = _seen(chain, body, options.velocity)
+    V, A = _relative_motion(chain, body, options.velocity)
     W = momentum(own, A)
     out.count(W)
     if options.velocity:
@@ -170,13 +173,14 @@ def _add_output(core: Core, plan: Plan, options: InverseOptions, o: int, out: _N
 
 
 def _efforts(
-    core: Core, plan: Plan, options: InverseOptions, Psi: Expression, needed: _Needed, pivots: Pivots | None
-) -> tuple[Expression, Any]:
-    """Return the motors' efforts B tau = Psi^T b, Eq. (33), and the guard of their map."""
+    core: Core, plan: Plan, options: InverseOptions, Psi: Expression, needed: _RequiredForces,
+    pivots: Pivots | None,
+) -> tuple[Expression, Any]:  # fmt: skip
+    """Solve B tau = Psi^T b, Eq. (33), for the motor efforts; return them and the guard of the motor map."""
     parts, moving = plan.parts, options.moving
     B = _motor_map(core, plan, options, Psi, needed.received)[:, list(moving)]
     if len(moving) > B.shape[0] and not options.share:
-        return zeros(len(options.motors)), ca.SX(np.inf)  # the general path says what is missing
+        return zeros(len(options.motors)), ca.SX(np.inf)  # the general path raises the error
     size = needed.size() if len(moving) < B.shape[0] else ca.SX(0.0)
     free = [k for k in range(len(parts.tree_v)) if k not in plan.loop_pivots.cols]
     summed = (size, plan.mechanism.reduction.col_scale[parts.tree_v[free]], plan.scale.closed)
@@ -188,23 +192,23 @@ def _efforts(
 
 
 def _base_wrench(core: Core, b: Expression) -> Expression:
-    """Return the wrench that a module needs of its base: its own and its platforms'."""
+    """Compute the wrench that the base must exert on a module: its own and its platforms'."""
     F = b[:6]
     for i in sorted(core.chain.platforms):
         F = F + b[core.chain.columns_of(i + 1)]
     return F
 
 
-def _apart(core: Core, plan: Plan, a: Expression, A_base: Expression) -> Any:
-    """Return the guard of accelerations with which the core's loops come apart."""
+def _acceleration_guard(core: Core, plan: Plan, a: Expression, A_base: Expression) -> Any:
+    """Return the guard that accelerations keep the core's loops closed."""
     own = np.array([a[k] if k >= 0 else 0.0 for k in plan.parts.v], dtype=object)
     motions = [A_base, *(core.chain.c[i + 1] for i in core.platforms)]
     haste = size_of(own, core.units, motions, plan.mechanism.length) + core.speed * core.speed
     return accelerating_apart(core.rows.apart, haste, plan.scale.closed)
 
 
-def _slow(core: Core, plan: Plan, q: Expression, a: Expression, base: BaseMotion) -> Chain:
-    """Return the core's motion with rates that count as zero in inertial forces."""
+def _without_rates(core: Core, plan: Plan, q: Expression, a: Expression, base: BaseMotion) -> Chain:
+    """Compute the core's motion with zero rates, for inertial forces without velocity terms."""
     parts, chain = plan.parts, core.chain
     placed = {}
     for i in core.platforms:
@@ -221,7 +225,7 @@ def _slow(core: Core, plan: Plan, q: Expression, a: Expression, base: BaseMotion
 def _motor_map(
     core: Core, plan: Plan, options: InverseOptions, Psi: Expression, inputs: dict[str, ca.SX]
 ) -> Expression:
-    """Return B, the work of each motor along each motion, shape (N, motors)."""
+    """Compute the motor map B, the work of each motor along each motion, shape (N, motors)."""
     parts = plan.parts
     columns: dict[int, Expression] = {int(col): Psi[k] for k, col in enumerate(parts.tree_v)}
     for n, group in enumerate(parts.groups):

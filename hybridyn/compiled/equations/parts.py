@@ -1,7 +1,7 @@
-"""A module's parts for writing out: a core, and groups of equal legs between the base and a platform.
+"""Split a module into its core and groups of equal legs between the base and a platform.
 
-A leg of a group hangs from the base, ends at one platform, and its closure tells all its joints from the
-platform's motion. Everything else (platforms, serial joints, loops of other shapes) is the core.
+A leg of a group starts at the base and ends at one platform, and its closure determines all its joints from
+the platform's motion. Everything else (platforms, serial joints, other loops) belongs to the core.
 """
 
 from __future__ import annotations
@@ -20,7 +20,8 @@ from .expressions import Expression, plain, zeros
 from .links import Link, aligned, askew, links_of, regrouped
 from .rigid import moved, ten_numbers
 
-#: A closure tells a leg's joints where, at most generic postures, its rows are better conditioned than this.
+#: Least reciprocal condition number (median over generic postures) of a leg's closure Jacobian: above it the
+#: closure determines the leg's joints.
 LOCATED_LEG = 1e-4
 
 
@@ -30,10 +31,10 @@ class Leg:
 
     Attributes:
         links: Its links, parents numbered inside the leg.
-        closure: Its closure: frames in aligned axes; `on_a` says that the leg is the predecessor.
+        closure: Its closure, with frames in aligned axes.
         on_a: Whether the leg's body is the closure's predecessor.
-        end: Body of the leg that the closure holds, numbered inside the leg (1 is the first).
-        platform: Link of the core that it is held to.
+        end: Body of the leg in the closure, numbered inside the leg (1 is the first).
+        platform: Link of the core that the closure connects it to.
         q, v: Its coordinates in the module's spanning tree.
         tree_v: Its freedoms in the tree after the cuts.
         tree_q: Its coordinates in the tree after the cuts.
@@ -52,22 +53,22 @@ class Leg:
 
 @dataclass(frozen=True)
 class Parts:
-    """A module ready for writing out.
+    """A module split into its core and its groups of equal legs.
 
     Attributes:
         mechanism: The module.
         links: Links of the core.
-        turns: New axes of each body of the core (base first) in its old ones, shape (3, 3).
-        bodies: For each body of the core (base first) its number in the mechanism's tree.
+        turns: New axes of each body of the core (base first) in its old axes, shape (3, 3).
+        bodies: For each body of the core (base first) its index in the mechanism's tree.
         platforms: Links of the core that are platforms.
-        closures, couplings: Those of the core, bodies and joints numbered in the core, axes aligned.
-        closure_rows: Rows of each of them in the mechanism's closures.
-        tree_q, tree_v: Coordinates of the core in the tree after the cuts.
+        closures, couplings: Those of the core; bodies and joints numbered in the core, axes aligned.
+        closure_rows: Their rows in the mechanism's closures.
+        tree_q, tree_v: Coordinates and freedoms of the core in the tree after the cuts.
         q, v: The same in the spanning tree, -1 for those of platforms.
         groups: Groups of equal legs.
-        base: Ten numbers that the links' regrouping hands to the base.
-        rank: Independent rows of the core.
-        own: Ten numbers of each body of the tree, where they are inputs.
+        base: Ten inertial numbers that regrouping moves to the base.
+        rank: Rank of the core's closures.
+        own: Ten inertial numbers of each body of the tree if they are inputs, else None.
     """
 
     mechanism: Mechanism
@@ -101,12 +102,13 @@ def parts_of(
 
     Args:
         mechanism: The module.
-        marks: What acts on each freedom of its tree; equal legs have equal marks.
+        marks: Motors and laws on each freedom of its tree; equal legs have equal marks.
         leg_inertia: Whether legs have mass.
         regroup: Whether base inertial parameters are used.
-        align: Whether bodies' axes are turned into their joints', else away from them: what that saves.
-        own: For each body of the tree after the cuts (without the base) its ten numbers as expressions, where
-            they are inputs of the model; no legs are grouped then, and nothing is regrouped.
+        align: Whether body axes are aligned with the joint axes; otherwise they are turned away from them, to
+            count what alignment saves.
+        own: Ten inertial numbers of each body of the tree after the cuts (without the base) as expressions,
+            if they are inputs of the model. Then no legs are grouped and nothing is regrouped.
     """
     spec = mechanism.spec
     links, turns, base = _links(mechanism, leg_inertia, regroup, aligned if align else askew, own)
@@ -145,7 +147,7 @@ def _links(
     turned: Callable[[list[Link], frozenset[int]], tuple[list[Link], list[Array]]],
     own: tuple[Expression, ...] | None,
 ) -> tuple[list[Link], list[Array], Array]:
-    """Return the links of the tree, the turns of its bodies' axes, and what regrouping hands to the base."""
+    """Return the tree's links, its bodies' turns, and the ten numbers that regrouping moves to the base."""
     spec, base = mechanism.spec, np.zeros(10)
     inertias = [ten_numbers(body if leg_inertia else None) for body in spec.leg_bodies]
     links, turns = turned(links_of(spec.tree, inertias), frozenset(spec.outputs))
@@ -160,7 +162,7 @@ def _links(
 
 
 def _held_legs(mechanism: Mechanism) -> dict[tuple[int, ...], int]:
-    """Give the legs that may be grouped, as bodies of the tree, each with the closure that holds its end."""
+    """Return the legs that may be grouped, as bodies of the tree, each with the closure at its end."""
     found = {bodies: _closure_of_leg(mechanism, bodies) for bodies in mechanism.spec.legs}
     return {bodies: at for bodies, at in found.items() if at is not None}
 
@@ -185,7 +187,7 @@ def _leg(
 
 
 def _renumbered(links: list[Link], joints: list[int], number: dict[int, int]) -> tuple[Link, ...]:
-    """Return some links, their parents numbered anew."""
+    """Return the links of some joints with renumbered parents."""
     return tuple(replace(links[j], parent=number[links[j].parent]) for j in joints)
 
 
@@ -199,7 +201,7 @@ def _columns(mechanism: Mechanism, joints: list[int]) -> dict[str, Index]:
 
 
 def _rows(mechanism: Mechanism, used: list[int]) -> tuple[int, ...]:
-    """Return the closures' rows of those that the core uses, and of all couplings."""
+    """Return the rows of the closures of the core, and of all couplings."""
     rows = mechanism.closures.row_slices
     of_closures = [r for i in used for r in range(rows[i].start, rows[i].stop)]
     coupled = [at.start for at in rows[len(mechanism.spec.cut_closures) :]]
@@ -213,7 +215,7 @@ def _turned(c: TreeClosure, turns: list[Array]) -> TreeClosure:
 
 
 def _spanning_columns(mechanism: Mechanism) -> tuple[Index, Index]:
-    """Give for each coordinate and freedom of the tree its number in the spanning tree, -1 for platforms'."""
+    """Return the index in the spanning tree of each coordinate and freedom of the tree, -1 for platforms."""
     q, v = np.full(mechanism.tree.nq, -1), np.full(mechanism.tree.nv, -1)
     for i, source in enumerate(mechanism.spec.tree_joint):
         if source is not None:
@@ -226,7 +228,7 @@ def _spanning_columns(mechanism: Mechanism) -> tuple[Index, Index]:
 
 
 def _closure_of_leg(mechanism: Mechanism, bodies: tuple[int, ...]) -> int | None:
-    """Return the one closure that ties a leg to a platform and tells its joints, or None."""
+    """Return the one closure that connects a leg to a platform and determines its joints, or None."""
     spec, tree, inside = mechanism.spec, mechanism.tree, set(bodies)
     touching = [i for i, c in enumerate(spec.cut_closures) if {c.body_a, c.body_b} & inside]
     if len(touching) != 1 or not _hangs_alone(spec, inside):
@@ -244,7 +246,7 @@ def _closure_of_leg(mechanism: Mechanism, bodies: tuple[int, ...]) -> int | None
 
 
 def _hangs_alone(spec: ModuleSpec, inside: set[int]) -> bool:
-    """Say whether bodies hang from the base alone, and nothing from them: no body, no output, no coupling."""
+    """Return whether bodies hang from the base alone and carry no other body, no output and no coupling."""
     parents = {spec.tree[b - 1].parent for b in inside}
     hanging = {joint.parent for i, joint in enumerate(spec.tree) if i + 1 not in inside}
     coupled = {j + 1 for c in spec.cut_couplings for j, _ in c.terms}
@@ -252,7 +254,7 @@ def _hangs_alone(spec: ModuleSpec, inside: set[int]) -> bool:
 
 
 def _groups(legs: list[Leg], marks: tuple[str, ...]) -> tuple[tuple[Leg, ...], ...]:
-    """Gather legs that differ in numbers only."""
+    """Group legs that differ in their numbers only."""
     out: dict[tuple[object, ...], list[Leg]] = {}
     for leg in legs:
         shape = tuple((link.kind, link.parent, tuple(link.axis.tolist())) for link in leg.links)

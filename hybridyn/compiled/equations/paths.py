@@ -1,4 +1,4 @@
-"""Chains of the spanning tree that the cuts took away: where platforms are, and how wrists follow them."""
+"""Wrists removed by the cuts: paths to their ends, platform motion, and the wrists' accelerations."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ class Path:
 
     Attributes:
         wrist: The wrist.
-        joints: Numbers of its joints in the spanning tree.
-        links: The same as a chain.
-        wrist_from: Where the wrist begins in it.
+        joints: Indices of its joints in the spanning tree.
+        links: Its joints as a chain of links.
+        wrist_from: Index of the wrist's first joint in the path.
         q, v: Coordinates in the module's spanning tree.
     """
 
@@ -60,7 +60,7 @@ def path_of(mechanism: Mechanism, wrist: WristSpec) -> Path:
 
 
 def wrist_pivots(path: Path, positions: Array, length: float) -> Pivots:
-    """Choose the pivots of a wrist's rates at generic positions of the path, shape (samples, nq)."""
+    """Choose the pivots of a wrist's Jacobian at generic positions of the path, shape (samples, nq)."""
     column, q = symbols("q", sum(NQ[link.kind] for link in path.links))
     chain = sweep(list(path.links), q, zeros(sum(NV[link.kind] for link in path.links)), zeros(6))
     S = wrist_jacobian(path, chain)
@@ -73,12 +73,12 @@ def wrist_pivots(path: Path, positions: Array, length: float) -> Pivots:
 
 
 def _turns_only(column: Expression) -> bool:
-    """Say whether a joint's axis turns."""
+    """Return whether a joint's motion has a rotational part."""
     return any(not (isinstance(x, float) and x == 0.0) for x in column[3:])
 
 
 def wrist_jacobian(path: Path, chain: Chain) -> Expression:
-    """Return the motion of the wrist's end over the wrist's rates, the end's frame, shape (6, wrist's nv)."""
+    """Compute the Jacobian of a wrist's end over the wrist's rates, end frame, shape (6, wrist nv)."""
     columns: list[Expression] = []
     for i in range(path.wrist_from, len(path.links)):
         columns = [to_child(chain.R[i], chain.p[i], column) for column in columns]
@@ -89,16 +89,16 @@ def wrist_jacobian(path: Path, chain: Chain) -> Expression:
 def wrist_accelerations(
     path: Path, chain: Chain, target: Expression, pivots: Pivots
 ) -> tuple[Expression, ca.SX]:
-    """Return the wrist's accelerations that make its end follow.
+    """Solve for the wrist's accelerations that give its end a required acceleration.
 
     Args:
         path: The path.
-        chain: Its motion, with the accelerations of the joints before the wrist and zero in it.
-        target: Acceleration that the end must have, its own frame.
-        pivots: Pivots of the wrist's rates.
+        chain: Its motion, with the accelerations of the joints before the wrist and zeros for the wrist.
+        target: Required acceleration of the end, end frame, shape (6,).
+        pivots: Pivots of the wrist's Jacobian.
 
     Returns:
-        Accelerations, shape (wrist's nv,), and the smallest pivot over its usual size.
+        Accelerations, shape (wrist nv,), and the smallest pivot over its usual size.
     """
     miss = target - chain.c[-1]
     X, trust = solve(wrist_jacobian(path, chain), miss[:, None], pivots)

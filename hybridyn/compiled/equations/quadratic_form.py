@@ -1,7 +1,7 @@
-"""The quadratic form of one module over s = [V_dot_base; y]: M s + b is what its motion needs.
+"""Quadratic form of one module over s = [V_dot_base; y]: its motion requires the generalised forces M s + b.
 
-Its core's links are in it, its legs as they act on base and platform, and its outputs with what stands on
-them: their articulated inertia and bias.
+It contains the core's links, the legs as they act on base and platform, and the outputs with the articulated
+inertia and bias of the modules on them.
 """
 
 from __future__ import annotations
@@ -15,21 +15,21 @@ from .expressions import Expression, congruence, dot, hat, symbols, symmetric, z
 from .options import DirectOptions
 from .rigid import classical, crf, inertia_matrix, matrix_moved, momentum, moved, resting, to_parent
 
-#: What the legs of a platform bring (`legs.leg_sums`), and how many numbers each takes.
+#: Contributions of the legs of a platform (`legs.leg_sums`), and the size of each.
 LEG_SUMS = (("S1", 10), ("B", 36), ("L", 21), ("b_base", 6), ("b_delta", 6))
 
 
 def quadratic_form(
     core: Core, plan: Plan, options: DirectOptions, forced: list[int], received: dict[str, ca.SX]
 ) -> tuple[Expression, Expression]:
-    """Return M and b.
+    """Compute M, shape (6 + nv, 6 + nv), and b, shape (6 + nv,).
 
     Args:
         core: The core.
         plan: The module.
-        options: What the direct model asks for.
+        options: Options of the direct model.
         forced: Freedoms of the core on which an effort acts.
-        received: Columns of symbols of what comes from elsewhere, by name; filled in.
+        received: Filled with the columns of symbols that other kernels provide, by name.
     """
     chain, parts = core.chain, plan.parts
     tau_column, tau = symbols("tau", len(forced))
@@ -49,7 +49,7 @@ def quadratic_form(
 
 
 def _add_legs(core: Core, i: int, M: Expression, b: Expression, received: dict[str, ca.SX]) -> Expression:
-    """Add what the legs of platform i brought over [V_dot_base; delta] to M and b; give S1, ten numbers."""
+    """Add the legs of platform i, given over [V_dot_base; delta], to M and b; return S1 as ten numbers."""
     columns = {name: symbols(f"{name} {i}", size) for name, size in LEG_SUMS}
     received |= {f"{name} {i}": column for name, (column, _) in columns.items()}
     S1, B, L, b_base, b_delta = (entries for _, entries in columns.values())
@@ -68,7 +68,7 @@ def _add_output(
     core: Core, plan: Plan, options: DirectOptions, o: int, M: Expression, b: Expression,
     received: dict[str, ca.SX],
 ) -> None:  # fmt: skip
-    """Add an output's inertia and bias, its own or articulated, to M and b."""
+    """Add the inertia and bias of an output, its own or articulated, to M and b."""
     chain, body = core.chain, core.outputs[o]
     R0, p0, V = chain.R0[body], chain.p0[body], chain.V[body]
     own = own_inertia(plan, options.inertias[o], o)
@@ -89,5 +89,5 @@ def _add_output(
 
 
 def bias_of(own: Expression, V: Expression, velocity: bool) -> Expression:
-    """Return crf(V) (I V) of a body, V as an observer sees it who moves with its origin."""
+    """Compute crf(V) (I V) of a body, where V is relative to an observer who moves with its origin."""
     return crf(resting(V), momentum(own, resting(V))) if velocity else zeros(6)

@@ -1,6 +1,6 @@
-"""Closure residuals and their rows on a module's spanning tree (see `linkage.closures`), for Newton's method.
+"""Closure residuals and their Jacobian on a module's spanning tree, for Newton's method.
 
-Unlike the rows of the models (`loops`) these hold of loops that are still open.
+See `linkage.closures`. Unlike the rows of the models (`loops`), these also hold for open loops.
 """
 
 from __future__ import annotations
@@ -15,12 +15,12 @@ from .chains import Chain
 from .expressions import Expression, cross, dot, zeros
 from .rigid import motion_to_parent
 
-#: A closure's frames, each on its body: axes and origin of A, axes and origin of B.
+#: Frames of a closure on its bodies: axes and origin of A, axes and origin of B.
 Frames = tuple[Expression, Expression, Expression, Expression]
 
 
 class SpanningRows:
-    """Residuals and rows over the rates of a spanning tree at one posture."""
+    """Residuals and Jacobian rows over the rates of a spanning tree at one posture."""
 
     def __init__(self, chain: Chain) -> None:
         self._chain = chain
@@ -30,7 +30,7 @@ class SpanningRows:
         ]
 
     def closure(self, c: TreeClosure, frames: Frames) -> tuple[Expression, Expression]:
-        """Return a closure's residual, shape (rows,), and rows, shape (rows, nv)."""
+        """Compute a closure's residual, shape (rows,), and Jacobian, shape (rows, nv)."""
         R_a, p_a, R_b, p_b = frames
         A, pa = self._frame(c.body_a, R_a, p_a)
         B, pb = self._frame(c.body_b, R_b, p_b)
@@ -48,7 +48,7 @@ class SpanningRows:
         return np.array(residual, dtype=object), rows
 
     def _frame(self, body: int, R: Expression, p: Expression) -> tuple[Expression, Expression]:
-        """Return axes and origin of a frame on a body, base axes."""
+        """Compute axes and origin of a frame on a body, in the base frame."""
         R0 = self._chain.R0[body]
         return dot(R0, R), self._chain.p0[body] + dot(R0, p)
 
@@ -62,7 +62,7 @@ class SpanningRows:
 
 
 def _turning(rotation: str, A: Expression, B: Expression) -> list[tuple[Any, Expression]]:
-    """Return the angles that must vanish, each with the axis of its rate."""
+    """Return the rotational residuals, each with the axis of its rate."""
     z = B[:, 2]
     if rotation == "fixed":
         pairs = [(1, 2), (2, 0), (0, 1)]
@@ -80,7 +80,7 @@ def _turning(rotation: str, A: Expression, B: Expression) -> list[tuple[Any, Exp
 def coupling_row(
     chain: Chain, coupling: TreeCoupling, positions: list[Expression], offset: Any
 ) -> tuple[Any, Expression]:
-    """Return a coupling's residual and row, shape (nv,)."""
+    """Compute a coupling's residual, and its Jacobian row of shape (nv,)."""
     row, total, endless = zeros(chain.nv), -offset, []
     for joint, coefficient in coupling.terms:
         at, x = chain.v_slices[joint].start, positions[joint]
@@ -91,7 +91,7 @@ def coupling_row(
         else:
             total = total + coefficient * x[0]
     period = 2 * np.pi * common_measure(endless)
-    if period:  # whole turns of a continuous joint cannot be seen in its cosine and sine
+    if period:  # cosine and sine of a continuous joint do not count its whole turns
         total = total - period * ca.floor(total / period + 0.5)
     return total, row
 

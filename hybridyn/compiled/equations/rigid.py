@@ -1,7 +1,8 @@
-"""Rigid bodies in expressions: ten numbers of an inertia, twists, wrenches, and how they change frames.
+"""Rigid-body algebra in expressions: inertias, twists, wrenches, and their changes of frame.
 
-An inertia is (m, h, I): mass, first moment m c, inertia about the frame's origin (xx, xy, xz, yy, yz, zz).
-Twists and wrenches are linear first. A frame stands in its parent by axes R and origin p.
+An inertia is ten numbers (m, h, I): mass, first moment m c, inertia about the frame's origin (xx, xy, xz,
+yy, yz, zz). Twists and wrenches have their linear part first. A frame is given in its parent by its axes R
+and its origin p.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from .expressions import Expression, congruence, cross, dot, hat, plain, symmetr
 
 
 def ten_numbers(body: Body | None) -> Array:
-    """Return the ten numbers of a body's inertia in its frame; zeros for no body."""
+    """Compute the ten numbers of a body's inertia in its frame, shape (10,); zeros for no body."""
     if body is None:
         return np.zeros(10)
     c = np.asarray(body.com, dtype=float)
@@ -23,7 +24,7 @@ def ten_numbers(body: Body | None) -> Array:
 
 
 def moved(inertia: Expression, R: Expression, p: Expression) -> Expression:
-    """Return an inertia in the parent's frame."""
+    """Transform an inertia (ten numbers) from the child's frame to the parent's."""
     m, h, turned = inertia[0], dot(R, inertia[1:4]), congruence(R.T, symmetric(inertia[4:], 3))
     cross_terms = dot(hat(p), hat(h)) + dot(hat(h), hat(p))
     mass_terms = dot(hat(p), hat(p))
@@ -35,7 +36,7 @@ def moved(inertia: Expression, R: Expression, p: Expression) -> Expression:
 
 
 def inertia_matrix(inertia: Expression) -> Expression:
-    """Return the 6-D matrix, shape (6, 6)."""
+    """Return an inertia as a spatial matrix, shape (6, 6)."""
     out = zeros(6, 6)
     for i in range(3):
         out[i, i] = inertia[0]
@@ -45,41 +46,41 @@ def inertia_matrix(inertia: Expression) -> Expression:
 
 
 def momentum(inertia: Expression, V: Expression) -> Expression:
-    """Return I V, shape (6,)."""
+    """Compute the spatial momentum I V, shape (6,)."""
     v, w, h = V[:3], V[3:], inertia[1:4]
     linear = np.array([times(inertia[0], x) for x in v], dtype=object) + cross(w, h)
     return np.concatenate([linear, cross(h, v) + dot(symmetric(inertia[4:], 3), w)])
 
 
 def to_child(R: Expression, p: Expression, V: Expression) -> Expression:
-    """Return a motion vector of the parent's frame in the child's."""
+    """Transform a motion vector from the parent's frame to the child's."""
     return np.concatenate([dot(R.T, V[:3] + cross(V[3:], p)), dot(R.T, V[3:])])
 
 
 def to_parent(R: Expression, p: Expression, F: Expression) -> Expression:
-    """Return a wrench in the child's frame in the parent's."""
+    """Transform a wrench from the child's frame to the parent's."""
     f = dot(R, F[:3])
     return np.concatenate([f, dot(R, F[3:]) + cross(p, f)])
 
 
 def motion_to_parent(R: Expression, p: Expression, V: Expression) -> Expression:
-    """Return a motion vector in the child's frame in the parent's."""
+    """Transform a motion vector from the child's frame to the parent's."""
     w = dot(R, V[3:])
     return np.concatenate([dot(R, V[:3]) + cross(p, w), w])
 
 
 def crm(V: Expression, U: Expression) -> Expression:
-    """Return V x U of motion vectors."""
+    """Compute the cross product V x U of motion vectors, shape (6,)."""
     return np.concatenate([cross(V[3:], U[:3]) + cross(V[:3], U[3:]), cross(V[3:], U[3:])])
 
 
 def crf(V: Expression, F: Expression) -> Expression:
-    """Return V x* F of a twist and a wrench."""
+    """Compute the cross product V x* F of a twist and a wrench, shape (6,)."""
     return np.concatenate([cross(V[3:], F[:3]), cross(V[3:], F[3:]) + cross(V[:3], F[:3])])
 
 
 def matrix_moved(M: Expression, R: Expression, p: Expression) -> Expression:
-    """Return a symmetric 6-D inertia matrix of the child's frame in the parent's."""
+    """Transform a symmetric spatial inertia matrix from the child's frame to the parent's, shape (6, 6)."""
     a, b, c = congruence(R.T, M[:3, :3]), dot(R, dot(M[:3, 3:], R.T)), congruence(R.T, M[3:, 3:])
     P = hat(p)
     aP = dot(a, P)  # [I 0; P I] [a b; b' c] [I P'; 0 I]
@@ -96,17 +97,17 @@ def matrix_moved(M: Expression, R: Expression, p: Expression) -> Expression:
 
 
 def resting(V: Expression) -> Expression:
-    """Return a twist as an observer sees it who moves with the frame's origin: the rotation alone."""
+    """Return a twist relative to an observer who moves with the frame's origin: the angular part alone."""
     return np.concatenate([zeros(3), V[3:]])
 
 
 def classical(V: Expression, A: Expression) -> Expression:
-    """Return an acceleration as that observer sees it: of the origin itself, not of what passes there."""
+    """Convert a spatial acceleration to the classical one, that of the body's point at the origin."""
     return np.concatenate([A[:3] + cross(V[3:], V[:3]), A[3:]])
 
 
 def quaternion_matrix(q: Expression) -> Expression:
-    """Return the rotation of a unit quaternion (x, y, z, w)."""
+    """Return the rotation matrix of a unit quaternion (x, y, z, w), shape (3, 3)."""
     x, y, z, w = q
     return np.array(
         [

@@ -1,4 +1,4 @@
-"""The author's closures on spanning trees of one shape, and which of their coordinates depend on which."""
+"""All closures of modules of one shape on their spanning trees, and the choice of dependent coordinates."""
 
 from __future__ import annotations
 
@@ -18,15 +18,22 @@ from .residuals import SpanningRows, coupling_row
 from .states import generic_positions
 from .static_elimination import Pivots, choose_pivots
 
-#: Smaller pivots would keep the rows sparser, and steps in time less exact: by 50 times at 0.1, by 3 here, of
-#: what charts of the tangent space give.
+#: Pivots smaller than the best by this factor may be chosen to keep the rows sparse. Smaller factors keep
+#: them sparser, but time steps are less exact than with charts of the tangent space: by 50 times at 0.1, by 3
+#: here.
 SPARSE_SPANNING = 0.5
-#: Factor on pivots of freedoms that are to stay independent: they serve only where all others are this small.
+#: Factor on pivots of freedoms that should stay independent: they are chosen only if all others are this
+#: small.
 LAST = 1e-4
 
 
 def shape_of(module: Module, *more: Any) -> Any:
-    """Return what modules must share to be written once, beside what else must be equal."""
+    """Return a key that is equal for modules that share one kernel.
+
+    Args:
+        module: The module.
+        more: Further parts of the key.
+    """
     spec = module.mechanism.spec
     if not module.mechanism.spanning_closures.rows:
         return tuple(joint.kind for joint in spec.spanning), *more
@@ -39,7 +46,13 @@ def shape_of(module: Module, *more: Any) -> Any:
 def spanning_closures(
     modules: list[Module], folding: Folding, q: Expression
 ) -> tuple[Expression, Expression]:
-    """Give rows and residuals of all closures, shapes (rows, nv) and (rows,); modules differ in `folding`."""
+    """Compute the Jacobian, shape (rows, nv), and residual, shape (rows,), of all closures.
+
+    Args:
+        modules: Modules of one shape.
+        folding: Collects the numbers in which they differ.
+        q: Positions of the spanning tree.
+    """
     tree = modules[0].mechanism.spanning
     positions = [q[at] for at in tree.q_slices]
     specs = [module.mechanism.spec for module in modules]
@@ -60,11 +73,11 @@ def spanning_closures(
 
 
 def dependent_pivots(modules: list[Module], last: Sequence[int] = ()) -> Pivots:
-    """Choose dependent coordinates that are good at generic postures of all modules of a shape.
+    """Choose dependent coordinates with large pivots at generic postures of all modules of a shape.
 
     Args:
         modules: The modules.
-        last: Freedoms that are to stay independent where others can depend on them.
+        last: Freedoms that should stay independent if possible.
     """
     m, folding = modules[0].mechanism, Folding()
     q_col, q = symbols("q", m.spanning.nq)

@@ -1,7 +1,7 @@
-"""Cut one graph of expressions into functions that run at different times.
+"""Cut one graph of expressions into stages that run at different times.
 
-A model is written as one graph. Some of its inputs are known only later (a later stage), so it is cut: what a
-later stage needs of an earlier one is handed over, once each, and nothing is computed twice.
+A model is written as one graph, but some of its inputs are known only at a later stage. Each stage passes the
+intermediate results that later stages need on to them. So nothing is computed twice.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ class Stage:
     """One stage of a cut graph.
 
     Attributes:
-        inputs: Names of its inputs in order; ("from", s) is what stage s hands over to it.
-        outputs: Names of its outputs in order; ("to", t) is what it hands over to stage t.
+        inputs: Names of its inputs in order; ("from", s) holds the intermediate results of stage s.
+        outputs: Names of its outputs in order; ("to", t) holds the intermediate results for stage t.
         function: The CasADi function.
     """
 
@@ -36,9 +36,9 @@ class _Graph:
     """The instructions of a function in single-assignment form.
 
     Attributes:
-        code: For each node its operation, operands, and a constant's value or an input's place.
-        stage: Stage at which each node is known.
-        results: For each output its nodes.
+        code: Operation and operands of each node, and the value of a constant or the indices of an input.
+        stage: First stage at which each node can be computed.
+        results: Nodes of each output.
     """
 
     code: list[tuple[int, tuple[Node, ...], Any]] = field(default_factory=list)
@@ -47,15 +47,15 @@ class _Graph:
 
 
 def cut(name: str, inputs: list[dict[str, ca.SX]], outputs: list[dict[str, ca.SX]]) -> list[Stage]:
-    """Cut a graph.
+    """Cut a graph into stages.
 
     Args:
-        name: Name of the functions; stage s is `name`_s.
-        inputs: For each stage the columns of symbols that are known from it on, by name.
-        outputs: For each stage the columns that it must give, by name.
+        name: Prefix of the functions' names; stage s is `name`_s.
+        inputs: For each stage the columns of symbols that are first known at it, by name.
+        outputs: For each stage the columns that it must compute, by name.
 
     Returns:
-        One stage each. Inputs that a stage does not use are left out of it; earlier ones that it uses are in.
+        The stages. The inputs of a stage are those it uses, also those of earlier stages.
     """
     given = [(s, n, column) for s, columns in enumerate(inputs) for n, column in columns.items()]
     wanted = [(s, n, column) for s, columns in enumerate(outputs) for n, column in columns.items()]
@@ -91,7 +91,7 @@ def _read(whole: ca.Function, stage_of_input: list[int]) -> _Graph:
 
 
 def _handed(graph: _Graph, stage_of_output: list[int], stages: int) -> dict[tuple[int, int], list[Node]]:
-    """Return the nodes that each stage hands over to each later one."""
+    """Return the nodes that each stage (first key) passes to each later one (second key)."""
     needed: dict[tuple[int, int], dict[Node, None]] = {}
 
     def ask(node: Node, by: int) -> None:

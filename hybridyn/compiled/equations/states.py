@@ -1,4 +1,4 @@
-"""Assembled states of a robot, module by module: where pivots are chosen, and where models are compared."""
+"""Draw assembled states of a robot, to choose pivots and to compare models."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from ...structure.robot import HybridRobot
 
 
 def generic_positions(module: Module) -> Array:
-    """Return positions of a module's spanning tree at its generic postures, shape (samples, nq).
+    """Compute positions of a module's spanning tree at its generic postures, shape (samples, nq).
 
-    Home is the first where the loops are closed there.
+    Home is the first posture if its loops are closed.
     """
     m = module.mechanism
     postures = seen_postures(m)
@@ -25,14 +25,14 @@ def generic_positions(module: Module) -> Array:
 
 
 def seen_postures(mechanism: Mechanism) -> Array:
-    """Return generic postures of the cut tree, home first where it is closed, shape (samples, nq)."""
+    """Return generic postures of the cut tree, shape (samples, nq); home is first if its loops are closed."""
     if not mechanism.home_closes:
         return mechanism.postures
     return np.concatenate([mechanism.home[None], mechanism.postures])
 
 
 def random_states(robot: HybridRobot, count: int, seed: int = 0) -> tuple[Array, Array, Array, Array]:
-    """Return assembled states with rates, efforts, and the accelerations that follow from them.
+    """Draw assembled states with rates and efforts, and compute their accelerations.
 
     Returns:
         q, v, a, tau, shapes (count, nq), (count, nv), (count, nv), (count, motors).
@@ -42,7 +42,7 @@ def random_states(robot: HybridRobot, count: int, seed: int = 0) -> tuple[Array,
 
 
 def moving_states(robot: HybridRobot, count: int, seed: int = 0) -> tuple[Array, Array, Array]:
-    """Return assembled states with rates, and efforts.
+    """Draw assembled states with rates and efforts.
 
     Returns:
         q, v, tau, shapes (count, nq), (count, nv), (count, motors).
@@ -76,7 +76,7 @@ def moving_states(robot: HybridRobot, count: int, seed: int = 0) -> tuple[Array,
 
 
 def _weight(robot: HybridRobot) -> Array:
-    """Return efforts of the size of the robot's weight on each motor, shape (motors,)."""
+    """Compute efforts of the magnitude of the robot's weight, shape (motors,), [N or N m]."""
     mass = sum(body.mass for body in robot.bodies.bodies)
     size = mass * max(float(np.linalg.norm(robot.gravity)), 1.0)
     units = {
