@@ -1,12 +1,12 @@
 """Motion and forces of a tree of links in expressions, every body in its own frame (appendices A to C).
 
-The tree hangs from the module's base and from its platforms ("roots"); a platform's motion is given. Twists
-are absolute: the base's own twist is in them. Accelerations are spatial (Pinocchio's). The unknowns that maps
-and matrices are written over are
+The roots of the tree are the module's base and its platforms, whose motion is given. Twists are absolute:
+they include the base's twist. Accelerations are spatial, as in Pinocchio. Maps and matrices are written over
+the unknowns
 
     s = [V_dot_base; y]        y = [q_ddot of joints, V_dot of platforms] in the order of the tree's freedoms
 
-with the accelerations of base and platforms both absolute, and both in the base's frame.
+The accelerations of base and platforms in s are absolute and in the base's frame.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ from .rigid import (
 
 @dataclass(frozen=True)
 class Placed:
-    """What is known of a platform: axes and origin in the base, twist and acceleration in its own frame."""
+    """Given motion of a platform: axes and origin in the base, twist and acceleration in its own frame."""
 
     R: Expression
     p: Expression
@@ -54,8 +54,9 @@ class Chain:
         R0, p0: Each body in the base.
         S: Motion subspace of each joint, shape (6, nv), child frame.
         V: Twist of each body, own frame.
-        c: Acceleration of each body at s = 0, or, where accelerations are given, the whole of it; own frame.
-        root: Body that each body hangs from: 0 or a platform.
+        c: Acceleration of each body at s = 0, or its whole acceleration if accelerations are given; own
+            frame.
+        root: Root of each body: 0 or a platform.
     """
 
     links: list[Link]
@@ -81,13 +82,13 @@ class Chain:
         return [slice(end - link.nv, end) for end, link in zip(ends, self.links, strict=True)]
 
     def columns_of(self, root: int) -> list[int]:
-        """Return the entries of s that move a root."""
+        """Return the indices in s of a root's acceleration."""
         at = self.v_slices[root - 1] if root else slice(-6, 0)
         return list(range(6 + at.start, 6 + at.stop))
 
 
 def split_positions(links: list[Link], q: Expression) -> list[Expression]:
-    """Cut positions into those of each joint."""
+    """Split positions into those of each joint."""
     ends = np.cumsum([NQ[link.kind] for link in links], dtype=int).tolist()
     return [q[end - NQ[link.kind] : end] for end, link in zip(ends, links, strict=True)]
 
@@ -96,7 +97,7 @@ def sweep(
     links: list[Link], q: Expression, v: Expression, V_base: Expression, a: Expression | None = None,
     A_base: Expression | None = None, placed: dict[int, Placed] | None = None,
 ) -> Chain:  # fmt: skip
-    """Return the motion of a tree.
+    """Compute the motion of a tree.
 
     Args:
         links: The links.
@@ -104,8 +105,8 @@ def sweep(
         v: Rates.
         V_base: Twist of the base, own frame.
         a: Accelerations; with them `Chain.c` is the bodies' whole acceleration.
-        A_base: Acceleration of the base less gravity, own frame, where accelerations are given.
-        placed: For each platform's link what is known of it; its entries of q, v, a are not read.
+        A_base: Acceleration of the base less gravity, own frame, if accelerations are given.
+        placed: Motion of each platform, by its link; its entries of q, v and a are not read.
     """
     placed = placed or {}
     chain = Chain(links, frozenset(placed))
@@ -139,12 +140,12 @@ def sweep(
 
 
 def numbers(values: Expression) -> Expression:
-    """Return numbers as expressions; expressions stay."""
+    """Convert numbers to expressions; expressions are returned unchanged."""
     return values if values.dtype == object else plain(values)
 
 
 def motion_subspace(link: Link) -> Expression:
-    """Return S of a joint, shape (6, nv), child frame."""
+    """Return the motion subspace S of a joint, shape (6, nv), child frame."""
     if link.kind == "prismatic":
         return np.concatenate([numbers(link.axis), zeros(3)])[:, None]
     if link.kind in TURNING:
@@ -154,7 +155,7 @@ def motion_subspace(link: Link) -> Expression:
 
 
 def joint_motion(link: Link, q: Expression) -> tuple[Expression, Expression]:
-    """Return what a joint's position does to its child: rotation and shift, in the placement's axes."""
+    """Compute a joint's rotation and translation of its child, in the axes of the placement."""
     if link.kind == "prismatic":
         return eye(3), np.array([times(x, q[0]) for x in link.axis], dtype=object)
     if link.kind in TURNING:
@@ -168,7 +169,7 @@ def joint_motion(link: Link, q: Expression) -> tuple[Expression, Expression]:
 
 
 def rotation(axis: Expression, c: ca.SX, s: ca.SX) -> Expression:
-    """Return the rotation about an axis from cosine and sine of its angle."""
+    """Compute the rotation about an axis from cosine and sine of its angle, shape (3, 3)."""
     k = int(np.argmax(np.abs(axis)))
     if abs(axis[k]) < 1.0:
         along = np.outer(axis, axis)
@@ -184,11 +185,11 @@ def rotation(axis: Expression, c: ca.SX, s: ca.SX) -> Expression:
 
 
 def forces(chain: Chain) -> Expression:
-    """Return the inverse dynamic model of the tree at the accelerations `c`, Eqs. (54)-(62).
+    """Compute the inverse dynamic model of the tree at the accelerations `c`, Eqs. (54)-(62).
 
     Returns:
-        Generalised forces over s: the wrench of the base on the tree, then H, where a platform's entries are
-        its wrench on what hangs from it; wrenches in the base's frame.
+        Generalised forces over s, shape (6 + nv,): the wrench of the base on the tree, then H, where a
+        platform's entries are its wrench on the bodies that it carries; wrenches in the base's frame.
     """
     wrench = [zeros(6) for _ in chain.V]
     for i, link in enumerate(chain.links):
@@ -210,11 +211,11 @@ def forces(chain: Chain) -> Expression:
 
 
 def mass_matrix(chain: Chain) -> tuple[Expression, Expression]:
-    """Return the mass matrix of the tree over s, Eqs. (63)-(75): A and D of the paper are its blocks.
+    """Compute the mass matrix of the tree over s, Eqs. (63)-(75); A and D of the paper are its blocks.
 
     Returns:
-        M: Shape (6 + nv, 6 + nv), its block of the base left zero.
-        S1: That block, as ten numbers of what hangs from the base.
+        M: Mass matrix, shape (6 + nv, 6 + nv); the base's block is left zero.
+        S1: The base's block as ten numbers, the composite inertia of the bodies that the base carries.
     """
     composite = [zeros(10)] + [numbers(link.inertia) for link in chain.links]
     M, slices = zeros(6 + chain.nv, 6 + chain.nv), chain.v_slices
@@ -234,7 +235,7 @@ def mass_matrix(chain: Chain) -> tuple[Expression, Expression]:
 
 
 def _inwards(chain: Chain, i: int, F: Expression) -> Iterator[tuple[list[int], Expression]]:
-    """Carry wrenches F of joint i's freedoms inwards: entries of s, and their coupling with them."""
+    """Transform the wrenches F of joint i's freedoms inwards; yield indices of s and coupling blocks."""
     slices, body = chain.v_slices, i + 1
     while body != chain.root[i + 1]:
         F = np.stack([to_parent(chain.R[body - 1], chain.p[body - 1], f) for f in F.T], axis=1)
@@ -248,7 +249,7 @@ def _inwards(chain: Chain, i: int, F: Expression) -> Iterator[tuple[list[int], E
 
 
 def motion_map(chain: Chain, body: int) -> Expression:
-    """Return a body's acceleration over s, without `c`, in the base's frame, shape (6, 6 + nv)."""
+    """Compute the map from s to a body's acceleration without `c`, base's frame, shape (6, 6 + nv)."""
     J, slices = zeros(6, 6 + chain.nv), chain.v_slices
     J[:, chain.columns_of(chain.root[body])] = eye(6)
     while body != chain.root[body]:
@@ -260,10 +261,10 @@ def motion_map(chain: Chain, body: int) -> Expression:
 
 
 def point_velocity(V: Expression, point: Expression) -> Expression:
-    """Return the velocity of a point of a body, its axes, shape (3,)."""
+    """Compute the velocity of a body's point in the body's axes, shape (3,)."""
     return V[:3] + cross(V[3:], point)
 
 
 def point_acceleration(V: Expression, c: Expression, point: Expression) -> Expression:
-    """Give the classical acceleration of a point of a body, its axes, from twist and spatial acceleration."""
+    """Compute the classical acceleration of a body's point in the body's axes, shape (3,)."""
     return c[:3] + cross(c[3:], point) + cross(V[3:], point_velocity(V, point))

@@ -1,4 +1,4 @@
-"""One module's core in expressions: its motion, its loops, its platforms."""
+"""Write one module's core: its motion, its loops, its platforms. Choose the module's pivots."""
 
 from __future__ import annotations
 
@@ -25,15 +25,15 @@ from .static_elimination import Pivots, choose_pivots
 
 @dataclass(frozen=True)
 class Plan:
-    """Everything about a module that is decided before its code is written.
+    """Everything that is chosen about a module before its code is written.
 
     Attributes:
         parts: Its core and its legs.
-        paths: One for each wrist of the module.
+        paths: One path for each wrist of the module.
         loop_pivots: Pivots of the core's closures.
         leg_pivots: Pivots of each group's closures.
-        wrist_pivots: Pivots of each wrist's rates.
-        scale: What its closures are measured by.
+        wrist_pivots: Pivots of each wrist's Jacobian.
+        scale: Scales of its closure residuals.
     """
 
     parts: Parts
@@ -92,14 +92,14 @@ def _loop_pivots(parts: Parts, postures: Array, rows: Array, cols: Array) -> Piv
 
 @dataclass
 class Core:
-    """A module's core, written.
+    """A module's core in expressions.
 
     Attributes:
-        chain: Its motion; base and platforms among it.
-        platforms: For each platform's link what its legs must know.
-        rows: Its closures.
-        paths: Motion of each path, accelerations of the joints zero.
-        outputs: For each output its body in the core.
+        chain: Its motion, including base and platforms.
+        platforms: Motion of each platform for its legs, by the platform's link.
+        rows: Rows of its closures.
+        paths: Motion of each path to a wrist.
+        outputs: Body in the core of each output.
         v: Rates of its tree, zero for platforms.
         units: Unit of each freedom.
         speed: Size of its rates.
@@ -130,8 +130,8 @@ def write_core(
         q: Positions of its spanning tree.
         v: Its rates.
         V_base: Twist of its base, own frame.
-        a: Accelerations of its spanning tree, where they are given.
-        A_base: Acceleration of its base less gravity, where it is given.
+        a: Accelerations of its spanning tree, for the inverse model.
+        A_base: Acceleration of its base less gravity, for the inverse model.
     """
     parts = plan.parts
     paths = [
@@ -155,34 +155,34 @@ def write_core(
     rows = write_rows(
         chain, parts.closures, parts.couplings, split_positions(list(parts.links), tree_q), plan.scale, speed
     )
-    if plan.mechanism.reduction.rounded:  # which rows depend on the others is for each posture to say
+    if plan.mechanism.reduction.rounded:  # the choice of dependent rows differs from posture to posture
         rows.guard = ca.SX(np.inf)
     outputs = [parts.bodies.index(o) for o in plan.mechanism.spec.outputs]
     return Core(chain, platforms, rows, paths, outputs, tree_v, units, speed)
 
 
 def platform_link(plan: Plan, path: Path) -> int:
-    """Return the link of the core that stands for the platform at the end of a carrying wrist."""
+    """Return the link of the core that represents the platform at the end of a carrying wrist."""
     return core_body(plan, path.wrist.end) - 1
 
 
 def own_inertia(plan: Plan, constant: tuple[float, ...], output: int) -> Expression:
-    """Return the ten numbers of an output: constants, or inputs of the model."""
+    """Return the ten inertial numbers of an output, as constants or as inputs of the model."""
     if plan.parts.own is None:
         return plain(constant)
     return plan.parts.own[plan.mechanism.spec.outputs[output] - 1]
 
 
 def core_body(plan: Plan, body: int) -> int:
-    """Return the core's number of a body of the spanning tree."""
+    """Return the index in the core of a body of the spanning tree."""
     return plan.parts.bodies.index(plan.mechanism.spec.tree_body.index(body))
 
 
 def _pick(values: Expression, index: Index) -> Expression:
-    """Take entries; -1 gives a zero (a platform's entries are not read)."""
+    """Return entries by index; index -1 gives zero (the entries of platforms are not read)."""
     return np.array([values[i] if i >= 0 else 0.0 for i in index], dtype=object)
 
 
 def whole(chain: Chain, body: int, s: Expression, J: Expression) -> Expression:
-    """Return a body's acceleration for s, own frame."""
+    """Compute a body's acceleration for s, own frame, shape (6,)."""
     return to_child(chain.R0[body], chain.p0[body], dot(J, s)) + chain.c[body]

@@ -1,8 +1,8 @@
-"""The direct model of one module, written: Eqs. (38)-(53) in the form of `hybridyn.dynamics.articulation`.
+"""Write the direct model of one module: Eqs. (38)-(53) in the form of `hybridyn.dynamics.articulation`.
 
-One graph, cut into four stages: outwards (motion), inwards (articulated inertia), outwards (accelerations),
-wrists. Over s = [V_dot_base; y] the module's quadratic form is M, b; its closures give y = Psi u + Psi_b
-V_dot_base + y_0; and u_dot = A_t^-1 (Q_0 - E V_dot_base).
+One graph is cut into four stages: outwards (motion), inwards (articulated inertia), outwards (accelerations),
+wrists. The module's quadratic form over s = [V_dot_base; y] is M, b. Its closures give y = Psi u_dot + Psi_b
+V_dot_base + y_0, and u_dot = A_t^-1 (Q_0 - E V_dot_base).
 """
 
 from __future__ import annotations
@@ -34,22 +34,22 @@ from .rigid import classical, inertia_matrix, to_child
 from .stages import cut
 from .static_elimination import solve, solve_definite
 
-#: A pivot of an inertia below this part of its diagonal entry: a motion that is all but without inertia.
+#: Ratio of an inertia's pivot to its diagonal entry below which a motion has nearly no inertia.
 WITHOUT_INERTIA = 1e-9
-#: The same for a diagonal entry, of what is moved with all joints locked: an articulated inertia is a
-#: difference, and may be rounding alone (the first axis of a gimbal-locked wrist of light links).
+#: Ratio of a diagonal entry to the inertia with all other joints locked below which it may be rounding: an
+#: articulated inertia is a difference (the first axis of a gimbal-locked wrist of light links).
 OF_LOCKED = 1e-5
 
 
 @dataclass(frozen=True)
 class DirectModule(WrittenModule):
-    """One module's direct model: outwards, inwards, outwards, wrists.
+    """Stages of one module's direct model: outwards, inwards, outwards, wrists.
 
     Attributes:
-        joints: Freedoms of the spanning tree that the output "a_core" holds.
-        wrists: Those that "a_wrists" holds.
-        legs: Those that the input "a_legs" holds.
-        tau: Freedoms of the tree after the cuts that the input "tau" holds.
+        joints: Freedoms of the spanning tree in the output "a_core".
+        wrists: Freedoms of the spanning tree in the output "a_wrists".
+        legs: Freedoms of the spanning tree in the input "a_legs".
+        tau: Freedoms of the tree after the cuts in the input "tau".
     """
 
     joints: Index
@@ -60,14 +60,14 @@ class DirectModule(WrittenModule):
 
 @dataclass(frozen=True)
 class _Solved:
-    """One module solved for y = Psi u_dot + Psi_b V_dot_base + y_0 and u_dot = u_0 - G V_dot_base.
+    """Solution of one module: y = Psi u_dot + Psi_b V_dot_base + y_0 and u_dot = u_0 - G V_dot_base.
 
     Attributes:
-        Psi, Psi_b, y_0: Motions that keep the core's loops closed.
+        Psi, Psi_b, y_0: Accelerations that keep the core's loops closed.
         E, G: Eq. (42), and A_t^-1 E.
-        f: Generalised force along y that y_0 and the bias take.
+        f: Generalised force along y that y_0 and the bias require.
         u_0: A_t^-1 Q_0.
-        guard: Worst of all pivots.
+        guard: Largest guard of all pivots.
     """
 
     Psi: Expression
@@ -80,7 +80,7 @@ class _Solved:
     guard: Any
 
     def y(self, A_base: Expression) -> Expression:
-        """Return the core's accelerations for its base's, Eq. (51)."""
+        """Compute the core's accelerations from the base's, Eq. (51)."""
         return dot(self.Psi, self.u_0 - dot(self.G, A_base)) + dot(self.Psi_b, A_base) + self.y_0
 
 
@@ -118,7 +118,7 @@ def write_direct(name: str, plan: Plan, options: DirectOptions) -> DirectModule:
 
 
 def _motion_outwards(core: Core, plan: Plan, options: DirectOptions) -> dict[str, ca.SX]:
-    """Return the platforms' motion for the legs, and twists and biases of outputs that carry, Eq. (38)."""
+    """Return the platforms' motion for the legs, and twists and biases of carrying outputs, Eq. (38)."""
     out: dict[str, ca.SX] = {}
     for i, motion in sorted(core.platforms.items()):
         out[f"platform {i}"] = pack(motion.R, motion.p, motion.V)
@@ -134,7 +134,7 @@ def _motion_outwards(core: Core, plan: Plan, options: DirectOptions) -> dict[str
 
 
 def _solve(core: Core, plan: Plan, options: DirectOptions, M: Expression, b: Expression) -> _Solved:
-    """Solve a module for y over its base's acceleration."""
+    """Solve a module for y as a function of its base's acceleration."""
     right = np.concatenate([-core.rows.K[:, :6], -core.rows.gamma[:, None]], axis=1)
     X, trust = solve(core.rows.K[:, 6:], right, plan.loop_pivots)
     Psi_b, y_0, Psi = X[:, :6], X[:, 6], X[:, 7:]
@@ -153,7 +153,7 @@ def _solve(core: Core, plan: Plan, options: DirectOptions, M: Expression, b: Exp
 
 
 def _onto_base(x: _Solved, M: Expression, b: Expression) -> dict[str, ca.SX]:
-    """Return what a module adds to its base's inertia and bias, Eqs. (45)-(48) in congruence form."""
+    """Compute a module's contribution to its base's inertia and bias, Eqs. (45)-(48) as congruences."""
     M_yb = M[6:, :6]
     across = dot(M_yb.T, x.Psi_b)
     inertia = M[:6, :6] + (across + across.T) + congruence(x.Psi_b, M[6:, 6:]) - _product(x.E, x.G)
@@ -164,7 +164,7 @@ def _onto_base(x: _Solved, M: Expression, b: Expression) -> dict[str, ca.SX]:
 def _accelerations_outwards(
     core: Core, options: DirectOptions, s: Expression, joints: list[int]
 ) -> dict[str, ca.SX]:
-    """Give the accelerations of the core's joints, of platforms less the base's, and of outputs, Eq. (53)."""
+    """Return accelerations of the core's joints, of platforms less the base's, and of outputs, Eq. (53)."""
     out: dict[str, ca.SX] = {}
     if joints:
         out["a_core"] = pack(s[6:][joints])
@@ -178,7 +178,7 @@ def _accelerations_outwards(
 
 
 def _product(E: Expression, G: Expression) -> Expression:
-    """Return E^T G, which is symmetric; one triangle is computed."""
+    """Compute E^T G, which is symmetric, from one triangle."""
     out = zeros(6, 6)
     for i in range(6):
         for j in range(i, 6):
@@ -187,7 +187,7 @@ def _product(E: Expression, G: Expression) -> Expression:
 
 
 def _legs_on_paths(plan: Plan) -> Index:
-    """Return the freedoms of legs of groups that lie on paths to wrists."""
+    """Return the freedoms of grouped legs on paths to wrists."""
     own = {int(col) for col in plan.parts.v if col >= 0}
     wrists = {int(col) for path in plan.paths for col in path.v[path.wrist_v]}
     return np.array(sorted({int(c) for path in plan.paths for c in path.v} - own - wrists), dtype=int)
@@ -197,7 +197,7 @@ def _wrists(
     core: Core, plan: Plan, given: tuple[Expression, Expression], base: BaseMotion, s: Expression,
     known: dict[int, Any],
 ) -> tuple[dict[int, Any], Any]:  # fmt: skip
-    """Return the accelerations of all wrists by freedom of the spanning tree, and the guard of their pivots.
+    """Compute the wrists' accelerations by freedom of the spanning tree, and the guard of their pivots.
 
     Args:
         core: The core.

@@ -1,6 +1,7 @@
-"""The direct model of a group of equal legs, written: what they bring to their platform, and how they follow.
+"""Write the direct model of a group of equal legs.
 
-Two stages: what they bring (`legs.leg_sums`), and, once the platform's acceleration is known, theirs.
+It has two stages: the legs' contributions to their platform (`legs.leg_sums`), and their accelerations, once
+the platform's is known.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ def forced_joints(leg: Leg, options: DirectOptions) -> list[int]:
 
 
 def write_direct_legs(plan: Plan, n: int, options: DirectOptions) -> tuple[list[Stage], Constants]:
-    """Write the stages of group n of a module, and the numbers in which its legs differ."""
+    """Write the direct model of group n of a module, and return its stages and its legs' own numbers."""
     group = plan.parts.groups[n]
     leg, forced = group[0], forced_joints(group[0], options)
     (q_column, q), (v_column, v) = symbols("q", len(leg.q)), symbols("v", len(leg.v))

@@ -1,6 +1,6 @@
-"""Joint displacements in expressions: `hybridyn.linkage.retraction` written out, joint by joint.
+"""Joint displacements in expressions: `hybridyn.linkage.retraction`, joint by joint.
 
-With q = move(q_0, xi) the rates v obey xi_dot = T(xi)^-1 v.
+With q = move(q_0, xi) the rates v satisfy xi_dot = T(xi)^-1 v.
 """
 
 from __future__ import annotations
@@ -17,18 +17,18 @@ from .rigid import quaternion_matrix
 
 JointMap = Callable[..., Expression]
 
-#: Keeps 0 / 0 from being asked; what it is added to is exact for every angle that matters.
+#: Added to squared lengths to avoid 0 / 0; it changes no bit for any angle that matters.
 TINY_ANGLE = 1e-300
 
 
 def by_joint(tree: Tree, function: JointMap, *values: Expression, positions: int = 0) -> Expression:
-    """Return what a function of one joint makes of a whole tree's values, joint after joint.
+    """Apply a function of one joint to the values of a whole tree, joint by joint.
 
     Args:
         tree: The tree.
-        function: Takes a joint's kind and its share of each value.
+        function: Takes a joint's kind and its slice of each value.
         values: Arrays over the tree: first those over coordinates, then those over freedoms.
-        positions: How many are over coordinates.
+        positions: Number of arrays over coordinates.
     """
     parts = [
         function(joint.kind, *(x[at] for x in values[:positions]), *(x[to] for x in values[positions:]))
@@ -38,7 +38,7 @@ def by_joint(tree: Tree, function: JointMap, *values: Expression, positions: int
 
 
 def moved_joint(kind: str, q: Expression, xi: Expression) -> Expression:
-    """Return the position that a displacement leads to, as `joints.TreeJoint.integrate`."""
+    """Compute a joint's position after a displacement, like `joints.TreeJoint.integrate`."""
     if kind in ("revolute", "prismatic"):
         return q + xi
     if kind == "continuous":
@@ -53,7 +53,7 @@ def moved_joint(kind: str, q: Expression, xi: Expression) -> Expression:
 
 
 def position_rate(kind: str, q: Expression, v: Expression) -> Expression:
-    """Return the rate of a joint's position coordinates from its rates."""
+    """Compute the time derivative of a joint's position coordinates from its rates."""
     if kind in ("revolute", "prismatic"):
         return v
     if kind == "continuous":
@@ -70,7 +70,7 @@ def position_rate(kind: str, q: Expression, v: Expression) -> Expression:
 
 
 def displacement_rate(kind: str, xi: Expression, v: Expression) -> Expression:
-    """Return T(xi)^-1 v, as `retraction.Retraction.pull`."""
+    """Compute T(xi)^-1 v, like `retraction.Retraction.pull`."""
     if kind in ("revolute", "prismatic", "continuous"):
         return v
     if kind == "planar":
@@ -85,14 +85,14 @@ def displacement_rate(kind: str, xi: Expression, v: Expression) -> Expression:
 
 
 def _turned(cos_sin: Expression, angle: Any) -> Expression:
-    """Turn a unit vector by an angle."""
+    """Rotate a unit vector in the plane by an angle."""
     c, s = ca.cos(angle), ca.sin(angle)
     x, y = cos_sin
     return _unit(np.array([x * c - y * s, x * s + y * c], dtype=object))
 
 
 def _followed(quaternion: Expression, turn: Expression) -> Expression:
-    """Follow a quaternion by a rotation vector of the body."""
+    """Multiply a quaternion by the rotation of a rotation vector in the body frame."""
     half = _half_turn(turn)
     u, c, x, w = half[:3], half[3], quaternion[:3], quaternion[3]
     vector = _scaled(w, u) + _scaled(c, x) + cross(x, u)
@@ -107,7 +107,7 @@ def _half_turn(r: Expression) -> Expression:
 
 
 def _second(r: Expression) -> Any:
-    """Return (1 - x cot x) / |r|^2 with x = |r| / 2; where it is rounding, r x (r x w) is less than that."""
+    """Compute (1 - x cot x) / |r|^2 with x = |r| / 2; if it is rounding, r x (r x w) is smaller still."""
     angle = _length(r)
     x = 0.5 * angle
     return (1.0 - x * ca.cos(x) / ca.sin(x)) / (angle * angle)

@@ -1,6 +1,6 @@
-"""Small linear algebra on expressions: NumPy object arrays of floats and CasADi scalars.
+"""Linear algebra on expressions: NumPy object arrays of floats and CasADi scalars.
 
-Products skip zeros and ones, so that unit axes and empty blocks leave no code.
+Products with zeros and ones are simplified, so that unit axes and empty blocks generate no code.
 """
 
 from __future__ import annotations
@@ -13,17 +13,17 @@ from numpy.typing import NDArray
 
 Expression = NDArray[Any]  # of float or casadi.SX scalars
 
-#: Entries of constant rotations below this are rounding of cosines and sines.
+#: Entries of constant rotations below this are rounding errors of cosines and sines.
 ROTATION_ROUNDING = 4e-16
 
 
 def is_zero(x: Any) -> bool:
-    """Say whether a scalar is known to be zero."""
+    """Return whether a scalar is known to be zero."""
     return bool(x.is_zero()) if isinstance(x, ca.SX) else x == 0
 
 
 def times(x: Any, y: Any) -> Any:
-    """Multiply two scalars; a factor that is known to be zero leaves a plain 0."""
+    """Multiply two scalars; the product is the float 0 if a factor is known to be zero."""
     if is_zero(x) or is_zero(y):
         return 0.0
     return x * y
@@ -35,7 +35,7 @@ def plain(values: Any) -> Expression:
 
 
 def zeros(*shape: int) -> Expression:
-    """Return zeros."""
+    """Return an array of zeros."""
     return plain(np.zeros(shape))
 
 
@@ -59,7 +59,7 @@ def unpack(column: ca.SX) -> Expression:
 
 
 def pack(*parts: Any) -> ca.SX:
-    """Return expressions one after the other as one dense column."""
+    """Concatenate expressions to one dense column."""
     flat = [x for part in parts for x in np.asarray(part, dtype=object).ravel()]
     return ca.densify(ca.vertcat(*[ca.SX(x) for x in flat])) if flat else ca.SX(0, 1)
 
@@ -79,7 +79,7 @@ def dot(A: Expression, B: Expression) -> Expression:
 
 
 def _sum(terms: list[Any]) -> Any:
-    """Add scalars, zeros left out."""
+    """Add scalars; zeros are skipped."""
     total: Any = 0.0
     for term in terms:
         if not is_zero(term):
@@ -88,7 +88,7 @@ def _sum(terms: list[Any]) -> Any:
 
 
 def congruence(B: Expression, M: Expression) -> Expression:
-    """Return B^T M B for symmetric M; only one triangle is computed."""
+    """Compute B^T M B for symmetric M from one triangle."""
     MB = dot(M, B)
     out = np.empty((B.shape[1], B.shape[1]), dtype=object)
     for i in range(B.shape[1]):
@@ -98,7 +98,7 @@ def congruence(B: Expression, M: Expression) -> Expression:
 
 
 def cross(a: Expression, b: Expression) -> Expression:
-    """Return the vector product, shape (3,)."""
+    """Compute the vector product a x b, shape (3,)."""
     return np.array(
         [_sum([times(a[i], b[j]), -times(a[j], b[i])]) for i, j in ((1, 2), (2, 0), (0, 1))], dtype=object
     )
@@ -113,7 +113,7 @@ def hat(a: Expression) -> Expression:
 
 
 def snap(R: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return a rotation whose entries of rounding size are zero, and unit ones are units."""
+    """Round entries of a rotation to 0, 1 or -1 if they differ by rounding only."""
     out = np.where(np.abs(R) < ROTATION_ROUNDING, 0.0, R)
     return np.where(np.abs(np.abs(out) - 1.0) < ROTATION_ROUNDING, np.sign(out), out)
 

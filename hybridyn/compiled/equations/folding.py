@@ -1,4 +1,4 @@
-"""Numbers of several equal legs: those that agree are folded into the code, the others become its inputs."""
+"""Fold the numbers of several equal legs: equal numbers become constants, the others inputs of the code."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ import numpy as np
 from ...spatial import Array
 from .expressions import Expression
 
-#: Numbers that differ by less, relative to the largest of their array, are the same but for rounding.
+#: Largest difference of equal numbers, relative to the largest of their array: a few roundings.
 FOLDED_ALIKE = 8e-16
 
 
 class Folding:
-    """Collects the numbers in which copies of a leg differ.
+    """Collect the numbers in which copies of a leg differ.
 
     Attributes:
         columns: Symbols so far.
@@ -27,7 +27,7 @@ class Folding:
         self.values: list[Array] = []
 
     def array(self, copies: list[Array]) -> Expression:
-        """Return an array of expressions that stands for the arrays of all copies."""
+        """Return an array of expressions that represents the arrays of all copies."""
         stacked = np.array(copies, dtype=float)
         size = np.abs(stacked).max(initial=0.0)
         out = np.empty(stacked.shape[1:], dtype=object)
@@ -37,7 +37,7 @@ class Folding:
         return out
 
     def _scalar(self, values: Array, size: float) -> Any:
-        """Return one expression for a number of all copies."""
+        """Return one expression that represents a number of all copies."""
         if np.ptp(values) <= FOLDED_ALIKE * size:
             return float(values[0])
         for column, known in zip(self.columns, self.values, strict=True):
@@ -55,5 +55,5 @@ class Folding:
         return ca.vertcat(*self.columns) if self.columns else ca.SX(0, 1)
 
     def table(self, copies: int) -> Array:
-        """Return the numbers, shape (copies, symbols)."""
+        """Return the copies' numbers, shape (copies, symbols)."""
         return np.array(self.values).T.reshape(copies, len(self.values))

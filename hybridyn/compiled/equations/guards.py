@@ -1,9 +1,8 @@
-"""When a written-out model hands a sample to the general path.
+"""Guards: detect samples that a compiled model hands to the general path.
 
-A guard is at most 1 where the written-out model may be trusted. It rises above 1 where a pivot gets small
-that was large at generic postures, and where positions or rates leave the loops open by more than rounding:
-there both models still agree on what is asked, but no longer to the last digits, and the general one words
-the error.
+A guard is at most 1 where the compiled model can be trusted. It exceeds 1 if a pivot becomes small that is
+large at generic postures, or if positions or rates leave the loops open by more than rounding. There the
+compiled model loses digits, and the general path computes the sample or raises the error.
 """
 
 from __future__ import annotations
@@ -16,14 +15,14 @@ import casadi as ca
 from .expressions import Expression, is_zero
 from .static_elimination import TRUSTED_PIVOT
 
-#: Loops may be open by this part of the module's length (or a radian), and rates slip by this part of theirs:
-#: ten thousand roundings of the numbers that a model computes with.
+#: Largest closure residual relative to the module's length (or a radian), and of rates relative to their
+#: size: ten thousand roundings of the model's arithmetic.
 GUARD_CLOSED = {"float64": 1e-11, "float32": 3e-3}
 
 
 @dataclass(frozen=True)
 class Scale:
-    """What closures are measured by.
+    """Scales of closure residuals.
 
     Attributes:
         length: The module's length, [m].
@@ -34,7 +33,7 @@ class Scale:
     closed: float
 
 
-#: Keeps 0 / 0 from being asked; smaller than any rate that matters.
+#: Added to rates to avoid 0 / 0; smaller than any rate that matters.
 TINY_RATE = 1e-290
 
 
@@ -49,13 +48,13 @@ def loops_closed(
     speed: Any,
     closed: float,
 ) -> Any:
-    """Return the guard of closures.
+    """Compute the guard of closures.
 
     Args:
-        positions: What must vanish, and its unit.
-        rates: What must vanish, and its unit.
+        positions: Position residuals, each with its unit.
+        rates: Rate residuals, each with its unit.
         speed: Size of the module's rates (`size_of`).
-        closed: `GUARD_CLOSED`.
+        closed: Largest relative residual, one of `GUARD_CLOSED`.
     """
     worst: Any = ca.SX(0.0)
     for values, unit in positions:
@@ -66,12 +65,12 @@ def loops_closed(
 
 
 def accelerating_apart(values: Expression, size: Any, closed: float) -> Any:
-    """Return the guard of accelerations that must agree.
+    """Compute the guard of acceleration residuals.
 
     Args:
-        values: What must vanish, without units.
-        size: Size of the module's accelerations, speed squared among it.
-        closed: `GUARD_CLOSED`.
+        values: Residuals, without units.
+        size: Size of the module's accelerations, including its squared speed.
+        closed: Largest relative residual, one of `GUARD_CLOSED`.
     """
     if all(is_zero(x) for x in values):
         return ca.SX(0.0)
@@ -79,7 +78,7 @@ def accelerating_apart(values: Expression, size: Any, closed: float) -> Any:
 
 
 def size_of(joints: Expression, units: Any, motions: list[Expression], length: float) -> Any:
-    """Return the size of rates (or accelerations) without units, of joints and of 6-D motions."""
+    """Compute the size of rates (or accelerations) of joints and of 6-D motions, without units."""
     size: Any = 0.0
     for value, unit in zip(joints, units, strict=True):
         if not is_zero(value):
@@ -92,7 +91,7 @@ def size_of(joints: Expression, units: Any, motions: list[Expression], length: f
 
 
 def largest(values: Expression) -> Any:
-    """Return the largest absolute value."""
+    """Compute the largest absolute value."""
     out: Any = ca.SX(0.0)
     for value in values.ravel():
         if not is_zero(value):

@@ -1,4 +1,4 @@
-"""The inverse model of a group of equal legs, written: what a motion needs of base, platform and motors."""
+"""Write the inverse model of a group of equal legs: wrenches on base and platform, and of the motors."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from .options import InverseOptions
 from .parts import Leg
 from .stages import Stage, cut
 
-#: What the legs of a platform need, wrenches on the base and along delta, and how many numbers each takes.
+#: Wrenches that the legs of a platform require, on the base and along delta, and the size of each.
 LEG_SUMS = (("b_base", 6), ("b_delta", 6))
 
 
@@ -34,9 +34,9 @@ def driven_joints(leg: Leg, options: InverseOptions) -> list[int]:
 
 
 def write_inverse_legs(plan: Plan, n: int, options: InverseOptions) -> tuple[list[Stage], Constants]:
-    """Write what group n of a module needs for a motion, and the numbers in which its legs differ.
+    """Write the inverse model of group n of a module, and return its stage and its legs' own numbers.
 
-    The outputs are `LEG_SUMS`; "motors", the wrench along delta of each motor's unit effort; and "guard".
+    The outputs are `LEG_SUMS`; "motors", the wrench along delta of a unit effort of each motor; and "guard".
     """
     group = plan.parts.groups[n]
     leg = group[0]
@@ -54,7 +54,7 @@ def write_inverse_legs(plan: Plan, n: int, options: InverseOptions) -> tuple[lis
     b = forces(_moving(written, q, v, a, base, options.velocity))
     H = b[6:] - law + a * rotor
     outputs = {"b_base": pack(b[:6]), "b_delta": pack(written.wrench(dot(written.X.T, H)))}
-    outputs["guard"] = ca.SX(ca.fmax(written.guard, _apart(written, a, A, base.A, plan.scale)))
+    outputs["guard"] = ca.SX(ca.fmax(written.guard, _acceleration_guard(written, a, A, base.A, plan.scale)))
     if driven:
         outputs["motors"] = pack(*(written.wrench(written.X[k]) for k in driven))
     inputs = {name: column for name, (column, _) in columns.items()} | base.V_column | base.A_column
@@ -66,21 +66,23 @@ def write_inverse_legs(plan: Plan, n: int, options: InverseOptions) -> tuple[lis
 def _moving(
     leg: WrittenLeg, q: Expression, v: Expression, a: Expression, base: BaseMotion, velocity: bool
 ) -> Chain:
-    """Return a leg's motion as far as it needs forces: without velocity terms its rates count as zero."""
+    """Compute a leg's motion for inertial forces; its rates are zero without velocity terms."""
     if velocity:
         return sweep(leg.chain.links, q, v, base.V, a, base.A)
     return sweep(leg.chain.links, q, zeros(len(v)), zeros(6), a, base.A)
 
 
-def _apart(leg: WrittenLeg, a: Expression, A: Expression, A_base: Expression, scale: Scale) -> Any:
-    """Return the guard of accelerations with which a leg's end does not follow its platform.
+def _acceleration_guard(
+    leg: WrittenLeg, a: Expression, A: Expression, A_base: Expression, scale: Scale
+) -> Any:
+    """Return the guard that a leg's end accelerates with its platform.
 
     Args:
         leg: The leg, written at zero accelerations.
         a: Accelerations of its joints.
         A: Acceleration of its platform, in the base's frame.
         A_base: Acceleration of its base.
-        scale: What closures are measured by.
+        scale: Scales of closure residuals.
     """
     unit = np.concatenate([units_of(link, scale.length) for link in leg.chain.links])
     apart = leg.accelerating_apart(a, A - A_base) / unit

@@ -1,6 +1,7 @@
-"""The code of one group of equal legs, written once: what they do to base and platform.
+"""Write the kinematics and dynamics of one group of equal legs, once for the group.
 
-A leg's joints follow from the platform's motion relative to the base, delta = V_dot_platform - V_dot_base,
+A leg's joint accelerations follow from that of the platform relative to the base, delta = V_dot_platform -
+V_dot_base,
 
     q_ddot = X [delta at the closure's point] + y_0
 
@@ -28,7 +29,7 @@ from .static_elimination import Pivots, choose_pivots, solve
 
 @dataclass
 class PlatformMotion:
-    """What legs must know of their platform, everything in the base's frame.
+    """Motion of a platform in the base's frame, as its legs need it.
 
     Attributes:
         R, p: Axes and origin in the base.
@@ -42,11 +43,11 @@ class PlatformMotion:
 
 @dataclass
 class WrittenLeg:
-    """A leg in expressions: its motion, and its joints over the motion of its platform.
+    """A leg in expressions: its motion, and its joint rates as functions of its platform's motion.
 
     Attributes:
         folding: The numbers in which the legs differ.
-        chain: Its motion, the base's included.
+        chain: Its motion, including that of the base.
         point: The closure's point in the base's frame, shape (3,).
         X: Joint rates over the relative motion [v, w] of the closure's point, base axes, shape (nv, 6).
         y0: Joint accelerations at delta = 0, shape (nv,).
@@ -63,20 +64,20 @@ class WrittenLeg:
     guard: ca.SX
 
     def to_base(self, M: Expression) -> Expression:
-        """Return an inertia of the closure's point in the base's frame, (6, 6)."""
+        """Transform an inertia at the closure's point to the base's frame, shape (6, 6)."""
         return matrix_moved(M, numbers(np.eye(3)), self.point)
 
     def accelerating_apart(self, a: Expression, delta: Expression) -> Expression:
-        """Return by how much joint accelerations miss those that follow the platform, shape (nv,)."""
+        """Compute the difference of the joint accelerations that follow the platform and `a`, shape (nv,)."""
         return leg_accelerations(self, delta) - a
 
     def wrench(self, F: Expression) -> Expression:
-        """Return a wrench at the closure's point in the base's frame, shape (6,)."""
+        """Transform a wrench at the closure's point to the base's frame, shape (6,)."""
         return to_parent(numbers(np.eye(3)), self.point, F)
 
 
 def fold_links(folding: Folding, copies: list[list[Link]]) -> list[Link]:
-    """Return links whose numbers stand for those of all copies."""
+    """Return links whose numbers represent those of all copies."""
     return [
         replace(
             same[0],
@@ -98,7 +99,7 @@ def _frames(folding: Folding, group: tuple[Leg, ...]) -> list[Expression]:
 
 
 def _jacobian(chain: Chain, end: int, point: Expression) -> Expression:
-    """Return the motion [v, w] of a point of a body over q_dot, the body's axes, shape (6, nv)."""
+    """Compute the Jacobian of a body's point, [v, w] over q_dot in the body's axes, shape (6, nv)."""
     J, slices = zeros(6, chain.nv), chain.v_slices
     path = []
     body = end
@@ -115,7 +116,7 @@ def _jacobian(chain: Chain, end: int, point: Expression) -> Expression:
 
 
 def _rows(rotation: str, R_s: Expression) -> Expression:
-    """Return the rows that a closure takes of a motion [v, w] in the body's axes, shape (rows, 6)."""
+    """Return the matrix that selects a closure's rows of a motion [v, w] in the body's axes, (rows, 6)."""
     turning = {"free": np.zeros((0, 3)), "fixed": np.eye(3)}
     angular = R_s.T[:2] if rotation == "parallel" else numbers(turning[rotation])
     out = zeros(3 + len(angular), 6)
@@ -141,9 +142,9 @@ def write_leg(
         v: Its rates.
         V_base: Twist of the base, own frame.
         platform: Motion of the platform.
-        scale: What closures are measured by.
+        scale: Scales of closure residuals.
         pivots: Pivots of the leg's closure.
-        folding: Where the legs' numbers go.
+        folding: Collects the numbers in which the legs differ; default a new one.
     """
     folding = Folding() if folding is None else folding
     links = fold_links(folding, [list(leg.links) for leg in group])
@@ -181,14 +182,14 @@ def write_leg(
 
 
 def _both(R: Expression) -> Expression:
-    """Return a rotation of [v, w], shape (6, 6)."""
+    """Return the rotation matrix of motions [v, w], shape (6, 6)."""
     out = zeros(6, 6)
     out[:3, :3] = out[3:, 3:] = R
     return out
 
 
 def _turned_apart(rotation: str, A: Expression, B: Expression) -> list[tuple[Expression, float]]:
-    """Return what must vanish of the angle between two frames."""
+    """Return the rotational residuals of two frames, with their unit."""
     if rotation == "free":
         return []
     pairs = [(0, 2), (1, 2)] if rotation == "parallel" else [(0, 1), (1, 2), (2, 0)]
@@ -201,7 +202,7 @@ def leg_pivots(group: tuple[Leg, ...], mechanism_postures: Array, scales: tuple[
     Args:
         group: The legs.
         mechanism_postures: Postures of the tree after the cuts, shape (samples, nq).
-        scales: Factor of the closures' rows, and unit of the legs' freedoms.
+        scales: Factor of each row of the closure, and unit of each freedom of the leg.
     """
     folding = Folding()
     links = fold_links(folding, [list(leg.links) for leg in group])
@@ -220,7 +221,7 @@ def leg_pivots(group: tuple[Leg, ...], mechanism_postures: Array, scales: tuple[
 
 
 def leg_sums(leg: WrittenLeg, tau: Expression, velocity: bool, rotor: Expression) -> dict[str, Expression]:
-    """Return what a leg brings to the direct model, over [V_dot_base; delta].
+    """Compute a leg's contributions to the direct model, over [V_dot_base; delta].
 
     Args:
         leg: The leg.
@@ -250,6 +251,6 @@ def leg_sums(leg: WrittenLeg, tau: Expression, velocity: bool, rotor: Expression
 
 
 def leg_accelerations(leg: WrittenLeg, delta: Expression) -> Expression:
-    """Return the joint accelerations of a leg for the relative acceleration of its platform, base's frame."""
+    """Compute a leg's joint accelerations from its platform's relative acceleration, base's frame."""
     at_point = np.concatenate([delta[:3] + cross(delta[3:], leg.point), delta[3:]])
     return dot(leg.X, at_point) + leg.y0

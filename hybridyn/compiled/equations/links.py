@@ -1,6 +1,6 @@
-"""The numbers of a tree of links, made ready for writing out: aligned axes, base inertial parameters.
+"""Links of a tree as numbers: aligned axes and base inertial parameters.
 
-Both change no force and no motion of the joints; they make more numbers zero.
+Neither changes a force or a motion of the joints. Both make more numbers zero.
 """
 
 from __future__ import annotations
@@ -16,21 +16,21 @@ from .rigid import moved
 
 TURNING = ("revolute", "continuous")
 
-#: Axes without a zero or a one.
+#: Rotation whose entries are neither zero nor one.
 ASKEW = np.array([[2.0, -1.0, 2.0], [2.0, 2.0, -1.0], [-1.0, 2.0, 2.0]]) / 3.0
 
 
 @dataclass(frozen=True)
 class Link:
-    """One joint and its child, numbers only.
+    """One joint and its child body as numbers.
 
     Attributes:
         kind: Kind of joint.
-        parent: Number of the parent body in the tree (0: the base; the child of link i is body i + 1).
+        parent: Index of the parent body in the tree (0: the base; the child of link i is body i + 1).
         R: Child axes in the parent at joint position zero, shape (3, 3).
-        p: Child origin there, shape (3,), [m].
-        axis: Axis in the child, shape (3,).
-        inertia: Ten numbers of the child (`rigid`), shape (10,).
+        p: Child origin in the parent at joint position zero, shape (3,), [m].
+        axis: Joint axis in the child, shape (3,).
+        inertia: Ten numbers of the child's inertia (`rigid`), shape (10,).
     """
 
     kind: str
@@ -55,14 +55,14 @@ def links_of(joints: tuple[TreeJoint, ...], inertias: list[Array]) -> list[Link]
 
 
 def aligned(links: list[Link], fixed: frozenset[int]) -> tuple[list[Link], list[Array]]:
-    """Turn bodies' frames so that every axis of one freedom is a coordinate axis.
+    """Turn bodies' frames so that the axis of every joint of one freedom is a coordinate axis.
 
     Args:
         links: The links.
-        fixed: Bodies whose frames must stay.
+        fixed: Bodies whose frames must not change.
 
     Returns:
-        The links, and for each body (base first) the new axes in the old ones, shape (3, 3).
+        The links, and for each body (base first) the new axes in the old axes, shape (3, 3).
     """
     turns = [
         _frame_along(link.axis)
@@ -74,7 +74,7 @@ def aligned(links: list[Link], fixed: frozenset[int]) -> tuple[list[Link], list[
 
 
 def askew(links: list[Link], fixed: frozenset[int]) -> tuple[list[Link], list[Array]]:
-    """Turn bodies' frames so that no axis of one freedom is a coordinate axis: what nice axes save.
+    """Turn bodies' frames so that no joint axis is a coordinate axis, to count what alignment saves.
 
     Arguments and results are those of `aligned`.
     """
@@ -95,7 +95,7 @@ def _turned(links: list[Link], turns: list[Array | None]) -> tuple[list[Link], l
 
 
 def _frame_along(axis: Array) -> Array:
-    """Return axes whose third is the axis, shape (3, 3)."""
+    """Return a rotation whose third column is the axis, shape (3, 3)."""
     other = np.eye(3)[int(np.argmin(np.abs(axis)))]
     x = np.cross(other, axis)
     x /= np.linalg.norm(x)
@@ -103,13 +103,14 @@ def _frame_along(axis: Array) -> Array:
 
 
 def regrouped(links: list[Link]) -> tuple[list[Link], Array]:
-    """Move inertial parameters that a joint cannot feel to its parent, outermost first.
+    """Move inertial parameters that do not affect a joint's force to the parent body, outermost first.
 
-    A turning joint feels neither mass, nor first moment along its axis, nor an inertia (y, y, 0) about it; a
-    slide feels no inertia about its child's origin; a ball feels no mass.
+    The force of a revolute joint does not depend on the mass, the first moment along the axis, and an inertia
+    (y, y, 0) about it. That of a prismatic joint does not depend on the inertia about the child's origin, and
+    that of a spherical joint not on the mass.
 
     Returns:
-        The links, and the ten numbers that arrive at the base, shape (10,).
+        The links, and the ten numbers that are moved to the base, shape (10,).
 
     Source:
         Reference [34] of Ibrahim & Khalil (2010): base inertial parameters.
@@ -130,7 +131,7 @@ def regrouped(links: list[Link]) -> tuple[list[Link], Array]:
 
 
 def _clean(inertia: Array, before: Array) -> Array:
-    """Return ten numbers without what is only rounding of those before."""
+    """Set entries of ten numbers to zero that are rounding of the previous ones."""
     out = inertia.copy()
     for part in (slice(1, 4), slice(4, 10)):
         size = np.abs(before[part]).max()
@@ -139,7 +140,7 @@ def _clean(inertia: Array, before: Array) -> Array:
 
 
 def unfelt(link: Link) -> Array:
-    """Return the part of a link's ten numbers that its joint cannot feel, shape (10,)."""
+    """Return the part of a link's ten numbers that does not affect its joint's force, shape (10,)."""
     gone = np.zeros(10)
     if link.kind in TURNING and np.abs(link.axis).max() == 1.0:
         k = int(np.argmax(np.abs(link.axis)))
@@ -155,6 +156,6 @@ def unfelt(link: Link) -> Array:
 
 
 def units_of(link: Link, length: float) -> Array:
-    """Return the unit of each freedom of a joint: the length where it slides, else a radian."""
+    """Return the unit of each freedom of a joint: `length` for translations, 1 (a radian) for rotations."""
     sliding = {"prismatic": 1, "planar": 2, "floating": 3}.get(link.kind, 0)
     return np.array([length] * sliding + [1.0] * (link.nv - sliding))

@@ -1,4 +1,4 @@
-"""Closure rows of a module's core over s = [V_dot_base; y], with their drift (see `linkage.closures`)."""
+"""Closure rows of a module's core over s = [V_dot_base; y], and their drift (see `linkage.closures`)."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ class Rows:
     Attributes:
         K: Shape (rows, 6 + nv): K s + gamma = 0.
         gamma: Shape (rows,).
-        apart: gamma without units: metres over the module's length.
-        guard: How far the loops are open.
+        apart: gamma without units (lengths over the module's length).
+        guard: Guard of the closures' positions and rates.
     """
 
     K: Expression
@@ -34,7 +34,7 @@ class Rows:
 
 @dataclass
 class _Side:
-    """A closure's frame on one body, everything in the base's axes."""
+    """Motion of a closure's frame on one body, in the base's axes."""
 
     A: Expression
     p: Expression
@@ -46,7 +46,7 @@ class _Side:
 
 
 def _side(chain: Chain, body: int, R: Expression, p: Expression) -> _Side:
-    """Return a frame's axes, origin, rates, accelerations at s = 0, and its body's motion over s."""
+    """Compute a frame's axes, origin, velocities, accelerations at s = 0, and its body's motion map."""
     R0, V, c = chain.R0[body], chain.V[body], chain.c[body]
     return _Side(
         dot(R0, R),
@@ -74,7 +74,7 @@ def write_rows(
         closures: The closures.
         couplings: The couplings.
         q: Positions of each joint.
-        scale: What closures are measured by.
+        scale: Scales of closure residuals.
         speed: Size of the module's rates.
     """
     K, gamma, apart = [zeros(0, 6 + chain.nv)], [zeros(0)], [zeros(0)]
@@ -99,12 +99,12 @@ def write_rows(
 def _closure(
     c: TreeClosure, a: _Side, b: _Side, scale: Scale, speed: Any
 ) -> tuple[Expression, Expression, ca.SX]:
-    """Return rows, drift and guard of one closure."""
+    """Compute rows, drift and guard of one closure."""
     r, relative = b.p - a.p, b.J - a.J
     w = b.w - a.w
     axes = [a.A[:, i] for i in c.translations]
     if len(axes) == 3:
-        r = zeros(3)  # of a closed loop; all three rows then stand along any axes
+        r = zeros(3)  # the loop is closed, and all three rows together may use any axes
         axes = [numbers(np.eye(3)[i]) for i in range(3)]
     slide = b.v - a.v - cross(a.w, r)
     apart = b.a - a.a - cross(a.alpha, r) - 2 * cross(a.w, b.v - a.v) + cross(a.w, cross(a.w, r))

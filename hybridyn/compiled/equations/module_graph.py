@@ -1,4 +1,4 @@
-"""One module's graph: the symbols it is written over, and the stages it is cut into."""
+"""Symbols and stages of one module's graph."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from .stages import Stage
 
 @dataclass(frozen=True)
 class WrittenModule:
-    """The stages of one module's model, and which coordinates they read.
+    """The stages of one module's model, and the coordinates that they read.
 
     Attributes:
         stages: The stages.
-        q, v: Coordinates of the spanning tree that the inputs "q" and "v" (and "a") hold.
+        q, v: Coordinates and freedoms of the spanning tree in the inputs "q" and "v" (and "a").
         platforms: Links of the core that are platforms, in the order of the outputs "platform i".
     """
 
@@ -31,12 +31,12 @@ class WrittenModule:
 
 @dataclass(frozen=True)
 class BaseMotion:
-    """Motion of the body that a module stands on, as symbols, or the constants of a base at rest.
+    """Motion of the body that a module stands on, as symbols, or as constants for a base at rest.
 
     Attributes:
         V: Twist, shape (6,), own frame.
         A: Acceleration less gravity, shape (6,), own frame.
-        V_column, A_column: Their symbols by name, "V_base" and "A_base"; nothing for a base at rest.
+        V_column, A_column: Their symbols by name, "V_base" and "A_base"; empty for a base at rest.
     """
 
     V: Expression
@@ -48,9 +48,9 @@ class BaseMotion:
 def base_motion(at_rest: tuple[float, ...] | None, velocity: bool) -> BaseMotion:
     """Return the motion of a module's base.
 
-    Every module is written as an observer sees it who moves with its base's origin, so that only the base's
-    rotation counts, and no digit is spent on a velocity that all share. Without velocity terms the model is
-    not the same for all observers, and the whole twist is taken.
+    Every module is written relative to an observer who moves with its base's origin. So only the base's
+    angular velocity matters, and no digits are lost to a common velocity. Without velocity terms the model is
+    not the same for all observers, and the whole twist is used.
 
     Args:
         at_rest: Acceleration (less gravity) of a base at rest, else None.
@@ -65,7 +65,7 @@ def base_motion(at_rest: tuple[float, ...] | None, velocity: bool) -> BaseMotion
 
 
 def twist_width(velocity: bool) -> int:
-    """Return how many numbers tell the twist of a base: its rotation, or all six (`base_motion`)."""
+    """Return the size of a base's twist: 3 for its angular part, or 6 (`base_motion`)."""
     return 3 if velocity else 6
 
 
@@ -79,13 +79,13 @@ def read_by_core(plan: Plan) -> tuple[Index, Index]:
 
 
 def parameters_of(plan: Plan) -> dict[str, ca.SX]:
-    """Return the inertial parameters of a module's bodies where they are inputs."""
+    """Return the symbols of a module's inertial parameters if they are inputs, else nothing."""
     own = plan.parts.own
     return {} if own is None else {"parameters": ca.vertcat(*[x for numbers in own for x in numbers])}
 
 
 def scattered(name: str, index: Index, width: int) -> tuple[ca.SX, Expression]:
-    """Return symbols for some entries of a vector, and the vector with zeros elsewhere."""
+    """Return symbols for some entries of a vector, and the vector with zeros in its other entries."""
     column, entries = symbols(name, len(index))
     out = zeros(width)
     out[index] = entries

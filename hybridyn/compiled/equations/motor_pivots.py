@@ -1,4 +1,4 @@
-"""Which pivots a module's motor map is eliminated with, chosen at generic postures."""
+"""Choose the pivots of a module's motor map at generic postures."""
 
 from __future__ import annotations
 
@@ -19,12 +19,14 @@ from .static_elimination import Pivots, choose_pivots, solve
 def motor_pivots(plan: Plan, positions: Array, motors: tuple[int, ...]) -> Pivots | None:
     """Choose the pivots of a module's motor map at generic positions of its spanning tree.
 
-    None where the motors lose a direction at most of them: they do so everywhere.
-
     Args:
         plan: The module.
         positions: Positions of its spanning tree, shape (samples, nq).
         motors: Freedoms of the tree after the cuts that are driven and can move.
+
+    Returns:
+        The pivots; none if there are more motors than motions; None if the map is singular at most of the
+        positions, and so everywhere.
     """
     if not motors or len(motors) > plan.mechanism.mobility:
         return Pivots((), (), ())

@@ -1,4 +1,4 @@
-"""What the code of a module depends on beside the module: effects, motors, and what stands on it."""
+"""Options that a module's code depends on besides the module: effects, motors, and the modules on it."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ from .request import Request
 
 @dataclass(frozen=True)
 class ModuleOptions:
-    """What both models ask for.
+    """Options of both models.
 
     Attributes:
-        base: The base's acceleration (less gravity) where it is a constant and the base rests, else None.
-        carries: For each output whether another module stands on it.
-        inertias: For each output its own ten numbers with those that its modules' legs hand to it.
+        base: The constant acceleration (less gravity) of a base at rest, else None.
+        carries: Whether another module stands on each output.
+        inertias: Ten numbers of each output, including those that regrouping moves to it.
         velocity: Whether velocity terms are on.
         rotor: Rotor inertias over the freedoms of the tree after the cuts, as a tuple.
     """
@@ -38,13 +38,13 @@ class ModuleOptions:
 
 @dataclass(frozen=True)
 class DirectOptions(ModuleOptions):
-    """What the direct model asks for.
+    """Options of the direct model.
 
     Attributes:
-        motors: Freedoms of the tree after the cuts that have an effort.
-        massless: Whether some motion of the module has no inertia: its acceleration is the general path's.
-        usual: For each freedom of a module without loops that carries others what it moves at most, all
-            joints behind it locked, without units of its own; else nothing.
+        motors: Freedoms of the tree after the cuts on which an effort acts.
+        massless: Whether some motion of the module has no inertia; the general path then computes it.
+        usual: Largest inertia that each freedom moves with all other joints locked, for a module without
+            loops that carries others; else empty.
     """
 
     motors: tuple[int, ...]
@@ -54,12 +54,12 @@ class DirectOptions(ModuleOptions):
 
 @dataclass(frozen=True)
 class InverseOptions(ModuleOptions):
-    """What the inverse model asks for.
+    """Options of the inverse model.
 
     Attributes:
         motors: Freedoms of the tree after the cuts that are driven, in the order of the module's motors.
-        moving: Those of the motors that the closures let move, numbered among them.
-        share: The share of the load of each of these, where they are redundant.
+        moving: Indices of the motors that the closures let move.
+        share: Share of the load of each moving motor if they are redundant, else empty.
         laws: Freedoms of the tree after the cuts with joint laws.
     """
 
@@ -70,7 +70,7 @@ class InverseOptions(ModuleOptions):
 
 
 def direct_options(request: Request, k: int) -> DirectOptions:
-    """Return what the direct model of module k asks for."""
+    """Return the options of the direct model of module k."""
     marks = request.marks(request.robot.modules[k])
     return DirectOptions(
         **_of_both(request, k),
@@ -81,10 +81,9 @@ def direct_options(request: Request, k: int) -> DirectOptions:
 
 
 def _massless(request: Request, k: int) -> bool:
-    """Say whether a motion of module k has no inertia; what stands on an output gives its motions some.
+    """Return whether a motion of module k has no inertia; modules on an output add inertia to its motions.
 
-    Pivots of rounding cannot show that: each is as large as the diagonal entry, of rounding too, that it
-    comes from.
+    Pivots at the level of rounding cannot show this, since their diagonal entries are at that level too.
     """
     m = request.robot.modules[k].mechanism
     if not m.closures.rows or not m.mobility or request.on.leg_inertia is None:
@@ -102,7 +101,7 @@ def _massless(request: Request, k: int) -> bool:
 
 
 def inverse_options(request: Request, k: int) -> InverseOptions:
-    """Return what the inverse model of module k asks for."""
+    """Return the options of the inverse model of module k."""
     module = request.robot.modules[k]
     marks = request.marks(module)
     moving = module.moving_motors
@@ -118,7 +117,7 @@ def inverse_options(request: Request, k: int) -> InverseOptions:
 
 
 def _of_both(request: Request, k: int) -> dict[str, Any]:
-    """Return what both models of module k ask for, by name."""
+    """Return the options of both models of module k, by name."""
     module = request.robot.modules[k]
     return {
         "base": request.root(module),
@@ -130,7 +129,7 @@ def _of_both(request: Request, k: int) -> dict[str, Any]:
 
 
 def _usual(request: Request, k: int) -> tuple[float, ...]:
-    """Return what each freedom of a module without loops that carries others moves, its joints locked."""
+    """Return `DirectOptions.usual` of module k."""
     module = request.robot.modules[k]
     m = module.mechanism
     carries = any(request.children(k, o) for o in range(len(m.spec.outputs)))
@@ -140,7 +139,7 @@ def _usual(request: Request, k: int) -> tuple[float, ...]:
 
 
 def _locked(robot: HybridRobot) -> Array:
-    """Return what each freedom moves at most, all other joints locked, at some postures, shape (nv,)."""
+    """Compute the largest inertia of each freedom, other joints locked, over some postures, shape (nv,)."""
     data, rng = robot.model.createData(), np.random.default_rng(0)
     postures = [robot.home] + [
         pin.integrate(robot.model, robot.home, rng.normal(size=robot.nv)) for _ in range(7)
@@ -150,7 +149,7 @@ def _locked(robot: HybridRobot) -> Array:
 
 
 def _share(robot: HybridRobot, module: Module) -> Array:
-    """Return the share of the load of each motor that can move, none where the robot does not say."""
+    """Return the share of the load of each motor that can move; empty if the robot does not define it."""
     try:
         return load_share(robot, module, Sharing(None, "raise"), module.moving_motors)
     except ActuationError:

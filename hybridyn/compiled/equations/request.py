@@ -1,4 +1,4 @@
-"""What a written-out model is asked for: the robot's effects as numbers, module by module."""
+"""Request for a compiled model: a robot and its effects as numbers, module by module."""
 
 from __future__ import annotations
 
@@ -20,21 +20,21 @@ from .parts import parts_of
 from .rigid import ten_numbers
 from .states import generic_positions
 
-#: Where (m, h, Ixx, Ixy, Ixz, Iyy, Iyz, Izz) stand in `pinocchio.Inertia.toDynamicParameters`.
+#: Indices of (m, h, Ixx, Ixy, Ixz, Iyy, Iyz, Izz) in `pinocchio.Inertia.toDynamicParameters`.
 AS_PINOCCHIO = np.array([0, 1, 2, 3, 4, 5, 7, 6, 8, 9])
 
 
 @dataclass(frozen=True)
 class Request:
-    """A robot and the effects to write out.
+    """A robot and the effects to compile.
 
     Attributes:
         robot: The robot.
         on: The effects.
         regroup: Whether base inertial parameters are used.
-        align: Whether bodies' axes are turned into their joints'.
+        align: Whether body axes are aligned with the joint axes.
         parameters: Whether the bodies' inertial parameters are inputs of the model.
-        dtype: What the model computes with, "float64" or "float32": how far loops may be open.
+        dtype: Type of the arithmetic, "float64" or "float32"; it decides how far loops may be open.
     """
 
     robot: HybridRobot
@@ -46,7 +46,7 @@ class Request:
 
     @cached_property
     def plans(self) -> list[Plan]:
-        """A plan for each module, shared by modules that are equal in everything that matters."""
+        """A plan for each module; modules of one mechanism with equal marks share it."""
         known: dict[tuple[int, tuple[str, ...]], Plan] = {}
         out = []
         for module in self.robot.modules:
@@ -79,7 +79,7 @@ class Request:
         return tuple(entries)
 
     def parameter_index(self, module: Module) -> Index:
-        """Return where the ten numbers of a module's bodies stand among the robot's."""
+        """Return the indices of the ten numbers of a module's bodies in the input "parameters"."""
         spec = module.mechanism.spec
         own = [self.robot.body_of_joint[module.joints[body - 1]] for body in spec.tree_body[1:]]
         return np.concatenate([10 * body + AS_PINOCCHIO for body in own])
@@ -89,7 +89,7 @@ class Request:
         return {}
 
     def marks(self, module: Module) -> tuple[str, ...]:
-        """Return for each freedom of a module's tree after the cuts what acts on it: motors and laws."""
+        """Return for each freedom of a module's tree after the cuts the motor and laws that act on it."""
         m = module.mechanism
         out = ["motor " if k in module.motor_columns else "" for k in range(m.tree.nv)]
         for n, law in enumerate(self.on.joints):
@@ -102,7 +102,7 @@ class Request:
         return tuple(out)
 
     def rotor(self, module: Module) -> tuple[float, ...]:
-        """Return what rotors add to the diagonal of the inertia, over the tree after the cuts."""
+        """Return the rotor inertias on the diagonal of the mass matrix, over the tree after the cuts."""
         diagonal = self.on.rotor_diagonal(self.robot)
         own = np.zeros((1, module.mechanism.tree.nv))
         if diagonal is not None:
@@ -110,7 +110,7 @@ class Request:
         return tuple(own[0].tolist())
 
     def children(self, k: int, output: int) -> list[int]:
-        """Return the modules that stand on an output."""
+        """Return the indices of the modules that stand on an output."""
         return [
             i
             for i, module in enumerate(self.robot.modules)
@@ -118,7 +118,7 @@ class Request:
         ]
 
     def output_inertias(self, k: int) -> tuple[tuple[float, ...], ...]:
-        """Return for each output of a module its ten numbers, with what the modules on it hand down."""
+        """Return the ten numbers of each output of a module, including those moved down by regrouping."""
         out = []
         for o, body in enumerate(self.robot.modules[k].mechanism.spec.outputs_inertia):
             total = ten_numbers(body) + sum(
@@ -133,7 +133,7 @@ class Request:
         return self.robot.gravity if self.on.gravity is not None else np.zeros(3)
 
     def root(self, module: Module) -> tuple[float, ...] | None:
-        """Return the constant acceleration of the base of a module on a base at rest, else None."""
+        """Return the base's acceleration (less gravity) of a module on a base at rest, else None."""
         if module.parent >= 0 or self.robot.base == "moving":
             return None
         return (*(-self.gravity).tolist(), 0.0, 0.0, 0.0)
@@ -148,10 +148,10 @@ def request(
     parameters: bool = False,
     dtype: str = "float64",
 ) -> Request:
-    """Check that a model with these effects can be written out.
+    """Check that a model with these effects can be compiled, and return the request for it.
 
     Raises:
-        ModelError: An effect is not for written-out models.
+        ModelError: An effect is not available in compiled models.
     """
     on = choose(robot, effects)
     for unit in (*on.links, *((on.base,) if on.base else ())):

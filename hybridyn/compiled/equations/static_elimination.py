@@ -1,7 +1,7 @@
-"""Gaussian elimination whose pivots are chosen once, at generic postures, and written out.
+"""Gaussian elimination in expressions, with pivots that are chosen once at generic postures.
 
-Pivots are chosen for size at every posture seen that is not all but singular, then for sparsity. At run time
-the smallest pivot, relative to what it was there, tells how far the choice can be trusted.
+Pivots are chosen for their size at all these postures but nearly singular ones, then for sparsity. At run
+time the smallest pivot relative to its usual size tells how far the choice can be trusted.
 """
 
 from __future__ import annotations
@@ -14,13 +14,13 @@ import numpy as np
 from ...spatial import Array, Mask
 from .expressions import Expression, dot, is_zero, times, zeros
 
-#: A pivot that is smaller than this part of its usual size leaves the choice of pivots in doubt. Rounding
-#: grows with the square of that part (inertias are congruences): 5e-16 / part^2 was measured, so that a part
-#: of 2e-3 is as far as 1e-10 goes; what two small pivots multiply to wants the rest.
+#: Least pivot relative to its usual size at which the choice of pivots is trusted. Rounding errors grow with
+#: the inverse square of this ratio (inertias are congruences): 5e-16 / ratio^2 was measured, so 1e-10 is
+#: reached at a ratio of 2e-3. The margin is for two small pivots at once.
 TRUSTED_PIVOT = 1e-2
-#: Pivots this much smaller than the best are taken where they keep the rows sparse.
+#: Pivots smaller than the best by this factor may be chosen to keep the rows sparse.
 SPARSE_PIVOT = 0.1
-#: Shares of the samples that a pivot may fail at, tried one after the other until some pivot is left.
+#: Shares of the samples at which a pivot may fail, tried in this order until some pivot is left.
 FAILING = (0.0, 0.1, 0.25, 0.5)
 
 
@@ -36,18 +36,18 @@ class Pivots:
 def choose_pivots(
     samples: Array, rank: int, row_scale: Array, col_scale: Array, sparse: float = SPARSE_PIVOT
 ) -> Pivots:
-    """Choose pivots that are large at every sample, or at as many as can be.
+    """Choose pivots that are large at every sample, or else at as many samples as possible.
 
-    A sample at which not even the best pivot left would be trusted is all but singular: what is left of it
-    is rounding, which says nothing about pivots. It has no voice any more.
+    A sample at which not even the best remaining pivot would be trusted is nearly singular. Its remainder is
+    rounding and has no information on pivots, so the sample is dropped.
 
     Args:
-        samples: The matrix at generic postures, shape (samples, m, n); at some it may be singular or no
-            number.
+        samples: The matrix at generic postures, shape (samples, m, n); at some it may be singular or not
+            finite.
         rank: Number of pivots.
-        row_scale: Factor that takes the unit off each row, shape (m,).
+        row_scale: Factor that makes each row dimensionless, shape (m,).
         col_scale: Unit of each unknown, shape (n,).
-        sparse: Pivots this much smaller than the best are taken where they keep the rows sparse.
+        sparse: Pivots smaller than the best by this factor may be chosen to keep the rows sparse.
     """
     A = samples[np.isfinite(samples).all(axis=(1, 2))] * row_scale[:, None] * col_scale
     structure: Mask = np.asarray((np.abs(A) > 1e-13).any(axis=0))
@@ -67,7 +67,7 @@ def choose_pivots(
         r, c = left_rows.pop(i), left_cols.pop(j)
         A = A[
             np.abs(A[:, r, c]) >= sparse * TRUSTED_PIVOT * largest
-        ]  # where it fails, nothing more can be said
+        ]  # samples at which the pivot fails are dropped
         pivot = A[:, r, c]
         A[:, left_rows] -= (A[:, left_rows, c] / pivot[:, None])[:, :, None] * A[:, None, r]
         structure[left_rows] |= np.outer(structure[left_rows, c], structure[r])
@@ -79,12 +79,12 @@ def choose_pivots(
 
 
 def _score(size: Array) -> Array:
-    """Return how good pivots are: their size at the sample where they are smallest, shape (m, n).
+    """Compute the score of pivots: their size at the sample where they are smallest, shape (m, n).
 
-    Where none is trusted at every sample, the worst samples of each are left out.
+    If no pivot is trusted at every sample, the worst samples of each pivot are left out.
 
     Args:
-        size: Their size at each sample over that of the best there, shape (samples, m, n).
+        size: Size of each pivot at each sample, over that of the best one there, shape (samples, m, n).
     """
     for failing in FAILING:
         score = np.sort(size, axis=0)[int(failing * (len(size) - 1))]
@@ -94,7 +94,7 @@ def _score(size: Array) -> Array:
 
 
 def samples_pivot(pivot: Array, row_scale: float, col_scale: float) -> Array:
-    """Return pivots in the units of the unscaled matrix."""
+    """Convert pivots to the units of the unscaled matrix."""
     out: Array = pivot / (row_scale * col_scale)
     return out
 
@@ -103,13 +103,13 @@ def solve(K: Expression, right: Expression, pivots: Pivots) -> tuple[Expression,
     """Solve K x = right for the pivots' unknowns in terms of the others.
 
     Args:
-        K: Matrix, shape (m, n); rows without a pivot are taken to depend on the others.
+        K: Matrix, shape (m, n); rows without a pivot are assumed to depend on the others.
         right: Right-hand sides, shape (m, k).
         pivots: The choice.
 
     Returns:
         X: All unknowns over [right-hand sides, unknowns without pivots in order], shape (n, k + free).
-        trust: Smallest pivot over its usual size (1 where there is none).
+        trust: Smallest pivot over its usual size (1 if there is no pivot).
     """
     n, k = K.shape[1], right.shape[1]
     free = [c for c in range(n) if c not in pivots.cols]
@@ -146,17 +146,17 @@ def solve_definite(A: Expression, right: Expression, noise: float) -> tuple[Expr
     Args:
         A: Shape (n, n).
         right: Shape (n, k).
-        noise: Pivots below this part of the diagonal that they come from are not trusted.
+        noise: Least trusted ratio of a pivot to its diagonal entry of A.
 
     Returns:
-        X, shape (n, k), and the smallest pivot over its diagonal entry, over `noise`.
+        X, shape (n, k), and the smallest ratio of a pivot to its diagonal entry, over `noise`.
     """
     n = len(A)
     L, inverse, trust = zeros(n, n), [], ca.SX(np.inf)
     W, B = A.copy(), right.copy()
     for i in range(n):
         nothing = is_zero(W[i, i])
-        usual = noise * A[i, i]  # where it is 0, 0 / 0 is no number, and fmin would leave it out
+        usual = noise * A[i, i]  # if it is 0: fmin would ignore the NaN of 0 / 0
         trust = ca.fmin(trust, 0.0 if nothing else ca.if_else(usual > 0, W[i, i] / usual, 0.0))
         inverse.append(0.0 if nothing else 1.0 / W[i, i])
         for j in range(i + 1, n):
