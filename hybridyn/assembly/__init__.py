@@ -1,8 +1,8 @@
-"""From what is given (motors, platform poses) to postures that close every loop.
+"""Assembly: from given motor positions and platform poses to postures that close every loop.
 
-Read `requests` (what the caller wants), `module_request` (the same for one module), `assemble`, `follow`
-(from row to row on one branch). `assemblies` searches all postures; `findings` and `free_motions` say what
-a careful colleague would; `residual` measures how far loops are open.
+Read `requests` (the caller's input, checked), `module_request` (the same for one module), `assemble`,
+`follow` (continuation from sample to sample on one branch). `assemblies` searches for all postures;
+`findings` and `free_motions` report what looks wrong in a robot; `residual` computes closure residuals.
 
 May import: `structure` and below.
 """

@@ -1,7 +1,7 @@
-"""Closing the loops: from motor positions or platform poses to the whole posture and its derivatives.
+"""Loop closing: from motor positions or platform poses to the complete posture and its derivatives.
 
-Module after module from the base: what is given about a module (motors, poses) and its closures make a Newton
-problem on its tree after the cuts; the wrists that were cut follow from the bodies they join.
+The modules are solved in order from the base. The given motors and poses of a module and its closures form a
+Newton problem on its tree after the cuts. The positions of cut wrists follow from the bodies they connect.
 """
 
 from __future__ import annotations
@@ -25,12 +25,12 @@ from ..spatial import Array, cross
 from ..structure.mechanism import Mechanism
 from ..structure.module import Module
 from ..structure.robot import HybridRobot
-from .determinacy import check_determined, full_rank_blocks, refuse_unbounded
+from .determinacy import check_bounded, check_determined, full_rank_blocks
 from .follow import Task, follow
 from .module_request import ModuleRequest, module_request
 from .requests import Requests, gather_requests
 
-#: Closures left open by more than this (relative) are closed once more, with everything free to move.
+#: Closures with a larger relative residual are closed once more, with all freedoms free.
 SETTLED = 1e-14
 
 
@@ -42,31 +42,32 @@ def assemble(
     platforms: Mapping[str, object] | None = None,
     guess: Array | None = None,
 ) -> tuple[Array, Array, Array]:
-    """Close the loops of a robot from motor positions, platform poses, or a mixture.
+    """Compute a posture that closes all loops from motor positions, platform poses, or a mixture.
 
     Args:
         robot: The robot.
-        motors: For each joint by name (position, rate, acceleration), each a number or shape (T,), [m or rad
-            and per second]; rates and accelerations may be left out (zero). Positions of endless joints count
-            whole turns: they tell how often the gears (`<mimic>`, `<coupling>`) on them have turned.
-        platforms: For each "link" (relative to the root link) or "link@other" (relative to another link)
-            (pose, twist, acceleration). The pose is shape (7,) or (T, 7), x, y, z, qx, qy, qz, qw; the twist
-            (T, 6) the velocity of the link's origin and its angular velocity relative to the other link, in
-            that link's axes; the acceleration their time derivatives (classical). Or each is a mapping from
-            some of x, y, z, roll, pitch, yaw to numbers or shapes (T,): a partial pose, the paper's v_r. For
-            a moving or floating base the root link's name gives the base's own pose in the world (at rest
-            where left out).
-        guess: Posture to start from, shape (nq,); the home posture where left out. A trajectory is followed
-            from its first sample on without leaving the assembly branch.
+        motors: Joint name to (position, rate, acceleration), each a number or shape (T,), [m or rad, and
+            per second]; rates and accelerations are zero by default. Positions of continuous joints include
+            whole turns, which determine the turns of gears (`<mimic>`, `<coupling>`) on them.
+        platforms: "link" (relative to the root link) or "link@other" (relative to another link) to (pose,
+            twist, acceleration). The pose x, y, z, qx, qy, qz, qw has shape (7,) or (T, 7). The twist, shape
+            (T, 6), holds the velocity of the link's origin and its angular velocity relative to the other
+            link, in the other link's axes. The acceleration holds their time derivatives (classical). For a
+            partial pose (the paper's v_r), each is a mapping from some of x, y, z, roll, pitch, yaw to
+            numbers or shapes (T,). For a moving or floating base, the root link's name stands for the pose
+            of the base in the world (at rest by default).
+        guess: Initial posture, shape (nq,); the home posture by default. A trajectory is followed from its
+            first sample without leaving the assembly branch.
 
     Returns:
-        q, v, a on the spanning tree: shapes (nq,), (nv,), (nv,), or (T, ...) where anything given has T
-        samples. Motions that move no motor and no output take least-norm rates.
+        q, v, a on the spanning tree, shapes (nq,), (nv,), (nv,), or (T, ...) if any input has T samples.
+        Motions that move no motor and no output get least-norm rates.
 
     Raises:
-        AssemblyError: A target out of reach, a step that would leave the branch, or too little given.
-        SingularityError: A motion that the joints cannot follow: a platform's where a leg is stretched.
-        TrajectoryError: Unknown names, wrong shapes, numbers that are not finite.
+        AssemblyError: A target is out of reach, a step would leave the branch, or the posture is
+            underdetermined.
+        SingularityError: The joints cannot follow the motion, as a platform's where a leg is stretched.
+        TrajectoryError: A name is unknown, a shape is wrong, or a number is not finite.
     """
     requests = gather_requests(robot, _by_name(motors), _by_name(platforms))
     T = requests.samples
@@ -92,7 +93,7 @@ def assemble(
 
 
 def _by_name(wanted: Mapping[str, object] | None) -> Mapping[str, object]:
-    """Return what a mapping, or a table with named columns (a DataFrame), holds for each name."""
+    """Return a mapping from name to value of a mapping or a table with named columns (a DataFrame)."""
     columns = getattr(wanted, "columns", None)
     if wanted is None or columns is None:
         return wanted or {}
@@ -100,7 +101,7 @@ def _by_name(wanted: Mapping[str, object] | None) -> Mapping[str, object]:
 
 
 def place_base(robot: HybridRobot, requests: Requests, q: Array, v: Array, a: Array) -> None:
-    """Enter the pose of a moving or floating base, with Pinocchio's local velocities."""
+    """Write the pose of a moving or floating base into q, v, a, with Pinocchio's local velocities."""
     if robot.base == "fixed" or requests.base is None or requests.base_quaternion is None:
         return
     pose = requests.base
@@ -121,9 +122,9 @@ def _assemble_module(
     *,
     anchored: bool = False,
 ) -> None:
-    """Assemble one module at all samples, into q, v, a of the robot.
+    """Assemble one module at all samples; write the result into q, v, a of the robot.
 
-    `anchored` where the first sample is the posture in q, whatever turns of its gears led there.
+    With `anchored`, the first sample is the posture in q, for whatever turns of its gears it implies.
     """
     m = module.mechanism
     task = module_task(robot, module, request)
@@ -144,7 +145,7 @@ def _assemble_module(
 
 
 def module_task(robot: HybridRobot, module: Module, request: ModuleRequest) -> Task:
-    """Put a module's closures and what is given about it into one problem."""
+    """Build the problem of a module's closures, given joints and targets."""
     m = module.mechanism
     free = np.ones(m.tree.nv, dtype=bool)
     for joint in request.given:
@@ -167,7 +168,7 @@ def module_task(robot: HybridRobot, module: Module, request: ModuleRequest) -> T
 
 
 def settled(m: Mechanism, x: Array) -> Array:
-    """Close loops to rounding after targets that contradict them within the tolerance, shape (T, nq)."""
+    """Close loops to rounding where targets contradict them within the tolerance, shape (T, nq)."""
     r = m.reduction
     open_rows = m.closures.residual(x, m.tree.sweep(x)) * r.row_scale
     bent = np.flatnonzero(np.abs(open_rows).max(axis=1, initial=0.0) > SETTLED)
@@ -180,7 +181,7 @@ def settled(m: Mechanism, x: Array) -> Array:
 def _rates_and_accelerations(
     module: Module, problem: LoopProblem, request: ModuleRequest, x: Array
 ) -> tuple[Array, Array]:
-    """Return rates and accelerations of the tree after the cuts, from the same rows."""
+    """Solve the same rows for rates and accelerations of the tree after the cuts."""
     m, samples = module.mechanism, np.arange(len(x))
     motion = m.tree.sweep(x)
     K = problem.matrix(motion)
@@ -194,11 +195,11 @@ def _rates_and_accelerations(
 
 
 def _solve(module: Module, problem: LoopProblem, K: Array, known: Array, wanted: Array, what: str) -> Array:
-    """Solve the rows for the free freedoms, the others given; at last what is given yields to closures."""
+    """Solve the rows for the free freedoms; then correct all freedoms if closures are still violated."""
     m = module.mechanism
     x = known / problem.col_scale
     x = x + problem.solve(K, wanted - np.einsum("tij,tj->ti", K, x))
-    refuse_unbounded(module, problem, K, x, wanted, what)
+    check_bounded(module, problem, K, x, wanted, what)
     rows = m.closures.rows
     miss = wanted[:, :rows] - np.einsum("tij,tj->ti", K[:, :rows], x)
     scale = np.abs(x).max(axis=1, initial=0.0) + np.abs(wanted).max(axis=1, initial=0.0)
@@ -209,13 +210,13 @@ def _solve(module: Module, problem: LoopProblem, K: Array, known: Array, wanted:
 
 
 def spanning_positions(module: Module, x: Array, target: Motion, guess: Array) -> Array:
-    """Return positions of the spanning tree: the legs', and the wrists' that put ends on their targets.
+    """Compute positions of the spanning tree, including the wrists that connect ends with their targets.
 
     Args:
         module: The module.
         x: Positions of the tree after the cuts, shape (T, its nq).
         target: Motion of that tree.
-        guess: Posture near the first of a motion, shape (nq,), or one near each posture, shape (T, nq).
+        guess: Posture near the first sample, shape (nq,), or one near each sample, shape (T, nq).
     """
     m = module.mechanism
     q = np.broadcast_to(guess, (len(x), m.spanning.nq)).copy()
@@ -246,21 +247,21 @@ def spanning_positions(module: Module, x: Array, target: Motion, guess: Array) -
 
 
 def move_module(robot: HybridRobot, number: int, joints: Mapping[str, float], guess: Array) -> Array:
-    """Move joints of one module with its loops closed all the way; the other modules stay as they are.
+    """Move joints of one module along a path of closed loops; the other modules keep their positions.
 
     Args:
         robot: The robot.
-        number: Number of the module.
-        joints: New positions by joint (of those with one freedom), which with the closures fix the module's
-            posture [m or rad].
-        guess: Posture of the robot to start from, its loops closed, shape (nq,).
+        number: Index of the module.
+        joints: New position by joint name (joints with one freedom), [m or rad]; with the closures they
+            determine the module's posture.
+        guess: Initial posture of the robot with closed loops, shape (nq,).
 
     Returns:
         Posture of the robot on the same assembly branch, shape (nq,).
 
     Raises:
-        AssemblyError: As `assemble`.
-        TrajectoryError: As `assemble`.
+        AssemblyError: As in `assemble`.
+        TrajectoryError: As in `assemble`.
     """
     module = robot.modules[number]
     q = np.tile(np.asarray(guess, dtype=float), (2, 1))
@@ -273,6 +274,6 @@ def move_module(robot: HybridRobot, number: int, joints: Mapping[str, float], gu
 
 
 def _position(robot: HybridRobot, q: Array, joint: str) -> float:
-    """Return the position of a joint with one freedom in a posture, shape (nq,)."""
+    """Return the position of a joint with one freedom at a posture, shape (nq,)."""
     at = q[robot.q_slices[robot.joint_index[joint]]]
     return float(at[0] if len(at) == 1 else np.arctan2(at[1], at[0]))

@@ -1,8 +1,8 @@
-"""Every posture that motors and platform poses allow, searched from seeded random starts.
+"""Search for all postures with given motor positions and platform poses, from seeded random starts.
 
-Each start takes undamped Newton steps of limited length, whether they help or not: a start wanders until it
-falls into some posture, so that postures with small basins are reached as well. What was reached is closed
-to rounding as in `assemble`, and counted.
+Each start takes undamped Newton steps of limited length, whether or not the residual decreases, until it
+converges to some posture. Postures with small basins of attraction are therefore reached as well. The
+postures reached are closed to rounding as in `assemble`, and counted.
 """
 
 from __future__ import annotations
@@ -25,32 +25,34 @@ from .module_request import module_request
 from .requests import Requests, gather_requests
 from .residual import closure_residual
 
-#: Two postures are one where nothing that tells them apart differs by more (module lengths, cosines).
+#: Two postures are equal if no mark that distinguishes postures differs by more (module lengths, cosines).
 SAME_ASSEMBLY = 1e-5
-#: Longest step of the search [rad, module lengths], most steps, and the residual at which a start is there.
-LONGEST_STEP, MOST_STEPS, THERE = 1.0, 60, 1e-10
-#: The steps are least-norm ones by normal equations, regularised by this part of their trace.
+#: Longest step of the search [rad, module lengths], maximum number of steps, and the residual of a start
+#: that has converged.
+LONGEST_STEP, MOST_STEPS, CONVERGED = 1.0, 60, 1e-10
+#: Regularisation of the normal equations of the least-norm steps, relative to their trace.
 REGULARISATION = 1e-12
-#: Marks that idle motions of the first size change by the second tell nothing.
+#: A mark that an idle motion of size `NUDGE` changes by `NUDGED` or more does not distinguish postures.
 NUDGE, NUDGED = 1e-3, 1e-5
-#: Starts that are moved at once: their arrays stay near the cache.
+#: Number of starts per batch: small enough that their arrays stay in the cache.
 STARTS_AT_ONCE = 1000
-#: Most postures of a whole robot; stacked modules multiply theirs.
+#: Maximum number of postures of a robot; the numbers of stacked modules multiply.
 MOST_POSTURES = 10_000
 
 
 @dataclass(frozen=True)
 class Assemblies:
-    """The postures that were found, those nearest to the home posture first.
+    """The postures found, ordered by distance from the home posture.
 
     Attributes:
-        q: Positions on the spanning tree, shape (n, nq); wrists that were cut follow their platforms.
-        counts: Starts that led to each, shape (n,); for stacked modules those of the rarest module's posture.
-        residual: Closure residual of each over its module's length, shape (n,).
+        q: Positions on the spanning tree, shape (n, nq); cut wrists follow their platforms.
+        counts: Number of starts that led to each, shape (n,); for stacked modules, the smallest number of
+            its modules.
+        residual: Closure residual of each, relative to its module's length, shape (n,).
         within_limits: Whether each keeps every joint within its position limits, shape (n,).
-        starts: Random starts of each module.
-        unseen: Estimated chance that one more start finds another posture (Good and Turing: the share of the
-            starts that found what no other did). Above 0 take more starts.
+        starts: Number of random starts per module.
+        unseen: Estimated probability that one more start finds another posture (Good and Turing: the share of
+            the starts whose posture no other start found). If it is above 0, use more starts.
     """
 
     q: Array
@@ -70,27 +72,27 @@ def assemblies(
     starts: int = 1000,
     seed: int = 0,
 ) -> Assemblies:
-    """Find the postures in which motors and platforms are where they are wanted.
+    """Find the postures with given motor positions and platform poses.
 
-    Two postures count as one where all of this is the same: placements of the outputs, positions of the
-    motors, origins and centres of mass of the legs' links, closure points. So neither whole turns, the signs
-    of quaternions, a rod's idle spin, nor the two ways in which a universal joint points a straight leg tell
-    postures apart; of such variants the one nearest to the home posture is given.
+    Two postures are equal if they agree in the placements of the outputs, the positions of the motors, the
+    origins and centres of mass of the legs' links, and the closure points. Whole turns, signs of
+    quaternions, a rod's idle spin, and the two solutions of a universal joint for a straight leg therefore
+    do not distinguish postures. Of such variants the one nearest to the home posture is returned.
 
     Args:
         robot: The robot.
         motors: As in `hybridyn.assemble`, one sample; rates are not used.
         platforms: As in `hybridyn.assemble`, one sample.
-        starts: Random starts of each module with loops.
-        seed: Seed of the starts: the same seed finds the same postures.
+        starts: Number of random starts per module with loops.
+        seed: Seed of the starts; the same seed finds the same postures.
 
     Returns:
-        The postures, each of which closes all loops, beyond the joints' limits as well. That there are no
-        others is never certain: see `Assemblies.unseen`.
+        The postures. Each closes all loops; joints may be beyond their limits. The search may miss postures:
+        see `Assemblies.unseen`.
 
     Raises:
-        AssemblyError: No posture, too little given, or more than 10,000 postures of stacked modules.
-        TrajectoryError: Unknown names, wrong shapes, several samples.
+        AssemblyError: There is no posture, it is underdetermined, or stacked modules have more than 10,000.
+        TrajectoryError: A name is unknown, a shape is wrong, or there are several samples.
     """
     requests = gather_requests(robot, motors or {}, platforms or {})
     if not requests.single:
@@ -107,7 +109,7 @@ def assemblies(
 
 
 def _within_limits(robot: HybridRobot, q: Array) -> Mask:
-    """Say which postures, shape (n, nq), keep every joint within its limits."""
+    """Check which postures, shape (n, nq), keep every joint within its limits."""
     within = np.ones(len(q), dtype=bool)
     for joint in robot.description.joints:
         if joint.kind in ("revolute", "prismatic"):
@@ -118,10 +120,10 @@ def _within_limits(robot: HybridRobot, q: Array) -> Mask:
 
 
 def postures_at_home(robot: HybridRobot, number: int, starts: int, seed: int = 0) -> Found:
-    """Find the postures of one module with its motors as at home.
+    """Find the postures of one module with its motors at their home positions.
 
     Raises:
-        AssemblyError: Its motors do not fix its posture.
+        AssemblyError: The motors do not determine its posture.
     """
     module, joints = robot.modules[number], {}
     for motor in module.motors:
@@ -135,12 +137,12 @@ def postures_at_home(robot: HybridRobot, number: int, starts: int, seed: int = 0
 
 @dataclass(frozen=True)
 class Found:
-    """What the starts of one module came to.
+    """The postures found for one module.
 
     Attributes:
         x: Postures on the module's tree after the cuts, shape (n, nq).
         q: The same on its spanning tree.
-        counts: Starts that led to each, shape (n,).
+        counts: Number of starts that led to each, shape (n,).
     """
 
     x: Array
@@ -149,7 +151,7 @@ class Found:
 
 
 class _Search:
-    """All postures of the modules looked at so far, modules from the base outwards."""
+    """All postures of the modules searched so far, from the base outwards."""
 
     def __init__(self, robot: HybridRobot, requests: Requests, starts: int, seed: int) -> None:
         self.robot, self.requests, self.starts, self.seed = robot, requests, starts, seed
@@ -161,10 +163,10 @@ class _Search:
         self._known: dict[tuple[int, bytes], Found] = {}
 
     def add(self, number: int) -> None:
-        """Look at a module on each posture of those below it.
+        """Search a module's postures for each posture of the modules below it.
 
         Raises:
-            AssemblyError: It has no posture on some of them, or there are too many.
+            AssemblyError: It has no posture for some of them, or there are too many.
         """
         module = self.robot.modules[number]
         rows_below = range(len(self.q)) if self._depends(number) else [0] * len(self.q)
@@ -173,8 +175,9 @@ class _Search:
         total = sum(len(f.counts) for f in found)
         if total > MOST_POSTURES:
             raise AssemblyError(
-                f"module '{module.name}': the robot has {total} postures or more with the modules below it "
-                f"(limit {MOST_POSTURES}): stacked modules multiply theirs. Give the poses of some platforms",
+                f"module '{module.name}': with the modules below it, it has at least {total} postures "
+                f"(limit {MOST_POSTURES}): the numbers of stacked modules multiply. Give the poses of some "
+                "platforms",
                 module=module.name,
             )
         rows = np.repeat(np.arange(len(self.q)), [len(f.counts) for f in found])
@@ -186,14 +189,14 @@ class _Search:
         self._place(module, rows)
 
     def _depends(self, number: int) -> bool:
-        """Say whether what is wanted of a module depends on the posture of those below it."""
+        """Check whether a module's request depends on the posture of the modules below it."""
         place = self.robot.bodies.place
         base = place[self.robot.modules[number].base][0]
         poses = [p for p in self.requests.poses if self.robot.body_owner[place[p.link][0]][0] == number]
         return any(place[p.other][0] != base for p in poses)
 
     def _module(self, number: int, row: int) -> Found:
-        """Return a module's postures on one posture of the modules below, searched once per request."""
+        """Return a module's postures for one posture of the modules below, searched once per request."""
         robot, module = self.robot, self.robot.modules[number]
         m = module.mechanism
         below = {body: _row(motion, row) for body, motion in self._bodies.items()}
@@ -206,7 +209,7 @@ class _Search:
         return self._known[key]
 
     def _place(self, module: Module, rows: Index) -> None:
-        """Take the rows given of what is placed, and place the module's bodies."""
+        """Select the given rows of the bodies placed so far, and place the module's bodies."""
         self._bodies = {body: _row(motion, rows) for body, motion in self._bodies.items()}
         base = self._bodies[self.robot.bodies.place[module.base][0]]
         motion = module.mechanism.spanning.sweep(self.q[:, module.q_index])
@@ -226,9 +229,9 @@ def postures(robot: HybridRobot, module: Module, task: Task, starts: int, seed: 
     Args:
         robot: The robot.
         module: The module.
-        task: What is wanted of it, one sample.
+        task: Its problem, one sample.
         starts: Number of random starts.
-        seed: Their seed.
+        seed: Seed of the starts.
 
     Raises:
         AssemblyError: There is none.
@@ -241,9 +244,9 @@ def postures(robot: HybridRobot, module: Module, task: Task, starts: int, seed: 
             noise = rng.uniform(-spread, spread, (min(STARTS_AT_ONCE, starts - first), m.tree.nv))
             reached.append(_reached(task, m.tree.integrate(np.tile(m.home, (len(noise), 1)), noise)))
     x = settled(m, np.concatenate(reached))
-    marks = _marks(module, x)[:, _told(task, module, x[:8])]
+    marks = _marks(module, x)[:, _unchanged_by_idle_motions(task, module, x[:8])]
     label, counts = _grouped(marks)
-    counts[0] = counts[0] - 1 if m.closures.rows else starts  # what `assemble` gives is no random start
+    counts[0] = counts[0] - 1 if m.closures.rows else starts  # the posture of `assemble` is no random start
     turned = np.abs(m.tree.difference(np.tile(m.home, (len(x), 1)), x) / task.problem.col_scale).sum(axis=1)
     kept = np.array([np.flatnonzero(label == i)[np.argmin(turned[label == i])] for i in range(len(counts))])
     order = np.lexsort([*np.round(marks[kept].T / SAME_ASSEMBLY), np.round(turned[kept] / SAME_ASSEMBLY)])
@@ -254,13 +257,13 @@ def postures(robot: HybridRobot, module: Module, task: Task, starts: int, seed: 
 
 
 def _reached(task: Task, q: Array) -> Array:
-    """Return the closed postures that starts lead to, shapes (starts, nq) and (closed, nq)."""
+    """Compute the closed postures reached from starts, shapes (starts, nq) and (closed, nq)."""
     problem, q = task.problem, task.with_known(q, np.zeros(len(q), dtype=int))
     active, there = np.arange(len(q)), np.zeros(len(q), dtype=bool)
     for _ in range(MOST_STEPS):
         motion = problem.tree.sweep(q[active])
         residual = problem.residual(q[active], np.zeros(len(active), dtype=int), motion)
-        there[active] = np.abs(residual).max(axis=1, initial=0.0) < THERE
+        there[active] = np.abs(residual).max(axis=1, initial=0.0) < CONVERGED
         K = problem.matrix(motion, every=False)[:, :, problem.free]
         square = K @ K.transpose(0, 2, 1)
         size = np.trace(square, axis1=1, axis2=2)[:, None, None]
@@ -268,7 +271,7 @@ def _reached(task: Task, q: Array) -> Array:
         dx = np.zeros((len(active), problem.tree.nv))
         dx[:, problem.free] = -(K.transpose(0, 2, 1) @ np.linalg.solve(square, residual[..., None]))[..., 0]
         length = np.abs(dx).max(axis=1, initial=0.0)
-        there[active] |= length < SMALLEST_STEP  # on targets that contradict one another within the tolerance
+        there[active] |= length < SMALLEST_STEP  # for targets that contradict one another within tolerance
         dx *= np.minimum(1.0, LONGEST_STEP / np.maximum(length, LONGEST_STEP))[:, None]
         q[active] = problem.tree.integrate(q[active], dx * problem.col_scale)
         active = active[~there[active]]
@@ -280,7 +283,7 @@ def _reached(task: Task, q: Array) -> Array:
 
 
 def _marks(module: Module, x: Array) -> Array:
-    """Return what tells postures apart, without unit, shape (T, marks): see `assemblies`."""
+    """Compute the dimensionless marks that distinguish postures, shape (T, marks): see `assemblies`."""
     m = module.mechanism
     motion = m.tree.sweep(x)
     marks = [motion.p[:, 1:].reshape(len(x), -1) / m.length]
@@ -299,8 +302,8 @@ def _marks(module: Module, x: Array) -> Array:
     return np.concatenate(marks, axis=1)
 
 
-def _told(task: Task, module: Module, x: Array) -> Mask:
-    """Say which marks no idle motion changes, shape (marks,), from a few postures (T, nq)."""
+def _unchanged_by_idle_motions(task: Task, module: Module, x: Array) -> Mask:
+    """Determine the marks that no idle motion changes, shape (marks,), from a few postures (T, nq)."""
     problem = task.problem
     K = problem.matrix(problem.tree.sweep(x))[:, :, problem.free]
     here = _marks(module, x)
@@ -314,7 +317,7 @@ def _told(task: Task, module: Module, x: Array) -> Mask:
 
 
 def _grouped(marks: Array) -> tuple[Index, Index]:
-    """Return a number for each row of marks, shape (n, marks), the same for equal rows, and group sizes."""
+    """Group equal rows of marks, shape (n, marks); return the group of each row and the group sizes."""
     label = np.full(len(marks), -1)
     groups = 0
     while (label < 0).any():

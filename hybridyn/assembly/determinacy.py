@@ -1,4 +1,4 @@
-"""Whether what is given about a module fixes its posture, and how the rows fall into blocks."""
+"""Checks that given joints and targets determine a module's posture, and block structure of the rows."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ from ..linkage.reduction import Block, decide_rank
 from ..spatial import Array, Mask
 from ..structure.module import Module
 
-#: A motion that moves outputs, motors and centres of mass by less than this is idle (a rod's spin).
+#: A motion is idle (a rod's spin) if it moves outputs, motors and centres of mass by less than this.
 IDLE = 1e-6
-#: Rows over the free freedoms whose reciprocal condition falls below this are singular.
+#: Rows over the free freedoms are singular if their reciprocal condition number is below this.
 SINGULAR_ROWS = 1e-10
-#: Rates that exceed what was asked by less than this do not come from a singularity.
+#: Ratio of computed to prescribed rates above which a singularity is suspected.
 BOUNDED = 1e6
 
 
 def check_determined(module: Module, problem: LoopProblem, generic: Array) -> int:
-    """Return the generic rank of a problem's rows over its free freedoms.
+    """Compute the generic rank of a problem's rows over its free freedoms, and check that it suffices.
 
     Args:
         module: The module.
@@ -27,7 +27,7 @@ def check_determined(module: Module, problem: LoopProblem, generic: Array) -> in
         generic: Scaled rows at generic postures, shape (samples, rows, nv).
 
     Raises:
-        AssemblyError: A motion that is not idle is left open; names what it moves.
+        AssemblyError: A motion that is not idle remains free; the message names what it moves.
     """
     free = problem.free
     report = decide_rank(generic[:, :, free], problem.rank_tolerance)
@@ -37,12 +37,16 @@ def check_determined(module: Module, problem: LoopProblem, generic: Array) -> in
         null = np.linalg.svd(K, full_matrices=True)[2][report.rank :].T
         motion = np.zeros((problem.tree.nv, left))
         motion[free] = null
-        _refuse_open(module, problem, motion)
+        _check_idle(module, problem, motion)
     return report.rank
 
 
-def _refuse_open(module: Module, problem: LoopProblem, motion: Array) -> None:
-    """Refuse motions, shape (nv, count), that move a motor, an output, or a centre of mass of a leg's end."""
+def _check_idle(module: Module, problem: LoopProblem, motion: Array) -> None:
+    """Check that free motions, shape (nv, count), move no motor, no output, and no leg's centre of mass.
+
+    Raises:
+        AssemblyError: One of them does.
+    """
     m = module.mechanism
     moved = motion * problem.col_scale[:, None]
     posture = m.tree.sweep(m.postures[:1])
@@ -71,21 +75,19 @@ def _refuse_open(module: Module, problem: LoopProblem, motion: Array) -> None:
     )
 
 
-def refuse_unbounded(
-    module: Module, problem: LoopProblem, K: Array, x: Array, wanted: Array, what: str
-) -> None:
-    """Refuse rates or accelerations that no finite ones of the joints can follow, at a singular posture.
+def check_bounded(module: Module, problem: LoopProblem, K: Array, x: Array, wanted: Array, what: str) -> None:
+    """Check that joint rates or accelerations stay bounded, which fails at singular postures.
 
     Args:
         module: The module.
         problem: Its closures and targets.
         K: Scaled rows over all freedoms, shape (T, rows, nv).
-        x: Scaled rates that were found, shape (T, nv).
-        wanted: Scaled values that the rows were to take, shape (T, rows).
+        x: Scaled solution, shape (T, nv).
+        wanted: Scaled right-hand side of the rows, shape (T, rows).
         what: "rates" or "accelerations".
 
     Raises:
-        SingularityError: Naming module, joint, sample and condition number.
+        SingularityError: They are unbounded; the message names module, joint, sample and condition number.
     """
     given = np.abs(x[:, ~problem.free]).max(axis=1, initial=0.0)
     asked = np.maximum(given, np.abs(wanted).max(axis=1, initial=0.0))
@@ -115,7 +117,7 @@ def refuse_unbounded(
 
 
 def _what_is_singular(module: Module, problem: LoopProblem, K: Array) -> tuple[str, str, str]:
-    """Say what lost rank: "closures", "legs" or "motors", in a sentence, and what may be given instead.
+    """Determine what lost rank: "closures", "legs" or "motors", a description, and a remedy.
 
     Args:
         module: The module.
@@ -135,7 +137,7 @@ def _what_is_singular(module: Module, problem: LoopProblem, K: Array) -> tuple[s
 
 
 def full_rank_blocks(generic: Array, free: Mask, tolerance: float) -> list[Block]:
-    """Return the connected blocks of rows and free columns; none where one has not full column rank."""
+    """Find the connected blocks of rows and free columns; empty if one lacks full column rank."""
     cols = np.flatnonzero(free)
     touched: Mask = np.abs(generic[:, :, cols]).max(axis=0, initial=0.0) > 1e-12
     label = np.arange(len(cols))

@@ -140,7 +140,7 @@ def first_posture(task: Task, guess: Array) -> Array:
         AssemblyError: Nothing closes; with the best residual.
     """
     winding = task.problem.winding
-    if winding is not None and winding.in_doubt:
+    if winding is not None and winding.ambiguous:
         try:
             return _first_posture(
                 replace(task, problem=replace(task.problem, winding=winding.near(guess))), guess

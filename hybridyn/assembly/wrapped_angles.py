@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from ..errors import AssemblyError
-from ..linkage.winding import tells_turns
+from ..linkage.winding import turns_decide
 from ..spatial import Array
 from ..structure.robot import HybridRobot
 
@@ -29,7 +29,7 @@ def refuse_wrapped(robot: HybridRobot, time: Array, joints: Mapping[str, tuple[A
         given = [weight for name, weight in terms if name in joints]
         if all(name in joints for name, _ in coupling.terms):
             continue
-        if not tells_turns([weight for name, weight in terms if name not in joints], given):
+        if not turns_decide([weight for name, weight in terms if name not in joints], given):
             continue
         for name in (name for name, _ in terms if name in joints):
             position, rate = joints[name][:2]

@@ -1,9 +1,9 @@
-"""Newton on the closures and targets of one module, for many starts at once.
+"""Newton's method on the closures and targets of one module, for a batch of starts.
 
-Every step is the least-norm Gauss-Newton step on as many singular values as the rows generically have,
-limited in length (a trust region in scaled coordinates) and damped while it does not help. Where the freedoms
-that may move fall into blocks of full rank (the legs under a given platform), each block is solved by itself
-by pivoted QR.
+Each step is the least-norm Gauss-Newton step, truncated to the generic rank of the rows. Its length is
+limited (a trust region in scaled coordinates), and it is damped while the residual does not decrease. If the
+free freedoms split into blocks of full column rank (the legs under a prescribed platform), pivoted QR solves
+each block separately.
 """
 
 from __future__ import annotations
@@ -24,27 +24,28 @@ from .winding import Winding
 
 #: Longest step of one iteration in scaled coordinates [rad, module lengths].
 LONGEST_STEP = 0.5
-#: Scaled singular values are taken to be no less, so that quotients stay finite.
+#: Lower bound on scaled singular values in divisions, so that quotients stay finite.
 SMALLEST_SINGULAR_VALUE = 1e-100
-#: Residuals below this are rounding: at a singular posture damped steps may end there.
+#: Residuals below this are rounding: damped steps may converge there at a singular posture.
 RESIDUAL_ROUNDING = 1e-12
-#: Newton has converged after a step this small: the next one would be its square.
+#: Newton has converged after a step below this: quadratic convergence makes the next one its square.
 SMALLEST_STEP = 1e-9
-#: A start whose residual keeps this part of itself through as many iterations is near a minimum or creeps.
+#: A start stalls (near a minimum, or creeping) if `PATIENCE` iterations leave more than this part of its
+#: residual.
 STALLED, PATIENCE = 0.8, 8
-#: Scatter about the home posture, from near to anywhere [rad, module lengths], and starts for each posture.
+#: Scatter of starts about the home posture, increasing [rad, module lengths], and starts per posture wanted.
 SPREADS = ((0.15, 2), (0.5, 4), (1.5, 8), (3.0, 16))
 
 
 @dataclass(frozen=True)
 class Closed:
-    """What Newton reached from each start.
+    """Result of Newton's method for each start.
 
     Attributes:
         q: Positions, shape (T, nq).
-        residual: Scaled residual of the worst row, shape (T,).
-        step: Length of the next step: how far the projection on the rows' generic range is from zero, (T,).
-        iterations: Iterations spent.
+        residual: Largest scaled residual over the rows, shape (T,).
+        step: Length of the next step, shape (T,): zero where the residual is orthogonal to the rows' range.
+        iterations: Number of iterations.
     """
 
     q: Array
@@ -55,17 +56,17 @@ class Closed:
 
 @dataclass(frozen=True)
 class LoopProblem:
-    """Rows to be made zero by moving some freedoms of a tree.
+    """Rows to be made zero over some freedoms of a tree.
 
     Attributes:
         closures: Closures and their tree.
         row_scale: Factor of each closure row, shape (rows,).
         col_scale: Unit of each freedom, shape (nv,).
-        free: Freedoms that may move, shape (nv,).
-        targets: Poses that bodies shall take, one more set of rows each.
-        rank: Number of singular values that count; those above `rank_tolerance` where None.
-        blocks: Blocks of full column rank that hold every free freedom; empty for one dense step.
-        winding: Whole turns that the positions given tell, or None where none matter.
+        free: Mask of the freedoms that may move, shape (nv,).
+        targets: Prescribed poses of bodies; each adds rows.
+        rank: Number of singular values used; if None, those above `rank_tolerance`.
+        blocks: Blocks of full column rank that cover all free freedoms; empty for one dense step.
+        winding: Whole turns implied by the given positions, or None if none matter.
         rank_tolerance: Relative singular value from which on rows count as independent.
     """
 
@@ -81,7 +82,7 @@ class LoopProblem:
 
     @property
     def tree(self) -> Tree:
-        """The tree that moves."""
+        """The tree."""
         return self.closures.tree
 
     @property
@@ -90,7 +91,13 @@ class LoopProblem:
         return float(self.col_scale.max(initial=1.0)) if len(self.col_scale) else 1.0
 
     def residual(self, q: Array, samples: Index, motion: Motion | None = None) -> Array:
-        """Return the scaled residuals at samples (numbers into the targets), shape (T, rows)."""
+        """Compute the scaled residuals, shape (T, rows).
+
+        Args:
+            q: Positions, shape (T, nq).
+            samples: Index of each row of q into the targets' samples, shape (T,).
+            motion: The sweep at q, computed if None.
+        """
         motion = motion or self.tree.sweep(q)
         rows = [t.residual(motion, samples) / t.units for t in self.targets]
         loops = self.closures.residual(q, motion)
@@ -100,11 +107,11 @@ class LoopProblem:
 
     @cached_property
     def moving(self) -> Closures:
-        """The closures over the free freedoms."""
+        """The closures restricted to the free freedoms."""
         return self.closures.moved_by(self.free)
 
     def matrix(self, motion: Motion, *, every: bool = True) -> Array:
-        """Return the scaled rows over all freedoms, or at least over the free ones, shape (T, rows, nv)."""
+        """Compute the scaled rows, shape (T, rows, nv), over all freedoms, or at least the free ones."""
         closures = self.closures if every else self.moving
         K = closures.matrix(motion, (self.row_scale, self.col_scale))
         if not self.targets:
@@ -113,7 +120,7 @@ class LoopProblem:
         return np.concatenate([K, *rows], axis=1)
 
     def solve(self, K: Array, rhs: Array, damping: Array | None = None) -> Array:
-        """Return the least-norm x of the free freedoms with K x = rhs, scaled, shape (T, nv); others zero."""
+        """Solve K x = rhs for the free freedoms, least norm, scaled, shape (T, nv); the others are zero."""
         out = np.zeros((len(K), self.tree.nv))
         if self.blocks and (damping is None or not damping.any()):
             hard = self._solve_blocks(K, rhs, out)
@@ -126,11 +133,11 @@ class LoopProblem:
         return out
 
     def turned(self, before: Array, after: Array) -> Array:
-        """Return by how much rows have turned, |J^-1 (J' - J)| over the free freedoms, shape (T,).
+        """Compute the relative change |J^-1 (J' - J)| of the rows over the free freedoms, shape (T,).
 
         Args:
             before: J, scaled rows over all freedoms, shape (T, rows, nv).
-            after: J', the same elsewhere.
+            after: J', scaled rows at the other posture, shape (T, rows, nv).
         """
         out = np.zeros(len(before))
         cols = np.flatnonzero(self.free)
@@ -142,7 +149,7 @@ class LoopProblem:
         return out
 
     def _solve_blocks(self, K: Array, rhs: Array, out: Array) -> Index:
-        """Solve block by block into `out`; give the samples where some block is close to singular."""
+        """Solve block by block into `out`; return the samples at which a block is close to singular."""
         T = len(K)
         easy = np.ones(T, dtype=bool)
         shapes: dict[tuple[int, int], list[Block]] = {}
@@ -160,7 +167,7 @@ class LoopProblem:
 
 
 def _turned(J: Array, change: Array, rank: int) -> Array:
-    """Return |J^-1 change| on the leading singular values (2-norm), shape (T,)."""
+    """Compute the 2-norm of J^-1 change on the leading singular values, shape (T,)."""
     if 0 in J.shape:
         return np.zeros(len(J))
     U, s, Vt = np.linalg.svd(J, full_matrices=False)
@@ -171,7 +178,7 @@ def _turned(J: Array, change: Array, rank: int) -> Array:
 
 
 def _truncated(K: Array, rhs: Array, damping: Array, rank: int | None, tolerance: float) -> Array:
-    """Solve K x = rhs on the leading singular values, damped, least norm, shape (T, columns)."""
+    """Solve K x = rhs by damped, truncated SVD, least norm, shape (T, columns)."""
     if 0 in K.shape:
         return np.zeros((len(K), K.shape[2]))
     U, s, Vt = np.linalg.svd(K, full_matrices=False)
@@ -195,16 +202,17 @@ def close(
     least: bool = False,
     impatient: bool = False,
 ) -> Closed:
-    """Make a problem's rows zero, starting from the positions given.
+    """Make a problem's rows zero by Newton's method from given starts.
 
     Args:
         problem: Rows and the freedoms that may move.
         q: Starts, shape (T, nq).
-        samples: Number of each start's sample in the problem's targets, shape (T,).
-        iterations: Most iterations.
-        least: Whether a minimum of the residual will do, closed or not, where damped steps end. Else only
-            undamped ones end it: a target just out of reach has such a minimum at the edge of reach.
-        impatient: Whether to give up starts that hardly improve (`PATIENCE`).
+        samples: Index of each start into the targets' samples, shape (T,); 0 by default.
+        iterations: Maximum number of iterations.
+        least: Whether to accept a minimum of the residual, closed or not, at which damped steps converge. If
+            False, only undamped steps count as converged: a target just out of reach has such a minimum at
+            the boundary of the workspace.
+        impatient: Whether to drop starts that stall (`PATIENCE`).
     """
     tree, q, T = problem.tree, q.copy(), len(q)
     samples = np.zeros(T, dtype=int) if samples is None else samples
@@ -251,22 +259,22 @@ def generic_postures(
     count: int = 24,
     rank_tolerance: float = RANK_TOLERANCE,
 ) -> tuple[Array, float]:
-    """Draw assembled postures about a home posture, from which rank and mobility are read.
+    """Draw assembled postures about a home posture, from which rank and mobility are determined.
 
-    Starts spread wider and wider (seeded, so that a robot always gets the same) until some of them close; the
-    postures that are still missing are then neighbours of those found.
+    The scatter of the starts (seeded, so that results are reproducible) increases until some of them close.
+    The remaining postures are then drawn near those found.
 
     Args:
         closures: The module's closures.
-        home: Where to start, shape (nq,).
+        home: Centre of the starts, shape (nq,).
         row_scale: Factor of each row.
         col_scale: Unit of each freedom.
-        tolerance: Largest scaled residual that counts as closed (rounding in the file).
-        count: How many postures are wanted.
+        tolerance: Largest scaled residual of a closed posture (rounding of the file).
+        count: Number of postures wanted.
         rank_tolerance: Relative singular value from which on rows count as independent.
 
     Returns:
-        Postures, shape (at most count, nq), none where nothing closed, and the best residual seen.
+        Postures, shape (at most count, nq), empty if none closed, and the smallest residual reached.
     """
     tree = closures.tree
     every = np.ones(tree.nv, dtype=bool)
@@ -278,7 +286,7 @@ def generic_postures(
         if len(search.found):
             break
     else:
-        search.go_on(count)
+        search.resume(count)
     for share in (2, 4):
         if 0 < len(search.found) < count:
             near = search.found.copy()
@@ -287,11 +295,11 @@ def generic_postures(
 
 
 class _Search:
-    """Postures that close a problem's loops.
+    """Search for postures that close a problem's loops.
 
     Attributes:
         found: The postures so far, shape (found, nq).
-        best: Best residual seen.
+        best: Smallest residual reached.
     """
 
     def __init__(self, problem: LoopProblem, tolerance: float) -> None:
@@ -300,12 +308,12 @@ class _Search:
         self._left: list[tuple[float, Array]] = []
 
     def about(self, centres: Array, scatter: Array, count: int) -> None:
-        """Start about postures (nq each), in turn, until `count` are found; give up where little is gained.
+        """Start near each posture in turn until `count` are found; drop starts that stall.
 
         Args:
             centres: The postures, shape (centres, nq).
             scatter: Steps away from them, shape (starts, nv), scaled.
-            count: How many postures are wanted; twice as many starts are taken at once.
+            count: Number of postures wanted; starts run in batches of twice as many.
         """
         q = centres[np.arange(len(scatter)) % len(centres)]
         starts = self._problem.tree.integrate(q, scatter * self._problem.col_scale)
@@ -317,13 +325,13 @@ class _Search:
             if len(self.found) >= count:
                 return
 
-    def go_on(self, count: int) -> None:
-        """Take the `count` starts that came nearest to the end of their iterations."""
+    def resume(self, count: int) -> None:
+        """Resume the `count` dropped starts with the smallest residuals, without dropping any."""
         q = np.array([q for _, q in self._left[:count]]).reshape(-1, self._problem.tree.nq)
         self._keep(close(self._problem, q, least=True))
 
     def _keep(self, closed: Closed) -> Closed:
-        """Keep what closed."""
+        """Add the postures that closed to `found`, and update `best`."""
         good = (closed.residual <= self._tolerance) & (closed.step < 1e-6)
         self.found = np.concatenate([self.found, closed.q[good]])
         self.best = min(self.best, float(closed.residual.min(initial=np.inf)))

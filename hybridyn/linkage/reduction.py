@@ -1,10 +1,9 @@
-"""From closure rows to independent velocities: x_dot = Psi u, leg by leg first, then the platforms.
+"""Reduction of closure rows to independent velocities, x_dot = Psi u: first each leg, then the platforms.
 
-The unknowns x of a module are the joints of its legs and the relative twists of its platforms. Rows and
-columns are scaled by the module's length so that metres and radians compare; ranks are fixed once, at generic
-postures. A leg whose own pivots get small at some sample (a leg or serial singularity) is not pivoted on
-alone there: such samples take one elimination of the whole module with complete freedom of pivots, which
-stays backward stable.
+The unknowns x of a module are the joints of its legs and the relative twists of its platforms. The module's
+length scales rows and columns, so that metres and radians are comparable. Ranks are determined once, at
+generic postures. At samples where the pivots of a leg become small (a leg or serial singularity), the whole
+module is eliminated at once with pivots chosen among all columns, which stays backward stable.
 """
 
 from __future__ import annotations
@@ -16,26 +15,26 @@ import numpy as np
 from ..spatial import Array, Index, Mask
 from .elimination import back_substitute, null_basis, pivot_ratio, pivoted_qr
 
-#: Singular values of scaled rows below this (over the largest) are rounding of the file, not structure.
+#: Singular values of scaled rows below this, relative to the largest, are rounding of the file.
 RANK_TOLERANCE = 1e-4
-#: The singular values on both sides of the rank must differ by this factor, or the user has to decide.
+#: Least ratio of the singular values on both sides of the rank; below it the user has to set the rank.
 RANK_GAP = 100.0
-#: Singular values that count, but lie below this and under such a gap, may yet be a coarse file's rounding.
+#: Singular values that count, but are below this and below such a gap, may be rounding of a coarse file.
 SUSPECT = 1e-2
-#: Dependent rows above this (relative) are dependent only up to the rounding of a file.
+#: Relative singular values of dependent rows above this: the rows depend only up to rounding of the file.
 ROUNDED_ROWS = 1e-12
-#: A leg is eliminated alone while its smallest pivot is above this part of its largest (growth at most 1e2).
+#: Least pivot ratio at which a leg is eliminated separately (element growth at most 1e2).
 LEG_PIVOT = 1e-2
 
 
 @dataclass(frozen=True)
 class Basis:
-    """All motions that keep the loops of a module closed: x_dot = Psi u, x_ddot = Psi u_dot + x_ddot_0.
+    """All motions that keep a module's loops closed: x_dot = Psi u, x_ddot = Psi u_dot + x_ddot_0.
 
     Attributes:
-        Psi: Legs' joints and platforms' twists over u, shape (T, n, N), Eqs. (2), (15).
-        drift: x_ddot_0, shape (T, n): what remains at u_dot = 0, Eqs. (6), (36).
-        pivot: Smallest pivot over the largest, shape (T,): near zero the closures are about to lose rank.
+        Psi: Rates of leg joints and platform twists per unit u, shape (T, n, N), Eqs. (2), (15).
+        drift: x_ddot_0, shape (T, n): the acceleration at u_dot = 0, Eqs. (6), (36).
+        pivot: Smallest over largest pivot, shape (T,): near zero, the closures are close to losing rank.
     """
 
     Psi: Array
@@ -45,12 +44,12 @@ class Basis:
 
 @dataclass
 class Block:
-    """One leg's share of the rows and columns.
+    """Rows and columns of one leg.
 
     Attributes:
-        rows: Row numbers.
-        cols: Column numbers of the leg's own joints.
-        rank: Number of pivots inside the leg.
+        rows: Row indices.
+        cols: Column indices of the leg's own joints.
+        rank: Number of pivots within the leg.
     """
 
     rows: Index
@@ -60,14 +59,14 @@ class Block:
 
 @dataclass(frozen=True)
 class RankReport:
-    """How the rank of a module's closures was decided.
+    """How the rank of a module's closures was determined.
 
     Attributes:
         rank: Number of independent rows.
         rows: Number of rows.
-        kept: Smallest relative singular value that counts (median over generic postures).
-        dropped: Largest one that does not, 0 where every row is independent.
-        doubted: Values on both sides of a gap among those that count that looks like rounding, or None.
+        kept: Smallest relative singular value above the tolerance (median over generic postures).
+        dropped: Largest relative singular value below it, 0 if every row is independent.
+        doubted: Values on both sides of a suspicious gap above the tolerance, or None.
     """
 
     rank: int
@@ -78,26 +77,26 @@ class RankReport:
 
     @property
     def clear(self) -> bool:
-        """True where the gap between kept and dropped values leaves no doubt."""
+        """Whether `kept` and `dropped` differ by at least `RANK_GAP`."""
         return self.dropped * RANK_GAP <= self.kept
 
 
 def size_of_rows(s: Array, tolerance: float) -> Array:
-    """Return what the singular values of scaled rows are measured by, shape (T, 1).
+    """Return the reference size for singular values of scaled rows, shape (T, 1).
 
-    That is the largest, except where it is no larger than rounding of a file, beside the rows' own size, one:
-    two hinges of one door do not lock it for standing askew by their last digits.
+    This is the largest singular value, or 1 (the size of the rows) if the largest is rounding of the file.
+    Two hinges of one door whose axes differ in the last digits, for example, do not lock it.
 
     Args:
         s: Singular values, largest first, shape (T, values).
-        tolerance: Below this part of their size values are rounding.
+        tolerance: Singular values below this are rounding.
     """
     out: Array = np.where(s[:, :1] > tolerance, s[:, :1], 1.0)
     return out
 
 
 def decide_rank(K: Array, tolerance: float) -> RankReport:
-    """Decide the generic rank of scaled rows, shape (samples, rows, columns), by singular values."""
+    """Determine the generic rank of scaled rows, shape (samples, rows, columns), from singular values."""
     rows = K.shape[1]
     if 0 in K.shape:
         return RankReport(0, rows, 1.0, 0.0)
@@ -113,15 +112,15 @@ def decide_rank(K: Array, tolerance: float) -> RankReport:
 
 
 class Reduction:
-    """The block-structured elimination of one module's closures.
+    """Block-structured elimination of one module's closures.
 
     Attributes:
         n: Number of unknowns.
-        rank: Number of pivots in all.
+        rank: Total number of pivots.
         mobility: n - rank, the paper's N_k.
         row_scale: Factor of each row, shape (rows,).
         col_scale: Unit of each unknown, shape (n,): x = col_scale * scaled x.
-        report: How the rank was decided.
+        report: How the rank was determined.
     """
 
     def __init__(self, row_scale: Array, col_scale: Array, blocks: list[Block], shared: Index) -> None:
@@ -141,21 +140,21 @@ class Reduction:
 
     @property
     def rounded(self) -> bool:
-        """Whether rows depend on each other only up to the rounding of the file."""
+        """Whether rows are dependent only up to rounding of the file."""
         return self.report.dropped > ROUNDED_ROWS
 
     def scaled(self, K: Array) -> Array:
-        """Return rows without units, shape (T, rows, n)."""
+        """Return dimensionless rows, shape (T, rows, n)."""
         return K * self.row_scale[:, None] * self.col_scale
 
     def fix_ranks(self, K: Array, tolerance: float) -> None:
-        """Fix the ranks of module and legs from rows at generic postures, shape (samples, rows, n)."""
+        """Determine the ranks of module and legs from rows at generic postures, shape (samples, rows, n)."""
         K = self.scaled(K)
         self.report = decide_rank(K, tolerance)
         self.rank = self.report.rank
         alone = len(self._blocks) == 1 and len(self._shared) == 0
         if alone or self.rounded:
-            # One dense elimination: the same for one leg, and it sees all of a rounded file's rows at once.
+            # One dense elimination: equivalent for a single leg, and it includes all rows of a rounded file.
             self._blocks = []
         for block in self._blocks:
             report = decide_rank(K[:, block.rows[:, None], block.cols], tolerance)
@@ -169,7 +168,7 @@ class Reduction:
         self._groups = list(shapes.values())
 
     def basis(self, K: Array, gamma: Array) -> Basis:
-        """Give every motion with K x_dot = 0 and K x_ddot + gamma = 0.
+        """Compute all motions with K x_dot = 0 and K x_ddot + gamma = 0.
 
         Args:
             K: Closure rows, shape (T, rows, n).
@@ -188,7 +187,7 @@ class Reduction:
         return Basis(Psi * self.col_scale[:, None], drift * self.col_scale, pivot)
 
     def _by_legs(self, K: Array, gamma: Array) -> tuple[Array, Array, Array, Mask]:
-        """Eliminate leg by leg, then the rows left on the platforms; say which samples that served."""
+        """Eliminate each leg, then the remaining platform rows; return Psi, drift, pivot, valid samples."""
         T, P = len(K), len(self._shared)
         right = np.concatenate([K[:, :, self._shared], gamma[..., None]], axis=-1)
         reduced, left = [], [right[:, self._shared_rows]]
@@ -214,7 +213,7 @@ class Reduction:
     def _back(
         self, reduced: list[tuple[Index, int, Index, Array]], Psi: Array, drift: Array, first: int
     ) -> None:
-        """Fill in the legs' joints from the platforms' motion and the legs' own free joints."""
+        """Back-substitute the leg joints from the platforms' motion and the legs' own free joints."""
         T, P = len(Psi), len(self._shared)
         Psi_p, drift_p = Psi[:, None, self._shared, :], drift[:, None, self._shared, None]
         for cols, r, order, R in reduced:

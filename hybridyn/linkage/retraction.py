@@ -1,7 +1,7 @@
-"""Local coordinates about a posture: where a joint displacement xi leads, and its rate.
+"""Local coordinates about a posture: the retraction q = move(q_0, xi) and the rate of xi.
 
-`move` is `kinematics.Tree.integrate` for one single sample. With q = move(q_0, xi) the rates v obey xi_dot =
-T(xi)^-1 v; T is the identity for joints of one freedom, and the right Jacobian of SO(3) for rotations.
+`move` is `Tree.integrate` for a single sample. With q = move(q_0, xi), xi_dot = T(xi)^-1 v, where T is the
+identity for joints with one freedom and the right Jacobian of SO(3) for rotations.
 """
 
 from __future__ import annotations
@@ -19,14 +19,14 @@ SMALL_ANGLE = 1e-4
 
 
 class Retraction:
-    """Moves on the joints' manifolds for one sample.
+    """Retraction on the joints' manifolds, for one sample.
 
     Attributes:
-        flat: True where every joint has one freedom, so that xi_dot = v.
+        flat: Whether every joint has one freedom, so that xi_dot = v.
     """
 
     def __init__(self, kinds: Sequence[str], q_slices: Sequence[slice], v_slices: Sequence[slice]) -> None:
-        """Sort the joints.
+        """Group the joints by kind.
 
         Args:
             kinds: Kind of each joint, as in `HybridRobot.kinds`.
@@ -45,7 +45,7 @@ class Retraction:
         self.flat = not self._turning
 
     def move(self, q: Array, xi: Array) -> Array:
-        """Return the posture that a displacement leads to, shapes (nq,), (nv,)."""
+        """Compute the posture at a displacement xi from q, shapes (nq,), (nv,)."""
         out = q.copy()
         out[self._q] += xi[self._v]
         for tree, _, at, to in self._others:
@@ -53,7 +53,7 @@ class Retraction:
         return out
 
     def difference(self, q0: Array, q1: Array) -> Array:
-        """Return the displacement xi with `move(q0, xi) = q1`, shape (nv,)."""
+        """Compute the displacement xi with `move(q0, xi) = q1`, shape (nv,)."""
         width = len(self._v) + sum(to.stop - to.start for _, _, _, to in self._others)
         xi = np.zeros(width)
         xi[self._v] = q1[self._q] - q0[self._q]
@@ -62,7 +62,7 @@ class Retraction:
         return xi
 
     def unwound(self, xi: Array, moved: Array) -> Array:
-        """Return a displacement with the whole turns added that bring it nearest to another, shape (nv,)."""
+        """Add whole turns to a displacement xi to bring it nearest to `moved`, shape (nv,)."""
         out = xi.copy()
         for _, kind, _, to in self._others:
             if kind in ("continuous", "planar"):
@@ -77,15 +77,15 @@ class Retraction:
         return out
 
     def pull(self, xi: Array, v: Array) -> Array:
-        """Return xi_dot = T(xi)^-1 v, shapes (nv,) and (nv,) or (nv, k)."""
+        """Compute xi_dot = T(xi)^-1 v, shapes (nv,) and (nv,) or (nv, k)."""
         return self._map(xi, v, inverse=True)
 
     def push(self, xi: Array, rate: Array) -> Array:
-        """Return v = T(xi) xi_dot, shapes (nv,) and (nv,) or (nv, k)."""
+        """Compute v = T(xi) xi_dot, shapes (nv,) and (nv,) or (nv, k)."""
         return self._map(xi, rate, inverse=False)
 
     def centred(self, xi: Array) -> Array:
-        """Return the displacement in coordinates about the posture halfway, shape (nv,)."""
+        """Express a displacement in coordinates about the midpoint posture, shape (nv,)."""
         if self.flat:
             return xi
         out = xi.copy()
@@ -120,12 +120,12 @@ class Retraction:
 
 
 def _alone(kind: str) -> Tree:
-    """Return a tree of one joint."""
+    """Build a tree of one joint."""
     return Tree([TreeJoint("", kind, 0, np.eye(3), np.zeros(3), np.array([0.0, 0.0, 1.0]))])  # type: ignore[arg-type]
 
 
 def _right_jacobian(r: Array) -> Array:
-    """Return the body's angular velocity over the rate of its rotation vector, shape (3, 3)."""
+    """Compute the right Jacobian, from the rate of a rotation vector to body angular velocity, (3, 3)."""
     angle, S = float(np.linalg.norm(r)), hat(r)
     if angle < SMALL_ANGLE:
         return np.asarray(np.eye(3) - S / 2 + S @ S / 6)
@@ -134,7 +134,7 @@ def _right_jacobian(r: Array) -> Array:
 
 
 def _right_jacobian_inverse(r: Array) -> Array:
-    """Return the rate of a rotation vector over the body's angular velocity, shape (3, 3)."""
+    """Compute the inverse of the right Jacobian, shape (3, 3)."""
     angle, S = float(np.linalg.norm(r)), hat(r)
     if angle < SMALL_ANGLE:
         return np.asarray(np.eye(3) + S / 2 + S @ S / 12)

@@ -1,4 +1,4 @@
-"""Motion of a frame relative to another: placement, velocities, accelerations, for a batch."""
+"""Motion of a frame relative to another for a batch: placement, velocities, accelerations."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from .tree import Motion
 
 @dataclass(frozen=True)
 class RigidMotion:
-    """How a frame moves in a reference frame; all vectors in the reference's axes.
+    """Motion of a frame in a reference frame; all vectors in the axes of the reference.
 
     Attributes:
         R: Axes, shape (T, 3, 3).
@@ -37,18 +37,18 @@ class RigidMotion:
 
     @classmethod
     def at_rest(cls, samples: int, R: Array | None = None, p: Array | None = None) -> RigidMotion:
-        """Return a frame at rest at a placement (identity where left out)."""
+        """Build a frame at rest at a placement (identity by default)."""
         zero = np.zeros((samples, 3))
         axes = np.broadcast_to(np.eye(3) if R is None else R, (samples, 3, 3))
         return cls(axes, np.broadcast_to(zero[0] if p is None else p, (samples, 3)), zero, zero, zero, zero)
 
     @classmethod
     def of_body(cls, motion: Motion, body: int) -> RigidMotion:
-        """Return a body of a swept tree in the tree's base."""
+        """Build the motion of a body of a swept tree, in the tree's base."""
         return cls(*(x[:, body] for x in motion.arrays))
 
     def then(self, inner: RigidMotion) -> RigidMotion:
-        """Give, in this frame's reference, a frame whose motion is known in this frame."""
+        """Compose motions: express `inner`, a motion relative to this frame, in this frame's reference."""
         r, w1, pd1 = rotate(self.R, inner.p), rotate(self.R, inner.w), rotate(self.R, inner.p_dot)
         wd1, pdd1 = rotate(self.R, inner.w_dot), rotate(self.R, inner.p_ddot)
         return RigidMotion(
@@ -61,7 +61,7 @@ class RigidMotion:
         )
 
     def seen_from(self, base: RigidMotion) -> RigidMotion:
-        """Return this frame's motion relative to another frame that is known in the same reference."""
+        """Compute this frame's motion relative to `base`, another frame in the same reference."""
         r, w = self.p - base.p, self.w - base.w
         slide = self.p_dot - base.p_dot - cross(base.w, r)
         w_dot = self.w_dot - base.w_dot - cross(base.w, w)

@@ -1,7 +1,7 @@
-"""What bodies of a tree shall do: poses, whole or some coordinates of them, as rows of a Newton problem.
+"""Prescribed poses of bodies of a tree, complete or partial, as rows of a Newton problem.
 
 The coordinates of a partial pose are x, y, z of the body's origin and roll, pitch, yaw (URDF's: R = Rz(yaw)
-Ry(pitch) Rx(roll)) in the base of the tree; any N of them are the paper's v_r of a module with N freedoms.
+Ry(pitch) Rx(roll)) in the base of the tree. Any N of them are the paper's v_r of a module with N freedoms.
 """
 
 from __future__ import annotations
@@ -18,11 +18,11 @@ COORDINATES = ("x", "y", "z", "roll", "pitch", "yaw")
 
 
 class Target(Protocol):
-    """Rows that say what one body shall do."""
+    """Rows that prescribe the motion of one body."""
 
     @property
     def body(self) -> int:
-        """Number of the body."""
+        """Index of the body."""
         ...
 
     @property
@@ -31,7 +31,7 @@ class Target(Protocol):
         ...
 
     def residual(self, motion: Motion, samples: Index) -> Array:
-        """Return what is missing, shape (T, rows)."""
+        """Compute actual minus prescribed values, shape (T, rows)."""
         ...
 
     def matrix(self, tree: Tree, motion: Motion) -> Array:
@@ -39,29 +39,29 @@ class Target(Protocol):
         ...
 
     def rates(self, motion: Motion, samples: Index) -> tuple[Array, Array]:
-        """Give the rates wanted, and the accelerations wanted less what the rates cause, shapes (T, rows)."""
+        """Compute prescribed rates, and prescribed accelerations minus the drift, shapes (T, rows)."""
         ...
 
     def between(self, sample: int, fractions: Array) -> Target:
-        """Return the target on the way from a sample to the next, one new sample per fraction, at rest."""
+        """Interpolate the target from a sample to the next: one new sample per fraction, at rest."""
         ...
 
     def from_here(self, motion: Motion) -> Target:
-        """Return the target whose sample 0 is what the body does now and whose sample 1 is sample 0."""
+        """Return a target with two samples: the body's current pose, then this target's sample 0."""
         ...
 
 
 @dataclass(frozen=True)
 class PoseTarget:
-    """A body's whole pose in the base of its tree.
+    """A body's complete pose in the base of its tree.
 
     Attributes:
         body: Number of the body.
-        R: Its axes at every sample, shape (T, 3, 3).
-        p: Its origin, shape (T, 3), [m].
-        velocity: Velocity of its origin, then angular velocity, shape (T, 6), base axes.
-        acceleration: Their time derivatives (classical), shape (T, 6).
-        units: Unit of each row: the length, and a radian.
+        R: Prescribed axes, shape (T, 3, 3).
+        p: Prescribed origin, shape (T, 3), [m].
+        velocity: Velocity of the origin, then angular velocity, shape (T, 6), [m/s, rad/s], base axes.
+        acceleration: Their time derivatives (classical), shape (T, 6), [m/s^2, rad/s^2], base axes.
+        units: Unit of each row, shape (6,): the module's length, then one radian.
     """
 
     body: int
@@ -72,7 +72,7 @@ class PoseTarget:
     units: Array
 
     def residual(self, motion: Motion, samples: Index) -> Array:
-        """Return the pose that is there less the pose wanted, shape (T, 6)."""
+        """Compute the actual minus the prescribed pose, shape (T, 6), base axes."""
         wanted = self.R[samples]
         turn = rotation_vector(np.matmul(motion.R[:, self.body], np.swapaxes(wanted, 1, 2)))
         return np.concatenate([motion.p[:, self.body] - self.p[samples], turn], axis=1)
@@ -82,12 +82,12 @@ class PoseTarget:
         return tree.jacobian(motion, self.body)
 
     def rates(self, motion: Motion, samples: Index) -> tuple[Array, Array]:
-        """Return the velocities wanted, and the accelerations wanted less what the rates already cause."""
+        """Compute prescribed velocities, and prescribed accelerations minus the drift, shapes (T, 6)."""
         bias = np.concatenate([motion.p_ddot[:, self.body], motion.w_dot[:, self.body]], axis=1)
         return self.velocity[samples], self.acceleration[samples] - bias
 
     def between(self, sample: int, fractions: Array) -> PoseTarget:
-        """Return the pose on the way from a sample to the next: straight, turning about one axis."""
+        """Interpolate from a sample to the next: linear position, rotation about a fixed axis."""
         R0, R1, p0, p1 = self.R[sample], self.R[sample + 1], self.p[sample], self.p[sample + 1]
         turn = rotation_from_vector(fractions[:, None] * rotation_vector(R0.T @ R1))
         return replace(self, R=R0 @ turn, p=p0 + fractions[:, None] * (p1 - p0))
@@ -104,13 +104,13 @@ class CoordinateTarget:
 
     Attributes:
         body: Number of the body.
-        names: Which of `COORDINATES`.
-        R: Axes in which the coordinates are measured, shape (3, 3), base of the tree.
-        p: Their origin, shape (3,), [m].
-        shift: The link's own placement in its body, R (3, 3) and p (3,).
-        value: The coordinates, shape (T, names).
-        rate: Their rates, shape (T, names).
-        acceleration: Their accelerations, shape (T, names).
+        names: The prescribed coordinates, a subset of `COORDINATES`.
+        R: Axes of the frame in which the coordinates are measured, shape (3, 3), base of the tree.
+        p: Origin of that frame, shape (3,), [m], base of the tree.
+        shift: Placement of the link in its body, R (3, 3) and p (3,).
+        value: Prescribed coordinates, shape (T, names), [m, rad].
+        rate: Prescribed rates, shape (T, names).
+        acceleration: Prescribed accelerations, shape (T, names).
         units: Unit of each row.
     """
 
@@ -125,18 +125,18 @@ class CoordinateTarget:
     units: Array
 
     def _rows(self) -> list[int]:
-        """Return the numbers of the coordinates among `COORDINATES`."""
+        """Return the indices of the coordinates in `COORDINATES`."""
         return [COORDINATES.index(name) for name in self.names]
 
     def _frame(self, motion: Motion) -> tuple[Array, Array, Array]:
-        """Return the link's axes and origin in the reference, and its offset in the body, base axes."""
+        """Compute the link's axes and origin in the reference, and its offset in the body, base axes."""
         R = motion.R[:, self.body]
         offset = np.matmul(R, self.shift[1])
         p = motion.p[:, self.body] + offset
         return np.matmul(self.R.T, np.matmul(R, self.shift[0])), (p - self.p) @ self.R, offset
 
     def residual(self, motion: Motion, samples: Index) -> Array:
-        """Return the coordinates there less those wanted, shape (T, rows); angles within half a turn."""
+        """Compute actual minus prescribed coordinates, shape (T, rows); angles wrapped to half a turn."""
         R, p, _ = self._frame(motion)
         there = np.concatenate([p, roll_pitch_yaw(R)], axis=1)[:, self._rows()]
         out: Array = there - self.value[samples]
@@ -154,7 +154,7 @@ class CoordinateTarget:
         return rows
 
     def rates(self, motion: Motion, samples: Index) -> tuple[Array, Array]:
-        """Return the rates wanted, and the accelerations wanted less what the rates already cause."""
+        """Compute prescribed rates, and prescribed accelerations minus the drift, shapes (T, rows)."""
         R, _, offset = self._frame(motion)
         w, w_dot = motion.w[:, self.body], motion.w_dot[:, self.body]
         velocity = motion.p_dot[:, self.body] + cross(w, offset)
@@ -165,7 +165,7 @@ class CoordinateTarget:
         return self.rate[samples], self.acceleration[samples] - caused[:, self._rows()]
 
     def between(self, sample: int, fractions: Array) -> CoordinateTarget:
-        """Return the coordinates on the way from a sample to the next."""
+        """Interpolate the coordinates linearly from a sample to the next, angles by the shorter way."""
         step = self.value[sample + 1] - self.value[sample]
         angle = np.array(self._rows()) >= 3
         step[angle] -= 2 * np.pi * np.round(step[angle] / (2 * np.pi))
@@ -178,14 +178,14 @@ class CoordinateTarget:
 
 
 def roll_pitch_yaw(R: Array) -> Array:
-    """Return roll, pitch and yaw of rotations (..., 3, 3), URDF's order."""
+    """Compute roll, pitch and yaw of rotations (..., 3, 3), in URDF's convention."""
     pitch = np.arctan2(-R[..., 2, 0], np.hypot(R[..., 0, 0], R[..., 1, 0]))
     roll, yaw = np.arctan2(R[..., 2, 1], R[..., 2, 2]), np.arctan2(R[..., 1, 0], R[..., 0, 0])
     return np.stack([roll, pitch, yaw], -1)
 
 
 def _euler_map(R: Array) -> Array:
-    """Return the angular velocity of unit rates of roll, pitch, yaw as columns, shape (T, 3, 3)."""
+    """Compute the map from rates of roll, pitch, yaw to angular velocity, shape (T, 3, 3)."""
     _, pitch, yaw = np.moveaxis(roll_pitch_yaw(R), -1, 0)
     E = np.zeros_like(R)
     E[:, 0, 0], E[:, 1, 0] = np.cos(yaw) * np.cos(pitch), np.sin(yaw) * np.cos(pitch)
@@ -196,7 +196,7 @@ def _euler_map(R: Array) -> Array:
 
 
 def _coordinate_map(R: Array) -> Array:
-    """Return rates of the six coordinates over velocity and angular velocity, shape (T, 6, 6)."""
+    """Compute the map from velocity and angular velocity to rates of the coordinates, shape (T, 6, 6)."""
     out = np.zeros((len(R), 6, 6))
     out[:, :3, :3] = np.eye(3)
     out[:, 3:, 3:] = np.linalg.pinv(_euler_map(R))
@@ -204,7 +204,7 @@ def _coordinate_map(R: Array) -> Array:
 
 
 def _coordinate_drift(R: Array, twist: Array) -> Array:
-    """Return the coordinates' accelerations at zero acceleration of the body, shape (T, 6)."""
+    """Compute the coordinates' accelerations at zero acceleration of the body, shape (T, 6)."""
     E = _euler_map(R)
     E_inv = np.linalg.pinv(E)
     rates = np.matmul(E_inv, twist[:, 3:, None])[..., 0]

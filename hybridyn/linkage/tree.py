@@ -1,7 +1,7 @@
-"""Positions, velocities and accelerations of a tree of bodies, for a whole batch at once.
+"""Positions, velocities and accelerations of a tree of bodies, for a batch of samples.
 
-One sweep outwards per level of the tree; everything in the axes of the tree's base, which is at rest.
-Velocities and accelerations here are classical: those of each body frame's origin, and the angular ones.
+The forward recursion runs level by level, in the axes of the tree's base, which is at rest. Velocities and
+accelerations are classical: those of the origin of each body frame, and the angular ones.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from .joints import NQ, NV, TreeJoint
 
 @dataclass(frozen=True)
 class Motion:
-    """What one sweep gives, for every body of the tree; body 0 is the base, at rest.
+    """Motion of every body of a tree, computed by one sweep; body 0 is the base, at rest.
 
     Attributes:
         R: Body axes in the base, shape (T, bodies, 3, 3).
@@ -53,24 +53,24 @@ class Motion:
         return self.R, self.p, self.w, self.p_dot, self.w_dot, self.p_ddot
 
     def take(self, samples: Index | Mask) -> Motion:
-        """Return the motion at some samples (numbers or a mask)."""
+        """Return the motion at some samples (indices or a mask)."""
         kept = (np.ascontiguousarray(x.transpose(*range(1, x.ndim), 0)[..., samples]) for x in self.arrays)
         return Motion(*(x.transpose(-1, *range(x.ndim - 1)) for x in kept))
 
     def twist(self, body: int) -> Array:
-        """Return the body's twist relative to the base in its own frame, shape (T, 6): the paper's v_k."""
+        """Compute a body's twist relative to the base, shape (T, 6), body frame: the paper's v_k."""
         R = self.R[:, body]
         return np.concatenate([rotate_back(R, self.p_dot[:, body]), rotate_back(R, self.w[:, body])], axis=-1)
 
     def acceleration(self, body: int) -> Array:
-        """Return the body's *spatial* acceleration relative to the base in its own frame, shape (T, 6)."""
+        """Compute a body's *spatial* acceleration relative to the base, shape (T, 6), body frame."""
         R, w, p_dot = self.R[:, body], self.w[:, body], self.p_dot[:, body]
         linear = self.p_ddot[:, body] - cross(w, p_dot)
         return np.concatenate([rotate_back(R, linear), rotate_back(R, self.w_dot[:, body])], axis=-1)
 
 
 class Tree:
-    """A base and the bodies that joints hang from it, parents first.
+    """A tree of bodies connected to a base by joints, parents first.
 
     Attributes:
         joints: The joints; the child of `joints[i]` is body i + 1.
@@ -78,10 +78,10 @@ class Tree:
         nv: Number of velocities.
         q_slices: Slice of q of each joint.
         v_slices: Slice of v of each joint.
-        dof_body: Body that each freedom moves first, shape (nv,).
-        support: Freedoms that move each body, shape (bodies, nv).
-        S_linear: What a unit rate of each freedom does to its body's origin, shape (nv, 3), body frame.
-        S_angular: The angular velocity that it gives, shape (nv, 3), body frame.
+        dof_body: Child body of the joint of each freedom, shape (nv,).
+        support: Mask of the freedoms that move each body, shape (bodies, nv).
+        S_linear: Linear part of the motion subspace of each freedom, shape (nv, 3), body frame.
+        S_angular: Angular part of it, shape (nv, 3), body frame.
     """
 
     def __init__(self, joints: list[TreeJoint]) -> None:
@@ -113,7 +113,7 @@ class Tree:
         self._slides = np.array([j.R @ j.axis for j in joints]).reshape(-1, 3)
 
     def _of_kind(self, kind: str) -> tuple[Index, Index]:
-        """Return the numbers of the joints of a kind, and where their positions begin in q."""
+        """Return the indices of the joints of a kind, and of their first positions in q."""
         numbers = [i for i, j in enumerate(self.joints) if j.kind == kind]
         return np.array(numbers, dtype=int), np.array([self.q_slices[i].start for i in numbers], dtype=int)
 
@@ -122,21 +122,21 @@ class Tree:
         return np.concatenate([np.zeros(0), *(joint.neutral for joint in self.joints)])
 
     def integrate(self, q: Array, dq: Array) -> Array:
-        """Move from q along the constant joint twists dq for unit time, shapes (T, nq), (T, nv)."""
+        """Integrate constant joint twists dq from q over unit time, shapes (T, nq), (T, nv)."""
         out = np.empty_like(q)
         for joint, at, to in zip(self.joints, self.q_slices, self.v_slices, strict=True):
             out[:, at] = joint.integrate(q[:, at], dq[:, to])
         return out
 
     def difference(self, q0: Array, q1: Array) -> Array:
-        """Return the joint twists dq with `integrate(q0, dq) = q1`, shape (T, nv)."""
+        """Compute the joint twists dq with `integrate(q0, dq) = q1`, shape (T, nv)."""
         out = np.empty((len(q0), self.nv))
         for joint, at, to in zip(self.joints, self.q_slices, self.v_slices, strict=True):
             out[:, to] = joint.difference(q0[:, at], q1[:, at])
         return out
 
     def _local(self, q: Array) -> tuple[Array, Array]:
-        """Give every child frame in its parent: rotations (T, joints, 3, 3), origins (T, joints, 3)."""
+        """Compute child frames in their parents: rotations (T, joints, 3, 3), origins (T, joints, 3)."""
         T, n = len(q), len(self.joints)
         R, p = np.empty((n, 3, 3, T)), np.empty((n, 3, T))  # samples innermost in memory
         R[:], p[:] = self._placement_R[..., None], self._placement_p[..., None]
@@ -159,9 +159,9 @@ class Tree:
         return R, p
 
     def sweep(self, q: Array, v: Array | None = None, a: Array | None = None) -> Motion:
-        """Return the motion of every body; rates and accelerations left out are zero.
+        """Compute the motion of every body; omitted rates and accelerations are zero.
 
-        With `a` left out, `w_dot` and `p_ddot` are what remains at zero joint accelerations (J_dot q_dot).
+        Without `a`, `w_dot` and `p_ddot` are the accelerations at zero joint accelerations (J_dot q_dot).
 
         Args:
             q: Joint positions, shape (T, nq).
@@ -184,7 +184,7 @@ class Tree:
         return Motion(R, p, w, p_dot, w_dot, p_ddot)
 
     def _sweep_rates(self, R: Array, p: Array, v: Array, a: Array | None, out: tuple[Array, ...]) -> None:
-        """Fill in w, p_dot, w_dot, p_ddot of `Motion`, bodies (R, p) known, parents before their children."""
+        """Fill in w, p_dot, w_dot, p_ddot of `Motion` for body placements (R, p), parents first."""
         w, p_dot, w_dot, p_ddot = out
         rel_p, rel_w = self._joint_rates(R, v)
         acc_p, acc_w = (np.zeros(()), np.zeros(())) if a is None else self._joint_rates(R, a)
@@ -203,7 +203,7 @@ class Tree:
             w_dot[:, children], p_ddot[:, children] = wd1, pdd1
 
     def _joint_rates(self, R: Array, rates: Array) -> tuple[Array, Array]:
-        """Return S times the joint rates per body in base axes: linear and angular, shape (T, bodies, 3)."""
+        """Compute S times the joint rates per body, base axes: linear and angular, shape (T, bodies, 3)."""
         T, n = len(R), len(self.joints) + 1
         linear, angular = np.zeros((2, n, 3, T))  # samples innermost in memory
         own = rates.T[self._single_dofs][:, None]
@@ -216,7 +216,7 @@ class Tree:
         return rotate(R, linear.transpose(2, 0, 1)), rotate(R, angular.transpose(2, 0, 1))
 
     def columns(self, motion: Motion) -> tuple[Array, Array]:
-        """Return what a unit rate of each freedom does to its own body, in base axes.
+        """Compute the velocity of each freedom's child body at unit rate, base axes.
 
         Returns:
             Velocity of the body's origin and angular velocity, each of shape (T, nv, 3). A point x of a body
@@ -226,12 +226,12 @@ class Tree:
         return rotate(R, self.S_linear), rotate(R, self.S_angular)
 
     def jacobian(self, motion: Motion, body: int, point: Array | None = None) -> Array:
-        """Return the velocity of a point of a body and its angular velocity over the joint rates, base axes.
+        """Compute the Jacobian of a point of a body (velocity, then angular velocity) in base axes.
 
         Args:
             motion: Motion of the tree.
-            body: Number of the body.
-            point: The point in the base, shape (T, 3), [m]; the body's origin where left out.
+            body: Index of the body.
+            point: The point, shape (T, 3), [m], base frame; the body's origin by default.
 
         Returns:
             Shape (T, 6, nv).
@@ -244,7 +244,7 @@ class Tree:
 
 
 def _turn_parts(joints: Sequence[TreeJoint]) -> tuple[Array, Array, Array]:
-    """Return C0, C1, C2 of each child's axes in its parent, C0 + C1 cos + C2 sin, shapes (joints, 3, 3)."""
+    """Compute C0, C1, C2 of the child axes in the parent, C0 + C1 cos + C2 sin, shapes (joints, 3, 3)."""
     parts = np.zeros((3, len(joints), 3, 3))
     for i, joint in enumerate(joints):
         along = np.outer(joint.axis, joint.axis)

@@ -1,14 +1,14 @@
-"""Couplings of endless joints: how often they have turned, which cosine and sine do not tell.
+"""Couplings of continuous joints: the number of whole turns, which cosine and sine do not determine.
 
-A coupling sum c_i x_i = offset holds for positions that count whole turns. Positions that are given tell
-them, and so those of joints that couplings alone derive from them. The turns of the others are unknown, and
-the residual is known up to
+A coupling sum c_i x_i = offset holds for positions that count whole turns. The turns are known for joints
+whose positions are given, and for joints whose positions follow from those by couplings alone. The turns of
+the other joints are unknown, and the residual is determined modulo
 
-    2 pi (largest number that divides the c_i of the endless joints whose turns are unknown)
+        2 pi (greatest common divisor of the c_i of the continuous joints whose turns are unknown)
 
-With one such joint no doubt is left, whatever the ratio: an angle up to whole turns is all that is wanted.
-With several, a motion must stay on the sheet that it began on: the change of sum c_i x_i along a step must be
-zero itself, and not up to that period.
+With one such joint the posture is unique, whatever the ratio, since its angle is needed only up to whole
+turns. With several, a motion must stay on its initial sheet: the change of sum c_i x_i along a step must be
+zero exactly, and not only modulo that period.
 """
 
 from __future__ import annotations
@@ -21,11 +21,12 @@ import numpy as np
 from ..spatial import Array, Index, Mask
 from .closures import Closures, TreeCoupling, common_measure
 
-#: Periods are the same where they differ by less than this part: rounding of their quotient.
+#: Periods are equal if their relative difference is below this, the rounding of their quotient.
 ROUNDING = 1e-9
-#: A posture stands on a sheet where it misses it by no more than this; else it stands on none.
+#: A posture is on a sheet if its residual there is no larger than this; else it is on none.
 ON_SHEET = 1e-9
-#: A motion may begin so many turns from the first position given; farther off it begins within half a turn.
+#: Largest distance [turns] of the first given position from a posture whose turns count from zero; beyond
+#: it the posture's turns count from within half a turn of that position.
 MOST_TURNS = 2.0
 
 
@@ -34,11 +35,11 @@ class Term:
     """A joint of a coupling whose position is not given.
 
     Attributes:
-        at: Its first position coordinate.
-        to: Its freedom.
+        at: Index of its first position coordinate.
+        to: Index of its freedom.
         weight: Its coefficient.
-        endless: Whether it has no ends.
-        turned: Where couplings put it, whole turns counted, shape (T,), or None where they do not tell.
+        endless: Whether it is continuous.
+        turned: Its position from other couplings, including whole turns, shape (T,), or None if undetermined.
     """
 
     at: int
@@ -48,7 +49,7 @@ class Term:
     turned: Array | None
 
     def position(self, q: Array, samples: Index) -> Array:
-        """Return the position, shape (T,), whole turns counted where they are known."""
+        """Return the position, shape (T,), including whole turns if they are known."""
         if not self.endless:
             return q[:, self.at]
         x: Array = np.arctan2(q[:, self.at + 1], q[:, self.at])
@@ -57,15 +58,16 @@ class Term:
 
 @dataclass(frozen=True)
 class Gear:
-    """One coupling with endless joints.
+    """One coupling with continuous joints.
 
     Attributes:
-        row: Its row among the closures'.
-        given: Share of the joints given in sum c_i x_i - offset, whole turns counted, shape (T,).
+        row: Index of its row in the closures.
+        given: Part of sum c_i x_i - offset due to given joints, including whole turns, shape (T,).
         terms: The other joints.
-        follower: The joint among them that this coupling places, and where, shape (T,); or None.
-        period: What the residual is known up to; 0 where it is known.
-        told: Whether turns that are known tell more than cosines and sines do.
+        follower: The joint among them whose position this coupling determines, and the position, shape (T,);
+            or None.
+        period: Period modulo which the residual is known; 0 if it is known exactly.
+        turns_matter: Whether the known turns change the residual beyond what cosines and sines determine.
     """
 
     row: int
@@ -73,17 +75,17 @@ class Gear:
     terms: tuple[Term, ...]
     follower: tuple[Term, Array] | None
     period: float
-    told: bool
+    turns_matter: bool
 
     def residual(self, q: Array, samples: Index) -> Array:
-        """Return by how much the coupling is off at samples (numbers into what is given), shape (T,)."""
+        """Compute the coupling's residual, shape (T,), at samples (indices into the given positions)."""
         total = self.given[samples]
         for term in self.terms:
             total = total + term.weight * term.position(q, samples)
         return total - self.period * np.round(total / self.period) if self.period else total
 
     def keeps_sheet(self, step: Array, samples: Index) -> Mask:
-        """Return whether joint steps, shape (T, nv), from samples to the next stay on their sheet."""
+        """Check whether joint steps, shape (T, nv), from samples to the next ones stay on their sheet."""
         if self.follower is not None or not self.period:
             return np.ones(len(step), dtype=bool)
         total = self.given[samples + 1] - self.given[samples]
@@ -93,7 +95,7 @@ class Gear:
         return out
 
     def near(self, q: Array) -> Gear:
-        """Return the gear with its turns counted as in a posture, shape (nq,), where they are unknown."""
+        """Return the gear with its unknown turns fixed as in a posture, shape (nq,)."""
         if self.follower is not None or not self.period:
             return self
         at = np.zeros(1, dtype=int)
@@ -104,19 +106,19 @@ class Gear:
         terms = tuple(
             replace(t, turned=np.full(len(given), x)) for t, x in zip(self.terms, alone, strict=True)
         )
-        return replace(self, given=given, terms=terms, period=0.0, told=True)
+        return replace(self, given=given, terms=terms, period=0.0, turns_matter=True)
 
 
 @dataclass(frozen=True)
 class Winding:
-    """The couplings of a tree with endless joints, and the positions given that wind them.
+    """The couplings of a tree with continuous joints, and the given positions that determine their turns.
 
     Attributes:
         closures: The closures and couplings.
-        given: Numbers of the joints whose positions are given.
-        angles: Positions of the endless ones among them, whole turns counted, shape (T,), [rad].
-        shift: What the offset of each coupling is raised by, shape (couplings,).
-        gears: The couplings with endless joints.
+        given: Indices of the joints whose positions are given.
+        angles: Positions of the continuous ones among them, including whole turns, shape (T,), [rad].
+        shift: Addition to the offset of each coupling, shape (couplings,).
+        gears: The couplings with continuous joints.
     """
 
     closures: Closures
@@ -126,15 +128,15 @@ class Winding:
     gears: tuple[Gear, ...]
 
     def correct(self, residual: Array, q: Array, samples: Index) -> None:
-        """Enter the residuals of couplings whose turns are told, in place, shape (T, rows)."""
+        """Overwrite, in place, the residuals, shape (T, rows), of couplings whose turns matter."""
         for gear in self.gears:
-            if gear.told:
+            if gear.turns_matter:
                 residual[:, gear.row] = gear.residual(q, samples)
 
     def follow(self, q: Array, samples: Index) -> None:
-        """Place joints that gears fix by themselves, in place, shape (T, nq)."""
+        """Set, in place, positions, shape (T, nq), of joints that a single gear determines."""
         for gear in self.gears:
-            if gear.told and gear.follower is not None:
+            if gear.turns_matter and gear.follower is not None:
                 term, place = gear.follower
                 x = place[samples]
                 if term.endless:
@@ -143,14 +145,14 @@ class Winding:
                     q[:, term.at] = x
 
     def keeps_sheets(self, step: Array, samples: Index) -> Mask:
-        """Return which steps of the joints, shape (T, nv), from samples to the next stay on their sheets."""
+        """Check which joint steps, shape (T, nv), from samples to the next ones stay on their sheets."""
         out = np.ones(len(step), dtype=bool)
         for gear in self.gears:
             out &= gear.keeps_sheet(step, samples)
         return out
 
     def between(self, sample: int, fractions: Array, known: Array) -> Winding | None:
-        """Return the winding on the way from a sample to the next; enter its angles into `known`."""
+        """Interpolate the winding from a sample to the next; write its angles into `known`."""
         angles = {}
         for joint, x in self.angles.items():
             way = x[sample] + fractions * (x[sample + 1] - x[sample])
@@ -160,14 +162,14 @@ class Winding:
         return winding_of(self.closures, known, self.given, angles, self.shift)
 
     def from_posture(self, q: Array, known: Array) -> Winding | None:
-        """Return the winding of a way that leads from a closed posture, shape (nq,), to the first sample.
+        """Build the winding of a path from a closed posture, shape (nq,), to the first sample.
 
-        The posture's turns are not known: those that fit the couplings are taken, counted from zero or, where
-        the way is long or they do not fit, from within half a turn of the first sample.
+        The posture's turns are unknown. They count from zero, or from within half a turn of the first sample
+        if that satisfies the couplings better or the path is longer than `MOST_TURNS`.
 
         Args:
             q: The posture.
-            known: Positions at both ends of the way, shape (2, nq).
+            known: Positions at both ends of the path, shape (2, nq).
         """
         first = {joint: float(x[0]) for joint, x in self.angles.items()}
         alone = {j: float(np.arctan2(q[self._at(j) + 1], q[self._at(j)])) for j in first}
@@ -178,24 +180,24 @@ class Winding:
         return ways[0] if far or off[0] <= off[1] + ROUNDING else ways[1]
 
     @property
-    def in_doubt(self) -> bool:
-        """True where nothing but a posture before tells the turns of some gear."""
+    def ambiguous(self) -> bool:
+        """Whether only a previous posture determines the turns of some gear."""
         return any(gear.follower is None and gear.period for gear in self.gears)
 
     def near(self, q: Array) -> Winding:
-        """Return the winding for postures near one, shape (nq,), at the first sample: on its sheets.
+        """Return the winding on the sheets of a posture, shape (nq,), at the first sample.
 
-        Where it stands on none (the home posture may be open), that is the sheet of no whole turns.
+        If the posture is on no sheet (the home posture may be open), the sheet of zero turns is used.
         """
         return replace(self, gears=tuple(gear.near(q) for gear in self.gears))
 
     def anchored(self, q: Array, known: Array) -> Winding | None:
-        """Return the winding on the sheet of a closed posture, shape (nq,), at the first sample."""
+        """Return the winding with offsets shifted so that a closed posture, (nq,), is on it at sample 0."""
         at = np.zeros(1, dtype=int)
         shift = self.shift.copy()
         first = self.closures.rows - len(shift)
         for gear in self.gears:
-            if gear.told:
+            if gear.turns_matter:
                 shift[gear.row - first] += float(gear.residual(q[None], at)[0])
         return winding_of(self.closures, known, self.given, self.angles, shift)
 
@@ -204,9 +206,11 @@ class Winding:
         return winding_of(self.closures, known, self.given, angles, self.shift)
 
     def _off(self, q: Array) -> float:
-        """Return by how much the couplings are off in a posture at the first sample, shape (nq,)."""
+        """Compute the largest coupling residual of a posture, shape (nq,), at the first sample."""
         at = np.zeros(1, dtype=int)
-        return max((abs(float(g.residual(q[None], at)[0])) for g in self.gears if g.told), default=0.0)
+        return max(
+            (abs(float(g.residual(q[None], at)[0])) for g in self.gears if g.turns_matter), default=0.0
+        )
 
     def _at(self, joint: int) -> int:
         start: int = self.closures.tree.q_slices[joint].start
@@ -214,13 +218,18 @@ class Winding:
 
 
 def _nearest(angle: Array, near: Array) -> Array:
-    """Return angles with the whole turns that bring them nearest to others."""
+    """Add to angles the whole turns that bring them nearest to others."""
     out: Array = angle + 2 * np.pi * np.round((near - angle) / (2 * np.pi))
     return out
 
 
-def tells_turns(unknown: Sequence[float], known: Sequence[float]) -> bool:
-    """Return whether known turns decide a coupling, from the coefficients of its endless joints."""
+def turns_decide(unknown: Sequence[float], known: Sequence[float]) -> bool:
+    """Check whether known turns affect a coupling's residual.
+
+    Args:
+        unknown: Coefficients of its continuous joints whose turns are unknown.
+        known: Coefficients of its continuous joints whose turns are known.
+    """
     period, least = common_measure(unknown), common_measure([*unknown, *known])
     return bool(known) and not abs(period - least) <= ROUNDING * least
 
@@ -232,14 +241,14 @@ def winding_of(
     angles: Mapping[int, Array],
     shift: Array | None = None,
 ) -> Winding | None:
-    """Return the winding of a tree's couplings, or None where no turn of an endless joint matters.
+    """Build the winding of a tree's couplings, or return None if no turn of a continuous joint matters.
 
     Args:
         closures: The closures and couplings.
-        known: Positions, of which the joints in `given` count, shape (T, nq).
-        given: Numbers of the joints whose positions are given.
-        angles: Positions of the endless ones, whole turns counted, shape (T,), [rad].
-        shift: What the offset of each coupling is raised by, shape (couplings,); zero where left out.
+        known: Positions, shape (T, nq); only those of the joints in `given` are used.
+        given: Indices of the joints whose positions are given.
+        angles: Positions of the continuous ones, including whole turns, shape (T,), [rad].
+        shift: Addition to the offset of each coupling, shape (couplings,); zero by default.
     """
     tree = closures.tree
     kinds = [joint.kind for joint in tree.joints]
@@ -261,7 +270,7 @@ def winding_of(
         if open_joints[i]:
             offset = coupling.offset + float(shift[i])
             gears.append(_gear(closures, first + i, coupling, offset, set(given), positions, len(known)))
-    used = tuple(g for g in gears if g.told or (g.follower is None and g.period))
+    used = tuple(g for g in gears if g.turns_matter or (g.follower is None and g.period))
     return Winding(closures, given, angles, shift, used) if used else None
 
 
@@ -274,7 +283,7 @@ def _gear(
     positions: dict[int, Array],
     size: int,
 ) -> Gear:
-    """Return one coupling; a joint that it places joins the positions known, in place."""
+    """Build one gear; add a joint position that it determines to `positions`."""
     tree = closures.tree
     share = total = np.full(size, -offset)
     terms: list[tuple[int, Term]] = []
@@ -299,5 +308,5 @@ def _gear(
         follower = term, -total / term.weight
         positions[joint] = follower[1]
     period = 2 * np.pi * common_measure(unknown)
-    told = tells_turns(unknown, wound)
-    return Gear(row, share, tuple(term for _, term in terms), follower, period, told)
+    turns_matter = turns_decide(unknown, wound)
+    return Gear(row, share, tuple(term for _, term in terms), follower, period, turns_matter)
