@@ -1,4 +1,4 @@
-"""What a careful colleague would remark: loops open at home, singular postures, missing mass."""
+"""Findings about a robot: loops open at home, singular postures, missing mass."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from ..structure.module import Module
 from ..structure.robot import HybridRobot
 from .free_motions import free_motions, own_inertia
 
-#: Smallest pivot, or smallest share of the motors in a motion, below which a posture is called singular.
+#: A posture is singular if its smallest pivot, or the motors' smallest share in a motion, is below this.
 SINGULAR_POSTURE = 1e-5
 
 
 def home_residuals(robot: HybridRobot) -> list[float]:
-    """Return for each module how far its loops are open at the home posture, relative to its length.
+    """Compute the largest closure residual of each module at home, relative to the module's length.
 
     Args:
         robot: The robot.
@@ -33,7 +33,7 @@ def home_residuals(robot: HybridRobot) -> list[float]:
 
 
 def findings(robot: HybridRobot) -> list[str]:
-    """Return what looks wrong, one sentence each, the reader's notes first.
+    """Return what looks wrong in a robot, one sentence per finding, the reader's notes first.
 
     Args:
         robot: The robot.
@@ -52,10 +52,10 @@ def findings(robot: HybridRobot) -> list[str]:
 
 
 def of_files(description: Description) -> list[str]:
-    """Return what the files seem to have lost: loops, and the mass of moving bodies, one sentence each.
+    """Return what the files seem to lack: loops, and the mass of moving bodies, one sentence per finding.
 
     Args:
-        description: What the files say.
+        description: The robot's description.
     """
     out = [f"{sign.message}; {sign.mend}" for sign in lost_loops(description)]
     light = [joint.child for joint in weightless(description)]
@@ -71,7 +71,7 @@ def of_files(description: Description) -> list[str]:
 
 
 def _at_home(module: Module, robot: HybridRobot, open_by: float) -> list[str]:
-    """Judge the home posture: open loops, closures or motors that lose a direction."""
+    """Check the home posture: open loops, closures or motors that lose a direction."""
     if open_by > robot.closure_tolerance:
         return [
             f"its loops are open at the home posture by {open_by:.2g} of its size; "
@@ -82,7 +82,7 @@ def _at_home(module: Module, robot: HybridRobot, open_by: float) -> list[str]:
 
 
 def singular_at_home(module: Module, robot: HybridRobot) -> str:
-    """Say what loses rank at the home posture, or give an empty text where nothing does.
+    """Describe what loses rank at the home posture; an empty text if nothing does.
 
     Args:
         module: The module.
@@ -100,16 +100,16 @@ def singular_at_home(module: Module, robot: HybridRobot) -> str:
 
 
 def motor_share(module: Module, Psi: Array) -> Array | None:
-    """Return the least share of the motors in a motion: smallest singular value of S_a Psi, Psi orthonormal.
+    """Compute the motors' smallest share in a motion: least singular value of S_a Psi, Psi orthonormal.
 
-    Metres count over the module's length, as radians do.
+    Translations are divided by the module's length, so that metres and radians are comparable.
 
     Args:
         module: The module.
-        Psi: Its motions, shape (T, n, N).
+        Psi: Basis of its motions, shape (T, n, N).
 
     Returns:
-        Shape (T,), in [0, 1], 0 where motors lose a direction; None where there are no motors or no motions.
+        Shape (T,), in [0, 1], 0 where motors lose a direction; None if there are no motors or no motions.
     """
     if not module.motors or not module.mobility:
         return None
@@ -119,9 +119,9 @@ def motor_share(module: Module, Psi: Array) -> Array | None:
 
 
 def architecturally_singular(module: Module) -> str:
-    """Say that a module's motors lose a direction in every posture, or give an empty text.
+    """Describe an architectural singularity: motors lose a direction in every posture. Else an empty text.
 
-    Six legs between similar hexagons do: their lengths never tell a certain motion of the platform.
+    An example is six legs between similar hexagons: one motion of the platform never changes their lengths.
 
     Args:
         module: The module.
@@ -140,7 +140,7 @@ def architecturally_singular(module: Module) -> str:
 
 
 def _of_structure(module: Module) -> list[str]:
-    """Judge what holds at every posture: freedoms without inertia, motors that move nothing."""
+    """Check properties of every posture: freedoms without inertia, motors that cannot move."""
     m = module.mechanism
     out = []
     posture = m.postures[:1]

@@ -1,8 +1,8 @@
-"""From one posture to a whole trajectory of them, without leaving the assembly branch unnoticed.
+"""Continuation from one posture along a trajectory, with detection of changes of the assembly branch.
 
-All samples are solved together, coarse to fine. Then every step between neighbours must be the one that the
-rows' derivative predicts: on another branch it is not. Where a step is too long to tell, it is walked in
-smaller ones.
+All samples are solved together, from coarse to fine. Then each step between neighbours is compared with the
+Newton prediction, from which a change of branch deviates. A step that is too long for this comparison is
+divided into smaller ones.
 """
 
 from __future__ import annotations
@@ -17,20 +17,21 @@ from ..linkage.newton import RESIDUAL_ROUNDING, SMALLEST_STEP, Closed, LoopProbl
 from ..linkage.winding import winding_of
 from ..spatial import Array, Index, Mask
 
-#: A step between samples may differ from the predicted one by this part of it, plus `SMALL_STEP`.
+#: Largest deviation of a step between samples from its prediction, relative to it, plus `SMALL_STEP`.
 SAME_BRANCH = 0.25
-#: Steps this small [rad, module lengths] are not judged: they are as large as the rounding of a prediction.
+#: Steps below this [rad, module lengths] are not checked: the rounding of a prediction is as large.
 SMALL_STEP = 1e-7
-#: The rows' derivative may turn by this part of itself along a step: two solutions across a fold lie where
-#: |J^-1 (J(x) - J)| comes to 1, however short the way between them is beside the step.
+#: Largest relative change of the Jacobian along a step. Two solutions across a fold differ by
+#: |J^-1 (J(x) - J)| = 1, however close to each other they are relative to the step.
 MOST_TURNING = 0.5
-#: Rows that contradict one another within the tolerance are believed where they keep their rank this well.
+#: Rows that contradict one another within the tolerance are accepted if their reciprocal condition number
+#: is above this.
 CONTRADICTING_RANK = 1e-9
-#: Every so many samples are solved first, then all.
+#: Strides at which samples are solved: first every eighth, then all.
 STRIDES = (8, 1)
-#: Smallest part of a step that is walked.
+#: Largest number of parts into which a step is divided.
 FINEST = 4096
-#: The same where Newton does not reach the end of the step at all.
+#: The same if Newton does not converge at the end of the step.
 COARSEST = 16
 
 
@@ -40,11 +41,11 @@ class Task:
 
     Attributes:
         problem: Rows and free freedoms.
-        known: Positions, of which the joints in `given` count, shape (T, nq).
-        given: Numbers of the joints whose positions are given.
-        tolerance: Largest scaled residual that counts as closed.
+        known: Positions, shape (T, nq); only those of the joints in `given` are used.
+        given: Indices of the joints whose positions are given.
+        tolerance: Largest scaled residual of a closed posture.
         module: The module's name, for messages.
-        row_names: What each row belongs to, for messages.
+        row_names: Name of each row's closure, coupling or target, for messages.
     """
 
     problem: LoopProblem
@@ -55,7 +56,7 @@ class Task:
     row_names: Sequence[str]
 
     def with_known(self, q: Array, samples: Index) -> Array:
-        """Return positions with the given joints at their values."""
+        """Return positions with the given joints set to their values."""
         q = q.copy()
         for joint in self.given:
             at = self.problem.tree.q_slices[joint]
@@ -65,23 +66,23 @@ class Task:
         return q
 
     def solve(self, q: Array, samples: Index) -> Closed:
-        """Close from the positions given, the given joints at their values."""
+        """Close the loops from starts q, with the given joints at their values."""
         return close(self.problem, self.with_known(q, samples), samples)
 
     def closed(self, result: Closed) -> Mask:
-        """Say which samples converged and closed, shape (T,)."""
+        """Check which samples converged and closed, shape (T,)."""
         settled = (result.step <= SMALLEST_STEP) | (result.residual <= RESIDUAL_ROUNDING)
         out: Mask = settled & (result.residual <= self.tolerance)
         doubtful = np.flatnonzero(out & (result.residual > RESIDUAL_ROUNDING))
         if len(doubtful) and self.problem.rank:
-            # Where rows lose rank, a step of zero says nothing: the target may be just out of reach.
+            # Where rows lose rank, a zero step proves nothing: the target may be just out of reach.
             K = self.problem.matrix(self.problem.tree.sweep(result.q[doubtful]))[:, :, self.problem.free]
             s = np.linalg.svd(K, compute_uv=False)
             out[doubtful] = s[:, self.problem.rank - 1] > CONTRADICTING_RANK * s[:, 0]
         return out
 
     def between(self, sample: int, fractions: Array) -> Task:
-        """Return the task at fractions of the way from a sample to the next, shape (n,), its own samples."""
+        """Interpolate the task from a sample to the next, one new sample per fraction, shape (n,)."""
         tree = self.problem.tree
         start = np.tile(self.known[sample], (len(fractions), 1))
         whole = tree.difference(self.known[sample : sample + 1], self.known[sample + 1 : sample + 2])
@@ -94,19 +95,19 @@ class Task:
 
 
 def follow(task: Task, guess: Array, *, keep_branch: bool = True) -> Array:
-    """Give a posture for every sample, each on the branch of the one before, the first on that of the guess.
+    """Compute a posture for every sample, on the branch of the previous one; the first on that of the guess.
 
     Args:
         task: The task.
-        guess: Where to start, shape (nq,).
-        keep_branch: Whether leaving the branch is an error; if not, the posture that Newton finds is taken (a
-            wrist in gimbal lock has no branch to stay on).
+        guess: Initial posture, shape (nq,).
+        keep_branch: Whether leaving the branch is an error. If False, whatever posture Newton finds is
+            accepted (a wrist in gimbal lock has no branch to stay on).
 
     Returns:
         Positions, shape (T, nq).
 
     Raises:
-        AssemblyError: No first posture, an unreachable sample, or a step that leaves the branch.
+        AssemblyError: There is no first posture, a sample is unreachable, or a step leaves the branch.
     """
     T = len(task.known)
     q = np.empty((T, task.problem.tree.nq))
@@ -131,13 +132,13 @@ def follow(task: Task, guess: Array, *, keep_branch: bool = True) -> Array:
 
 
 def first_posture(task: Task, guess: Array) -> Array:
-    """Return the closed posture that a guess leads to.
+    """Compute the closed posture reached from a guess.
 
-    That is the one at the end of a walk from the guess on its own assembly branch; where there is none, the
-    one that Newton finds from the guess, or from seeded restarts about it.
+    This is the end of a continuous path from the guess on its own assembly branch. If there is no such path,
+    it is the posture that Newton finds from the guess, or from seeded restarts about it.
 
     Raises:
-        AssemblyError: Nothing closes; with the best residual.
+        AssemblyError: No start closes; the error has the smallest residual.
     """
     winding = task.problem.winding
     if winding is not None and winding.ambiguous:
@@ -145,13 +146,13 @@ def first_posture(task: Task, guess: Array) -> Array:
             return _first_posture(
                 replace(task, problem=replace(task.problem, winding=winding.near(guess))), guess
             )
-        except AssemblyError:  # the sheets of the guess may be too far for Newton: take any
+        except AssemblyError:  # the sheets of the guess may be too far for Newton: accept any
             pass
     return _first_posture(task, guess)
 
 
 def _first_posture(task: Task, guess: Array) -> Array:
-    """Return what `first_posture` does, whatever the sheets of gears whose turns are unknown."""
+    """Compute `first_posture` on any sheet of the gears whose turns are unknown."""
     tree = task.problem.tree
     result = task.solve(guess[None], np.zeros(1, dtype=int))
     if task.closed(result)[0]:
@@ -173,7 +174,7 @@ def _first_posture(task: Task, guess: Array) -> Array:
 
 
 def _on_branch_of(task: Task, guess: Array, found: Array) -> Array:
-    """Give the posture that a walk from the guess reaches, or the one found where the guess's branch ends."""
+    """Return the end of a path on the guess's branch, or `found` if the branch ends before."""
     problem = task.problem
     everything = np.ones(problem.tree.nv, dtype=bool)
     winding = winding_of(problem.closures, guess[None], (), {})
@@ -201,14 +202,14 @@ def _on_branch_of(task: Task, guess: Array, found: Array) -> Array:
 
 
 def unreachable(task: Task, result: Closed, sample: int, iterations: int) -> AssemblyError:
-    """Say where the best of several attempts is still open."""
+    """Build the error for a sample that no start closes, from the best of several starts."""
     at = int(np.argmin(result.residual))
     rows = task.problem.residual(result.q[at : at + 1], np.array([min(sample, len(task.known) - 1)]))[0]
     worst = task.row_names[int(np.argmax(np.abs(rows)))]
     best = float(result.residual[at])
     if best > task.tolerance:
         why = f"best residual {best:.2g} of the module's length (limit {task.tolerance:.0e})"
-    else:  # no rounding of the file: a least distance, at a posture where rows lose rank
+    else:  # within the tolerance, but not rounding: a least distance, at a posture where rows lose rank
         why = f"the nearest posture, a singular one, leaves {best:.2g} of the module's length open"
     return AssemblyError(
         f"module '{task.module}', {worst}: the loops do not close at sample {sample}: {why} after "
@@ -223,7 +224,7 @@ def unreachable(task: Task, result: Closed, sample: int, iterations: int) -> Ass
 
 
 def _coarse_to_fine(task: Task, start: Array, samples: Index) -> tuple[Array, Mask]:
-    """Solve all samples, the first of them known: some, then all, from starts between those at hand."""
+    """Solve all samples after a known first one: some, then all, from starts interpolated between them."""
     tree = task.problem.tree
     n = len(samples)
     q = np.tile(start, (n, 1))
@@ -242,10 +243,10 @@ def _coarse_to_fine(task: Task, start: Array, samples: Index) -> tuple[Array, Ma
 
 
 def _interpolated(task: Task, q: Array, have: Index, todo: Index, before: Index) -> tuple[Array, Array]:
-    """Return starts at samples between those at hand: cubic between four neighbours, else what is nearest.
+    """Interpolate starts between solved samples: cubic from four neighbours, lower order if there are fewer.
 
     Returns:
-        Positions of the sample before, and the step from there, shapes (n, nq), (n, nv).
+        Positions at the previous solved sample, and the step from it, shapes (n, nq), (n, nv).
     """
     tree = task.problem.tree
     at = np.searchsorted(have, todo, side="right") - 1
@@ -264,7 +265,7 @@ def _interpolated(task: Task, q: Array, have: Index, todo: Index, before: Index)
 
 
 def _steps_as_predicted(task: Task, q: Array, samples: Index) -> Mask:
-    """Say for each sample whether the step to the next is the one that the rows' derivative predicts."""
+    """Check for each sample whether the step to the next agrees with the Newton prediction."""
     problem, tree = task.problem, task.problem.tree
     start = task.with_known(q[samples], samples + 1)
     motion = tree.sweep(start)
@@ -284,10 +285,10 @@ def _steps_as_predicted(task: Task, q: Array, samples: Index) -> Mask:
 
 
 def _walk(task: Task, q: Array, sample: int) -> Array:
-    """Walk from a sample to the next, in steps as long as predictions hold; give the posture reached.
+    """Follow the branch from a sample to the next, with steps as long as predictions hold.
 
     Raises:
-        AssemblyError: A target on the way is out of reach, or the branch ends.
+        AssemblyError: A target along the path is out of reach, or the branch ends.
     """
     there = task.solve(q[None], np.array([sample + 1]))
     shortest = 1 / (FINEST if task.closed(there)[0] else COARSEST)
@@ -307,7 +308,7 @@ def _walk(task: Task, q: Array, sample: int) -> Array:
 
 
 def _at_once(task: Task, q: Array, sample: int) -> Array:
-    """Solve the next sample by itself, whatever its branch.
+    """Solve the next sample on any branch.
 
     Raises:
         AssemblyError: The target is out of reach.
@@ -320,7 +321,7 @@ def _at_once(task: Task, q: Array, sample: int) -> Array:
 
 
 def _lost(task: Task, q: Array, sample: int) -> AssemblyError:
-    """Say that a branch ends between two samples."""
+    """Build the error for a branch that ends between two samples."""
     result = task.solve(q[None], np.array([sample + 1]))
     if not task.closed(result)[0]:
         return unreachable(task, result, sample + 1, result.iterations)

@@ -1,4 +1,4 @@
-"""Motions of a module that no motor drives, that move nothing that matters, or that have no inertia."""
+"""Motions of a module that no motor drives, that are idle, or that have no inertia."""
 
 from __future__ import annotations
 
@@ -17,20 +17,20 @@ from ..structure.module import Module
 from ..structure.robot import HybridRobot
 from .determinacy import IDLE
 
-#: Part of a module's largest inertia below which a motion has none (rounding of the sum is far below).
+#: A motion has no inertia below this part of the module's largest inertia (rounding of the sum is far less).
 MASSLESS_MOTION = 1e-12
-#: Smallest share of the motors in a motion that counts as driving it.
+#: Motors drive a motion if their share in it is at least this.
 DRIVEN = 1e-6
 
 
 @dataclass(frozen=True)
 class FreeMotions:
-    """Motions at a generic posture, each named by the freedom that moves most in it.
+    """Motions at a generic posture, each named by the freedom that moves most.
 
     Attributes:
-        uncontrolled: Those that no motor drives and that move an output or a centre of mass.
-        idle: Those that no motor drives and that move neither (a rod that spins about itself).
-        massless: Those without inertia; a force along them would accelerate them without limit.
+        uncontrolled: Motions that no motor drives and that move an output or a centre of mass.
+        idle: Motions that no motor drives and that move neither (a rod that spins about its axis).
+        massless: Motions without inertia: any force along them causes an infinite acceleration.
     """
 
     uncontrolled: tuple[str, ...]
@@ -39,7 +39,7 @@ class FreeMotions:
 
 
 def free_motions(module: Module) -> FreeMotions:
-    """Return the motions of a module that lack a motor or inertia.
+    """Compute the motions of a module that lack a motor or inertia.
 
     Args:
         module: The module.
@@ -59,10 +59,10 @@ def free_motions(module: Module) -> FreeMotions:
 
 
 def free_motions_of(robot: HybridRobot) -> list[str]:
-    """Say which motions of a robot no motor drives or have no inertia, one sentence each.
+    """Describe the motions of a robot that lack a motor or inertia, one sentence per kind.
 
     Args:
-        robot: The robot; its free base is no news.
+        robot: The robot; the motion of its free base is left out.
     """
     found: dict[str, list[str]] = {"uncontrolled": [], "idle": [], "massless": []}
     for module in robot.modules:
@@ -80,7 +80,7 @@ def free_motions_of(robot: HybridRobot) -> list[str]:
 
 
 def own_inertia(m: Mechanism, Psi: Array) -> Array:
-    """Return the inertia of a module alone along motions at its first generic posture.
+    """Compute the inertia of a module alone, along motions at its first generic posture.
 
     Args:
         m: The module's numbers.
@@ -99,7 +99,7 @@ def own_inertia(m: Mechanism, Psi: Array) -> Array:
 
 
 def idle_motions(module: Module, motions: Array, motion: Motion) -> Iterator[Array]:
-    """Return each sample's combinations of motions that no motor drives and that move nothing that matters.
+    """Yield, sample by sample, the combinations of motions that are idle: no motor drives them, no effect.
 
     Args:
         module: The module.
@@ -115,19 +115,19 @@ def idle_motions(module: Module, motions: Array, motion: Motion) -> Iterator[Arr
 
 
 def _undriven(module: Module, motions: Array, effects: Array) -> tuple[Array, Array]:
-    """Return the combinations of motions that no motor drives, and those of them that have no effect.
+    """Compute the combinations of motions that no motor drives, and which of these have no effect.
 
     Args:
         module: The module.
         motions: Its motions, orthonormal in scaled coordinates, shape (n, N).
-        effects: What rates do, shape (rows, n).
+        effects: Rows of `_effects` at one sample, shape (rows, n).
     """
     free = _null_space(motions[module.motor_columns], DRIVEN)
     return free, _null_space(effects @ (motions @ free * module.mechanism.reduction.col_scale[:, None]), IDLE)
 
 
 def _effects(m: Mechanism, motion: Motion) -> Array:
-    """Return what rates do to outputs and to centres of mass, shape (T, rows, n), scaled."""
+    """Compute the scaled Jacobians of outputs and of centres of mass, shape (T, rows, n)."""
     units = np.array([m.length] * 3 + [1.0] * 3)[:, None]
     rows = [m.tree.jacobian(motion, body) / units for body in m.spec.outputs]
     for i, body in enumerate(m.spec.leg_bodies):
@@ -138,7 +138,7 @@ def _effects(m: Mechanism, motion: Motion) -> Array:
 
 
 def _null_space(A: Array, tolerance: float) -> Array:
-    """Return orthonormal columns that A maps to almost nothing, shape (n, k)."""
+    """Compute an orthonormal basis of the null space of A to a tolerance, shape (n, k)."""
     if not A.shape[1]:
         return np.zeros((0, 0))
     _, s, Vt = np.linalg.svd(A, full_matrices=True)
@@ -148,7 +148,7 @@ def _null_space(A: Array, tolerance: float) -> Array:
 
 
 def _complement(Q: Array) -> Array:
-    """Return orthonormal columns that complete orthonormal columns Q to a basis."""
+    """Compute an orthonormal basis of the complement of orthonormal columns Q."""
     if not Q.shape[1]:
         return np.eye(len(Q))
     out: Array = np.linalg.svd(Q, full_matrices=True)[0][:, Q.shape[1] :]
@@ -156,7 +156,7 @@ def _complement(Q: Array) -> Array:
 
 
 def _named(motions: Array, names: list[str]) -> tuple[str, ...]:
-    """Name motions, columns of shape (n, k), by k freedoms that together tell them apart."""
+    """Name motions, columns of shape (n, k), by k freedoms that together distinguish them."""
     k = motions.shape[1]
     if not k:
         return ()

@@ -1,4 +1,4 @@
-"""What is wanted of one module: given joints of its tree after the cuts, and targets for its bodies."""
+"""The request for one module: given joints of its tree after the cuts, and targets for its bodies."""
 
 from __future__ import annotations
 
@@ -16,25 +16,25 @@ from ..structure.module import Module
 from ..structure.robot import HybridRobot
 from .requests import PoseRequest, Requests
 
-#: Turns beyond this are no position of a joint with ends [rad]; beyond `BLUR` an angle has lost its digits.
+#: Angles of a limited joint beyond this [rad] are mistakes; beyond `BLUR`, any angle has lost its digits.
 WOUND_UP, BLUR = 1e4, 1e8
-#: Lengths beyond this many of a module's own are out of reach of its loops.
+#: Lengths beyond this many module lengths are out of reach of its loops.
 FAR = 1e3
 
 
 @dataclass
 class ModuleRequest:
-    """What is wanted of one module, on its tree after the cuts.
+    """The request for one module, on its tree after the cuts.
 
     Attributes:
         mechanism: The module's numbers.
-        known: Positions, of which the joints in `given` count, shape (T, nq).
+        known: Positions, shape (T, nq); only those of the joints in `given` are used.
         known_v: Their rates, shape (T, nv).
         known_a: Their accelerations, shape (T, nv).
-        given: Joints whose positions are given.
-        targets: Poses of other bodies.
-        names: Links of the targets.
-        angles: Positions given of endless joints, whole turns counted, shape (T,) each, [rad].
+        given: Indices of the joints whose positions are given.
+        targets: Prescribed poses of other bodies.
+        names: Link of each target.
+        angles: Given positions of continuous joints, including whole turns, shape (T,) each, [rad].
     """
 
     mechanism: Mechanism
@@ -47,17 +47,17 @@ class ModuleRequest:
     angles: dict[int, Array] = field(default_factory=dict)
 
     def give_joint(self, joint: int, wanted: Array, name: str) -> None:
-        """Enter a joint's position, rate and acceleration, shape (3, T).
+        """Set a joint's position, rate and acceleration, shape (3, T).
 
         Raises:
-            AssemblyError: A position that only a slip of the pen gives.
+            AssemblyError: A position is beyond any plausible range.
         """
         position, rate, acceleration = wanted
         m = self.mechanism
         kind = m.tree.joints[joint].kind
         far = FAR * m.length if m.closures.rows else np.inf
         limit = {"revolute": WOUND_UP, "continuous": BLUR}.get(kind, far)
-        _refuse_absurd(name, position, limit, "m" if kind == "prismatic" else "rad")
+        _check_range(name, position, limit, "m" if kind == "prismatic" else "rad")
         at, to = m.tree.q_slices[joint], m.tree.v_slices[joint]
         if kind == "continuous":
             self.known[:, at.start], self.known[:, at.start + 1] = np.cos(position), np.sin(position)
@@ -68,12 +68,12 @@ class ModuleRequest:
         self.given.append(joint)
 
     def give_pose(self, link: str, place: tuple[int, Array, Array], motion: RigidMotion) -> None:
-        """Enter a link's whole pose: a platform's as given coordinates, another body's as a target.
+        """Set a link's complete pose: a platform's as given coordinates, another body's as a target.
 
         Args:
             link: The link.
-            place: Its body in the tree after the cuts, and its placement R, p in the body.
-            motion: Its motion in the module's base body.
+            place: The link's body in the tree after the cuts, and its placement R, p in the body.
+            motion: The link's motion in the module's base body.
         """
         body, R, p = place
         moved = motion.then(RigidMotion.at_rest(len(motion.p), R.T, -R.T @ p))
@@ -86,7 +86,7 @@ class ModuleRequest:
         self.add(PoseTarget(body, moved.R, moved.p, velocity, acceleration, _units(self.mechanism)), link)
 
     def give_platform(self, joint: int, body: RigidMotion) -> None:
-        """Enter a platform's pose as its `floating` joint's coordinates."""
+        """Set a platform's pose as the coordinates of its `floating` joint."""
         tree = self.mechanism.tree
         at, to, record = tree.q_slices[joint], tree.v_slices[joint], tree.joints[joint]
         inner = body.seen_from(RigidMotion.at_rest(len(body.p), record.R, record.p))
@@ -107,17 +107,17 @@ class ModuleRequest:
 def module_request(
     requests: Requests, robot: HybridRobot, number: int, base_body: int, bodies: Mapping[int, RigidMotion]
 ) -> ModuleRequest:
-    """Return what is wanted of one module.
+    """Build the request for one module.
 
     Args:
-        requests: Everything that is wanted.
+        requests: The requests for the whole robot.
         robot: The robot.
-        number: Number of the module.
-        base_body: Body it stands on.
+        number: Index of the module.
+        base_body: Index of the body it stands on.
         bodies: Motions of the bodies assembled so far, in the root body.
 
     Raises:
-        AssemblyError: A joint or a pose that cannot be given there.
+        AssemblyError: A joint or a pose cannot be prescribed.
     """
     module = robot.modules[number]
     m = module.mechanism
@@ -155,7 +155,7 @@ def _units(m: Mechanism) -> Array:
 def _coordinate_target(
     robot: HybridRobot, module: Module, base_body: int, pose: PoseRequest, place: tuple[int, Array, Array]
 ) -> CoordinateTarget:
-    """Return the target of a partial pose; `place` is the link's body in the tree and its placement there.
+    """Build the target of a partial pose; `place` is the link's body and its placement in the body.
 
     Raises:
         AssemblyError: The pose is not relative to the module's base.
@@ -182,7 +182,7 @@ def _in_base(
     pose: PoseRequest,
     motion: RigidMotion,
 ) -> RigidMotion:
-    """Return a link's wanted motion in its module's base body.
+    """Compute a link's prescribed motion in its module's base body.
 
     Raises:
         AssemblyError: The pose is relative to a link further out.
@@ -198,11 +198,11 @@ def _in_base(
     return other.then(motion).seen_from(bodies[base_body])
 
 
-def _refuse_absurd(name: str, position: Array, limit: float, unit: str) -> None:
-    """Refuse positions, shape (T,), that only a slip of the pen gives.
+def _check_range(name: str, position: Array, limit: float, unit: str) -> None:
+    """Check that positions, shape (T,), are within a limit that catches mistakes in units.
 
     Raises:
-        AssemblyError: Naming the joint and the sample.
+        AssemblyError: One is not; the message names joint and sample.
     """
     bad = np.flatnonzero(np.abs(position) > limit)
     if len(bad):

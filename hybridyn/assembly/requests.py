@@ -1,4 +1,4 @@
-"""What a caller of `assemble` wants, checked: positions of joints, and poses of links, whole or partial."""
+"""Checked input of `assemble`: positions of joints, and complete or partial poses of links."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ from ..structure.samples import UNIT
 
 @dataclass(frozen=True)
 class PoseRequest:
-    """A pose of a link relative to another: whole (`motion`) or partial (`coordinates`).
+    """A pose of a link relative to another: complete (`motion`) or partial (`coordinates`).
 
     Attributes:
         link: The link.
-        other: The link it is relative to.
-        motion: The whole pose with its rates, in the other link, or None.
-        coordinates: For each coordinate its value, rate and acceleration, shape (3, T).
+        other: The reference link.
+        motion: The complete pose with rates and accelerations, in the reference link, or None.
+        coordinates: Coordinate name to its value, rate and acceleration, shape (3, T).
     """
 
     link: str
@@ -35,15 +35,15 @@ class PoseRequest:
 
 @dataclass(frozen=True)
 class Requests:
-    """Everything that is wanted.
+    """All requests for a robot.
 
     Attributes:
         samples: Number of samples.
-        single: Whether a single sample came in without a batch axis.
-        joints: For each joint its position, rate and acceleration, shape (3, T).
+        single: Whether the input is a single sample without a batch axis.
+        joints: Joint name to its position, rate and acceleration, shape (3, T).
         poses: The poses.
-        base: Pose of a moving or floating base in the world, or None.
-        base_quaternion: Its quaternions as they were given, shape (T, 4), or None.
+        base: Motion of a moving or floating base in the world, or None.
+        base_quaternion: Its quaternions as given, shape (T, 4), or None.
     """
 
     samples: int
@@ -57,10 +57,11 @@ class Requests:
 def gather_requests(
     robot: HybridRobot, motors: Mapping[str, object], platforms: Mapping[str, object]
 ) -> Requests:
-    """Check and sort what a caller wants.
+    """Check the caller's input and build the requests.
 
     Raises:
-        TrajectoryError: Unknown names, wrong shapes, numbers not finite, quaternions not of unit length.
+        TrajectoryError: A name is unknown, a shape is wrong, a number is not finite, or a quaternion is not
+            of unit length.
     """
     kind = dict(zip(robot.joints, robot.kinds, strict=True))
     for name in motors:
@@ -93,17 +94,17 @@ def gather_requests(
 
 
 def _known(name: str, known: Mapping[str, object], what: str) -> None:
-    """Refuse a name that is not known.
+    """Check that a name is known.
 
     Raises:
-        TrajectoryError: With the nearest name that is.
+        TrajectoryError: It is not; the message suggests the nearest known name.
     """
     if name not in known:
         raise TrajectoryError(f"unknown {what} '{name}'{did_you_mean(name, known)}", column=name)
 
 
 def _triple(value: object) -> tuple[object, object, object]:
-    """Return (position, rate, acceleration), None where left out."""
+    """Return (position, rate, acceleration), None where omitted."""
     parts = list(value) if isinstance(value, (tuple, list)) else [value]
     if not 1 <= len(parts) <= 3:
         raise TrajectoryError("give (position, rate, acceleration), of which the last two may be left out")
@@ -112,10 +113,10 @@ def _triple(value: object) -> tuple[object, object, object]:
 
 
 def _three(value: object, name: str) -> list[Array]:
-    """Return position, rate and acceleration of a joint, each of shape () or (T,), zero where left out.
+    """Return position, rate and acceleration of a joint, each of shape () or (T,), zero where omitted.
 
     Raises:
-        TrajectoryError: Another shape, or a number that is not finite.
+        TrajectoryError: A shape is wrong, or a number is not finite.
     """
     parts = [np.asarray(0.0 if x is None else x, dtype=float) for x in _triple(value)]
     for x in parts:
@@ -171,10 +172,10 @@ def _pose(robot: HybridRobot, key: str, parts: Sequence[object], T: int) -> Pose
 
 
 def _array(key: str, value: object, width: int, T: int) -> Array:
-    """Return one part of a pose as (T, width), zero where left out.
+    """Return one part of a pose, shape (T, width), zero where omitted.
 
     Raises:
-        TrajectoryError: Another shape, or a number that is not finite.
+        TrajectoryError: A shape is wrong, or a number is not finite.
     """
     if value is None:
         return np.zeros((T, width))

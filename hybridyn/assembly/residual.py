@@ -1,4 +1,4 @@
-"""How far loops are open."""
+"""Closure residuals of postures."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from ..structure.samples import as_positions
 
 
 def residuals(robot: HybridRobot, q: Array) -> Iterator[tuple[Module, Array]]:
-    """Return each looped module with its scaled closure residuals, shape (T, rows)."""
+    """Yield each module that has loops with its scaled closure residuals, shape (T, rows)."""
     for module in robot.modules:
         m = module.mechanism
         if m.spanning_closures.rows:
@@ -22,14 +22,14 @@ def residuals(robot: HybridRobot, q: Array) -> Iterator[tuple[Module, Array]]:
 
 
 def closure_residual(robot: HybridRobot, q: Array) -> Array:
-    """Return the worst closure residual of each sample, relative to its module's length.
+    """Compute the largest closure residual of each sample, relative to its module's length.
 
     Args:
         robot: The robot.
         q: Positions, shape (nq,) or (T, nq).
 
     Returns:
-        Shape () or (T,): metres over the module's length, or radians, whichever is worst.
+        Shape () or (T,): metres over the module's length, or radians, whichever is larger.
     """
     batch, single = as_positions(robot, q)
     worst = np.zeros(len(batch))

@@ -1,4 +1,4 @@
-"""Tables whose angles are folded into one turn, where whole turns decide how far a gear has gone."""
+"""Check of tables for wrapped angles of joints whose whole turns determine the position of a gear."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ from ..spatial import Array
 from ..structure.robot import HybridRobot
 
 
-def refuse_wrapped(robot: HybridRobot, time: Array, joints: Mapping[str, tuple[Array, ...]]) -> None:
-    """Refuse positions of geared endless joints that jump by whole turns, against their own velocities.
+def check_unwrapped(robot: HybridRobot, time: Array, joints: Mapping[str, tuple[Array, ...]]) -> None:
+    """Check that positions of geared continuous joints do not jump by whole turns against their velocities.
 
     Args:
         robot: The robot.
         time: Times, shape (T,), [s].
-        joints: Position, velocity and acceleration of each joint given, shape (T,).
+        joints: Joint name to position, velocity and acceleration, shape (T,) each.
 
     Raises:
-        AssemblyError: Naming joint and sample.
+        AssemblyError: One jumps; the message names joint and sample.
     """
     endless = {name for name, kind in zip(robot.joints, robot.kinds, strict=True) if kind == "continuous"}
     for coupling in robot.description.couplings:

@@ -101,9 +101,9 @@ def _assembled(robot: HybridRobot, motion: Motion, guess: Array | None) -> tuple
     import hybridyn
 
     if motion.time is not None:
-        from ..assembly.wrapped_angles import refuse_wrapped
+        from ..assembly.wrapped_angles import check_unwrapped
 
-        refuse_wrapped(robot, motion.time, motion.joints)
+        check_unwrapped(robot, motion.time, motion.joints)
         return hybridyn.assemble(robot, motors=motion.joints, platforms=motion.platforms, guess=guess)
     rows = []
     for index in range(motion.size):

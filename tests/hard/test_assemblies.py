@@ -167,7 +167,7 @@ def test_stacked_modules_multiply() -> None:
 def test_too_many_stacked_postures_are_refused() -> None:
     lx4 = build_robot(shipped("lx4"))
     with pytest.raises(
-        AssemblyError, match=r"postures or more.*limit 10000.*Give the poses of some platforms"
+        AssemblyError, match=r"at least .* postures .*limit 10000.*Give the poses of some platforms"
     ):
         hybridyn.assemblies(lx4, motors=at_home(lx4), starts=400)
 
