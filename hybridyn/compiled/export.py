@@ -172,17 +172,18 @@ def _readme(
     functions = "\n".join(f"    {prototype(program, name, dtype)};" for program in programs)
     return f"""# Dynamics of '{robot.description.name}' in C
 
-{WRITTEN}. C99, for C++ too (compile the source as C); no allocation, no library but the C library's
-mathematics. Base: {robot.base}. Effects: {", ".join(effects) or "none"}.
-What each number of `q`, `v`, `a` and `tau` means stands in `{name}.h`.
+{WRITTEN}. C99, also for C++ (compile the source as C). The code allocates no memory and needs no library but
+the C library's mathematics. Base: {robot.base}. Effects: {", ".join(effects) or "none"}.
+`{name}.h` lists the meaning of each number of `q`, `v`, `a` and `tau`.
 
 {functions}
 
-Each gives a guard: use the results where it is at most 1, and have something else to do where it is not
-(above 1 near singular postures and where the loops are open, NaN where a number is not finite). `q`, `v`
-and `a` are those of all joints and must close the loops: `{name}_close` makes them from the motors'.
-`work` is memory of the caller; one per thread. `-ffast-math` would take the guard's NaN away and is refused.
+Each function returns a guard. Use the results only if it is at most 1, and provide a fallback for other
+samples. The guard is above 1 near singular postures and if the loops are open, and NaN if a number is not
+finite. `q`, `v` and `a` are those of all joints and must close the loops: `{name}_close` computes them from
+the motors'. The caller provides the memory `work`, one for each thread. `-ffast-math` would remove the NaN of
+the guard and is refused.
 
-`make test` compares with {SAMPLES} states computed by hybridyn's general path. `make` passes `CFLAGS` on;
-with a processor that has fused multiplication and addition, `-march=native` lets the compiler use it.
+`make test` compares with {SAMPLES} states computed by hybridyn's general path. `make` passes `CFLAGS` on.
+On a processor with fused multiplication and addition, `-march=native` lets the compiler use it.
 """

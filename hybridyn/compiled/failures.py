@@ -23,6 +23,6 @@ def as_compile_error(robot: HybridRobot) -> Iterator[None]:
     except Exception as error:
         said = f"{type(error).__name__}: {error}".splitlines()[0]
         raise CompileError(
-            f"the models of the robot '{robot.description.name}' cannot be written out ({said}). This is a "
+            f"the models of the robot '{robot.description.name}' cannot be compiled ({said}). This is a "
             "bug: report it with the robot's files; the general path works without them"
         ) from error

@@ -7,7 +7,7 @@ import importlib.util
 from ..errors import CompileError, install_advice
 
 WITHOUT_CASADI = (
-    f"writing a model out needs CasADi: {install_advice('compiled')}, "
+    f"compiling a model needs CasADi: {install_advice('compiled')}, "
     "or CasADi alone with `pip install casadi`; the general path works without it"
 )
 

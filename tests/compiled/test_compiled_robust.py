@@ -354,5 +354,5 @@ def test_any_failure_is_a_compile_error_with_the_robots_name(monkeypatch: pytest
 
     robot = door()
     monkeypatch.setattr(file, "programs", broken)
-    with pytest.raises(CompileError, match=r"robot 'door' cannot be written out \(ZeroDivisionError"):
+    with pytest.raises(CompileError, match=r"robot 'door' cannot be compiled \(ZeroDivisionError"):
         hybridyn.compile(robot)
