@@ -1,4 +1,4 @@
-"""Assembled postures as a manifold: independent coordinates in which time integration steps.
+"""The manifold of assembled postures: independent coordinates for time integration.
 
 Read `loop_rows` (closures of one module at one posture), `branch` (where closures lose rank), `chart`,
 `manifold`.

@@ -1,17 +1,15 @@
-"""The branch that a motion is on where closures lose rank: a flat four-bar, rhombic loops in one line.
+"""Branches of motion where closures lose rank, as in a flat four-bar or collinear rhombic loops.
 
-At such a posture several motions are possible for an instant, and they part there. A mechanism that passes
-through at speed stays on the one that is smooth. Let N be the left null space of the rows K there; on that
-branch K v = 0 holds before, at and after the posture, so its derivatives there give what K itself leaves
-open:
+At such a posture several branches of motion meet. A mechanism that passes through it at nonzero speed stays
+on the smooth one. Let N be the left null space of the rows K there. On that branch K v = 0 holds before, at
+and after the posture, so its derivatives determine what K itself does not:
 
     N^T K' x = 0                                tangents x, K' the derivative of K along the velocity v
     N^T (K' a + gamma_v[a] + gamma') = 0        accelerations a, from the derivative of K a + gamma = 0
 
-They are the limits of the weak rows over their size. A posture close by is treated likewise where its weak
-rows are rounding, or where the posture is off the branch by more than they can tell: across the branch a
-position is known to 1e-16 over the distance, a tangent then to that over the distance, an acceleration to
-that over the distance once more.
+These are the limits of the weak rows divided by their size. A nearby posture is treated in the same way if
+its weak rows are rounding, or if its deviation from the branch exceeds their resolution. At a distance d, a
+position across the branch is known to 1e-16 / d, a tangent to 1e-16 / d^2, an acceleration to 1e-16 / d^3.
 """
 
 from __future__ import annotations
@@ -26,34 +24,34 @@ from ..linkage.reduction import Basis
 from ..spatial import Array
 from ..structure.state import ModuleState
 
-#: Singular values below this part of the largest are replaced by their limits: an error of this size, where
-#: positions, known to 1e-16 over it across the branch, would leave one of 1e-16 over its square.
+#: Singular values below this part of the largest are replaced by their limits, with an error of this size
+#: d. Without the replacement the error would be 1e-16 / d^2, since positions are known to 1e-16 / d.
 LOST_RATES = 5e-6
-#: Accelerations lose two powers more of the distance; below this their limits are better, their error is its
-#: square.
+#: The same for accelerations, whose error has two more powers of the distance; the error of their limits is
+#: the square of this.
 LOST_ACCELERATIONS = 5e-4
-#: Weak rows whose distances differ by this part are lost at different postures.
+#: Weak rows whose distances differ by more than this part lose rank at different postures.
 ALIKE = 0.1
-#: Singular values below this are looked at: rows that the velocity does not obey are replaced as well.
+#: Singular values below this are checked: rows that the velocity violates are replaced as well.
 WEAK = 1e-3
-#: Part of a weak singular value that the velocity may break.
+#: Largest violation of a weak row by the velocity, relative to its singular value.
 BROKEN = 1e-2
-#: Least size of the limits: below, branches touch instead of crossing, or a higher derivative would decide.
+#: Least size of the limits. Below it branches touch without crossing, or a higher derivative is needed.
 CROSSING = 1e-6
-#: A velocity that breaks the limits by this part lies on none of the branches, where rows are this weak:
-#: farther away, accelerations have a share in what it breaks.
+#: A velocity that violates the limits by `ASTRAY` is on no branch, if the rows are as weak as `AT_ONCE`.
+#: Farther away, accelerations contribute to the violation.
 ASTRAY, AT_ONCE = 1e-4, 1e-10
-#: Step of the differences of fourth order, in scaled coordinates.
+#: Step of the fourth-order differences, in scaled coordinates.
 BRANCH_DIFFERENCE = 1e-3
 
 
 @dataclass(frozen=True)
 class Branch:
-    """The rows of one posture, in scaled coordinates, weak ones replaced by their limits.
+    """The scaled rows of one posture, with weak rows replaced by their limits.
 
     Attributes:
-        U: Left vectors of the rows that count, shape (rows, rank), the weak ones last.
-        V: What they determine, shape (n, rank).
+        U: Left vectors of the independent rows, shape (rows, rank), the weak ones last.
+        V: Orthonormal directions that the rows determine, shape (n, rank).
         Z: Tangents of the branch, shape (n, n - rank).
         s: Singular values of the strong rows, shape (strong,).
     """
@@ -73,19 +71,19 @@ def branch_of(
     parts: tuple[Array, ...] | None = None,
     lost: float = LOST_RATES,
 ) -> Branch | None:
-    """Give the branch that a velocity is on, where some rows of K are weak; None where none are, or at rest.
+    """Compute the branch of a velocity if some rows of K are weak; None if none are, or at rest.
 
     Args:
         K: Scaled closure rows, shape (rows, n).
-        rank: Number of rows that count.
+        rank: Number of independent rows.
         v: Scaled velocity, shape (n,).
-        along: Gives the derivative of K along a direction, shape (rows, n).
+        along: Function that computes the derivative of K along a direction, shape (rows, n).
         name: The module's name.
-        parts: U, s, Vt of K, where they are known.
+        parts: U, s, Vt of K, computed if None.
         lost: Part of the largest singular value below which rows are weak.
 
     Raises:
-        SingularityError: The velocity is possible for an instant, but on no branch.
+        SingularityError: The velocity satisfies K v = 0, but is on no branch.
     """
     U, s, Vt = parts if parts is not None else np.linalg.svd(K)
     speed = float(np.linalg.norm(v))
@@ -118,18 +116,18 @@ def branch_of(
 
 
 def derivative(f: Callable[[float], Array]) -> Array:
-    """Return f'(0), by differences of fourth order."""
+    """Compute f'(0) by fourth-order central differences."""
     h = BRANCH_DIFFERENCE
     out: Array = (8 * (f(h) - f(-h)) - (f(2 * h) - f(-2 * h))) / (12 * h)
     return out
 
 
 def along_branch(state: ModuleState, basis: Basis) -> Basis:
-    """Return the motions of a module, those of the branch that it is on where its closures lose rank.
+    """Compute the motions of a module; where its closures lose rank, those of its branch.
 
     Args:
         state: The module's state.
-        basis: Its motions as the elimination gave them.
+        basis: Its motions as computed by the elimination.
 
     Raises:
         SingularityError: A velocity is on no branch.
@@ -147,7 +145,7 @@ def along_branch(state: ModuleState, basis: Basis) -> Basis:
 
 
 class _Path:
-    """The branch about one sample, at unit speed: its postures, rows and drift terms, scaled.
+    """The branch near one sample at unit speed: postures, scaled rows and drift terms.
 
     Attributes:
         bend: Its acceleration at the sample, shape (n,).
@@ -158,20 +156,20 @@ class _Path:
         self.bend = np.zeros_like(direction)
 
     def at(self, s: float) -> tuple[Array, Array]:
-        """Return posture and velocity after a way s, shapes (1, nq), (n,)."""
+        """Compute posture and velocity at path length s, shapes (1, nq), (n,)."""
         unit = self._m.reduction.col_scale
         q = self._m.tree.integrate(self._q, ((s * self.direction + s * s / 2 * self.bend) * unit)[None])
         return q, self.direction + s * self.bend
 
     def rows(self, q: Array, moved: Array) -> Array:
-        """Return the rows at a displacement from a posture, shape (rows, n)."""
+        """Compute the rows at a displacement from a posture, shape (rows, n)."""
         m = self._m
         x = m.tree.integrate(q, (moved * m.reduction.col_scale)[None])
         out: Array = m.reduction.scaled(m.closures.matrix(m.tree.sweep(x)))[0]
         return out
 
     def gamma(self, q: Array, moved: Array, rate: Array) -> Array:
-        """Return the drift terms at a displacement from a posture for rates (k, n), shape (k, rows)."""
+        """Compute the drift terms at a displacement from a posture for rates (k, n), shape (k, rows)."""
         m = self._m
         x = m.tree.integrate(q, (moved * m.reduction.col_scale)[None])
         rates = rate * m.reduction.col_scale
@@ -180,7 +178,7 @@ class _Path:
         return out
 
     def strong_drift(self, s: float, parts: tuple[Array, ...], strong: int) -> Array:
-        """Give the drift that the strong rows ask for after a way s, shape (n,), from the rows' U, s, Vt."""
+        """Compute the drift that the strong rows determine at path length s, (n,), from their U, s, Vt."""
         U, size, Vt = parts
         q, v = self.at(s)
         wanted = U[:, :strong].T @ self.gamma(q, 0 * v, v[None])[0]
@@ -188,7 +186,7 @@ class _Path:
         return out
 
     def slopes(self, s: float) -> tuple[Array, Array, Array]:
-        """Return K', K' + gamma_v and gamma' after a way s, shapes (rows, n), (rows, n), (rows,)."""
+        """Compute K', K' + gamma_v and gamma' at path length s, shapes (rows, n), (rows, n), (rows,)."""
         q, v = self.at(s)
         none, each = 0 * v, np.eye(len(v))
         slope = derivative(lambda h: self.rows(q, h * v))
@@ -197,10 +195,10 @@ class _Path:
 
 
 def _motions_at(state: ModuleState, t: int) -> tuple[Array, Array] | None:
-    """Return tangents and drift of one sample, scaled, shapes (n, N) and (n,); None where nothing is weak.
+    """Compute scaled tangents and drift of one sample, shapes (n, N) and (n,); None if no row is weak.
 
-    The weak rows, and what they ask for, are integrals of their derivatives from where rank is lost; taken by
-    the midpoint rule, their error is the square of the distance.
+    The weak rows and their right-hand sides are integrals of their derivatives from the posture where rank is
+    lost. The midpoint rule approximates them with an error of the square of the distance.
     """
     r = state.mechanism.reduction
     K, v = r.scaled(state.K[t : t + 1])[0], state.v[t] / r.col_scale
@@ -229,12 +227,12 @@ def _motions_at(state: ModuleState, t: int) -> tuple[Array, Array] | None:
         np.abs(weak - way * limit).max() > ALIKE * np.abs(weak).max()
         and parts[1][strong] > LOST_RATES * parts[1][0]
     ):
-        return None  # several losses, at several distances
+        return None  # rank is lost at several postures, at different distances
     there = np.linalg.svd(path.rows(path.at(-way)[0], 0 * v))
     N, known_there = there[0][:, strong:], path.strong_drift(-way, there, strong)
     x0 = _limits(path.slopes(-way), N, there[2][strong:].T, known_there, r.rank - strong)[1]
     slope, both, bias = path.slopes(-way / 2)
-    mean = slope, (slope + both) / 2, bias + (both - slope) @ x0 / 2  # velocities turn by both ends' mean
+    mean = slope, (slope + both) / 2, bias + (both - slope) @ x0 / 2  # velocities: the mean of both ends
     Z, x0 = _limits(mean, N, rest, known, r.rank - strong)
     return Z, x0 * speed**2
 
@@ -242,13 +240,13 @@ def _motions_at(state: ModuleState, t: int) -> tuple[Array, Array] | None:
 def _limits(
     slopes: tuple[Array, Array, Array], N: Array, rest: Array, known: Array, k: int
 ) -> tuple[Array, Array]:
-    """Return tangents and drift from the limits of k weak rows.
+    """Compute tangents and drift from the limits of k weak rows.
 
     Args:
-        slopes: K', K' + gamma_v and gamma', as `_Path.slopes` gives them.
+        slopes: K', K' + gamma_v and gamma' from `_Path.slopes`.
         N: Left null space of the rows where rank is lost.
-        rest: Motions that the strong rows allow, shape (n, n - strong).
-        known: The drift that the strong rows ask for, shape (n,).
+        rest: Null space of the strong rows, shape (n, n - strong).
+        known: The drift that the strong rows determine, shape (n,).
         k: Number of weak rows.
     """
     P, _, Qt = np.linalg.svd(N.T @ slopes[0] @ rest)

@@ -1,18 +1,18 @@
-"""Charts of the assembled postures: independent coordinates about one posture, and how they are lifted.
+"""Charts of the manifold of assembled postures: independent coordinates about one posture, and their lift.
 
-A chart is laid at the start of a step and kept through it. With the scaled closure rows K of a module there,
-K = U_1 s V_1^T on their rank, and Z the null space:
+A chart is built at the start of a time step and kept during it. With the scaled closure rows K of a module
+there, K = U_1 s V_1^T on their rank, and Z the null space:
 
     xi = unit (Z y + V_1 w),    U_1^T residual(move(q_0, xi)) = 0      positions, solved for w by Newton
     v  = unit (Z u - V_1 G^-1 U_1^T K Z u),    G = U_1^T K V_1         rates: K v = 0 and Z^T v / unit = u
 
-so y and u are the module's independent coordinates and velocities, and the paper's Psi is the matrix before
-u. A module without loops has Z = 1. The base of a "moving" robot is prescribed and no part of a chart.
+so y and u are the module's independent coordinates and velocities, and the paper's Psi is the matrix that
+multiplies u. A module without loops has Z = 1. The prescribed base of a "moving" robot is not in the chart.
 
-Where closures lose rank, branches of assembled postures meet, and G is singular. A chart laid there is that
-of the branch that the velocity is on (`branch.py`). Beyond, Newton starts from where the motion is heading
-and must contract at once: then it found the branch that the motion is on, else the posture is ambiguous, and
-the step is taken otherwise.
+Where closures lose rank, branches of assembled postures meet, and G is singular. A chart built there belongs
+to the branch of the velocity (`branch.py`). Near such postures, Newton starts from the extrapolated motion
+and must contract from its first step on, which shows that it converges to the branch of the motion. Else the
+posture is ambiguous, and the caller has to change the step.
 """
 
 from __future__ import annotations
@@ -30,34 +30,33 @@ from ..structure.module import Module
 from .branch import LOST_RATES, Branch, branch_of, derivative
 from .loop_rows import LoopRows
 
-#: Newton stops once its step (rad, module lengths) is no more than this; the next one would be rounding.
+#: Newton has converged after a step of at most this (rad, module lengths); the next one would be rounding.
 LAST_STEP = 1e-12
-#: Closures count as closed under this residual (relative to the module's length), on top of the file's
-#: rounding.
+#: Largest residual of closed loops (relative to the module's length), in addition to rounding of the file.
 CHART_CLOSED = 1e-11
-#: Most Newton steps; a chart that needs more is left by a shorter time step.
+#: Maximum number of Newton steps; if more are needed, the time step has to be shorter.
 MOST_STEPS = 20
-#: A displacement of dependent coordinates beyond this (rad, module lengths) has left the chart.
+#: Largest displacement of dependent coordinates within a chart (rad, module lengths).
 FARTHEST = 1.0
-#: Closures are close to losing rank where their least singular value is below this part of what is usual.
+#: Closures are close to losing rank if their least singular value is below this part of its generic value.
 CLOSE = 1.0
-#: Where G's least singular value is below this part of what is usual, another branch may be near.
+#: Another branch may be near if G's least singular value is below this part of its generic value.
 NARROW = 0.2
-#: There Newton's second step must be no more than this part of the first.
+#: In that case, largest ratio of Newton's second step to its first.
 CONTRACTION = 0.25
-#: Residuals below this are rounding: where closures lose rank, a step that follows them leads astray.
+#: Residuals below this are rounding: where closures lose rank, a Newton step from them is meaningless.
 CHART_ROUNDING = 2e-15
-#: Singular values below this part of the largest are left alone where positions cannot be told apart.
+#: Singular values below this part of the largest are dropped where positions are not resolved.
 HELD = 1e-3
 
 
 class AmbiguousBranchError(AssemblyError):
-    """Another branch of assembled postures is too near to tell which one a motion is on."""
+    """Another branch of assembled postures is too near to identify the branch of a motion."""
 
 
 @dataclass(frozen=True)
 class Posture:
-    """A point of the manifold with its rates, as a chart gives it.
+    """A point of the manifold with its rates, computed by a chart.
 
     Attributes:
         q: Positions, shape (nq,).
@@ -72,7 +71,7 @@ class Posture:
 
 @dataclass(frozen=True)
 class LoopedModule:
-    """A module with loops, as the manifold sees it.
+    """A module with loops.
 
     Attributes:
         module: The module.
@@ -92,14 +91,14 @@ class LoopedModule:
 
 @dataclass(frozen=True)
 class Space:
-    """What every chart of one robot needs.
+    """Data shared by all charts of one robot.
 
     Attributes:
         looped: Modules with loops.
-        free: Freedoms of the modules without loops, shape (k,).
+        free: Indices of the freedoms of modules without loops, shape (k,).
         unit: Unit of each freedom, shape (nv,).
         retraction: Moves on the whole spanning tree.
-        prescribed: Number of the first freedoms that are prescribed: 6 for a "moving" base, else 0.
+        prescribed: Number of leading freedoms that are prescribed: 6 for a "moving" base, else 0.
     """
 
     looped: Sequence[LoopedModule]
@@ -110,7 +109,7 @@ class Space:
 
 
 class _Part:
-    """A chart's share of one looped module."""
+    """The part of a chart that belongs to one looped module."""
 
     def __init__(self, looped: LoopedModule, q: Array, v: Array | None) -> None:
         self.looped, self.q = looped, q
@@ -130,7 +129,7 @@ class _Part:
         self.narrow, self.lost = False, False
 
     def _branch(self, K: Array, v: Array, parts: tuple[Array, Array, Array]) -> Branch | None:
-        """Return the branch that scaled rates are on, where closures lose rank."""
+        """Compute the branch of scaled rates where closures lose rank; None elsewhere."""
         rows, move = self.looped.rows, self.looped.retraction.move
 
         def along(direction: Array) -> Array:
@@ -139,7 +138,7 @@ class _Part:
         return branch_of(K, rows.rank, v, along, self.looped.module.name, parts)
 
     def lift(self, y: Array, near: Array | None = None) -> tuple[Array, Array]:
-        """Give displacement and positions at independent coordinates y, starting near a scaled displacement.
+        """Solve for displacement and positions at independent coordinates y, from a scaled guess `near`.
 
         Raises:
             AssemblyError: The loops do not close there.
@@ -159,7 +158,7 @@ class _Part:
             if lengths[-1] <= LAST_STEP or (lengths[-1] >= lengths[-2] and open_by <= looped.closed):
                 if open_by > looped.closed:
                     break
-                self._refuse_ambiguous(G, lengths)
+                self._check_branch(G, lengths)
                 self.w, self.G, self.K = w - step, G, K
                 xi = self.unit * (along + self.V @ self.w)
                 return xi, looped.retraction.move(self.q, xi)
@@ -177,10 +176,10 @@ class _Part:
         )
 
     def _newton_step(self, G: Array, residual: Array) -> Array:
-        """Return the step of the dependent coordinates.
+        """Compute the Newton step of the dependent coordinates.
 
         Raises:
-            AmbiguousBranchError: There is none, and the loops are open.
+            AmbiguousBranchError: G is singular, and the loops are open.
         """
         if not len(G):
             return self.w
@@ -191,11 +190,11 @@ class _Part:
                 return np.zeros(len(G))
             raise self._ambiguous() from None
 
-    def _refuse_ambiguous(self, G: Array, lengths: list[float]) -> None:
-        """Refuse postures at which Newton may have left the branch; remember whether others are near.
+    def _check_branch(self, G: Array, lengths: list[float]) -> None:
+        """Check that Newton stayed on the branch; update `narrow` and `lost`.
 
         Raises:
-            AmbiguousBranchError: G is small, and Newton did not contract from its first step on.
+            AmbiguousBranchError: G is nearly singular, and Newton did not contract from its first step on.
         """
         s = np.linalg.svd(G, compute_uv=False) if len(G) else np.ones(1)
         usual = self.looped.module.mechanism.reduction.report.kept
@@ -212,7 +211,7 @@ class _Part:
         )
 
     def close(self) -> Array:
-        """Return the closed positions next to the origin; weak rows are left alone, if that closes the loops.
+        """Compute closed positions near the origin; weak rows are ignored if the others close the loops.
 
         Raises:
             AssemblyError: There are none.
@@ -230,9 +229,9 @@ class _Part:
         return self.lift(np.zeros(self.Z.shape[1]), np.zeros(len(self.unit)))[1]
 
     def rates(self, u: Array) -> Array:
-        """Return the scaled rates at the posture that `lift` gave last, u of shape (N,) or (N, k).
+        """Compute the scaled rates at the posture of the last `lift`, u of shape (N,) or (N, k).
 
-        Where rank is lost, rows that are rounding have no say: rates keep the chart's direction there.
+        Where rank is lost, rows that are rounding are dropped, and rates keep the chart's direction.
         """
         along = self.Z @ u
         right = self.U.T @ (self.K @ along)
@@ -248,7 +247,7 @@ class Chart:
     Attributes:
         q: The origin, shape (nq,).
         size: Number of independent coordinates.
-        pivot: Least relative singular value of the closures that counts: near zero, they are about to lose
+        pivot: Smallest relative singular value within the rank: near zero, the closures are close to losing
             rank.
     """
 
@@ -267,7 +266,7 @@ class Chart:
         self.pivot = min((p.pivot for p in self._parts), default=1.0)
 
     def independent(self, x: Array) -> Array:
-        """Return the independent share of rates, accelerations or displacements, shape (nv,) or (nv, k)."""
+        """Project rates, accelerations or displacements, (nv,) or (nv, k), on the independent coordinates."""
         unit = self._space.unit if x.ndim == 1 else self._space.unit[:, None]
         scaled = x / unit
         return np.concatenate(
@@ -275,23 +274,23 @@ class Chart:
         )
 
     def at_origin(self, u: Array) -> Array:
-        """Return the rates at the chart's origin, shape (nv,) or (nv, k)."""
+        """Compute the rates at the chart's origin, shape (nv,) or (nv, k)."""
         return self._spread(u, [p.Z @ u[at] for p, at in zip(self._parts, self._at, strict=True)])
 
     @property
     def close_to_lost_rank(self) -> bool:
-        """True where the closures are closer to losing rank than they usually are."""
+        """Whether the closures are closer to losing rank than at generic postures."""
         return any(
             part.pivot < CLOSE * part.looped.module.mechanism.reduction.report.kept for part in self._parts
         )
 
     @property
     def narrow(self) -> bool:
-        """True where another branch may be near the posture that `lift` gave last."""
+        """Whether another branch may be near the posture of the last `lift`."""
         return any(part.narrow for part in self._parts)
 
     def close(self) -> Array:
-        """Return the closed posture next to the origin, shape (nq,).
+        """Compute a closed posture near the origin, shape (nq,).
 
         Raises:
             AssemblyError: There is none.
@@ -302,13 +301,12 @@ class Chart:
         return q
 
     def lift(self, y: Array, u: Array, near: Array | None = None) -> Posture:
-        """Return posture and rates at independent coordinates and velocities.
+        """Compute posture and rates at independent coordinates and velocities.
 
         Args:
             y: Coordinates, shape (N,).
             u: Velocities, shape (N,).
-            near: A displacement near the posture's, from which it is solved for, shape (nv,); the last
-                posture's where left out.
+            near: Initial guess of the displacement, shape (nv,); that of the last posture by default.
 
         Raises:
             AssemblyError: The loops do not close there.
@@ -324,11 +322,11 @@ class Chart:
         return Posture(q, xi, self.rates(u))
 
     def rates(self, u: Array) -> Array:
-        """Return the rates of u at the posture that `lift` gave last, shape (nv,) or (nv, k)."""
+        """Compute the rates of u at the posture of the last `lift`, shape (nv,) or (nv, k)."""
         return self._spread(u, [p.rates(u[at]) for p, at in zip(self._parts, self._at, strict=True)])
 
     def _spread(self, u: Array, held: list[Array]) -> Array:
-        """Enter scaled shares into the whole robot's freedoms."""
+        """Assemble the scaled parts into rates of the whole robot."""
         out = np.zeros((len(self._space.unit), *u.shape[1:]))
         out[self._free] = u[: len(self._free)]
         for index, x in zip(self._held, held, strict=True):

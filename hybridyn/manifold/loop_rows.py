@@ -1,7 +1,7 @@
-"""The author's closures of one module at one posture, through Pinocchio: the fast path of time integration.
+"""Closure rows of one module at one posture through Pinocchio, for time integration.
 
-`Closures` serves batches; one single sample through it costs ten times what Pinocchio takes. Rows, residuals
-and scales are the same (`closure.py` defines them, a test holds both equal).
+`Closures` is built for batches; for a single sample it takes ten times as long as Pinocchio. Rows, residuals
+and scales are the same (`linkage/closures.py` defines them, a test compares both).
 """
 
 from __future__ import annotations
@@ -16,11 +16,11 @@ from ..structure.mechanism import Mechanism
 
 
 class LoopRows:
-    """Closure residuals and rows on a module's spanning tree, without units.
+    """Dimensionless closure residuals and rows on a module's spanning tree.
 
     Attributes:
         unit: Unit of each freedom, shape (nv,): xi = unit * scaled xi.
-        rank: Number of rows that count.
+        rank: Number of independent rows.
     """
 
     def __init__(self, mechanism: Mechanism) -> None:
@@ -46,7 +46,7 @@ class LoopRows:
         return int(self.model.addFrame(pin.Frame(where, body, pin.SE3(R, p), pin.FrameType.OP_FRAME)))
 
     def at(self, q: Array) -> tuple[Array, Array]:
-        """Return scaled residuals (rows,) and scaled rows (rows, nv) at q, shape (nq,)."""
+        """Compute scaled residuals (rows,) and scaled rows (rows, nv) at q, shape (nq,)."""
         J = pin.computeJointJacobians(self.model, self.data, q).reshape(6, -1)  # of one freedom it gives (6,)
         residual, K = np.zeros(len(self._scale)), np.zeros((len(self._scale), self.model.nv))
         rows = self._closures.row_slices
@@ -62,7 +62,7 @@ class LoopRows:
 
 
 def _closure(c: TreeClosure, A: Array, pa: Array, B: Array, pb: Array, J: Array) -> tuple[Array, Array]:
-    """Return residual and rows of one closure from its frames and the relative Jacobian about the origin."""
+    """Compute residual and rows of one closure from its frames and the relative Jacobian at the origin."""
     picked = A[:, c.translations]
     x, y, z = pb
     lever = np.array([[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]])  # minus the vector product with pb
@@ -79,12 +79,12 @@ def _closure(c: TreeClosure, A: Array, pa: Array, B: Array, pb: Array, J: Array)
 
 
 def _cross(a: Array, b: Array) -> Array:
-    """Return a x b (np.cross takes thirty times as long)."""
+    """Compute a x b (np.cross takes thirty times as long)."""
     return np.array([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
 
 
 def _tilt(axis: Array) -> Array:
-    """Return by how much an axis leans from z, as an angle along x and y, shape (2,)."""
+    """Compute the tilt of an axis from z, as angles along x and y, shape (2,), [rad]."""
     sine = float(np.hypot(axis[0], axis[1]))
     if sine > 1e-9:
         return np.asarray(axis[:2] * (np.arctan2(sine, axis[2]) / sine))

@@ -1,6 +1,6 @@
-"""The constraint manifold of a robot: postures kept assembled, and the independent velocities of its modules.
+"""The constraint manifold of a robot: assembled postures and independent velocities.
 
-Its coordinates are those of charts (`chart.py`).
+Charts provide its coordinates (`chart.py`).
 """
 
 from __future__ import annotations
@@ -18,14 +18,14 @@ from .loop_rows import LoopRows
 
 
 class Manifold:
-    """All assembled postures of a robot.
+    """The manifold of all assembled postures of a robot.
 
     Attributes:
         robot: The robot.
         looped: Modules with loops.
         retraction: Moves on the whole spanning tree.
         unit: Unit of each freedom, shape (nv,).
-        space: What its charts need.
+        space: Data shared by its charts.
         position_unit: Unit of each position coordinate, shape (nq,).
         mobility: Number of independent velocities.
     """
@@ -53,35 +53,35 @@ class Manifold:
         self.space = Space(self.looped, self.free, self.unit, self.retraction, prescribed)
 
     def _rows(self, mechanism: Mechanism) -> LoopRows:
-        """Return the rows of a module, shared by equal modules."""
+        """Return the rows of a module; equal modules share them."""
         if id(mechanism) not in self._shared:
             self._shared[id(mechanism)] = LoopRows(mechanism)
         return self._shared[id(mechanism)]
 
     def chart(self, q: Array, v: Array | None = None, *, bound: bool = True) -> Chart:
-        """Lay a chart about a posture.
+        """Build a chart about a posture.
 
         Args:
             q: Positions, shape (nq,); assembled, or close to it.
-            v: Rates, shape (nv,), which say the branch where closures lose rank.
-            bound: False for a chart of the whole tree, in which closures hold nothing.
+            v: Rates, shape (nv,), which select the branch where closures lose rank.
+            bound: False for a chart of the whole tree, without closures.
 
         Raises:
-            SingularityError: The rates are on none of the branches that meet there.
+            SingularityError: The rates are on none of the branches that meet at the posture.
         """
         return Chart(self.space, q, v, bound)
 
     def residual(self, q: Array) -> float:
-        """Return the worst scaled closure residual of a posture, shape (nq,)."""
+        """Compute the largest scaled closure residual of a posture, shape (nq,)."""
         return self.worst(q)[0]
 
     def worst(self, q: Array) -> tuple[float, str]:
-        """Return the worst scaled closure residual of a posture, and the name of its module."""
+        """Compute the largest scaled closure residual of a posture, and the name of its module."""
         each = [(float(np.abs(m.rows.at(q[m.module.q_index])[0]).max()), m.module.name) for m in self.looped]
         return max(each, default=(0.0, ""))
 
     def pull_back(self, q: Array, v: Array, rate: float) -> Array:
-        """Return Baumgarte's accelerations, shape (nv,): K a = -2 rate K v - rate^2 residual."""
+        """Compute Baumgarte's accelerations, shape (nv,): K a = -2 rate K v - rate^2 residual."""
         out = np.zeros_like(v)
         for m in self.looped:
             index, unit = m.module.v_index, m.rows.unit
@@ -91,9 +91,9 @@ class Manifold:
         return out
 
     def opening(self, q: Array, v: Array, *, least: float = 0.0) -> tuple[float, str]:
-        """Return how fast the loops open, relative to the rates, and the name of the worst module.
+        """Compute the largest closure rate relative to the joint rates, and the name of its module.
 
-        Rates of a module are taken to be no less than `least` [rad/s].
+        The joint rates of a module count as at least `least` [rad/s].
         """
         worst, name = 0.0, ""
         for m in self.looped:
@@ -105,7 +105,7 @@ class Manifold:
         return worst, name
 
     def project(self, q: Array, v: Array) -> tuple[Array, Array]:
-        """Return the closed posture near q, and the rates near v that keep it closed (least scaled change).
+        """Project q on a closed posture, and v on rates that keep it closed (least scaled change).
 
         Raises:
             AssemblyError: No closed posture was found.
@@ -123,6 +123,6 @@ class Manifold:
 
 
 def _retraction(mechanism: Mechanism) -> Retraction:
-    """Return the moves on a module's spanning tree."""
+    """Build the retraction of a module's spanning tree."""
     tree = mechanism.spanning
     return Retraction([j.kind for j in tree.joints], tree.q_slices, tree.v_slices)
