@@ -1,8 +1,8 @@
-"""Physical effects: only what is named is computed.
+"""Physical effects of the models: only the effects that a call names are computed.
 
 Read `terms` (gravity, inertia, the legs' inertia, velocity terms), `joints`, `friction` and `elastic`
-(efforts of joints), `links` (wrenches on links), `inputs` (limits, a prescribed base), `choice` (which
-effects one call computes), `rebuild` (`hybridyn.with_effects`).
+(efforts of joints), `links` (wrenches on links), `inputs` (limits, a prescribed base), `choice` (the
+selection of effects for one call), `rebuild` (`hybridyn.with_effects`).
 
 May import: `structure`, `tables` and below.
 """

@@ -1,4 +1,4 @@
-"""Which effects one call computes: names and objects, found in the robot once."""
+"""Selection of the effects of one call, from names and objects."""
 
 from __future__ import annotations
 
@@ -32,10 +32,10 @@ UNITS: dict[str, type[Any]] = {
     for unit in (Gravity, Inertia, LegInertia, VelocityTerms, *JOINTS, *LINKS, Payload, BaseMotion, Limits)
 }
 
-#: What `effects=None` means, and the word "default".
+#: Effects selected by `effects=None` and by the word "default".
 DEFAULT = ("gravity", "inertia", "leg_inertia", "velocity")
 
-#: Effects whose numbers stand with the joints in URDF or model.toml.
+#: Effects whose parameters are joint attributes in URDF or model.toml.
 FROM_FILES = ("rotor_inertia", "viscous_friction", "coulomb_friction")
 
 WORDS = ("default", "model", "none")
@@ -43,7 +43,7 @@ WORDS = ("default", "model", "none")
 
 @dataclass(frozen=True)
 class Effects:
-    """The effects of one call, found in one robot; what is None or empty is not computed.
+    """The effects of one call for one robot; those that are None or empty are not computed.
 
     Attributes:
         gravity: Weights, or None.
@@ -55,7 +55,7 @@ class Effects:
         links: Laws of wrenches on links.
         limits: Effort limits, or None.
         base: The base's prescribed motion, or None.
-        names: Names of the effects that are on, payloads too.
+        names: Names of the selected effects, including payloads.
     """
 
     gravity: Gravity | None = None
@@ -71,11 +71,11 @@ class Effects:
 
     @property
     def absent(self) -> tuple[str, ...]:
-        """Names of the effects that are off."""
+        """Names of the effects that are not selected."""
         return tuple(name for name in UNITS if name not in self.names)
 
     def only(self, names: Collection[str]) -> Effects:
-        """Return those of the effects that are named."""
+        """Return the effects restricted to some names."""
 
         def kept(unit: Any) -> Any:
             return unit if unit is not None and unit.name in names else None
@@ -89,40 +89,40 @@ class Effects:
         )  # fmt: skip
 
     def leg_forces(self, s: ModuleState) -> tuple[Array, Array]:
-        """Return F_b, shape (T, 6), and H, shape (T, n), of a module's legs."""
+        """Compute F_b, shape (T, 6), and H, shape (T, n), of a module's legs."""
         if self.leg_inertia is None:
             return np.zeros_like(s.V), np.zeros_like(s.v)
         V, v = self.velocity.twists(s) if self.velocity else (np.zeros_like(s.V), np.zeros_like(s.v))
         return self.leg_inertia.forces(s, V, v)
 
     def leg_bias(self, s: ModuleState) -> tuple[Array, Array]:
-        """Return p, shape (T, 6), and h, shape (T, n), of a module's legs."""
+        """Compute p, shape (T, 6), and h, shape (T, n), of a module's legs."""
         if self.leg_inertia is None or self.velocity is None:
             return np.zeros_like(s.V), np.zeros_like(s.v)
         return self.leg_inertia.bias(s)
 
     def leg_matrix(self, s: ModuleState) -> Array:
-        """Return M_leg, shape (T, 6 + n, 6 + n)."""
+        """Compute M_leg, shape (T, 6 + n, 6 + n)."""
         if self.leg_inertia is None:
             n = 6 + s.mechanism.tree.nv
             return np.zeros((len(s.V), n, n))
         return self.leg_inertia.matrix(s)
 
     def body_bias(self, V: Array, inertia: Array) -> Array:
-        """Return crf(V) (I V) of a platform, shape (T, 6)."""
+        """Compute crf(V) (I V) of a platform, shape (T, 6)."""
         return self.velocity.of_body(V, inertia) if self.velocity else np.zeros_like(V)
 
     def joint_efforts(self, robot: HybridRobot, q: Array, v: Array) -> Array | None:
-        """Return the efforts of joint laws on the spanning tree, shape (T, nv), or None without laws."""
+        """Compute the efforts of joint laws on the spanning tree, shape (T, nv); None without laws."""
         if not self.joints:
             return None
         out = np.zeros((len(q), robot.nv))
         for law in self.joints:
-            out[:, law.columns] += law.effort(q, v)  # no law has a joint twice
+            out[:, law.columns] += law.effort(q, v)  # a law acts on each joint once
         return out
 
     def rotor_diagonal(self, robot: HybridRobot) -> Array | None:
-        """Return what rotors add to the diagonal of the spanning tree's inertia, shape (nv,), or None."""
+        """Compute the rotors' part of the diagonal of the spanning tree's inertia, shape (nv,), or None."""
         if not self.rotors:
             return None
         out = np.zeros(robot.nv)
@@ -132,7 +132,7 @@ class Effects:
 
     @property
     def observed_links(self) -> tuple[str, ...]:
-        """Links whose motion some law needs."""
+        """Links whose motion a law needs."""
         return tuple(link for law in self.links if law.needs_motion for link in law.links)
 
     def wrenches(
@@ -146,7 +146,7 @@ class Effects:
             samples: Number of samples T.
 
         Raises:
-            TrajectoryError: A law follows a table and there is no time, or its table is too short.
+            TrajectoryError: A law depends on a table and there is no time, or its table is too short.
         """
         for law in self.links:
             if law.needs_time and time is None:
@@ -158,7 +158,7 @@ def times(time: object, samples: int) -> Array | None:
     """Return the time of each sample, shape (samples,), from one time, one per sample, or None.
 
     Raises:
-        TrajectoryError: Another shape, or not finite.
+        TrajectoryError: The shape is wrong, or a time is not finite.
     """
     if time is None:
         return None
@@ -168,23 +168,24 @@ def times(time: object, samples: int) -> Array | None:
     return np.broadcast_to(out, (samples,))
 
 
-#: What `effects=None` means.
+#: The effects selected by `effects=None`.
 STANDARD = Effects(Gravity(), Inertia(), LegInertia(), VelocityTerms(), names=DEFAULT)
 
 Choice = str | Iterable[Any] | Effects | None
 
 
 def choose(robot: HybridRobot, effects: Choice) -> Effects:
-    """Find the effects of a call in a robot.
+    """Select the effects of a call for a robot.
 
     Args:
         robot: The robot.
         effects: None or "default" for gravity, inertia, the legs' inertia and velocity terms; "model" for
-            those and all that the robot's files state; "none"; or names (these words among them) and effect
-            objects. What is not named is not computed: `["default", Spring({"elbow": 40.0})]` adds a spring.
+            those and all effects stated in the robot's files; "none"; or a list of names (including these
+            words) and effect objects. Only named effects are computed: `["default", Spring({"elbow": 40.0})]`
+            adds a spring.
 
     Raises:
-        ModelError: An unknown name, an effect without numbers, or effects that contradict each other.
+        ModelError: A name is unknown, an effect lacks parameters, or effects contradict each other.
     """
     if effects is None:
         return STANDARD
@@ -225,10 +226,10 @@ def choose(robot: HybridRobot, effects: Choice) -> Effects:
 
 
 def listed_units(robot: HybridRobot, effects: Choice) -> list[Any]:
-    """Return the effect objects that names and objects stand for, each name once.
+    """Return the effect objects selected by names and objects, each name once.
 
     Raises:
-        ModelError: An unknown name, or a name whose numbers the robot's files do not state.
+        ModelError: A name is unknown, or the robot's files do not state its parameters.
     """
     words = [effects] if isinstance(effects, str) else list(effects or DEFAULT)  # type: ignore[arg-type]
     units: list[Any] = []
@@ -246,7 +247,7 @@ def listed_units(robot: HybridRobot, effects: Choice) -> list[Any]:
 
 
 def _meaning(robot: HybridRobot, word: str) -> tuple[str, ...]:
-    """Return the names that a word stands for."""
+    """Return the effect names that a word selects."""
     if word == "none":
         return ()
     if word == "default":
@@ -262,7 +263,7 @@ def _meaning(robot: HybridRobot, word: str) -> tuple[str, ...]:
 
 
 def stated_names(robot: HybridRobot) -> tuple[str, ...]:
-    """Return the names of the effects that the robot's files state numbers for.
+    """Return the names of the effects with parameters in the robot's files.
 
     Args:
         robot: The robot.
@@ -280,10 +281,10 @@ def stated_names(robot: HybridRobot) -> tuple[str, ...]:
 
 
 def _stated(robot: HybridRobot, name: str) -> list[Any]:
-    """Return the objects of a named effect, with the numbers of the robot's files.
+    """Build the objects of a named effect with the parameters of the robot's files.
 
     Raises:
-        ModelError: The files state none.
+        ModelError: The files do not state any.
     """
     tables = [values for stated, values in robot.description.effects if stated == name]
     if tables:

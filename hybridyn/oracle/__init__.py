@@ -1,7 +1,7 @@
-"""The judge of the core: inverse and direct dynamics in maximal coordinates, from the `Description` alone.
+"""Reference models: inverse and direct dynamics in maximal coordinates, from the `Description` alone.
 
-Read `arithmetic` (float64 or any number of digits), `rows` (what joints and closures hold), `tree`,
-`bodies`, `models`. It shares no code with the models that it judges.
+Read `arithmetic` (float64 or any number of digits), `rows` (constraint rows of joints and closures), `tree`,
+`bodies`, `models`. The oracle shares no code with the models that it checks.
 
 May import: `description`.
 """

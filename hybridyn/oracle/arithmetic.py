@@ -1,7 +1,7 @@
-"""The arithmetic of the oracle: double precision, or any number of digits.
+"""Arithmetic of the oracle: double precision, or any number of digits.
 
-Both know three things beyond sums and products: elementary functions, square systems, and a rank-revealing
-factorisation. Arrays are plain NumPy arrays, of floats or of mpmath numbers.
+Each provides elementary functions, the solution of square systems, and a rank-revealing factorisation. Arrays
+are NumPy arrays of floats or of mpmath numbers.
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ class Factor(NamedTuple):
     Z: Numbers
 
     def least_norm(self, b: Numbers) -> Numbers:
-        """Return the least-norm least-squares solution of `A x = b`."""
+        """Compute the least-norm least-squares solution of `A x = b`."""
         x: Numbers = self.V @ (self.inverse @ (self.U.T @ b))
         return x
 
     def least_norm_normal(self, b: Numbers) -> Numbers:
-        """Return the least-norm solution of `A^T A x = b`."""
+        """Compute the least-norm solution of `A^T A x = b`."""
         x: Numbers = self.V @ (self.inverse @ (self.inverse.T @ (self.V.T @ b)))
         return x
 
@@ -46,7 +46,7 @@ class Float64:
         return np.array(values, dtype=float)
 
     def factor(self, A: Numbers, tolerance: float, largest: float = 0.0) -> Factor:
-        """Factor A by singular values; those up to `tolerance` x the greatest (or `largest`) are dropped."""
+        """Factor A by SVD; drop singular values up to `tolerance` x the largest one (or `largest`)."""
         U, s, Vt = np.linalg.svd(A, full_matrices=True)
         rank = int(np.sum(s > tolerance * max(s[0], largest))) if s.size else 0
         return Factor(U[:, :rank], np.diag(1.0 / s[:rank]), Vt[:rank].T, Vt[rank:].T)
@@ -77,7 +77,7 @@ class Extended:
         return out.reshape(source.shape)
 
     def factor(self, A: Numbers, tolerance: float, largest: float = 0.0) -> Factor:
-        """Factor A by two QR; pivots up to `tolerance` x the greatest (or `largest`) are dropped."""
+        """Factor A by two QR; drop pivots up to `tolerance` x the largest one (or `largest`)."""
         Q, R, order, rank = self._qr(A, tolerance, largest)
         W, S, turned, _ = self._qr(R[:rank].T, 0.0, 0.0)
         V = np.empty_like(W)
@@ -95,7 +95,7 @@ class Extended:
         return self.factor(A, 0.0).least_norm(B)
 
     def _qr(self, A: Numbers, tolerance: float, largest: float) -> tuple[Numbers, Numbers, list[int], int]:
-        """Return Q (square), R, the column order and the rank of `A[:, order] = Q R`."""
+        """Compute Q (square), R, the column order and the rank of `A[:, order] = Q R`."""
         rows, columns = A.shape
         R, Q, order = A.copy(), self.array(np.eye(rows)), list(range(columns))
         rank = 0
@@ -121,5 +121,5 @@ Arithmetic = Float64 | Extended
 
 
 def cross(a: Numbers, b: Numbers) -> Numbers:
-    """Return the cross product of two 3-vectors, of any arithmetic."""
+    """Compute the cross product of two 3-vectors in any arithmetic."""
     return np.array([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])

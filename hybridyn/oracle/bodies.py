@@ -1,4 +1,4 @@
-"""Newton and Euler for every link, in world axes about the body's origin."""
+"""Newton-Euler equations of every link, in world axes about the body's origin."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from .tree import Posture
 
 Wrenches = Mapping[str, Any]
 
-#: Principal moments below this part of the trace are rounding of the file's numbers.
+#: Pivots of an inertia below this part of its trace are rounding of the file's numbers.
 DATA_ROUNDING = 1e-15
 
 
 class Bodies:
-    """The masses of a robot and what moves them.
+    """The inertias of a robot's links and the wrenches that they need.
 
     Args:
         description: The robot.
         gravity: Acceleration of gravity, shape (3,), [m/s^2], world.
-        arithmetic: The arithmetic of everything here.
+        arithmetic: The arithmetic of all computations.
     """
 
     def __init__(self, description: Description, gravity: Numbers, arithmetic: Arithmetic) -> None:
@@ -34,19 +34,19 @@ class Bodies:
         self.inertia = sum(float(np.trace(x.inertia)) for x in description.links)
 
     def needed(self, posture: Posture, V: Numbers, V_dot: Numbers, wrenches: Wrenches) -> Numbers:
-        """Return the wrench W that the motion of each body needs beyond gravity and outer wrenches.
+        """Compute the wrench W that the motion of each body needs beyond gravity and external wrenches.
 
         Args:
-            posture: Where the bodies are.
+            posture: Placement of the bodies.
             V: Body velocities, shape (bodies, 6), [m/s, rad/s], world axes, body origins.
             V_dot: Body accelerations, classical, shape (bodies, 6).
-            wrenches: Link name to outer wrench [force; moment] on it, shape (6,), link frame at its origin.
+            wrenches: Link name to external wrench [force; moment], shape (6,), link frame at its origin.
 
         Returns:
             [force; moment] about each body's origin, shape (bodies, 6), world axes; the world is body 0.
 
         Raises:
-            KeyError: A wrench names no link.
+            KeyError: A wrench names an unknown link.
         """
         W = self.arithmetic.array(np.zeros(V.shape))
         for name, mass, com, inertia in self.links:
@@ -64,7 +64,7 @@ class Bodies:
         return W
 
     def inertia_root(self, posture: Posture, motions: Numbers) -> Numbers:
-        """Return C with `C^T C = motions^T G^T M G motions`: link velocities times square roots of masses."""
+        """Compute C with `C^T C = motions^T G^T M G motions`: link velocities times roots of masses."""
         count = motions.shape[1]
         moved = (posture.G @ motions).reshape(len(posture.G) // 6, 6, count)
         blocks = [self.arithmetic.array(np.zeros((0, count)))]
@@ -79,9 +79,9 @@ class Bodies:
         return np.concatenate(blocks)
 
     def root(self, inertia: Numbers) -> Numbers:
-        """Return X with `X^T X = inertia`, by Cholesky with pivoting; a zero or singular inertia is fine.
+        """Compute X with `X^T X = inertia` by pivoted Cholesky; the inertia may be zero or singular.
 
-        A pivot within the rounding of the data, which are doubles in any arithmetic, is zero.
+        A pivot within the rounding of the data, which are doubles in any arithmetic, counts as zero.
         """
         left, rows = inertia.copy(), []
         for _ in range(3):

@@ -13,13 +13,13 @@ from .arithmetic import Arithmetic, Factor, Float64, Numbers, cross
 from .bodies import Bodies, Wrenches
 from .tree import Base, Posture, Tree
 
-#: Relative singular value below which rows of closures are dependent; data of tests are exact.
+#: Relative singular value below which closure rows are dependent; the data of tests are exact.
 ORACLE_RANK = 1e-9
-#: On square roots of masses: 1e-22 in mass.
+#: Relative tolerance on square roots of masses, which is 1e-22 on masses.
 INERTIA_TOLERANCE = 1e-11
-#: Effort along a massless motion, against the largest effort.
+#: Largest effort along a massless motion, relative to the largest effort.
 FORCED_TOLERANCE = 1e-8
-#: Residual that `close` accepts, against the robot's length.
+#: Largest residual that `close` accepts, relative to the robot's length.
 CLOSED_TOLERANCE = 1e-9
 
 
@@ -33,16 +33,16 @@ class Oracle:
 
     Args:
         description: The robot.
-        base: "fixed"; "moving" (prescribed) or "floating" (free): a free-flyer `root_joint` comes first.
+        base: "fixed"; "moving" (prescribed) or "floating" (free), with a free-flyer `root_joint` first.
         gravity: Acceleration of gravity, shape (3,), [m/s^2], world.
         arithmetic: `Float64()` (default) or `Extended(mpmath.mp)`.
         rank_tolerance: Relative threshold for the rank of the closure rows and of the motors' map.
-        inertia_tolerance: Relative threshold on C under which a motion counts as massless.
+        inertia_tolerance: Relative threshold on C below which a motion counts as massless.
 
     Attributes:
         nq, nv, joint_names: The spanning tree's coordinates, in the order of `pin.buildModelFromXML`.
         coordinates: Joint name to (kind, slice of q, slice of v).
-        unit: What one scaled velocity coordinate is in v, shape (nv,).
+        unit: Unit of each scaled velocity coordinate, shape (nv,).
         motors: Index in v of each motor, in the description's order.
     """
 
@@ -67,14 +67,14 @@ class Oracle:
     # ---------------------------------------------------------------- closing
 
     def posture(self, q: Numbers) -> Posture:
-        """Place every link and write every row at q, shape (nq,)."""
+        """Compute the placement of every link and every row at q, shape (nq,)."""
         return self.tree.posture(q)
 
     def residual(self, q: Numbers) -> Numbers:
-        """Return what the closures and couplings miss at q, all zero where they hold, shape (n,).
+        """Compute the residuals of closures and couplings at q, shape (n,), all zero where they hold.
 
-        In the order of `rows`, slides in metres; then one negative cosine for every pair of axes that should
-        agree and point apart by more than a right angle (the rows alone vanish there too).
+        First the residuals in the order of `rows`, slides in metres. Then one negative cosine for every pair
+        of axes that should agree but differ by more than a right angle (rows vanish at opposite axes too).
         """
         posture = self.posture(q)
         return np.concatenate(
@@ -82,22 +82,22 @@ class Oracle:
         )
 
     def rows(self, q: Numbers) -> Numbers:
-        """Return K, the rows of closures, then couplings, on tree velocities, shape (rows, nv)."""
+        """Compute K, the rows of closures, then couplings, over tree velocities, shape (rows, nv)."""
         return self.posture(q).K
 
     def motions(self, q: Numbers) -> Numbers:
-        """Return a basis of the tree velocities that the closures allow, shape (nv, mobility)."""
+        """Compute a basis of the tree velocities that the closures allow, shape (nv, mobility)."""
         return self.unit[:, None] * self.posture(q).Z
 
     def integrate(self, q: Numbers, step: Numbers) -> Numbers:
-        """Move q by a step of velocity x time, shape (nv,): first order, on each joint's manifold."""
+        """Integrate a step of velocity x time from q, shape (nv,): first order, on each joint's manifold."""
         return self.tree.integrate(q, step)
 
     def close(self, q: Numbers, iterations: int = 60) -> Numbers:
-        """Close the loops from a near guess, by Gauss-Newton steps of least norm and bounded length.
+        """Close the loops from a guess by Gauss-Newton steps of least norm and limited length.
 
         Raises:
-            ValueError: The residual stays too large, or the loops close the wrong way round.
+            ValueError: The residual stays too large, or the loops close with opposite axes.
         """
         q = self.arithmetic.array(q)
         for _ in range(iterations):
@@ -116,12 +116,12 @@ class Oracle:
         return q
 
     def project_velocity(self, q: Numbers, v: Numbers) -> Numbers:
-        """Return the nearest velocity that the closures allow."""
+        """Compute the nearest velocity that the closures allow."""
         posture, v = self.posture(q), self.arithmetic.array(v)
         return v - self.tree.least_change(posture, posture.K @ v)
 
     def consistent_acceleration(self, q: Numbers, v: Numbers, a: Numbers) -> Numbers:
-        """Return the nearest acceleration that keeps the closures closed, `K a + k = 0`."""
+        """Compute the nearest acceleration that keeps the loops closed, `K a + k = 0`."""
         posture, a = self.posture(q), self.arithmetic.array(a)
         k = self.tree.drifts(posture, self.arithmetic.array(v))[2]
         return a - self.tree.least_change(posture, posture.K @ a + k)
@@ -129,7 +129,7 @@ class Oracle:
     # ---------------------------------------------------------------- dynamics
 
     def motor_map(self, posture: Posture) -> Numbers:
-        """Return what each motor's effort does along Z, `Z^T S^T`, shape (mobility, motors)."""
+        """Compute the map from motor efforts to forces along Z, `Z^T S^T`, shape (mobility, motors)."""
         return (self.unit[self.motors, None] * posture.Z[self.motors]).T
 
     def idm(
@@ -141,15 +141,15 @@ class Oracle:
         weights: Sequence[float] | None = None,
         passive: Literal["given", "solved"] = "given",
     ) -> Numbers:
-        """Return the motor efforts of a motion, shape (motors,), [N or N m], order `description.motors`.
+        """Compute the motor efforts of a motion, (motors,), [N or N m], order `description.motors`.
 
         Args:
             q: Closed posture, shape (nq,).
             v: Velocity that the closures allow, shape (nv,).
             a: Acceleration that the closures allow, shape (nv,).
             wrenches: Link name to the wrench [force; moment] on it, shape (6,), link frame at its origin.
-            weights: Redundant motors share so that sum weight x effort^2 is least; default ones.
-            passive: "given" takes `a` as it is; "solved" only the motors' (and a prescribed base's) entries.
+            weights: Weights of the sum of weight x effort^2 that redundant motors minimise; ones by default.
+            passive: "given" uses all of `a`; "solved" uses the motors' (and a prescribed base's) entries only.
         """
         return self.idm_and_missing(q, v, a, wrenches, weights, passive)[0]
 
@@ -162,7 +162,7 @@ class Oracle:
         weights: Sequence[float] | None = None,
         passive: Literal["given", "solved"] = "given",
     ) -> tuple[Numbers, Numbers]:
-        """Return the motor efforts, and the effort that no motor can produce, on tree coordinates, (nv,)."""
+        """Compute the motor efforts, and the effort that no motor can produce, tree coordinates, (nv,)."""
         if passive == "solved":
             a = self.solve_passive(q, v, a, wrenches)
         posture, a = self.posture(q), self.arithmetic.array(a)
@@ -176,9 +176,9 @@ class Oracle:
         return tau, posture.Z @ (needed - B @ tau) / self.unit
 
     def support(self, q: Numbers, v: Numbers, a: Numbers, wrenches: Wrenches | None = None) -> Numbers:
-        """Return the wrench that carries the robot, [force; moment] on the root link, in its frame, (6,).
+        """Compute the wrench that supports the robot, [force; moment] on the root link, (6,), its frame.
 
-        It is what all bodies together need, whatever passes between them.
+        It is the sum over all bodies, in which internal forces cancel.
         """
         posture, a = self.posture(q), self.arithmetic.array(a)
         V, g, _ = self.tree.drifts(posture, self.arithmetic.array(v))
@@ -191,7 +191,7 @@ class Oracle:
         return np.concatenate([root.E.T @ part for part in total])
 
     def solve_passive(self, q: Numbers, v: Numbers, a: Numbers, wrenches: Wrenches | None = None) -> Numbers:
-        """Give the acceleration with the motors' (and a moving base's) entries of `a`, the rest unforced."""
+        """Compute the acceleration with the driven (motor and moving base) entries of `a`, rest unforced."""
         posture, a = self.posture(q), self.arithmetic.array(a)
         V, g, k = self.tree.drifts(posture, self.arithmetic.array(v))
         driven = self.motors + list(range(self.tree.free.start))
@@ -210,13 +210,13 @@ class Oracle:
         base_acceleration: Numbers | None = None,
         wrenches: Wrenches | None = None,
     ) -> Numbers:
-        """Return the tree accelerations under motor efforts, shape (nv,); least norm where nothing has mass.
+        """Compute the tree accelerations under motor efforts, (nv,); least norm along massless motions.
 
         Args:
             q: Closed posture, shape (nq,).
             v: Velocity that the closures allow, shape (nv,).
             tau: Motor efforts, shape (motors,), [N or N m].
-            base_acceleration: Of a "moving" base, shape (6,): rates of the base entries of v; default zero.
+            base_acceleration: Rates of the base entries of v for a "moving" base, shape (6,); default zero.
             wrenches: As in `idm`.
 
         Raises:
@@ -242,7 +242,7 @@ class Oracle:
         g: Numbers,
         wrenches: Wrenches,
     ) -> Numbers:
-        """Return the `a = a_p + unit Z y` that needs no other effort along Z than the given one."""
+        """Compute the `a = a_p + unit Z y` whose effort along Z is the given one."""
         W = self.bodies.needed(posture, V, (posture.G @ a_p).reshape(-1, 6) + g, wrenches)
         Q = posture.G.T @ W.reshape(-1)
         along = Z.T @ (self.unit * (effort - Q))
@@ -256,13 +256,13 @@ class Oracle:
         return a
 
     def _inertia(self, posture: Posture, Z: Numbers) -> Factor:
-        """Factor C for motions along Z; what is massless is measured against all the robot's mass."""
+        """Factor C for motions along Z, with a tolerance relative to the robot's total mass."""
         scale = math.sqrt(self.bodies.mass * self.tree.length**2 + self.bodies.inertia)
         C = self.bodies.inertia_root(posture, self.unit[:, None] * Z)
         return self.arithmetic.factor(C, self.inertia_tolerance, scale)
 
     def massless(self, q: Numbers) -> Numbers:
-        """Return a basis of the allowed tree accelerations that nothing resists, shape (nv, massless)."""
+        """Compute a basis of the allowed tree accelerations without inertia, shape (nv, massless)."""
         posture = self.posture(q)
         C = self._inertia(posture, posture.Z)
         basis: Numbers = self.unit[:, None] * (posture.Z @ C.Z)

@@ -1,4 +1,4 @@
-"""Rows: the scalar functions that joints and closures are made of, each with its first two derivatives.
+"""Rows: scalar functions that define joints and closures, with their first two derivatives.
 
 With frame A on one body, frame B on the other, `d = x_B - x_A`, and `n = omega x (omega x r)` of each frame's
 origin (r its lever from the body's origin), there are two kinds:
@@ -8,8 +8,7 @@ origin (r its lever from the body's origin), there are two kinds:
     turn u, w       u_A . w_B,   rate   (omega_B - omega_A) . c,  c = w x u
                                  drift  (omega_B - omega_A) . ((omega_B x w) x u + w x (omega_A x u))
 
-All vectors are in world axes. The drift is what the second derivative keeps when every acceleration is zero:
-the row differentiated along the motion, exactly.
+All vectors are in world axes. The drift is the second derivative at zero acceleration of all bodies.
 """
 
 from __future__ import annotations
@@ -53,7 +52,7 @@ class Frame(NamedTuple):
 class Row:
     """One scalar function between two frames: its value and the terms of its first two derivatives.
 
-    The rate is `at_a . V_A + at_b . V_B`; the second derivative the same with V_dot, plus `drift(V_A, V_B)`.
+    The rate is `at_a . V_A + at_b . V_B`. The second derivative is the same with V_dot, plus the drift.
     """
 
     value: Any
@@ -64,7 +63,7 @@ class Row:
 
 
 def slide(A: Frame, B: Frame, axis: int, on_b: bool = False) -> Row:
-    """Write the row "slide along e", with e an axis of A, or of B."""
+    """Build the row "slide along e", with e an axis of A, or of B."""
     e, d = (B if on_b else A).E[:, axis], B.x - A.x
     at_a = np.concatenate([-e, cross(e, d) - cross(A.r, e)])
 
@@ -79,7 +78,7 @@ def slide(A: Frame, B: Frame, axis: int, on_b: bool = False) -> Row:
 
 
 def turn(A: Frame, B: Frame, axis_a: int, axis_b: int) -> Row:
-    """Write the row "turn u, w": an axis of A stays perpendicular to an axis of B."""
+    """Build the row "turn u, w": an axis of A stays perpendicular to an axis of B."""
     u, w = A.E[:, axis_a], B.E[:, axis_b]
     c = np.concatenate([0 * u, cross(w, u)])
 
@@ -91,21 +90,21 @@ def turn(A: Frame, B: Frame, axis_a: int, axis_b: int) -> Row:
 
 
 def turn_rate(A: Frame, B: Frame, axis: int) -> Row:
-    """Write the rate of turn about an axis of B (no function of position: its value means nothing)."""
+    """Build the rate of turn about an axis of B (not integrable: its value is meaningless)."""
     w = B.E[:, axis]
     c = np.concatenate([0 * w, w])
     return Row(0, -c, c, lambda V_A, V_B: (V_B[3:] - V_A[3:]) @ cross(V_B[3:], w), slides=False)
 
 
 def constraint_rows(A: Frame, B: Frame, translations: Sequence[int], rotation: RotationKind) -> list[Row]:
-    """Write the rows of a closure, as `records.Closure` defines it."""
+    """Build the rows of a closure, as defined by `records.Closure`."""
     return [slide(A, B, axis) for axis in translations] + [
         turn(A, B, i, j) for i, j in ROTATION_PAIRS[rotation]
     ]
 
 
 def coordinate_rows(A: Frame, B: Frame, kind: JointKind) -> list[Row]:
-    """Write the rows that define the velocity coordinates of a joint, in Pinocchio's order."""
+    """Build the rows that define the velocity coordinates of a joint, in Pinocchio's order."""
     slides = {"prismatic": [2], "planar": [0, 1], "floating": [0, 1, 2]}.get(kind, [])
     turns = {"revolute": [2], "continuous": [2], "planar": [2]}.get(
         kind, [0, 1, 2] if kind in ("spherical", "floating") else []

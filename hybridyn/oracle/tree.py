@@ -1,4 +1,4 @@
-"""The spanning tree: its coordinates, where a posture puts every link, and the rows written there."""
+"""The spanning tree: its coordinates, and placements of links and constraint rows at a posture."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ SLIDES: dict[JointKind, int] = {
 
 
 def quaternion_matrix(xyzw: Numbers) -> Numbers:
-    """Return the rotation of a quaternion (x, y, z, w) of any norm."""
+    """Build the rotation of a quaternion (x, y, z, w) of any norm."""
     u, w = xyzw[:3], xyzw[3]
     skew = np.array([cross(u, e) for e in np.eye(3)]).T
     R: Numbers = ((w * w - u @ u) * np.eye(3) + 2 * np.outer(u, u) + 2 * w * skew) / (xyzw @ xyzw)
@@ -41,12 +41,12 @@ def quaternion_matrix(xyzw: Numbers) -> Numbers:
 
 
 def rotation_about_z(c: Any, s: Any) -> Numbers:
-    """Return the rotation about z with that cosine and sine."""
+    """Build the rotation about z with the given cosine and sine."""
     return np.array([[c, -s, 0 * c], [s, c, 0 * c], [0 * c, 0 * c, 1 + 0 * c]])
 
 
 class TreeJoint(NamedTuple):
-    """A joint with its place in q and v, and its geometry in the oracle's arithmetic."""
+    """A joint with its slices of q and v, and its geometry in the oracle's arithmetic."""
 
     joint: Joint
     at_q: slice
@@ -74,22 +74,22 @@ class Loop(NamedTuple):
         return np.array([row.at_b for row in self.rows])
 
     def drift(self, V: Numbers) -> Numbers:
-        """Return the rows' drift, shape (rows,), from the velocities of all bodies, shape (bodies, 6)."""
+        """Compute the rows' drift, shape (rows,), from the velocities of all bodies, shape (bodies, 6)."""
         return np.array([row.drift(V[self.A.body], V[self.B.body]) for row in self.rows])
 
 
 @dataclass(frozen=True)
 class Posture:
-    """What a posture alone decides.
+    """Kinematic quantities that depend on the posture alone.
 
     Attributes:
         links: Frame of every link.
         joints: The moving joints, parents first.
         closures: The closures, in the description's order.
-        G: Body velocities of tree velocities, shape (6 bodies, nv).
-        K: Closure rows, then coupling rows, on tree velocities, shape (rows, nv).
+        G: Jacobian of body velocities over tree velocities, shape (6 bodies, nv).
+        K: Closure rows, then coupling rows, over tree velocities, shape (rows, nv).
         scale: Divisor of each row of K, shape (rows,).
-        factor: Factors of the scaled K, its free columns only.
+        factor: Factors of the scaled K, restricted to its free columns.
         Z: Null space of the scaled K, shape (nv, mobility), zero on a prescribed base.
     """
 
@@ -109,7 +109,7 @@ class Posture:
 
 
 def depth_first(description: Description, base: Base) -> list[Joint]:
-    """Order the joints depth-first, siblings by name, fixed ones at their place, the base's mount first."""
+    """Order the joints depth-first, siblings by name, fixed joints included, the base's joint first."""
     children: dict[str, list[Joint]] = {}
     for joint in description.joints:
         children.setdefault(joint.parent, []).append(joint)
@@ -130,9 +130,9 @@ class Tree:
 
     Attributes:
         nq, nv: Numbers of position and velocity coordinates.
-        coordinates: Moving joint's name to (kind, slice of q, slice of v), in the order of q and v.
+        coordinates: Name of each moving joint to (kind, slice of q, slice of v), in the order of q and v.
         length: The longest offset in the robot, rounded to a power of two [m].
-        unit: What one scaled velocity coordinate is in v: `length` for slides, 1 for turns, shape (nv,).
+        unit: Unit of each scaled velocity coordinate, shape (nv,): `length` for slides, 1 for turns.
         free: The velocity coordinates that are not prescribed.
     """
 
@@ -163,7 +163,7 @@ class Tree:
         self.free = slice(6 if base == "moving" else 0, self.nv)
 
     def _placement(self, placement: Numbers) -> tuple[Numbers, Numbers]:
-        """Return rotation and origin of a placement, the rotation made orthonormal to the last digit."""
+        """Return rotation and origin of a placement, with the rotation made orthonormal to rounding."""
         M = self.arithmetic.array(placement)
         R = M[:3, :3]
         for _ in range(3):
@@ -171,7 +171,7 @@ class Tree:
         return R, M[:3, 3]
 
     def _triad(self, joint: Joint) -> Numbers:
-        """Return axes (columns) in the child frame whose third is the joint's, for joints with one axis."""
+        """Compute axes (columns) in the child frame, the third of which is the axis of a joint with one."""
         if joint.kind not in ("revolute", "continuous", "prismatic"):
             return self.arithmetic.array(np.eye(3))
         z = self.arithmetic.array(joint.axis)
@@ -181,7 +181,7 @@ class Tree:
         return np.array([x, cross(z, x), z]).T
 
     def _displacement(self, kind: JointKind, q: Numbers) -> tuple[Numbers, Numbers]:
-        """Return rotation and position of B in A for a joint's coordinates."""
+        """Compute rotation and position of B in A from a joint's coordinates."""
         R, t = self.arithmetic.array(np.eye(3)), self.arithmetic.array(np.zeros(3))
         if kind == "revolute":
             R = rotation_about_z(self.arithmetic.cos(q[0]), self.arithmetic.sin(q[0]))
@@ -198,7 +198,7 @@ class Tree:
         return R, t
 
     def posture(self, q: Numbers) -> Posture:
-        """Place every link and write every row at q, shape (nq,)."""
+        """Compute the placement of every link and every row at q, shape (nq,)."""
         q = self.arithmetic.array(q)
         zero, eye = self.arithmetic.array(np.zeros(3)), self.arithmetic.array(np.eye(3))
         links, joints = {WORLD: Frame(zero, eye, zero, 0)}, []
@@ -230,12 +230,12 @@ class Tree:
     def _closure(
         self, closure: Closure, ends: tuple[tuple[Numbers, Numbers], ...], links: dict[str, Frame]
     ) -> Loop:
-        """Write the rows of one closure."""
+        """Build the rows of one closure."""
         A, B = _attach(links[closure.link_a], *ends[0]), _attach(links[closure.link_b], *ends[1])
         return Loop(A, B, constraint_rows(A, B, closure.translations, closure.rotation))
 
     def _closure_rows(self, closures: list[Loop], G: list[Numbers]) -> tuple[Numbers, Numbers]:
-        """Return K, and what its rows are divided by."""
+        """Compute K and the divisor of each of its rows."""
         K = [row.at_a @ G[loop.A.body] + row.at_b @ G[loop.B.body] for loop in closures for row in loop.rows]
         scale = [self.length if row.slides else 1.0 for loop in closures for row in loop.rows]
         for coupling in self.description.couplings:
@@ -247,7 +247,7 @@ class Tree:
         return self.arithmetic.array(K).reshape(-1, self.nv), self.arithmetic.array(scale)
 
     def integrate(self, q: Numbers, step: Numbers) -> Numbers:
-        """Move q by a step of tree velocity x time (first order in each joint, on its manifold)."""
+        """Integrate a step of tree velocity x time from q (first order in each joint, on its manifold)."""
         q, step = self.arithmetic.array(q), self.arithmetic.array(step)
         for kind, at, at_v in self.coordinates.values():
             x, d = q[at], step[at_v]
@@ -267,7 +267,7 @@ class Tree:
         return q
 
     def drifts(self, posture: Posture, v: Numbers) -> tuple[Numbers, Numbers, Numbers]:
-        """Return body velocities G v, their drift g, (bodies, 6), and the closures' drift k, (rows,)."""
+        """Compute body velocities G v, their drift g, (bodies, 6), and the closures' drift k, (rows,)."""
         V = (posture.G @ v).reshape(-1, 6)
         g = self.arithmetic.array(np.zeros(V.shape))
         for loop in posture.joints:
@@ -282,13 +282,13 @@ class Tree:
         return V, g, np.concatenate(k)
 
     def least_change(self, posture: Posture, missing: Numbers) -> Numbers:
-        """Return the least tree rates x with `K x = missing`, none on a prescribed base."""
+        """Compute the least-norm tree rates x with `K x = missing`, zero on a prescribed base."""
         x = self.arithmetic.array(np.zeros(self.nv))
         x[self.free] = posture.factor.least_norm(missing / posture.scale)
         return self.unit * x
 
     def values(self, posture: Posture, q: Numbers) -> Numbers:
-        """Return what the closures and couplings miss, shape (rows,), in the order of K; slides in metres."""
+        """Compute the residuals of closures and couplings, (rows,), in the order of K; slides in metres."""
         values = [row.value for loop in posture.closures for row in loop.rows]
         for coupling in self.description.couplings:
             value, turns = -self.arithmetic.array(coupling.offset)[()], []
@@ -299,13 +299,13 @@ class Tree:
                     value += coefficient * self.arithmetic.atan2(q[at][1], q[at][0])
                 else:
                     value += coefficient * q[at][0]
-            for turn in turns:  # the angle of a continuous joint is known up to whole turns
+            for turn in turns:  # the angle of a continuous joint is determined up to whole turns
                 value -= turn * round(float(value / turn))
             values.append(value)
         return self.arithmetic.array(values)
 
     def turned(self, posture: Posture) -> Numbers:
-        """Give, for axes that should agree but point apart by more than a right angle, their cosine."""
+        """Compute the cosines of axes that should agree but differ by more than a right angle."""
         axes = {"parallel": [2], "fixed": [0, 1, 2]}
         cosines = [
             loop.B.E[:, i] @ loop.A.E[:, i]
@@ -316,6 +316,6 @@ class Tree:
 
 
 def _attach(link: Frame, R: Numbers, t: Numbers) -> Frame:
-    """Return a frame fixed in a link, from its rotation and origin there."""
+    """Build a frame fixed to a link from its rotation and origin in the link."""
     offset = link.E @ t
     return Frame(link.x + offset, link.E @ R, link.r + offset, link.body)
