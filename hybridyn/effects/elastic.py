@@ -17,9 +17,9 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class RotorInertia:
-    """Inertia of the motors' rotors seen at the joints, J n^2 on the diagonal of A; no gyroscopic part.
+    """Inertia of the motors' rotors at the joints, J n^2 on the diagonal of A, without gyroscopic terms.
 
-    `inertia`: J n^2 by joint [kg or kg m^2]; None takes rotor inertia and gear ratio of the robot's files.
+    `inertia`: J n^2 by joint [kg or kg m^2]; None uses rotor inertia and gear ratio of the robot's files.
     Source: Featherstone (2008), section 9.6.
     """
 
@@ -35,23 +35,23 @@ class RotorInertia:
         return {j.name: (j.rotor_inertia * j.gear_ratio**2,) for j in joints if j.rotor_inertia}
 
     def effort(self, p: Numerals, x: Array, v: Array) -> Array:
-        """Return no effort: a rotor acts through accelerations."""
+        """Return zero: a rotor acts through accelerations."""
         return np.zeros_like(v)
 
     def energy(self, p: Numerals, x: Array) -> Array:
-        """Return nothing: its energy is kinetic."""
+        """Return zero: its energy is kinetic."""
         return np.zeros_like(x)
 
     def power(self, p: Numerals, x: Array, v: Array) -> Array:
-        """Return nothing: it loses none."""
+        """Return zero: it dissipates no power."""
         return np.zeros_like(v)
 
 
 @dataclass(frozen=True)
 class Spring:
-    """tau = -k (x - rest); of an endless joint the angle from `rest` in [-pi, pi].
+    """tau = -k (x - rest); for a continuous joint, x - rest is wrapped to [-pi, pi].
 
-    `stiffness`: k by joint [N/m or N m/rad]. `rest`: position without force [m or rad], 0 where not named.
+    `stiffness`: k by joint [N/m or N m/rad]. `rest`: position without force [m or rad], 0 by default.
     """
 
     stiffness: Numbers = field(default_factory=dict)
@@ -60,7 +60,7 @@ class Spring:
     any_freedoms: ClassVar[bool] = False
 
     def numbers(self, robot: HybridRobot) -> dict[str, tuple[float, ...]]:
-        """Return k, rest and the period (infinite but for endless joints) by joint."""
+        """Return k, rest and whether the joint is continuous (1 or 0) by joint."""
         odd = sorted(set(self.rest) - set(self.stiffness))
         if odd:
             raise ModelError(f"{self.name}: 'rest' names '{odd[0]}', 'stiffness' does not", element=odd[0])
@@ -69,15 +69,15 @@ class Spring:
         return {n: (k, float(self.rest.get(n, 0.0)), float(n in endless)) for n, (k,) in known.items()}
 
     def effort(self, p: Numerals, x: Array, v: Array) -> Array:
-        """Return -k (x - rest)."""
+        """Compute -k (x - rest)."""
         return -p[0] * self._stretch(p, x)
 
     def energy(self, p: Numerals, x: Array) -> Array:
-        """Return k (x - rest)^2 / 2."""
+        """Compute k (x - rest)^2 / 2."""
         return 0.5 * p[0] * self._stretch(p, x) ** 2
 
     def power(self, p: Numerals, x: Array, v: Array) -> Array:
-        """Return nothing: a spring loses none."""
+        """Return zero: a spring dissipates no power."""
         return np.zeros_like(v)
 
     def _stretch(self, p: Numerals, x: Array) -> Array:
@@ -87,12 +87,12 @@ class Spring:
 
 @dataclass(frozen=True)
 class Stop:
-    """Joint stops: beyond a limit by d, a push back of k d max(0, 1 + c d_dot), never a pull.
+    """Joint stops: at a penetration d beyond a limit, the effort back is k d max(0, 1 + c d_dot) >= 0.
 
-    The damping grows with the penetration, so that the force is continuous where the stop is touched and left
-    (a plain spring-damper jumps there, and pulls on the way out): integrators keep their order. `stiffness`:
-    k by joint [N/m or N m/rad]; `damping`: c [s/m or s/rad]; limits are the files', or `lower` and `upper` [m
-    or rad] by joint.
+    The damping is proportional to the penetration. The force is therefore continuous at touch-down and
+    lift-off, and integrators keep their order (the force of a plain spring-damper jumps, and pulls at
+    lift-off). `stiffness`: k by joint [N/m or N m/rad]; `damping`: c [s/m or s/rad]; `lower` and `upper`:
+    limits by joint [m or rad], those of the robot's files by default.
     Source: Hunt & Crossley (1975), J. Appl. Mech. 42, with exponent one.
     """
 
@@ -121,7 +121,7 @@ class Stop:
         return out
 
     def effort(self, p: Numerals, x: Array, v: Array) -> Array:
-        """Return the push back."""
+        """Compute the effort."""
         low, high = np.maximum(p[1] - x, 0.0), np.maximum(x - p[2], 0.0)
         push_low = low * np.maximum(1.0 - self.damping * v, 0.0)
         push_high = high * np.maximum(1.0 + self.damping * v, 0.0)
@@ -129,12 +129,12 @@ class Stop:
         return out
 
     def energy(self, p: Numerals, x: Array) -> Array:
-        """Return k d^2 / 2."""
+        """Compute k d^2 / 2."""
         out: Array = 0.5 * p[0] * (np.maximum(p[1] - x, 0.0) ** 2 + np.maximum(x - p[2], 0.0) ** 2)
         return out
 
     def power(self, p: Numerals, x: Array, v: Array) -> Array:
-        """Return what the effort takes beyond the change of energy stored."""
+        """Compute the power dissipated: the power absorbed minus the rate of the stored energy."""
         elastic = p[0] * (np.maximum(p[1] - x, 0.0) - np.maximum(x - p[2], 0.0))
         out: Array = (elastic - self.effort(p, x, v)) * v
         return out

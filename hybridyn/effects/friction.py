@@ -1,4 +1,4 @@
-"""Effects on joints that lose energy: friction laws and dampers."""
+"""Effects on joints that dissipate energy: friction laws and dampers."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ if TYPE_CHECKING:
 
 
 class Dissipative:
-    """What friction laws share: no energy stored, all work of the effort lost."""
+    """Base of friction laws: no stored energy, all work of the effort is dissipated."""
 
     def effort(self, p: Numerals, x: Array, v: Array) -> Array:
-        """Return the effort, shape (T, k)."""
+        """Compute the effort, shape (T, k)."""
         raise NotImplementedError
 
     def energy(self, p: Numerals, x: Array) -> Array:
-        """Return nothing: friction stores none."""
+        """Return zero: friction stores no energy."""
         return np.zeros_like(x)
 
     def power(self, p: Numerals, x: Array, v: Array) -> Array:
-        """Return -tau v, shape (T, k), [W]."""
+        """Compute -tau v, shape (T, k), [W]."""
         return -self.effort(p, x, v) * v
 
 
@@ -35,7 +35,7 @@ class Dissipative:
 class ViscousFriction(Dissipative):
     """tau = -c v.
 
-    `coefficient`: c by joint [N s/m or N m s/rad]; None takes the damping of the robot's files.
+    `coefficient`: c by joint [N s/m or N m s/rad]; None uses the damping of the robot's files.
     """
 
     coefficient: Numbers | None = None
@@ -53,10 +53,10 @@ class ViscousFriction(Dissipative):
 
 @dataclass(frozen=True)
 class CoulombFriction(Dissipative):
-    """tau = -f tanh(v / width): smoothed dry friction. Nothing sticks: under a load below f a joint creeps.
+    """tau = -f tanh(v / width): smoothed dry friction without stiction; a joint creeps under a load below f.
 
-    `level`: f by joint [N or N m]; None takes the friction of the robot's files. `width` [m/s or rad/s].
-    Source: the smoothing is the usual one, e.g. Andersson, Soderberg & Bjorklund (2007), Tribology Int. 40.
+    `level`: f by joint [N or N m]; None uses the friction of the robot's files. `width` [m/s or rad/s].
+    Source: the usual smoothing, e.g. Andersson, Soderberg & Bjorklund (2007), Tribology Int. 40.
     """
 
     level: Numbers | None = None
@@ -70,7 +70,7 @@ class CoulombFriction(Dissipative):
         return stated(robot, "friction") if self.level is None else given(self.name, self.level)
 
     def effort(self, p: Numerals, x: Array, v: Array) -> Array:
-        """Return -f tanh(v / width)."""
+        """Compute -f tanh(v / width)."""
         return -p[0] * np.tanh(v / self.width)
 
 
@@ -104,13 +104,13 @@ class StribeckFriction(Dissipative):
         return out
 
     def effort(self, p: Numerals, x: Array, v: Array) -> Array:
-        """Return the friction."""
+        """Compute the friction effort."""
         return -(p[0] + (p[1] - p[0]) * np.exp(-((v / p[2]) ** 2))) * np.tanh(v / self.width)
 
 
 @dataclass(frozen=True)
 class Damper(Dissipative):
-    """tau = -c v, beside the viscous friction that the files state.
+    """tau = -c v, in addition to the viscous friction of the robot's files.
 
     `coefficient`: c by joint [N s/m or N m s/rad].
     """

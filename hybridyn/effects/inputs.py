@@ -1,4 +1,4 @@
-"""Effects that change the robot, or what goes into a recursion: payloads, limits, a prescribed base."""
+"""Effects on the input or output of the models: effort limits and a prescribed base motion."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Limits:
-    """Effort limits of the motors: the direct model clips to them, the inverse model refuses a motion beyond.
+    """Effort limits of the motors: the direct model clips efforts, the inverse model raises an error.
 
-    `effort`: limit by motor [N or N m]; None takes the robot's files (none where they say none).
+    `effort`: limit by motor [N or N m]; None uses the limits of the robot's files, if any.
     """
 
     effort: Numbers | None = None
@@ -34,7 +34,7 @@ class Limits:
         """Return the limit of each motor, shape (motors,).
 
         Raises:
-            ModelError: An unknown motor, or a limit that is not positive.
+            ModelError: A motor is unknown, or a limit is not positive.
         """
         if self.effort is None:
             record = {j.joint.name: j.joint.effort for j in robot.bodies.joints}
@@ -51,15 +51,15 @@ class Limits:
         return np.array([self.effort.get(motor, np.inf) for motor in robot.motors])
 
     def clip(self, robot: HybridRobot, tau: Array) -> Array:
-        """Return efforts within the limits, shape (T, motors)."""
+        """Clip efforts to the limits, shape (T, motors)."""
         bound = self.bounds(robot)
         return np.clip(tau, -bound, bound)
 
     def check(self, robot: HybridRobot, tau: Array) -> None:
-        """Refuse efforts beyond the limits.
+        """Check that efforts, shape (T, motors), are within the limits.
 
         Raises:
-            ActuationError: Naming motor and sample.
+            ActuationError: One is not; the message names motor and sample.
         """
         excess = np.abs(tau) - self.bounds(robot)
         if not (excess > 0).any():
@@ -74,11 +74,11 @@ class Limits:
 
 @dataclass(frozen=True, eq=False)
 class BaseMotion:
-    """A base that moves as a table says (ship, vehicle): quintic spline through positions and quaternions.
+    """Motion of the base from a table (ship, vehicle): quintic spline through positions and quaternions.
 
     `time` [s], shape (rows,); `pose`: x, y, z [m] and quaternion qx, qy, qz, qw of the root link in the
-    world, shape (rows, 7), six rows at least. It needs a robot with base "moving" (`hybridyn.with_effects`
-    gives one); the base's part of q, v, a is then taken from here and not from the caller.
+    world, shape (rows, 7), at least six rows. The robot must have the base "moving" (`hybridyn.with_effects`
+    builds one). The table then replaces the base's part of the caller's q, v, a.
     """
 
     time: Sequence[float] | Array
@@ -103,10 +103,10 @@ class BaseMotion:
         return spline, spline.derivative(1), spline.derivative(2)
 
     def at(self, time: Array) -> tuple[Array, Array, Array]:
-        """Return the base's q (T, 7), v and a (T, 6): Pinocchio's local velocities and spatial acceleration.
+        """Compute the base's q (T, 7), v and a (T, 6): Pinocchio's local velocity and spatial acceleration.
 
         Raises:
-            TrajectoryError: A time outside the table.
+            TrajectoryError: A time is outside the table.
         """
         at_times(self.name, np.asarray(self.time, dtype=float), time)
         x, x_dot, x_ddot = (spline(time) for spline in self._splines)
@@ -124,7 +124,7 @@ class BaseMotion:
 
         Raises:
             ModelError: The robot's base is not "moving".
-            TrajectoryError: No time, or a time outside the table.
+            TrajectoryError: There is no time, or a time is outside the table.
         """
         if robot.base != "moving":
             raise ModelError(

@@ -1,8 +1,8 @@
 """Effects on joints: efforts tau(q, v), and the rotors' inertia.
 
-Each unit (in `friction` and `elastic`) is one law with its numbers by joint name; `placed` finds the joints
-in a robot once and gives an `OnJoints`, which evaluates the law for whole batches. Efforts act along the
-joint's rate; units are those of the joint: N, m, m/s for a prismatic joint, N m, rad, rad/s for the others.
+Each effect (in `friction` and `elastic`) is one law with its parameters by joint name. `placed` finds the
+joints in a robot once and returns an `OnJoints`, which evaluates the law for a batch. Efforts act along the
+joint's rate. Units are those of the joint: N, m, m/s for a prismatic joint, N m, rad, rad/s for the others.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 Numbers = Mapping[str, float]
 Numerals = Sequence[Array]
 
-#: Speed over which smoothed friction turns its sign [m/s or rad/s]; at three widths it has 99.5 %.
+#: Speed scale of the sign change of smoothed friction [m/s or rad/s]; it reaches 99.5 % at three widths.
 WIDTH = 1e-2
 
 
@@ -32,40 +32,40 @@ class JointEffect(Protocol):
 
     Attributes:
         name: Name of the effect.
-        any_freedoms: Whether joints with several freedoms may have it.
+        any_freedoms: Whether the law applies to joints with several freedoms.
     """
 
     name: ClassVar[str]
     any_freedoms: ClassVar[bool]
 
     def numbers(self, robot: HybridRobot) -> dict[str, tuple[float, ...]]:
-        """Return the law's numbers for each joint that has it."""
+        """Return the law's parameters by joint."""
         ...
 
     def effort(self, p: Numerals, x: Array, v: Array) -> Array:
-        """Return the effort, shape (T, k), for the law's numbers, positions x and rates v (T, k)."""
+        """Compute the effort, shape (T, k), from parameters p, positions x and rates v (T, k)."""
         ...
 
     def energy(self, p: Numerals, x: Array) -> Array:
-        """Return the energy stored, shape (T, k), [J]."""
+        """Compute the stored energy, shape (T, k), [J]."""
         ...
 
     def power(self, p: Numerals, x: Array, v: Array) -> Array:
-        """Return the power lost, shape (T, k), [W], never negative."""
+        """Compute the dissipated power, shape (T, k), [W], never negative."""
         ...
 
 
 @dataclass(frozen=True)
 class OnJoints:
-    """A law placed on the joints of one robot.
+    """A law applied to joints of one robot.
 
     Attributes:
         effect: The law.
         joints: Names of its joints.
-        columns: Their freedoms in v, shape (k,).
-        at: Their first coordinate in q, shape (k,).
+        columns: Indices of their freedoms in v, shape (k,).
+        at: Indices of their first coordinates in q, shape (k,).
         turns: Whether q holds cosine and sine there, shape (k,).
-        p: The law's numbers, one row of shape (k,) each.
+        p: The law's parameters, each of shape (k,).
     """
 
     effect: JointEffect
@@ -76,33 +76,33 @@ class OnJoints:
     p: Numerals
 
     def positions(self, q: Array) -> Array:
-        """Return joint positions, shape (T, k), [m or rad]; of endless joints the angle in [-pi, pi]."""
+        """Return joint positions, shape (T, k), [m or rad]; angles of continuous joints in [-pi, pi]."""
         x = q[:, self.at]
         if self.turns.any():
             x[:, self.turns] = np.arctan2(q[:, self.at[self.turns] + 1], x[:, self.turns])
         return x
 
     def effort(self, q: Array, v: Array) -> Array:
-        """Return the efforts, shape (T, k), for the robot's q and v."""
+        """Compute the efforts, shape (T, k), from the robot's q and v."""
         return self.effect.effort(self.p, self.positions(q), v[:, self.columns])
 
     def energy(self, q: Array) -> Array:
-        """Return the energy stored, shape (T,), [J]."""
+        """Compute the stored energy, shape (T,), [J]."""
         out: Array = self.effect.energy(self.p, self.positions(q)).sum(axis=1)
         return out
 
     def power(self, q: Array, v: Array) -> Array:
-        """Return the power lost, shape (T,), [W]."""
+        """Compute the dissipated power, shape (T,), [W]."""
         out: Array = self.effect.power(self.p, self.positions(q), v[:, self.columns]).sum(axis=1)
         return out
 
 
 def placed(effect: JointEffect, robot: HybridRobot) -> OnJoints | None:
-    """Find a law's joints in a robot; None where no joint has it.
+    """Find a law's joints in a robot; None if the law has no joints.
 
     Raises:
-        ModelError: A joint is unknown, has several freedoms where the law is for one, or sits in a
-            wrist that was cut.
+        ModelError: A joint is unknown, has several freedoms although the law is for one, or belongs to a
+            cut wrist.
     """
     numbers = effect.numbers(robot)
     columns, at, turns, p = [], [], [], []
@@ -139,16 +139,16 @@ def placed(effect: JointEffect, robot: HybridRobot) -> OnJoints | None:
 
 
 def stated(robot: HybridRobot, attribute: str) -> dict[str, tuple[float, ...]]:
-    """Return what the robot's files state of its joints, where it is not zero."""
+    """Return the nonzero values of a joint attribute in the robot's files, by joint."""
     joints = (j.joint for j in robot.bodies.joints)
     return {j.name: (float(getattr(j, attribute)),) for j in joints if getattr(j, attribute)}
 
 
 def given(effect: str, *tables: Numbers) -> dict[str, tuple[float, ...]]:
-    """Join numbers by joint; all tables must name the same joints, no number may be negative.
+    """Combine tables of parameters by joint.
 
     Raises:
-        ModelError: One does not.
+        ModelError: The tables do not name the same joints, or a number is negative or not finite.
     """
     for table in tables[1:]:
         odd = sorted(set(table) ^ set(tables[0]))
@@ -165,7 +165,7 @@ def given(effect: str, *tables: Numbers) -> dict[str, tuple[float, ...]]:
 
 
 def positive(effect: str, what: str, value: float) -> None:
-    """Refuse a number that is not positive.
+    """Check that a number is positive.
 
     Raises:
         ModelError: It is not.

@@ -16,10 +16,10 @@ from .joints import WIDTH
 
 
 def at_times(name: str, table_time: Array, time: Array) -> None:
-    """Refuse times outside a table.
+    """Check that times are within a table.
 
     Raises:
-        TrajectoryError: A time lies before the first row or after the last.
+        TrajectoryError: A time is before the first row or after the last.
     """
     out = np.flatnonzero((time < table_time[0]) | (time > table_time[-1]))
     if len(out):
@@ -36,7 +36,7 @@ def table(name: str, time: Any, values: Any, width: int) -> tuple[Array, Array]:
         Times, shape (rows,), and values, shape (rows, width).
 
     Raises:
-        ModelError: Wrong shape, not finite, or times that do not grow.
+        ModelError: A shape is wrong, a number is not finite, or the times do not increase.
     """
     t, x = np.asarray(time, dtype=float), np.asarray(values, dtype=float)
     if t.ndim != 1 or len(t) < 2 or x.shape != (len(t), width):
@@ -51,10 +51,10 @@ def table(name: str, time: Any, values: Any, width: int) -> tuple[Array, Array]:
 
 @dataclass(frozen=True, eq=False)
 class Wrench:
-    """A wrench on a link, constant or linear between the rows of a table.
+    """A wrench on a link, constant or interpolated linearly in a table.
 
     `wrench` [N, N m]: force and moment at the link's origin, shape (6,) or, with `time` [s], (rows, 6);
-    `frame`: axes of the "link" or of the "world". Its work is counted as supplied, not as stored.
+    `frame`: axes of the "link" or of the "world". Its work counts as supplied, not as stored energy.
     """
 
     link: str
@@ -80,18 +80,18 @@ class Wrench:
 
     @property
     def needs_time(self) -> bool:
-        """True for a table."""
+        """Whether the wrench is a table."""
         return self.time is not None
 
     @property
     def needs_motion(self) -> bool:
-        """True in world axes."""
+        """Whether the wrench is in world axes."""
         return self.frame == "world"
 
     def wrenches(
         self, time: Array | None, motions: Mapping[str, RigidMotion], samples: int
     ) -> dict[str, Array]:
-        """Return the wrench at each sample."""
+        """Compute the wrench at each sample."""
         if self.time is None:
             W = np.tile(np.asarray(self.wrench, dtype=float), (samples, 1))
         else:
@@ -105,11 +105,11 @@ class Wrench:
         return {self.link: W}
 
     def energy(self, motions: Mapping[str, RigidMotion]) -> Array:
-        """Return nothing."""
+        """Return zero: a wrench stores no energy."""
         return np.zeros(())
 
     def power(self, motions: Mapping[str, RigidMotion]) -> Array:
-        """Return nothing: it loses none."""
+        """Return zero: a wrench dissipates no power."""
         return np.zeros(())
 
 
@@ -117,11 +117,11 @@ class Wrench:
 class GroundContact:
     """Points of links on compliant, unilateral ground, the plane z = height of the world.
 
-    A point that is d below it is pushed up by N = k d max(0, 1 + c d_dot), never pulled, and sideways by
+    A point at depth d has the normal force N = k d max(0, 1 + c d_dot) >= 0 and the friction force
     -mu N tanh(|s| / width) s / |s| against its sliding velocity s. `points`: points in the link's frame by
     link [m]; `stiffness`: k [N/m]; `damping`: c [s/m]; `friction`: mu; `width` [m/s]; `height` [m].
-    Penetration is part of the model: a weight W on one point rests W / k deep, and pushed points creep (the
-    friction is smoothed). Source: Hunt & Crossley (1975), J. Appl. Mech. 42, with exponent one.
+    Penetration is part of the model: a weight W on one point rests at depth W / k, and loaded points creep
+    (the friction is smoothed). Source: Hunt & Crossley (1975), J. Appl. Mech. 42, with exponent one.
     """
 
     points: Mapping[str, Sequence[Sequence[float]]]
@@ -160,7 +160,7 @@ class GroundContact:
         return tuple(self.points)
 
     def _touch(self, m: RigidMotion, point: Array) -> tuple[Array, Array, Array, Array]:
-        """Return arm and velocity of a point, its penetration, and the force on it, world axes."""
+        """Compute arm and velocity of a point, its penetration, and the force on it, world axes."""
         arm = rotate(m.R, np.tile(point, (len(m.p), 1)))
         velocity = m.p_dot + cross(m.w, arm)
         depth = np.maximum(self.height - m.p[:, 2] - arm[:, 2], 0.0)
@@ -175,7 +175,7 @@ class GroundContact:
     def wrenches(
         self, time: Array | None, motions: Mapping[str, RigidMotion], samples: int
     ) -> dict[str, Array]:
-        """Return the ground's wrench on each link."""
+        """Compute the ground's wrench on each link."""
         out = {}
         for link, points in self._points.items():
             m, W = motions[link], np.zeros((samples, 6))
@@ -187,7 +187,7 @@ class GroundContact:
         return out
 
     def energy(self, motions: Mapping[str, RigidMotion]) -> Array:
-        """Return the sum of k d^2 / 2."""
+        """Compute the sum of k d^2 / 2."""
         touches = [
             self._touch(motions[link], point) for link, points in self._points.items() for point in points
         ]
@@ -195,7 +195,7 @@ class GroundContact:
         return out
 
     def power(self, motions: Mapping[str, RigidMotion]) -> Array:
-        """Return what the forces take beyond the change of energy stored."""
+        """Compute the power dissipated: the power absorbed minus the rate of the stored energy."""
         lost = np.zeros(())
         for link, points in self._points.items():
             for point in points:

@@ -1,4 +1,4 @@
-"""`with_effects`: the robot that some effects need."""
+"""`with_effects`: rebuild a robot for effects that change its structure."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ if TYPE_CHECKING:
 
 
 def with_effects(robot: HybridRobot, effects: Choice) -> HybridRobot:
-    """Return the robot rebuilt as effects need it, or the same one where they need nothing.
+    """Rebuild the robot for some effects, or return the same one if they do not change it.
 
-    Payloads go onto their links (under whatever effects are named later), joints with an effect are held: not
-    cut away in a wrist; a prescribed base puts a free-flyer first in q, v, a.
+    Payloads are added to their links (for all later calls). Joints with an effect are not cut from a wrist. A
+    prescribed base adds a free-flyer at the beginning of q, v, a.
 
     Args:
         robot: The robot.
-        effects: As `choose` takes them.
+        effects: As in `choose`.
 
     Raises:
-        ModelError: An unknown effect or link, or a floating base that is to be prescribed.
+        ModelError: An effect or a link is unknown, or a floating base is prescribed.
     """
     from ..errors import ModelError
     from ..structure.building import build_robot

@@ -1,6 +1,6 @@
-"""Effects that are terms of the recursions themselves: gravity, inertia, the legs' inertia, velocity terms.
+"""Effects that are terms of the recursions: gravity, inertia, the legs' inertia, velocity terms.
 
-Each unit owns the code of its term; a recursion whose effect is absent never calls it.
+Each effect contains the code of its term, which a recursion calls only if the effect is selected.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Gravity:
-    """Weight of every body: the first base accelerates with -g, V_dot_0 - g.
+    """Weight of every body, as an acceleration -g of the first base: V_dot_0 - g.
 
     Unit: m/s^2, `robot.gravity`. Source: Ibrahim & Khalil (2010), below Eq. (29).
     """
@@ -34,16 +34,16 @@ class Gravity:
 
 @dataclass(frozen=True)
 class Inertia:
-    """Inertial forces of every body; without them the inverse model is statics.
+    """Inertial forces of every body; without them the inverse model is static.
 
-    Off, rates and accelerations count as zero; joint efforts and contacts still see the true rates. The
-    direct model does not exist without inertia.
+    Without this effect, rates and accelerations are zero in the recursion; joint laws and contacts still use
+    the actual rates. The direct model requires inertia.
     """
 
     name: ClassVar[str] = "inertia"
 
     def motion(self, v: Array, a: Array) -> tuple[Array, Array]:
-        """Return the rates and accelerations that the forward recursion runs with."""
+        """Return the rates and accelerations used by the forward recursion."""
         return v, a
 
 
@@ -51,22 +51,22 @@ class Inertia:
 class LegInertia:
     """Mass and weight of the legs: H, F_b by RNEA, [[S1, D^T], [D, A]] by CRBA.
 
-    Off, legs are massless (the platform-only model). Legs are all bodies but platforms, links of serial
+    Without it legs are massless (the platform-only model). Legs are all bodies but platforms, links of serial
     joints, and links on which another module stands. Source: Ibrahim & Khalil (2010), appendices A to C.
     """
 
     name: ClassVar[str] = "leg_inertia"
 
     def forces(self, s: ModuleState, V: Array, v: Array) -> tuple[Array, Array]:
-        """Return F_b, shape (T, 6), and H, shape (T, n), Eqs. (54)-(62), for the twists and rates named."""
+        """Compute F_b, shape (T, 6), and H, shape (T, n), Eqs. (54)-(62), for given twists V and rates v."""
         return s.mechanism.legs.rnea(V, s.V_dot, s.q, v, s.a)
 
     def bias(self, s: ModuleState) -> tuple[Array, Array]:
-        """Return p, shape (T, 6), and h, shape (T, n), Eqs. (71)-(73)."""
+        """Compute p, shape (T, 6), and h, shape (T, n), Eqs. (71)-(73)."""
         return s.mechanism.legs.rnea(s.V, np.zeros_like(s.V), s.q, s.v, np.zeros_like(s.v))
 
     def matrix(self, s: ModuleState) -> Array:
-        """Return M_leg, shape (T, 6 + n, 6 + n), Eqs. (63)-(75)."""
+        """Compute M_leg, shape (T, 6 + n, 6 + n), Eqs. (63)-(75)."""
         return s.mechanism.legs.crba(s.q)
 
 
@@ -82,9 +82,9 @@ class VelocityTerms:
     name: ClassVar[str] = "velocity"
 
     def twists(self, s: ModuleState) -> tuple[Array, Array]:
-        """Return the base's twist and the rates that the legs' forces see."""
+        """Return the base's twist and the rates used for the legs' forces."""
         return s.V, s.v
 
     def of_body(self, V: Array, inertia: Array) -> Array:
-        """Return crf(V) (I V), shape (T, 6), Eq. (30)."""
+        """Compute crf(V) (I V), shape (T, 6), Eq. (30)."""
         return crf(V, V @ inertia)
