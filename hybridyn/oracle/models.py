@@ -149,7 +149,7 @@ class Oracle:
             a: Acceleration that the closures allow, shape (nv,).
             wrenches: Link name to the wrench [force; moment] on it, shape (6,), link frame at its origin.
             weights: Weights of the sum of weight x effort^2 that redundant motors minimise; ones by default.
-            passive: "given" uses all of `a`; "solved" uses the motors' (and a prescribed base's) entries only.
+            passive: "given" uses all of `a`; "solved" uses the entries of motors and a prescribed base only.
         """
         return self.idm_and_missing(q, v, a, wrenches, weights, passive)[0]
 
