@@ -1,4 +1,4 @@
-"""`python -m hybridyn`: the command line."""
+"""Run the command line: `python -m hybridyn`."""
 
 import sys
 

@@ -1,27 +1,27 @@
 """The exceptions of hybridyn.
 
     HybridynError
-    |-- ModelError          the robot's files: file, line, element
-    |-- TrajectoryError     a table: file, row, column
-    |-- AssemblyError       a posture that does not close: module, leg, residual, iterations
-    |-- SingularityError    something lost rank: module, what, condition number
-    |-- ActuationError      motors that cannot produce what is asked: module, direction, size
-    `-- CompileError        a written-out model that cannot be built: no compiler, or one that fails
+    |-- ModelError          the robot's files are wrong: file, line, element
+    |-- TrajectoryError     a table is wrong: file, row, column
+    |-- AssemblyError       loops do not close: module, leg, residual, iterations
+    |-- SingularityError    a matrix lost rank: module, what, condition number
+    |-- ActuationError      motors cannot produce the motion: module, direction, size
+    `-- CompileError        a compiled model cannot be built: no compiler, or one that fails
 
-Each message says what, where by name, the number against its threshold, and the mend; each carries its
-data as attributes, so that a program can act on it.
+Each message states what is wrong, where by name, the number against its threshold, and how to mend it. Each
+error has its data as attributes, so that a program can act on it.
 """
 
 from __future__ import annotations
 
-#: Longest message; beyond it names from a file have taken the place of what is wrong.
+#: Maximum length of a message: a longer one consists mostly of names from a file.
 LONGEST = 1000
-#: Letters of a long message's end that are kept: the mend stands there.
+#: Number of characters kept at the end of a long message, where the advice is.
 END = 300
 
 
 def shortened(message: str) -> str:
-    """Return a message that people can read: the middle of a long one is left out.
+    """Return a message of readable length, leaving out the middle of a long one.
 
     Args:
         message: The message.
@@ -32,7 +32,7 @@ def shortened(message: str) -> str:
 
 
 def install_advice(extra: str) -> str:
-    """Return the words that say how to install an extra, from a clone and from a release.
+    """Return the advice how to install an extra, from a clone and from a release.
 
     Args:
         extra: Name of the extra in `pyproject.toml`.
@@ -41,20 +41,20 @@ def install_advice(extra: str) -> str:
 
 
 class HybridynError(Exception):
-    """Base of every error that hybridyn raises on purpose."""
+    """Base class of all errors that hybridyn raises deliberately."""
 
     def __str__(self) -> str:
-        """Return the message, the middle of a long one left out."""
+        """Return the message, shortened where it is long."""
         return shortened(super().__str__())
 
 
 class ModelError(HybridynError):
-    """A robot's description is wrong, or says something that hybridyn refuses.
+    """A robot's description is wrong or not supported.
 
     Attributes:
         file: Path of the file, or None.
         line: Line in the file (from 1), or None.
-        element: Name of the link, joint, closure or tag concerned, or None.
+        element: Name of the link, joint, closure or tag, or None.
     """
 
     def __init__(
@@ -93,7 +93,7 @@ class AssemblyError(HybridynError):
         sample: Index of the sample in the batch (from 0), or None.
         residual: Closure residual reached, relative to the module's length, or None.
         iterations: Newton iterations spent, or None.
-        open_freedoms: Number of freedoms that what was given leaves open, or None.
+        open_freedoms: Number of freedoms that the given positions and poses do not determine, or None.
     """
 
     def __init__(
@@ -136,12 +136,12 @@ class SingularityError(HybridynError):
 
 
 class ActuationError(HybridynError):
-    """The motors cannot produce what is asked of them.
+    """The motors cannot produce the required efforts.
 
     Attributes:
         module: Name of the module, or None.
         direction: Text that names the missing direction, or None.
-        size: How much effort is missing along it [N or N m], or None.
+        size: Missing effort along it [N or N m], or None.
         sample: Index of the sample in the batch (from 0), or None.
     """
 
@@ -159,4 +159,4 @@ class ActuationError(HybridynError):
 
 
 class CompileError(HybridynError):
-    """A written-out model cannot be built; the general path works without it."""
+    """A compiled model cannot be built; the general path works without it."""

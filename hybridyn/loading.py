@@ -1,4 +1,4 @@
-"""`load`: from a robot's files to a `HybridRobot`."""
+"""`load`: build a `HybridRobot` from a robot's files."""
 
 from __future__ import annotations
 
@@ -24,29 +24,29 @@ def load(
     closure_tolerance: float = 1e-4,
     held: Sequence[str] = (),
 ) -> HybridRobot:
-    """Load a robot from URDF or xacro, with the loop closures its author expressed in any form we read.
+    """Load a robot from URDF or xacro, with its loop closures in any of the supported forms.
 
     Args:
-        path: The robot's file, beside which a side-car (`robot.yaml`, `model.toml`) is found; or the name of
-            a shipped robot, "lx4". A path that exists wins.
+        path: The robot's file, which may have a side-car (`robot.yaml`, `model.toml`) beside it; or the name
+            of a shipped robot, "lx4". An existing path takes precedence.
         base: "fixed", "moving" (prescribed motion) or "floating" (free): the last two put a free-flyer first
             in q, v, a, with Pinocchio's local velocities.
-        motors: Names of the driven joints, instead of what the files say.
+        motors: Names of the driven joints, instead of those in the files.
         gravity: Acceleration of gravity in the world, shape (3,), [m/s^2].
         xacro_args: Arguments of a xacro file by name.
         package_dirs: Folders in which `$(find package)` and `package://` look.
-        rank_tolerance: Relative singular value under which closure rows count as dependent; found at generic
-            postures where left out.
+        rank_tolerance: Relative singular value below which closure rows count as dependent; where left out,
+            it is determined at generic postures.
         closure_tolerance: Largest closure residual that is accepted as rounding in the file, relative to the
             module's length.
-        held: Passive joints that are never cut away in a wrist, so that effects can act on them.
+        held: Passive joints that are never removed with a wrist, so that effects can act on them.
 
-    Warnings in the log "hybridyn" tell signs of loops that the files do not state, moving links without mass,
+    Warnings in the log "hybridyn" name signs of loops that the files do not state, moving links without mass,
     and modules whose motors lose a direction in every posture.
 
     Raises:
-        ModelError: The files are wrong, say something we refuse, or leave the rank of a module in doubt.
-        AssemblyError: A module's loops close nowhere.
+        ModelError: The files are wrong or not supported, or do not determine the rank of a module.
+        AssemblyError: No posture closes a module's loops.
     """
     from .description import read
     from .description.shipped import find_robot
@@ -65,7 +65,7 @@ def load(
 
 
 def _warn(robot: HybridRobot) -> None:
-    """Log what the files seem to have lost, and what no posture can mend, once for equal modules."""
+    """Log signs of lost loops and masses, and modules singular in every posture (equal ones once)."""
     from .assembly.findings import architecturally_singular, of_files
 
     for lost in of_files(robot.description):

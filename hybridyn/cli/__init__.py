@@ -1,7 +1,7 @@
 """The command line: one file per command, found by name; errors of the library become one line.
 
 Results go to standard output, messages to standard error. Exit status: 0 done, 1 the user's data are wrong,
-2 wrong usage, 130 interrupted. Nothing heavy is imported before a command needs it.
+2 wrong usage, 130 interrupted. Large modules are imported only when a command needs them.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ COMMANDS = (
     "size", "robots", "completion",
 )  # fmt: skip
 
-#: What the library's advice is called here.
+#: Options that replace the library's arguments in its advice.
 OPTIONS = {
     'passive="solved"': "--passive solved",
     'on_singular="least-norm"': "--on-singular least-norm",
@@ -35,18 +35,18 @@ OPTIONS = {
     "holds it with package_dirs": "holds it with --package-dir",
 }
 
-INTERRUPTED, TERMINATED, READER_GONE = 130, 143, 141  # what shells report for SIGINT, SIGTERM, SIGPIPE
+INTERRUPTED, TERMINATED, READER_GONE = 130, 143, 141  # the status of SIGINT, SIGTERM, SIGPIPE in shells
 
 
 class Commands(click.Group):
-    """The commands, imported when they are asked for."""
+    """The group of commands; each is imported when it is used."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         """Return the names of the commands."""
         return list(COMMANDS)
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
-        """Import a command, or give None if there is none of that name."""
+        """Import a command; return None if there is none of this name."""
         if cmd_name not in COMMANDS:
             return None
         command = importlib.import_module(f"hybridyn.cli.{cmd_name.replace('-', '_')}").command
@@ -56,7 +56,7 @@ class Commands(click.Group):
     def resolve_command(
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
-        """Find the command that is named, or say which one was probably meant."""
+        """Find a command by name; the error suggests the nearest one."""
         if args and not args[0].startswith("-") and args[0] not in COMMANDS:
             from ..description.names import did_you_mean
 
@@ -65,11 +65,11 @@ class Commands(click.Group):
         return super().resolve_command(ctx, args)
 
     def invoke(self, ctx: click.Context) -> object:
-        """Run a command; a reader that has gone away (`| head`) ends it quietly."""
+        """Run a command; end it quietly when the reader of its output has ended (`| head`)."""
         try:
             return super().invoke(ctx)
         except BrokenPipeError:
-            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # nothing more can be flushed
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # flushing would fail again
             return ctx.exit(READER_GONE)
 
 
@@ -131,7 +131,7 @@ def _explained(error: Exception) -> tuple[str, int]:
 
 
 def _fail(message: str, status: int) -> int:
-    """Print a message as one line and give the exit status."""
+    """Print a message as one line and return the exit status."""
     line = " ".join(message.split())
     line = "".join(letter if letter.isprintable() else ascii(letter)[1:-1] for letter in shortened(line))
     with contextlib.suppress(BrokenPipeError):
@@ -141,7 +141,7 @@ def _fail(message: str, status: int) -> int:
 
 @contextlib.contextmanager
 def _program_manners() -> Iterator[None]:
-    """Show warnings as one line, and let a polite kill clean up as an error does."""
+    """Print warnings as one line, and clean up on SIGTERM as on an error."""
 
     def show(message: Warning | str, *_: object, **__: object) -> None:
         click.echo(f"warning: {' '.join(str(message).split())}", err=True)
@@ -153,7 +153,7 @@ def _program_manners() -> Iterator[None]:
         warnings.showwarning = show
         try:
             before = signal.signal(signal.SIGTERM, terminate)
-        except ValueError:  # not in the main thread: signals are somebody else's
+        except ValueError:  # signals can be handled in the main thread only
             yield
             return
         try:

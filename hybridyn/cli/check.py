@@ -1,4 +1,4 @@
-"""`hybridyn check`: what a careful colleague would tell about a model."""
+"""`hybridyn check`: report what looks wrong in a model."""
 
 from __future__ import annotations
 
@@ -17,16 +17,17 @@ from .common.text import counted
 if TYPE_CHECKING:
     from ..studies.check.check import Finding
 
-NARROWEST, WIDEST = 40, 110  # columns of text
+#: Limits of the width of text [characters].
+NARROWEST, WIDEST = 40, 110
 FOUND, UNREADABLE = 1, 2  # exit status
 SEVERITIES = ("error", "warning", "note")
 COLOURS = {"error": "red", "warning": "yellow", "note": "cyan"}
-#: Findings of one code that are told in full; the rest are counted.
-TOLD = 12
+#: Number of findings of one code that are printed; the rest are counted.
+PRINTED = 12
 
 
 def _codes(ctx: click.Context, param: click.Parameter, value: str | None) -> frozenset[str]:
-    """Split codes at commas, and refuse unknown ones."""
+    """Split codes at commas, and check that they are known."""
     from ..description.names import did_you_mean
     from ..studies.check.check import CODES
 
@@ -37,7 +38,7 @@ def _codes(ctx: click.Context, param: click.Parameter, value: str | None) -> fro
     return frozenset(names)
 
 
-@click.command("check", cls=RobotCommand, short_help="What a careful colleague would tell about a model.")
+@click.command("check", cls=RobotCommand, short_help="What looks wrong in a model, why, and how to mend it.")
 @takes_robot
 @click.option("--json", "as_json", is_flag=True, help="As JSON on standard output.")
 @click.option(
@@ -47,9 +48,11 @@ def _codes(ctx: click.Context, param: click.Parameter, value: str | None) -> fro
     show_default=True,
     help="Exit with status 1 from this severity up.",
 )
-@click.option("--ignore", metavar="CODE,...", callback=_codes, help="Findings that are not told.")
+@click.option("--ignore", metavar="CODE,...", callback=_codes, help="Findings to leave out.")
 @click.option("--no-meshes", is_flag=True, help="Neither look for mesh files nor load them.")
-@click.option("--all", "everything", is_flag=True, help=f"Tell more than {TOLD} findings of one kind each.")
+@click.option(
+    "--all", "everything", is_flag=True, help=f"Print more than {PRINTED} findings of one code each."
+)
 def command(
     load: RobotChoice,
     as_json: bool,
@@ -58,13 +61,13 @@ def command(
     no_meshes: bool,
     everything: bool,
 ) -> int:
-    """Check ROBOT (URDF or xacro): inertias that no body has, loops left open, motors that move nothing.
+    """Check ROBOT (URDF or xacro): impossible inertias, open loops, motors that move nothing.
 
-    Each finding has a code, a severity, its element and line, why it matters and how to mend it. Errors give
-    wrong numbers or none; warnings probably do; notes are good to know. For xacro the line is that of the
-    macro which writes the element. docs/check.md lists every code.
+    Each finding has a code, a severity, its element and line, why it matters and how to mend it. Errors lead
+    to wrong numbers or none; warnings probably do; notes are for information. For xacro the line is that of
+    the macro which writes the element. docs/check.md lists every code.
 
-    Exit status: 0 nothing at or above --fail-on; 1 something; 2 the file cannot be read.
+    Exit status: 0 no finding at or above --fail-on; 1 at least one; 2 the file cannot be read.
     """
     from ..studies.check.check import check, is_readable
 
@@ -106,19 +109,19 @@ def _facts(finding: Finding) -> dict[str, object]:
 
 
 def _lines(found: list[Finding], width: int, everything: bool) -> Iterator[str]:
-    """Return the findings as text, those of one code together."""
+    """Yield the findings as lines of text, grouped by code."""
     groups: dict[str, list[Finding]] = {}
     for finding in found:
         groups.setdefault(finding.code, []).append(finding)
     for code, group in groups.items():
-        shown = group if everything else group[:TOLD]
+        shown = group if everything else group[:PRINTED]
         for number, finding in enumerate(shown):
             place = f"{finding.place}: " if finding.place else ""
             subject = f"{finding.element}: " if finding.element else ""
             severity = click.style(finding.severity, fg=COLOURS[finding.severity], bold=True)
             yield f"{place}{severity} [{code}]"
             yield from _wrapped(f"{subject}{finding.message}", width)
-            if number == 0:  # why and how to mend are alike for all of a code
+            if number == 0:  # the reason is the same for all findings of a code
                 yield from _wrapped(f"why: {finding.why}", width)
             if number == 0 or finding.mend != shown[number - 1].mend:
                 yield from _wrapped(f"mend: {finding.mend}", width)

@@ -1,4 +1,4 @@
-"""`hybridyn completion`: the script that lets a shell complete commands, options and robots' names."""
+"""`hybridyn completion`: print the script with which a shell completes commands, options and robots."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ WHERE = {
 @click.command("completion", short_help="The script that lets your shell complete what you type.")
 @click.argument("shell", type=click.Choice(SHELLS), required=False)
 def command(shell: str | None) -> None:
-    """Print the completion script of SHELL (that of $SHELL where left out): bash, zsh or fish.
+    """Print the completion script for SHELL: bash, zsh or fish; $SHELL where left out.
 
     \b
     bash  eval "$(hybridyn completion bash)" in ~/.bashrc
     zsh   eval "$(hybridyn completion zsh)" in ~/.zshrc, after compinit
     fish  hybridyn completion fish > ~/.config/fish/completions/hybridyn.fish
-    """  # noqa: D301 - click's mark for lines that are not to be wrapped
+    """  # noqa: D301 - click does not wrap the lines after this mark
     from click.shell_completion import get_completion_class
 
     from . import commands

@@ -1,4 +1,4 @@
-"""`hybridyn cost`: what accuracy costs in time, for one robot and its motion."""
+"""`hybridyn cost`: measure what accuracy costs in time, for one robot and its motion."""
 
 from __future__ import annotations
 
@@ -24,27 +24,27 @@ COLUMNS = (
     "line", "setting", "error", "seconds", "own_seconds", "on_front", "use", "asked_for_by", "failure",
 )  # fmt: skip
 
-#: Letters of a failure that are printed; the CSV has all.
+#: Number of characters of a failure that are printed; the CSV file has all.
 WIDTH = 120
 
-#: The error that the sentence at the end is about, where nobody asks for another.
+#: The error to which the closing advice refers.
 SENTENCE = 1e-3
 
 
 def _source(ctx: click.Context, param: click.Parameter, value: str) -> str:
-    """Return the file of a scene, or of a robot, which may be named."""
+    """Return the file of a scene or robot; both may be shipped ones, given by name."""
     return (scene_file if value.endswith(".toml") else robot_file)(ctx, param, value)
 
 
 def _target(ctx: click.Context, param: click.Parameter, value: float | None) -> float | None:
-    """Refuse targets that no error can meet or miss."""
+    """Check that a target is positive and finite."""
     if value is not None and not (math.isfinite(value) and value > 0):
         raise click.BadParameter(f"{value:g} is no error: give a number above zero, as 1e-3", ctx, param)
     return value
 
 
 def _table(ctx: click.Context, param: click.Parameter, value: str | None) -> str | None:
-    """Refuse a file that is not written as CSV."""
+    """Check that a file ends in .csv and can be written."""
     if value is not None and value != "-" and not value.lower().endswith(".csv"):
         raise click.BadParameter(f"'{value}' must end in .csv", ctx, param)
     return result_file(ctx, param, value)
@@ -62,7 +62,7 @@ def _table(ctx: click.Context, param: click.Parameter, value: str | None) -> str
     "--target",
     type=float,
     callback=_target,
-    help="Print only the cheapest way to this error, as lines for a scene; exit status 1 if there is none.",
+    help="Print only the fastest setting with this error, as lines for a scene; exit status 1 if none.",
 )
 @click.option(
     "--until", type=click.FloatRange(0, min_open=True), help="Simulate a scene to this time [s] only."
@@ -70,7 +70,7 @@ def _table(ctx: click.Context, param: click.Parameter, value: str | None) -> str
 @click.option(
     "--limit",
     type=click.FloatRange(0, min_open=True),
-    help="Give up runs of a scene that take longer [s]  [default: 10, or three times the scene's own solver]",
+    help="Stop runs of a scene that take longer [s]  [default: 10, or three times the scene's own solver]",
 )
 @click.option("--allow-python", is_flag=True, help="Let the scene run the Python controller that it names.")
 @click.option(
@@ -78,7 +78,7 @@ def _table(ctx: click.Context, param: click.Parameter, value: str | None) -> str
     "--output",
     metavar="FILE",
     callback=_table,
-    help="All that was measured, as CSV; '-' is standard output, the rest then goes to standard error.",
+    help="Write all measurements as CSV; '-' is standard output, the table then goes to standard error.",
 )
 @click.option(
     "--plot", metavar="FILE", callback=figure_file, help="Error against time as a figure: .png, .svg or .pdf."
@@ -95,10 +95,10 @@ def command(
 ) -> int:
     """Measure what accuracy costs in time: 'cost ROBOT TRAJECTORY' or 'cost SCENE'.
 
-    For a robot and a trajectory: which effects are on, general path or written-out C, float32 or float64, how
-    far loops are closed, where rates come from. For a scene: methods, steps, tolerances, projection, general
-    path or C, effects. Errors are against a reference whose own error is shown; times are measured here and
-    now.
+    For a robot and a trajectory, the settings are: effects, general path or compiled C, float32 or float64,
+    tolerance of closures, source of rates. For a scene: methods, steps, tolerances, projection, general path
+    or C, effects. Errors are relative to a reference whose own error is shown. Times are measured on this
+    machine.
     """
     from ..description.shipped import own_trajectory
 
@@ -170,7 +170,7 @@ def _scene(
 
 
 def _tell(study: Study, target: float | None, *, to_stderr: bool) -> int:
-    """Print the table or, with a target, the lines to paste, and give the exit status."""
+    """Print the table or, with a target, the lines for a scene; return the exit status."""
     from ..studies.cost.points import advice, cheapest
 
     if target is None:
@@ -208,7 +208,7 @@ def _report(study: Study) -> list[str]:
 
 
 def _failures(study: Study) -> list[str]:
-    """Say what has no result and why, settings with the same reason together."""
+    """Return lines that name settings without a result and the reason, grouped by reason."""
     found: dict[tuple[str, str], list[str]] = {}
     for p in study.points:
         if p.failure:
@@ -219,13 +219,13 @@ def _failures(study: Study) -> list[str]:
 
 
 def _time(seconds: float) -> str:
-    """Return a time as words."""
+    """Format a time with its unit."""
     unit, factor = ("us", 1e6) if seconds < 1e-2 else ("s", 1.0)
     return f"{seconds * factor:.3g} {unit}"
 
 
 def _write(study: Study, output: str) -> None:
-    """Write everything as CSV."""
+    """Write all measurements as CSV."""
     from ..studies.cost.points import front
 
     worth = front(study.points, study.own_error)

@@ -1,4 +1,4 @@
-"""`hybridyn ddm`: accelerations under motor efforts."""
+"""`hybridyn ddm`: compute accelerations under motor efforts."""
 
 from __future__ import annotations
 
@@ -33,16 +33,16 @@ if TYPE_CHECKING:
 def command(
     load: Callable[[], HybridRobot], tables: Tables, effects: tuple[str, ...], engine: str | None
 ) -> None:
-    """Return the accelerations of ROBOT (URDF or xacro) under the efforts and in the states of STATES.
+    """Compute the accelerations of ROBOT (URDF or xacro) at the states and under the efforts of STATES.
 
     The table has named columns, in SI units: '<motor>/effort' for every motor; 'time'; positions and
     velocities of every joint, '<joint>/position|velocity', or of the motors or platforms, from which the
     state is assembled (see 'hybridyn idm --help'); '<link>/wrench/fx|fy|fz|mx|my|mz'. With '--base moving'
-    the base's acceleration is given, '<root link>/acceleration/x|y|z|wx|wy|wz'; other accelerations are not
-    read. Missing velocities are fitted by a spline over time.
+    the table also has the base's acceleration, '<root link>/acceleration/x|y|z|wx|wy|wz'; other
+    accelerations are not read. Missing velocities are fitted by a spline over time.
 
-    One row per sample comes out, with 'time' and '<joint>/acceleration' for every joint, of a free base
-    '<root link>/acceleration/x' .. 'wz' as well.
+    The result has one row per sample, with 'time', '<joint>/acceleration' for every joint, and
+    '<root link>/acceleration/x' .. 'wz' for a floating base.
     """
 
     def plan(robot: HybridRobot, layout: Layout, rows: int | None) -> Plan:
@@ -92,14 +92,14 @@ def accelerations(
     reactions: bool,
     compiled: CompiledRobot | None = None,
 ) -> Rows:
-    """Give the accelerations of a block as rows of the result, and the reactions' rows where they are wanted.
+    """Compute the accelerations of a block as rows of the result, and the reactions if they are wanted.
 
     Args:
         robot: The robot.
-        block: The states; of its accelerations only those of a moving base count.
-        effects: What is computed.
-        reactions: Whether reactions are wanted.
-        compiled: The robot's compiled models, where they do it.
+        block: The states; of the accelerations only that of a moving base is used.
+        effects: The effects that are computed.
+        reactions: Whether reactions are computed.
+        compiled: The robot's compiled models, or None for the general path.
     """
     import numpy as np
 

@@ -1,4 +1,4 @@
-"""`hybridyn effects`: what each effect is worth on a motion, and what it costs."""
+"""`hybridyn effects`: compute what each effect contributes to a motion's efforts, and what it costs."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 def _part(ctx: click.Context, param: click.Parameter, value: str | None) -> float | None:
-    """Read "1%" or "0.01"."""
+    """Parse "1%" or "0.01"."""
     if value is None:
         return None
     try:
@@ -38,7 +38,9 @@ def _part(ctx: click.Context, param: click.Parameter, value: str | None) -> floa
     return number
 
 
-@click.command("effects", cls=RobotCommand, short_help="What each physical effect is worth on a motion.")
+@click.command(
+    "effects", cls=RobotCommand, short_help="What each physical effect adds to a motion's efforts."
+)
 @takes_robot
 @takes_source("TRAJECTORY", own=True)
 @click.option(
@@ -55,8 +57,8 @@ def _part(ctx: click.Context, param: click.Parameter, value: str | None) -> floa
     "--within",
     metavar="PART",
     callback=_part,
-    help="Also name a smaller set of effects whose efforts depart by no more than this, '1%' say, of each "
-    "motor's peak effort: one effect after the other is left out, the least felt first.",
+    help="Also find a smaller set of effects whose efforts differ by at most this part, such as '1%', of "
+    "each motor's peak effort: effects are left out one after the other, the smallest first.",
 )
 def command(
     load: Callable[[], HybridRobot],
@@ -67,13 +69,13 @@ def command(
     plot: str | None,
     within: float | None,
 ) -> None:
-    """Say what each effect adds to the efforts that move ROBOT as TRAJECTORY says, and what it costs in time.
+    """Compute what each effect adds to the efforts of ROBOT along TRAJECTORY, and its cost in time.
 
     The table is that of 'hybridyn idm'. For each effect and motor: the largest addition, its RMS, and its
-    share (RMS over the RMS of the motor's whole effort; shares need not sum to 100 %). What an effect adds is
-    the difference between all effects and all but it; leaving inertia out leaves out what needs it (velocity,
-    rotor_inertia). Times are those of the general path, measured here and now ('hybridyn cost' knows those of
-    compiled models, of which one is built for each set of effects that the numbers need).
+    share (RMS over the RMS of the motor's whole effort; shares need not sum to 100 %). The addition of an
+    effect is the difference between all effects and all but this one; without inertia, effects that need it
+    (velocity, rotor_inertia) are left out as well. Times are those of the general path, measured on this
+    machine ('hybridyn cost' measures compiled models, of which one is built for each set of effects).
 
     Effects: gravity, inertia, leg_inertia (the legs' mass), velocity (centrifugal and gyroscopic forces),
     rotor_inertia, viscous_friction, coulomb_friction, stribeck_friction, spring, damper, stop,
@@ -104,19 +106,19 @@ def command(
 def weigh(
     robot: HybridRobot, trajectory: str, effects: Effects, engine: str | None
 ) -> tuple[Worth, Callable[[], list[str]]]:
-    """Read a motion and run the inverse model on it.
+    """Read a motion and evaluate the inverse model on it.
 
     Args:
         robot: The robot.
         trajectory: The table's file.
-        effects: The effects that are weighed.
+        effects: The effects to compare.
         engine: The engine that the user names, or None.
 
     Returns:
-        What the effects are worth; and what tells, once that is asked, which engine computed.
+        The contributions of the effects, and a function that returns lines about the engine afterwards.
 
     Raises:
-        HybridynError: The table is wrong, or cannot be followed.
+        HybridynError: The table is wrong, or a row cannot be assembled.
     """
     import numpy as np
 
@@ -139,7 +141,7 @@ def weigh(
 
 
 def engine_lines(engine: Engine, sets: EffectSets | None) -> list[str]:
-    """Say which engine computed, and what of it."""
+    """Return the lines that name the engine, and how many sets of effects it computed."""
     if sets is None:
         return [str(engine)]
     recomputed = sum(model.recomputed for model in sets.models.values())
@@ -154,14 +156,14 @@ def engine_lines(engine: Engine, sets: EffectSets | None) -> list[str]:
 
 
 def contribution_lines(robot: HybridRobot, contributions: Sequence[Contribution]) -> list[str]:
-    """Return the table of what each effect adds to each motor's effort."""
+    """Return the table of each effect's addition to each motor's effort."""
     kinds = {joint.name: joint.kind for joint in robot.description.joints}
     rows = [["effect", "motor", "peak", "RMS", "unit", "share"]]
     for effect in contributions:
         for i, motor in enumerate(robot.motors):
             peak, rms, share = effect.peak[i], effect.rms[i], effect.share[i]
             unit = "N" if kinds[motor] == "prismatic" else "N m"
-            if peak != peak:  # without it, a passive motion needs an effort that no motor can make
+            if peak != peak:  # NaN: without the effect, a passive motion needs an effort that no motor has
                 rows.append([effect.name, motor, "needed", "", "", ""])
             else:
                 rows.append([effect.name, motor, f"{peak:.4g}", f"{rms:.4g}", unit, f"{share:.2%}"])
@@ -169,7 +171,7 @@ def contribution_lines(robot: HybridRobot, contributions: Sequence[Contribution]
 
 
 def contribution_facts(robot: HybridRobot, contributions: Sequence[Contribution]) -> list[dict[str, Any]]:
-    """Return what each effect adds to each motor's effort as names and values, None where it is needed."""
+    """Return each effect's addition to each motor's effort by name; None where the effect is needed."""
     kinds = {joint.name: joint.kind for joint in robot.description.joints}
     return [
         {
@@ -188,7 +190,7 @@ def contribution_facts(robot: HybridRobot, contributions: Sequence[Contribution]
 
 
 def cost_lines(contributions: Sequence[Contribution], seconds: float) -> list[str]:
-    """Return the table of what each effect costs in time."""
+    """Return the table of each effect's cost in time."""
     rows = [["effect", "time per sample", "of the whole"]]
     for effect in contributions:
         rows.append([effect.name, f"{effect.seconds * 1e6:.1f} us", f"{effect.seconds / seconds:.1%}"])
@@ -197,7 +199,7 @@ def cost_lines(contributions: Sequence[Contribution], seconds: float) -> list[st
 
 
 def selection_line(robot: HybridRobot, chosen: Selection, within: float) -> str:
-    """Say which effects suffice, in one line."""
+    """Return the line that names the sufficient effects."""
     where = f" (motor {robot.motors[chosen.motor]})" if robot.motors else ""
     return (
         f"sufficient within {within:.3g} of the peak efforts: --effects {','.join(chosen.names) or 'none'}; "

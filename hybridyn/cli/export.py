@@ -1,4 +1,4 @@
-"""`hybridyn export`: a robot's models as C for other programs."""
+"""`hybridyn export`: write a robot's models as C for other programs."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ if TYPE_CHECKING:
     "--output",
     metavar="DIR",
     type=click.Path(file_okay=False),
-    help="Folder that the files go to.",
+    help="Folder for the files.",
 )
 @click.option("--name", metavar="NAME", help="Prefix of files and of names in C; the robot's own by default.")
 @click.option(
-    "--stats", is_flag=True, help="Print how many operations each part takes, and before what saves them."
+    "--stats", is_flag=True, help="Print the number of operations of each part, and before simplification."
 )
-@click.option("--float32", is_flag=True, help="Single precision, for processors that have no other.")
+@click.option("--float32", is_flag=True, help="Single precision, for processors without double.")
 @takes_effects("default")
 def command(
     load: Callable[[], HybridRobot],
@@ -38,12 +38,12 @@ def command(
 ) -> None:
     """Write the inverse and the direct dynamic model of ROBOT (URDF or xacro) as C99.
 
-    Header, source, a test with reference values, a Makefile and a README: no allocation, nothing of the C
-    library but mathematics, one function per model. ROBOT may be the name of a shipped robot ('hybridyn
-    robots').
+    The files are a header, a source, a test with reference values, a Makefile and a README. There is one
+    function per model; the code allocates no memory and uses only <math.h> of the C library. ROBOT may be
+    the name of a shipped robot ('hybridyn robots').
     """
     if output is None and not stats:
-        raise click.UsageError("say where the files go, -o DIR, or ask for --stats")
+        raise click.UsageError("name a folder for the files, -o DIR, or ask for --stats")
     from ..compiled.needs import needs_casadi
 
     needs_casadi()

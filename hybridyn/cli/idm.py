@@ -1,4 +1,4 @@
-"""`hybridyn idm`: motor efforts for a motion."""
+"""`hybridyn idm`: compute the motor efforts for a motion."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ takes_passive = click.option(
     type=click.Choice(["given", "solved"]),
     default="given",
     show_default=True,
-    help="Accelerations of joints without a motor: as the table says, or those of zero effort.",
+    help="Accelerations of joints without a motor: those of the table, or those under zero effort.",
 )
 
 
@@ -41,13 +41,13 @@ takes_passive = click.option(
     type=click.Choice(["raise", "least-norm"]),
     default="raise",
     show_default=True,
-    help="At a singular posture: stop, or take the smallest efforts.",
+    help="At a singular posture: stop, or compute the smallest efforts.",
 )
 @click.option(
     "--weights",
     multiple=True,
-    help="How redundant motors share: motor=value for every motor (commas or repeated), or a CSV file with "
-    "the motors' names and one row.",
+    help="Weights by which redundant motors share efforts: motor=value for every motor (commas or repeated), "
+    "or a CSV file with the motors' names and one row.",
 )
 @takes_effects("default")
 @takes_engine("rows")
@@ -60,7 +60,7 @@ def command(
     effects: tuple[str, ...],
     engine: str | None,
 ) -> None:
-    """Return the motor efforts that move ROBOT (URDF or xacro) as TRAJECTORY (CSV or Parquet) says.
+    """Compute the motor efforts that move ROBOT (URDF or xacro) along TRAJECTORY (CSV or Parquet).
 
     ROBOT may be the name of a shipped robot ('hybridyn robots'), which has a trajectory of its own.
 
@@ -70,14 +70,14 @@ def command(
     '<link>/wrench/fx|fy|fz|mx|my|mz'. It names the motors, the platforms, a mixture, or every joint;
     missing rates are fitted by a spline over time.
 
-    One row per sample comes out, with 'time' and a column '<motor>/effort' per motor.
+    The result has one row per sample, with 'time' and a column '<motor>/effort' per motor.
     """
 
     def plan(robot: HybridRobot, layout: Layout, rows: int | None) -> Plan:
         from ..effects import choose
 
         shares, chosen = read_weights(weights, robot.motors), choose(robot, effects)
-        refuse_massless(robot, chosen, layout)
+        check_has_mass(robot, chosen, layout)
         obstacles = {
             "--reactions": tables.reactions is not None,
             "--passive solved": passive != "given",
@@ -122,17 +122,17 @@ def efforts(
     reactions: bool = False,
     compiled: CompiledRobot | None = None,
 ) -> Rows:
-    """Return the efforts of a block, shape (T, motors), and the reactions' rows where they are wanted.
+    """Compute the efforts of a block, shape (T, motors), and the reactions if they are wanted.
 
     Args:
         robot: The robot.
         block: The motion.
-        effects: As `hybridyn.idm` takes them, as all that follow.
-        passive: Whether the passive joints' accelerations count.
-        on_singular: What to do at singular postures.
-        weights: How redundant motors share.
-        reactions: Whether reactions are wanted.
-        compiled: The robot's compiled models, where they do it.
+        effects: As in `hybridyn.idm`, like the next three.
+        passive: Source of the passive joints' accelerations.
+        on_singular: Behaviour at singular postures.
+        weights: Weights of redundant motors.
+        reactions: Whether reactions are computed.
+        compiled: The robot's compiled models, or None for the general path.
     """
     import hybridyn
 
@@ -162,16 +162,16 @@ def efforts(
     return Rows(tau, None if inner is None else reaction_rows(robot, inner), left=left)
 
 
-def refuse_massless(robot: HybridRobot, effects: Effects, layout: Layout) -> None:
-    """Refuse a robot of which nothing has mass, where every effort would be zero.
+def check_has_mass(robot: HybridRobot, effects: Effects, layout: Layout) -> None:
+    """Check that efforts are not all zero for lack of mass.
 
     Args:
         robot: The robot.
-        effects: What is computed.
+        effects: The effects that are computed.
         layout: The meaning of the table's columns.
 
     Raises:
-        ModelError: No link has mass, and neither effects nor the table's wrenches make an effort.
+        ModelError: No link has mass, and neither effects nor the table's wrenches need an effort.
     """
     from ..description.weightless import has_mass
     from ..effects.choice import DEFAULT, FROM_FILES, stated_names

@@ -1,4 +1,4 @@
-"""`hybridyn info`: the tree of modules, and what looks wrong."""
+"""`hybridyn info`: show the tree of modules, and what looks wrong."""
 
 from __future__ import annotations
 
@@ -19,12 +19,13 @@ if TYPE_CHECKING:
     from ..structure.module import Module
     from ..structure.robot import HybridRobot
 
-NARROWEST, WIDEST = 40, 110  # columns of text: a terminal may be tiny, a page must not be too wide to read
-#: Columns of "closures  ".
+#: Limits of the width of text [characters]: terminals may be tiny, and wide text is hard to read.
+NARROWEST, WIDEST = 40, 110
+#: Width of a label such as "closures  " [characters].
 LABEL = 10
-#: A space that no line is broken at.
-GLUE = "\u00a0"
-#: Relative singular values above this, and not counted, are digits the file lacks.
+#: A space at which lines are not broken.
+NO_BREAK = "\u00a0"
+#: Relative singular values above this that do not count in the rank show missing digits in the file.
 MISSING_DIGITS = 1e-12
 REMARKS = {
     "passive": " has no motor",
@@ -39,7 +40,7 @@ REMARKS = {
     "starts",
     type=click.IntRange(1),
     metavar="STARTS",
-    help="Also search the postures of each module, its motors as at home, from so many random starts.",
+    help="Also search the postures of each module from this many random starts, with its motors at home.",
 )
 @takes_robot
 @click.option(
@@ -53,7 +54,7 @@ def command(load: Callable[[], HybridRobot], starts: int | None, graph: str | No
 
     For each module: its mobility and motors, platforms, legs with their joints (motors marked *), closures by
     type, redundancy, motions without a motor or without inertia, and whether its loops close at the home
-    posture. Equal modules are told once. Then what looks wrong.
+    posture. Equal modules are described once. The end lists what looks wrong.
     """
     from ..assembly.findings import findings, home_residuals
 
@@ -76,17 +77,17 @@ def command(load: Callable[[], HybridRobot], starts: int | None, graph: str | No
 
 
 def _assemblies(robot: HybridRobot, starts: int) -> Iterator[str]:
-    """Say how many postures each kind of module has with its motors as at home."""
+    """Yield lines with the number of postures of each kind of module with its motors at home."""
     from ..assembly.assemblies import postures_at_home
     from ..errors import AssemblyError
 
     yield ""
     yield f"postures with the motors as at home, from {counted(starts, 'random start')} each:"
-    told: set[int] = set()
+    seen: set[int] = set()
     for number, module in enumerate(robot.modules):
-        if not module.closures or id(module.mechanism) in told:
+        if not module.closures or id(module.mechanism) in seen:
             continue
-        told.add(id(module.mechanism))
+        seen.add(id(module.mechanism))
         try:
             found = postures_at_home(robot, number, starts).counts
             rare = f"the rarest from {counted(int(found.min()), 'start')}"
@@ -96,7 +97,7 @@ def _assemblies(robot: HybridRobot, starts: int) -> Iterator[str]:
 
 
 def _head(robot: HybridRobot) -> Iterator[str]:
-    """Return the lines about the robot as a whole."""
+    """Yield the lines about the whole robot."""
     description = robot.description
     yield f"{robot.name} ({description.source})"
     free = counted(robot.mobility, "freedom")
@@ -130,9 +131,9 @@ class _Tree:
         self.branch, self.last, self.bar = ("├─ ", "└─ ", "│  ") if fancy else ("|- ", "`- ", "|  ")
 
     def lines(self) -> Iterator[str]:
-        """Give every line, from the root link outwards."""
+        """Yield every line, from the root link outwards."""
         yield "world" if self.robot.base == "floating" else self.robot.description.root
-        # A stack, not recursion: chains of modules may be longer than Python's.
+        # A stack instead of recursion: chains of modules may exceed Python's recursion limit.
         stack = [(number, "") for number in reversed(self.children.get(-1, []))]
         while stack:
             number, indent = stack.pop()
@@ -151,7 +152,7 @@ class _Tree:
             stack += [(child, inner) for child in reversed(below)]
 
     def _equal_chain(self, number: int) -> list[int]:
-        """Return a module with those that follow one another on it, where all are like one that was shown."""
+        """Return a module and the chain of modules on it that are equal to one already shown."""
         modules = self.robot.modules
         chain = [number]
         if not modules[number].closures or id(modules[number].mechanism) not in self.first:
@@ -184,7 +185,7 @@ class _Tree:
             break_long_words=False,
             break_on_hyphens=False,
         )
-        return [line.replace(GLUE, " ") for line in lines]
+        return [line.replace(NO_BREAK, " ") for line in lines]
 
     def _title(self, module: Module) -> str:
         name = self._name(module)
@@ -213,7 +214,7 @@ class _Tree:
             yield "like", f"module {number} ({like}); motors {', '.join(module.motors) or 'none'}"
             return
         for number, (name, joints) in enumerate(module.legs):
-            chain = ", ".join(f"{self._letter(joint)}{GLUE}{self._joint(joint)}" for joint in joints)
+            chain = ", ".join(f"{self._letter(joint)}{NO_BREAK}{self._joint(joint)}" for joint in joints)
             yield "" if number else "legs", f"{name}: {chain or 'no joints of its own'}"
         yield from self._closure_facts(module, open_by)
         spare = len(module.motors) - module.mobility

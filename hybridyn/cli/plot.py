@@ -1,4 +1,4 @@
-"""`hybridyn plot`: a figure of a result or a trajectory."""
+"""`hybridyn plot`: draw a result or a trajectory."""
 
 from __future__ import annotations
 
@@ -18,13 +18,14 @@ from .common.options import existing_file
     metavar="FILE",
     required=True,
     callback=chart_file,
-    help="The figure, .png, .svg or .pdf, or .html for a page to zoom into",
+    help="File of the figure, .png, .svg or .pdf, or .html for a page to zoom into",
 )
 def command(table: str, output: str) -> None:
-    """Draw TABLE, a result of idm, ddm or simulate, or a trajectory: one panel per quantity, time across.
+    """Draw TABLE, a result of idm, ddm or simulate, or a trajectory: one panel per quantity, over time.
 
-    Where the table holds efforts, only joints with one (motors) are drawn; energies and the closure residual
-    follow. The commands themselves have '--plot', which knows the robot: motors grouped by module, limits.
+    Where the table has efforts, only joints with an effort (motors) are drawn; energies and the closure
+    residual follow. The option '--plot' of these commands also shows what comes from the robot's files:
+    motors grouped by module, limits.
     """
     import numpy as np
 

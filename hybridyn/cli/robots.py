@@ -1,4 +1,4 @@
-"""`hybridyn robots`: the robots that come with hybridyn."""
+"""`hybridyn robots`: list the robots that come with hybridyn."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ import click
 @click.command("robots", short_help="The robots that come with hybridyn, by name.")
 @click.option("--json", "as_json", is_flag=True, help="As JSON, with the paths of their files.")
 def command(as_json: bool) -> None:
-    """List the shipped robots. Their names stand for their files wherever a command takes a robot.
+    """List the shipped robots. Wherever a command takes a robot, their names can replace their files.
 
-    'hybridyn idm lx4' moves a robot as its own trajectory says; 'lx4/traj.csv' names this table, and
+    'hybridyn idm lx4' moves a robot along its own trajectory; 'lx4/traj.csv' names this table, and
     'lx4/sag.toml' a scene, wherever a command takes one.
     """
     from ..description.shipped import shipped_robots, shown

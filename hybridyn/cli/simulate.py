@@ -1,4 +1,4 @@
-"""`hybridyn simulate`: a scene from its file to the table of its motion."""
+"""`hybridyn simulate`: simulate a scene and write the table of its motion."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ if TYPE_CHECKING:
     from ..simulation.result import Result
 
 FAILED = ("unreachable", "unsolved", "singular")
-#: Steps of a trial run that tells how long steps get.
+#: Number of steps of the trial run that estimates the length of steps.
 TRIAL = 12
-#: Rows written together.
+#: Number of rows that are written together.
 AT_ONCE = 4096
 
 
@@ -48,7 +48,7 @@ AT_ONCE = 4096
     "--resume",
     metavar="RUN",
     callback=lambda ctx, param, value: value and existing_file(ctx, param, value),
-    help="Go on with a run that was stopped: its result file, or the '.state' file beside it.",
+    help="Continue a run that was stopped: its result file, or the '.state' file beside it.",
 )
 @click.option("--allow-python", is_flag=True, help="Let the scene run the Python controller that it names.")
 @takes_engine("evaluations (four a fixed step, else one an output sample)", WORTH_IN_TIME)
@@ -66,13 +66,13 @@ def command(
 ) -> int:
     """Simulate SCENE, a TOML file that names robot, start, controller, effects, solver and outputs.
 
-    One row per output time comes out: 'time'; '<joint>/position|velocity|acceleration' of every joint;
+    The result has one row per output time: 'time'; '<joint>/position|velocity|acceleration' of every joint;
     '<motor>/effort'; 'energy/kinetic|potential|total'; 'residual' of the closures. 'hybridyn idm' reads it
-    back as a trajectory. Lines with '#' before the header say which effects were on and off.
+    back as a trajectory. Lines with '#' before the header name the effects that were on and off.
 
-    Ctrl-C stops after the step at hand: what was computed is written, and FILE.state beside it, from which
-    '--resume' goes on to the same bits as a run that was never stopped. FILE.state is written every 1,000
-    steps as well, and removed at the end.
+    Ctrl-C stops after the current step. The rows so far are written, and beside them FILE.state, from which
+    '--resume' continues to the same bits as a run that was never stopped. FILE.state is also written every
+    1,000 steps, and removed at the end.
     """
     from ..scenes.stage import identity, play, stage
 
@@ -80,7 +80,7 @@ def command(
     ready = stage(scene, allow_python=allow_python)
     target = output or _own_target(ready)
     state = None if target is None or target == "-" or ready.motion is not None else f"{target}.state"
-    _refuse_overwriting(ready, (target, state, plot))
+    _check_targets(ready, (target, state, plot))
     earlier = None if resume is None else _earlier(ready, resume, identity(ready.source))
     chosen = _engine(ready, engine)
     with Progress("steps") as bar, _between_steps() as stop:
@@ -103,18 +103,18 @@ def command(
     if not quiet:
         for line in _summary(ready, result, chosen, time.perf_counter() - started):
             click.echo(line, err=True)
-    return _farewell(result, scene, target, state, stopped=bool(stop))
+    return _finish(result, scene, target, state, stopped=bool(stop))
 
 
 def _engine(ready: Stage, asked: str | None) -> Engine:
-    """Choose what gives the accelerations."""
+    """Choose the engine that computes the accelerations."""
     evaluations = _evaluations(ready) if asked is None else None
     obstacles = {"a prescribed motion": ready.motion is not None}
     return choose_engine(asked, ready.robot, ready.effects, evaluations, obstacles, WORTH_IN_TIME)
 
 
 def _evaluations(ready: Stage) -> int:
-    """Foretell how often the direct model will run: by fixed steps, or by how long the first steps get."""
+    """Estimate the number of evaluations of the direct model, from fixed steps or from a short trial run."""
     import numpy as np
 
     from ..scenes.stage import play
@@ -127,7 +127,7 @@ def _evaluations(ready: Stage) -> int:
     if ready.motion is not None or scene.solver.method == "conserving":
         return rows
     if scene.controller and scene.controller.kind == "python":
-        return rows  # a program of somebody else's may count how often it is called
+        return rows  # a trial run would call a program that may keep a state
     taken = 0
 
     def stop(t: float, end: float) -> None:
@@ -142,7 +142,7 @@ def _evaluations(ready: Stage) -> int:
 
 
 def _own_target(ready: Stage) -> str | None:
-    """Return the result file that the scene names."""
+    """Return the result file that the scene names, or None."""
     from ..errors import TrajectoryError
     from ..tables.results import check_target
 
@@ -162,7 +162,7 @@ def _own_target(ready: Stage) -> str | None:
 
 @contextlib.contextmanager
 def _between_steps() -> Iterator[list[int]]:
-    """Return a list that Ctrl-C puts its mark in, so that runs stop between steps; twice stops at once."""
+    """Yield a list to which Ctrl-C appends, so that runs stop between steps; a second one stops at once."""
     marks: list[int] = []
 
     def mark(number: int, frame: object) -> None:
@@ -172,7 +172,7 @@ def _between_steps() -> Iterator[list[int]]:
 
     try:
         before = signal.signal(signal.SIGINT, mark)
-    except ValueError:  # not in the main thread: signals are somebody else's
+    except ValueError:  # signals can be handled in the main thread only
         yield marks
         return
     try:
@@ -182,10 +182,10 @@ def _between_steps() -> Iterator[list[int]]:
 
 
 def _earlier(ready: Stage, run: str, scene: str) -> str:
-    """Find the state of a run that was stopped.
+    """Find the state file of a run that was stopped.
 
     Raises:
-        TrajectoryError: It is none, or another scene's.
+        TrajectoryError: There is none, or it belongs to another scene.
     """
     from ..errors import TrajectoryError
     from ..simulation.result import Result
@@ -202,8 +202,8 @@ def _earlier(ready: Stage, run: str, scene: str) -> str:
     return path
 
 
-def _refuse_overwriting(ready: Stage, targets: Iterable[str | None]) -> None:
-    """Refuse to write what the scene reads, or two things into one file."""
+def _check_targets(ready: Stage, targets: Iterable[str | None]) -> None:
+    """Check that no file is written that the scene reads, and none twice."""
     from ..scenes.stage import files_of
 
     read = {os.path.realpath(path) for path in files_of(ready.source)}
@@ -219,7 +219,7 @@ def _refuse_overwriting(ready: Stage, targets: Iterable[str | None]) -> None:
 
 
 def _write(ready: Stage, result: Result, target: str | None, engine: Engine) -> None:
-    """Write the table."""
+    """Write the table of the motion."""
     from ..errors import TrajectoryError
     from ..simulation.table import columns_of, picked, remarks, rows_of
     from ..tables.results import open_results
@@ -232,12 +232,12 @@ def _write(ready: Stage, result: Result, target: str | None, engine: Engine) -> 
     head = [*remarks(ready.robot, result.method, ready.effects), str(engine)]
     rows = rows_of(ready.robot, result)
     with open_results(target, [columns[i] for i in chosen], head) as write:
-        for first in range(0, len(rows), AT_ONCE):  # a number's text takes many times its own memory
+        for first in range(0, len(rows), AT_ONCE):  # the text of a number takes many times its memory
             write(rows[first : first + AT_ONCE, chosen])
 
 
 def _draw(ready: Stage, result: Result, plot: str) -> None:
-    """Draw the run."""
+    """Draw a figure of the motion."""
     from ..figures.envelope import Envelope
     from ..figures.motion import chart_of_rows
     from ..simulation.table import columns_of, rows_of
@@ -249,7 +249,7 @@ def _draw(ready: Stage, result: Result, plot: str) -> None:
 
 
 def _summary(ready: Stage, result: Result, engine: Engine, wall: float) -> list[str]:
-    """Say how the run went."""
+    """Return the lines of the summary."""
     from ..structure.departures import Departures, departures
 
     counters = result.counters
@@ -275,8 +275,8 @@ def _summary(ready: Stage, result: Result, engine: Engine, wall: float) -> list[
     return [*lines, f"{done}{counted(len(result.t), 'row')}, wall time {wall:.2f} s"]
 
 
-def _farewell(result: Result, scene: str, target: str | None, state: str | None, *, stopped: bool) -> int:
-    """Say how to go on, and give the exit status."""
+def _finish(result: Result, scene: str, target: str | None, state: str | None, *, stopped: bool) -> int:
+    """Print how to continue a run that was stopped, and return the exit status."""
     if result.status in FAILED:
         click.echo(f"error: {scene}: {result.status} {result.message}", err=True)
         return 1

@@ -1,4 +1,4 @@
-"""`hybridyn size`: what a motion asks of each motor, for picking it."""
+"""`hybridyn size`: compute what a motion requires of each motor, for choosing motors."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from .common.report import report_file, write_report
 from .common.summary import effects_line, fitted_rates
 from .common.tables import Plan, Tables, run, takes_jobs, takes_source
 from .common.text import aligned_rows, counted
-from .idm import efforts, refuse_massless, takes_passive
+from .idm import check_has_mass, efforts, takes_passive
 
 if TYPE_CHECKING:
     from ..effects import Effects
@@ -31,7 +31,9 @@ if TYPE_CHECKING:
 EXCEEDED = 1
 
 
-@click.command("size", cls=RobotCommand, short_help="What a motion asks of each motor: effort, speed, power.")
+@click.command(
+    "size", cls=RobotCommand, short_help="What a motion requires of each motor: effort, speed, power."
+)
 @takes_robot
 @takes_source("TRAJECTORY", own=True)
 @click.option("-o", "--output", metavar="FILE", callback=report_file, help="All numbers, .csv or .json")
@@ -56,16 +58,16 @@ def command(
     fail_on: str,
     jobs: int | None,
 ) -> int:
-    """Say what moving ROBOT as TRAJECTORY says asks of each motor: what an engineer needs to pick one.
+    """Compute what moving ROBOT along TRAJECTORY requires of each motor, for choosing motors.
 
     The table is that of 'hybridyn idm'; long ones are read in blocks. Per motor: peak and RMS effort, peak
     speed, peak power given and taken (braking), mean power, energies, travel, the times of the peaks; with a
     gear ratio, torque and speed of the rotor too. Efforts, speeds and positions over the limits of the
-    robot's file are named, those of joints without a motor too. Unlike 'idm', all effects that the robot's
-    files state count here: rotors and friction are part of a motor's load.
+    robot's file are named, those of joints without a motor too. Unlike in 'idm', all effects that the
+    robot's files state are computed: rotors and friction are part of a motor's load.
 
-    Exit status: 0 no limit is exceeded, or --fail-on never; 1 one is (all is printed and written), or a file
-    is wrong; 2 wrong usage.
+    Exit status: 0 no limit is exceeded, or --fail-on never; 1 a limit is exceeded (the results are complete),
+    or a file is wrong; 2 wrong usage.
     """
     reports: list[_Report] = []
 
@@ -74,7 +76,7 @@ def command(
 
         chosen = choose(robot, effects)
         chosen = chosen.only([name for name in chosen.names if name != "limits"])  # they are reported here
-        refuse_massless(robot, chosen, layout)
+        check_has_mass(robot, chosen, layout)
         model = functools.partial(motor_states, passive=passive, effects=chosen)
         reports.append(_Report(robot, source, output, plot, chosen))
         return Plan(model, [], reports[0], written=False)
@@ -84,13 +86,15 @@ def command(
 
 
 def motor_states(robot: HybridRobot, block: Postures, *, passive: str, effects: Effects) -> Rows:
-    """Give rates, efforts and positions of the motors, shape (T, 3 motors); no position of continuous joints.
+    """Compute rates, efforts and positions of the motors, shape (T, 3 motors).
+
+    The positions of continuous joints are 0.
 
     Args:
         robot: The robot.
         block: The motion.
-        passive: As `hybridyn.idm` takes it.
-        effects: What is computed.
+        passive: As in `hybridyn.idm`.
+        effects: The effects that are computed.
     """
     import numpy as np
 
@@ -104,7 +108,7 @@ def motor_states(robot: HybridRobot, block: Postures, *, passive: str, effects: 
 
 
 class _Report:
-    """What is gathered of the motors' work, and its telling."""
+    """The loads of the motors, collected block by block, and their report."""
 
     def __init__(
         self, robot: HybridRobot, source: str, output: str | None, plot: str | None, effects: Effects
@@ -120,7 +124,7 @@ class _Report:
         self.violations: list[str] = []
 
     def add(self, done: Done) -> None:
-        """Take in a block."""
+        """Add a block."""
         import numpy as np
 
         self.samples += len(done.rows)
@@ -153,14 +157,14 @@ class _Report:
             click.echo(line, err=True)
 
     def _left(self) -> list[str]:
-        """Name the joints that leave their ranges, and passive ones that are too fast."""
+        """Return lines that name joints outside their ranges, and passive joints that are too fast."""
         motors = set(self.robot.motors)
         found = (one for one in self.left if one.quantity == "position" or one.joint not in motors)
         return [self.left.line(one) for one in found]
 
 
 def _table(loads: Sequence[MotorLoad], timed: bool) -> list[str]:
-    """Return the table for people: one line per motor."""
+    """Return the printed table: one line per motor."""
     at = "at [s]" if timed else "row"
     rows = [["motor", "peak effort", at, "RMS", "peak speed", at, "peak power", at, "braking"]]
     rows[0] += ["mean power", "energy given", "taken"] if timed else []
@@ -184,11 +188,11 @@ def _table(loads: Sequence[MotorLoad], timed: bool) -> list[str]:
 
 
 def facts(load: MotorLoad, timed: bool) -> dict[str, Any]:
-    """Give everything about a motor as flat names and values, None for what is not known.
+    """Return the load of a motor as flat names and values, None for unknown ones.
 
     Args:
-        load: What it has to do.
-        timed: Whether the table has time: else peaks are at rows.
+        load: The load.
+        timed: Whether the table has time; if not, peaks are at rows.
     """
     out: dict[str, Any] = {}
     for field in dataclasses.fields(load):

@@ -1,4 +1,4 @@
-"""`hybridyn view`: the robot in 3-D, on a page in the browser or in a file."""
+"""`hybridyn view`: show a robot in 3-D, on a page in the browser or in a file."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ SMALLEST, LARGEST = 64, 4096  # pixels
 
 
 def _target(ending: str) -> Callable[[click.Context, click.Parameter, str | None], str | None]:
-    """Return a check of a file's ending and folder."""
+    """Return a callback that checks a file's ending and folder."""
 
     def check(ctx: click.Context, param: click.Parameter, value: str | None) -> str | None:
         if value is None:
@@ -42,7 +42,7 @@ def _target(ending: str) -> Callable[[click.Context, click.Parameter, str | None
 
 
 def _size(ctx: click.Context, param: click.Parameter, value: str) -> tuple[int, int]:
-    """Read "1280x720"; films need even numbers."""
+    """Parse "1280x720"; films need even numbers."""
     parts = value.lower().split("x")
     if len(parts) != 2 or not all(part.isdecimal() for part in parts):
         raise click.BadParameter(f"'{value}' is not of the form 1280x720", ctx, param)
@@ -65,7 +65,7 @@ def _size(ctx: click.Context, param: click.Parameter, value: str) -> tuple[int, 
     "--mp4",
     metavar="FILE",
     callback=_target(".mp4"),
-    help="Write a film of the motion instead; without a motion, of a walk around the robot.",
+    help="Write a film of the motion instead; without a motion, the camera moves around the robot.",
 )
 @click.option("--at", type=float, help="Time that the picture shows [s].  [default: the first]")
 @click.option(
@@ -102,13 +102,13 @@ def command(
 ) -> None:
     """Show ROBOT in 3-D, on a page in the browser: modules in colours, closures yellow, motors as sliders.
 
-    Dragging a motor keeps the loops closed; where they would not close, the drag stops and says so. MOTION is
-    a trajectory or the result of a simulation (see 'hybridyn idm --help'): it can be played and scrubbed,
-    with the efforts along it as bars (its own, where it has them; else those of 'hybridyn idm'). Ctrl-C ends
-    it.
+    Loops stay closed while a motor is dragged; where they cannot close, the drag stops with a message. MOTION
+    is a trajectory or the result of a simulation (see 'hybridyn idm --help'). It can be played and scrubbed,
+    with the efforts along it as bars (its own, if it has them; else those of 'hybridyn idm'). Ctrl-C ends
+    the command.
 
-    With --png or --mp4 no browser and no screen is needed. Links are drawn as their URDF visuals say; where a
-    file of a mesh is missing, as rods and plates between their joints.
+    With --png or --mp4 neither browser nor screen is needed. Links are drawn with their URDF visuals; where a
+    mesh file is missing, as rods and plates between their joints.
     """
     for need in [
         name for name, wanted in (("page", not (png or mp4)), (".png", png), (".mp4", mp4)) if wanted
@@ -128,14 +128,14 @@ def command(
 
 
 def _check_installed(what: str) -> None:
-    """Refuse, before any work is done, what needs packages that are missing."""
+    """Check, before any work is done, that the needed packages are installed."""
     for package in NEEDS[what]:
         if importlib.util.find_spec(package) is None:
             raise click.UsageError(f"this needs {package}: {install_advice('view')}")
 
 
 def _picture(robot: HybridRobot, choice: RobotChoice) -> Picture:
-    """Draw the robot, with the shapes of its file."""
+    """Build the picture of the robot from the visuals of its file."""
     from ..view.drawing import draw
     from ..view.visuals import read_visuals
 
@@ -146,7 +146,7 @@ def _picture(robot: HybridRobot, choice: RobotChoice) -> Picture:
 
 
 def _run(robot: HybridRobot, motion: str, effects: tuple[str, ...]) -> Run:
-    """Read a motion and the efforts along it."""
+    """Read a motion, and read or compute the efforts along it."""
     import numpy as np
 
     from ..streams.postures import all_postures

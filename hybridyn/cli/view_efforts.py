@@ -1,4 +1,4 @@
-"""The efforts that `hybridyn view` shows along a motion."""
+"""Compute the efforts that `hybridyn view` shows along a motion."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ if TYPE_CHECKING:
 def efforts_along(
     robot: HybridRobot, file: str, found: Sequence[Postures], effects: tuple[str, ...]
 ) -> tuple[Array | None, str]:
-    """Return the efforts along a motion: the table's own where it has all of them, else the inverse model's.
+    """Return the efforts along a motion: the table's where it has all of them, else the inverse model's.
 
     Args:
         robot: The robot.
         file: The table.
-        found: Its postures, block by block.
+        found: The postures of the table, block by block.
         effects: Names of the effects that are computed.
 
     Returns:
-        Efforts, shape (T, motors), [N or N m], or None; and where they come from, or why there are none.
+        Efforts, shape (T, motors), [N or N m], or None; and their origin, or the reason why there are none.
     """
     import numpy as np
 

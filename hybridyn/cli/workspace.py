@@ -1,4 +1,4 @@
-"""`hybridyn workspace`: the poses that a module reaches, and what holding them costs."""
+"""`hybridyn workspace`: find the poses that a module reaches, and the efforts that hold them."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ from .common.text import aligned_rows, counted
 if TYPE_CHECKING:
     from ..studies.workspace.workspace import Workspace
 
-#: Joints that are named as bounding.
+#: Maximum number of joints that are named as bounds.
 BLOCKS = 6
 
 
 def _numbers(ctx: click.Context, param: click.Parameter, values: tuple[str, ...]) -> dict[str, float]:
-    """Read `x=0.01` words, with commas or repeated."""
+    """Parse words of the form `x=0.01`, separated by commas or repeated."""
     out = {}
     for word in (part for value in values for part in value.split(",")):
         name, _, number = word.partition("=")
@@ -70,7 +70,7 @@ def _words(ctx: click.Context, param: click.Parameter, value: str | None) -> tup
     callback=_numbers,
     help="Steps of the lattice [m, rad].  [default: parts of the module's size]",
 )
-@click.option("--no-limits", is_flag=True, help="Leave the joints' position limits out of account.")
+@click.option("--no-limits", is_flag=True, help="Ignore the joints' position limits.")
 @click.option(
     "-o",
     "--output",
@@ -92,9 +92,9 @@ def command(
     plot: str | None,
     jobs: int,
 ) -> None:
-    """Find the poses that a module of ROBOT reaches from home on its assembly branch, under its joint limits.
+    """Find the poses that a module of ROBOT reaches from home on its assembly branch, within joint limits.
 
-    A lattice is flooded from the home posture. The table has a row per pose that is reached:
+    A lattice of poses is flooded from the home posture. The table has a row per reached pose:
     '<link>@<base>/pose/...', '<motor>/position' of the module's motors, 'conditioning' (0 singular, 1
     isotropic), 'effort_per_force' and 'effort_per_torque' (the largest effort of any motor against 1 N or
     1 N m in the worst direction), '<motor>/effort' (against gravity; the other modules at home). Efforts of
@@ -132,7 +132,7 @@ def command(
 
 @contextlib.contextmanager
 def _spread(jobs: int) -> Iterator[Any]:
-    """Return a function that applies another one to many tasks, here or in other processes."""
+    """Yield a function that maps a function over tasks, in this process or in others."""
     from ..studies.workspace.flood import in_this_process
 
     if jobs == 1:
@@ -151,7 +151,7 @@ def _spread(jobs: int) -> Iterator[Any]:
 
 
 def _in_turn(workers: Workers, tasks: Iterable[tuple[Any, ...]]) -> Iterator[Any]:
-    """Keep every process busy, and give the results in the order of the tasks."""
+    """Send tasks to every idle process, and yield the results in the order of the tasks."""
     waiting = 0
     for task in tasks:
         if waiting == len(workers):

@@ -213,7 +213,7 @@ class _Chain:
 
     @property
     def sequential(self) -> bool:
-        """Whether each block waits for the one before: postures depend on the path (a freely spinning rod)."""
+        """Whether each block waits for the one before: postures depend on the path (a rod spins freely)."""
         return self.missed >= MOST_MISSES
 
     def alone(self, block: Block) -> Done:

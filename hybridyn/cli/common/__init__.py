@@ -1,6 +1,6 @@
-"""What commands share: the robot's options, the engine, progress, summaries, tables.
+"""Code that commands share: the options of the robot, the engine, progress, summaries, tables.
 
 Read `options`, `tables` (a command from table to table), `engine`, `summary`.
 
-May import: what `cli` may.
+May import: the same as `cli`.
 """

@@ -1,4 +1,4 @@
-"""Which engine computes: the general path, or the robot's models written out as C."""
+"""The choice of the engine: the general path, or the robot's models compiled from C."""
 
 from __future__ import annotations
 
@@ -15,44 +15,41 @@ if TYPE_CHECKING:
     from ...effects import Effects
     from ...structure.robot import HybridRobot
 
-#: Samples times freedoms from which on building a model pays: some seven seconds by the general path.
+#: Samples times freedoms above which building a model pays: about seven seconds on the general path.
 WORTH = 3_000_000
-
-#: The same where samples come one after the other, as in `simulate`: one by one the general path is slow.
+#: The same for `simulate`, where samples come one after the other: the general path is slow without batches.
 WORTH_IN_TIME = 40_000
-
-#: The same for `effects`, where a model for each set of effects is built: for the LX4 with its friction that
-#: takes half a minute on two cores, as long as the general path takes for so much.
+#: The same for `effects`, which builds a model for each set of effects: for the LX4 with friction this takes
+#: half a minute on two cores, as long as the general path takes for this many samples.
 WORTH_OF_EFFECTS = 2_000_000
-
 ENGINES = ("general", "compiled")
 
 HANDED_OVER = "near lost rank, or loops open by more than rounding"
 
 
 def takes_engine(samples: str, worth: int = WORTH) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
-    """Give a command `engine`, the engine that the user names, or None.
+    """Add `--engine` to a command, which receives `engine`: the engine that the user names, or None.
 
     Args:
-        samples: What the help calls the samples.
-        worth: Samples times freedoms from which on building a model pays.
+        samples: Name of the samples in the help.
+        worth: Samples times freedoms above which building a model pays.
     """
     return click.option(
         "--engine",
         type=click.Choice(ENGINES),
-        help="'general', or 'compiled': the robot's models written out as C, built once and kept; results "
-        f"agree to rounding.  [default: compiled where {samples} times freedoms of the robot's joints are "
-        f"{worth:,} or more, and the compiled models can do what is asked]",
+        help="'general', or 'compiled': the robot's models as C, built once and kept; results agree to "
+        f"rounding.  [default: compiled where {samples} times freedoms of the robot's joints are {worth:,} "
+        "or more, and the compiled models support the options]",
     )
 
 
 class Engine:
-    """The engine of a command, and what is told of it at the end.
+    """The engine of a command, with counts for the summary.
 
     Attributes:
         model: The compiled models, or None for the general path.
-        handed_over: Samples that they handed to the general path, told block by block, for blocks may be
-            done in other processes; None where the models work here alone and count for themselves.
+        handed_over: Number of samples that they handed to the general path, added block by block, since
+            blocks may be computed in other processes; None where the models count in this process.
     """
 
     def __init__(self, model: CompiledRobot | None, reason: str) -> None:
@@ -60,11 +57,11 @@ class Engine:
         self.handed_over: int | None = None
 
     def add(self, handed_over: int) -> None:
-        """Take in what a block handed over."""
+        """Add the number of samples that a block handed over."""
         self.handed_over = (self.handed_over or 0) + handed_over
 
     def __str__(self) -> str:
-        """Say which engine computed, and why."""
+        """Return the line that names the engine and the reason."""
         if self.model is None:
             return f"engine: general ({self._reason})"
         again = self.model.recomputed if self.handed_over is None else self.handed_over
@@ -80,18 +77,18 @@ def choose_engine(
     obstacles: dict[str, bool],
     worth: int | None = None,
 ) -> Engine:
-    """Choose the engine: what the user asks for, else by the robot and the number of samples alone.
+    """Choose the engine: the one the user asks for, else by the robot and the number of samples.
 
     Args:
         asked: "general", "compiled" or None.
         robot: The robot.
-        effects: What is computed.
-        samples: Number of samples, or None where nobody knows.
-        obstacles: What compiled models cannot do, by name: whether it is asked for.
-        worth: Samples times freedoms from which on building a model pays; `WORTH` where left out.
+        effects: The effects that are computed.
+        samples: Number of samples, or None if unknown.
+        obstacles: By name, whether the user asks for something that compiled models do not support.
+        worth: Samples times freedoms above which building a model pays; `WORTH` where left out.
 
     Raises:
-        ModelError: "compiled" is asked for together with something that it cannot do.
+        ModelError: "compiled" is asked for together with something that it does not support.
         CompileError: "compiled" is asked for and cannot be built.
     """
     if asked == "general":

@@ -1,4 +1,4 @@
-"""The option that names a figure's file, and the figure's way into it."""
+"""Options that name files of figures, and writing figures to them."""
 
 from __future__ import annotations
 
@@ -41,10 +41,10 @@ def drawing_file(ctx: click.Context, param: click.Parameter, value: str | None) 
 
 
 def check_figure(ctx: click.Context, param: click.Parameter, value: str, endings: tuple[str, ...]) -> str:
-    """Refuse a file that cannot be written, or whose kind needs a package that is missing.
+    """Check a figure's ending and folder, and that the package for this kind of file is installed.
 
     Raises:
-        click.BadParameter: What is wrong.
+        click.BadParameter: One of these is wrong.
     """
     if not value.lower().endswith(endings):
         raise click.BadParameter(f"'{value}' must end in {', '.join(endings)}", ctx, param)
@@ -61,11 +61,11 @@ def check_figure(ctx: click.Context, param: click.Parameter, value: str, endings
 
 
 def takes_plot(what: str, *, page: bool = False) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
-    """Give a command `plot`, the file of a figure or None.
+    """Add `--plot` to a command, which receives `plot`: the file of a figure, or None.
 
     Args:
-        what: What the figure shows.
-        page: Whether it can be a page (.html) too.
+        what: The content of the figure, for the help.
+        page: Whether the figure can also be a page (.html).
     """
     endings = ".png, .svg, .pdf, or .html for a page to zoom into" if page else ".png, .svg or .pdf"
     callback = chart_file if page else figure_file
@@ -73,7 +73,7 @@ def takes_plot(what: str, *, page: bool = False) -> Callable[[Callable[..., Any]
 
 
 def save(figure: Figure, target: str) -> None:
-    """Write a figure; the file appears when it is complete.
+    """Write a figure; its file appears when it is complete.
 
     Args:
         figure: The figure.
@@ -81,13 +81,13 @@ def save(figure: Figure, target: str) -> None:
     """
     import matplotlib
 
-    # Letters stay letters in SVG: they can be searched, and the file is small.
+    # Text stays text in SVG: it can be searched, and the file is small.
     with appearing(target) as partial, matplotlib.rc_context({"svg.fonttype": "none"}):
         figure.savefig(partial, dpi=DPI)
 
 
 def save_chart(chart: Chart, target: str) -> None:
-    """Write a chart as its file's ending says; the file appears when it is complete.
+    """Write a chart in the format of its file's ending; the file appears when it is complete.
 
     Args:
         chart: The chart.
@@ -106,7 +106,7 @@ def save_chart(chart: Chart, target: str) -> None:
 
 
 def save_structure(robot: HybridRobot, target: str) -> None:
-    """Draw the tree of modules as its file's ending says.
+    """Draw the tree of modules in the format of its file's ending.
 
     Args:
         robot: The robot.
@@ -124,7 +124,7 @@ def save_structure(robot: HybridRobot, target: str) -> None:
 
 
 class Drawing:
-    """A chart that grows with the rows of a result, block by block."""
+    """A chart to which the rows of a result are added block by block."""
 
     def __init__(self, target: str) -> None:
         from ...figures.envelope import Envelope
@@ -132,7 +132,7 @@ class Drawing:
         self.target, self.rows, self.timed = target, Envelope(), True
 
     def add(self, done: Done) -> None:
-        """Take in a block."""
+        """Add a block."""
         import numpy as np
 
         self.timed = done.time is not None
@@ -149,7 +149,7 @@ class Drawing:
 
 @contextlib.contextmanager
 def appearing(target: str) -> Iterator[str]:
-    """Return a file to write to, which takes its name when it is complete."""
+    """Yield the path of a partial file, which is renamed to `target` when it is complete."""
     from ...description.writing import naming
 
     partial = f"{target}.part{os.path.splitext(target)[1]}"

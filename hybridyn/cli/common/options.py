@@ -1,4 +1,4 @@
-"""The arguments that say which robot, shared by every command that takes one."""
+"""Options shared by commands: the robot and how to load it, effects, files."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ XACRO_WORD = re.compile(r"([A-Za-z_]\w*):=(.*)", re.DOTALL)
 
 
 class RobotCommand(click.Command):
-    """A command that takes xacro arguments as bare words too, `name:=value`, anywhere on its line."""
+    """A command that also accepts xacro arguments as bare words `name:=value`, anywhere in its line."""
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         """Put `--xacro` before each bare `name:=value`, then parse as usual."""
@@ -34,9 +34,9 @@ class RobotCommand(click.Command):
 
 
 def existing_file(ctx: click.Context, param: click.Parameter, value: str) -> str:
-    """Check that a file is there ("-" is standard input); if not, name the nearest one that is.
+    """Check that a file exists ("-" is standard input); the error suggests the nearest one.
 
-    What is no path may be a file of a shipped robot, "lx4/traj.csv".
+    A word that is not a path may name a file of a shipped robot, "lx4/traj.csv".
     """
     if value == "-" or os.path.isfile(value):
         return value
@@ -63,7 +63,7 @@ def existing_file(ctx: click.Context, param: click.Parameter, value: str) -> str
 
 
 def robot_file(ctx: click.Context, param: click.Parameter, value: str) -> str:
-    """Return the file of a robot: one that is there, or that of the shipped robot of this name."""
+    """Return the file of a robot: an existing file, or that of the shipped robot of this name."""
     from ...description.shipped import BARE_NAME, no_such_robot, shipped_robots, shown
 
     if os.path.exists(value) or not BARE_NAME.fullmatch(value):
@@ -74,7 +74,7 @@ def robot_file(ctx: click.Context, param: click.Parameter, value: str) -> str:
 
 
 def complete_robot(ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
-    """Offer the shipped robots and files."""
+    """Return completions: the shipped robots, and files."""
     from click.shell_completion import CompletionItem
 
     from ...description.shipped import shipped_robots
@@ -84,11 +84,11 @@ def complete_robot(ctx: click.Context, param: click.Parameter, incomplete: str) 
         for name, robot in shipped_robots().items()
         if name.startswith(incomplete)
     ]
-    return [CompletionItem(incomplete, type="file"), *names]  # bash forgets what comes before a file
+    return [CompletionItem(incomplete, type="file"), *names]  # bash drops items before a file
 
 
 def complete_data(ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
-    """Offer files, and those of shipped robots once one is named: "lx4/traj.csv"."""
+    """Return completions: files, and those of a shipped robot after its name, "lx4/traj.csv"."""
     from click.shell_completion import CompletionItem
 
     from ...description.shipped import shipped_robots
@@ -100,7 +100,7 @@ def complete_data(ctx: click.Context, param: click.Parameter, incomplete: str) -
 
 
 def scene_file(ctx: click.Context, param: click.Parameter, value: str) -> str:
-    """Return a scene's file: one that is there, or the scene of the shipped robot of this name."""
+    """Return the file of a scene: an existing file, or the scene of the shipped robot of this name."""
     from ...description.shipped import shipped_robots, shown
 
     if not os.path.exists(value) and value in shipped_robots():
@@ -113,7 +113,7 @@ def scene_file(ctx: click.Context, param: click.Parameter, value: str) -> str:
 
 
 def result_file(ctx: click.Context, param: click.Parameter, value: str | None) -> str | None:
-    """Check, before any work is done, that a result can be written there."""
+    """Check, before any work is done, that a result file can be written."""
     if value is None or value == "-":
         return value
     from ...errors import TrajectoryError
@@ -157,8 +157,8 @@ def _xacro_arguments(ctx: click.Context, param: click.Parameter, values: tuple[s
 
 
 def _effect_names(ctx: click.Context, param: click.Parameter, value: str) -> tuple[str, ...]:
-    """Split the names of effects at commas, and refuse unknown ones before any work is done."""
-    if ctx.resilient_parsing:  # a press of the tab key: nothing is computed, so nothing heavy is imported
+    """Split the names of effects at commas, and check them before any work is done."""
+    if ctx.resilient_parsing:  # shell completion must be quick, so that nothing large is imported
         return ()
     from ...description.names import did_you_mean
     from ...effects.choice import UNITS, WORDS
@@ -174,10 +174,10 @@ def _effect_names(ctx: click.Context, param: click.Parameter, value: str) -> tup
 
 
 def takes_effects(default: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
-    """Give a command `effects`, the names of effects.
+    """Add `--effects` to a command, which receives `effects`: the names of effects.
 
     Args:
-        default: What is computed where the user names none.
+        default: Names that apply where the user gives none.
     """
     return click.option(
         "--effects",
@@ -185,9 +185,9 @@ def takes_effects(default: str) -> Callable[[Callable[..., Any]], Callable[..., 
         callback=_effect_names,
         default=default,
         show_default=True,
-        help="What is computed, and nothing else: 'default' (gravity, inertia, leg_inertia, velocity), "
-        "'model' (those and all that the robot's files state), 'none', or names of effects, those words "
-        "included.",
+        help="The effects that are computed: 'default' (gravity, inertia, leg_inertia, velocity), 'model' "
+        "(those and all that the robot's files state), 'none', or names of effects, also together with "
+        "these words.",
     )
 
 
@@ -198,9 +198,11 @@ _OPTIONS = (
         type=click.Choice(["fixed", "moving", "floating"]),
         default="fixed",
         show_default=True,
-        help="What the root link does: stand still, move as the table says, or float freely.",
+        help="Motion of the root link: at rest, prescribed by the table, or free.",
     ),
-    click.option("--motors", metavar="A,B,...", callback=_names, help="Driven joints, not the files' own."),
+    click.option(
+        "--motors", metavar="A,B,...", callback=_names, help="Driven joints, instead of those in the files."
+    ),
     click.option(
         "--gravity",
         metavar="X,Y,Z",
@@ -215,19 +217,19 @@ _OPTIONS = (
         metavar="NAME:=VALUE",
         callback=_xacro_arguments,
         multiple=True,
-        help="Argument of a xacro file; bare words NAME:=VALUE do the same.",
+        help="Argument of a xacro file; a bare word NAME:=VALUE does the same.",
     ),
     click.option(
         "--package-dir",
         "package_dirs",
         type=click.Path(exists=True, file_okay=False),
         multiple=True,
-        help="Folder that holds packages, for $(find ...) in xacro files.",
+        help="Folder with packages, for $(find ...) in xacro files.",
     ),
     click.option(
         "--rank-tolerance",
         type=click.FloatRange(0, 1, min_open=True, max_open=True),
-        help="Relative singular value under which closure rows count as dependent, where no gap shows it.",
+        help="Relative singular value below which closure rows count as dependent, where no gap shows it.",
     ),
     click.option(
         "--closure-tolerance",
@@ -241,11 +243,11 @@ _OPTIONS = (
 
 @dataclasses.dataclass(frozen=True)
 class RobotChoice:
-    """Which robot the user named, and how it is to be read; called, it gives the robot.
+    """The robot that the user names, and how to load it; a call loads the robot.
 
     Attributes:
         robot: The robot's file.
-        base: As `hybridyn.load` takes it, as all that follow.
+        base: As in `hybridyn.load`, like all that follow.
         motors: Names of the driven joints, or None.
         gravity: Acceleration of gravity, [m/s^2].
         xacro_args: Arguments of a xacro file by name.
@@ -264,7 +266,7 @@ class RobotChoice:
     closure_tolerance: float
 
     def __call__(self) -> HybridRobot:
-        """Read and build the robot."""
+        """Load the robot."""
         import hybridyn
 
         return hybridyn.load(
@@ -280,13 +282,13 @@ class RobotChoice:
 
 
 def takes_robot(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Give a command the options that say which robot; it receives `load`, which reads and builds the robot.
+    """Add the options of the robot to a command, which receives `load`: a function that loads the robot.
 
     Args:
         function: The command's body; its keyword `load` is a `RobotChoice`.
 
     Returns:
-        The body with the options in front of its own.
+        The body, with these options before its own.
     """
 
     @functools.wraps(function)

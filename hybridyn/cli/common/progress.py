@@ -1,4 +1,4 @@
-"""A progress bar on standard error, for work that is long and a terminal that is one."""
+"""A progress bar on standard error, if this is a terminal and the work is long."""
 
 from __future__ import annotations
 
@@ -8,21 +8,21 @@ import time
 from types import TracebackType
 from typing import Self
 
-#: Seconds of silence before the bar appears.
+#: Time before the bar appears [s].
 PATIENCE = 2.0
-#: Seconds between two drawings.
+#: Time between two updates [s].
 INTERVAL = 0.1
 BAR_WIDTH = 30
 
 
 class Progress:
-    """A bar that appears after two seconds and is wiped away at the end. Use it in `with`."""
+    """A bar that appears after two seconds and is erased at the end. A context manager."""
 
     def __init__(self, thing: str = "samples") -> None:
         """Start the clock.
 
         Args:
-            thing: What is counted.
+            thing: Name of the counted things.
         """
         self._thing = thing
         self.started = self.drawn = time.perf_counter()
@@ -40,11 +40,11 @@ class Progress:
             sys.stderr.flush()
 
     def show(self, samples: int, fraction: float | None) -> None:
-        """Draw the bar, if it is time to.
+        """Draw the bar, if an update is due.
 
         Args:
-            samples: Samples done.
-            fraction: Part of the work that is done, in [0, 1], or None where the whole is unknown.
+            samples: Number of samples done.
+            fraction: Fraction of the work that is done, in [0, 1], or None if unknown.
         """
         now = time.perf_counter()
         if not self.wanted or now - self.started < PATIENCE or now - self.drawn < INTERVAL:

@@ -1,4 +1,4 @@
-"""Small reports that commands write: rows of names and values as CSV or JSON."""
+"""Write small reports: rows of names and values as CSV or JSON."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ def report_file(ctx: click.Context, param: click.Parameter, value: str | None) -
 
 
 def write_report(target: str, rows: Sequence[dict[str, Any]]) -> None:
-    """Write rows as the file's ending says; the file appears when it is complete.
+    """Write rows in the format of the file's ending; the file appears when it is complete.
 
     Args:
         target: The file, .csv or .json.
-        rows: Names and values, None for what is not known.
+        rows: Names and values, None for unknown ones.
     """
     from ...description.writing import naming
 

@@ -1,4 +1,4 @@
-"""The closing summary on standard error: what the motors had to do, and how the numbers came about."""
+"""The summary on standard error: the motors' loads, the effects, the engine and the time."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 class Summary:
-    """Peaks and RMS of some columns and the worst closure residual, gathered block by block."""
+    """Peaks and RMS of some columns and the worst closure residual, accumulated block by block."""
 
     def __init__(
         self,
@@ -32,17 +32,17 @@ class Summary:
         remarks: Sequence[str],
         engine: Engine,
     ) -> None:
-        """Start with nothing gathered.
+        """Start an empty summary.
 
         Args:
             robot: The robot.
-            quantity: What the columns hold, "effort" or "acceleration".
+            quantity: Quantity in the columns, "effort" or "acceleration".
             names: The motors, one line of the summary each.
             units: Their units.
             at: Their columns.
-            others: Every column by name, where the largest of the rest is told as well.
-            remarks: Lines that the summary ends with.
-            engine: What computes; it learns how many samples the general path took over.
+            others: Names of all columns, if the largest of the others is to be reported, too.
+            remarks: Lines at the end of the summary.
+            engine: The engine, which counts the samples handed to the general path.
         """
         from ...structure.departures import Departures
 
@@ -60,10 +60,10 @@ class Summary:
         self.squares = [0.0] * len(self.at)
 
     def add(self, done: Done) -> None:
-        """Take in a block.
+        """Add a block.
 
         Args:
-            done: What it came to.
+            done: The results of the block.
         """
         from ...studies.sizing import TIE
 
@@ -120,7 +120,7 @@ class Summary:
 
 
 def effects_line(effects: Effects) -> list[str]:
-    """Say which effects were computed and which were not, in one line.
+    """Return one line that names the effects that were on and off.
 
     Args:
         effects: The effects of the command.
@@ -129,7 +129,7 @@ def effects_line(effects: Effects) -> list[str]:
 
 
 def not_computed(robot: HybridRobot, effects: Effects) -> list[str]:
-    """Say what the robot's files state and the command leaves out, in one line; none where it is all there.
+    """Return one line that names effects of the robot's files that are not computed, or no line.
 
     Args:
         robot: The robot.
@@ -144,7 +144,7 @@ def not_computed(robot: HybridRobot, effects: Effects) -> list[str]:
 
 
 def fitted_rates(layout: Layout) -> list[str]:
-    """Say which rates the table did not give and a spline did.
+    """Return the lines that name the rates fitted by a spline.
 
     Args:
         layout: The meaning of the table's columns.

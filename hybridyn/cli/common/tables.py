@@ -1,4 +1,4 @@
-"""What the commands have in common that turn a table into another one, row by row."""
+"""Commands that compute a table from another one, row by row: their options, and the loop over blocks."""
 
 from __future__ import annotations
 
@@ -28,28 +28,28 @@ if TYPE_CHECKING:
 
 
 class Gathered(Protocol):
-    """What is remembered of the rows, and told at the end."""
+    """A summary that accumulates blocks, and is printed at the end."""
 
     samples: int
 
     def add(self, done: Done) -> None:
-        """Take in a block."""
+        """Add a block."""
         ...
 
     def show(self, layout: Layout, seconds: float, wall: float, jobs: int) -> None:
-        """Tell it: after so many seconds on the samples, and in all, with so many processes."""
+        """Print the summary, with the seconds spent on samples and in all, and the number of processes."""
         ...
 
 
 @dataclass(frozen=True)
 class Plan:
-    """What a command makes of a table.
+    """The computation of a command.
 
     Attributes:
-        model: What to compute from each block.
+        model: The model to evaluate on each block.
         columns: Columns of the result after the time.
-        summary: What is remembered of it.
-        written: Whether the rows are a result that is written.
+        summary: The summary of the results.
+        written: Whether the rows are written.
     """
 
     model: Model
@@ -60,15 +60,15 @@ class Plan:
 
 @dataclass(frozen=True)
 class Tables:
-    """The files of a command, and how it goes about them.
+    """The files of a command, and its options for them.
 
     Attributes:
         source: The table that is read.
-        output: The result, or None for standard output.
-        reactions: Where reactions go, or None.
+        output: File of the result, or None for standard output.
+        reactions: File of the reactions, or None.
         jobs: Number of processes, or None for the command's own choice.
         quiet: Whether the summary is left out.
-        plot: Where a figure of the result goes, or None.
+        plot: File of a figure of the result, or None.
     """
 
     source: str
@@ -93,11 +93,11 @@ def own_table(ctx: click.Context, param: click.Parameter, value: str | None) -> 
 
 
 def takes_source(metavar: str, *, own: bool) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
-    """Give a command `source`, the table that it reads.
+    """Add an argument to a command, which receives `source`: the table that it reads.
 
     Args:
-        metavar: What the help calls the table.
-        own: Whether a shipped robot's own trajectory is taken where the user names no table.
+        metavar: Name of the table in the help.
+        own: Whether a shipped robot's own trajectory is the default.
     """
     return click.argument(
         "source",
@@ -112,7 +112,7 @@ takes_jobs = click.option(
     "-j",
     "--jobs",
     type=click.IntRange(1, 256),
-    help="Processes to share the work.  [default: 1; one per core where the table has more than "
+    help="Number of processes.  [default: 1; one per core where the table has more than "
     f"{LONG_TABLE:,} numbers]",
 )
 
@@ -120,12 +120,12 @@ takes_jobs = click.option(
 def takes_table(
     metavar: str, *, own: bool = False, plot: str = ""
 ) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
-    """Give a command the arguments of a table; it receives them as `tables`.
+    """Add the options of tables to a command, which receives `tables`.
 
     Args:
-        metavar: What the help calls the table.
-        own: Whether a shipped robot's own trajectory is taken where the user names no table.
-        plot: What a figure of the result shows.
+        metavar: Name of the table in the help.
+        own: Whether a shipped robot's own trajectory is the default.
+        plot: The content of a figure of the result, for the help.
 
     Returns:
         A decorator for the command's body.
@@ -164,7 +164,7 @@ def takes_table(
             quiet: bool,
             **rest: Any,
         ) -> Any:
-            _refuse_overwriting(source, output, reactions)
+            _check_targets(source, output, reactions)
             return function(tables=Tables(source, output, reactions, jobs, quiet, plot), **rest)
 
         for option in reversed(options):
@@ -181,16 +181,17 @@ def run(
     *,
     efforts: bool = False,
 ) -> None:
-    """Read a table, compute block by block, write the result and say on standard error how it went.
+    """Read a table, compute block by block, write the result and print the summary.
 
     Args:
         tables: The files.
-        load: Gives the robot.
-        plan: Gives what to compute for it, from the table's layout and about how many rows it has.
-        efforts: Whether the table holds efforts.
+        load: Function that loads the robot.
+        plan: Function of the robot, the table's layout and its approximate number of rows, that returns the
+            computation.
+        efforts: Whether the table has efforts.
 
     Raises:
-        HybridynError: A file or a row is wrong; nothing is written then.
+        HybridynError: A file or a row is wrong; no file is written then.
     """
     from ...tables.columns import read_layout
     from ...tables.opening import open_table
@@ -237,7 +238,7 @@ def run(
 
 
 def _processes(jobs: int | None, table: Table) -> int:
-    """Return how many processes to start, 0 where the work is done in this one."""
+    """Return the number of processes to start, 0 to compute in this one."""
     if jobs is None:
         cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
         jobs = cores if (table.rows or 0) * len(table.columns) > LONG_TABLE else 1
@@ -246,7 +247,7 @@ def _processes(jobs: int | None, table: Table) -> int:
 
 @contextlib.contextmanager
 def _writer(tables: Tables, robot: HybridRobot, plan: Plan, timed: bool) -> Any:
-    """Return a function that writes what a block came to; files appear when all is done."""
+    """Yield a function that writes the results of a block; files appear when they are complete."""
     import numpy as np
 
     from ...tables.results import open_results
@@ -272,8 +273,8 @@ def _writer(tables: Tables, robot: HybridRobot, plan: Plan, timed: bool) -> Any:
         yield write
 
 
-def _refuse_overwriting(source: str, output: str | None, reactions: str | None) -> None:
-    """Refuse to write what is read, or two tables into one file."""
+def _check_targets(source: str, output: str | None, reactions: str | None) -> None:
+    """Check that the source is not overwritten, and that no file is written twice."""
     taken = [os.path.realpath(source)] if source != "-" else []
     for target in (output, reactions):
         if target is None or target == "-":

@@ -1,4 +1,4 @@
-"""Text for the terminal: counts and columns."""
+"""Format text for the terminal: counts and columns."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ from collections.abc import Sequence
 
 
 def aligned_rows(rows: Sequence[Sequence[str]], right: Sequence[int] = ()) -> list[str]:
-    """Set cells in columns.
+    """Align cells in columns.
 
     Args:
         rows: Cells by row.
-        right: Columns that are flush right.
+        right: Indices of the right-aligned columns.
 
     Returns:
         One line per row.
@@ -27,5 +27,5 @@ def aligned_rows(rows: Sequence[Sequence[str]], right: Sequence[int] = ()) -> li
 
 
 def counted(number: int, thing: str) -> str:
-    """Return "1 motor", "1,000 motors"."""
+    """Format a count: "1 motor", "1,000 motors"."""
     return f"{number:,} {thing}" + ("" if number == 1 else "s")
