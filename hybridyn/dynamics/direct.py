@@ -17,9 +17,10 @@ from ..errors import TrajectoryError
 from ..spatial import Array
 from ..structure.robot import HybridRobot
 from ..structure.samples import as_batch, as_positions, same_samples
+from ..structure.state import RobotMotion
 from .articulation import accelerate, articulate
+from .backward import reactions_of
 from .forward import base_motion, forward
-from .inverse_recursion import reactions_of
 from .loads import all_loads
 from .passive import needs_inertia
 from .reactions import Reactions
@@ -102,7 +103,7 @@ def ddm(
     accelerate(robot, modules, base_motion(robot, q, v, a, on.gravity, classical=whole)[1], q, v, a)
     if not reactions:
         return a[0] if single else a
-    result = reactions_of(robot, q, v, a, tau, loads)
+    result = reactions_of(robot, RobotMotion(q, v, a), tau, loads)
     return (a[0], result.sample(0)) if single else (a, result)
 
 

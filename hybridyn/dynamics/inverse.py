@@ -13,9 +13,11 @@ from ..errors import ActuationError, TrajectoryError
 from ..spatial import Array
 from ..structure.robot import HybridRobot
 from ..structure.samples import as_batch, as_positions, same_samples
+from ..structure.state import RobotMotion
 from .actuation import Sharing
+from .backward import backward
 from .forward import forward
-from .inverse_recursion import backward
+from .inverse_guards import Guards
 from .loads import all_loads
 from .reactions import Reactions
 from .state_checks import check_closed
@@ -110,7 +112,8 @@ def idm(
     sharing = Sharing(_weights(robot, weights), on_singular, HINT if passive == "given" else "")
     result = Reactions.empty(len(q)) if reactions else None
     tau = np.zeros((len(q), len(robot.motors)))
-    backward(robot, states, loads, sharing, tau, result, (q, v, a))
+    motion = RobotMotion(q, v, a)
+    backward(robot, states, loads, Guards(robot, motion, sharing), tau, result, motion)
     if on.limits is not None:
         on.limits.check(robot, tau)
     if result is None:

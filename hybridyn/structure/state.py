@@ -11,6 +11,21 @@ from .mechanism import Mechanism
 from .module import Module
 
 
+@dataclass(frozen=True)
+class RobotMotion:
+    """Motion of a whole robot on its spanning tree.
+
+    Attributes:
+        q: Positions, shape (T, nq).
+        v: Rates, shape (T, nv), [m/s, rad/s].
+        a: Accelerations, shape (T, nv), [m/s^2, rad/s^2].
+    """
+
+    q: Array
+    v: Array
+    a: Array
+
+
 @dataclass
 class ModuleState:
     """One module at every sample.

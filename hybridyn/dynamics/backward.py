@@ -1,0 +1,77 @@
+"""The backward sweep of the inverse model: forces, efforts and reactions, from the outermost modules inwards."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..spatial import Array
+from ..structure.robot import HybridRobot
+from ..structure.state import ModuleState, RobotMotion
+from .forward import base_motion, forward
+from .inverse_guards import Guards
+from .inverse_recursion import module_forces
+from .loads import Loads
+from .reactions import Reactions, module_reactions
+
+
+def backward(
+    robot: HybridRobot,
+    states: list[ModuleState],
+    loads: Loads,
+    guards: Guards,
+    tau: Array,
+    result: Reactions | None,
+    motion: RobotMotion,
+) -> None:
+    """Compute what every module needs, its motors' efforts and the wrench on its base.
+
+    Args:
+        robot: The robot.
+        states: States of its modules.
+        loads: External wrenches and effects.
+        guards: What is refused, and how motors share.
+        tau: Efforts, shape (T, motors); filled in place unless `guards.sharing` is None (efforts are known).
+        result: Reactions, filled in place, or None.
+        motion: Motion of the robot.
+    """
+    received = [np.zeros((len(motion.q), len(s.module.outputs), 6)) for s in states]
+    root = np.zeros((len(motion.q), 6))
+    for k in reversed(range(len(states))):
+        s = states[k]
+        needed = module_forces(s, loads, k, guards.motions(s), received[k])
+        if guards.sharing is not None:
+            tau[:, s.module.motor_index] = guards.efforts(k, s, needed)  # Eq. (33)
+        if result is not None:
+            module_reactions(result, s, loads.modules[k], needed.F, needed.H, tau[:, s.module.motor_index])
+        if s.module.parent < 0:
+            root += needed.F
+        else:
+            received[s.module.parent][:, s.module.parent_output] += needed.F
+    if result is not None:
+        result.base[:] = root + _root_body(robot, loads, motion)
+
+
+def reactions_of(robot: HybridRobot, motion: RobotMotion, tau: Array, loads: Loads) -> Reactions:
+    """Compute the wrenches between modules and in the closures of a motion under known efforts.
+
+    Args:
+        robot: The robot.
+        motion: Its motion.
+        tau: Efforts of the motors, shape (T, motors).
+        loads: External wrenches and effects.
+    """
+    result, on = Reactions.empty(len(motion.q)), loads.on
+    states = forward(robot, motion.q, motion.v, motion.a, on.gravity, classical=on.velocity is not None)
+    backward(robot, states, loads, Guards(robot, motion, None), tau, result, motion)
+    return result
+
+
+def _root_body(robot: HybridRobot, loads: Loads, motion: RobotMotion) -> Array:
+    """Compute the wrench that the root body itself must receive (a free base has it in its module)."""
+    if robot.base == "floating":
+        return np.zeros_like(loads.root)
+    V, V_dot = base_motion(
+        robot, motion.q, motion.v, motion.a, loads.on.gravity, classical=loads.on.velocity is not None
+    )
+    I0 = robot.root_inertia
+    return V_dot @ I0 + loads.on.body_bias(V, I0) - loads.root
