@@ -13,6 +13,7 @@ import numpy as np
 from ..effects.choice import Effects
 from ..linkage.elimination import null_basis
 from ..linkage.reduction import Basis
+from ..linkage.tree import Motion
 from ..manifold.branch import along_branch
 from ..spatial import Array, motion_matrix
 from ..structure.robot import HybridRobot
@@ -25,6 +26,19 @@ from .lost_rank import refuse_lost_rank, refuse_untold
 from .massless import refuse_forced, shorten
 
 
+@dataclass(frozen=True)
+class Motions:
+    """Motions of one module.
+
+    Attributes:
+        basis: The motions and their drift.
+        unforced: Motion of the module's tree at x_ddot = 0.
+    """
+
+    basis: Basis
+    unforced: Motion
+
+
 @dataclass
 class ArticulatedModule:
     """One module after the backward recursion.
@@ -32,6 +46,7 @@ class ArticulatedModule:
     Attributes:
         state: The module's state.
         basis: Its motions and their drift.
+        unforced: Motion of its tree at x_ddot = 0.
         a_maps: For each output a_o, shape (T, 6, N), Eq. (2).
         c: For each output v_dot_0 + crm(V) v, shape (T, 6) (`ModuleState.convective`).
         X: For each output the motion matrix from the base, shape (T, 6, 6), Eq. (26).
@@ -44,6 +59,7 @@ class ArticulatedModule:
 
     state: ModuleState
     basis: Basis
+    unforced: Motion
     a_maps: list[Array]
     c: list[Array]
     X: list[Array]
@@ -101,7 +117,7 @@ def _articulate_module(
     I_star: Array,
     beta_star: Array,
     tau: Array,
-    motions: tuple[Basis, list[Array]],
+    motions: Motions,
     blur: Array,
 ) -> ArticulatedModule:
     """Solve one module for u_dot over its base's acceleration, Eqs. (40)-(44).
@@ -112,13 +128,13 @@ def _articulate_module(
         I_star: Articulated inertias of its outputs, shape (T, outputs, 6, 6).
         beta_star: Their biases, shape (T, outputs, 6).
         tau: Efforts of its motors, shape (T, motors).
-        motions: Its motions, and its outputs' accelerations at zero x_ddot, as `_motions` gives them.
+        motions: Its motions (`_motions`).
         blur: Rounding of I_star, as inertias that are no smaller, shape (T, outputs, 6, 6).
 
     Raises:
         SingularityError: Its closures lose rank, or a force acts on a motion without inertia.
     """
-    basis, bias = motions
+    basis, unforced = motions.basis, motions.unforced
     refuse_lost_rank(s.module, basis)
     x = balance_of_legs(s, legs, basis, tau)
     a_maps: list[Array] = []
@@ -127,7 +143,7 @@ def _articulate_module(
     for o, body in enumerate(s.mechanism.spec.outputs):
         J = s.mechanism.jacobian(s.motion, body)
         a_map, X = np.matmul(J, basis.Psi), motion_matrix(*s.placement(o))
-        c = np.einsum("tij,tj->ti", J, basis.drift) + bias[o] + s.convective[:, o]
+        c = np.einsum("tij,tj->ti", J, basis.drift) + unforced.acceleration(body) + s.convective[:, o]
         b = np.einsum("tij,tj->ti", I_star[:, o], c) + beta_star[:, o]
         x.add_output(a_map, X, I_star[:, o], b, blur[:, o])
         a_maps, cs, Xs = [*a_maps, a_map], [*cs, c], [*Xs, X]
@@ -136,7 +152,9 @@ def _articulate_module(
     solved, left = inertia.solve(np.concatenate([x.E, x.Q_0[..., None]], axis=-1))
     refuse_forced(s.module, basis, left[..., 6], x.size)
     G, y = solved[..., :6], solved[..., 6]
-    return ArticulatedModule(s, basis, a_maps, cs, Xs, G, x.Q_0, y, inertia, size_of_solution(x, inertia, y))
+    return ArticulatedModule(
+        s, basis, unforced, a_maps, cs, Xs, G, x.Q_0, y, inertia, size_of_solution(x, inertia, y)
+    )
 
 
 def _onto_base(
@@ -203,8 +221,9 @@ def accelerate(
         spanning = np.zeros((len(q), m.spanning.nv))
         m.cut.to_spanning(x_ddot, spanning)
         if m.spec.wrists:
-            target = m.tree.sweep(s.q, s.v, x_ddot)
-            m.wrists.recover_accelerations(q[:, module.q_index], v[:, module.v_index], spanning, target)
+            target = m.tree.sweep(s.q, s.v, x_ddot, item.unforced)
+            own = q[:, module.q_index], v[:, module.v_index]
+            m.wrists.recover_accelerations(*own, spanning, target, s.spanning)
         a[:, module.v_index] = spanning
 
 
@@ -217,21 +236,22 @@ def _own_bias(state: ModuleState, load: ModuleLoad, on: Effects) -> Array:
     return out
 
 
-def _motions(state: ModuleState, prescribed: Array | None, passing: bool) -> tuple[Basis, list[Array]]:
-    """Return a module's motions, and its outputs' accelerations at zero x_ddot (own frames, shape (T, 6)).
+def _motions(state: ModuleState, prescribed: Array | None, passing: bool) -> Motions:
+    """Compute the motions of a module.
 
-    Those of `prescribed`, shape (T, nv), or None, are the motions that leave the motors' accelerations as
-    given.
+    Args:
+        state: State of the module.
+        prescribed: Accelerations of its spanning tree, shape (T, nv), of which the motors' are kept, or None.
+        passing: Whether postures of lost rank are passed through, on the branch that the velocity is on.
     """
     m = state.mechanism
-    motion = m.tree.sweep(state.q, state.v)
-    basis = m.basis(state.K, m.closures.rates(motion, state.v)[1])
+    unforced = m.tree.sweep(state.q, state.v)
+    basis = m.basis(state.K, m.closures.rates(unforced, state.v)[1])
     if passing:
         basis = along_branch(state, basis)
-    bias = [motion.acceleration(body) for body in m.spec.outputs]
     motors = state.module.motor_columns
     if prescribed is None or not len(motors):
-        return basis, bias
+        return Motions(basis, unforced)
     wanted = np.zeros((len(prescribed), m.tree.nv))
     m.cut.to_tree(prescribed, wanted)
     unit = m.reduction.col_scale[motors]
@@ -241,4 +261,4 @@ def _motions(state: ModuleState, prescribed: Array | None, passing: bool) -> tup
     refuse_untold(state.module, pivot)
     Psi = np.matmul(basis.Psi, Z)
     drift = basis.drift + np.einsum("tij,tj->ti", basis.Psi, u_dot)
-    return Basis(Psi, drift, basis.pivot), bias
+    return Motions(Basis(Psi, drift, basis.pivot), unforced)

@@ -1,4 +1,4 @@
-"""The backward sweep of the inverse model: forces, efforts and reactions, from the outermost modules inwards."""
+"""The backward sweep of the inverse model, from the outermost modules inwards: forces, efforts, reactions."""
 
 from __future__ import annotations
 

@@ -18,8 +18,8 @@ STATE_CLOSED = 1e-6
 
 def check_closed(
     robot: HybridRobot, states: list[ModuleState], q: Array, v: Array, a: Array | None = None
-) -> None:
-    """Refuse states that do not close the loops to `STATE_CLOSED` (more where the file itself is rounded).
+) -> Array:
+    """Check that states close the loops to `STATE_CLOSED` (more where the file itself is rounded).
 
     Args:
         robot: The robot.
@@ -28,30 +28,33 @@ def check_closed(
         v: Rates, shape (T, nv).
         a: Accelerations, shape (T, nv), where they are checked as well.
 
+    Returns:
+        The worst closure residual of each sample, as `closure_residual` computes it, shape (T,).
+
     Raises:
         AssemblyError: Naming module, closure and sample.
     """
-    natural = NaturalSizes.of(robot, v, a)
+    natural, worst = NaturalSizes.of(robot, v, a), np.zeros(len(q))
     for state in states:
         m = state.mechanism
         if not m.spanning_closures.rows:
             continue
         slack = STATE_CLOSED + m.rounding
         qk = q[:, state.module.q_index]
-        open_by = m.residual(qk, state.spanning)
-        _refuse(state.module, np.abs(open_by), np.full(len(q), slack), "positions", "open")
-        motion = m.tree.sweep(state.q, state.v)
-        first, drift = m.closures.rates(motion, state.v)
+        open_by = np.abs(m.residual(qk, state.spanning))
+        worst = np.maximum(worst, open_by.max(axis=1))
+        _refuse(state.module, open_by, np.full(len(q), slack), "positions", "open")
+        first, second = m.closures.rates(state.motion, state.v, state.a)
         scale, unit = m.reduction.row_scale, m.reduction.col_scale
         speed = np.abs(state.v / unit).max(axis=1, initial=0.0)
         limit = np.maximum(slack * speed, REST * natural.rate(m.length))
         _refuse(state.module, np.abs(first * scale), limit, "rates", "opening")
         if a is not None:
-            second = np.einsum("tij,tj->ti", state.K, state.a) + drift
             size = np.abs(state.a / unit).max(axis=1, initial=0.0) + speed**2
             limit = np.maximum(slack * size, REST * natural.acceleration(m.length))
             _refuse(state.module, np.abs(second * scale), limit, "accelerations", "accelerating apart")
         _check_wrists(state, slack, natural, a is not None)
+    return worst
 
 
 def _check_wrists(state: ModuleState, slack: float, natural: NaturalSizes, accelerations: bool) -> None:

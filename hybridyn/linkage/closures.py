@@ -315,13 +315,22 @@ class Closures:
         out._coupling_rows = self._coupling_rows * free
         return out
 
-    def rates(self, motion: Motion, v: Array) -> tuple[Array, Array]:
-        """Compute K q_dot and the second derivative of the residual along the motion, shapes (T, rows).
+    def rates(self, motion: Motion, v: Array, a: Array | None = None) -> tuple[Array, Array]:
+        """Compute the first two time derivatives of the residual along a motion: K q_dot, K q_ddot + gamma.
 
-        For a motion swept at zero joint accelerations, the second is the drift term gamma.
+        Args:
+            motion: Motion of the tree. Swept at zero joint accelerations, the second is the drift term gamma.
+            v: Joint rates, shape (T, nv).
+            a: Joint accelerations that the motion was swept at, shape (T, nv); zero where left out.
+
+        Returns:
+            Each of shape (T, rows).
         """
         first, second = np.zeros((2, len(v), self.rows))
         for group in self._groups:
             first[:, group.rows], second[:, group.rows] = group.rates(motion)
-        first[:, self.rows - len(self.couplings) :] = v @ self._coupling_rows.T
+        couplings = self.rows - len(self.couplings)
+        first[:, couplings:] = v @ self._coupling_rows.T
+        if a is not None:
+            second[:, couplings:] = a @ self._coupling_rows.T
         return first, second

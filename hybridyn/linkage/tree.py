@@ -158,16 +158,8 @@ class Tree:
                 R[:, i], p[:, i] = compose(joint.R, turn), joint.p + rotate(joint.R, shift)
         return R, p
 
-    def sweep(self, q: Array, v: Array | None = None, a: Array | None = None) -> Motion:
-        """Compute the motion of every body; omitted rates and accelerations are zero.
-
-        Without `a`, `w_dot` and `p_ddot` are the accelerations at zero joint accelerations (J_dot q_dot).
-
-        Args:
-            q: Joint positions, shape (T, nq).
-            v: Joint rates, shape (T, nv).
-            a: Joint accelerations, shape (T, nv).
-        """
+    def _placements(self, q: Array) -> tuple[Array, Array]:
+        """Compute axes and origins of all bodies in the base, shapes (T, bodies, 3, 3), (T, bodies, 3)."""
         T, n = len(q), len(self.joints) + 1
         R, p = samples_inside((T, n, 3, 3)), samples_inside((T, n, 3))
         R[:, 0] = np.eye(3)
@@ -176,6 +168,23 @@ class Tree:
             R0 = select(R, parents)
             R[:, children] = compose(R0, select(R_local, children - 1))
             p[:, children] = select(p, parents) + rotate(R0, select(p_local, children - 1))
+        return R, p
+
+    def sweep(
+        self, q: Array, v: Array | None = None, a: Array | None = None, at: Motion | None = None
+    ) -> Motion:
+        """Compute the motion of every body; omitted rates and accelerations are zero.
+
+        Without `a`, `w_dot` and `p_ddot` are the accelerations at zero joint accelerations (J_dot q_dot).
+
+        Args:
+            q: Joint positions, shape (T, nq).
+            v: Joint rates, shape (T, nv).
+            a: Joint accelerations, shape (T, nv).
+            at: A motion of this tree through the same positions, whose placements are taken over.
+        """
+        T, n = len(q), len(self.joints) + 1
+        R, p = self._placements(q) if at is None else (at.R, at.p)
         if v is None:
             rest = np.broadcast_to(0.0, (T, n, 3))
             return Motion(R, p, rest, rest, rest, rest)

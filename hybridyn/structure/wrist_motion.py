@@ -115,7 +115,9 @@ class WristMotion:
         """
         self._recover(q, v, None, target)
 
-    def recover_accelerations(self, q: Array, v: Array, a: Array, target: Motion) -> None:
+    def recover_accelerations(
+        self, q: Array, v: Array, a: Array, target: Motion, at: Motion | None = None
+    ) -> None:
         """Compute the least-norm accelerations of the wrists with which their ends follow, in place.
 
         Args:
@@ -123,10 +125,11 @@ class WristMotion:
             v: Rates of the spanning tree, shape (T, nv).
             a: Accelerations of the spanning tree, shape (T, nv); those of the wrists are overwritten.
             target: Motion of the tree after the cuts, with accelerations.
+            at: A motion of the spanning tree through the same positions, where one is known.
         """
-        self._recover(q, v, a, target)
+        self._recover(q, v, a, target, at)
 
-    def _recover(self, q: Array, v: Array, a: Array | None, target: Motion) -> None:
+    def _recover(self, q: Array, v: Array, a: Array | None, target: Motion, at: Motion | None = None) -> None:
         """Compute the rates of the wrists or, where `a` is given, their accelerations, in place."""
         unknown = v if a is None else a
         motion: Motion | None = None
@@ -134,7 +137,7 @@ class WristMotion:
             cols = self.columns(number)
             unknown[:, cols] = 0.0
             if motion is None:
-                motion = self._cut.spanning.sweep(q, v, a)
+                motion = at = self._cut.spanning.sweep(q, v, a, at)
             miss = _miss(motion, wrist.end, target, self._cut.tree_body(wrist.target), a is not None)
             S = self.jacobian(motion, number)
             miss[:, :3] /= self._length
