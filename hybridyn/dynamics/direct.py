@@ -83,10 +83,11 @@ def ddm(
     Source:
         Ibrahim & Khalil (2010), Eqs. (38)-(53). The paper drops a_dot v_r from xi; `Basis.drift` keeps it.
     """
-    q, single = as_positions(robot, q)
+    on = choose(robot, effects)
+    q, single = as_positions(robot, q, base_given=on.base is None)
     v, tau = as_batch(v, robot.nv, "v")[0], as_batch(tau, len(robot.motors), "tau")[0]
     same_samples(q=q, v=v, tau=tau)
-    on, time = choose(robot, effects), times(time, len(q))
+    time = times(time, len(q))
     needs_inertia(on)
     a = np.zeros_like(v)
     if base_acceleration is not None:

@@ -93,12 +93,13 @@ def idm(
     Source:
         Ibrahim & Khalil (2010), Eqs. (30)-(33); trees of modules, any mobility and number of motors are ours.
     """
-    q, single = as_positions(robot, q)
+    on = choose(robot, effects)
+    q, single = as_positions(robot, q, base_given=on.base is None)
     v, a = as_batch(v, robot.nv, "v")[0], as_batch(a, robot.nv, "a")[0]
     same_samples(q=q, v=v, a=a)
     _one_of("on_singular", on_singular, "raise", "least-norm")
     _one_of("passive", passive, "given", "solved")
-    on, time = choose(robot, effects), times(time, len(q))
+    time = times(time, len(q))
     if on.base is not None:
         q, v, a = on.base.into(robot, time, q, v, a)
     loads = all_loads(robot, on, q, v, time, wrenches)

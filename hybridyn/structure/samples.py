@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import TrajectoryError
+from ..linkage.joints import NQ
 from ..spatial import Array
 from .robot import HybridRobot
 
@@ -39,8 +40,16 @@ def as_batch(array: ArrayLike, width: int, name: str) -> tuple[Array, bool]:
     return out, single
 
 
-def as_positions(robot: HybridRobot, array: ArrayLike, name: str = "q") -> tuple[Array, bool]:
-    """Return positions as (T, nq), and say whether one single sample came in.
+def as_positions(
+    robot: HybridRobot, array: ArrayLike, name: str = "q", *, base_given: bool = True
+) -> tuple[Array, bool]:
+    """Return positions as (T, nq), and whether a single sample came in.
+
+    Args:
+        robot: The robot.
+        array: Positions, shape (nq,) or (T, nq).
+        name: What messages call them.
+        base_given: False where the base's pose is not read, because an effect prescribes it.
 
     Raises:
         TrajectoryError: Wrong shape, a number that is not finite, or a quaternion or a cosine and sine that
@@ -48,6 +57,8 @@ def as_positions(robot: HybridRobot, array: ArrayLike, name: str = "q") -> tuple
     """
     out, single = as_batch(array, robot.nq, name)
     for columns in robot.unit_coordinates:
+        if not base_given:
+            columns = columns[columns[:, 0] >= NQ["floating"]]
         length = np.sqrt(np.square(out[:, columns]).sum(axis=2))
         wrong = np.argwhere(~(np.abs(length - 1.0) <= UNIT))
         if len(wrong):

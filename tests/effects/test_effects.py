@@ -14,6 +14,7 @@ import hybridyn
 from hybridyn import HybridRobot, ddm, idm
 from hybridyn import effects as fx
 from hybridyn.dynamics.energy import leg_bodies
+from hybridyn.dynamics.link_motion import observed_motions
 from hybridyn.effects.choice import DEFAULT, STANDARD, UNITS, choose
 from hybridyn.errors import ActuationError, ModelError, SingularityError, TrajectoryError
 from hybridyn.structure.building import build_robot
@@ -374,7 +375,8 @@ def test_the_ground_pushes_and_never_pulls() -> None:
     v[2, 2], v[3, 2] = -1.0, 10.0  # pressed in, and torn out so fast that a plain damper would hold on
     v[1, 0] = 1.0
     law = fx.GroundContact({link: [[0.0, 0.0, 0.0]]}, stiffness=1e4, damping=0.2, friction=0.5, width=1e-3)
-    (wrenches,) = choose(robot, [law]).wrenches(robot, q, v, None)
+    on = choose(robot, [law])
+    (wrenches,) = on.wrenches(observed_motions(robot, on, q, v), None, len(q))
     expected = np.zeros((4, 6))
     expected[1, [0, 2]] = -10.0, 20.0
     expected[2, 2] = 24.0
