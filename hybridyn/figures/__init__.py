@@ -1,7 +1,7 @@
-"""Everything that draws a chart.
+"""Charts of results.
 
-Read `panels` (what a figure shows, as plain data), `motion`, `table` and `effects` (from results to
-panels), then `as_matplotlib` and `as_page` (from panels to a file). `plot` is for programs. `structure`,
+Read `panels` first: the contents of a figure as plain data. `motion`, `table` and `effects` build panels
+from results. `as_matplotlib` and `as_page` draw panels. `plot` has the functions for programs. `structure`,
 `workspace`, `sizing` and `cost` draw their own figures.
 
 May import: `studies` and below.

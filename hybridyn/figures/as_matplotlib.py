@@ -1,4 +1,4 @@
-"""A chart as a figure of matplotlib."""
+"""Draw a chart as a matplotlib figure."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 WIDTHS, HEIGHT = {1: 10.0, 2: 14.0, 3: 18.0}, 2.3  # of figures by columns, of panels [inch]
-#: In one column of a legend.
+#: Largest number of names in one column of a legend.
 MOST_NAMES = 12
 
 
 def figure_of_chart(chart: Chart) -> Figure:
-    """Draw a chart.
+    """Draw a chart as a matplotlib figure.
 
     Args:
         chart: The chart.
@@ -47,7 +47,7 @@ def figure_of_chart(chart: Chart) -> Figure:
 
 
 def _lines(ax: Axes, chart: Chart, panel: Panel) -> None:
-    """Draw lines, their peaks, and the limits that are near."""
+    """Draw lines, their peaks, and the limits close to them."""
     for number, line in enumerate(panel.lines):
         colour = MODULES[number % len(MODULES)]
         ax.plot(chart.x, line.y, color=colour, linewidth=1.3, label=line.name)
@@ -77,7 +77,7 @@ def _lines(ax: Axes, chart: Chart, panel: Panel) -> None:
 
 
 def _bars(ax: Axes, panel: Panel) -> None:
-    """Draw bars, a cluster per tick."""
+    """Draw bars, one cluster per tick."""
     width = 0.8 / max(len(panel.lines), 1)
     places = np.arange(len(panel.ticks))
     for number, line in enumerate(panel.lines):

@@ -1,4 +1,4 @@
-"""A chart as a page that needs no network: plotly's lines, to be zoomed, read and switched off."""
+"""Write a chart as an interactive HTML page (plotly) that needs no network."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ HEIGHT, MARGIN = 250, 120  # of a panel, around all of them [pixels]
 
 
 def page_of_chart(chart: Chart) -> str:
-    """Return a chart as the text of an HTML file that holds all it needs.
+    """Return a chart as the text of a self-contained HTML file.
 
     Args:
         chart: The chart.

@@ -1,4 +1,4 @@
-"""An empty figure of matplotlib, without pyplot: nothing opens a window, nothing is left in memory."""
+"""Create an empty matplotlib figure without pyplot, so that no window opens and no figure stays in memory."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The work-precision figure: error against time, one line per family; lower left is better."""
+"""Work-precision diagram: error against computing time, one line per family; lower left is better."""
 
 from __future__ import annotations
 
@@ -12,19 +12,18 @@ if TYPE_CHECKING:
 
 COLOURS = ("#0b6e99", "#c8553d", "#3f8f5f", "#7a5195", "#d99a1c", "#555f6b", "#1c9ba6", "#a63d6f")
 
-
-#: What is drawn for no error at all.
+#: Value drawn for an error of zero, since the axis is logarithmic.
 LEAST = 1e-17
 
-#: Families whose settings do not run from coarse to fine: no line joins them.
+#: Families whose settings are not ordered from coarse to fine. Their points are not joined by a line.
 UNORDERED = ("effects", "C in float64", "C in float32", "rates of the trajectory", "as the scene says")
 
 
 def figure_of(study: Study, source: str) -> Figure:
-    """Draw a study.
+    """Draw the work-precision diagram of a study.
 
     Args:
-        study: What was measured.
+        study: The measurements.
         source: Name of the robot's or scene's file.
     """
     from matplotlib.figure import Figure

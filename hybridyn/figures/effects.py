@@ -1,4 +1,4 @@
-"""What each effect adds to the efforts, as bars by motor."""
+"""Bar chart of the contribution of each effect to the efforts, by motor."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ from .panels import Chart, Line, Panel
 
 
 def chart_of_effects(robot: HybridRobot, contributions: Sequence[Contribution], *, title: str = "") -> Chart:
-    """Draw what effects are worth: the RMS of what each adds to each motor's effort, a panel per module.
+    """Build a chart of the RMS contribution of each effect to each motor's effort, one panel per module.
 
     Args:
         robot: The robot.
-        contributions: What each effect adds.
+        contributions: Contribution of each effect.
         title: Title of the chart.
     """
     number = {motor: i for i, motor in enumerate(robot.motors)}
     panels = []
     for group in groups(robot, "effort"):
         at = [number[motor] for motor in group.motors]
-        # Without some effects a passive motion needs an effort that no motor can make: nothing to draw there.
+        # A contribution is nan where a passive motion would need an effort without the effect: draw zero.
         lines = tuple(
             Line(effect.name, np.nan_to_num(np.asarray(effect.rms, dtype=float)[at]))
             for effect in contributions

@@ -1,4 +1,4 @@
-"""Rows of a table of any length, kept as no more of them than a figure can show, every peak among them."""
+"""Reduce the rows of a table of any length to as many as a figure can show, without losing a peak."""
 
 from __future__ import annotations
 
@@ -6,12 +6,12 @@ import numpy as np
 
 from ..spatial import Array
 
-#: Samples, or pairs of extremes, that are kept: more than a figure has pixels.
+#: Samples, or pairs of extremes, that are kept. A figure has fewer pixels.
 MOST = 4000
 
 
 class Envelope:
-    """Rows, or the least and the largest of consecutive ones where there are too many."""
+    """Rows of a table, or the minimum and maximum of groups of consecutive rows if there are too many."""
 
     def __init__(self, most: int = MOST) -> None:
         self._most, self._each = most, 1
@@ -21,10 +21,10 @@ class Envelope:
         self._rest: tuple[Array, Array] | None = None
 
     def add(self, x: Array, rows: Array) -> None:
-        """Take in consecutive rows.
+        """Add consecutive rows.
 
         Args:
-            x: What they are drawn over, shape (T,).
+            x: Abscissas of the rows (time or row number), shape (T,).
             rows: Their values, shape (T, columns).
         """
         if self._rest is not None:
@@ -42,7 +42,7 @@ class Envelope:
             self._high.append(high.reshape(-1, each, high.shape[1]).max(axis=1))
 
     def _halve(self) -> None:
-        """Make one pair of extremes of every two."""
+        """Merge every two consecutive pairs of extremes into one."""
         x, low, high = (np.concatenate(parts) for parts in (self._x, self._low, self._high))
         even = len(x) - len(x) % 2
         self._x, self._low, self._high = [], [], []
@@ -52,7 +52,7 @@ class Envelope:
         self._each *= 2
 
     def lines(self) -> tuple[Array, Array]:
-        """Return what is drawn: x, shape (n,), and values, shape (n, columns)."""
+        """Return the points to draw: abscissas, shape (n,), and values, shape (n, columns)."""
         x, low, high = [*self._x], [*self._low], [*self._high]
         if self._rest is not None:
             x.append(self._rest[0][:1])

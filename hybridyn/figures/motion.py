@@ -1,4 +1,4 @@
-"""From the rows of a result to a chart: motors grouped by module, power, energy and residuals."""
+"""Build a chart from the rows of a result: motors grouped by module, power, energy and residuals."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from ..structure.robot import HybridRobot
 from ..tables.columns import ENERGIES, RESIDUAL
 from .panels import Chart, Line, Panel
 
-#: Panels of motors: a figure with more cannot be read.
+#: Largest number of panels of motors that stays legible in a figure.
 MOST_GROUPS = 60
-#: An exact zero has no logarithm; this stands for it.
+#: Value drawn for an exact zero on a logarithmic axis.
 SMALLEST = 1e-17
 
-#: For each quantity of a column its name, the units of kinds of joints, and the unit of all others.
+#: For each quantity of a column: its name, the units by kind of joint, and the unit of all other kinds.
 QUANTITIES = {
     "effort": ("effort", {"prismatic": "N"}, "N m"),
     "acceleration": ("acceleration", {"prismatic": "m/s^2"}, "rad/s^2"),
@@ -27,12 +27,12 @@ QUANTITIES = {
 
 
 class Group(NamedTuple):
-    """Motors that are drawn together: those of a module, or of serial joints in a row; all of one unit.
+    """Motors drawn in one panel: those of a module or of consecutive serial joints, all with the same unit.
 
     Attributes:
-        title: Their module's name.
-        colour: Its colour.
-        motors: Their names.
+        title: Name of their module.
+        colour: Colour of the module, "#rrggbb".
+        motors: Names of the motors.
         unit: Unit of their values.
     """
 
@@ -43,7 +43,7 @@ class Group(NamedTuple):
 
 
 def groups(robot: HybridRobot, quantity: str) -> list[Group]:
-    """Return the motors in groups.
+    """Return the motors grouped by panel.
 
     Args:
         robot: The robot.
@@ -75,7 +75,7 @@ def groups(robot: HybridRobot, quantity: str) -> list[Group]:
 def chart_of_rows(
     robot: HybridRobot, columns: Sequence[str], x: Array, rows: Array, *, timed: bool = True, title: str = ""
 ) -> Chart:
-    """Draw the rows of a result of `idm`, `ddm` or `simulate`.
+    """Build a chart of the rows of a result of `idm`, `ddm` or `simulate`.
 
     Args:
         robot: The robot.
@@ -86,7 +86,7 @@ def chart_of_rows(
         title: Title of the chart.
 
     Raises:
-        TrajectoryError: There is nothing to draw.
+        TrajectoryError: No column can be drawn.
     """
     data = dict(zip(columns, rows.T, strict=True))
     quantity = "effort" if any(f"{motor}/effort" in data for motor in robot.motors) else "acceleration"
@@ -118,7 +118,7 @@ def _motor_panels(robot: HybridRobot, data: dict[str, Array], quantity: str) -> 
 
 
 def _power(robot: HybridRobot, data: dict[str, Array]) -> list[Panel]:
-    """Return the power of the motors, module by module, where the rows hold their rates."""
+    """Return a panel of the motor power per module, if the rows hold the rates of the motors."""
     lines = []
     for module in robot.modules:
         pairs = [(f"{motor}/effort", f"{motor}/velocity") for motor in module.motors]

@@ -1,4 +1,4 @@
-"""What a figure shows, as plain data: panels of lines over time, or of bars."""
+"""Contents of a figure as plain data: panels of lines over time, or of bars."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 
 from ..spatial import Array
 
-#: A limit is drawn if values come within this factor of it.
+#: A limit is drawn if the largest value is within this factor of it.
 LIMIT_FACTOR = 2.5
 
 
@@ -17,10 +17,10 @@ class Line:
     """One line of a panel, or one bar per tick.
 
     Attributes:
-        name: Its name in the legend.
-        y: Its values, shape (T,) or (ticks,).
-        limit: Largest size that its values may have, inf where there is none.
-        mark_peak: Whether its largest size is marked.
+        name: Name in the legend.
+        y: Values, shape (T,) or (ticks,).
+        limit: Largest permitted magnitude of the values, inf if there is none.
+        mark_peak: Whether the value of largest magnitude is marked.
     """
 
     name: str
@@ -30,12 +30,12 @@ class Line:
 
     @property
     def peak(self) -> int:
-        """Number of its value of the largest size."""
+        """Index of the value of largest magnitude."""
         return int(np.argmax(np.abs(self.y)))
 
     @property
     def is_near_limit(self) -> bool:
-        """Whether its limit is near enough to be drawn without squashing it."""
+        """Whether the limit is close enough to be drawn without flattening the line."""
         return self.limit <= LIMIT_FACTOR * float(np.abs(self.y).max(initial=0.0))
 
 
@@ -44,13 +44,13 @@ class Panel:
     """One panel.
 
     Attributes:
-        title: What it is about.
+        title: Title, for example the name of a module.
         label: Quantity and unit.
-        lines: Its lines.
-        colour: Colour of what it is about, "#rrggbb", or None.
-        unit: Unit of its values, for marked peaks.
+        lines: Lines or bars.
+        colour: Colour of the title, "#rrggbb", or None.
+        unit: Unit of the values, shown at marked peaks.
         logarithmic: Whether values are drawn on a logarithmic scale.
-        ticks: Names under its bars; a panel of lines has none.
+        ticks: Names below the bars; empty for a panel of lines.
     """
 
     title: str
@@ -63,17 +63,17 @@ class Panel:
 
     @property
     def peak(self) -> float:
-        """Largest size of any value."""
+        """Largest magnitude of any value."""
         return max((float(np.abs(line.y).max(initial=0.0)) for line in self.lines), default=0.0)
 
     def limits(self) -> list[tuple[float, int | None]]:
-        """Return the limits that lines come near to, with the line's number, or None where all share it."""
+        """Return the limits close to a line, with the number of the line, or None if all lines share it."""
         near = {line.limit: number for number, line in enumerate(self.lines) if line.is_near_limit}
         shared = len({line.limit for line in self.lines}) == 1
         return [(limit, None if shared else number) for limit, number in sorted(near.items())]
 
     def far_limits(self) -> str:
-        """Say in a few words which limits are too far away to be drawn."""
+        """Describe briefly the limits that are too far away to be drawn."""
         near = {limit for limit, _ in self.limits()}
         far = sorted({line.limit for line in self.lines} - near - {np.inf})
         if not far:
@@ -87,10 +87,10 @@ class Chart:
     """A figure.
 
     Attributes:
-        title: Its title.
-        x: What lines are drawn over, shape (T,).
-        x_label: Its quantity and unit.
-        panels: Its panels.
+        title: Title of the figure.
+        x: Abscissas of the lines (time or row number), shape (T,).
+        x_label: Quantity and unit of `x`.
+        panels: Panels of the figure.
     """
 
     title: str
@@ -100,5 +100,5 @@ class Chart:
 
     @property
     def columns(self) -> int:
-        """How many panels stand side by side."""
+        """Number of columns of panels."""
         return 1 if len(self.panels) <= 4 else 2 if len(self.panels) <= 12 else 3

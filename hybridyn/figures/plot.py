@@ -1,6 +1,6 @@
-"""Figures of tables and results, as matplotlib's `Figure` without pyplot: nothing opens a window.
+"""Matplotlib figures of tables and results, created without pyplot, so that no window opens.
 
-`hybridyn.figures` says what is drawn, as plain data; the same charts become pages that need no network.
+The charts are plain data (`panels`). `as_page` writes the same charts as HTML pages that need no network.
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ if TYPE_CHECKING:
 
 
 def figure_of_table(columns: Sequence[str], rows: Array, *, title: str = "") -> Figure:
-    """Draw a table of a motion: one panel per quantity, time across.
+    """Draw a table of a motion over time, one panel per quantity.
 
-    Where the table holds efforts, joints without one (passive ones) are left out, so that motors can be seen.
+    If the table holds efforts, joints without an effort (passive joints) are omitted for legibility.
 
     Args:
         columns: Names of the columns ("<joint>/effort", "energy/total", ...).
@@ -37,12 +37,12 @@ def figure_of_table(columns: Sequence[str], rows: Array, *, title: str = "") -> 
 
 
 def figure_of_efforts(robot: HybridRobot, time: Array, tau: Array, *, title: str = "") -> Figure:
-    """Draw efforts over time: a panel per module, limits and peaks marked.
+    """Draw efforts over time, one panel per module, with limits and peaks marked.
 
     Args:
         robot: The robot.
         time: Times, shape (T,), [s].
-        tau: Efforts, shape (T, motors), [N or N m], as `hybridyn.idm` gives them.
+        tau: Efforts, shape (T, motors), [N or N m], as returned by `hybridyn.idm`.
         title: Title of the figure.
 
     Raises:

@@ -1,4 +1,4 @@
-"""The speed-effort cloud of every motor, with its limits: what a motor's characteristic must enclose."""
+"""Speed-effort cloud of every motor with its limits; a motor's characteristic must enclose it."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ if TYPE_CHECKING:
 
     from ..spatial import Array
 
-#: Of panels; a module of six motors fills a row.
+#: Columns of panels: a module of six motors fills a row.
 COLUMNS = 6
-#: A limit is drawn if the motion comes within this factor of it: else the cloud would be a dot.
+#: A limit is drawn if it is at most this multiple of the peak. A higher one would shrink the cloud to a dot.
 CLOUD_LIMIT_FACTOR = 3.0
 
 
@@ -27,7 +27,7 @@ def figure_of_sizing(sizing: Sizing, *, title: str = "") -> Figure:
     """Draw one panel per motor: effort over speed at every sample, RMS effort, peaks, and the limits.
 
     Args:
-        sizing: What was gathered.
+        sizing: The accumulated loads.
         title: Title of the figure.
 
     Raises:
@@ -48,7 +48,7 @@ def figure_of_sizing(sizing: Sizing, *, title: str = "") -> Figure:
 
 
 def _legend(figure: Figure) -> None:
-    """Say what points and lines are: once for all panels, each as the first panel that has it draws it."""
+    """Draw one legend for all panels; each entry copies the style of the first panel that contains it."""
     drawn: dict[str, Artist] = {}
     for ax in figure.axes:
         for artist, name in zip(*ax.get_legend_handles_labels(), strict=True):

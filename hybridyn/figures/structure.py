@@ -1,4 +1,4 @@
-"""The drawing of a robot's structure: cards from the ground up the page's columns, drawn by matplotlib."""
+"""Draw a robot's structure with matplotlib, as cards in columns, starting from the ground."""
 
 from __future__ import annotations
 
@@ -16,21 +16,21 @@ if TYPE_CHECKING:
 # All lengths in inches.
 WIDTH, INDENT, GUTTER, GAP = 4.2, 0.35, 0.55, 0.28
 TITLE, LINE, LEG, PAD = 0.30, 0.21, 0.30, 0.12
-#: Of a column, as long as there are few.
+#: Target height of a column while there are few columns.
 TALLEST = 9.0
 MOST_COLUMNS = 4
 MARGIN, KEY = 0.3, 0.45
-#: From card to card of a pile.
+#: Offset between the cards of a pile.
 PILE = 0.07
-#: From joint to joint.
+#: Distance between neighbouring joints of a leg.
 STEP = 0.33
-#: Of one row; of a longer chain the rest is counted.
+#: Largest number of joints drawn in a row; the rest of a longer chain is counted.
 MOST_SIGNS = 10
 INK, FAINT = "#22262b", "#5b6068"
 
 
 class Place(NamedTuple):
-    """Where a card is, from the upper left corner of the page, downwards.
+    """Position and size of a card; the origin is the upper left corner of the page, y points down.
 
     Attributes:
         x: Its left edge [inch].
@@ -48,13 +48,13 @@ class Place(NamedTuple):
 
 
 def layout(cards: list[Card]) -> tuple[list[Place], float, float]:
-    """Give every card a place in as many columns as it takes; it is set in wherever the tree branches.
+    """Compute the place of every card in columns; cards are indented where the tree branches.
 
     Args:
         cards: The cards.
 
     Returns:
-        Their places, and width and height of the page [inch].
+        The places of the cards, and the width and height of the page [inch].
     """
     parents = [card.parent for card in cards]
     lanes: list[int] = []
@@ -76,7 +76,7 @@ def layout(cards: list[Card]) -> tuple[list[Place], float, float]:
 
 
 def figure_of_cards(cards: list[Card]) -> Figure:
-    """Draw the cards.
+    """Draw cards as a matplotlib figure.
 
     Args:
         cards: The cards.
@@ -102,7 +102,7 @@ def figure_of_cards(cards: list[Card]) -> Figure:
 
 
 def _edge(ax: Axes, parent: Place, child: Place, colour: str) -> None:
-    """Draw the way from a card to one that stands on it; the cards cover its ends."""
+    """Draw the edge from a card to its child; the cards cover the ends of the edge."""
     to, middle = child.y + PAD + TITLE / 2, parent.y + PAD + TITLE / 2
     if parent.column == child.column:
         x, y = [parent.x + 0.17] * 2 + [child.x + 0.2], [middle, to, to]
@@ -132,7 +132,7 @@ def _card(ax: Axes, card: Card, place: Place) -> None:
 
 
 def _leg(ax: Axes, leg: Leg, x: float, y: float, colour: str) -> None:
-    """Draw a leg as its joints on a line."""
+    """Draw a leg as a line with its joints."""
     if leg.number > 1:
         ax.text(x, y, f"{leg.number} x", fontsize=9.5, color=INK, va="center", zorder=3)
     start = x + 0.55
@@ -149,6 +149,6 @@ def _leg(ax: Axes, leg: Leg, x: float, y: float, colour: str) -> None:
 
 
 def _fitting(text: str, letters: int) -> str:
-    """Return a text, with its middle left out where it is too long."""
+    """Return a text, shortened in the middle if it is too long."""
     half = (letters - 3) // 2
     return text if len(text) <= letters else f"{text[:half]}...{text[-half:]}"

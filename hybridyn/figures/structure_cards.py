@@ -1,6 +1,6 @@
-"""The tree of modules as cards: what a drawing of a robot's structure shows, as plain data.
+"""Cards of the tree of modules: the contents of a structure drawing as plain data.
 
-Joints in series stand on one card, and so do equal modules that stand one on the other.
+Consecutive joints in series share one card, and so do consecutive equal modules.
 """
 
 from __future__ import annotations
@@ -14,9 +14,9 @@ from ..linkage.joints import LETTERS
 from ..structure.module import Module
 from ..structure.robot import HybridRobot
 
-#: Kinds of legs on a card.
+#: Largest number of kinds of legs on a card.
 MOST_LEGS = 6
-#: Equal modules in a row from which on all but the first are one card.
+#: From this number of consecutive equal modules on, all but the first share one card.
 FOLD = 3
 
 
@@ -33,11 +33,11 @@ class Sign(NamedTuple):
 
 
 class Leg(NamedTuple):
-    """Legs that are alike.
+    """A group of equal legs.
 
     Attributes:
-        number: How many there are.
-        joints: The joints of each, from its base.
+        number: Number of legs.
+        joints: The joints of each leg, starting at its base.
     """
 
     number: int
@@ -49,13 +49,13 @@ class Card:
     """One card of the drawing.
 
     Attributes:
-        title: Name of the module, or of the first and the last of several.
-        lines: What is said of it.
-        legs: Its legs, or the joints in series as one.
+        title: Name of the module, or names of the first and the last of several.
+        lines: Lines of text below the title.
+        legs: Its legs; joints in series form one leg.
         colour: Its module's colour, "#rrggbb".
-        modules: Numbers of the modules that it stands for; none for the ground.
-        parent: Number of the card that it stands on, None for the ground.
-        folded: Whether it stands for modules that are like another one.
+        modules: Numbers of the modules on the card; empty for the ground.
+        parent: Number of the parent card, None for the ground.
+        folded: Whether the modules are equal to that of the parent card.
     """
 
     title: str
@@ -68,7 +68,7 @@ class Card:
 
 
 def cards(robot: HybridRobot) -> list[Card]:
-    """Return the cards of a robot, each after the one that it stands on, branches one after the other.
+    """Build the cards of a robot in depth-first order, each after its parent.
 
     Args:
         robot: The robot.
@@ -77,7 +77,7 @@ def cards(robot: HybridRobot) -> list[Card]:
 
 
 class _Deck:
-    """The cards, laid one after the other."""
+    """Builds the cards in depth-first order."""
 
     def __init__(self, robot: HybridRobot) -> None:
         self.robot = robot
@@ -88,7 +88,7 @@ class _Deck:
         for number, module in enumerate(robot.modules):
             self.children.setdefault(module.parent, []).append(number)
         self.cards = [self._ground()]
-        # A stack, not recursion: chains of modules may be longer than Python's.
+        # A stack instead of recursion: chains of modules may exceed Python's recursion limit.
         stack = [(number, 0) for number in reversed(self.children.get(-1, []))]
         while stack:
             number, parent = stack.pop()
@@ -104,7 +104,7 @@ class _Deck:
         return Card(robot.description.root, (f"base, {base}", f"{robot.name}: {text}"), (), GROUND, (), None)
 
     def _lay(self, number: int, parent: int) -> int:
-        """Lay the card of a module, of several where they belong together; give the last module's number."""
+        """Append the card of a module or of several that share one; return the last module's number."""
         chain = self._chain(number)
         modules = self.robot.modules
         if self._is_serial(modules[number]):
@@ -118,7 +118,7 @@ class _Deck:
         return chain[-1]
 
     def _chain(self, number: int) -> list[int]:
-        """Return a module with those above it that are joints in series as well, or equal to it."""
+        """Return a module and the modules that continue it: joints in series, or equal modules."""
         modules, chain = self.robot.modules, [number]
         serial = self._is_serial(modules[number])
         while len(below := self.children.get(chain[-1], [])) == 1:
@@ -189,7 +189,7 @@ def _counted(number: int, thing: str) -> str:
 
 
 def dot_of_cards(drawn: list[Card]) -> str:
-    """Return the cards as a graph in the language of Graphviz, for those who have it.
+    """Return the cards as a graph in the DOT language of Graphviz.
 
     Args:
         drawn: The cards.

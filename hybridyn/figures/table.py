@@ -1,4 +1,4 @@
-"""From any table of a motion to a chart: a panel per quantity, whatever the robot."""
+"""Build a chart from a table of a motion, one panel per quantity; the robot need not be known."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ QUANTITIES = (
 
 
 def chart_of_table(columns: Sequence[str], rows: Array, *, title: str = "") -> Chart:
-    """Draw a table of a motion: one panel per quantity, time across.
+    """Build a chart of a table of a motion over time, one panel per quantity.
 
-    Where the table holds efforts, joints without one (passive ones) are left out, so that motors can be seen.
+    If the table holds efforts, joints without an effort (passive joints) are omitted for legibility.
 
     Args:
         columns: Names of the columns ("<joint>/effort", "energy/total", ...).
@@ -51,7 +51,7 @@ def chart_of_table(columns: Sequence[str], rows: Array, *, title: str = "") -> C
 
 
 def _of_joints(data: dict[str, Array], part: str) -> tuple[Line, ...]:
-    """Return one quantity of every joint, or of the motors where efforts tell them."""
+    """Return one quantity of every joint, or of the motors alone if the table has efforts."""
     motors = {name.partition("/")[0] for name in data if name.endswith("/effort")}
     ending = f"/{part}"
     found = {name.removesuffix(ending): x for name, x in data.items() if name.endswith(ending)}

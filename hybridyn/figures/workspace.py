@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-#: Of the last coordinate, through its reached values.
+#: Largest number of slices along the third coordinate.
 SLICES = 5
 LABELS = {
     "conditioning": "conditioning [-], 1 is isotropic",
@@ -23,15 +23,16 @@ LABELS = {
     "effort_per_torque": "largest effort per N m of torque",
     "hold": "largest effort against gravity",
 }
-#: What a unit of effort stands over in a measure.
+#: Unit in the denominator of a measure, below the unit of effort.
 OVER = {"effort_per_force": "N", "effort_per_torque": "N m", "hold": ""}
 
 
 def figure_of_workspace(found: Workspace, *, title: str = "", unit: str = "N or N m") -> Figure:
-    """Draw the maps of a workspace: one row per measure; slices of the third coordinate side by side.
+    """Draw the maps of a workspace, one row per measure, with slices of the third coordinate side by side.
 
     Args:
-        found: The workspace, swept over one to three coordinates (of more, those at the origin are drawn).
+        found: The workspace, swept over one to three coordinates (of further coordinates, only
+            the samples at the origin are drawn).
         title: Title of the figure.
         unit: Unit of the motors' efforts.
 
@@ -47,7 +48,7 @@ def figure_of_workspace(found: Workspace, *, title: str = "", unit: str = "N or 
     labels = {name: _label(name, unit) for name in maps}
     for number, (row, (name, values)) in enumerate(zip(panels, maps.items(), strict=True)):
         finite = values[np.isfinite(values)]
-        # A few postures near a singularity would take all the colours.
+        # Clip the colour scale: a few postures near a singularity would otherwise dominate it.
         share = 100 if name == "conditioning" else 98
         limit = float(np.percentile(finite, share)) if len(finite) else None
         image: Any = None
@@ -72,7 +73,7 @@ def figure_of_workspace(found: Workspace, *, title: str = "", unit: str = "N or 
 
 
 def _label(name: str, unit: str) -> str:
-    """Return what a map shows, with its unit."""
+    """Return the label of a map with its unit."""
     if name not in OVER:
         return LABELS[name]
     over = OVER[name]
@@ -81,7 +82,7 @@ def _label(name: str, unit: str) -> str:
 
 
 def _maps(found: Workspace) -> dict[str, Array]:
-    """Return what is drawn by name; the efforts against gravity as the largest of all motors."""
+    """Return the maps by name; the map of gravity efforts is the maximum over the motors."""
     maps = {name: values for name, values in found.measures.items() if name in LABELS and values.any()}
     held = [values for name, values in found.measures.items() if name.endswith("/effort")]
     if held:
@@ -90,7 +91,7 @@ def _maps(found: Workspace) -> dict[str, Array]:
 
 
 def _levels(index: Array) -> list[int]:
-    """Choose evenly spaced values among those that were reached."""
+    """Choose evenly spaced values among the reached ones."""
     values = np.unique(index)
     if len(values) <= SLICES:
         return [int(value) for value in values]
@@ -101,7 +102,7 @@ def _levels(index: Array) -> list[int]:
 
 
 def _image(ax: Axes, found: Workspace, chosen: Array, values: Array, low: float, high: float | None) -> Any:
-    """Draw one slice as cells of the lattice; what was not reached stays white."""
+    """Draw one slice as cells of the lattice; cells that were not reached stay white."""
     index = found.index[chosen][:, :2]
     lower, upper = found.index[:, :2].min(axis=0), found.index[:, :2].max(axis=0)
     picture = np.full(upper - lower + 1, np.nan)

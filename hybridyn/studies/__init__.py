@@ -1,7 +1,7 @@
-"""Questions asked of a robot: is it sound, what does a motion need, what can it reach?
+"""Studies of a robot: model checks, motor sizing, workspaces, physical effects, and accuracy against time.
 
-`check/` judges a model, `sizing` motors, `workspace/` what a module reaches, `effect_worth` each physical
-effect, `cost/` error against time.
+`check/` checks a model. `sizing` computes the load of each motor. `workspace/` sweeps the poses that a module
+reaches. `effect_worth` evaluates each physical effect. `cost/` measures error against computing time.
 
 May import: `scenes`, `compiled` and below.
 """

@@ -1,6 +1,7 @@
-"""What each effect is worth on a motion: its part of the efforts, its cost in time, what can be left out.
+"""Contribution of each effect to the efforts of a motion, its computing time, and which can be omitted.
 
-Every set of effects is run by itself: all of them, all but each one, and those that `Worth.sufficient` tries.
+The inverse model is run separately for each set of effects: all of them, all but one, and the sets that
+`Worth.sufficient` tries.
 """
 
 from __future__ import annotations
@@ -26,7 +27,8 @@ Names = frozenset[str]
 
 NEEDS_INERTIA: Names = frozenset({"velocity", "rotor_inertia"})
 
-#: Effects that make another robot or another task, and the limits of all effects together: never weighed.
+#: Effects that define another robot or another task. They stay as chosen and are never evaluated; nor are
+#: the limits, which combine all effects.
 KEPT: Names = frozenset({"payload", "base_motion"})
 LIMITS = "limits"
 
@@ -35,15 +37,15 @@ TIMED_SAMPLES, ROUNDS = 200, 7
 
 @dataclass(frozen=True)
 class Contribution:
-    """What one effect adds to the efforts.
+    """Contribution of one effect to the efforts.
 
     Attributes:
         name: Name of the effect.
-        peak: Largest addition by motor, with its sign, shape (motors,), [N or N m]; not a number where a
-            passive motion would need an effort without it.
-        rms: Its root mean square, shape (motors,).
-        share: RMS over the RMS of the whole effort, shape (motors,); shares need not sum to one.
-        seconds: Time that it costs per sample [s].
+        peak: Largest contribution per motor by magnitude, with its sign, shape (motors,), [N or N m]; nan
+            where a passive motion would need an effort without the effect.
+        rms: RMS contribution per motor, shape (motors,), [N or N m].
+        share: RMS contribution over the RMS of the full effort, shape (motors,). Shares need not sum to one.
+        seconds: Computing time of the effect per sample [s].
     """
 
     name: str
@@ -55,12 +57,12 @@ class Contribution:
 
 @dataclass(frozen=True)
 class Selection:
-    """A set of effects that is good enough.
+    """A set of effects that is accurate enough.
 
     Attributes:
         names: The effects.
-        deviation: Largest departure of an effort from the full one, over the motor's peak full effort.
-        motor: Number of the motor where that is.
+        deviation: Largest deviation from the full effort, relative to the motor's peak full effort.
+        motor: Number of the motor with the largest deviation.
         seconds: Time per sample [s].
         full_seconds: Time per sample with every effect [s].
     """
@@ -73,27 +75,28 @@ class Selection:
 
 
 class EffectSets:
-    """Written-out models of one robot, each built where its set of effects is first asked for.
+    """Compiled models of one robot, each compiled when its set of effects is first requested.
 
     Attributes:
         models: The models, by the names of their effects.
-        refused: Why sets of effects are left to the general path, by the names of their effects.
+        refused: The error message of each set that could not be compiled, by the names of its effects. The
+            general path computes these sets.
     """
 
     def __init__(self, whole: CompiledRobot) -> None:
-        """Start with the model of every effect that is ever asked for."""
+        """Start with the model of all effects that can be requested."""
         self._robot, self.models = whole.robot, {whole.effects.names: whole}
         self.refused: dict[tuple[str, ...], str] = {}
 
     def model(self, on: Effects) -> CompiledRobot | None:
-        """Return the model of some effects; None where it cannot be written out, built or verified."""
+        """Return the model of a set of effects, or None if it cannot be generated, built or verified."""
         from ..compiled.compiling import compile
 
         if on.names not in self.models and on.names not in self.refused:
             try:
                 self.models[on.names] = compile(self._robot, on)
-            except HybridynError as error:  # its direct model is undefined, say: nothing to check it against
-                self.refused[on.names] = re.sub(r" at sample \d+\b", "", str(error))  # a random one
+            except HybridynError as error:  # e.g. no direct model to verify it against
+                self.refused[on.names] = re.sub(r" at sample \d+\b", "", str(error))  # the sample is random
         return self.models.get(on.names)
 
 
@@ -101,7 +104,7 @@ class Worth:
     """The efforts of a motion under sets of effects.
 
     Attributes:
-        names: The effects that are weighed.
+        names: The effects that are evaluated.
         full: Efforts with all of them, shape (T, motors).
     """
 
@@ -110,7 +113,7 @@ class Worth:
         wrenches: Mapping[str, Array] | None = None, time: Array | None = None,
         compiled: EffectSets | None = None,
     ) -> None:  # fmt: skip
-        """Run the inverse model with all effects; other sets are run where they are asked for.
+        """Run the inverse model with all effects; other sets are run on request.
 
         Args:
             robot: The robot.
@@ -120,11 +123,11 @@ class Worth:
             on: The effects, from `choose`.
             wrenches: As `hybridyn.idm` takes them.
             time: Times, shape (T,), or None.
-            compiled: Written-out models that give the efforts; they take no wrenches. Times are measured by
-                the general path all the same.
+            compiled: Compiled models that compute the efforts; they accept no wrenches. Times are still
+                measured with the general path.
 
         Raises:
-            HybridynError: As `hybridyn.idm`, for all the effects together.
+            HybridynError: As `hybridyn.idm`, with all effects on.
         """
         self._robot, self._motion, self._on, self._compiled = robot, (q, v, a), on, compiled
         self._wrenches, self._time = wrenches or {}, time
@@ -134,7 +137,7 @@ class Worth:
         self._peaks = np.abs(self.full).max(axis=0, initial=0.0)
 
     def run(self, names: Names) -> Array:
-        """Return the efforts of a set of effects, shape (T, motors), [N or N m].
+        """Compute the efforts with a set of effects, shape (T, motors), [N or N m].
 
         Raises:
             ActuationError: A passive motion would need an effort.
@@ -147,10 +150,10 @@ class Worth:
         return efforts
 
     def contributions(self) -> tuple[list[Contribution], float]:
-        """Return what each effect adds to the efforts of all the others (inertia: with all that needs it).
+        """Compute the difference that each effect makes; inertia is removed with the effects that need it.
 
         Returns:
-            One entry per effect, and the time per sample with all of them [s].
+            One entry per effect, and the time per sample with all effects [s].
         """
         everything, out = frozenset(self.names), []
         whole = np.sqrt(np.mean(self.full**2, axis=0))
@@ -166,10 +169,10 @@ class Worth:
         return out, seconds[everything]
 
     def sufficient(self, within: float) -> Selection:
-        """Leave out one effect after the other, the least felt first, while the efforts stay near the full.
+        """Remove effects one by one, the smallest contribution first, while the efforts stay accurate.
 
         Args:
-            within: Largest departure from the full effort, as a part of that motor's peak effort.
+            within: Largest deviation from the full effort, relative to that motor's peak full effort.
         """
         everything = names = frozenset(self.names)
         departure, motor = self._departure(names)
@@ -182,7 +185,7 @@ class Worth:
         return Selection(ordered, departure, motor, seconds[names], seconds[everything])
 
     def _efforts(self, names: Names) -> Array | None:
-        """Return the efforts of a set of effects, None where a passive motion would need one."""
+        """Return the efforts with a set of effects, or None if a passive motion would need an effort."""
         if names not in self._found:
             try:
                 self._found[names] = self.run(names)
@@ -191,7 +194,7 @@ class Worth:
         return self._found[names]
 
     def _departure(self, names: Names) -> tuple[float, int]:
-        """Return the largest error over a motor's peak effort, infinite for an idle motor, and the motor."""
+        """Compute the largest error over a motor's peak effort (inf for an idle motor), and the motor."""
         efforts = self._efforts(names)
         if efforts is None:
             return np.inf, 0
@@ -202,7 +205,7 @@ class Worth:
         return (float(part[motor]) if len(part) else 0.0), motor
 
     def _seconds(self, sets: list[Names]) -> dict[Names, float]:
-        """Return the least time per sample [s] of sets of effects by the general path, of possible ones."""
+        """Measure the least time per sample [s] of each feasible set of effects with the general path."""
         samples = min(TIMED_SAMPLES, len(self.full))
         best = {names: np.inf for names in sets if self._efforts(names) is not None}
         for names in list(best) * ROUNDS:
@@ -212,7 +215,7 @@ class Worth:
         return {names: value / max(samples, 1) for names, value in best.items()}
 
     def _general(self, on: Effects, count: int | None = None) -> Array:
-        """Return the efforts of all samples, or of the first, by the general path."""
+        """Compute the efforts of all samples, or of the first `count`, with the general path."""
         from ..dynamics.in_blocks import efforts_in_blocks
 
         q, v, a = (x[:count] for x in self._motion)
@@ -222,12 +225,12 @@ class Worth:
 
 
 def without(names: Names, name: str) -> Names:
-    """Return a set of effects without one, and without those that cannot be without it."""
+    """Return a set of effects without one effect and without those that need it."""
     return names - {name} - (NEEDS_INERTIA if name == "inertia" else frozenset())
 
 
 def _peaks(added: Array) -> Array:
-    """Return each motor's largest value, with its sign; of equal ones the first."""
+    """Return each motor's largest value by magnitude, with its sign; the first of equal ones."""
     size = np.abs(added)
     first = np.argmax(~(size < size.max(axis=0, initial=0.0) * (1 - TIE)), axis=0)
     return np.asarray(np.take_along_axis(added, first[None], axis=0)[0])

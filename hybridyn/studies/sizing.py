@@ -1,11 +1,11 @@
-"""What a motion asks of each motor: peaks, RMS, power and energy, gathered block by block.
+"""Load of each motor over a motion: peaks, RMS, power and energy, accumulated block by block.
 
-Means are integrals over time by the trapezoidal rule (plain means where a table has no time):
+Means are time integrals by the trapezoidal rule, or plain means over the samples if a table has no time:
 
     RMS effort = sqrt(1/T integral tau^2 dt),  mean power = 1/T integral tau q_dot dt.
 
-Everything is at the joint, behind the gear; with a gear ratio n the rotor turns n q_dot and gives tau / n.
-Losses inside the gear are not known.
+All quantities refer to the joint side of the gear. With a gear ratio n the rotor turns at n q_dot with torque
+tau / n. Losses inside the gear are not modelled.
 """
 
 from __future__ import annotations
@@ -19,19 +19,20 @@ from ..spatial import Array
 from ..structure.departures import TOUCHING, position_limits
 from ..structure.robot import HybridRobot
 
-#: Peaks that differ by less than this (relative) are one: the first counts, whatever rounding says.
+#: Peaks that differ by less than this (relative) count as equal and the first is used: rounding must not
+#: decide.
 TIE = 1e-6
-#: Points of the speed-effort cloud that are kept per motor; beyond twice as many every second one is dropped.
+#: Points of the speed-effort cloud kept per motor. Above twice this number, every second point is dropped.
 CLOUD = 2000
 
 
 @dataclass(frozen=True)
 class Peak:
-    """The largest value of a quantity, by size.
+    """The value of largest magnitude of a quantity.
 
     Attributes:
         value: The value, with its sign.
-        at: Its time [s], or the number of its row where the table has no time.
+        at: Its time [s], or its row number if the table has no time.
     """
 
     value: float
@@ -40,7 +41,7 @@ class Peak:
 
 @dataclass(frozen=True)
 class MotorLoad:
-    """What one motor has to do. Efforts in N or N m, speeds in m/s or rad/s, powers in W, energies in J.
+    """Load of one motor. Efforts in N or N m, speeds in m/s or rad/s, powers in W, energies in J.
 
     Attributes:
         motor: Name of the driven joint.
@@ -49,20 +50,20 @@ class MotorLoad:
         rms_effort: RMS effort.
         speed: Peak speed.
         rms_speed: RMS speed.
-        power: Largest power that it gives.
-        braking_power: Largest power that it takes, negative.
-        mean_power: Mean power, what it takes subtracted; None without time.
-        energy_given: Energy that it gives while it drives; None without time.
-        energy_taken: Energy that it takes while it brakes, positive; None without time.
-        travel: Least and greatest position [m or rad]; None for a continuous joint.
-        effort_limit: Effort limit of the file, inf where it states none.
-        speed_limit: Speed limit of the file, inf where it states none.
+        power: Peak driving power.
+        braking_power: Peak braking power, negative.
+        mean_power: Mean net power (driving minus braking); None without time.
+        energy_given: Energy delivered while driving; None without time.
+        energy_taken: Energy absorbed while braking, positive; None without time.
+        travel: Smallest and largest position [m or rad]; None for a continuous joint.
+        effort_limit: Effort limit from the file, inf if it has none.
+        speed_limit: Speed limit from the file, inf if it has none.
         over_effort: Number of samples above the effort limit.
         over_speed: Number of samples above the speed limit.
-        lower_limit: Least position of the file, -inf where it states none.
-        upper_limit: Greatest position of the file, inf where it states none.
-        over_position: Number of samples outside them.
-        gear_ratio: Rotor turns per joint turn (rad/m for a slide).
+        lower_limit: Lower position limit from the file, -inf if it has none.
+        upper_limit: Upper position limit from the file, inf if it has none.
+        over_position: Number of samples outside the position limits.
+        gear_ratio: Rotor turns per joint turn (rad/m for a prismatic joint).
     """
 
     motor: str
@@ -88,7 +89,7 @@ class MotorLoad:
 
     @property
     def rotor_torque(self) -> float:
-        """Largest torque of the rotor [N m]."""
+        """Peak torque of the rotor [N m]."""
         return abs(self.effort.value / self.gear_ratio)
 
     @property
@@ -98,15 +99,15 @@ class MotorLoad:
 
     @property
     def rotor_speed(self) -> float:
-        """Largest speed of the rotor [rad/s]."""
+        """Peak speed of the rotor [rad/s]."""
         return abs(self.speed.value * self.gear_ratio)
 
 
 class Sizing:
-    """What a motion asks of a robot's motors, gathered block by block in the order of time."""
+    """Loads of a robot's motors over a motion, accumulated block by block in time order."""
 
     def __init__(self, robot: HybridRobot) -> None:
-        """Start with nothing gathered.
+        """Start without samples.
 
         Args:
             robot: The robot.
@@ -132,14 +133,14 @@ class Sizing:
         return np.array(out).reshape(2, -1)
 
     def add(self, time: Array | None, first_row: int, position: Array, speed: Array, effort: Array) -> None:
-        """Take in consecutive samples.
+        """Add consecutive samples.
 
         Args:
             time: Times, shape (T,), [s], or None.
-            first_row: Number of the first sample, where there is no time.
-            position: Positions of the motors, shape (T, motors), nan for continuous joints.
-            speed: Their rates, shape (T, motors).
-            effort: Their efforts, shape (T, motors).
+            first_row: Number of the first sample, used if there is no time.
+            position: Positions of the motors, shape (T, motors), [m or rad], nan for continuous joints.
+            speed: Rates of the motors, shape (T, motors), [m/s or rad/s].
+            effort: Efforts of the motors, shape (T, motors), [N or N m].
         """
         power = effort * speed
         at = np.arange(first_row, first_row + len(effort), dtype=float) if time is None else time
@@ -166,7 +167,7 @@ class Sizing:
         self.cloud.add(np.stack([speed, effort], axis=-1))
 
     def _integrate(self, time: Array, rows: Array) -> None:
-        """Add to the integrals; `rows` is effort and speed, shape (T, 2, motors)."""
+        """Update the integrals; `rows` holds effort and speed, shape (T, 2, motors)."""
         if self._last is not None:
             time, rows = np.r_[self._last[0], time], np.concatenate([self._last[1][None], rows])
         values = _integrands(rows)
@@ -175,7 +176,7 @@ class Sizing:
         self._last = (float(time[-1]), rows[-1])
 
     def loads(self) -> list[MotorLoad]:
-        """Return what was gathered, one entry per motor."""
+        """Compute the load of each motor from the samples so far."""
         timed = self.duration > 0
         sums, whole = (self._integrals, self.duration) if timed else (self._sums, max(self.samples, 1))
         effort, speed, power, given, taken = sums
@@ -228,10 +229,10 @@ def motor_rows(robot: HybridRobot, q: Array, v: Array) -> tuple[Array, Array]:
 
 
 def violations(loads: Sequence[MotorLoad]) -> list[str]:
-    """Name the limits that a motion exceeds, one sentence each.
+    """Describe each limit that a motion exceeds in one sentence.
 
     Args:
-        loads: What the motors have to do.
+        loads: Loads of the motors.
     """
     out = []
     for load in loads:
@@ -250,7 +251,7 @@ def violations(loads: Sequence[MotorLoad]) -> list[str]:
 
 
 class _Peaks:
-    """The largest of each column, and where."""
+    """The value of largest magnitude of each column, and its time or row."""
 
     def __init__(self, count: int) -> None:
         self.value, self.at = np.zeros(count), np.full(count, np.nan)
@@ -270,7 +271,7 @@ class _Peaks:
 
 
 class _Cloud:
-    """Evenly thinned samples of speed and effort."""
+    """Samples of speed and effort, thinned evenly."""
 
     def __init__(self) -> None:
         self._parts: list[Array] = []
@@ -293,7 +294,7 @@ class _Cloud:
 
 
 def _integrands(rows: Array) -> Array:
-    """Return what is integrated, shape (T, 5, motors), from effort and speed, shape (T, 2, motors)."""
+    """Compute the integrands, shape (T, 5, motors), from effort and speed, shape (T, 2, motors)."""
     effort, speed = rows[:, 0], rows[:, 1]
     power = effort * speed
     parts = [effort**2, speed**2, power, np.maximum(power, 0.0), np.minimum(power, 0.0)]
