@@ -8,8 +8,8 @@ import re
 import subprocess
 import sys
 from html import unescape
-from importlib import import_module
 from pathlib import Path
+from pkgutil import resolve_name
 
 import click
 import pytest
@@ -88,10 +88,7 @@ def equations() -> list[tuple[str, str, str]]:
 
 @pytest.mark.parametrize(("numbers", "name", "file"), equations())
 def test_equations_are_where_the_theory_says(numbers: str, name: str, file: str) -> None:
-    module, _, path = name.partition(".")
-    function: object = import_module(f"hybridyn.{module}")
-    for attribute in path.split("."):
-        function = getattr(function, attribute)
+    function = resolve_name(f"hybridyn.{name}")
     assert callable(function)
     assert Path(inspect.getsourcefile(inspect.unwrap(function)) or "") == ROOT / file
 
