@@ -55,8 +55,8 @@ def test_a_link_to_nothing_is_not_offered_as_itself(
     monkeypatch.chdir(tmp_path)
     os.symlink("nowhere", "ff")
     os.mkfifo("pipe.csv")
-    assert "'ff' is a link to what is not there" in call(capsys, "idm", "five_bar", "ff").err
-    assert "'pipe.csv' is no regular file" in call(capsys, "idm", "five_bar", "pipe.csv").err
+    assert "'ff' is a link to a file that does not exist" in call(capsys, "idm", "five_bar", "ff").err
+    assert "'pipe.csv' is not a regular file" in call(capsys, "idm", "five_bar", "pipe.csv").err
 
 
 def test_no_error_is_longer_than_a_few_lines(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

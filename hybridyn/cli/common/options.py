@@ -54,9 +54,8 @@ def existing_file(ctx: click.Context, param: click.Parameter, value: str) -> str
     folder, name = os.path.split(value)
     if folder and not os.path.isdir(folder):
         raise click.BadParameter(f"there is no folder '{folder}'", ctx, param)
-    if os.path.lexists(value):
-        what = "is a link to what is not there" if os.path.islink(value) else "is no regular file"
-        raise click.BadParameter(f"'{value}' {what}", ctx, param)
+    if os.path.islink(value):
+        raise click.BadParameter(f"'{value}' is a link to a file that does not exist", ctx, param)
     near = closest(name, os.listdir(folder or "."))
     hint = f" (did you mean '{os.path.join(folder, near)}'?)" if near else ""
     raise click.BadParameter(f"there is no file '{value}'{hint}", ctx, param)
