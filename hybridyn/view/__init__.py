@@ -1,7 +1,7 @@
-"""Seeing a robot: on a page in the browser, or in a picture or film without a screen.
+"""Display of a robot: on a page in the browser, or as an image or video rendered without a screen.
 
-Read `picture` (what is drawn), `drawing` (from a robot to its picture), `placing` (where bodies are), then
-`page` (the browser) or `render` and `film` (files).
+Read `picture` (shapes as plain data), `drawing` (build the shapes of a robot) and `placing` (poses of the
+bodies) first, then `page` (the browser) or `render` and `film` (files).
 
 May import: `simulation`, `assembly` and below.
 """

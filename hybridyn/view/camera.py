@@ -1,4 +1,4 @@
-"""Where a picture is taken from."""
+"""Camera of a rendered image."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from ..spatial import Array
 
 @dataclass(frozen=True)
 class Camera:
-    """A place, a direction, and the size of the picture.
+    """Perspective camera: position, target and image size.
 
     Attributes:
-        eye: Its place, shape (3,), [m].
-        target: What it looks at, shape (3,), [m].
-        width: Width of the picture [pixels].
-        height: Height of the picture [pixels].
-        angle: Half of the angle that the shorter side of the picture spans [rad].
+        eye: Position in the world, shape (3,), [m].
+        target: Point that it looks at, in the world, shape (3,), [m].
+        width: Width of the image [pixels].
+        height: Height of the image [pixels].
+        angle: Half of the field of view along the shorter side of the image [rad].
     """
 
     eye: Array
@@ -29,7 +29,7 @@ class Camera:
 
     @property
     def axes(self) -> Array:
-        """Return right, up and back, the columns of a matrix of shape (3, 3), in the world."""
+        """Return the right, up and back directions in the world as columns, shape (3, 3)."""
         back = self.eye - self.target
         back = back / np.linalg.norm(back)
         right = np.cross([0.0, 0.0, 1.0], back)
@@ -37,7 +37,7 @@ class Camera:
         return np.column_stack([right, np.cross(back, right), back])
 
     def project(self, points: Array) -> tuple[Array, Array]:
-        """Return places in the picture and depths.
+        """Project points to pixels and depths.
 
         Args:
             points: Points in the world, shape (..., 3), [m].
@@ -56,15 +56,15 @@ class Camera:
 def camera_around(
     corners: Array, width: int, height: int, *, turn: float = -0.9, lift: float = 0.38, room: float = 1.04
 ) -> Camera:
-    """Return a camera that sees the whole robot.
+    """Build a camera that sees a whole box.
 
     Args:
-        corners: Lower and upper corner of the box that it shall see, shape (2, 3), [m].
+        corners: Lower and upper corner of the box in the world, shape (2, 3), [m].
         width: Width of the picture [pixels].
         height: Height of the picture [pixels].
-        turn: Direction in which it stands, about the vertical [rad].
-        lift: Height in which it stands, as an angle [rad].
-        room: Space around the box, as a multiple of what it needs.
+        turn: Azimuth of the camera about the vertical [rad].
+        lift: Elevation of the camera [rad].
+        room: Margin around the box, as a factor of its size in the image.
     """
     away = np.array([np.cos(lift) * np.cos(turn), np.cos(lift) * np.sin(turn), np.sin(lift)])
     centre = corners.mean(axis=0)

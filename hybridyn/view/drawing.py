@@ -1,7 +1,7 @@
-"""From a robot to its picture: its files' own shapes, and primitive ones for bodies without any.
+"""Build the picture of a robot from the shapes in its files, and from primitives for bodies without shapes.
 
-A body without shapes of its own is a rod from joint to joint, a plate where it has three joints or more.
-Joints are drums about their axes (balls where they have none), motors dark, closures yellow.
+A body without shapes is drawn as a rod between its joints, or as a plate if it has three joints or more.
+Joints are cylinders about their axes, or balls if they have no axis. Motors are dark, closures yellow.
 """
 
 from __future__ import annotations
@@ -19,27 +19,27 @@ from .picture import Ball, Picture, Point, Rod, Role, Solid
 from .placing import Placement, extent, place_bodies
 from .visuals import Visual
 
-#: Radius of a rod over its module's length.
+#: Radius of a rod relative to its module's length.
 THIN = 0.018
 DRUM, BALL, HUB = 1.9, 1.7, 1.35  # radii over the rod's: a motor's drum, a closure, a passive joint
-#: Half of a plate's thickness over the rod's radius.
+#: Half of a plate's thickness relative to the rod's radius.
 PLATE = 1.2
-#: Of the module's length: points nearer than this are one.
+#: Points closer than this, relative to the module's length, are merged.
 SAME_PLACE = 1e-6
-#: Of a slide's rod at home that its motor covers.
+#: Part of a prismatic joint's rod at home that its motor covers.
 BARREL = 0.55
-#: Half of a drum's length over its radius.
+#: Half of a drum's length relative to its radius.
 LENGTH = 1.6
 LEG, SLIDE = 0.18, 0.5  # how much paler than its module's platform a leg is, and the sliding part of it
 
 
 def draw(robot: HybridRobot, visuals: Sequence[Visual] = (), notes: Sequence[str] = ()) -> Picture:
-    """Draw a robot.
+    """Build the picture of a robot.
 
     Args:
         robot: The robot.
-        visuals: Shapes that its files state.
-        notes: Remarks that the picture shall carry.
+        visuals: Shapes from the robot's files.
+        notes: Remarks shown with the picture.
     """
     pen = _Pen(robot, {robot.bodies.place[visual.link][0] for visual in visuals})
     for visual in visuals:
@@ -54,7 +54,7 @@ def draw(robot: HybridRobot, visuals: Sequence[Visual] = (), notes: Sequence[str
 
 
 class _Pen:
-    """The shapes of a robot, one after the other."""
+    """Collects the shapes of a robot."""
 
     def __init__(self, robot: HybridRobot, shaped: set[int]) -> None:
         self.robot, self.shaped = robot, shaped
@@ -79,7 +79,7 @@ class _Pen:
         return THIN * min(reach or self.length, self.length)
 
     def add_visual(self, visual: Visual) -> None:
-        """Draw a shape that the robot's files state."""
+        """Add a shape from the robot's files."""
         body, R, p = self.robot.bodies.place[visual.link]
         module = self.module_of(body)
         vertices = visual.vertices @ R.T + p
@@ -87,7 +87,7 @@ class _Pen:
         self.solids.append(Solid(visual.link, module, body, vertices, visual.faces, colour, visual.colour))
 
     def colour(self, body: int) -> str:
-        """Return a body's colour: its module's, paler in the legs."""
+        """Return the colour of a body: that of its module, paler for legs."""
         module = self.module_of(body)
         if module < 0:
             return GROUND
@@ -98,7 +98,7 @@ class _Pen:
         return towards(module_colour(module), "#ffffff", SLIDE if sliding else LEG)
 
     def add_bodies(self) -> None:
-        """Draw the bodies that have no shapes: rods between their joints, or plates through them."""
+        """Add rods or plates through the joints of the bodies that have no shapes."""
         points = self._points_of_bodies()
         for body in self.robot.bodies.bodies:
             number = body.joint + 1
@@ -117,7 +117,7 @@ class _Pen:
                 self._rod(body.name, "link", module, Point(number, centre), Point(number, end), colour)
 
     def _points_of_bodies(self) -> list[list[Array]]:
-        """Return for each body the places of its joints and closures, each once."""
+        """Return for each body the distinct positions of its joints and closures in the body's frame, [m]."""
         bodies = self.robot.bodies
         points: list[list[Array]] = [[np.zeros(3)] if body.joint >= 0 else [] for body in bodies.bodies]
         for joint in bodies.joints:
@@ -128,7 +128,7 @@ class _Pen:
         return [_distinct(own, SAME_PLACE * self.length) for own in points]
 
     def _add_plate(self, name: str, module: int, body: int, points: Array) -> bool:
-        """Draw the hull of three or more points, or say that they lie on one line."""
+        """Add the hull of three or more points; return False if they are collinear."""
         found = hull(points, PLATE * self.radius(module))
         if found is None:
             return False
@@ -137,7 +137,7 @@ class _Pen:
         return True
 
     def add_joints(self) -> None:
-        """Draw the joints: drums about axes, slides as rods that grow, balls for all else."""
+        """Add the joints: drums about axes, extending rods for prismatic joints, balls for the others."""
         motors = set(self.robot.motors)
         crowded = self._crowded()
         for joint in self.robot.bodies.joints:
@@ -160,9 +160,9 @@ class _Pen:
                     self._ball(record.name, "joint", module, end, HUB, JOINT)
 
     def _crowded(self) -> dict[int, int]:
-        """Return the bodies of universal and ball joints made of passive hinges, each with the last of them.
+        """Find universal and ball joints made of passive hinges; map each of their bodies to the last one.
 
-        Such hinges follow one another in one point; drawn as drums they would be a lump.
+        The axes of such hinges meet in one point, where drums would overlap: one ball is drawn instead.
         """
         motors, hinges = set(self.robot.motors), ("revolute", "continuous")
         last: dict[int, int] = {}
@@ -174,7 +174,7 @@ class _Pen:
         return last
 
     def _slide(self, name: str, module: int, start: Point, end: Point, driven: bool) -> None:
-        """Draw a sliding joint: a rod from its parent to its child, and its motor around the first part."""
+        """Add a prismatic joint: a rod from parent to child, with the motor around its first part."""
         self._rod(name, "link", module, start, end, self.colour(end.body), scale=0.75)
         if not driven:
             return
@@ -198,7 +198,7 @@ class _Pen:
         self._rod(name, role, module, *ends, MOTOR if driven else JOINT, scale=scale)
 
     def add_closure(self, closure: Closure) -> None:
-        """Mark a closure, at both of its frames: they coincide where translations are closed."""
+        """Mark a closure at both of its frames, which coincide if it constrains translations."""
         a, b = _ends(self.robot, closure)
         module = self.module_of(b.body)
         if module < 0 or not set(self.robot.modules[module].closures) & {closure.name}:
@@ -239,7 +239,7 @@ def _ends(robot: HybridRobot, closure: Closure) -> tuple[Point, Point]:
 
 
 def _distinct(points: Iterable[Array], near: float) -> list[Array]:
-    """Return points without those that are where another one is."""
+    """Return points without duplicates, within a tolerance."""
     out: list[Array] = []
     for point in points:
         if all(np.abs(point - other).max() > near for other in out):

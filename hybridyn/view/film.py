@@ -1,4 +1,4 @@
-"""Films without a screen: a motion, or a walk around a robot that stands still, as MP4."""
+"""Write MP4 videos without a screen: of a motion, or of a camera orbit around a robot at rest."""
 
 from __future__ import annotations
 
@@ -15,20 +15,20 @@ from .placing import extent, place_bodies
 from .render import Image, labelled, render
 from .run import Run
 
-#: Pictures per second.
+#: Frames per second.
 RATE = 25
-#: Seconds of a film: a longer motion is shown faster.
+#: Longest duration of a film [s]. A longer motion is played faster.
 LONGEST = 20.0
-#: Seconds of a walk around.
+#: Duration of an orbit [s].
 AROUND = 6.0
-#: Samples of a motion that the camera is set up for.
+#: Number of samples of a motion used to place the camera.
 LOOKS = 40
-#: Of imageio-ffmpeg, 0 to 10.
+#: Quality setting of imageio-ffmpeg, 0 to 10.
 QUALITY = 7
 
 
 def corners_of(robot: HybridRobot, picture: Picture, run: Run) -> Array:
-    """Return the box that holds a robot all along a motion, shape (2, 3), [m]."""
+    """Compute the bounding box of a robot over a motion in the world, shape (2, 3), [m]."""
     samples = np.unique(np.linspace(0, len(run.q) - 1, LOOKS).round().astype(int))
     boxes = np.array([extent(picture, place_bodies(robot, run.q[i])) for i in samples])
     return np.stack([boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)])
@@ -37,7 +37,7 @@ def corners_of(robot: HybridRobot, picture: Picture, run: Run) -> Array:
 def frames_of_run(
     robot: HybridRobot, picture: Picture, run: Run, size: tuple[int, int], *, own_colours: bool = False
 ) -> Iterator[Image]:
-    """Return the pictures of a motion in its own time, faster where it is longer than `LONGEST`.
+    """Render the frames of a motion in real time, or faster if it is longer than `LONGEST`.
 
     Args:
         robot: The robot.
@@ -60,7 +60,7 @@ def frames_of_run(
 
 
 def pictures_of(run: Run | None) -> tuple[int, float]:
-    """Return how many pictures a film has, and how many times as fast as the motion it runs.
+    """Compute the number of frames of a film and its speed relative to the motion.
 
     Args:
         run: The motion, or None for a walk around a robot that stands still.
@@ -75,12 +75,12 @@ def pictures_of(run: Run | None) -> tuple[int, float]:
 def frames_around(
     robot: HybridRobot, picture: Picture, q: Array, size: tuple[int, int], *, own_colours: bool = False
 ) -> Iterator[Image]:
-    """Return the pictures of a walk around a robot that stands still; arguments as for `frames_of_run`."""
+    """Render the frames of an orbit around a robot at rest; arguments as for `frames_of_run`."""
     placement = place_bodies(robot, q)
     count, _ = pictures_of(None)
     corners = extent(picture, placement)
     middle, reach = corners.mean(axis=0), float(np.linalg.norm(np.ptp(corners, axis=0)[:2])) / 2
-    # As seen from every side the same: the box that the walk leaves in view.
+    # A box that has the same extent from every side stays in view during the orbit.
     around = np.array([middle - reach, middle + reach])
     around[:, 2] = corners[:, 2]
     for turn in np.linspace(0, 2 * np.pi, count, endpoint=False):
@@ -89,7 +89,7 @@ def frames_around(
 
 
 def save_mp4(frames: Iterator[Image], size: tuple[int, int], file: str) -> int:
-    """Write pictures as a film.
+    """Write frames as a video file.
 
     Args:
         frames: The pictures.

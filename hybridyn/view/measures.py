@@ -1,4 +1,4 @@
-"""How far a posture is from a singularity, and the efforts that hold it."""
+"""Distance of a posture from singularities, and the efforts that hold it."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ from ..simulation.events import near_singularity
 from ..spatial import Array
 from ..structure.robot import HybridRobot
 
-#: A posture is called near a singularity below the first, and singular below the second.
+#: Closeness below which a posture is reported as near a singularity, and as singular.
 NEAR_SINGULAR, AT_SINGULAR = 1e-2, 1e-3
 
 
 @dataclass(frozen=True)
 class Closeness:
-    """Distances from singularities: least singular values over the largest, 0 where rank is lost.
+    """Distances from singularities: smallest over largest singular value, 0 where rank is lost.
 
     Attributes:
-        closures: Of the closures; 1 where there are none.
-        motors: Of the motors' part in the motions; 1 where there are no motors.
+        closures: Distance for the closure Jacobian; 1 if there are no closures.
+        motors: Distance for the motors' rows of the motion basis; 1 if there are no motors.
     """
 
     closures: float
@@ -30,12 +30,12 @@ class Closeness:
 
     @property
     def least(self) -> float:
-        """The lesser one."""
+        """The smaller of the two distances."""
         return min(self.closures, self.motors)
 
 
 class Measures:
-    """Measures of a robot's postures, with what they need kept from one posture to the next."""
+    """Measures of a robot's postures. Data shared by all postures are computed once."""
 
     def __init__(self, robot: HybridRobot) -> None:
         self.robot = robot
@@ -43,7 +43,7 @@ class Measures:
         self._functions = [near_singularity(robot, 0.0, what=what).function for what in kinds]
 
     def closeness(self, q: Array) -> Closeness:
-        """Return how far a posture is from singularities.
+        """Compute the distances of a posture from singularities.
 
         Args:
             q: The posture, shape (nq,).
@@ -53,13 +53,13 @@ class Measures:
         return Closeness(max(closures, 0.0), max(motors, 0.0))
 
     def holding(self, q: Array) -> tuple[Array | None, str]:
-        """Return the efforts that hold a posture at rest.
+        """Compute the efforts that hold a posture at rest.
 
         Args:
             q: The posture, shape (nq,).
 
         Returns:
-            Efforts, shape (motors,), [N or N m], or None with the reason why there are none.
+            Efforts, shape (motors,), [N or N m], or None, and the reason if None.
         """
         if not self.robot.motors:
             return None, "there are no motors"

@@ -1,8 +1,8 @@
-"""Who may speak with the page's server: the page that it served, and no other page in the same browser.
+"""Restrict the page's server to requests from its own page; other pages in the same browser are refused.
 
-A browser lets any page connect to a server on this machine, and says in `Origin` which page it was; a page
-whose name was turned to this machine's address says in `Host` the name that it used. viser looks at neither,
-and offers no place to, so the server that it starts is given one.
+A browser lets any page connect to a server on this machine and sends the page's origin in `Origin`. After DNS
+rebinding, `Host` holds the foreign name. viser checks neither header and has no option for it, so a check is
+added to the server that it starts.
 """
 
 from __future__ import annotations
@@ -23,15 +23,15 @@ _starting = threading.Lock()
 
 
 def start_server(host: str, port: int, label: str) -> Any:
-    """Start viser's server, guarded.
+    """Start viser's server with the check of origins.
 
     Args:
-        host: Address to listen at.
-        port: Port to listen at; the next free one is taken.
+        host: Address to listen on.
+        port: Port to listen on; the next free one is used if it is taken.
         label: Title of the page.
 
     Raises:
-        HybridynError: viser starts it in another way than the one that is guarded.
+        HybridynError: This version of viser starts its server in a way that cannot be checked.
     """
     import viser
 
@@ -46,7 +46,7 @@ def start_server(host: str, port: int, label: str) -> Any:
 
 @contextlib.contextmanager
 def _guarding(listening: str) -> Iterator[list[Callable[..., Any]]]:
-    """Guard each server that is started inside this context; gives the guards."""
+    """Add the check to each server started inside this context; yield the checks."""
     from websockets.asyncio import server
 
     plain: Callable[..., Any] = server.serve
@@ -73,13 +73,13 @@ def _guarding(listening: str) -> Iterator[list[Callable[..., Any]]]:
 
 
 def refusal(hosts: Sequence[str], origins: Sequence[str], upgrade: bool, listening: str) -> str | None:
-    """Say why a request is refused, or give None.
+    """Return the reason why a request is refused, or None.
 
     Args:
         hosts: Its `Host` headers.
         origins: Its `Origin` headers.
-        upgrade: Whether it asks for more than a file, which only the page does.
-        listening: Address that the server listens at.
+        upgrade: Whether it requests a protocol upgrade (a WebSocket), as only the page does.
+        listening: Address that the server listens on.
     """
     if len(hosts) != 1 or not _is_own(hosts[0], listening):
         return "this server is not known by that name; open the address that hybridyn printed"
@@ -91,7 +91,7 @@ def refusal(hosts: Sequence[str], origins: Sequence[str], upgrade: bool, listeni
 
 
 def _is_own(host: str, listening: str) -> bool:
-    """Tell whether a name, with a port or without, is this server's."""
+    """Check whether a host name, with or without a port, belongs to this server."""
     try:
         name = urlsplit(f"//{host}").hostname or ""
     except ValueError:

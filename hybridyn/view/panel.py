@@ -1,4 +1,4 @@
-"""The HTML of the page's panel: status, distances from singularities, effort bars, legend. Pure text."""
+"""Build the HTML of the page's panel: status, distances from singularities, effort bars and legend."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from ..structure.robot import HybridRobot
 from .measures import AT_SINGULAR, NEAR_SINGULAR, Closeness
 
 SMALL = "font-size:0.8em;line-height:1.35;padding:0 0.9em"
-#: That the bar of a distance spans.
+#: Number of decades that the bar of a distance spans.
 DECADES = 4
 TRACK = "#e9ecef"
 
 
 def status_html(message: str, residual: float | None) -> str:
-    """Say whether the loops are closed, or what stopped a drag.
+    """Build the status line: the closure residual, or why a drag stopped.
 
     Args:
-        message: What stopped a drag, or an empty text.
-        residual: How far the loops are open, over the module's size; None where there are no loops.
+        message: Why a drag stopped, or an empty text.
+        residual: Closure residual relative to the module's size; None if there are no loops.
     """
     closed = "no loops to close" if residual is None else f"loops closed to {residual:.0e}"
     colour, text = (ALARM, escape(message)) if message else (GOOD, closed)
@@ -34,7 +34,7 @@ def status_html(message: str, residual: float | None) -> str:
 
 
 def closeness_html(closeness: Closeness) -> str:
-    """Draw how far a posture is from singularities, on a logarithmic scale."""
+    """Build the bars of the distances from singularities, on a logarithmic scale."""
     rows = []
     for label, value in (("closures", closeness.closures), ("motors", closeness.motors)):
         colour = ALARM if value < AT_SINGULAR else WARNING if value < NEAR_SINGULAR else GOOD
@@ -48,13 +48,13 @@ def closeness_html(closeness: Closeness) -> str:
 
 
 def efforts_html(robot: HybridRobot, tau: Array | None, span: Array | None, origin: str) -> str:
-    """Draw efforts as bars, grouped by module, each from the middle of its track; red beyond a limit.
+    """Build effort bars grouped by module, each starting mid-track; red beyond a limit.
 
     Args:
         robot: The robot.
         tau: Efforts, shape (motors,), [N or N m], or None.
-        span: Efforts among which the largest of a unit is a full bar, shape (..., motors), or None.
-        origin: Where the efforts come from, or why there are none.
+        span: Efforts that scale the bars (full bar: largest of its unit), shape (..., motors), or None.
+        origin: Source of the efforts, or the reason why there are none.
     """
     parts = [escape(origin)]
     units, limits = effort_units(robot), effort_limits(robot)
@@ -73,7 +73,7 @@ def efforts_html(robot: HybridRobot, tau: Array | None, span: Array | None, orig
 
 
 def legend_html(robot: HybridRobot, numbers: Sequence[int]) -> str:
-    """Say which colour is what."""
+    """Build the legend of colours."""
     shown = [k for k in numbers if k >= 0 and (robot.modules[k].closures or robot.modules[k].motors)]
     entries = [(module_colour(k), robot.modules[k].name) for k in shown[:12]]
     if len(shown) > 12:
@@ -94,13 +94,13 @@ def effort_units(robot: HybridRobot) -> list[str]:
 
 
 def effort_limits(robot: HybridRobot) -> list[float]:
-    """Return the limit of each motor's effort, inf where there is none."""
+    """Return the limit of each motor's effort, inf if there is none."""
     limits = {joint.name: joint.effort for joint in robot.description.joints}
     return [limits[name] for name in robot.motors]
 
 
 def effort_scale(units: Sequence[str], span: Array | None) -> Array:
-    """Return the effort of a full bar for each motor: the largest of any motor of its unit.
+    """Compute the effort of a full bar for each motor: the largest of all motors with its unit.
 
     Args:
         units: Unit of each motor's effort.

@@ -1,4 +1,4 @@
-"""What is drawn of a robot, as plain data: rods, balls and solids, each fixed to bodies.
+"""Shapes of a robot as plain data: rods, balls and solids, each fixed to bodies.
 
 Body 0 is the root body, the child of URDF joint i body i + 1, as in `HybridRobot.bodies`.
 """
@@ -12,7 +12,7 @@ import numpy as np
 
 from ..spatial import Array, Index
 
-#: What a shape stands for.
+#: Part of the robot that a shape represents.
 Role = Literal["link", "motor", "joint", "closure"]
 
 
@@ -31,7 +31,7 @@ class Point:
 
 @dataclass(frozen=True)
 class Rod:
-    """A cylinder between two points, which may belong to two bodies: then its length changes.
+    """A cylinder between two points. Its length varies if they belong to different bodies.
 
     Attributes:
         name: What it belongs to: a link, a joint, a closure.
@@ -66,7 +66,7 @@ class Ball:
 
 @dataclass(frozen=True)
 class Solid:
-    """Triangles that are fixed to a body.
+    """A triangle mesh fixed to a body.
 
     Attributes:
         name: Its link.
@@ -89,7 +89,7 @@ class Solid:
 
 @dataclass(frozen=True)
 class Picture:
-    """Everything that is drawn of a robot.
+    """All shapes of a robot.
 
     Attributes:
         rods: Cylinders.
@@ -112,7 +112,7 @@ class Picture:
 
     @property
     def centre(self) -> Array:
-        """Middle of the robot at home, shape (3,), [m]."""
+        """Centre of the robot at home, shape (3,), [m]."""
         middle: Array = self.corners.mean(axis=0)
         return middle
 
@@ -123,6 +123,6 @@ class Picture:
 
     @property
     def modules(self) -> list[int]:
-        """Numbers of the modules that anything is drawn of, the ground (-1) first where there is any."""
+        """Numbers of the modules that have shapes, the ground (-1) first if it has any."""
         shapes: tuple[Rod | Ball | Solid, ...] = (*self.rods, *self.balls, *self.solids)
         return sorted({shape.module for shape in shapes})

@@ -1,4 +1,4 @@
-"""Where the bodies of a robot are, from its posture alone."""
+"""Compute the poses of a robot's bodies from its posture."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ from .picture import Picture, Point
 
 
 class Placement(NamedTuple):
-    """Where every body is in the world at one posture.
+    """Poses of all bodies in the world at one posture.
 
     Attributes:
-        R: Axes of the bodies, shape (bodies, 3, 3).
-        p: Their origins, shape (bodies, 3), [m].
+        R: Orientations of the bodies, shape (bodies, 3, 3).
+        p: Origins of the bodies, shape (bodies, 3), [m].
     """
 
     R: Array
     p: Array
 
     def of(self, points: Sequence[Point]) -> Array:
-        """Return the places of points in the world, shape (len(points), 3), [m]."""
+        """Compute the positions of points in the world, shape (len(points), 3), [m]."""
         if not points:
             return np.zeros((0, 3))
         at = np.array([point.body for point in points])
@@ -33,7 +33,7 @@ class Placement(NamedTuple):
 
 
 def place_bodies(robot: HybridRobot, q: Array) -> Placement:
-    """Return where every body is.
+    """Compute the poses of all bodies in the world.
 
     Args:
         robot: The robot.
@@ -56,7 +56,7 @@ def place_bodies(robot: HybridRobot, q: Array) -> Placement:
 
 
 def extent(picture: Picture, placement: Placement) -> Array:
-    """Return the lower and the upper corner of the box around everything that is drawn, shape (2, 3), [m]."""
+    """Compute the lower and upper corner of a picture's bounding box in the world, shape (2, 3), [m]."""
     points = [end for rod in picture.rods for end in (rod.start, rod.end)]
     points += [ball.at for ball in picture.balls]
     corners = [placement.of(points)]

@@ -1,4 +1,4 @@
-"""Triangles to pixels with a depth buffer, in NumPy: no graphics card, no display, no sorting by eye."""
+"""Rasterize triangles with a depth buffer in NumPy, without a graphics card or a display."""
 
 from __future__ import annotations
 
@@ -6,9 +6,9 @@ import numpy as np
 
 from ..spatial import Array
 
-#: Edges of the boxes of pixels in which triangles are tested together.
+#: Edge lengths of the boxes of pixels in which triangles are tested together.
 BOXES = (3, 6, 12, 24, 48)
-#: Pixels tested at once.
+#: Largest number of pixels tested at once.
 AT_ONCE = 200_000
 #: A pixel on an edge belongs to both triangles: rounding must leave no gap between them.
 EDGE_SLACK = -1e-9
@@ -23,7 +23,7 @@ class Raster:
     """
 
     def __init__(self, background: Array) -> None:
-        """Begin with a background, shape (height, width, 3)."""
+        """Start with a background, shape (height, width, 3)."""
         self.colour = background.copy()
         self.nearness = np.zeros(background.shape[:2])
 
@@ -61,7 +61,7 @@ class Raster:
         y = low[:, 1:] + np.arange(box) + 0.5
         hit = (x < width)[:, None, :] & (y < height)[:, :, None]
         shares = []
-        for p, q in ((b, c), (c, a), (a, b)):  # each share is a sum of a row's and a column's part
+        for p, q in ((b, c), (c, a), (a, b)):  # each coordinate is the sum of a row term and a column term
             d = (q - p) / area[:, None]
             along = -d[:, 1:] * (x - p[:, :1])
             across = d[:, :1] * (y - p[:, 1:])
@@ -72,7 +72,7 @@ class Raster:
         first = which[0]
         nearness = u * near[first, 0] + v * near[first, 1] + w * near[first, 2]
         pixel = (low[first, 1] + which[1]) * width + low[first, 0] + which[2]
-        order = np.argsort(nearness, kind="stable")  # of several on one pixel the nearest is written last
+        order = np.argsort(nearness, kind="stable")  # the nearest of several on one pixel is written last
         pixel, nearness, triangle = pixel[order], nearness[order], first[order]
         buffer, image = self.nearness.reshape(-1), self.colour.reshape(-1, 3)
         closer = nearness > buffer[pixel]
