@@ -9,17 +9,21 @@ May import: `errors`, `spatial`, `colours`.
 
 from typing import TYPE_CHECKING
 
-from .records import Closure, Coupling, Description, Joint, Link
-
 if TYPE_CHECKING:
     from .reading import read
+    from .records import Closure, Coupling, Description, Joint, Link
 
 __all__ = ["Closure", "Coupling", "Description", "Joint", "Link", "read"]
 
 
 def __getattr__(name: str) -> object:
-    if name != "read":
+    """Import a name when it is first used: NumPy comes with the records, which is too slow for completion."""
+    if name not in __all__:
         raise AttributeError(f"module 'hybridyn.description' has no attribute {name!r}")
-    from .reading import read
+    if name == "read":
+        from .reading import read
 
-    return read
+        return read
+    from . import records
+
+    return getattr(records, name)
