@@ -103,8 +103,7 @@ def accelerations(
     """
     import numpy as np
 
-    import hybridyn
-
+    from ..dynamics.direct import direct_model
     from ..streams.blocks import Rows
     from ..tables.trajectory import base_acceleration
 
@@ -115,23 +114,26 @@ def accelerations(
         else np.zeros((len(block.q), 0))
     )
     base = block.a[:, :6] if robot.base == "moving" else None
-    model = functools.partial(
-        hybridyn.ddm,
-        robot,
-        block.q,
-        block.v,
-        tau,
-        base_acceleration=base,
-        wrenches=block.motion.wrenches or None,
-        effects=effects,
-        time=block.motion.time,
-    )
+    inner, residual, handed_over = None, None, 0
     if compiled is not None:
-        model = functools.partial(compiled.ddm, block.q, block.v, tau, base_acceleration=base)
-    before = compiled.recomputed if compiled is not None else 0
-    a, inner = model(reactions=True) if reactions else (model(), None)
+        before = compiled.recomputed
+        a = compiled.ddm(block.q, block.v, tau, base_acceleration=base)
+        handed_over = compiled.recomputed - before
+    else:
+        found = direct_model(
+            robot,
+            block.q,
+            block.v,
+            tau,
+            base_acceleration=base,
+            wrenches=block.motion.wrenches or None,
+            effects=effects,
+            time=block.motion.time,
+            reactions=reactions,
+        )
+        a, residual = found.a, found.residual
+        inner = None if found.reactions is None else reaction_rows(robot, found.reactions)
     rows = a if robot.base == "fixed" else a[:, 6:]
     if robot.base == "floating":
         rows = np.hstack([base_acceleration(block.q, block.v, a), rows])
-    handed_over = compiled.recomputed - before if compiled is not None else 0
-    return Rows(rows, None if inner is None else reaction_rows(robot, inner), handed_over)
+    return Rows(rows, inner, handed_over, residual=residual)

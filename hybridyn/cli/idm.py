@@ -134,8 +134,7 @@ def efforts(
         reactions: Whether reactions are computed.
         compiled: The robot's compiled models, or None for the general path.
     """
-    import hybridyn
-
+    from ..dynamics.inverse import inverse_model
     from ..streams.blocks import Rows
     from ..structure.departures import departures
 
@@ -144,8 +143,7 @@ def efforts(
         tau = compiled.idm(block.q, block.v, block.a)
         left = departures(robot, block.q, block.v, tau)
         return Rows(tau, handed_over=compiled.recomputed - before, left=left)
-    model = functools.partial(
-        hybridyn.idm,
+    found = inverse_model(
         robot,
         block.q,
         block.v,
@@ -156,10 +154,11 @@ def efforts(
         weights=weights,
         effects=effects,
         time=block.motion.time,
+        reactions=reactions,
     )
-    tau, inner = model(reactions=True) if reactions else (model(), None)
-    left = departures(robot, block.q, block.v, tau)
-    return Rows(tau, None if inner is None else reaction_rows(robot, inner), left=left)
+    left = departures(robot, block.q, block.v, found.tau)
+    inner = None if found.reactions is None else reaction_rows(robot, found.reactions)
+    return Rows(found.tau, inner, left=left, residual=found.residual)
 
 
 def check_has_mass(robot: HybridRobot, effects: Effects, layout: Layout) -> None:

@@ -104,7 +104,7 @@ def motor_states(robot: HybridRobot, block: Postures, *, passive: str, effects: 
     made = efforts(robot, block, passive=passive, effects=effects)
     position, speed = motor_rows(robot, block.q, block.v)
     rows = np.concatenate([speed, made.result, np.nan_to_num(position)], axis=1)
-    return Rows(rows, left=made.left)
+    return Rows(rows, left=made.left, residual=made.residual)
 
 
 class _Report:

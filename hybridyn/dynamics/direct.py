@@ -7,6 +7,7 @@ Three recursions: forward for placements and twists (`forward`), backward for ar
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Literal, overload
 
 import numpy as np
@@ -25,6 +26,21 @@ from .loads import all_loads
 from .passive import needs_inertia
 from .reactions import Reactions
 from .state_checks import check_closed
+
+
+@dataclass(frozen=True)
+class DirectResult:
+    """Result of the direct model.
+
+    Attributes:
+        a: Accelerations, shape (T, nv), [m/s^2, rad/s^2].
+        residual: Worst closure residual of each sample, as `closure_residual` computes it, shape (T,).
+        reactions: Wrenches between modules and in the closures, or None where they were not asked for.
+    """
+
+    a: Array
+    residual: Array
+    reactions: Reactions | None
 
 
 @overload
@@ -83,8 +99,25 @@ def ddm(
     Source:
         Ibrahim & Khalil (2010), Eqs. (38)-(53). The paper drops a_dot v_r from xi; `Basis.drift` keeps it.
     """
+    found = direct_model(
+        robot, q, v, tau, base_acceleration=base_acceleration, wrenches=wrenches, effects=effects, time=time,
+        reactions=reactions,
+    )  # fmt: skip
+    single = np.ndim(q) == 1
+    a = found.a[0] if single else found.a
+    if found.reactions is None:
+        return a
+    return a, found.reactions.sample(0) if single else found.reactions
+
+
+def direct_model(
+    robot: HybridRobot, q: Array, v: Array, tau: Array, *, base_acceleration: Array | None = None,
+    wrenches: Mapping[str, Array] | None = None, effects: Choice = None, time: ArrayLike | None = None,
+    reactions: bool = False,
+) -> DirectResult:  # fmt: skip
+    """Compute what `ddm` does, always as a batch, with the closure residuals of the states; see there."""
     on = choose(robot, effects)
-    q, single = as_positions(robot, q, base_given=on.base is None)
+    q = as_positions(robot, q, base_given=on.base is None)[0]
     v, tau = as_batch(v, robot.nv, "v")[0], as_batch(tau, len(robot.motors), "tau")[0]
     same_samples(q=q, v=v, tau=tau)
     time = times(time, len(q))
@@ -99,13 +132,11 @@ def ddm(
     loads = all_loads(robot, on, q, v, time, wrenches)
     whole = on.velocity is not None  # without velocity terms the forces are no longer any observer's
     states = forward(robot, q, v, None, on.gravity, classical=whole)
-    check_closed(robot, states, q, v)
+    residual = check_closed(robot, states, q, v)
     modules = articulate(robot, states, loads, tau, None)
     accelerate(robot, modules, base_motion(robot, q, v, a, on.gravity, classical=whole)[1], q, v, a)
-    if not reactions:
-        return a[0] if single else a
-    result = reactions_of(robot, RobotMotion(q, v, a), tau, loads)
-    return (a[0], result.sample(0)) if single else (a, result)
+    result = reactions_of(robot, RobotMotion(q, v, a), tau, loads) if reactions else None
+    return DirectResult(a, residual, result)
 
 
 def _of_base(robot: HybridRobot, acceleration: Array, samples: int) -> Array:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Literal, overload
 
 import numpy as np
@@ -24,6 +25,21 @@ from .state_checks import check_closed
 
 #: What to advise where a passive motion would need an effort.
 HINT = 'Give the accelerations that need no effort there, or pass passive="solved"'
+
+
+@dataclass(frozen=True)
+class InverseResult:
+    """Result of the inverse model.
+
+    Attributes:
+        tau: Efforts, shape (T, motors), [N or N m].
+        residual: Worst closure residual of each sample, as `closure_residual` computes it, shape (T,).
+        reactions: Wrenches between modules and in the closures, or None where they were not asked for.
+    """
+
+    tau: Array
+    residual: Array
+    reactions: Reactions | None
 
 
 @overload
@@ -93,8 +109,25 @@ def idm(
     Source:
         Ibrahim & Khalil (2010), Eqs. (30)-(33); trees of modules, any mobility and number of motors are ours.
     """
+    found = inverse_model(
+        robot, q, v, a, wrenches=wrenches, effects=effects, time=time, passive=passive, weights=weights,
+        on_singular=on_singular, reactions=reactions,
+    )  # fmt: skip
+    single = np.ndim(q) == 1
+    tau = found.tau[0] if single else found.tau
+    if found.reactions is None:
+        return tau
+    return tau, found.reactions.sample(0) if single else found.reactions
+
+
+def inverse_model(
+    robot: HybridRobot, q: Array, v: Array, a: Array, *, wrenches: Mapping[str, Array] | None = None,
+    effects: Choice = None, time: ArrayLike | None = None, passive: str = "given",
+    weights: Mapping[str, float] | Array | None = None, on_singular: str = "raise", reactions: bool = False,
+) -> InverseResult:  # fmt: skip
+    """Compute what `idm` does, always as a batch, with the closure residuals of the states; see there."""
     on = choose(robot, effects)
-    q, single = as_positions(robot, q, base_given=on.base is None)
+    q = as_positions(robot, q, base_given=on.base is None)[0]
     v, a = as_batch(v, robot.nv, "v")[0], as_batch(a, robot.nv, "a")[0]
     same_samples(q=q, v=v, a=a)
     _one_of("on_singular", on_singular, "raise", "least-norm")
@@ -109,7 +142,7 @@ def idm(
         a = solve_passive(robot, q, v, a, loads)
     v, a = on.inertia.motion(v, a) if on.inertia else (np.zeros_like(v), np.zeros_like(a))
     states = forward(robot, q, v, a, on.gravity, classical=on.velocity is not None)
-    check_closed(robot, states, q, v, a)
+    residual = check_closed(robot, states, q, v, a)
     sharing = Sharing(_weights(robot, weights), on_singular, HINT if passive == "given" else "")
     result = Reactions.empty(len(q)) if reactions else None
     tau = np.zeros((len(q), len(robot.motors)))
@@ -117,9 +150,7 @@ def idm(
     backward(robot, states, loads, Guards(robot, motion, sharing), tau, result, motion)
     if on.limits is not None:
         on.limits.check(robot, tau)
-    if result is None:
-        return tau[0] if single else tau
-    return (tau[0], result.sample(0)) if single else (tau, result)
+    return InverseResult(tau, residual, result)
 
 
 def _one_of(name: str, value: str, *allowed: str) -> None:

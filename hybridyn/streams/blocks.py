@@ -45,12 +45,14 @@ class Rows(NamedTuple):
         reactions: Rows of the reactions, shape (T, columns), or None.
         handed_over: Samples that compiled models handed to the general path.
         left: Joint limits that are exceeded.
+        residual: Closure residuals of the postures, shape (T,), where the model computed them, or None.
     """
 
     result: Array
     reactions: Array | None = None
     handed_over: int = 0
     left: tuple[Departure, ...] = ()
+    residual: Array | None = None
 
 
 Model = Callable[["HybridRobot", Postures], Rows]
@@ -120,7 +122,7 @@ class Work:
         """
         import numpy as np
 
-        import hybridyn
+        from ..assembly.residual import closure_residual
 
         with np.errstate(all="ignore"):  # overflow shows in the results, which are checked
             whole = postures(self.robot, block.motion, self.layout, guess)
@@ -128,7 +130,9 @@ class Work:
             with rows_named(self.layout, own.motion):
                 made = self.model(self.robot, own)
             rows = made.result
-            residual = hybridyn.closure_residual(self.robot, own.q)
+            residual = made.residual
+            if residual is None:
+                residual = closure_residual(self.robot, own.q)
         wrong = np.flatnonzero(~np.isfinite(rows).all(axis=1))
         row = own.motion.first_row
         if len(wrong):
