@@ -21,8 +21,8 @@ from ..structure.state import ModuleState
 from .balance import LegTerms, balance_of_legs, congruence, largest, leg_terms, size_of_solution
 from .inertia_solve import EPS, InertiaFactor, factor_inertia
 from .loads import Loads, ModuleLoad
-from .lost_digits import flag_accelerations
-from .lost_rank import refuse_lost_rank, refuse_untold
+from .lost_digits import warn_of_lost_accelerations
+from .lost_rank import refuse_lost_rank, refuse_undetermined_motion
 from .massless import refuse_forced, shorten
 
 
@@ -162,7 +162,7 @@ def _onto_base(
 ) -> tuple[Array, Array, Array]:
     """Return what a module adds to its base's inertia and bias, Eqs. (45)-(48) in congruence form.
 
-    The third result is the rounding of the inertias that it hands on, which takes their way.
+    The third result is the rounding of those inertias, propagated like them.
     """
     Psi, drift, G = item.basis.Psi, item.basis.drift, item.G
     T = len(G)
@@ -217,7 +217,7 @@ def accelerate(
             ]
         )
         x_ddot = np.einsum("tij,tj->ti", item.basis.Psi, u_dot) + item.basis.drift
-        flag_accelerations(module, x_ddot, item.terms + largest(carried), gravity)
+        warn_of_lost_accelerations(module, x_ddot, item.terms + largest(carried), gravity)
         spanning = np.zeros((len(q), m.spanning.nv))
         m.cut.to_spanning(x_ddot, spanning)
         if m.spec.wrists:
@@ -258,7 +258,7 @@ def _motions(state: ModuleState, prescribed: Array | None, passing: bool) -> Mot
     S_Psi = basis.Psi[:, motors] / unit[:, None]
     miss = (basis.drift[:, motors] - wanted[:, motors]) / unit
     Z, u_dot, pivot = null_basis(S_Psi, miss, min(S_Psi.shape[1:]))
-    refuse_untold(state.module, pivot)
+    refuse_undetermined_motion(state.module, pivot)
     Psi = np.matmul(basis.Psi, Z)
     drift = basis.drift + np.einsum("tij,tj->ti", basis.Psi, u_dot)
     return Motions(Basis(Psi, drift, basis.pivot), unforced)

@@ -67,7 +67,7 @@ def ddm(
     time: ArrayLike | None = None,
     reactions: bool = False,
 ) -> Array | tuple[Array, Reactions]:
-    """Return the accelerations of a robot under motor efforts.
+    """Compute the accelerations of a robot under motor efforts.
 
     u_dot = A_t^-1 (Q_0 - E V_dot_base), module after module, Eqs. (40), (51).
 
@@ -84,7 +84,7 @@ def ddm(
             for those and all that the robot's files state; or names and objects (`hybridyn.effects`), and
             nothing else.
         time: Time of each sample, shape () or (T,), [s], for effects that follow a table.
-        reactions: Also give the wrenches between modules and in the closures.
+        reactions: Also return the wrenches between modules and in the closures.
 
     Returns:
         Accelerations of the spanning tree, shape (nv,) or (T, nv), [m/s^2, rad/s^2]; with `reactions=True`

@@ -57,7 +57,7 @@ class Power:
 
 
 def energy(robot: HybridRobot, q: Array, v: Array, *, effects: Choice = None) -> Energy:
-    """Return kinetic and potential energy.
+    """Compute kinetic and potential energy.
 
     Args:
         robot: The robot.
@@ -95,7 +95,7 @@ def _of_bodies(robot: HybridRobot, q: Array, v: Array, on: Effects) -> tuple[Arr
 
 
 def effective_model(robot: HybridRobot, on: Effects) -> pin.Model:
-    """Give Pinocchio's model with the weights and inertias that the effects leave; it is to be read only."""
+    """Return Pinocchio's model with the weights and inertias that the effects leave; do not change it."""
     if on.gravity is not None and on.leg_inertia is not None:
         return robot.model
     model = pin.Model(robot.model)
@@ -149,7 +149,7 @@ def power(
 
 
 def momentum(robot: HybridRobot, q: Array, v: Array) -> Array:
-    """Return momentum and angular momentum about the centre of mass, world axes.
+    """Compute momentum and angular momentum about the centre of mass, world axes.
 
     Args:
         robot: The robot.
@@ -174,7 +174,7 @@ def momentum(robot: HybridRobot, q: Array, v: Array) -> Array:
 
 
 def centre_of_mass(robot: HybridRobot, q: Array) -> Array:
-    """Return the centre of mass in the world, shape (3,) or (T, 3), [m].
+    """Compute the centre of mass in the world, shape (3,) or (T, 3), [m].
 
     Args:
         robot: The robot.

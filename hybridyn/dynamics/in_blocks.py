@@ -22,7 +22,7 @@ def efforts_in_blocks(
     robot: HybridRobot, q: Array, v: Array, a: Array, on: Effects, *,
     wrenches: Mapping[str, Array] | None = None, time: Array | None = None,
 ) -> Array:  # fmt: skip
-    """Return motor efforts as `hybridyn.idm` does, block by block.
+    """Compute motor efforts as `hybridyn.idm` does, block by block.
 
     Args:
         robot: The robot.

@@ -70,7 +70,7 @@ def idm(
     on_singular: str = "raise",
     reactions: bool = False,
 ) -> Array | tuple[Array, Reactions]:
-    """Return the motor efforts that move a robot as prescribed.
+    """Compute the motor efforts that move a robot as prescribed.
 
     B tau = Psi^T H + sum_o a_o^T W_o, module after module from the outermost inwards, Eqs. (16), (31)-(33).
 
@@ -85,14 +85,14 @@ def idm(
             for those and all that the robot's files state; or names and objects (`hybridyn.effects`), and
             nothing else.
         time: Time of each sample, shape () or (T,), [s], for effects that follow a table.
-        passive: "given": `a` is taken as it comes, and a passive motion that would need an effort is an
+        passive: "given": `a` is used as given, and a passive motion that would need an effort is an
             error; an idle one (a rod's spin, which moves no output and no centre of mass) never is. "solved":
             only the motors' accelerations (and a prescribed base's) count, the rest follows from zero effort.
         weights: For each motor w in the sum of w x effort^2 that redundant motors make least, by name or in
             the order of `robot.motors`; by effort limits where left out.
         on_singular: "raise", or "least-norm" to go on with the least efforts where motors lose a direction,
             and with those of the branch that v is on where closures lose rank.
-        reactions: Also give the wrenches between modules and in the closures.
+        reactions: Also return the wrenches between modules and in the closures.
 
     Returns:
         Efforts in the order of `robot.motors`, shape (motors,) or (T, motors), [N or N m]; with

@@ -10,7 +10,7 @@ from ..structure.robot import HybridRobot
 from ..structure.state import ModuleState, RobotMotion
 from .actuation import Need, Sharing, motor_efforts
 from .inverse_recursion import ModuleForces
-from .lost_digits import flag_efforts, robot_weight
+from .lost_digits import robot_weight, warn_of_lost_efforts
 from .lost_rank import LOST_PIVOT, along_motion, possible_motions, refuse_lost_digits, refuse_lost_rank
 from .natural_sizes import force_rounding
 
@@ -70,7 +70,7 @@ class Guards:
         module, m, basis, Q = s.module, s.mechanism, needed.basis, needed.Q
         size = self._size(k, s, needed)
         refuse_lost_digits(module, basis, Q, size, self._weight * m.length)
-        flag_efforts(module, Q, size, self._weight * m.length)
+        warn_of_lost_efforts(module, Q, size, self._weight * m.length)
         need = Need(Q, size, self._rounding, s.motion)
         tau = motor_efforts(self._robot, module, basis.Psi, need, self.sharing)
         for t in np.flatnonzero(basis.pivot < LOST_PIVOT) if m.reduction.rank else ():

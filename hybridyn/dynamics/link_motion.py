@@ -34,7 +34,7 @@ class LinkMotion:
 def kinematics(
     robot: HybridRobot, q: Array, v: Array, a: Array | None = None, links: Sequence[str] | None = None
 ) -> dict[str, LinkMotion]:
-    """Return poses, twists and accelerations of links in the world.
+    """Compute poses, twists and accelerations of links in the world.
 
     Args:
         robot: The robot.
@@ -87,7 +87,7 @@ def motions_of(
 
 
 def link_motions(robot: HybridRobot, q: Array, v: Array, links: Iterable[str]) -> dict[str, RigidMotion]:
-    """Give the motion in the world of some links at zero accelerations, from the modules below them alone."""
+    """Compute the motion of some links in the world at zero accelerations; only modules below are swept."""
     wanted: set[int] = set()
     for link in links:
         k = robot.body_owner[robot.bodies.place[link][0]][0]
@@ -107,7 +107,7 @@ def observed_motions(robot: HybridRobot, on: Effects, q: Array, v: Array) -> dic
 def body_motions(
     robot: HybridRobot, q: Array, v: Array, a: Array, modules: Container[int] | None = None
 ) -> dict[int, RigidMotion]:
-    """Return the motion of every body in the world, or of those of some modules (with all below them)."""
+    """Compute the motion of every body in the world, or of those of some modules (with all below them)."""
     bodies = {0: _root(robot, q, v, a)}
     for k, module in enumerate(robot.modules):
         if (robot.base == "floating" and k == 0) or (modules is not None and k not in modules):

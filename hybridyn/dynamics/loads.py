@@ -51,7 +51,7 @@ class ModuleLoad:
         return out
 
     def through_wrist(self, state: ModuleState, number: int) -> Array:
-        """Return what wrenches on a cut wrist's links hand to its target, (T, 6), base axes, at its end."""
+        """Compute the wrench of a cut wrist's links on its target, (T, 6), base axes, at the wrist's end."""
         m = state.mechanism
         wrist, spanning = m.spec.wrists[number], state.spanning
         out = np.zeros_like(state.V)
@@ -72,7 +72,7 @@ class ModuleLoad:
         return out
 
     def on_legs(self, state: ModuleState) -> tuple[Array, Array]:
-        """Return what the wrenches on leg links do to the base, (T, 6), and along x, (T, n)."""
+        """Compute the wrench of loads on leg links on the base, (T, 6), and their force along x, (T, n)."""
         m = state.mechanism
         base, along = np.zeros_like(state.V), np.zeros((len(state.V), m.tree.nv))
         for wrench in self.base:
@@ -106,7 +106,7 @@ class Loads:
     rotors: Array | None = None
 
     def on_legs(self, k: int, state: ModuleState) -> tuple[Array, Array]:
-        """Return what loads on module k do to its base, (T, 6), and along x, (T, n)."""
+        """Compute the wrench of loads on module k on its base, (T, 6), and their force along x, (T, n)."""
         base, along = self.modules[k].on_legs(state)
         if self.joints is not None:
             passive = np.zeros_like(along)
@@ -183,7 +183,7 @@ def _enter(robot: HybridRobot, loads: Loads, wrenches: Mapping[str, Array], samp
 
 
 def _wrench(robot: HybridRobot, link: str, given: Array, samples: int) -> Array:
-    """Check a wrench on a link and give it for every sample, shape (samples, 6).
+    """Check a wrench on a link and return it for every sample, shape (samples, 6).
 
     Raises:
         TrajectoryError: An unknown link, a wrong shape, or a number that is not finite.

@@ -1,4 +1,4 @@
-"""Say where a result is nothing but rounding: terms that cancel to their last digit.
+"""Warn where a result has no correct digit, because its terms cancel.
 
 A digit is missed only where the robot would notice: rounding below a millionth of what its weight does is the
 zero that it should be. Without gravity there is nothing to compare with, and nothing is said.
@@ -28,7 +28,7 @@ def robot_weight(robot: HybridRobot) -> float:
     return mass * float(np.linalg.norm(robot.gravity))
 
 
-def flag_efforts(module: Module, Q: Array, size: Array, weight: float) -> None:
+def warn_of_lost_efforts(module: Module, Q: Array, size: Array, weight: float) -> None:
     """Log samples at which no digit of a module's efforts is left.
 
     Args:
@@ -40,10 +40,10 @@ def flag_efforts(module: Module, Q: Array, size: Array, weight: float) -> None:
     if not module.motors:
         return
     lost = _lost(np.abs(Q).max(axis=1, initial=0.0), size, weight)
-    _say(module, "efforts", lost, size, "N m")
+    _warn(module, "efforts", lost, size, "N m")
 
 
-def flag_accelerations(module: Module, x_ddot: Array, terms: Array, gravity: float) -> None:
+def warn_of_lost_accelerations(module: Module, x_ddot: Array, terms: Array, gravity: float) -> None:
     """Log samples at which no digit of a module's accelerations is left.
 
     Args:
@@ -54,7 +54,7 @@ def flag_accelerations(module: Module, x_ddot: Array, terms: Array, gravity: flo
     """
     m = module.mechanism
     left = np.abs(x_ddot / m.reduction.col_scale).max(axis=1, initial=0.0)
-    _say(module, "accelerations", _lost(left, terms, gravity / m.length), terms, "rad/s^2")
+    _warn(module, "accelerations", _lost(left, terms, gravity / m.length), terms, "rad/s^2")
 
 
 def _lost(left: Array, size: Array, natural: float) -> Index:
@@ -64,7 +64,7 @@ def _lost(left: Array, size: Array, natural: float) -> Index:
     return np.flatnonzero((left <= NOISE * size) & (NOISE * size > HARMLESS * natural))
 
 
-def _say(module: Module, what: str, lost: Index, size: Array, unit: str) -> None:
+def _warn(module: Module, what: str, lost: Index, size: Array, unit: str) -> None:
     """Log the worst of the samples, if there are any."""
     if len(lost):
         worst = int(lost[np.argmax(size[lost])])

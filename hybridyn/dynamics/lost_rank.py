@@ -20,15 +20,15 @@ from ..structure.state import ModuleState
 
 #: A smallest pivot below this part of the largest is rounding: the row is lost at that posture.
 LOST_PIVOT = 1e-13
-#: Accelerations of the motors alone tell the motion with the condition of the motors' map, and the motion
-#: their efforts with it again: the limit of both together.
-UNTOLD = 1e-10
+#: Accelerations of the motors alone determine the motion up to the condition number of the motors' map, and
+#: the motion their efforts up to the same again: the limit on both together, as a reciprocal.
+SINGULAR_ACCELERATION_MAP = 1e-10
 #: From this near on, the digits are counted that a small pivot leaves.
 NEAR_LOST_PIVOT = 1e-6
 
 
 def refuse_lost_rank(module: Module, basis: Basis) -> None:
-    """Refuse samples at which a module's closures lose rank.
+    """Raise where the closures of a module lose rank.
 
     Raises:
         SingularityError: Naming module, sample and condition number.
@@ -47,8 +47,8 @@ def refuse_lost_rank(module: Module, basis: Basis) -> None:
     )  # fmt: skip
 
 
-def refuse_untold(module: Module, pivot: Array) -> None:
-    """Refuse motors' accelerations that do not tell the motion, at a parallel singularity.
+def refuse_undetermined_motion(module: Module, pivot: Array) -> None:
+    """Raise where accelerations of the motors do not determine the motion (parallel singularity).
 
     Args:
         module: The module.
@@ -57,7 +57,7 @@ def refuse_untold(module: Module, pivot: Array) -> None:
     Raises:
         SingularityError: Naming module, sample and condition number.
     """
-    lost = np.flatnonzero(pivot**2 < UNTOLD)
+    lost = np.flatnonzero(pivot**2 < SINGULAR_ACCELERATION_MAP)
     if not len(lost):
         return
     t = int(lost[0])
@@ -65,13 +65,14 @@ def refuse_untold(module: Module, pivot: Array) -> None:
     raise _refusal(
         module, "motors", t, condition,
         f"its motors lose a direction at sample {t} (parallel singularity), and their accelerations alone do "
-        f"not tell the motion there (condition number {condition:.1e} together with the efforts, limit "
-        f'{1 / UNTOLD:.0e}). Give all accelerations, passive="given", or move the trajectory away',
+        f"not determine the motion there (condition number {condition:.1e} together with the efforts, limit "
+        f"{1 / SINGULAR_ACCELERATION_MAP:.0e}). Give all accelerations, passive=\"given\", or move the "
+        "trajectory away",
     )  # fmt: skip
 
 
 def refuse_lost_digits(module: Module, basis: Basis, Q: Array, size: Array, weight: float) -> None:
-    """Refuse efforts that are nothing but rounding next to a constraint singularity.
+    """Raise where efforts next to a constraint singularity have no correct digit.
 
     A motion that is not one of the smooth ones there needs accelerations of the order of 1 / pivot, and
     closure wrenches of 1 / pivot again: the efforts are what is left of terms that cancel.

@@ -29,7 +29,7 @@ def needs_inertia(on: Effects) -> None:
 
 
 def solve_passive(robot: HybridRobot, q: Array, v: Array, a: Array, loads: Loads) -> Array:
-    """Return the accelerations whose motors' (and moving base's) entries are those of `a`, the rest unforced.
+    """Compute accelerations that are those of `a` at motors and moving base, and unforced elsewhere.
 
     The same two sweeps with Psi Z, the prescribed part in the drift, and no motor effort: Z spans what the
     motors leave free.

@@ -51,7 +51,7 @@ class Reactions:
 
     @classmethod
     def empty(cls, samples: int) -> Reactions:
-        """Return reactions to be filled in."""
+        """Build reactions that are zero."""
         return cls(np.zeros((samples, 6)), {}, {}, {}, {})
 
     def sample(self, t: int) -> Reactions:
@@ -96,7 +96,7 @@ def module_reactions(
             ) -> Array:
                 return _closure_wrench(state, cut, author, x)
 
-            lam = wrench(lam) + _handed_on(state, load, author)
+            lam = wrench(lam) + _from_cut_wrists(state, load, author)
             free = _each(wrench, free)
             free[:, :3] *= m.length
         elif i < len(m.closures.closures):
@@ -163,7 +163,7 @@ def _closure_wrench(state: ModuleState, cut: TreeClosure, author: TreeClosure, l
         axes = [0, 1] if cut.rotation == "parallel" else [2]
         normals = np.stack([cross(B[:, :, 2], A[:, :, i]) for i in axes], axis=1)
         moment = np.einsum("tij,ti->tj", normals, rest)
-    A_out, p_out = _told_in(state.spanning, author)
+    A_out, p_out = _wrench_frame(state.spanning, author)
     moment = moment + cross(pb - p_out, force)
     # A wrist that was cut keeps the author's sense: from its chain's side to the target, or back.
     numbers = state.mechanism.cut.bodies
@@ -171,22 +171,22 @@ def _closure_wrench(state: ModuleState, cut: TreeClosure, author: TreeClosure, l
     return sign * np.concatenate([rotate_back(A_out, force), rotate_back(A_out, moment)], axis=-1)
 
 
-def _handed_on(state: ModuleState, load: ModuleLoad, author: TreeClosure) -> Array:
-    """Give what a cut wrist hands from wrenches on its own links to the author's successor, shape (T, 6)."""
+def _from_cut_wrists(state: ModuleState, load: ModuleLoad, author: TreeClosure) -> Array:
+    """Compute the wrench of a cut wrist's own links on the author's successor, shape (T, 6)."""
     out = np.zeros_like(state.V)
     for number, wrist in enumerate(state.mechanism.spec.wrists):
         if wrist.carries or {wrist.end, wrist.target} != {author.body_a, author.body_b}:
             continue
         handed = load.through_wrist(state, number)
-        A, p = _told_in(state.spanning, author)
+        A, p = _wrench_frame(state.spanning, author)
         moment = handed[:, 3:] + cross(state.spanning.p[:, wrist.end] - p, handed[:, :3])
         sign = 1.0 if wrist.target == author.body_b else -1.0
         out += sign * np.concatenate([rotate_back(A, handed[:, :3]), rotate_back(A, moment)], axis=-1)
     return out
 
 
-def _told_in(motion: Motion, author: TreeClosure) -> tuple[Array, Array]:
-    """Return the axes and the origin in the base in which a closure's wrench is told.
+def _wrench_frame(motion: Motion, author: TreeClosure) -> tuple[Array, Array]:
+    """Return the axes and the origin in the base in which a closure's wrench is expressed.
 
     The axes are those of the predecessor's frame as its author placed it (z of frame A is the closure's
     axis), the origin is the successor's.
