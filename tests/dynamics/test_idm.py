@@ -17,7 +17,7 @@ from hybridyn.structure.building import build_robot
 from tests.comparing import SOLVED, close_to
 from tests.mechanisms import KINDS, random_mechanism, random_states, random_wrenches
 from tests.posing import of_joints, position
-from tests.samples import in_turn
+from tests.samples import in_turn, slow
 from tests.shipped import ROBOTS, shipped, states_near_home
 
 BASES: tuple[Base, ...] = ("fixed", "moving", "floating")
@@ -64,7 +64,7 @@ def shipped_judged(name: str, base: Base, seed: int, count: int) -> None:
     close_to(tau, np.array([oracle.idm(*s) for s in states]), SOLVED)
 
 
-@pytest.mark.parametrize("name", ROBOTS)
+@pytest.mark.parametrize("name", [slow(name) if name == "snake" else name for name in ROBOTS])
 def test_shipped_robots_agree_with_the_oracle(name: str) -> None:
     shipped_judged(name, "floating" if name == "snake" else "fixed", 0, STATES.get(name, 10))
 

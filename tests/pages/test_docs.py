@@ -12,6 +12,7 @@ import pytest
 import hybridyn
 from hybridyn.description import Description
 from tests import ROOT
+from tests.samples import slow
 from tests.snippets import PAGES, Block, blocks, run_python, stand_where_a_user_does
 
 DOCS = ROOT / "docs"
@@ -21,10 +22,14 @@ CLOSED = 1e-5  # of the module's size: the home posture is printed with six digi
 
 
 TOLD_IN_ORDER = {"tutorial.md"}  # its commands and its Python need each other: test_tutorial.py
+#: Pages whose Python takes long; `.ci/run` runs them too.
+LONG = {"cost.md", "scenes.md"}
 RUN = [page for page in PAGES[1:] if page.name not in TOLD_IN_ORDER and blocks(page, "python")]
 
 
-@pytest.mark.parametrize("page", RUN, ids=lambda page: page.name)
+@pytest.mark.parametrize(
+    "page", [slow(page) if page.name in LONG else page for page in RUN], ids=lambda page: page.name
+)
 def test_python_of_a_page_runs(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     stand_where_a_user_does(tmp_path, monkeypatch)
     run_python(page)
