@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import os
 import shutil
+import signal
 import tempfile
 import zlib
 from collections.abc import Callable, Mapping, Sequence
@@ -24,6 +25,8 @@ for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
 
 def pytest_configure(config: pytest.Config) -> None:
     """Make the session's folder, in which compiled models are kept too, before workers start."""
+    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # in the background; programs inherit it
+        signal.signal(signal.SIGINT, signal.default_int_handler)
     if once.VARIABLE not in os.environ:
         os.environ[once.VARIABLE] = folder = tempfile.mkdtemp(prefix="hybridyn-tests-")
         config.add_cleanup(lambda: shutil.rmtree(folder, ignore_errors=True))
@@ -62,11 +65,13 @@ def expand_once() -> None:
 
 def kept(expand: Callable[..., tuple[bytes, list[str]]]) -> Callable[..., tuple[bytes, list[str]]]:
     """Return `expand` with its answers for shipped robots kept in the session's folder."""
+    from hybridyn.description.urdf import xacro
 
     def expanded(file: str, arguments: Mapping[str, object], packages: Sequence[Any]) -> Any:
         if not os.path.realpath(file).startswith(str(ROOT / "urdf")):
             return expand(file, arguments, packages)
-        asked = (os.path.abspath(file), sorted((k, str(v)) for k, v in arguments.items()), packages)
+        given = sorted((key, str(value)) for key, value in arguments.items())
+        asked = (os.path.abspath(file), given, packages, xacro._share_dirs())
         name = hashlib.sha256(repr(asked).encode()).hexdigest()
         if os.path.basename(file).startswith("stewart_ur5") and not robots_of_others():
             skip("robots")
