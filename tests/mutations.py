@@ -96,6 +96,8 @@ def change_value(text: str, draw: random.Random) -> bytes:
 
 def swap_values(text: str, draw: random.Random) -> bytes:
     found = list(re.finditer(r'(?<==")[^"]*(?=")|(?<=\[)[^\[\]]*(?=\])', text))
+    if len(found) < 2:
+        return text.encode()
     first, second = sorted(draw.sample(found, 2), key=lambda match: match.start())
     middle = text[first.end() : second.start()]
     return (text[: first.start()] + second[0] + middle + first[0] + text[second.end() :]).encode()
