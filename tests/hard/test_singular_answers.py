@@ -167,7 +167,9 @@ def test_accelerations_of_the_motors_alone(place: str, distance: float, claim: C
         claim(this.name, "forward error of idm, passive solved", errors.forward, bound)
         return
     for answer in ("raise", "least-norm"):
-        with pytest.raises(SingularityError, match="accelerations alone do not determine the motion") as caught:
+        with pytest.raises(
+            SingularityError, match="accelerations alone do not determine the motion"
+        ) as caught:
             solve(answer)
         assert caught.value.what == "motors"
         assert caught.value.condition is not None

@@ -27,6 +27,7 @@ from hybridyn.view.triangles import rod_transforms, unit_ball, unit_cylinder
 from hybridyn.view.visuals import read_visuals
 from tests import ROOT
 from tests.command_line import call
+from tests.extras import needs
 from tests.robot_texts import FOUR_BAR, save
 from tests.shipped import ROBOTS
 
@@ -301,8 +302,7 @@ def test_the_command_writes_a_picture_of_any_time(tmp_path: Path, capsys: pytest
 
 
 def test_the_command_writes_a_film(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    import imageio_ffmpeg
-
+    imageio_ffmpeg = needs("view", "imageio_ffmpeg")
     table = tmp_path / "short.csv"
     lines = (ROOT / "models/delta/traj.csv").read_text().splitlines()
     header = next(i for i, line in enumerate(lines) if not line.startswith("#"))
