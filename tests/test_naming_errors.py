@@ -8,13 +8,15 @@ import sys
 from pathlib import Path
 
 import numpy as np
-import polars
 import pytest
 
 import hybridyn
 from hybridyn.errors import ModelError, TrajectoryError, install_advice
 from tests.command_line import call
+from tests.extras import needs
 from tests.robot_texts import FOUR_BAR, read_text
+
+polars = needs("io")
 
 NO_ROOM = """
 import resource, sys
