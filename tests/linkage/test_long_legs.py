@@ -59,18 +59,20 @@ def polygon(folder: Path, sides: int) -> Path:
 
 
 WEIGH = """
-import resource, sys, numpy as np, hybridyn
+import sys, numpy as np, hybridyn
 robot = hybridyn.load(sys.argv[1], motors=[f"j{i}" for i in range(1, 200)])
 rest = np.zeros(robot.nv)
 tau = hybridyn.idm(robot, robot.home, rest, rest)
 assert np.abs(hybridyn.ddm(robot, robot.home, rest, tau)).max() < 1e-9
 assert robot.mobility == 197
-print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)
+status = open("/proc/self/status").read()  # ru_maxrss would count the parent's memory too
+print(int(status.split("VmHWM:")[1].split()[0]) / 1024)
 """
 
 
 def test_a_loop_of_two_hundred_joints_takes_little_memory(tmp_path: Path) -> None:
-    pytest.importorskip("resource")
+    if not Path("/proc/self/status").exists():
+        pytest.skip("this system does not tell a process's largest memory")
     done = subprocess.run(
         [sys.executable, "-c", WEIGH, str(polygon(tmp_path, 200))], capture_output=True, text=True, check=True
     )
