@@ -100,6 +100,7 @@ def test_long_double_reference_against_forty_digits(model: str) -> None:
 
 @pytest.mark.parametrize("case", ["five_bar", slow("rps3"), slow("stack 2"), slow("ur5")])
 def test_every_method_agrees_with_the_reference(case: str) -> None:
+    needs("bench")
     own = case_of(case)
     robot = own.load()
     q, v, a = own.states(robot, 2)
@@ -141,6 +142,7 @@ def test_methods_say_what_they_cannot_do(monkeypatch: pytest.MonkeyPatch) -> Non
 
 
 def test_closures_in_space_that_are_no_points_are_refused(tmp_path: Path) -> None:
+    needs("bench")
     text = (load(APPROACHES["slider-crank, dead centre"]).description.source or "").strip()
     path = tmp_path / "sleeve.urdf"
     path.write_text(Path(text).read_text().replace('type="spherical"', 'type="revolute"'))
