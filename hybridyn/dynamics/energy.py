@@ -137,11 +137,11 @@ def power(
     supplied, lost = np.zeros((2, len(q)))
     outer = replace(on, links=tuple(law for law in on.links if isinstance(law, Wrench)))
     gather_loads(robot, wrenches, len(q))  # refuses what idm refuses
-    for given in (wrenches or {}, *outer.wrenches(observed_motions(robot, outer, q, v), clock, len(q))):
+    motions = observed_motions(robot, on, q, v)
+    for given in (wrenches or {}, *outer.wrenches(motions, clock, len(q))):
         supplied += _work(robot, q, v, given)
     for joint_law in on.joints:
         lost += joint_law.power(q, v)
-    motions = observed_motions(robot, on, q, v)
     for link_law in on.links:
         lost += link_law.power(motions)
     out = (np.sum(tau * v[:, columns], axis=1), supplied, lost)
