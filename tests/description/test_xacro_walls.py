@@ -190,6 +190,23 @@ def folders(file: Path, *named: Path) -> RobotFolders:
     return RobotFolders(str(file), [str(folder) for folder in named], [], 1000)
 
 
+def test_packages_installed_inside_the_robots_folder_are_read(robot: Path) -> None:
+    """A virtual environment lies in a hidden folder of many a project."""
+    hidden = robot.parents[1] / ".venv"
+    share = hidden / "share"
+    part = share / "hand" / "urdf" / "hand.xacro"
+    for path in (part, hidden / "secret.xacro", share / "hand" / ".git" / "config"):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text("<robot/>")
+    with pytest.raises(ModelError, match="is hidden"):
+        RobotFolders(str(robot), [], [str(share)], 1000).read(str(part))
+    granted = RobotFolders(str(robot), [], [str(share)], 1000, [str(share)])
+    assert granted.read(str(part)) == b"<robot/>"
+    for path in (hidden / "secret.xacro", share / "hand" / ".git" / "config"):
+        with pytest.raises(ModelError, match="is hidden"):
+            granted.read(str(path))
+
+
 def test_the_robots_own_folders_are_read(robot: Path) -> None:
     own = folders(robot)
     assert own.read(str(robot)) == b"<robot/>"

@@ -115,12 +115,11 @@ class RobotFolders:
         real = os.path.realpath(path)
         if real == os.path.realpath(self.file):
             return real
-        for folder in self._granted:
-            rest = _inside(real, folder)
-            if rest is not None:
-                if any(part.startswith(".") for part in rest.parts):
-                    raise ModelError(f"'{path}' is hidden, and a xacro file may not read it")
-                return real
+        rests = [rest for folder in self._granted if (rest := _inside(real, folder)) is not None]
+        if any(not _is_hidden(rest) for rest in rests):
+            return real
+        if rests:
+            raise ModelError(f"'{path}' is hidden, and a xacro file may not read it")
         raise ModelError(
             f"'{path}' lies outside the robot's folders; name the folder that holds it with package_dirs"
         )
@@ -144,6 +143,10 @@ def _own_folder(file: str) -> str:
 
 def _is_package(folder: str) -> bool:
     return any(os.path.exists(os.path.join(folder, mark)) for mark in MARKS)
+
+
+def _is_hidden(path: Path) -> bool:
+    return any(part.startswith(".") for part in path.parts)
 
 
 def _inside(path: str, folder: str) -> Path | None:
