@@ -4,15 +4,19 @@ from __future__ import annotations
 
 import ast
 import os
+import re
+import shlex
 import subprocess
 import sys
 import tomllib
 from pathlib import Path
+from typing import Any
 
 import pytest
 import yaml
 
 from tests import ROOT
+from tests.snippets import blocks
 
 PACKAGE = ROOT / "hybridyn"
 HEAVY = ("numpy", "scipy", "pinocchio", "pydantic", "lxml", "polars", "matplotlib", "yourdfpy", "trimesh")
@@ -47,6 +51,63 @@ def test_help_imports_nothing_heavy(words: list[str]) -> None:
         check=True,
     )
     assert done.stdout.splitlines()[-1] == "[]"
+
+
+#: How dependencies are imported whose names are others.
+MODULES = {"pin": "pinocchio", "pyyaml": "yaml"}
+#: What only extras install.
+OF_EXTRAS = (
+    "polars", "yourdfpy", "trimesh", "viser", "PIL", "imageio_ffmpeg", "matplotlib", "plotly", "casadi",
+    "mujoco", "mpmath", "sphinx",
+)  # fmt: skip
+
+
+def project() -> dict[str, Any]:
+    facts: dict[str, Any] = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    return facts
+
+
+def names_of(requirements: list[str]) -> set[str]:
+    return {re.split(r"[^\w-]", text)[0] for text in requirements}
+
+
+def test_every_dependency_is_imported() -> None:
+    """What no file of the package names is not installed with it."""
+    imported: set[str] = set()
+    for path in PACKAGE.rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.Import):
+                imported |= {alias.name.partition(".")[0] for alias in node.names}
+            elif isinstance(node, ast.ImportFrom) and not node.level:
+                imported.add(str(node.module).partition(".")[0])
+            elif isinstance(node, ast.Constant) and isinstance(node.value, str):
+                imported.add(node.value)  # `import_module`
+    base = names_of(project()["dependencies"])
+    assert {MODULES.get(name, name) for name in base} <= imported
+    assert not base & {"polars", "yourdfpy", "trimesh"}
+    assert "yourdfpy" in names_of(project()["optional-dependencies"]["view"])
+
+
+def test_the_first_command_of_the_readme_needs_no_extra(tmp_path: Path) -> None:
+    """It installs the package alone, and runs where nothing of the extras can be imported."""
+    (block,) = [block for block in blocks(ROOT / "README.md", "sh") if "hybridyn idm" in block.text]
+    assert "pip install -q . &&" in block.text
+    words = shlex.split(block.text)
+    words = words[words.index(".venv/bin/hybridyn") + 1 :]
+    rows = [line for line in (ROOT / words[-1]).read_text().splitlines() if not line.startswith("#")]
+    (tmp_path / "traj.csv").write_text("\n".join(rows[:3]) + "\n")
+    code = (
+        f"import sys; sys.modules.update(dict.fromkeys({OF_EXTRAS!r}));"
+        "from hybridyn.cli import main; sys.exit(main(sys.argv[1:]))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code, *words[:-1], str(tmp_path / "traj.csv")],
+        env=os.environ | {"PYTHONPATH": str(ROOT)},
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+    )
+    assert (done.returncode, len(done.stdout.splitlines())) == (0, 3), done.stderr
 
 
 def test_types_are_shipped() -> None:

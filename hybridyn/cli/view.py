@@ -21,7 +21,8 @@ if TYPE_CHECKING:
     from ..view.render import Image
     from ..view.run import Run
 
-NEEDS = {"page": ("viser",), ".png": ("PIL",), ".mp4": ("PIL", "imageio_ffmpeg")}
+SHAPES = ("yourdfpy", "trimesh")
+NEEDS = {"page": ("viser", *SHAPES), ".png": ("PIL", *SHAPES), ".mp4": ("PIL", "imageio_ffmpeg", *SHAPES)}
 SMALLEST, LARGEST = 64, 4096  # pixels
 
 

@@ -11,6 +11,7 @@ import pytest
 from hybridyn.cli import main
 from hybridyn.studies.check.check import CODES
 from tests import ROOT
+from tests.extras import needs
 from tests.pages.test_readme import same_line
 from tests.snippets import blocks, stand_where_a_user_does
 
@@ -21,6 +22,7 @@ PAGES = ("check.md", "workspace-and-sizing.md")
 def test_commands_print_what_is_shown(
     page: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    needs("view", "trimesh")  # the first page checks a robot with meshes
     stand_where_a_user_does(tmp_path, monkeypatch)
     monkeypatch.setenv("COLUMNS", "90")
     parts = [part for block in blocks(ROOT / "docs" / page, "console") for part in block.text.split("$ ")[1:]]

@@ -83,8 +83,9 @@ def test_setup_command_names_what_exists(block) -> None:
         name = Path(program).name
         assert name in ("python3", "pip", "pytest", "hybridyn")
         if name == "pip":
-            extras = re.findall(r"\.\[(.*)\]", words[-1])[0].split(",")
-            assert set(extras) <= PROJECT["project"]["optional-dependencies"].keys()
+            (extras,) = re.fullmatch(r"\.(?:\[(.*)\])?", words[-1]).groups()
+            extras = set(extras.split(",")) if extras else set()
+            assert extras <= PROJECT["project"]["optional-dependencies"].keys()
         if name == "hybridyn":
             assert words[0] in COMMANDS
             assert all((ROOT / word).is_file() for word in words[1:])

@@ -10,6 +10,7 @@ import pytest
 
 from hybridyn.cli import COMMANDS, main
 from tests import ROOT
+from tests.extras import needs
 from tests.snippets import blocks, stand_where_a_user_does
 
 PAGE = ROOT / "docs" / "view-and-plot.md"
@@ -19,6 +20,7 @@ FILE = re.compile(r"[\w.]+\.(png|svg|pdf|html|mp4|csv)")
 def test_commands_write_the_files_that_they_name(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    needs("view")
     stand_where_a_user_does(tmp_path, monkeypatch)
     text = "".join(block.text for block in blocks(PAGE, "console"))
     lines = [line.removeprefix("$ ") for line in text.splitlines() if line.startswith("$ ")]

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import math
+import sys
 from pathlib import Path
 
 import pytest
 
 import hybridyn
+from hybridyn.errors import install_advice
 from hybridyn.studies.check.check import CODES, Finding, is_readable, worst
 from hybridyn.studies.check.masses import unit_guess
 from tests import ROOT
+from tests.extras import needs
 from tests.robot_texts import LOOP, TREE, robot, save
 
 BALL = (
@@ -155,6 +158,7 @@ WRONG: dict[str, tuple[str, str]] = {
     "degrees": (arm(lower=-180, upper=180), "joint 'turn'"),
     "missing-mesh": (arm(inside=BALL + MESH.format("package://nowhere/part.stl")), "link 'arm'"),
     "broken-mesh": (arm(inside=BALL + MESH.format("broken.stl")), "link 'arm'"),
+    "unread-meshes": (arm(inside=BALL + MESH.format("part.stl")), ""),
     "limits-crossed": (arm(lower=1, upper=-1), "joint 'turn'"),
     "limits-empty": (arm(lower=0, upper=0), "joint 'turn'"),
     "limits-missing": (
@@ -233,8 +237,12 @@ def found(tmp_path: Path, text: str, **options: object) -> list[Finding]:
 
 
 @pytest.mark.parametrize("code", CODES)
-def test_finding(code: str, tmp_path: Path) -> None:
+def test_finding(code: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     text, element = WRONG[code]
+    if code in ("mesh-scale", "broken-mesh"):
+        needs("view", "trimesh")
+    if code == "unread-meshes":
+        monkeypatch.setitem(sys.modules, "trimesh", None)
     findings = found(tmp_path, text, **OPTIONS.get(code, {}))
     (finding, *_) = [finding for finding in findings if finding.code == code]
     assert finding.element.startswith(element)
@@ -367,6 +375,18 @@ def test_what_cannot_be_read_is_one_finding(text: str, line: int | None, tmp_pat
 def test_meshes_can_be_left_alone(tmp_path: Path) -> None:
     text = arm(inside=BALL + MESH.format("broken.stl"))
     assert found(tmp_path, text, meshes=False) == []
+
+
+def test_meshes_that_cannot_be_read_here_are_one_note(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Without trimesh; a file that is not there is still missing."""
+    monkeypatch.setitem(sys.modules, "trimesh", None)
+    meshes = ("part.stl", "part.stl", "broken.stl", "nowhere.stl")
+    findings = found(tmp_path, arm(inside=boxed(2, 0.02) + "".join(map(MESH.format, meshes))))
+    assert [finding.code for finding in findings] == ["missing-mesh", "unread-meshes"]
+    assert "2 mesh files were not read: trimesh" in findings[1].message
+    assert findings[1].mend == install_advice("view")
 
 
 def test_a_file_that_is_not_there() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import sys
 from functools import lru_cache
 from pathlib import Path
 
@@ -92,6 +93,7 @@ def test_a_slide_is_a_rod_that_grows() -> None:
 
 
 def test_shapes_of_the_file_are_drawn_and_closed() -> None:
+    needs("view", "yourdfpy")
     file = str(ROOT / "urdf/lx4.urdf.xacro")
     visuals, notes = read_visuals(file, {}, ())
     assert notes == []
@@ -102,6 +104,7 @@ def test_shapes_of_the_file_are_drawn_and_closed() -> None:
 
 
 def test_a_missing_mesh_is_noted_and_its_link_drawn_as_a_rod(tmp_path: Path) -> None:
+    needs("view", "yourdfpy")
     visual = '<visual><geometry><mesh filename="package://nowhere/{}.stl"/></geometry></visual>'
     text = FOUR_BAR.replace('<link name="crank">', f'<link name="crank">{visual.format("crank")}')
     path = save(tmp_path, text)
@@ -113,6 +116,7 @@ def test_a_missing_mesh_is_noted_and_its_link_drawn_as_a_rod(tmp_path: Path) -> 
 
 
 def test_meshes_are_found_beside_the_file_and_in_packages(tmp_path: Path) -> None:
+    needs("view", "yourdfpy")
     import trimesh
 
     (tmp_path / "arm" / "meshes").mkdir(parents=True)
@@ -289,6 +293,7 @@ def test_a_run_shows_the_nearest_sample() -> None:
 
 
 def test_the_command_writes_a_picture_of_any_time(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    needs("view", "yourdfpy")
     from PIL import Image
 
     files = [tmp_path / "a.png", tmp_path / "b.png"]
@@ -332,6 +337,7 @@ def test_wrong_words_are_refused(
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
+    needs("view", "yourdfpy")
     monkeypatch.chdir(tmp_path)
     answer = call(capsys, "view", "delta", *words)
     assert answer.status == 2
@@ -348,6 +354,16 @@ def test_what_is_missing_is_said_before_any_work(
     answer = call(capsys, "view", "delta")
     assert answer.status == 2
     assert install_advice("view") in answer.err
+
+
+@pytest.mark.parametrize("package", ["yourdfpy", "trimesh"])
+def test_shapes_need_the_extra_too(
+    package: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setitem(sys.modules, package, None)
+    answer = call(capsys, "view", "delta", "--png", "a.png")
+    assert answer.status == 2
+    assert f"this needs {package}: {install_advice('view')}" in answer.err
 
 
 def test_the_box_of_a_robot_holds_its_bodies() -> None:

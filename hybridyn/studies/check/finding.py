@@ -37,6 +37,7 @@ CODES: dict[str, tuple[Severity, str]] = {
     # shapes
     "missing-mesh": ("warning", "a mesh file is not there"),
     "broken-mesh": ("warning", "a mesh file cannot be read"),
+    "unread-meshes": ("note", "mesh files were not read, because trimesh is not installed"),
     # limits
     "limits-crossed": ("error", "a lower limit lies above the upper one"),
     "limits-empty": ("note", "lower and upper limit are equal"),

@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from ...description.urdf.xml_node import Node
+from ...errors import install_advice
 from .finding import Finding
 from .places import Places
+from .shapes import UNREAD
 from .subject import Subject
 
 NAMED = ("link", "joint", "loop", "constraint", "loop_joint", "coupling")
@@ -88,11 +90,15 @@ def _unused(subject: Subject) -> Iterator[Finding]:
 def check_meshes(subject: Subject) -> Iterator[Finding]:
     """Judge the files of the meshes."""
     told: set[str] = set()
+    unread = 0
     for link, shapes in subject.shapes.items():
         for shape in shapes:
             if shape.wrong is None or shape.mesh is None or shape.mesh in told:
                 continue
             told.add(shape.mesh)
+            if shape.wrong == UNREAD:
+                unread += 1
+                continue
             missing = shape.wrong == "missing"
             uses = sum(other.mesh == shape.mesh for group in subject.shapes.values() for other in group)
             again = f" (used {uses} times)" if uses > 1 else ""
@@ -106,3 +112,12 @@ def check_meshes(subject: Subject) -> Iterator[Finding]:
                 else "export it again as STL, DAE or OBJ",
                 shape.line,
             )
+    if unread:
+        yield Finding(
+            "unread-meshes",
+            "",
+            f"{unread} mesh file{'s were' if unread > 1 else ' was'} not read: trimesh is not installed",
+            "masses, inertias and units cannot be judged by these shapes",
+            install_advice("view"),
+            subject.description.source,
+        )

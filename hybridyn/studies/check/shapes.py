@@ -1,6 +1,6 @@
 """The shapes of a robot's links: boxes about them, volumes, and meshes that are absent or broken.
 
-Elements are read with their lines; files of meshes are loaded by trimesh, as yourdfpy does, and only where a
+Elements are read with their lines. Files of meshes are loaded by trimesh (the extra `view`), and only where a
 mesh is named.
 """
 
@@ -24,6 +24,8 @@ from ...spatial import Array
 
 #: Bytes: larger ones are not loaded for their box.
 LARGEST_MESH = 100 * 2**20
+#: What is wrong with a mesh whose file is there, where trimesh is not installed.
+UNREAD = "unread"
 
 
 @dataclass(frozen=True)
@@ -36,7 +38,7 @@ class Shape:
         line: Line in the file, or None.
         corners: Corners of its own box in the link, shape (8, 3), [m], or None where its mesh is not known.
         mesh: What the file calls the mesh, or None.
-        wrong: Why the mesh is not known, or None: "missing" or a reader's complaint.
+        wrong: Why the mesh is not known, or None: "missing", `UNREAD`, or a reader's complaint.
     """
 
     kind: str
@@ -130,8 +132,10 @@ class _MeshBoxes:
             return f"is larger than {LARGEST_MESH // 2**20} MiB"
         import warnings
 
-        import trimesh
-
+        try:
+            import trimesh
+        except ImportError:
+            return UNREAD
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")
