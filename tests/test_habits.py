@@ -134,3 +134,40 @@ def test_the_workflow_of_a_fork_runs_what_has_to_pass() -> None:
             for word in step.get("run", "").split():
                 if word.startswith("tests/"):
                     assert (ROOT / word).is_file()
+
+
+def test_a_tag_is_all_that_a_release_needs() -> None:
+    """It builds, checks what it built in fresh environments, and publishes nothing else."""
+    text = (ROOT / ".github" / "workflows" / "release.yml").read_text()
+    workflow = yaml.safe_load(text)
+    assert workflow[True]["push"] == {"tags": ["v*"]}  # YAML reads the key `on` as a truth value
+    assert "secrets." not in text
+    build, check, publish = (workflow["jobs"][name] for name in ("build", "check", "publish"))
+    assert '.ci/release "$TAG"' in [step.get("run") for step in build["steps"]]
+    assert (check["needs"], publish["needs"]) == ("build", ["build", "check"])
+    assert publish["if"] == "github.ref_type == 'tag'"
+    sources = [step["uses"].partition("@")[0] for step in publish["steps"]]
+    assert sources == ["actions/download-artifact", "pypa/gh-action-pypi-publish"]
+
+
+@pytest.mark.parametrize(
+    ("tag", "said"), [("v9.9.9", "does not name the version"), ("", "is not empty: nothing but this release")]
+)
+def test_a_release_refuses_another_tag_and_a_folder_in_use(tag: str, said: str, tmp_path: Path) -> None:
+    (tmp_path / "older.whl").touch()
+    done = subprocess.run([ROOT / ".ci" / "release", tag, tmp_path], capture_output=True, text=True)
+    assert (done.returncode, done.stdout) == (1, "")
+    assert said in done.stderr
+
+
+@pytest.mark.slow
+def test_a_release_is_built_and_checked(tmp_path: Path) -> None:
+    """With pip, from the index."""
+    version = project()["version"]
+    done = subprocess.run(
+        [ROOT / ".ci" / "release", f"v{version}", tmp_path / "made"], capture_output=True, text=True
+    )
+    assert done.returncode == 0, done.stderr
+    names = sorted(path.name for path in (tmp_path / "made").iterdir())
+    assert names == [f"hybridyn-{version}-py3-none-any.whl", f"hybridyn-{version}.tar.gz"]
+    assert done.stdout.count("four stacked 6-UPS platforms") == 2
