@@ -5,7 +5,7 @@ The charts are plain data (`panels`). `as_page` writes the same charts as HTML p
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from ..spatial import Array
@@ -16,15 +16,19 @@ if TYPE_CHECKING:
     from ..structure.robot import HybridRobot
 
 
-def figure_of_table(columns: Sequence[str], rows: Array, *, title: str = "") -> Figure:
-    """Draw a table of a motion over time, one panel per quantity.
+def figure_of_table(
+    columns: Sequence[str], rows: Array, *, title: str = "", kinds: Mapping[str, str] | None = None
+) -> Figure:
+    """Draw a table of a motion over time, one panel per quantity and unit.
 
-    If the table holds efforts, joints without an effort (passive joints) are omitted for legibility.
+    If the table holds efforts, joints without an effort (passive joints) are omitted for legibility. Joints
+    of unknown kind have a panel each.
 
     Args:
         columns: Names of the columns ("<joint>/effort", "energy/total", ...).
         rows: The rows, shape (T, columns).
         title: Title of the figure.
+        kinds: Kind of each joint by name, as far as known: `dict(zip(robot.joints, robot.kinds))`.
 
     Raises:
         TrajectoryError: No column can be drawn.
@@ -33,7 +37,7 @@ def figure_of_table(columns: Sequence[str], rows: Array, *, title: str = "") -> 
     from .as_matplotlib import figure_of_chart
     from .table import chart_of_table
 
-    return figure_of_chart(chart_of_table(columns, rows, title=title))
+    return figure_of_chart(chart_of_table(columns, rows, title=title, kinds=kinds))
 
 
 def figure_of_efforts(robot: HybridRobot, time: Array, tau: Array, *, title: str = "") -> Figure:

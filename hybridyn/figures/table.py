@@ -1,44 +1,55 @@
-"""Build a chart from a table of a motion, one panel per quantity; the robot need not be known."""
+"""Build a chart from a table of a motion, one panel per quantity and unit.
+
+A table names its joints, but does not state which of them slide and which turn. Where the robot is not known
+either, joints that may have different units do not share an axis.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from ..errors import TrajectoryError
 from ..spatial import Array
 from ..tables.columns import ENERGIES, RESIDUAL
-from .motion import SMALLEST
+from .motion import MOST_GROUPS, SMALLEST
 from .panels import Chart, Line, Panel
 
-QUANTITIES = (
-    ("position", "position [m or rad]"),
-    ("velocity", "velocity [m/s or rad/s]"),
-    ("acceleration", "acceleration [m/s^2 or rad/s^2]"),
-    ("effort", "effort [N or N m]"),
-)
+#: Units of each quantity of a joint that slides, and of one that turns.
+QUANTITIES = {
+    "position": ("m", "rad"),
+    "velocity": ("m/s", "rad/s"),
+    "acceleration": ("m/s^2", "rad/s^2"),
+    "effort": ("N", "N m"),
+}
 
 
-def chart_of_table(columns: Sequence[str], rows: Array, *, title: str = "") -> Chart:
-    """Build a chart of a table of a motion over time, one panel per quantity.
+def chart_of_table(
+    columns: Sequence[str], rows: Array, *, title: str = "", kinds: Mapping[str, str] | None = None
+) -> Chart:
+    """Build a chart of a table of a motion over time, one panel per quantity and unit.
 
-    If the table holds efforts, joints without an effort (passive joints) are omitted for legibility.
+    If the table holds efforts, joints without an effort (passive joints) are omitted for legibility. Joints
+    of unknown kind have a panel each.
 
     Args:
         columns: Names of the columns ("<joint>/effort", "energy/total", ...).
         rows: The rows, shape (T, columns).
         title: Title of the chart.
+        kinds: Kind of each joint by name ("prismatic", "revolute", ...), as far as known.
 
     Raises:
         TrajectoryError: No column can be drawn.
     """
     data = dict(zip(columns, rows.T, strict=True))
     timed = "time" in data
-    panels = []
-    for part, label in QUANTITIES:
-        if lines := _of_joints(data, part):
-            panels.append(Panel("", label, lines))
+    panels = [panel for part in QUANTITIES for panel in _of_joints(data, part, kinds or {})]
+    if len(panels) > MOST_GROUPS:
+        left = f"({len(panels) - MOST_GROUPS:,} more panels are not drawn)"
+        panels = panels[:MOST_GROUPS]
+        panels[-1] = replace(panels[-1], title=f"{panels[-1].title} {left}".lstrip())
     if lines := tuple(Line(name.partition("/")[2], data[name]) for name in ENERGIES if name in data):
         panels.append(Panel("", "energy [J]", lines))
     if not panels:
@@ -50,9 +61,36 @@ def chart_of_table(columns: Sequence[str], rows: Array, *, title: str = "") -> C
     return Chart(title, x, "time [s]" if timed else "row", tuple(panels))
 
 
-def _of_joints(data: dict[str, Array], part: str) -> tuple[Line, ...]:
-    """Return one quantity of every joint, or of the motors alone if the table has efforts."""
-    motors = {name.partition("/")[0] for name in data if name.endswith("/effort")}
+def joints_of_unknown_unit(columns: Sequence[str], kinds: Mapping[str, str]) -> list[str]:
+    """Return the joints that are drawn on an axis each, because their units may differ.
+
+    Args:
+        columns: Names of the columns.
+        kinds: Kind of each joint by name, as far as known.
+    """
+    names = dict.fromkeys(name for part in QUANTITIES for name in _drawn(columns, part))
+    unknown = [name for name in names if name not in kinds]
+    return unknown if len(unknown) > 1 else []
+
+
+def _of_joints(data: Mapping[str, Array], part: str, kinds: Mapping[str, str]) -> list[Panel]:
+    """Return the panels of one quantity: joints that slide, joints that turn, and each unknown joint."""
+    sliding, turning = QUANTITIES[part]
+    groups: dict[tuple[str, str], list[Line]] = {}
+    names = _drawn([*data], part)
+    unknown = [name for name in names if name not in kinds]
+    for name in names:
+        if name in unknown:
+            key = (name if len(unknown) > 1 else "", f"{sliding} or {turning}")
+        else:
+            key = ("", sliding if kinds[name] == "prismatic" else turning)
+        groups.setdefault(key, []).append(Line(name, data[f"{name}/{part}"]))
+    return [Panel(title, f"{part} [{unit}]", tuple(lines)) for (title, unit), lines in groups.items()]
+
+
+def _drawn(columns: Sequence[str], part: str) -> list[str]:
+    """Return the joints that have a column of one quantity; the motors alone if the table has efforts."""
+    motors = {name.partition("/")[0] for name in columns if name.endswith("/effort")}
     ending = f"/{part}"
-    found = {name.removesuffix(ending): x for name, x in data.items() if name.endswith(ending)}
-    return tuple(Line(name, x) for name, x in found.items() if not motors or name in motors)
+    names = [name.removesuffix(ending) for name in columns if name.endswith(ending)]
+    return [name for name in names if not motors or name in motors]

@@ -1,5 +1,6 @@
 """Figures of tables, and the command that draws them."""
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -7,11 +8,13 @@ import pytest
 
 import hybridyn
 from hybridyn.cli import main
+from hybridyn.description import read
 from hybridyn.errors import TrajectoryError, install_advice
 from hybridyn.figures.envelope import Envelope
-from hybridyn.figures.motion import chart_of_rows
+from hybridyn.figures.motion import MOST_GROUPS, chart_of_rows
 from hybridyn.figures.panels import Chart
 from hybridyn.figures.plot import figure_of_efforts, figure_of_table
+from hybridyn.figures.table import chart_of_table
 from tests import ROOT
 from tests.command_line import call
 
@@ -30,8 +33,65 @@ def test_motors_energies_and_residual_have_a_panel_each() -> None:
 
 
 def test_a_trajectory_without_efforts_draws_every_joint() -> None:
-    figure = figure_of_table(COLUMNS[:3], ROWS[:, :3])
-    assert [line.get_label() for line in figure.axes[0].lines] == ["a", "b"]
+    figure = figure_of_table(COLUMNS[:3], ROWS[:, :3], kinds=dict.fromkeys("ab", "revolute"))
+    (axes,) = figure.axes
+    assert [line.get_label() for line in axes.lines] == ["a", "b"]
+
+
+MIXED = ["time", "a/effort", "b/effort", "c/effort", "a/position", "b/position", "c/position"]
+SAME = [np.linspace(0, 1, 4), *np.arange(24.0).reshape(6, 4)]
+
+
+def test_joints_that_slide_and_joints_that_turn_have_their_own_axes() -> None:
+    kinds = {"a": "prismatic", "b": "revolute", "c": "continuous"}
+    panels = chart_of_table(MIXED, np.column_stack(SAME), kinds=kinds).panels
+    assert [(panel.label, [line.name for line in panel.lines]) for panel in panels] == [
+        ("position [m]", ["a"]),
+        ("position [rad]", ["b", "c"]),
+        ("effort [N]", ["a"]),
+        ("effort [N m]", ["b", "c"]),
+    ]
+    assert (panels[3].lines[1].y == SAME[3]).all()
+
+
+def test_joints_of_unknown_kind_share_no_axis() -> None:
+    """N and N m are never on one axis, however little is known."""
+    panels = chart_of_table(MIXED, np.column_stack(SAME)).panels
+    assert all(len(panel.lines) == 1 for panel in panels)
+    assert [panel.title for panel in panels] == ["a", "b", "c"] * 2
+    assert {panel.label for panel in panels} == {"position [m or rad]", "effort [N or N m]"}
+    known = chart_of_table(MIXED, np.column_stack(SAME), kinds={"a": "prismatic", "b": "prismatic"}).panels
+    assert [panel.label for panel in known[2:]] == ["effort [N]", "effort [N or N m]"]
+
+
+def test_a_crowd_of_unknown_joints_stays_legible() -> None:
+    columns = [f"j{i}/effort" for i in range(MOST_GROUPS + 5)]
+    panels = chart_of_table(columns, np.ones((2, len(columns)))).panels
+    assert len(panels) == MOST_GROUPS
+    assert panels[-1].title == f"j{MOST_GROUPS - 1} (5 more panels are not drawn)"
+
+
+@pytest.mark.parametrize(
+    ("words", "labels", "said"),
+    [
+        (["--robot", "scara_delta"], ["effort [N]", "effort [N m]"], ""),
+        ([], ["effort [N or N m]"], "so 7 joints have an axis each: name its robot (--robot)"),
+        (["--robot", "five_bar"], ["effort [N or N m]"], "has no joint 'scara_shoulder', so 7"),
+    ],
+)
+def test_the_command_keeps_newtons_and_newton_metres_apart(
+    words: list[str], labels: list[str], said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    table, target = tmp_path / "efforts.csv", tmp_path / "efforts.svg"
+    motors = read(ROOT / "urdf/scara_delta.urdf.xacro").motors
+    table.write_text("\n".join([",".join(f"{m}/effort" for m in motors), ",".join("1" * len(motors))]) + "\n")
+    answer = call(capsys, "plot", table, "-o", target, *words)
+    assert answer.status == 0
+    assert said in answer.err
+    assert bool(said) == bool(answer.err)
+    drawn = re.findall(r">(effort \[.*?\])<", target.read_text())
+    assert sorted({*drawn}) == sorted(labels)
+    assert len(drawn) == (len(labels) if not said else len(motors))
 
 
 def test_nothing_to_draw_is_said() -> None:
@@ -157,8 +217,6 @@ def test_idm_draws_what_it_computes(tmp_path: Path, capsys: pytest.CaptureFixtur
 
 
 def test_a_page_needs_no_network(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    import re
-
     target = tmp_path / "run.html"
     table = tmp_path / "run.csv"
     lines = [",".join(COLUMNS), *(",".join(map(repr, row)) for row in ROWS.tolist())]

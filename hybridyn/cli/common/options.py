@@ -190,6 +190,24 @@ def takes_effects(default: str) -> Callable[[Callable[..., Any]], Callable[..., 
     )
 
 
+#: Adds `--xacro` to a command, which receives `xacro_args`: the arguments by name.
+takes_xacro_arguments = click.option(
+    "--xacro",
+    "xacro_args",
+    metavar="NAME:=VALUE",
+    callback=_xacro_arguments,
+    multiple=True,
+    help="Argument of a xacro file; a bare word NAME:=VALUE does the same.",
+)
+#: Adds `--package-dir` to a command, which receives `package_dirs`.
+takes_packages = click.option(
+    "--package-dir",
+    "package_dirs",
+    type=click.Path(exists=True, file_okay=False),
+    multiple=True,
+    help="Folder with packages, for $(find ...) in xacro files.",
+)
+
 _OPTIONS = (
     click.argument("robot", callback=robot_file, shell_complete=complete_robot),
     click.option(
@@ -210,21 +228,8 @@ _OPTIONS = (
         show_default=True,
         help="Acceleration of gravity in the world [m/s^2].",
     ),
-    click.option(
-        "--xacro",
-        "xacro_args",
-        metavar="NAME:=VALUE",
-        callback=_xacro_arguments,
-        multiple=True,
-        help="Argument of a xacro file; a bare word NAME:=VALUE does the same.",
-    ),
-    click.option(
-        "--package-dir",
-        "package_dirs",
-        type=click.Path(exists=True, file_okay=False),
-        multiple=True,
-        help="Folder with packages, for $(find ...) in xacro files.",
-    ),
+    takes_xacro_arguments,
+    takes_packages,
     click.option(
         "--rank-tolerance",
         type=click.FloatRange(0, 1, min_open=True, max_open=True),
