@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from .common.figures import save, takes_plot
+from .common.figures import save_sizing, takes_plot
 from .common.options import RobotCommand, takes_effects, takes_robot
 from .common.report import report_file, write_report
 from .common.summary import effects_line, fitted_rates
@@ -37,7 +37,7 @@ EXCEEDED = 1
 @takes_robot
 @takes_source("TRAJECTORY", own=True)
 @click.option("-o", "--output", metavar="FILE", callback=report_file, help="All numbers, .csv or .json")
-@takes_plot("effort over speed for every motor, with its limits")
+@takes_plot("effort over speed for every motor, with its limits", page=True)
 @takes_effects("model")
 @takes_passive
 @click.option(
@@ -144,9 +144,7 @@ class _Report:
         if self.output:
             write_report(self.output, [facts(load, timed) for load in loads])
         if self.plot:
-            from ..figures.sizing import figure_of_sizing
-
-            save(figure_of_sizing(self.sizing, title=f"{name}, {os.path.basename(self.source)}"), self.plot)
+            save_sizing(self.sizing, f"{name}, {os.path.basename(self.source)}", self.plot)
         over = f" over {self.sizing.duration:.6g} s" if timed else ""
         click.echo(f"{name}: {counted(len(loads), 'motor')}, {counted(self.samples, 'sample')}{over}")
         click.echo("\n".join(_table(loads, timed)))

@@ -23,25 +23,47 @@ def page_of_chart(chart: Chart) -> str:
     Raises:
         HybridynError: plotly is missing.
     """
-    text: str = _figure(chart).to_html(include_plotlyjs=True, full_html=True)
+    return page_of_figure(_figure(chart))
+
+
+def page_of_figure(figure: Figure) -> str:
+    """Return a plotly figure as the text of a self-contained HTML file.
+
+    Args:
+        figure: The figure.
+    """
+    text: str = figure.to_html(include_plotlyjs=True, full_html=True)
     return text
 
 
-def _figure(chart: Chart) -> Figure:
+def subplots(rows: int, columns: int, **options: Any) -> Figure:
+    """Return a plotly figure of empty panels.
+
+    Args:
+        rows: Rows of panels.
+        columns: Columns of panels.
+        options: As plotly's `make_subplots` takes them.
+
+    Raises:
+        HybridynError: plotly is missing.
+    """
     try:
         from plotly.subplots import make_subplots
     except ImportError as error:
         message = f"pages need plotly: {install_advice('plot')}"
         raise HybridynError(message) from error
+    return make_subplots(rows, columns, vertical_spacing=0.28 / max(rows, 2), **options)
+
+
+def _figure(chart: Chart) -> Figure:
     columns = chart.columns
     rows = -(-len(chart.panels) // columns)
     bars = any(panel.ticks for panel in chart.panels)
-    figure = make_subplots(
+    figure = subplots(
         rows,
         columns,
         shared_xaxes=False if bars else "all",
         subplot_titles=[_title(panel) for panel in chart.panels],
-        vertical_spacing=0.28 / max(rows, 2),
     )
     for number, panel in enumerate(chart.panels):
         place = {"row": number // columns + 1, "col": number % columns + 1}

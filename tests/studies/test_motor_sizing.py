@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import csv
 import json
+import re
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import hybridyn
+from hybridyn.figures.sizing import clouds, figure_of_sizing
+from hybridyn.figures.sizing_page import page_of_sizing
 from hybridyn.studies.sizing import CLOUD, Sizing, motor_rows, violations
 from tests.command_line import call, table_text
 
@@ -218,11 +221,49 @@ def test_a_figure(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert len(text) > 10_000
 
 
+def test_a_page_shows_what_the_report_says(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Samples, peak, RMS and limits of every motor, one entry in the legend for each, no network."""
+    page, report = tmp_path / "cloud.html", tmp_path / "report.json"
+    assert call(capsys, "size", "five_bar", "-o", report, "--plot", page).status == 0
+    text = page.read_text()
+    assert not re.search(r"<(script|link)[^>]+(src|href)=.https?:", text)
+    start = text.index("[", text.index("Plotly.newPlot(", text.rindex("<script")))
+    traces, _ = json.JSONDecoder().raw_decode(text[start:])
+    motors = json.loads(report.read_text())
+    assert sorted(trace["name"] for trace in traces if trace["showlegend"]) == [
+        "RMS effort", "limit", "peak effort", "samples",
+    ]  # fmt: skip
+    for axis, facts in zip(("y", "y2"), motors, strict=True):
+        own = [trace for trace in traces if trace["yaxis"] == axis]
+        (samples,) = [trace for trace in own if trace["name"] == "samples"]
+        assert max(map(abs, samples["y"])) == pytest.approx(abs(facts["peak_effort"]), rel=EXACT)
+        assert max(map(abs, samples["x"])) == pytest.approx(abs(facts["peak_speed"]), rel=EXACT)
+        means = [trace["y"][0] for trace in own if trace["name"] == "RMS effort"]
+        assert means == pytest.approx([-facts["rms_effort"], facts["rms_effort"]], rel=EXACT)
+
+
+def test_limits_near_the_motion_are_drawn_on_figure_and_page(tmp_path: Path) -> None:
+    path = tmp_path / "single.urdf"
+    path.write_text(robot_text("prismatic"))
+    sizing = Sizing(hybridyn.load(path))
+    speeds, efforts = np.array([[0.0], [1e-3], [2e-3]]), np.array([[0.5], [0.0], [-0.4]]) * EFFORT_LIMIT
+    sizing.add(None, 1, np.zeros((3, 1)), speeds, efforts)
+    (cloud,) = clouds(sizing)
+    assert cloud.effort_limit == EFFORT_LIMIT
+    assert cloud.speed_limit == np.inf
+    assert cloud.peak == (0.0, 0.5 * EFFORT_LIMIT)
+    lines = figure_of_sizing(sizing).axes[0].lines
+    red = [line.get_ydata()[0] for line in lines if line.get_color() == "tab:red"]
+    assert red == [-EFFORT_LIMIT, EFFORT_LIMIT]
+    page = page_of_sizing(sizing, title="one <motor>")
+    assert page.count('"name":"limit"') == 2
+
+
 @pytest.mark.parametrize(
     ("words", "told"),
     [
         (["-o", "report.txt"], "must end in .csv or .json"),
-        (["--plot", "cloud.jpeg"], "must end in .png, .svg, .pdf"),
+        (["--plot", "cloud.jpeg"], "must end in .png, .svg, .pdf, .html"),
         (["--plot", "nowhere/cloud.png"], "there is no folder 'nowhere'"),
         (["--effects", "frction"], "there is no effect 'frction'"),
     ],

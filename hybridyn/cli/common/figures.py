@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from ...figures.panels import Chart
     from ...streams.blocks import Done
     from ...structure.robot import HybridRobot
+    from ...studies.sizing import Sizing
 
 FORMATS = (".png", ".svg", ".pdf")
 PAGE = ".html"
@@ -96,9 +97,7 @@ def save_chart(chart: Chart, target: str) -> None:
     if target.lower().endswith(PAGE):
         from ...figures.as_page import page_of_chart
 
-        text = page_of_chart(chart)
-        with appearing(target) as partial, open(partial, "w", encoding="utf-8") as file:
-            file.write(text)
+        _save_text(page_of_chart(chart), target)
         return
     from ...figures.as_matplotlib import figure_of_chart
 
@@ -119,8 +118,30 @@ def save_structure(robot: HybridRobot, target: str) -> None:
 
         save(figure_of_cards(cards(robot)), target)
         return
+    _save_text(dot_of_cards(cards(robot)), target)
+
+
+def save_sizing(sizing: Sizing, title: str, target: str) -> None:
+    """Draw the loads of motors in the format of the file's ending.
+
+    Args:
+        sizing: The accumulated loads.
+        title: Title of the figure.
+        target: Its file.
+    """
+    if target.lower().endswith(PAGE):
+        from ...figures.sizing_page import page_of_sizing
+
+        _save_text(page_of_sizing(sizing, title=title), target)
+        return
+    from ...figures.sizing import figure_of_sizing
+
+    save(figure_of_sizing(sizing, title=title), target)
+
+
+def _save_text(text: str, target: str) -> None:
     with appearing(target) as partial, open(partial, "w", encoding="utf-8") as file:
-        file.write(dot_of_cards(cards(robot)))
+        file.write(text)
 
 
 class Drawing:
