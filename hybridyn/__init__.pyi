@@ -22,6 +22,9 @@ from .errors import (
     TrajectoryError,
 )
 from .loading import load
+from .quantities.bias import bias, coriolis, gravity
+from .quantities.mass_matrix import mass_matrix
+from .quantities.motion_map import motion_map
 from .simulation.events import Event, near_singularity
 from .simulation.simulate import simulate
 from .structure.robot import HybridRobot
@@ -48,18 +51,23 @@ __all__ = [
     "__version__",
     "assemble",
     "assemblies",
+    "bias",
     "centre_of_mass",
     "check",
     "closure_residual",
     "compile",
+    "coriolis",
     "ddm",
     "ddm_jacobian",
     "energy",
+    "gravity",
     "idm",
     "idm_jacobian",
     "kinematics",
     "load",
+    "mass_matrix",
     "momentum",
+    "motion_map",
     "near_singularity",
     "power",
     "simulate",

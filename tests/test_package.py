@@ -22,7 +22,7 @@ FLOORS = (
     {"structure"},
     {"assembly", "manifold", "effects"},
     {"dynamics", "loading"},
-    {"compiled", "streams"},
+    {"compiled", "streams", "quantities"},
     {"simulation"},
     {"scenes", "view"},
     {"studies"},

@@ -11,7 +11,7 @@ from ..description.names import listed
 from ..linkage.elimination import pivoted_qr
 from ..linkage.joints import ROOT_JOINT
 from ..linkage.tree import Motion
-from ..spatial import Array
+from ..spatial import Array, Mask
 from ..structure.mechanism import Mechanism
 from ..structure.module import Module
 from ..structure.robot import HybridRobot
@@ -112,6 +112,19 @@ def idle_motions(module: Module, motions: Array, motion: Motion) -> Iterator[Arr
     for own, effects in zip(motions, _effects(module.mechanism, motion), strict=True):
         free, calm = _undriven(module, own, effects)
         yield free @ calm
+
+
+def are_idle(module: Module, motions: Array, motion: Motion) -> Mask:
+    """Return the samples at which motions are idle: no combination moves an output or a centre of mass.
+
+    Args:
+        module: The module.
+        motions: The motions, orthonormal in scaled coordinates, shape (T, n, k).
+        motion: Motion of its tree, T samples.
+    """
+    effects = np.matmul(_effects(module.mechanism, motion) * module.mechanism.reduction.col_scale, motions)
+    out: Mask = np.linalg.norm(effects, axis=(1, 2)) <= IDLE
+    return out
 
 
 def _undriven(module: Module, motions: Array, effects: Array) -> tuple[Array, Array]:

@@ -124,7 +124,7 @@ def direct_model(
     needs_inertia(on)
     a = np.zeros_like(v)
     if base_acceleration is not None:
-        a[:, :6] = _of_base(robot, base_acceleration, len(q))
+        a[:, :6] = acceleration_of_base(robot, base_acceleration, len(q))
     if on.base is not None:
         q, v, a = on.base.into(robot, time, q, v, a)
     if on.limits is not None:
@@ -139,7 +139,7 @@ def direct_model(
     return DirectResult(a, residual, result)
 
 
-def _of_base(robot: HybridRobot, acceleration: Array, samples: int) -> Array:
+def acceleration_of_base(robot: HybridRobot, acceleration: ArrayLike, samples: int) -> Array:
     """Check the acceleration of a moving base, shape (1, 6) or (samples, 6).
 
     Raises:

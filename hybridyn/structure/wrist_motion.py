@@ -105,6 +105,32 @@ class WristMotion:
         J = tree.jacobian(motion, parent, here) + np.matmul(own, rates)
         return to_body_axes(spanning.R[:, body], J)
 
+    def rates_of(self, spanning: Motion, motion: Motion, wrist: int, X: Array) -> Array:
+        """Compute the least-norm joint rates with which a wrist follows the bodies that it connects.
+
+        The linear map of `recover_rates`, for many motions of one posture.
+
+        Args:
+            spanning: Motion of the spanning tree.
+            motion: Motion of the tree after the cuts.
+            wrist: Number of the wrist.
+            X: Columns of rates of the tree after the cuts, shape (T, n, k).
+
+        Returns:
+            Shape (T, joints of the wrist, k).
+        """
+        tree, spec = self._cut.tree, self.specs[wrist]
+        parent = self._cut.tree_body(self._cut.spanning.joints[spec.joints[0]].parent)
+        end = spanning.p[:, spec.end]
+        relative = tree.jacobian(motion, self._cut.tree_body(spec.target), end)
+        miss = np.matmul(relative - tree.jacobian(motion, parent, end), X)
+        miss[:, :3] /= self._length
+        U, s, Vt = np.linalg.svd(self.jacobian(spanning, wrist), full_matrices=False)
+        keep = (s > GIMBAL_LOCK * s[:, :1])[..., None]
+        y = np.where(keep, np.matmul(np.swapaxes(U, 1, 2), miss) / np.where(keep, s[..., None], 1.0), 0.0)
+        out: Array = np.matmul(np.swapaxes(Vt, 1, 2), y) * self._col_scale[self.columns(wrist), None]
+        return out
+
     def recover_rates(self, q: Array, v: Array, target: Motion) -> None:
         """Compute the least-norm rates of the wrists with which their ends follow their targets, in place.
 

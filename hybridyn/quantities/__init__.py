@@ -1,0 +1,9 @@
+"""What controllers and optimisers need of a closed robot: its model in independent coordinates u.
+
+    tau = M(q) u_dot + c(q, v) + g(q),    v = E(q) u
+
+Read `coordinates` (which joints are u), `independent` (E and its drift, module by module), `motion_map` (E
+and its rate), `mass_matrix` (M), `bias` (c and g).
+
+May import: `dynamics` and below.
+"""

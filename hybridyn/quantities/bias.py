@@ -1,0 +1,190 @@
+"""What the motors hold at u_dot = 0: Coriolis, centrifugal and gravity terms of tau = M u_dot + c + g.
+
+One pass of the inverse model's recursion (Eqs. (30)-(32)) at the accelerations that u_dot = 0 leaves, the
+drift of dq/du; Q along the independent coordinates is the result. Linear in the number of modules.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..dynamics.direct import acceleration_of_base
+from ..dynamics.forward import forward
+from ..dynamics.inverse_recursion import module_forces
+from ..dynamics.loads import all_loads
+from ..dynamics.state_checks import check_closed
+from ..effects.choice import Choice, Effects, choose, times
+from ..errors import ModelError
+from ..spatial import Array
+from ..structure.robot import HybridRobot
+from ..structure.samples import as_batch, as_positions, same_samples
+from .coordinates import Coordinates, independent_coordinates
+from .independent import independent_motions
+
+#: Effects that c is made of: what is quadratic in the rates.
+QUADRATIC = ("inertia", "leg_inertia", "velocity", "rotor_inertia")
+#: Effects that g is made of.
+WEIGHTS = ("gravity", "inertia", "leg_inertia")
+
+
+def bias(
+    robot: HybridRobot,
+    q: ArrayLike,
+    v: ArrayLike,
+    *,
+    joints: Sequence[str] | None = None,
+    effects: Choice = None,
+    time: ArrayLike | None = None,
+    base_acceleration: ArrayLike | None = None,
+) -> Array:
+    """Compute c(q, v) + g(q) of tau = M u_dot + c + g: the generalised force along u at u_dot = 0.
+
+    Args:
+        robot: The robot.
+        q: Positions of the spanning tree, shape (nq,) or (T, nq).
+        v: Rates, shape (nv,) or (T, nv), [m/s, rad/s].
+        joints: Independent joints u, as many in each module as it has freedoms; the motors where left out. A
+            floating base's twist comes first in u.
+        effects: As in `idm`; friction, springs and contacts count where they are among them.
+        time: Time of each sample, shape () or (T,), [s], for effects that follow a table.
+        base_acceleration: Spatial acceleration of a "moving" base in its own frame, shape (6,) or (T, 6);
+            zero where left out.
+
+    Returns:
+        Shape (N,) or (T, N), [N or N m].
+
+    Raises:
+        AssemblyError: The state does not close the loops.
+        SingularityError: Closures lose rank, or the joints are not independent.
+        ModelError: Effects that are unknown, without numbers, or prescribe the base.
+        TrajectoryError: Arrays of the wrong shape, or not finite; a joint that cannot be a coordinate.
+    """
+    u, on = independent_coordinates(robot, joints), chosen_effects(robot, effects)
+    q, v, single = checked_state(robot, q, v)
+    base = None if base_acceleration is None else acceleration_of_base(robot, base_acceleration, len(q))
+    out = forces_at_rest(robot, q, v, u, on, times(time, len(q)), base)
+    return out[0] if single else out
+
+
+def coriolis(
+    robot: HybridRobot,
+    q: ArrayLike,
+    v: ArrayLike,
+    *,
+    joints: Sequence[str] | None = None,
+    effects: Choice = None,
+) -> Array:
+    """Compute c(q, v): the Coriolis and centrifugal part of `bias`, without weights and joint laws.
+
+    Args:
+        robot: The robot.
+        q: Positions, shape (nq,) or (T, nq).
+        v: Rates, shape (nv,) or (T, nv), [m/s, rad/s].
+        joints: As in `bias`.
+        effects: As in `bias`; of them inertia, legs, rotors and velocity terms count.
+
+    Returns:
+        Shape (N,) or (T, N), [N or N m].
+
+    Raises:
+        AssemblyError, SingularityError, ModelError, TrajectoryError: As `bias`.
+    """
+    u, on = independent_coordinates(robot, joints), chosen_effects(robot, effects).only(QUADRATIC)
+    q, v, single = checked_state(robot, q, v)
+    out = forces_at_rest(robot, q, v, u, on)
+    return out[0] if single else out
+
+
+def gravity(
+    robot: HybridRobot, q: ArrayLike, *, joints: Sequence[str] | None = None, effects: Choice = None
+) -> Array:
+    """Compute g(q): the generalised force along u that holds the weights, the derivative of their energy.
+
+    Args:
+        robot: The robot.
+        q: Positions, shape (nq,) or (T, nq).
+        joints: As in `bias`.
+        effects: As in `bias`; of them weights and legs count.
+
+    Returns:
+        Shape (N,) or (T, N), [N or N m].
+
+    Raises:
+        AssemblyError, SingularityError, ModelError, TrajectoryError: As `bias`.
+    """
+    u, on = independent_coordinates(robot, joints), chosen_effects(robot, effects).only(WEIGHTS)
+    q, single = as_positions(robot, q)
+    out = forces_at_rest(robot, q, np.zeros((len(q), robot.nv)), u, on)
+    return out[0] if single else out
+
+
+def checked_state(robot: HybridRobot, q: ArrayLike, v: ArrayLike) -> tuple[Array, Array, bool]:
+    """Return positions and rates as batches of equal size, and whether one single sample came in."""
+    q, single = as_positions(robot, q)
+    v = as_batch(v, robot.nv, "v")[0]
+    same_samples(q=q, v=v)
+    return q, v, single
+
+
+def chosen_effects(robot: HybridRobot, effects: Choice) -> Effects:
+    """Return the effects of a call.
+
+    Raises:
+        ModelError: They are unknown, without numbers, or prescribe the base's motion.
+    """
+    on = choose(robot, effects)
+    if on.base is not None:
+        raise ModelError(
+            f"the effect '{on.base.name}' prescribes the base; here its motion is that of q, v and "
+            "base_acceleration",
+            element=on.base.name,
+        )
+    return on
+
+
+def forces_at_rest(
+    robot: HybridRobot,
+    q: Array,
+    v: Array,
+    u: Coordinates,
+    on: Effects,
+    time: Array | None = None,
+    base: Array | None = None,
+) -> Array:
+    """Compute the generalised force along u at u_dot = 0.
+
+    Args:
+        robot: The robot.
+        q: Positions, shape (T, nq).
+        v: Rates, shape (T, nv).
+        u: The independent coordinates.
+        on: What is computed.
+        time: Times, shape (T,), [s], or None.
+        base: Acceleration of a prescribed base, shape (T, 6), or None for zero.
+
+    Returns:
+        Shape (T, N), [N or N m].
+    """
+    loads = all_loads(robot, on, q, v, time, None)
+    v = v if on.inertia else np.zeros_like(v)
+    states = forward(robot, q, v, None, None)
+    check_closed(robot, states, q, v)
+    motions = independent_motions(states, q, v, u)
+    a = np.zeros_like(v)
+    for module, found in zip(robot.modules, motions, strict=True):
+        a[:, module.v_index] = found.E_drift
+    if base is not None:
+        a[:, :6] = base
+    states = forward(robot, q, v, a, on.gravity, classical=on.velocity is not None)
+    out = np.zeros((len(q), u.size))
+    received = [np.zeros((len(q), len(s.module.outputs), 6)) for s in states]
+    for k in reversed(range(len(states))):
+        module = states[k].module
+        needed = module_forces(states[k], loads, k, motions[k].basis, received[k])
+        out[:, u.own[k]] = needed.Q
+        if module.parent >= 0:
+            received[module.parent][:, module.parent_output] += needed.F
+    return out

@@ -1,0 +1,210 @@
+"""mass_matrix, bias and motion_map: against the oracle, against Pinocchio, and by identities."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import hybridyn
+from hybridyn.errors import SingularityError, TrajectoryError
+from hybridyn.oracle import Base, Oracle
+from hybridyn.structure.building import build_robot
+from hybridyn.structure.robot import HybridRobot
+from tests.comparing import SOLVED, close_to
+from tests.mechanisms import KINDS, random_mechanism, random_states
+from tests.peers import describe, example_urdf
+from tests.quantities.reduced import columns_of, oracle_bias, oracle_drift, oracle_map, oracle_mass
+from tests.samples import in_turn
+from tests.shipped import ROBOTS, shipped, states_near_home
+
+BASES: tuple[Base, ...] = ("fixed", "moving", "floating")
+#: Recipes with one motor for each freedom.
+SQUARE = [name for name, kind in KINDS.items() if kind.motors == "square"]
+#: Identity of the inverse model: rounding of its largest term.
+BALANCE = 1e-12
+#: Differences of the fourth order over `STEP`.
+STEP, DIFFERENCE = 1e-3, 1e-8
+
+
+def against_oracle(robot: HybridRobot, q: np.ndarray, v: np.ndarray) -> None:
+    """Compare the motion map with its drift, the mass matrix and the bias of states with the oracle's."""
+    oracle = Oracle(robot.description, robot.base)
+    columns = columns_of(oracle, robot.motors)
+    E, E_dot = hybridyn.motion_map(robot, q, v)
+    M, force = hybridyn.mass_matrix(robot, q), hybridyn.bias(robot, q, v)
+    np.testing.assert_array_equal(M, np.swapaxes(M, 1, 2))
+    for t in range(len(q)):
+        close_to(E[t], oracle_map(oracle, q[t], columns), SOLVED)
+        close_to(M[t], oracle_mass(oracle, q[t], columns), SOLVED)
+        assert np.linalg.eigvalsh(M[t])[0] > 0
+        close_to(force[t], oracle_bias(oracle, q[t], v[t], columns), SOLVED)
+        drift = oracle_drift(oracle, q[t], v[t], columns)
+        size = np.abs(drift).max() + np.abs(v[t]).max() ** 2
+        assert np.abs(E_dot[t] @ v[t, columns] - drift).max() <= SOLVED * size
+
+
+@pytest.mark.parametrize(("kind", "base"), in_turn(SQUARE, BASES))
+def test_drawn_mechanisms_against_the_oracle(kind: str, base: Base) -> None:
+    description = random_mechanism(0, kind=kind)
+    q, v, _ = random_states(description, base, 0, 2)
+    against_oracle(build_robot(description, base=base), q, v)
+
+
+@pytest.mark.parametrize(("name", "base"), in_turn(ROBOTS, BASES, ("gough_stewart", "rps3", "scara_delta")))
+def test_shipped_robots_against_the_oracle(name: str, base: Base) -> None:
+    description = shipped(name)
+    q, v, _ = states_near_home(description, base, 0, 2)
+    against_oracle(build_robot(description, base=base), q, v)
+
+
+@pytest.mark.parametrize("base", ["fixed", "floating"])
+def test_a_serial_robot_against_pinocchio(base: Base) -> None:
+    robot = build_robot(describe(example_urdf("ur5_robot.urdf")), base=base)
+    rng = np.random.default_rng(0)
+    q = np.array([pin.integrate(robot.model, robot.home, rng.normal(size=robot.nv)) for _ in range(3)])
+    v, data = rng.normal(size=(3, robot.nv)), robot.model.createData()
+    M, force, weight = hybridyn.mass_matrix(robot, q), hybridyn.bias(robot, q, v), hybridyn.gravity(robot, q)
+    columns = [c for m in robot.motors for c in [robot.v_slices[robot.joint_index[m]].start]]
+    columns = list(range(6)) * (base == "floating") + columns
+    for t in range(3):
+        upper = np.triu(pin.crba(robot.model, data, q[t]))
+        close_to(M[t], (upper + np.triu(upper, 1).T)[np.ix_(columns, columns)], SOLVED)
+        close_to(force[t], pin.nonLinearEffects(robot.model, data, q[t], v[t])[columns], SOLVED)
+        close_to(weight[t], pin.computeGeneralizedGravity(robot.model, data, q[t])[columns], SOLVED)
+
+
+@pytest.mark.parametrize("base", ["fixed", "moving"])
+@pytest.mark.parametrize("name", ["five_bar", "scara_delta"])
+def test_the_model_is_idm(name: str, base: Base) -> None:
+    description = shipped(name)
+    robot = build_robot(description, base=base)
+    q, v, a = states_near_home(description, base, 1, 2)
+    columns = columns_of(Oracle(description, base), robot.motors)
+    given = {"base_acceleration": a[:, :6]} if base == "moving" else {}
+    for effects in (None, "model"):
+        M = hybridyn.mass_matrix(robot, q, effects=effects)
+        force = hybridyn.bias(robot, q, v, effects=effects, **given)
+        tau = hybridyn.idm(robot, q, v, a, effects=effects)
+        close_to(np.einsum("tij,tj->ti", M, a[:, columns]) + force, tau, BALANCE)
+
+
+def test_a_floating_robot_balances_under_a_wrench_on_its_root() -> None:
+    description = shipped("delta")
+    robot = build_robot(description, base="floating")
+    q, v, a = states_near_home(description, "floating", 1, 2)
+    u_dot = a[:, columns_of(Oracle(description, "floating"), robot.motors)]
+    force = np.einsum("tij,tj->ti", hybridyn.mass_matrix(robot, q), u_dot) + hybridyn.bias(robot, q, v)
+    found = hybridyn.ddm(robot, q, v, force[:, 6:], wrenches={description.root: force[:, :6]})
+    close_to(found, a, SOLVED)
+
+
+def test_parts_of_the_bias_and_energy() -> None:
+    description = shipped("rps3")
+    robot = build_robot(description)
+    q, v, _ = states_near_home(description, "fixed", 2, 2)
+    both = hybridyn.coriolis(robot, q, v) + hybridyn.gravity(robot, q)
+    close_to(both, hybridyn.bias(robot, q, v), BALANCE)
+    u = v[:, columns_of(Oracle(description), robot.motors)]
+    kinetic = np.einsum("ti,tij,tj->t", u, hybridyn.mass_matrix(robot, q), u) / 2
+    close_to(kinetic, hybridyn.energy(robot, q, v).kinetic, BALANCE)
+
+
+def test_rods_that_spin_idly_take_no_part() -> None:
+    description = random_mechanism(0, kind="sps_thin")
+    robot = build_robot(description)
+    rng = np.random.default_rng(0)
+    home = {m: float(robot.home[robot.q_slices[robot.joint_index[m]].start]) for m in robot.motors}
+    given = {m: (home[m] + 0.01 * rng.normal(), *rng.normal(size=2)) for m in robot.motors}
+    q, v, a = hybridyn.assemble(robot, motors=given)
+    u_dot = np.array([given[m][2] for m in robot.motors])
+    tau = hybridyn.mass_matrix(robot, q) @ u_dot + hybridyn.bias(robot, q, v)
+    close_to(tau, hybridyn.idm(robot, q, v, a), SOLVED)
+    with pytest.raises(SingularityError, match=r"6 motors for 12 freedoms leave idle motions open"):
+        hybridyn.motion_map(robot, q, v)
+
+
+def position_of(robot: HybridRobot, q: np.ndarray, joint: str) -> float:
+    """Return the position of a joint with one freedom, an angle where q has its cosine and sine."""
+    at = robot.q_slices[robot.joint_index[joint]]
+    return float(q[at][0]) if at.stop - at.start == 1 else float(np.arctan2(q[at][1], q[at][0]))
+
+
+def neighbours(robot: HybridRobot, q: np.ndarray, v: np.ndarray, joints: tuple[str, ...]) -> np.ndarray:
+    """Return closed postures at -2, -1, 1, 2 steps along rates, of a robot on a fixed base."""
+    near = []
+    for step in (-2, -1, 1, 2):
+        oracle = Oracle(robot.description)
+        at = oracle.integrate(q, step * STEP * v)
+        positions = {j: (position_of(robot, at, j), 0.0, 0.0) for j in joints}
+        near.append(hybridyn.assemble(robot, motors=positions, guess=q)[0])
+    return np.array(near)
+
+
+@pytest.mark.parametrize("kind", ["gough_floating", "planar_rpr", "on_leg", "central"])
+def test_the_rate_of_the_map_by_differences_along_the_flow(kind: str) -> None:
+    description = random_mechanism(0, kind=kind)
+    robot = build_robot(description)
+    q, v, _ = random_states(description, "fixed", 0, 1)
+    near = hybridyn.motion_map(robot, neighbours(robot, q[0], v[0], robot.motors))
+    difference = (near[0] - 8 * near[1] + 8 * near[2] - near[3]) / (12 * STEP)
+    close_to(hybridyn.motion_map(robot, q, v)[1][0], difference, DIFFERENCE)
+
+
+def test_any_independent_joints_will_do() -> None:
+    description = random_mechanism(0, kind="four_bar_two_motors")
+    robot = build_robot(description)
+    q, v, _ = random_states(description, "fixed", 0, 2)
+    oracle = Oracle(description)
+    chosen = tuple(name for name, kind in zip(robot.joints, robot.kinds, strict=True) if kind == "revolute")[
+        -1:
+    ]
+    E = hybridyn.motion_map(robot, q, joints=chosen)
+    close_to(E[0], oracle_map(oracle, q[0], columns_of(oracle, chosen)), SOLVED)
+    M = hybridyn.mass_matrix(robot, q, joints=chosen)
+    close_to(M[1], oracle_mass(oracle, q[1], columns_of(oracle, chosen)), SOLVED)
+    force = hybridyn.bias(robot, q, v, joints=chosen)
+    close_to(force[1], oracle_bias(oracle, q[1], v[1], columns_of(oracle, chosen)), SOLVED)
+
+
+def test_joints_of_cut_wrists_are_coordinates_too() -> None:
+    robot = hybridyn.load("gough_stewart")
+    q, v, _ = states_near_home(robot.description, "fixed", 0, 1)
+    cut = next(j for j in robot.joints if j in robot.cut_joints)
+    joints = (*robot.motors[1:], cut)
+    oracle = Oracle(robot.description)
+    E, E_dot = hybridyn.motion_map(robot, q, v, joints=joints)
+    close_to(E[0], oracle_map(oracle, q[0], columns_of(oracle, joints)), SOLVED)
+    drift = oracle_drift(oracle, q[0], v[0], columns_of(oracle, joints))
+    close_to(E_dot[0] @ v[0, columns_of(oracle, joints)], drift, SOLVED)
+
+
+def test_one_sample_or_many() -> None:
+    description = shipped("five_bar")
+    robot = build_robot(description)
+    q, v, _ = states_near_home(description, "fixed", 0, 3)
+    E, E_dot = hybridyn.motion_map(robot, q, v)
+    one = hybridyn.motion_map(robot, q[1], v[1])
+    np.testing.assert_array_equal(one, (E[1], E_dot[1]))
+    np.testing.assert_array_equal(hybridyn.motion_map(robot, q[1]), E[1])
+    np.testing.assert_array_equal(hybridyn.mass_matrix(robot, q[1]), hybridyn.mass_matrix(robot, q)[1])
+    np.testing.assert_array_equal(hybridyn.bias(robot, q[1], v[1]), hybridyn.bias(robot, q, v)[1])
+    np.testing.assert_array_equal(hybridyn.gravity(robot, q[1]), hybridyn.gravity(robot, q)[1])
+
+
+def test_bad_coordinates_are_refused() -> None:
+    robot = build_robot(shipped("five_bar"))
+    first, second = robot.motors
+    with pytest.raises(TrajectoryError, match=r"unknown joint 'nowhere'"):
+        hybridyn.mass_matrix(robot, robot.home, joints=["nowhere", first])
+    with pytest.raises(TrajectoryError, match=r"is named twice"):
+        hybridyn.mass_matrix(robot, robot.home, joints=[first, first])
+    with pytest.raises(SingularityError, match=r"1 chosen joints for 2 freedoms leave the motion of"):
+        hybridyn.mass_matrix(robot, robot.home, joints=[second])
+    redundant = build_robot(random_mechanism(0, kind="four_bar_two_motors"))
+    with pytest.raises(SingularityError, match=r"2 motors for 1 freedoms cannot be independent"):
+        hybridyn.mass_matrix(redundant, redundant.home)
+    ball = build_robot(random_mechanism(0, kind="serial_all"))
+    name = next(j for j, kind in zip(ball.joints, ball.kinds, strict=True) if kind == "spherical")
+    with pytest.raises(TrajectoryError, match=r"is spherical and has 3 freedoms"):
+        hybridyn.mass_matrix(ball, ball.home, joints=[name])
