@@ -23,8 +23,11 @@ from .errors import (
 )
 from .loading import load
 from .quantities.bias import bias, coriolis, gravity
+from .quantities.coriolis_matrix import coriolis_matrix
+from .quantities.link_jacobian import link_jacobian
 from .quantities.mass_matrix import mass_matrix
 from .quantities.motion_map import motion_map
+from .quantities.operational_inertia import delassus, operational_inertia
 from .simulation.events import Event, near_singularity
 from .simulation.simulate import simulate
 from .structure.robot import HybridRobot
@@ -57,18 +60,22 @@ __all__ = [
     "closure_residual",
     "compile",
     "coriolis",
+    "coriolis_matrix",
     "ddm",
     "ddm_jacobian",
+    "delassus",
     "energy",
     "gravity",
     "idm",
     "idm_jacobian",
     "kinematics",
+    "link_jacobian",
     "load",
     "mass_matrix",
     "momentum",
     "motion_map",
     "near_singularity",
+    "operational_inertia",
     "power",
     "simulate",
     "with_effects",

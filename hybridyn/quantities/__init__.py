@@ -3,7 +3,8 @@
     tau = M(q) u_dot + c(q, v) + g(q),    v = E(q) u
 
 Read `coordinates` (which joints are u), `independent` (E and its drift, module by module), `motion_map` (E
-and its rate), `mass_matrix` (M), `bias` (c and g).
+and its rate), `mass_matrix` (M), `bias` (c and g), `coriolis_matrix` (C with c = C u), `link_jacobian`,
+`operational_inertia`.
 
 May import: `dynamics` and below.
 """

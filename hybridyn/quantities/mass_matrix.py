@@ -60,11 +60,11 @@ def mass_matrix(
     states = forward(robot, q, rest, None, None)
     check_closed(robot, states, q, rest)
     motions = independent_motions(states, q, None, u)
-    M = _composite(robot, states, motions, u, on)
+    M = composite_inertia(robot, states, motions, u, on)
     return M[0] if single else M
 
 
-def _composite(
+def composite_inertia(
     robot: HybridRobot, states: list[ModuleState], motions: list[ModuleMotions], u: Coordinates, on: Effects
 ) -> Array:
     """Run the recursion of composite inertias, from the outermost modules inwards, shape (T, N, N)."""

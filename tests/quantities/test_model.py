@@ -1,4 +1,4 @@
-"""mass_matrix, bias and motion_map: against the oracle, against Pinocchio, and by identities."""
+"""mass_matrix, bias and motion_map: against the oracle, against Pinocchio and the inverse model."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from hybridyn.structure.robot import HybridRobot
 from tests.comparing import SOLVED, close_to
 from tests.mechanisms import KINDS, random_mechanism, random_states
 from tests.peers import describe, example_urdf
+from tests.quantities.flow import DIFFERENCE, neighbours, rate_along
 from tests.quantities.reduced import columns_of, oracle_bias, oracle_drift, oracle_map, oracle_mass
 from tests.samples import in_turn
 from tests.shipped import ROBOTS, shipped, states_near_home
@@ -23,8 +24,6 @@ BASES: tuple[Base, ...] = ("fixed", "moving", "floating")
 SQUARE = [name for name, kind in KINDS.items() if kind.motors == "square"]
 #: Identity of the inverse model: rounding of its largest term.
 BALANCE = 1e-12
-#: Differences of the fourth order over `STEP`.
-STEP, DIFFERENCE = 1e-3, 1e-8
 
 
 def against_oracle(robot: HybridRobot, q: np.ndarray, v: np.ndarray) -> None:
@@ -124,30 +123,12 @@ def test_rods_that_spin_idly_take_no_part() -> None:
         hybridyn.motion_map(robot, q, v)
 
 
-def position_of(robot: HybridRobot, q: np.ndarray, joint: str) -> float:
-    """Return the position of a joint with one freedom, an angle where q has its cosine and sine."""
-    at = robot.q_slices[robot.joint_index[joint]]
-    return float(q[at][0]) if at.stop - at.start == 1 else float(np.arctan2(q[at][1], q[at][0]))
-
-
-def neighbours(robot: HybridRobot, q: np.ndarray, v: np.ndarray, joints: tuple[str, ...]) -> np.ndarray:
-    """Return closed postures at -2, -1, 1, 2 steps along rates, of a robot on a fixed base."""
-    near = []
-    for step in (-2, -1, 1, 2):
-        oracle = Oracle(robot.description)
-        at = oracle.integrate(q, step * STEP * v)
-        positions = {j: (position_of(robot, at, j), 0.0, 0.0) for j in joints}
-        near.append(hybridyn.assemble(robot, motors=positions, guess=q)[0])
-    return np.array(near)
-
-
 @pytest.mark.parametrize("kind", ["gough_floating", "planar_rpr", "on_leg", "central"])
 def test_the_rate_of_the_map_by_differences_along_the_flow(kind: str) -> None:
     description = random_mechanism(0, kind=kind)
     robot = build_robot(description)
     q, v, _ = random_states(description, "fixed", 0, 1)
-    near = hybridyn.motion_map(robot, neighbours(robot, q[0], v[0], robot.motors))
-    difference = (near[0] - 8 * near[1] + 8 * near[2] - near[3]) / (12 * STEP)
+    difference = rate_along(hybridyn.motion_map(robot, neighbours(robot, q[0], v[0])))
     close_to(hybridyn.motion_map(robot, q, v)[1][0], difference, DIFFERENCE)
 
 
@@ -177,19 +158,6 @@ def test_joints_of_cut_wrists_are_coordinates_too() -> None:
     close_to(E[0], oracle_map(oracle, q[0], columns_of(oracle, joints)), SOLVED)
     drift = oracle_drift(oracle, q[0], v[0], columns_of(oracle, joints))
     close_to(E_dot[0] @ v[0, columns_of(oracle, joints)], drift, SOLVED)
-
-
-def test_one_sample_or_many() -> None:
-    description = shipped("five_bar")
-    robot = build_robot(description)
-    q, v, _ = states_near_home(description, "fixed", 0, 3)
-    E, E_dot = hybridyn.motion_map(robot, q, v)
-    one = hybridyn.motion_map(robot, q[1], v[1])
-    np.testing.assert_array_equal(one, (E[1], E_dot[1]))
-    np.testing.assert_array_equal(hybridyn.motion_map(robot, q[1]), E[1])
-    np.testing.assert_array_equal(hybridyn.mass_matrix(robot, q[1]), hybridyn.mass_matrix(robot, q)[1])
-    np.testing.assert_array_equal(hybridyn.bias(robot, q[1], v[1]), hybridyn.bias(robot, q, v)[1])
-    np.testing.assert_array_equal(hybridyn.gravity(robot, q[1]), hybridyn.gravity(robot, q)[1])
 
 
 def test_bad_coordinates_are_refused() -> None:

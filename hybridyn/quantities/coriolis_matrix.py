@@ -1,0 +1,88 @@
+"""The Coriolis matrix of a closed robot: c = C u, and M_dot - 2C is skew-symmetric.
+
+It is that of Christoffel's symbols. c(v) is quadratic in the rates, and the symbols are its polar form:
+
+    C(v) e_j = (c(v + w) - c(v - w)) / 4,    w = E e_j
+
+exactly, without differences of postures. The twist of a floating base is no derivative of coordinates: half
+the Lie bracket of its columns, times M, is added. One pass of the bias for each column: quadratic in the
+modules.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..dynamics.forward import forward
+from ..effects.choice import Choice
+from ..errors import TrajectoryError
+from ..spatial import Array, crm
+from ..structure.robot import HybridRobot
+from .bias import QUADRATIC, checked_state, chosen_effects, forces_at_rest
+from .coordinates import independent_coordinates
+from .independent import independent_motions
+from .mass_matrix import composite_inertia
+from .motion_map import directions, refuse_idle, whole_map
+
+#: Samples in one pass of the recursion.
+AT_ONCE = 512
+
+
+def coriolis_matrix(
+    robot: HybridRobot,
+    q: ArrayLike,
+    v: ArrayLike,
+    *,
+    joints: Sequence[str] | None = None,
+    effects: Choice = None,
+) -> Array:
+    """Compute C(q, v) with c = C u and M_dot - 2C skew-symmetric (Christoffel's symbols).
+
+    Args:
+        robot: The robot; a "moving" base has to be at rest.
+        q: Positions of the spanning tree, shape (nq,) or (T, nq).
+        v: Rates, shape (nv,) or (T, nv), [m/s, rad/s].
+        joints: Independent joints u, as many in each module as it has freedoms; the motors where left out. A
+            floating base's twist comes first in u.
+        effects: As in `coriolis`.
+
+    Returns:
+        Shape (N, N) or (T, N, N), [kg/s, kg m/s, kg m^2/s].
+
+    Raises:
+        AssemblyError: The state does not close the loops.
+        SingularityError: Closures lose rank, or the joints are not independent or leave idle motions open.
+        ModelError: Effects that are unknown, without numbers, or prescribe the base.
+        TrajectoryError: Arrays of the wrong shape, or not finite; a moving base that moves.
+    """
+    u, on = independent_coordinates(robot, joints), chosen_effects(robot, effects).only(QUADRATIC)
+    refuse_idle(robot, u, "the Coriolis matrix")
+    q, v, single = checked_state(robot, q, v)
+    if robot.base == "moving" and v[:, :6].any():
+        raise TrajectoryError(
+            "coriolis_matrix: the moving base has a twist, and c is not C u then: take coriolis(), or a base "
+            "at rest"
+        )
+    states = forward(robot, q, np.zeros_like(v), None, None)
+    motions = independent_motions(states, q, None, u)
+    E = whole_map(robot, motions, u)
+    scaled, factor = directions(robot, v, E)
+    C = np.zeros((len(q), u.size, u.size))
+    columns = max(1, AT_ONCE // (2 * max(len(q), 1)))
+    for first in range(0, u.size, columns):
+        at = np.arange(first, min(first + columns, u.size))
+        w = np.swapaxes(scaled[:, :, at], 1, 2)
+        moved = np.concatenate([v[:, None] + w, v[:, None] - w], axis=1)
+        postures = np.repeat(q, 2 * len(at), axis=0)
+        force = forces_at_rest(robot, postures, moved.reshape(-1, robot.nv), u, on)
+        force = force.reshape(len(q), 2, len(at), u.size)
+        C[:, :, at] = np.swapaxes((force[:, 0] - force[:, 1]) / (4 * factor[:, at, None]), 1, 2)
+    if robot.base == "floating":
+        M = composite_inertia(robot, states, motions, u, on)
+        twist = np.broadcast_to(v[:, None, :6], (len(q), 6, 6))
+        brackets = np.swapaxes(crm(twist, np.broadcast_to(np.eye(6), twist.shape)), 1, 2)
+        C[:, :, :6] += np.matmul(M[:, :, :6], brackets) / 2
+    return C[0] if single else C

@@ -1,0 +1,141 @@
+"""What links feel like through the loops: J M^-1 J^T over wrenches on them (Delassus), and its inverse.
+
+The direct model at rest, under unit wrenches and nothing else, gives the columns, each linear in the modules;
+M is never formed. All motions of the robot count, also those that no motor drives.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..dynamics.direct import direct_model
+from ..dynamics.link_motion import link_motions, named_links
+from ..effects.choice import Choice
+from ..errors import SingularityError, TrajectoryError
+from ..linkage.elimination import back_substitute, pivot_ratio, pivoted_qr
+from ..linkage.rigid_motion import RigidMotion
+from ..spatial import Array, rotate_back
+from ..structure.robot import HybridRobot
+from ..structure.samples import as_positions
+from .bias import chosen_effects
+
+#: Links whose Delassus matrix has a smaller reciprocal condition cannot be moved in some direction.
+IMMOVABLE = 1e-10
+#: Effects that inertia is made of.
+INERTIAL = ("inertia", "leg_inertia", "rotor_inertia")
+
+
+def delassus(
+    robot: HybridRobot,
+    q: ArrayLike,
+    links: str | Sequence[str],
+    *,
+    axes: str = "world",
+    effects: Choice = None,
+) -> Array:
+    """Compute J M^-1 J^T of links: their accelerations per unit wrench on them, at rest and without weight.
+
+    Contact solvers call it the Delassus matrix. It exists for any mobility and any number of motors.
+
+    Args:
+        robot: The robot; a "moving" base is held.
+        q: Positions of the spanning tree, shape (nq,) or (T, nq).
+        links: Name of a link, or of several: six rows each, in this order.
+        axes: Axes of wrenches and accelerations at the links' origins: "world", or "link" for their own.
+        effects: As in `idm`: rotors count where "rotor_inertia" is among them.
+
+    Returns:
+        Shape (6 k, 6 k) or (T, 6 k, 6 k), symmetric, positive semidefinite.
+
+    Raises:
+        AssemblyError: The posture does not close the loops.
+        SingularityError: Closures lose rank, or a wrench acts on a motion without inertia.
+        ModelError: Effects without inertia, unknown, or without numbers.
+        TrajectoryError: An unknown link; arrays of the wrong shape, or not finite.
+    """
+    names = [links] if isinstance(links, str) else list(links)
+    named_links(robot, names)
+    if axes not in ("world", "link"):
+        raise TrajectoryError(f"axes must be 'world' or 'link', not {axes!r}")
+    on = chosen_effects(robot, effects).only(INERTIAL)
+    q, single = as_positions(robot, q)
+    T, rows = len(q), 6 * len(names)
+    many = np.repeat(q, rows, axis=0)
+    rest = np.zeros((len(many), robot.nv))
+    units = np.tile(np.eye(rows).reshape(rows, len(names), 6), (T, 1, 1))
+    placed = link_motions(robot, many, rest, names)
+    wrenches = {name: np.zeros((len(many), 6)) for name in names}
+    for i, name in enumerate(names):
+        wrenches[name] += _in_link(placed[name], units[:, i]) if axes == "world" else units[:, i]
+    a = direct_model(
+        robot, many, rest, np.zeros((len(many), len(robot.motors))), wrenches=wrenches, effects=on
+    ).a
+    moved = link_motions(robot, many, a, names)
+    out = np.concatenate([_twist(moved[name], axes) for name in names], axis=1).reshape(T, rows, rows)
+    out = (out + np.swapaxes(out, 1, 2)) / 2
+    return out[0] if single else out
+
+
+def operational_inertia(
+    robot: HybridRobot,
+    q: ArrayLike,
+    links: str | Sequence[str],
+    *,
+    axes: str = "world",
+    effects: Choice = None,
+) -> Array:
+    """Compute the operational-space inertia of links, (J M^-1 J^T)^-1: wrench per acceleration.
+
+    Args:
+        robot: The robot.
+        q: Positions, shape (nq,) or (T, nq).
+        links: As in `delassus`.
+        axes: As in `delassus`.
+        effects: As in `delassus`.
+
+    Returns:
+        Shape (6 k, 6 k) or (T, 6 k, 6 k), symmetric, positive definite.
+
+    Raises:
+        SingularityError: The links cannot be moved in every direction (`IMMOVABLE`, scaled by its size).
+        AssemblyError, ModelError, TrajectoryError: As `delassus`.
+    """
+    D = delassus(robot, q, links, axes=axes, effects=effects)
+    single = D.ndim == 2
+    D = D[None] if single else D
+    rows = D.shape[1]
+    unit = np.tile([robot.bodies.size] * 3 + [1.0] * 3, rows // 6)
+    right = np.broadcast_to(np.eye(rows), D.shape)
+    R, order = pivoted_qr(np.concatenate([D / unit[:, None] / unit, right], axis=2), rows, rows)
+    lost = np.flatnonzero(pivot_ratio(R, rows) < IMMOVABLE)
+    if len(lost):
+        t = int(lost[0])
+        ratio = float(pivot_ratio(R[t : t + 1], rows)[0])
+        condition = 1 / ratio if ratio > 0 else np.inf
+        names = links if isinstance(links, str) else ", ".join(links)
+        raise SingularityError(
+            f"links {names}: they cannot be moved in every direction at sample {t} (condition number "
+            f"{condition:.1e}, limit {1 / IMMOVABLE:.0e}), and have no operational-space inertia. Take "
+            "hybridyn.delassus, its inverse, which always exists",
+            what="operational inertia",
+            condition=condition,
+            sample=t,
+        )
+    out = np.empty_like(D)
+    np.put_along_axis(out, order[:, :, None], back_substitute(R[:, :, :rows], R[:, :, rows:]), axis=1)
+    inertia: Array = (out + np.swapaxes(out, 1, 2)) / 2 / unit[:, None] / unit
+    return inertia[0] if single else inertia
+
+
+def _in_link(motion: RigidMotion, W: Array) -> Array:
+    """Turn wrenches from world axes to those of a link, shape (T, 6)."""
+    return np.concatenate([rotate_back(motion.R, W[:, :3]), rotate_back(motion.R, W[:, 3:])], axis=1)
+
+
+def _twist(motion: RigidMotion, axes: str) -> Array:
+    """Return a link's twist in world axes or its own, shape (T, 6)."""
+    twist = np.concatenate([motion.p_dot, motion.w], axis=1)
+    return twist if axes == "world" else _in_link(motion, twist)

@@ -1,0 +1,175 @@
+"""coriolis_matrix, link_jacobian, delassus, operational_inertia: identities, other engines, refusals."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import hybridyn
+from hybridyn.errors import SingularityError, TrajectoryError
+from hybridyn.oracle import Base, Oracle
+from hybridyn.structure.building import build_robot
+from hybridyn.structure.robot import HybridRobot
+from tests.comparing import SOLVED, close_to
+from tests.dynamics.test_idm import flat_five_bar
+from tests.dynamics.test_lost_rank import parallelogram
+from tests.mechanisms import random_mechanism, random_states
+from tests.peers import describe, example_urdf
+from tests.quantities.flow import DIFFERENCE, neighbours, rate_along
+from tests.quantities.reduced import columns_of
+from tests.shipped import shipped, states_near_home
+
+#: Of the largest entry: a few sums of rounded terms.
+EXACT = 1e-12
+
+
+def moving_state(kind: str, base: Base) -> tuple[HybridRobot, np.ndarray, np.ndarray, np.ndarray]:
+    """Return a drawn robot, one state of it and u."""
+    description = random_mechanism(0, kind=kind)
+    robot = build_robot(description, base=base)
+    q, v, _ = random_states(description, base, 0, 1)
+    return robot, q[0], v[0], v[0, columns_of(Oracle(description, base), robot.motors)]
+
+
+@pytest.mark.parametrize(
+    ("kind", "base"),
+    [("serial", "floating"), ("planar_rpr", "fixed"), ("central", "floating"), ("on_leg", "fixed")],
+)
+def test_the_coriolis_matrix(kind: str, base: Base) -> None:
+    """C u = c; M_dot (by differences along the flow; the base's pose does not matter) less 2C is skew."""
+    robot, q, v, u = moving_state(kind, base)
+    C = hybridyn.coriolis_matrix(robot, q, v)
+    close_to(C @ u, hybridyn.coriolis(robot, q, v), EXACT)
+    M_dot = rate_along(hybridyn.mass_matrix(robot, neighbours(robot, q, v)))
+    skew = M_dot - 2 * C
+    assert np.abs(skew + skew.T).max() <= DIFFERENCE * np.abs(C).max()
+
+
+@pytest.mark.parametrize("base", ["fixed", "floating"])
+def test_a_serial_robot_against_pinocchio(base: Base) -> None:
+    robot = build_robot(describe(example_urdf("ur5_robot.urdf")), base=base)
+    rng = np.random.default_rng(0)
+    q, v = pin.integrate(robot.model, robot.home, rng.normal(size=robot.nv)), rng.normal(size=robot.nv)
+    data, columns = robot.model.createData(), columns_of(Oracle(robot.description, base), robot.motors)
+    C = hybridyn.coriolis_matrix(robot, q, v)
+    rate = pin.computeCoriolisMatrix(robot.model, data, q, v)[np.ix_(columns, columns)]
+    close_to(C + C.T, rate + rate.T, SOLVED)  # M_dot; the skew parts of the two differ, both are right
+    frame = robot.model.getFrameId("wrist_3_link")
+    for axes, reference in (("world", pin.LOCAL_WORLD_ALIGNED), ("link", pin.LOCAL)):
+        J = pin.computeFrameJacobian(robot.model, data, q, frame, reference)[:, columns]
+        close_to(hybridyn.link_jacobian(robot, q, "wrist_3_link", axes=axes), J, SOLVED)
+
+
+@pytest.mark.parametrize("base", ["fixed", "moving", "floating"])
+@pytest.mark.parametrize("name", ["rps3", "scara_delta"])
+def test_the_jacobian_of_any_link(name: str, base: Base) -> None:
+    """Twists are those of `kinematics`, for links in legs, in cut wrists, platforms and the root link."""
+    description = shipped(name)
+    robot = build_robot(description, base=base)
+    q, v, _ = states_near_home(description, base, 0, 2)
+    u = v[:, columns_of(Oracle(description, base), robot.motors)]
+    carried = v * (np.arange(robot.nv) < 6) if base == "moving" else 0 * v
+    every = hybridyn.kinematics(robot, q, v)
+    only_base = hybridyn.kinematics(robot, q, carried)
+    size = max(np.abs(motion.twist).max() for motion in every.values())
+    for link in [*list(every)[::6], description.root]:
+        twist = np.einsum("tij,tj->ti", hybridyn.link_jacobian(robot, q, link), u)
+        assert np.abs(twist + only_base[link].twist - every[link].twist).max() <= SOLVED * size
+
+
+@pytest.mark.parametrize(("name", "base"), [("rps3", "fixed"), ("five_bar", "floating")])
+def test_delassus_is_j_over_m_over_j(name: str, base: Base) -> None:
+    description = shipped(name)
+    robot = build_robot(description, base=base)
+    q, _, _ = states_near_home(description, base, 0, 2)
+    links = [list(robot.bodies.place)[-1], description.root, list(robot.bodies.place)[2]]
+    M = hybridyn.mass_matrix(robot, q, effects="model")
+    for axes in ("world", "link"):
+        J = np.concatenate([hybridyn.link_jacobian(robot, q, link, axes=axes) for link in links], axis=1)
+        D = hybridyn.delassus(robot, q, links, axes=axes, effects="model")
+        close_to(D, J @ np.linalg.solve(M, np.swapaxes(J, 1, 2)), SOLVED)
+        np.testing.assert_array_equal(D, np.swapaxes(D, 1, 2))
+
+
+def test_operational_inertia() -> None:
+    description = shipped("gough_stewart")
+    robot = build_robot(description)
+    q, _, _ = states_near_home(description, "fixed", 0, 1)
+    platform = robot.modules[0].outputs[0]
+    inertia = hybridyn.operational_inertia(robot, q, platform)[0]
+    close_to(inertia @ hybridyn.delassus(robot, q, platform)[0], np.eye(6), SOLVED)
+    assert np.linalg.eigvalsh(inertia)[0] > 0
+    flat = build_robot(shipped("rps3"))
+    with pytest.raises(SingularityError, match=r"cannot be moved in every direction at sample 0"):
+        hybridyn.operational_inertia(flat, flat.home, flat.modules[0].outputs[0])
+
+
+def test_delassus_of_robots_without_a_motor_for_each_freedom() -> None:
+    """A free body beside the mechanism: its inertia is its own, whatever the motors."""
+    description = random_mechanism(0, kind="five_bar_one_motor")
+    robot = build_robot(description)
+    q, _, _ = random_states(description, "fixed", 0, 1)
+    link = list(robot.bodies.place)[-1]
+    wrench = np.array([1.0, -2.0, 0.5, 0.3, 0.2, -0.1])
+    D = hybridyn.delassus(robot, q[0], link, axes="link")
+    rest, none = np.zeros(robot.nv), np.zeros(len(robot.motors))
+    still = ["inertia", "leg_inertia"]
+    a = Oracle(description, gravity=(0.0, 0.0, 0.0)).ddm(q[0], rest, none, wrenches={link: wrench})
+    close_to(hybridyn.ddm(robot, q[0], rest, none, wrenches={link: wrench}, effects=still), a, SOLVED)
+    motion = hybridyn.kinematics(robot, q[0], a, links=[link])[link]
+    R = pin.Quaternion(motion.pose[3:]).matrix()
+    close_to(D @ wrench, np.concatenate([R.T @ motion.twist[:3], R.T @ motion.twist[3:]]), SOLVED)
+
+
+def test_one_sample_or_many() -> None:
+    description = shipped("five_bar")
+    robot = build_robot(description)
+    q, v, _ = states_near_home(description, "fixed", 0, 3)
+    link = robot.modules[0].outputs[0] if robot.modules[0].outputs else list(robot.bodies.place)[-1]
+    one_of = {
+        "mass_matrix": lambda x, _: hybridyn.mass_matrix(robot, x),
+        "motion_map": lambda x, _: hybridyn.motion_map(robot, x),
+        "rate": lambda x, y: hybridyn.motion_map(robot, x, y)[1],
+        "bias": lambda x, y: hybridyn.bias(robot, x, y),
+        "gravity": lambda x, _: hybridyn.gravity(robot, x),
+        "coriolis_matrix": lambda x, y: hybridyn.coriolis_matrix(robot, x, y),
+        "link_jacobian": lambda x, _: hybridyn.link_jacobian(robot, x, link),
+        "delassus": lambda x, _: hybridyn.delassus(robot, x, link),
+    }
+    for name, compute in one_of.items():
+        np.testing.assert_array_equal(compute(q[1], v[1]), compute(q, v)[1], err_msg=name)
+
+
+def test_a_parallel_singularity_is_refused_in_the_words_of_idm() -> None:
+    robot, q = flat_five_bar()
+    for compute in (hybridyn.mass_matrix, hybridyn.motion_map, hybridyn.gravity):
+        with pytest.raises(
+            SingularityError, match=r"motors lose a direction at sample 0 \(parallel"
+        ) as caught:
+            compute(robot, q)
+        assert caught.value.what == "motors"
+        assert caught.value.condition is not None
+        assert caught.value.condition > 1e10
+    with pytest.raises(SingularityError, match=r"chosen joints lose a direction .*not independent"):
+        hybridyn.mass_matrix(robot, q, joints=robot.motors)
+
+
+def test_closures_that_lose_rank_are_refused_in_the_words_of_idm(tmp_path: Path) -> None:
+    robot = parallelogram(tmp_path)
+    with pytest.raises(SingularityError, match="closures lose rank at sample 0") as caught:
+        hybridyn.bias(robot, np.zeros(3), np.array([1.0, -1.0, 1.0]))
+    assert caught.value.what == "closures"
+
+
+def test_bad_questions_are_refused() -> None:
+    robot = build_robot(shipped("five_bar"), base="moving")
+    q, v, _ = states_near_home(robot.description, "moving", 0, 1)
+    with pytest.raises(TrajectoryError, match=r"the moving base has a twist"):
+        hybridyn.coriolis_matrix(robot, q, v)
+    with pytest.raises(TrajectoryError, match=r"unknown link 'nothing'"):
+        hybridyn.link_jacobian(robot, q, "nothing")
+    with pytest.raises(TrajectoryError, match=r"axes must be 'world' or 'link', not 'local'"):
+        hybridyn.delassus(robot, q, robot.description.root, axes="local")
