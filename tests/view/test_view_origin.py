@@ -11,8 +11,10 @@ import pytest
 
 from hybridyn.errors import HybridynError
 from hybridyn.view.own_origin import refusal, start_server
+from tests.extras import needs
+from tests.waiting import PATIENCE
 
-viser = pytest.importorskip("viser")
+viser = needs("view")
 HOME = "127.0.0.1"
 
 
@@ -71,7 +73,7 @@ def port() -> Iterator[int]:
 def answer(port: int, *headers: str) -> str:
     """Send a request and give the first line of what comes back."""
     lines = ["GET / HTTP/1.1", *headers, "", ""]
-    with socket.create_connection((HOME, port), timeout=20) as connection:
+    with socket.create_connection((HOME, port), timeout=PATIENCE) as connection:
         connection.sendall("\r\n".join(lines).encode())
         return connection.makefile("rb").readline().decode().strip()
 
