@@ -1,4 +1,8 @@
-"""A picture in the page's scene: batches of rods and balls per module, one node per solid."""
+"""A picture in the page's scene: a frame per body, and in it the body's solids, rods and balls.
+
+The browser moves frames at once, but takes longer for new positions inside a batch of shapes. So a shape does
+not move in the frame of its body: it cannot leave it, however fast a motion is played.
+"""
 
 from __future__ import annotations
 
@@ -31,19 +35,16 @@ class Stage:
         self.robot, self.picture = robot, picture
         self.nodes: dict[Role, list[Any]] = {role: [] for role in ROLES}
         self.names: list[tuple[Any, int]] = []
-        self._batches: list[tuple[Any, Sequence[Rod] | Sequence[Ball]]] = []
+        self._server = server
+        self._frames: dict[tuple[int, int], tuple[str, Any]] = {}
+        self._growing: list[tuple[Any, int, list[Rod]]] = []
         self._solids: list[Any] = []
-        for module in picture.modules:
-            path = self._path(module)
-            for role in ROLES:
-                rods = [rod for rod in picture.rods if (rod.module, rod.role) == (module, role)]
-                balls = [ball for ball in picture.balls if (ball.module, ball.role) == (module, role)]
-                for kind, shapes in (("rods", rods), ("balls", balls)):
-                    if shapes:
-                        self._add_batch(server, f"{path}/{role} {kind}", role, shapes)
+        self._body_names = {body.joint + 1: body.name for body in robot.bodies.bodies}
+        for shapes in _batches(picture):
+            self._add_batch(shapes)
         for number, solid in enumerate(picture.solids):
             node = server.scene.add_mesh_simple(
-                f"{self._path(solid.module)}/{_clean(solid.name)} {number}",
+                f"{self._frame(solid.module, solid.body)}/{_clean(solid.name)} {number}",
                 vertices=solid.vertices,
                 faces=solid.faces,
                 color=rgb(solid.colour),
@@ -56,42 +57,47 @@ class Stage:
                 label = server.scene.add_label(f"/names/{number}", part.name, visible=False)
                 self.names.append((label, robot.bodies.place[part.outputs[0]][0]))
 
-    def _path(self, module: int) -> str:
-        name = "ground" if module < 0 else f"{module + 1} {_clean(self.robot.modules[module].name)}"
-        return f"/robot/{name}"
+    def _frame(self, module: int, body: int) -> str:
+        """Return the path of a body's frame among the shapes of a module; add it if it is not there."""
+        if (module, body) not in self._frames:
+            part = "ground" if module < 0 else f"{module + 1} {_clean(self.robot.modules[module].name)}"
+            path = f"/robot/{part}/{body} {_clean(self._body_names[body])}"
+            self._frames[module, body] = path, self._server.scene.add_frame(path, show_axes=False)
+        return self._frames[module, body][0]
 
-    def _add_batch(self, server: Any, name: str, role: Role, shapes: Sequence[Rod] | Sequence[Ball]) -> None:
-        """Add rods or balls as copies of one shape."""
-        vertices, faces = unit_cylinder(SIDES) if isinstance(shapes[0], Rod) else unit_ball(RINGS)
-        count = len(shapes)
-        node = server.scene.add_batched_meshes_simple(
-            name,
+    def _add_batch(self, shapes: Sequence[Rod] | Sequence[Ball]) -> None:
+        """Add rods or balls of one module, role and body as copies of one shape."""
+        first, body = shapes[0], _body(shapes[0])
+        rods = [shape for shape in shapes if isinstance(shape, Rod)]
+        vertices, faces = unit_cylinder(SIDES) if rods else unit_ball(RINGS)
+        grows = bool(rods) and _grows(rods[0])
+        axes, origins, scales = _transforms(shapes, _at_rest(len(self._body_names)))
+        kind = ("growing rods" if grows else "rods") if rods else "balls"
+        node = self._server.scene.add_batched_meshes_simple(
+            f"{self._frame(first.module, body)}/{first.role} {kind}",
             vertices=vertices,
             faces=faces,
-            batched_wxyzs=np.tile([1.0, 0, 0, 0], (count, 1)),
-            batched_positions=np.zeros((count, 3)),
-            batched_scales=np.ones((count, 3)),
+            batched_wxyzs=wxyz(axes),
+            batched_positions=origins,
+            batched_scales=scales,
             batched_colors=_linear([shape.colour for shape in shapes]),
             lod="off",
         )
-        self.nodes[role].append(node)
-        self._batches.append((node, shapes))
+        self.nodes[first.role].append(node)
+        if grows:
+            self._growing.append((node, body, rods))
 
     def place(self, placement: Placement) -> None:
         """Put everything where a posture has it; what has not moved is not sent."""
-        for node, shapes in self._batches:
-            if isinstance(shapes[0], Rod):
-                axes, origins, scales = rod_transforms(shapes, placement)  # type: ignore[arg-type]
-                _set(node, "batched_wxyzs", wxyz(axes))
-            else:
-                origins, radii = ball_transforms(shapes, placement)  # type: ignore[arg-type]
-                scales = np.repeat(radii[:, None], 3, axis=1)
+        quaternions = wxyz(placement.R)
+        for (_, body), (_, frame) in self._frames.items():
+            _set(frame, "wxyz", quaternions[body])
+            _set(frame, "position", placement.p[body])
+        for node, body, rods in self._growing:
+            axes, origins, scales = _transforms(rods, _seen_from(placement, body))
+            _set(node, "batched_wxyzs", wxyz(axes))
             _set(node, "batched_positions", origins)
             _set(node, "batched_scales", scales)
-        quaternions = wxyz(placement.R)
-        for node, solid in zip(self._solids, self.picture.solids, strict=True):
-            _set(node, "wxyz", quaternions[solid.body])
-            _set(node, "position", placement.p[solid.body])
         for label, body in self.names:
             _set(label, "position", placement.p[body])
 
@@ -109,6 +115,47 @@ class Stage:
         """Show or hide the modules' names."""
         for label, _ in self.names:
             label.visible = visible
+
+
+def _batches(picture: Picture) -> list[list[Rod] | list[Ball]]:
+    """Return rods and balls in groups with the same module, role and body, growing rods apart."""
+    rods: dict[tuple[object, ...], list[Rod]] = {}
+    balls: dict[tuple[object, ...], list[Ball]] = {}
+    for rod in picture.rods:
+        rods.setdefault((rod.module, rod.role, _body(rod), _grows(rod)), []).append(rod)
+    for ball in picture.balls:
+        balls.setdefault((ball.module, ball.role, _body(ball)), []).append(ball)
+    return [*rods.values(), *balls.values()]
+
+
+def _body(shape: Rod | Ball) -> int:
+    """Return the body in whose frame a shape is drawn."""
+    return shape.start.body if isinstance(shape, Rod) else shape.at.body
+
+
+def _grows(rod: Rod) -> bool:
+    """Return whether a rod's ends belong to different bodies."""
+    return rod.start.body != rod.end.body
+
+
+def _transforms(shapes: Sequence[Rod] | Sequence[Ball], placement: Placement) -> tuple[Array, Array, Array]:
+    """Return axes, shape (N, 3, 3), origins and scales, shape (N, 3), of copies of the unit shape."""
+    rods = [shape for shape in shapes if isinstance(shape, Rod)]
+    if rods:
+        return rod_transforms(rods, placement)
+    centres, radii = ball_transforms([shape for shape in shapes if isinstance(shape, Ball)], placement)
+    return np.tile(np.eye(3), (len(shapes), 1, 1)), centres, np.repeat(radii[:, None], 3, axis=1)
+
+
+def _at_rest(count: int) -> Placement:
+    """Return the placement in which every body's frame is the world's."""
+    return Placement(np.tile(np.eye(3), (count, 1, 1)), np.zeros((count, 3)))
+
+
+def _seen_from(placement: Placement, body: int) -> Placement:
+    """Return the poses of all bodies in the frame of one of them."""
+    R = placement.R[body]
+    return Placement(R.T @ placement.R, (placement.p - placement.p[body]) @ R)
 
 
 def _linear(colours: Sequence[str]) -> NDArray[np.uint8]:
