@@ -1,8 +1,8 @@
-"""Robot files in, plain records out: links, joints, closures, couplings, motors, home posture.
+"""Read robot files into plain records: links, joints, closures, couplings, motors, home posture.
 
-Read `records` (what every reader returns), `closure_forms` (the closures that files name), `reading` (which
-reader takes a file), then one format: `urdf/`, or the files beside a URDF in `side_cars/`. `validate`
-checks every description, whatever file it came from.
+Read `records` first (the data that every reader returns), then `closure_forms` (the kinds of closures that
+files name), `reading` (which chooses the reader of a file), and one format: `urdf/`, or the files beside a
+URDF in `side_cars/`. `validate` checks the description from every format.
 
 May import: `errors`, `spatial`, `colours`.
 """
@@ -17,7 +17,7 @@ __all__ = ["Closure", "Coupling", "Description", "Joint", "Link", "read"]
 
 
 def __getattr__(name: str) -> object:
-    """Import a name when it is first used: NumPy comes with the records, which is too slow for completion."""
+    """Import a name on first use: the records import NumPy, which is too slow for shell completion."""
     if name not in __all__:
         raise AttributeError(f"module 'hybridyn.description' has no attribute {name!r}")
     if name == "read":

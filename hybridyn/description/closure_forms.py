@@ -1,4 +1,4 @@
-"""The closures that files name ("revolute", "3d", rows ...), in the canonical form of `records.Closure`."""
+"""Define the closures that files name ("revolute", "rows", ...), in the form of `records.Closure`."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from .records import Array, RotationKind
 
 @dataclass(frozen=True)
 class Form:
-    """What a kind of closure locks, when z is its axis.
+    """The translations and rotations that a kind of closure locks; its axis is z.
 
     Attributes:
         translations: Axes of frame A along which B's origin may not move.
-        rotation: What is locked of the rotation.
-        has_axis: Whether an axis means anything for it.
+        rotation: The locked part of the rotation.
+        has_axis: Whether this kind of closure has an axis.
     """
 
     translations: tuple[int, ...]
@@ -24,7 +24,7 @@ class Form:
     has_axis: bool = True
 
 
-#: Closures by name, 6, 5, 5, 5, 4, 4, 3, 3 and 3 rows.
+#: Closures by name; in this order they have 6, 5, 5, 5, 4, 4, 3, 3 and 3 rows.
 FORMS: dict[str, Form] = {
     "fixed": Form((0, 1, 2), "fixed", has_axis=False),
     "revolute": Form((0, 1, 2), "parallel"),
@@ -54,7 +54,7 @@ class RowsForm:
     Attributes:
         translations: As in `records.Closure`, in the turned frames.
         rotation: As in `records.Closure`.
-        rotation_of_frames: Turn of both frames in their own axes, shape (3, 3).
+        rotation_of_frames: Rotation of both frames about their own axes, shape (3, 3).
     """
 
     translations: tuple[int, ...]
@@ -63,12 +63,12 @@ class RowsForm:
 
 
 def form_of_rows(text: str) -> RowsForm:
-    """Bring `rows="tx ty rx ry"` to canonical form by a cyclic permutation of the frames' axes.
+    """Convert `rows="tx ty rx ry"` to canonical form by a cyclic permutation of the frames' axes.
 
     Two locked rotations leave the third axes of both frames parallel; that axis becomes z.
 
     Raises:
-        ValueError: Unknown, repeated or no rows, or a single rotation; the text says which.
+        ValueError: A row is unknown or repeated, there is no row, or a single rotation is locked.
     """
     words = text.split()
     for word in words:

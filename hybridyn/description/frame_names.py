@@ -1,4 +1,4 @@
-"""Closures that the names of frames state, and those between two frames that a side-car pairs."""
+"""Build the closures that frame names state, and the closures between two frames that a side-car pairs."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ HINGES = ("revolute", "continuous")
 
 
 def apply_frame_names(robot: RobotFile) -> None:
-    """Close loops by the names of frames, as those models do where no side-car exists.
+    """Add the closures and motors that names state: the convention of Gepetto's models without a side-car.
 
-    Frames that hold `closedloop<N>`, two for every N, are welded (6d); joints that hold `spherical` become
-    balls, those that hold `motor` are driven.
+    Frames whose names contain `closedloop<N>`, two for every N, are welded (6d). Joints whose names contain
+    `spherical` become spherical joints. Joints whose names contain `motor` are driven.
 
     Raises:
-        ModelError: An N has other than two frames.
+        ModelError: The number of frames for an N is not two.
     """
     frames = {link.name: link.name for link in robot.links}
     frames |= {joint.name: joint.child for joint in robot.joints}

@@ -1,7 +1,8 @@
-"""Signs that a robot had loops which its file does not state, so that it would be opened as a tree.
+"""Find signs that a robot had loops which its file does not state, so that it would be loaded as a tree.
 
-Frames named in pairs, joints that look passive in a tree, files of loops beside: none proves a loop, so the
-robot is loaded, and every sign is told (`load` warns, `info` and `check` list them).
+The signs are frames named in pairs, joints of a tree that look passive, and files of loops beside the robot.
+None of them proves a loop. The robot is therefore loaded, and every sign is reported: `load` warns, `info`
+and `check` list them.
 """
 
 from __future__ import annotations
@@ -20,18 +21,18 @@ from .records import Array, Description, Joint
 from .robot_file import FREEDOMS
 from .weightless import Bodies
 
-#: Two frames coincide within this part of the robot's size: drawings close their loops to some 1e-4 of it.
+#: Frames coincide if they are closer than this fraction of the robot's size: CAD closes loops to 1e-4 of it.
 TOGETHER = 1e-3
-#: The end of a name that tells two frames of a pair apart, and what may follow it.
+#: End of a name that distinguishes the two frames of a pair (a number or letter), and what may follow it.
 ENDING = re.compile(r"(.*?)[_.-]?(?:(?<![0-9])([0-9]+)|(?<=[_.-])([A-Za-z]))(?:[_.-](?:frame|link|joint))?")
-#: Words of names that speak of a loop.
+#: Words of names that suggest a loop.
 LOOP_WORDS = {
     "cl", "close", "closed", "closing", "closure", "constraint", "cut", "fermeture", "loop", "weld",
 }  # fmt: skip
 CLOSED_LOOP = re.compile(r"closed_?loop|loop_?closure|closing_?loop|loop_?joint", re.IGNORECASE)
 BESIDE = re.compile(r".*(submechanism|loop_?closure|closed_?loop).*\.ya?ml", re.IGNORECASE)
 FOLDERS = ("submechanism", "smurf")
-#: Most entries of a folder that are looked at.
+#: Most entries of a folder that are examined.
 MOST_FILES = 1000
 STATE_THEM = "state its loops as <loop>, or the pairs of frames in a side-car robot.yaml (closed_loop)"
 
@@ -40,10 +41,10 @@ class Sign(NamedTuple):
     """A sign of loops that are not stated.
 
     Attributes:
-        message: What looks so.
-        mend: What to do.
-        link: A link that shows it, or None.
-        joint: A joint that shows it, or None.
+        message: The observation.
+        mend: The correction.
+        link: A link that it concerns, or None.
+        joint: A joint that it concerns, or None.
     """
 
     message: str
@@ -56,16 +57,16 @@ def lost_loops(description: Description) -> list[Sign]:
     """Return the signs that a robot had loops which its file does not state.
 
     Args:
-        description: What the files say.
+        description: The description of the robot.
     """
     out = [*_paired_frames(description)]
     if not description.closures:
-        out += [*_passive_looks(description), *_files_beside(description)]
+        out += [*_passive_joints(description), *_files_beside(description)]
     return out
 
 
 def _paired_frames(description: Description) -> Iterator[Sign]:
-    """Look for massless fixed frames in pairs, on two bodies, that name a loop or lie at one place."""
+    """Yield signs for pairs of massless frames on two bodies that coincide or are named for a loop."""
     bodies = Bodies(description)
     carriers = {joint.parent for joint in description.joints}
     used = {link for closure in description.closures for link in (closure.link_a, closure.link_b)}
@@ -81,7 +82,7 @@ def _paired_frames(description: Description) -> Iterator[Sign]:
             if match := ENDING.fullmatch(name):
                 ends = alike.setdefault(match[1], {})
                 ends.setdefault((match[2] or match[3]).lower(), {})[joint.child] = None
-    told: set[str] = set()
+    reported: set[str] = set()
     places = None
     for stem, ends in alike.items():
         if set(ends) not in ({"1", "2"}, {"0", "1"}, {"a", "b"}):
@@ -89,23 +90,24 @@ def _paired_frames(description: Description) -> Iterator[Sign]:
         if any(len(links) != 1 for links in ends.values()):
             continue
         one, other = (next(iter(ends[end])) for end in sorted(ends))
-        if bodies.of[one] == bodies.of[other] or {one, other} & told:
+        if bodies.of[one] == bodies.of[other] or {one, other} & reported:
             continue
         places = places or _Places(description, bodies)
-        named, together = _names_a_loop(stem), places.together(one, other)
-        if named or together:
-            told |= {one, other}
-            at = ", and lie at one place in the zero posture" if together else ""
+        named, coincident = _names_a_loop(stem), places.coincide(one, other)
+        if named or coincident:
+            reported |= {one, other}
+            at = ", and coincide in the zero posture" if coincident else ""
             message = f"massless frames '{one}' and '{other}' look like the two ends of a closed loop{at}"
             yield Sign(f"{message}, but no closure uses them", STATE_THEM, link=one)
-    lone = [joint.child for joint in frames if "closing" in _words(joint.child) and joint.child not in told]
+    named_closing = [joint.child for joint in frames if "closing" in _words(joint.child)]
+    lone = [name for name in named_closing if name not in reported]
     if lone:
         message = f"massless frames {listed(lone)} are named for closing a loop, but no closure uses them"
         yield Sign(message, STATE_THEM, link=lone[0])
 
 
 def _words(name: str) -> set[str]:
-    """Return the words of a name, in small letters, without numbers."""
+    """Return the words of a name in lower case, without numbers."""
     return {word.lower() for word in re.findall(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])", name)}
 
 
@@ -113,8 +115,8 @@ def _names_a_loop(name: str) -> bool:
     return bool(LOOP_WORDS & _words(name) or CLOSED_LOOP.search(name))
 
 
-def _passive_looks(description: Description) -> Iterator[Sign]:
-    """Look for joints of a tree that its file treats as passive: nothing but a loop would move them."""
+def _passive_joints(description: Description) -> Iterator[Sign]:
+    """Yield signs for joints of a tree that its file treats as passive: only a loop would move them."""
     followers = {coupling.name for coupling in description.couplings}
     free = [j for j in description.joints if FREEDOMS[j.kind] == 1 and j.name not in followers]
     mend = f"name the motors (motors = [...] in model.toml); if it has loops, {STATE_THEM}"
@@ -140,17 +142,17 @@ def _passive_looks(description: Description) -> Iterator[Sign]:
         if passive:
             yield Sign(
                 f"<transmission> drives {len(description.motors)} joints and leaves these passive: "
-                f"{listed(passive)}; they swing freely, for no closure is stated",
+                f"{listed(passive)}; they move freely, because no closure is stated",
                 f"if they are driven too, {mend}",
                 joint=passive[0],
             )
 
 
 def _is_suspicious(description: Description, free: list[Joint], weak: list[Joint]) -> bool:
-    """Say whether joints without effort mean more than that the author wrote no limits.
+    """Check whether joints without effort are passive joints, rather than joints without stated limits.
 
-    They do where effort 0 is written on each of several joints, or where the tree branches: chains that were
-    cut open end side by side.
+    They are if each of several joints states effort 0, or if the tree branches: a loop that was cut open
+    leaves two chains.
     """
     if len(weak) == len(free) > 1:
         return True
@@ -161,7 +163,7 @@ def _is_suspicious(description: Description, free: list[Joint], weak: list[Joint
 
 
 def _files_beside(description: Description) -> Iterator[Sign]:
-    """Look for files of loops beside the robot's, in its folder or in one that Phobos writes."""
+    """Yield a sign for files of loops in the robot's folder, or in a folder that Phobos writes."""
     if description.source is None:
         return
     folder = Path(description.source).absolute().parent
@@ -178,7 +180,7 @@ def _files_beside(description: Description) -> Iterator[Sign]:
 
 
 def _entries(folder: Path) -> list[Path]:
-    """Return what a folder holds, in order; nothing where it may not be read."""
+    """Return the entries of a folder, sorted; none if the folder cannot be read."""
     try:
         return sorted(itertools.islice(folder.iterdir(), MOST_FILES))
     except OSError:
@@ -186,7 +188,7 @@ def _entries(folder: Path) -> list[Path]:
 
 
 class _Places:
-    """Where frames lie in the zero posture."""
+    """Placements of all frames in the zero posture."""
 
     def __init__(self, description: Description, bodies: Bodies) -> None:
         self._bodies = bodies
@@ -197,8 +199,8 @@ class _Places:
         points = np.array([frame[:3, 3] for frame in self._frames.values()])
         self._size = float(np.linalg.norm(np.ptp(points, axis=0)))
 
-    def together(self, one: str, other: str) -> bool:
-        """Say whether two frames lie at one place, which is not that of a joint between their bodies."""
+    def coincide(self, one: str, other: str) -> bool:
+        """Check whether two frames coincide at a point other than the joint between their bodies."""
         at = self._frames[one][:3, 3]
         if not self._near(at, self._frames[other][:3, 3]):
             return False
@@ -214,7 +216,7 @@ class _Places:
 
 
 def _outwards(description: Description) -> Iterator[Joint]:
-    """Return the joints, each after the one that carries it."""
+    """Yield the joints from the root outwards, each after the joint that carries it."""
     below: dict[str, list[Joint]] = {}
     for joint in description.joints:
         below.setdefault(joint.parent, []).append(joint)

@@ -1,4 +1,4 @@
-"""Which joints are driven: the first source that says so, in a fixed order, else one clear rule."""
+"""Choose the driven joints: from the first source that names them, in a fixed order, else by a rule."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from .names import closest, did_you_mean, listed
 from .records import Coupling, Joint
 from .robot_file import FREEDOMS, MotorSource, MotorStatement, RobotFile
 
-#: Sources of motor names, the strongest first; what the caller passes stands above all.
+#: Sources of motor names, the strongest first; names that the caller passes come before all of them.
 RANKING: tuple[MotorSource, ...] = ("side-car", "model file", "transmission", "independent", "names")
 
 #: The rule for a tree whose files name no motor.
@@ -20,15 +20,16 @@ EVERY_JOINT = "every joint (no closure, and no file names motors)"
 
 
 def choose_motors(robot: RobotFile, motors: Sequence[str] | None) -> tuple[tuple[str, ...], str]:
-    """Return the names of the driven joints and the rule that found them.
+    """Return the names of the driven joints, and the source or rule that they come from.
 
-    The order of sources: the caller, the side-car's `name_mot`, the model file's `motors`, URDF
-    transmissions, URDF+ `independent=`. Where none speaks: all one-freedom joints that follow no other if the
-    robot has no closure; else those joints whose limit states an effort above zero, unless that is all of
-    them, which says nothing.
+    The order of sources is: the caller, the side-car's `name_mot`, the model file's `motors`, URDF
+    transmissions, URDF+ `independent=`, names of joints that contain "motor". If no source names motors, the
+    candidates are the one-freedom joints that mimic no other. In a tree (no closure, no coupling except
+    `<mimic>`) all of them are driven. Otherwise those with a finite effort limit above zero are driven; if
+    these are all candidates, the limits do not distinguish motors, and no joint is driven.
 
     Raises:
-        ModelError: A name is unknown, stated twice, or that of a joint that cannot be driven.
+        ModelError: A name is unknown, is stated twice, or belongs to a joint that cannot be driven.
     """
     if motors is not None:
         statement = MotorStatement("names", "the caller (motors=)", tuple(motors), robot.file)
@@ -36,14 +37,14 @@ def choose_motors(robot: RobotFile, motors: Sequence[str] | None) -> tuple[tuple
     for source in RANKING:
         found = [statement for statement in robot.motors if statement.source == source]
         if found:
-            statement = _of_this_robot(robot, found[0])
+            statement = _drop_absent_joints(robot, found[0])
             _note_passive(robot, statement)
             return _checked(robot, statement), statement.where
     return _by_rule(robot)
 
 
-def _of_this_robot(robot: RobotFile, statement: MotorStatement) -> MotorStatement:
-    """Drop transmissions of parts that were cut away; a misspelt name stays, and is an error later."""
+def _drop_absent_joints(robot: RobotFile, statement: MotorStatement) -> MotorStatement:
+    """Drop transmissions of joints that were cut away; a misspelt name stays and raises an error later."""
     if statement.source != "transmission":
         return statement
     joints = {joint.name for joint in robot.joints}
@@ -56,9 +57,9 @@ def _of_this_robot(robot: RobotFile, statement: MotorStatement) -> MotorStatemen
 
 
 def _note_passive(robot: RobotFile, chosen: MotorStatement) -> None:
-    """Note the joints of loops that transmissions leave undriven though they are called independent.
+    """Note joints that are stated as independent but have no transmission, in a robot with closures.
 
-    In a tree every joint left out is told, as a sign of lost loops (`lost_loops`).
+    In a tree, `lost_loops` reports every joint without a transmission as a sign of lost loops.
     """
     if chosen.source != "transmission" or not robot.closures:
         return
@@ -82,7 +83,7 @@ def _by_rule(robot: RobotFile) -> tuple[tuple[str, ...], str]:
         "no file says which joints of this closed-loop robot are driven: pass motors=[...], or write "
         "motors = [...] in model.toml, <transmission> in the URDF, or name_mot in robot.yaml"
     )
-    return (), "nothing: no file names motors, and effort limits do not tell"
+    return (), "nothing: no file names motors, and the effort limits do not distinguish them"
 
 
 def _free_joints(robot: RobotFile) -> list[Joint]:
@@ -92,7 +93,7 @@ def _free_joints(robot: RobotFile) -> list[Joint]:
 
 
 def _is_mimic(coupling: Coupling) -> bool:
-    """Tell whether a coupling came from `<mimic>`: it has the name of the joint that follows."""
+    """Check whether a coupling came from `<mimic>`: it then has the name of the following joint."""
     return coupling.name == coupling.terms[0][0]
 
 
@@ -102,7 +103,7 @@ def _checked(robot: RobotFile, statement: MotorStatement) -> tuple[str, ...]:
         if name not in kinds:
             known = _drivable(robot)
             hint = did_you_mean(name, known) or f"; joints that can be driven: {listed(known)}"
-            raise _error(statement, f"motor '{name}' is no joint of the robot{hint}", name)
+            raise _error(statement, f"motor '{name}' is not a joint of the robot{hint}", name)
         if FREEDOMS[kinds[name]] != 1:
             raise _error(
                 statement, f"motor '{name}' is a {kinds[name]} joint; a motor drives one freedom", name

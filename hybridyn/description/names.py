@@ -1,4 +1,4 @@
-"""Look names up, and say which one was probably meant."""
+"""Find the name that a misspelt one probably means, and list names in messages."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ LISTED_NAMES = 8
 
 
 def closest(name: str, known: Iterable[str]) -> str | None:
-    """Return the known name that is most like `name`, or None where none comes near."""
+    """Return the known name most similar to `name`, or None if none is similar."""
     words = tuple(known)
     return _remembered(name, words) if len(words) < 100 else _closest(name, words)
 
 
 def _closest(name: str, known: tuple[str, ...]) -> str | None:
     by_lower = {candidate.lower(): candidate for candidate in known}
-    turned = [word for word in by_lower if sorted(word) == sorted(name.lower())]
-    if turned:
-        return by_lower[turned[0]]
+    same_letters = [word for word in by_lower if sorted(word) == sorted(name.lower())]
+    if same_letters:
+        return by_lower[same_letters[0]]
     found = difflib.get_close_matches(name.lower(), by_lower, n=1, cutoff=0.72)
     return by_lower[found[0]] if found else None
 
@@ -29,13 +29,13 @@ _remembered = functools.lru_cache(maxsize=1024)(_closest)  # a file repeats its 
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:
-    """Return " (did you mean 'x'?)" for a name that is nearly known, else an empty string."""
+    """Return " (did you mean 'x'?)" if a known name is similar, else an empty string."""
     best = closest(name, known)
     return f" (did you mean '{best}'?)" if best else ""
 
 
 def listed(names: Iterable[str]) -> str:
-    """Give names as "'a', 'b' and 3 more"."""
+    """Return names in the form "'a', 'b' and 3 more"."""
     quoted = [f"'{name}'" for name in names]
     if len(quoted) <= LISTED_NAMES:
         return ", ".join(quoted)

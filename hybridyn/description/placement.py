@@ -1,4 +1,4 @@
-"""Placements: 4 x 4 matrices of a rotation and a position."""
+"""Build rotation matrices, and placements: 4 x 4 matrices of a rotation and a position."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from .records import Array
 
 
 def rotation_from_rpy(roll: float, pitch: float, yaw: float) -> Array:
-    """Return Rz(yaw) Ry(pitch) Rx(roll), shape (3, 3): URDF's fixed-axis angles [rad]."""
+    """Compute Rz(yaw) Ry(pitch) Rx(roll), shape (3, 3), from URDF's fixed-axis angles [rad]."""
     (cr, cp, cy), (sr, sp, sy) = np.cos([roll, pitch, yaw]), np.sin([roll, pitch, yaw])
     return np.array(
         [
@@ -20,7 +20,7 @@ def rotation_from_rpy(roll: float, pitch: float, yaw: float) -> Array:
 
 
 def rotation_from_quaternion(x: float, y: float, z: float, w: float) -> Array:
-    """Return the rotation of a unit quaternion, shape (3, 3)."""
+    """Compute the rotation matrix of a unit quaternion, shape (3, 3)."""
     return np.array(
         [
             [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
@@ -31,9 +31,9 @@ def rotation_from_quaternion(x: float, y: float, z: float, w: float) -> Array:
 
 
 def rotation_to_axis(axis: Array) -> Array:
-    """Return a rotation that turns z to a unit axis, shape (3, 3); exact for the coordinate axes.
+    """Compute a rotation matrix that maps z to a unit axis, shape (3, 3); exact for the coordinate axes.
 
-    The turn about the axis itself is free; this one follows the cyclic order x, y, z where it can.
+    The rotation about the axis itself is arbitrary: x, y and z give cyclic permutations of the axes.
     """
     helper = np.eye(3)[(int(np.argmax(np.abs(axis))) + 1) % 3]
     x = helper - axis * (axis @ helper)
@@ -49,5 +49,5 @@ def placement_from(rotation: Array, position: Array) -> Array:
 
 
 def turned(placement: Array, rotation: Array) -> Array:
-    """Return a frame with the same origin and its axes turned by `rotation` in its own axes, shape (4, 4)."""
+    """Return a frame with the same origin, rotated by `rotation` about its own axes, shape (4, 4)."""
     return placement_from(placement[:3, :3] @ rotation, placement[:3, 3])

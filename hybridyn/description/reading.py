@@ -1,6 +1,6 @@
-"""`read`: one robot file, whatever its format, to one `Description`.
+"""Read a robot file of any supported format into a `Description`.
 
-A format is one entry of `FORMATS`: the name of its root element, and the function that reads this element.
+Each format is one entry of `FORMATS`: the name of its root element, and the function that reads this element.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from .names import listed
 from .records import Description
 from .robot_file import RobotFile
 from .side_cars.companions import find_model_file, find_side_car
-from .unread_forms import form_of, not_read
+from .unread_forms import unread_form, unread_format
 from .urdf.foreign import refuse_unclosed_frames, refuse_unread_side_cars
 from .urdf.urdf import read_urdf
 from .urdf.xacro import expand
@@ -38,16 +38,16 @@ def read(
 
     Args:
         path: A URDF (`.urdf`) or xacro (`.xacro`) file.
-        motors: Names of the driven joints, in order; None takes what the files say
+        motors: Names of the driven joints, in order; None takes them from the files
             (see `motors.choose_motors`).
         xacro_args: Arguments of a xacro file by name.
         package_dirs: Folders that hold packages, for `$(find package)` in xacro.
 
     Returns:
-        Everything that the files say.
+        The description of the robot.
 
     Raises:
-        ModelError: Anything about the files is wrong; the message names file, line and what to do.
+        ModelError: A file is invalid; the message names the file, the line and the correction.
     """
     file = os.fspath(path)
     root, notes = _open(file, xacro_args or {}, package_dirs)
@@ -79,7 +79,7 @@ def open_robot(
     xacro_args: Mapping[str, object] | None = None,
     package_dirs: Sequence[str | os.PathLike[str]] = (),
 ) -> Node:
-    """Return the root element of a robot file, expanded if it is xacro, whatever it says.
+    """Return the root element of a robot file, expanded if it is xacro, without checking its content.
 
     Args:
         path: The file.
@@ -87,7 +87,7 @@ def open_robot(
         package_dirs: Folders that hold packages.
 
     Raises:
-        ModelError: The file cannot be read, is no XML, or xacro refuses it.
+        ModelError: The file cannot be read, is not XML, or xacro reports an error.
     """
     return _open(os.fspath(path), xacro_args or {}, package_dirs)[0]
 
@@ -95,14 +95,14 @@ def open_robot(
 def _open(
     file: str, xacro_args: Mapping[str, object], package_dirs: Sequence[str | os.PathLike[str]]
 ) -> tuple[Node, list[str]]:
-    """Return the root element of a file, expanded if it is xacro, and the notes of the expansion."""
+    """Return the root element of a file, expanded if it is xacro, and the notes of that expansion."""
     text = read_bytes(file)
     if not file.endswith(".xacro"):
         root = _parsed(text, file)
         if not any(node.tag.startswith("xacro:") for node in root.descendants()):
             if xacro_args:
                 raise ModelError(
-                    f"is no xacro file, so it takes no arguments ({listed(xacro_args)})", file=file
+                    f"is not a xacro file, so it takes no arguments ({listed(xacro_args)})", file=file
                 )
             return root, []
     expanded, notes = expand(file, xacro_args, package_dirs)
@@ -110,25 +110,25 @@ def _open(
 
 
 def _parsed(text: bytes, file: str) -> Node:
-    """Parse a robot file; where it is no XML, still say what it is.
+    """Parse a robot file; if it is not XML, add its recognised format to the error.
 
     Raises:
-        ModelError: The text is no well-formed XML.
+        ModelError: The text is not well-formed XML.
     """
     try:
         return parse(text, file)
     except ModelError as error:
-        if what := form_of(text):
-            error.args = (f"{error}; {what}",)
+        if message := unread_form(text):
+            error.args = (f"{error}; {message}",)
         raise
 
 
 def _read_side_cars(robot: RobotFile, file: str) -> None:
-    """Add what files beside a URDF say of its closures, else what the names of its frames say."""
+    """Add the closures and motors of a side-car; if there is none, add those that frame names state."""
     folder = Path(file).parent
     side_car = find_side_car(file)
     if side_car is not None:
-        from .side_cars.gepetto import read_side_car  # pydantic and yaml cost a tenth of a second
+        from .side_cars.gepetto import read_side_car  # imports pydantic and yaml: 0.1 s
 
         read_side_car(robot, read_bytes(str(side_car)), str(side_car))
     else:
@@ -137,7 +137,7 @@ def _read_side_cars(robot: RobotFile, file: str) -> None:
 
 
 def _read_model_file(robot: RobotFile, file: str) -> dict[str, tuple[float, ...]]:
-    """Add what model.toml says, and give the home posture."""
+    """Apply model.toml to the robot and return the home posture; it is empty if there is no model.toml."""
     path = find_model_file(file)
     if path is None:
         return {}
@@ -152,7 +152,7 @@ def read_bytes(file: str) -> bytes:
     """Return the content of a file.
 
     Raises:
-        ModelError: It cannot be read, or is absurdly large.
+        ModelError: The file cannot be read, is not a regular file, or is larger than `LARGEST_FILE`.
     """
     try:
         path = Path(file)
@@ -166,12 +166,12 @@ def read_bytes(file: str) -> bytes:
     except OSError as error:
         raise ModelError(f"cannot be read: {error.strerror}", file=file) from None
     except ValueError as error:
-        raise ModelError(f"is no path of a file: {error}", file=file) from None
+        raise ModelError(f"is not a valid path: {error}", file=file) from None
 
 
 def _reader(root: Node) -> Callable[[Node], RobotFile]:
     if root.tag in FORMATS:
         return FORMATS[root.tag]
-    if told := not_read(root.tag):
-        raise root.error(told)
+    if message := unread_format(root.tag):
+        raise root.error(message)
     raise root.error("not a robot file; the root element of a URDF is <robot>")

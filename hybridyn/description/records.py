@@ -1,7 +1,7 @@
-"""Plain data that every reader returns: links, joints, closures, couplings, motors, home posture.
+"""Define the plain data that every reader returns: links, joints, closures, couplings, motors, home posture.
 
-Nothing here computes dynamics and nothing here knows a file format. Units are SI; a *placement* is a (4, 4)
-homogeneous matrix, "frame B in A": coordinates of B's axes and origin in A.
+This module computes no dynamics and depends on no file format. Units are SI. A *placement* is a (4, 4)
+homogeneous matrix, "frame B in A": it holds the coordinates of B's axes and origin in A.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ class Link:
 
     Attributes:
         name: Name of the link.
-        mass: Mass [kg], 0 where the file gives no inertial.
+        mass: Mass [kg], 0 if the file states no inertial.
         com: Centre of mass, shape (3,), [m], link frame.
         inertia: Inertia about the centre of mass, shape (3, 3), [kg m^2], link axes.
         line: Line in the file, or None.
@@ -50,10 +50,10 @@ class Joint:
         placement: Child frame in the parent frame at joint position zero, shape (4, 4).
         axis: Unit axis in the child frame, shape (3,) (revolute, continuous, prismatic; z, the normal, for a
             planar joint).
-        lower: Lower position limit [m or rad], -inf where absent.
-        upper: Upper position limit [m or rad], +inf where absent.
-        velocity: Speed limit [m/s or rad/s], +inf where absent.
-        effort: Effort limit [N or N m], +inf where absent.
+        lower: Lower position limit [m or rad], -inf if absent.
+        upper: Upper position limit [m or rad], +inf if absent.
+        velocity: Speed limit [m/s or rad/s], +inf if absent.
+        effort: Effort limit [N or N m], +inf if absent.
         damping: Viscous friction [N s/m or N m s/rad], from URDF `<dynamics>` or model.toml.
         friction: Coulomb friction [N or N m].
         rotor_inertia: Inertia of the rotor about its own axis [kg m^2].
@@ -86,9 +86,9 @@ class Closure:
     origin in A's axes, and z_A, z_B their third axes:
 
         r[i] = 0 for every i in `translations`
-        rotation "free"           nothing more
+        rotation "free"           no further rows
         rotation "perpendicular"  z_A . z_B = 0              (1 row: universal; z_A and z_B are its two axes)
-        rotation "parallel"       z_A = z_B                  (2 rows: turning about z is left)
+        rotation "parallel"       z_A = z_B                  (2 rows: rotation about z stays free)
         rotation "fixed"          A and B have the same axes (3 rows)
 
     So: fixed (0,1,2)+fixed; revolute (0,1,2)+parallel; prismatic along z (0,1)+fixed; cylindrical
@@ -97,7 +97,7 @@ class Closure:
 
     Attributes:
         name: Name of the closure.
-        kind: What the author called it, for messages ("revolute", "rows", "6d", ...).
+        kind: The author's word for its kind, for messages ("revolute", "rows", "6d", ...).
         link_a: Predecessor link.
         frame_a: Frame A in `link_a`, shape (4, 4).
         link_b: Successor link.
@@ -105,8 +105,8 @@ class Closure:
         translations: Axes of A along which B's origin may not move, a subset of (0, 1, 2).
         rotation: One of `RotationKind`.
         line: Line in the file, or None.
-        turn: Axes of frame A in the frame that the author placed on `link_a`, shape (3, 3): wrenches of the
-            closure are told in the author's axes, however the closure is written.
+        turn: Axes of frame A in the frame that the author placed on `link_a`, shape (3, 3). Wrenches of the
+            closure are reported in the author's axes.
     """
 
     name: str
@@ -127,7 +127,7 @@ class Coupling:
 
     Attributes:
         name: Name of the coupling (a mimic joint's own name).
-        terms: Pairs (joint name, coefficient); joints with one freedom only.
+        terms: Pairs (joint name, coefficient); every joint has one freedom.
         offset: Right-hand side [m or rad].
         line: Line in the file, or None.
     """
@@ -140,7 +140,7 @@ class Coupling:
 
 @dataclass(frozen=True)
 class Description:
-    """Everything that the files say about one robot.
+    """The description of one robot, from all of its files.
 
     Attributes:
         name: Name of the robot.
@@ -149,12 +149,12 @@ class Description:
         closures: Every loop closure.
         couplings: Every coupling.
         motors: Names of the driven joints, in order.
-        motors_from: The rule that found the motors, one phrase for `info`.
+        motors_from: The source or rule of `motors`, one phrase for `info`.
         home: Joint positions of the home posture by joint name: one number (angle or metres), or the joint's
             Pinocchio coordinates; joints not named are at zero.
-        notes: Remarks of the reader that a user should see (never an ignored closure).
+        notes: Remarks of the reader for the user. A closure is never ignored with a note.
         source: Path of the robot file, or None.
-        effects: Physical effects of the robot's own, pairs (name, the effect's numbers by parameter).
+        effects: Physical effects that belong to the robot, pairs (name, numbers of the effect by parameter).
     """
 
     name: str
@@ -171,6 +171,6 @@ class Description:
 
     @property
     def root(self) -> str:
-        """Name of the link that is no joint's child."""
+        """Name of the root link: it is not the child of any joint."""
         children = {joint.child for joint in self.joints}
         return next(link.name for link in self.links if link.name not in children)

@@ -1,4 +1,4 @@
-"""What a format's reader hands over before motors, home posture and checks complete it to a `Description`."""
+"""Define the result of a format's reader; motors, home posture and checks complete it to a `Description`."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from .records import Closure, Coupling, Joint, JointKind, Link
 MotorSource = Literal["side-car", "model file", "transmission", "independent", "names"]
 
 
-#: Freedoms of a joint by kind.
+#: Number of freedoms of a joint, by its kind.
 FREEDOMS: dict[JointKind, int] = {
     "fixed": 0,
     "revolute": 1,
@@ -27,8 +27,8 @@ class MotorStatement:
     """A list of driven joints that some file states.
 
     Attributes:
-        source: Where it stands; `motors.py` ranks the sources.
-        where: The place in words, for `info` and messages ("URDF <transmission>").
+        source: Kind of the source; `motors.py` ranks the kinds.
+        where: The source in words, for `info` and messages ("URDF <transmission>").
         names: Names of joints as the author wrote them.
         file: Path of the file.
         line: Line in the file, or None.
@@ -43,7 +43,7 @@ class MotorStatement:
 
 @dataclass
 class RobotFile:
-    """The content of a robot file, still open for side-cars to add to.
+    """The content of a robot file, to which side-cars may still add.
 
     Attributes:
         name: Name of the robot.

@@ -1,7 +1,7 @@
-"""The robots that come with hybridyn, found by name: `lx4`, `delta`, ...
+"""Find the robots that come with hybridyn by name: `lx4`, `delta`, ...
 
-Their files stand beside the package in a clone, and inside it where it was installed from a wheel. A clone's
-own files are preferred: an editable install may have an old copy.
+In a clone, their files are beside the package; in an installed wheel, they are inside it. The files of a
+clone take precedence, because an editable install may contain an old copy.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ PACKAGE = Path(__file__).parents[1]
 ENDINGS = (".urdf.xacro", ".urdf")
 BARE_NAME = re.compile(r"[A-Za-z]\w*")
 OPENING_COMMENT = re.compile(r"<!--\s*(.*?)\s*-->", re.DOTALL)
-#: Characters of a file in which its first comment stands.
+#: Number of characters at the start of a file in which its first comment is searched.
 OPENING = 4000
 
 
@@ -28,14 +28,14 @@ class ShippedRobot:
     """A robot that comes with hybridyn.
 
     Attributes:
-        name: Its name.
-        file: Its file.
-        what: What it is, one phrase.
-        modules: Number of its modules, None for a benchmark mechanism.
-        motors: Number of its motors, None for a benchmark mechanism.
-        source: Where its structure and its numbers come from.
-        trajectory: A motion of it, or None.
-        scenes: Its scenes.
+        name: Name of the robot.
+        file: Path of the robot file.
+        what: Description in one phrase.
+        modules: Number of modules, None for a benchmark mechanism.
+        motors: Number of motors, None for a benchmark mechanism.
+        source: Source of its structure and its numbers.
+        trajectory: File of a sample trajectory, or None.
+        scenes: Files of its scenes.
     """
 
     name: str
@@ -49,12 +49,12 @@ class ShippedRobot:
 
     @property
     def is_benchmark(self) -> bool:
-        """True for a mechanism of the literature that tests and benchmarks use."""
+        """Whether this is a mechanism from the literature that tests and benchmarks use."""
         return self.file.parent.name != "urdf"
 
 
 def data_folder() -> Path | None:
-    """Return the folder that holds `urdf/` and `models/`, or None where they were not installed."""
+    """Return the folder that holds `urdf/` and `models/`, or None if they are not installed."""
     for folder in (PACKAGE.parent, PACKAGE / "_data"):
         if (folder / "urdf").is_dir() and (folder / "models" / "robots.toml").is_file():
             return folder
@@ -63,7 +63,7 @@ def data_folder() -> Path | None:
 
 @lru_cache(maxsize=1)
 def shipped_robots() -> dict[str, ShippedRobot]:
-    """Return the shipped robots by name, those of the README first, then benchmark mechanisms."""
+    """Return the shipped robots by name: first those of the README, then the benchmark mechanisms."""
     folder = data_folder()
     if folder is None:
         return {}
@@ -77,17 +77,17 @@ def shipped_robots() -> dict[str, ShippedRobot]:
 
 
 def find_robot(path: str | os.PathLike[str], folder: str | os.PathLike[str] = "") -> str:
-    """Return the file of a robot: a path that exists, else the shipped robot of that name.
+    """Return the file of a robot: the path if it exists, else the shipped robot of that name.
 
     Args:
         path: A path, or a name.
-        folder: What a path is relative to; the working directory where left out.
+        folder: Folder to which the path is relative; the working directory by default.
 
     Returns:
-        The path; as it was given where no shipped robot has that name and it looks like a path.
+        Path of the file. A text that cannot be a robot's name is returned as a path, even if no file exists.
 
     Raises:
-        ModelError: It is a bare name that no shipped robot has.
+        ModelError: There is neither a file nor a shipped robot of this name.
     """
     word = os.fspath(path)
     place = str(Path(folder, word)) if os.fspath(folder) else word
@@ -100,12 +100,12 @@ def find_robot(path: str | os.PathLike[str], folder: str | os.PathLike[str] = ""
 
 
 def no_such_robot(word: str) -> str:
-    """Say that neither a file nor a shipped robot has this name.
+    """Return the message for a name that neither a file nor a shipped robot has.
 
     Args:
         word: The name.
     """
-    from .names import did_you_mean  # numpy comes with it: too slow for a press of the tab key
+    from .names import did_you_mean  # imported late to keep shell completion fast
 
     known = shipped_robots()
     hint = did_you_mean(word, known)
@@ -114,15 +114,15 @@ def no_such_robot(word: str) -> str:
 
 
 def main_names() -> list[str]:
-    """Return the names of the robots of the README, benchmark mechanisms left out."""
+    """Return the names of the README's robots, without the benchmark mechanisms."""
     return [name for name, robot in shipped_robots().items() if not robot.is_benchmark]
 
 
 def find_data(word: str) -> str | None:
-    """Give a file of a shipped robot: "lx4/traj.csv", or a scene by its robot's name; None if there is none.
+    """Return the path of a shipped robot's file, named like "lx4/traj.csv", or None if there is none.
 
     Args:
-        word: What the user wrote.
+        word: The name that the user wrote.
     """
     folder = data_folder()
     if folder is None or not re.fullmatch(r"\w+(/[\w.]+)?", word):
@@ -134,7 +134,7 @@ def find_data(word: str) -> str | None:
 
 
 def own_trajectory(file: str) -> str | None:
-    """Return the trajectory that comes with a shipped robot, or None.
+    """Return the path of the sample trajectory of a shipped robot, or None if there is none.
 
     Args:
         file: The robot's file.
@@ -146,7 +146,7 @@ def own_trajectory(file: str) -> str | None:
 
 
 def shown(file: Path) -> str:
-    """Return a path as a user would write it: relative where that is shorter.
+    """Return a path relative to the working directory if the file is inside it, else the full path.
 
     Args:
         file: The file.
@@ -166,7 +166,7 @@ def _stem(file: Path) -> str:
 
 
 def _record(folder: Path, name: str, file: Path, facts: dict[str, object]) -> ShippedRobot:
-    """Return a robot's record from the catalogue; what is not in it is told by the file's first comment."""
+    """Build the record of a robot from its catalogue entry, else `what` from the file's first comment."""
     home = folder / "models" / name
     if not home.is_dir():
         home = folder / "models" / "benchmarks" / name

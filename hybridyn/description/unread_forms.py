@@ -1,4 +1,4 @@
-"""Formats and forms that are known and not read, recognised in text that is no XML, too."""
+"""Recognise robot formats that hybridyn does not read, even in text that is not well-formed XML."""
 
 from __future__ import annotations
 
@@ -6,15 +6,15 @@ import re
 
 from .urdf.foreign import LEGACY_FORMS
 
-#: Formats that are known and not read yet, by the name of the root element.
+#: Formats that are recognised but not read yet, by the name of the root element.
 UNREAD_FORMATS = {"mujoco": "MJCF (MuJoCo)", "sdf": "SDF (Gazebo)", "mujocoinclude": "MJCF (MuJoCo)"}
 
 COMMENT = re.compile(rb"<!--.*?(?:-->|\Z)", re.DOTALL)
 ELEMENT = re.compile(rb"<([A-Za-z_][\w:.-]*)")
 
 
-def not_read(root: str) -> str:
-    """Say that a format is not read, or give an empty text where it is none that is known.
+def unread_format(root: str) -> str:
+    """Return the message for a format that is not read, or an empty string for any other root element.
 
     Args:
         root: Name of the root element.
@@ -25,16 +25,16 @@ def not_read(root: str) -> str:
     return f"this is {name}, which is not read yet; convert the robot to URDF with <loop> closures"
 
 
-def form_of(text: bytes) -> str:
-    """Say what a text is that is no well-formed XML, or give an empty text where that is not known.
+def unread_form(text: bytes) -> str:
+    """Return the message for a text that is not well-formed XML, or an empty string if it is not recognised.
 
     Args:
         text: The text of a file.
     """
     tags = dict.fromkeys(tag.decode("ascii", "replace") for tag in ELEMENT.findall(COMMENT.sub(b"", text)))
     root = next(iter(tags), "")
-    if told := not_read(root):
-        return told
+    if message := unread_format(root):
+        return message
     found = [tag for tag in tags if tag in LEGACY_FORMS]
     if found:
         return f"and it holds <{found[0]}>, {LEGACY_FORMS[found[0]]}"

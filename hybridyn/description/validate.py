@@ -1,4 +1,4 @@
-"""What must hold of every description, whatever file it came from: one tree, known names, physical bodies."""
+"""Check the description from every format: one tree, unique and known names, physical bodies."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from .names import did_you_mean, listed
 from .records import Closure, Joint, Link
 from .robot_file import FREEDOMS, RobotFile
 
-#: How far the triangle inequality may fail, relative to the largest moment: CAD keeps 3 to 6 digits.
+#: Tolerance of the triangle inequality, relative to the largest moment: CAD keeps 3 to 6 digits.
 INERTIA_SLACK = 1e-3
 
 TWO_PARENTS_ADVICE = (
@@ -23,10 +23,11 @@ TWO_PARENTS_ADVICE = (
 
 
 def validate(robot: RobotFile) -> None:
-    """Check names and structure; add notes on bodies that no matter could have.
+    """Check names and structure, and note links with an unphysical inertia.
 
     Raises:
-        ModelError: Duplicated or unknown names, a link with two parents, a cycle, or several roots.
+        ModelError: A name is duplicated or unknown, a link has two parents, the joints form a cycle, there is
+            not exactly one root, or a coupled joint does not have exactly one freedom.
     """
     if not robot.links:
         raise ModelError("the robot has no link", file=robot.file)
@@ -86,7 +87,7 @@ def _check_tree(robot: RobotFile) -> None:
 
 
 def _refuse_cycles(robot: RobotFile, root: str) -> None:
-    """Refuse links that cannot be reached from the root: with one parent each, they form a cycle."""
+    """Raise for links that cannot be reached from the root: each has one parent, so they form a cycle."""
     children: dict[str, list[str]] = {}
     for joint in robot.joints:
         children.setdefault(joint.parent, []).append(joint.child)
@@ -136,7 +137,7 @@ def _check_couplings(robot: RobotFile) -> None:
 
 
 def _note_unphysical(robot: RobotFile) -> None:
-    """Note the links whose inertia no distribution of mass can have; dynamics is defined all the same."""
+    """Note the links whose inertia no distribution of mass can have; the dynamics is still defined."""
     unphysical = [link.name for link in robot.links if link.inertia.any() and not _is_physical(link)]
     if unphysical:
         robot.notes.append(

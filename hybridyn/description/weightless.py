@@ -1,4 +1,4 @@
-"""Moving bodies without mass that stand for a real part, as against frames between the axes of one joint."""
+"""Find massless moving bodies that represent a real part, not only a frame between the axes of one joint."""
 
 from __future__ import annotations
 
@@ -8,19 +8,20 @@ import numpy as np
 
 from .records import Array, Closure, Description, Joint
 
-#: Axes of one joint meet within this part of the robot's largest offset: files keep five or six digits.
+#: Axes meet if they are closer than this fraction of the robot's largest offset: files keep 5 or 6 digits.
 MEETING = 1e-5
 
 
 def weightless(description: Description, shaped: Container[str] = ()) -> list[Joint]:
-    """Return the joints that move a body without mass, where that body is a part of its own.
+    """Return the joints that move a massless body which represents a real part.
 
-    A body is a link with all that fixed joints weld to it. It is no part but a frame where everything that it
-    carries sits at its own joint: the crosses of universal and ball joints, the stages of a virtual leg.
+    A body is a link with all links that fixed joints weld to it. It is only a frame, not a part, if
+    everything that it carries is placed at its own joint: the crosses of universal and ball joints, the
+    stages of a virtual leg.
 
     Args:
-        description: What the files say.
-        shaped: Links that have a shape: those are parts wherever their joints sit.
+        description: The description of the robot.
+        shaped: Links that have a shape; they are parts wherever their joints are placed.
 
     Returns:
         Joints in file order.
@@ -45,10 +46,10 @@ def weightless(description: Description, shaped: Container[str] = ()) -> list[Jo
 
 
 def has_mass(description: Description) -> bool:
-    """Say whether anything that a joint moves, or the root, has mass, inertia or a rotor.
+    """Check whether any link has mass or inertia, or any joint has rotor inertia.
 
     Args:
-        description: What the files say.
+        description: The description of the robot.
     """
     return any(link.mass or link.inertia.any() for link in description.links) or any(
         joint.rotor_inertia for joint in description.joints
@@ -56,18 +57,20 @@ def has_mass(description: Description) -> bool:
 
 
 class Bodies:
-    """Links welded together by fixed joints.
+    """Rigid bodies: links welded together by fixed joints.
+
+    A body has the name of its first link: the child of the movable joint above it, or the root.
 
     Attributes:
-        of: For each link the link that its body moves with: the child of the joint above, or the root.
-        placement: For each link its frame in that link's, shape (4, 4).
+        of: Name of the body of each link.
+        placement: Frame of each link in the frame of its body, shape (4, 4).
     """
 
     def __init__(self, description: Description) -> None:
-        """Weld the links of a description.
+        """Group the links of a description into bodies.
 
         Args:
-            description: What the files say.
+            description: The description of the robot.
         """
         self._description = description
         above = {joint.child: joint for joint in description.joints}
@@ -87,7 +90,11 @@ class Bodies:
                     self.of[name], self.placement[name] = name, np.eye(4)
 
     def carried(self) -> list[tuple[str, Array]]:
-        """Give every movable joint and closure that a body carries: the body, and the place in its frame."""
+        """Return a pair for each movable joint and closure end that a body carries.
+
+        Returns:
+            Pairs (name of the body, position in its frame, shape (3,), [m]).
+        """
         out = [
             (self.of[joint.parent], (self.placement[joint.parent] @ joint.placement)[:3, 3])
             for joint in self._description.joints
@@ -100,5 +107,5 @@ class Bodies:
         return [(self.of[link], (self.placement[link] @ frame)[:3, 3]) for link, frame in pairs]
 
     def points(self) -> list[Array]:
-        """Return the place of everything that bodies carry, each in its body's frame."""
+        """Return the positions of the joints and closure ends, each (3,), [m], in the frame of its body."""
         return [point for _, point in self.carried()]

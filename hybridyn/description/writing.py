@@ -1,4 +1,4 @@
-"""Writing files: an error of a full disk names the file that was being written."""
+"""Add the name of the written file to the errors of a full disk."""
 
 from __future__ import annotations
 
@@ -7,19 +7,19 @@ import errno
 import os
 from collections.abc import Iterator
 
-#: Errors that come from writing alone, and that the system reports without a file's name.
+#: Errors that only writing causes, and that the system reports without the name of the file.
 FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
 
 
 @contextlib.contextmanager
 def naming(target: str | os.PathLike[str]) -> Iterator[None]:
-    """Put the name of a file into the errors of a disk that has no room for it.
+    """Add the name of a file to the error that reports no space for it on the disk.
 
     Args:
-        target: The file that is written.
+        target: The file being written.
 
     Raises:
-        OSError: There is no room; the file is named.
+        OSError: There is no space left; the error names the file.
     """
     try:
         yield

@@ -1,4 +1,4 @@
-"""gepetto.py: closures, retyped joints and motors of a side-car robot.yaml, as its own loader builds them."""
+"""gepetto.py: closures, retyped joints and motors of a side-car equal those of Gepetto's own loader."""
 
 from __future__ import annotations
 
@@ -114,7 +114,7 @@ def test_motor_names_that_stand_for_several_joints(tmp_path: Path) -> None:
         ("['6d']", "['7d']", 2, "unknown type '7d'"),
         ("['6d']", "['6d', '6d']", 2, "2 types for 1 pairs"),
         ("type:", "typ:", 2, "unknown key 'typ' (did you mean 'type'?)"),
-        ("['drive']", "['drv']", 3, "is no joint of the robot (did you mean 'drive'?)"),
+        ("['drive']", "['drv']", 3, "is not a joint of the robot (did you mean 'drive'?)"),
         ("['drive']", "['drive', 'drive', 'swing']", 3, "spherical joint"),
         ("['swing']", "['swng']", 4, "did you mean 'swing'"),
         ("['swing']", "['swing', 'drive']", 5, "1 types for 2 names"),
@@ -137,7 +137,7 @@ def test_mistakes_name_file_and_line(tmp_path: Path, old: str, new: str, line: i
 def test_files_of_other_tools_are_noted(tmp_path: Path) -> None:
     description = load(tmp_path, "controller:\n  gains: !include x.yaml\n", text=robot())
     assert description.closures == ()
-    assert any("is no side-car" in note for note in description.notes)
+    assert any("is not a side-car" in note for note in description.notes)
     with pytest.raises(ModelError, match="did you mean 'closed_loop'"):
         load(tmp_path, "closed_lop: [[a, b]]\n", text=robot())
 

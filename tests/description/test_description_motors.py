@@ -1,4 +1,4 @@
-"""motors.py: the first source that speaks names the motors, and says so; wrong names are never dropped."""
+"""motors.py: the first source that names motors is used and reported; wrong names are never dropped."""
 
 from __future__ import annotations
 

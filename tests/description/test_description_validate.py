@@ -1,4 +1,4 @@
-"""validate.py: one tree with known names, whatever the format; what no body can have is noted."""
+"""validate.py: every format gives one tree with known names; an unphysical inertia is noted."""
 
 from __future__ import annotations
 

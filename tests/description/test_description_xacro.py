@@ -1,4 +1,4 @@
-"""xacro_files.py and xacro_child.py: macros, arguments, packages work; what would do harm is refused."""
+"""xacro.py and xacro_child: macros, arguments and packages work; harmful files raise an error."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ HEAD = '<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">'
 
 
 def xacro(folder: Path, body: str, name: str = "robot.urdf.xacro", **options: object) -> list[str]:
-    """Read a xacro file and give the names of its links."""
+    """Read a xacro file and return the names of its links."""
     path = save(folder, f"{HEAD}{body}</robot>", name)
     return [link.name for link in read(path, **options).links]  # type: ignore[arg-type]
 
@@ -37,7 +37,7 @@ def test_macros_arguments_and_includes(tmp_path: Path) -> None:
 
 
 def test_arguments_need_a_xacro_file(tmp_path: Path) -> None:
-    with pytest.raises(ModelError, match="is no xacro file"):
+    with pytest.raises(ModelError, match="is not a xacro file"):
         read(save(tmp_path, FOUR_BAR), xacro_args={"n": "3"})
 
 

@@ -1,4 +1,4 @@
-"""Robots whose loops or masses were lost on the way into the file are told by `load`, `info` and `check`."""
+"""`load`, `info` and `check` report robots whose file lacks their loops or masses."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ LOST = {
             frame("pin_2", "rocker", f"{2.5 * 0.9210609940028851 - 1.5} {2.5 * 0.3894183423086505} 0"),
             ALL,
         ),
-        "lie at one place",
+        "coincide in the zero posture",
     ),
     "efforts of zero": (robot(effort("free", 0)), "'free'"),
     "no effort at all": (

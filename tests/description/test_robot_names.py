@@ -64,7 +64,7 @@ def test_a_robot_moves_by_its_own_trajectory(
 
 
 @pytest.mark.parametrize(
-    ("words", "told"),
+    ("words", "message"),
     [
         (["idm", "fivebar"], "did you mean 'five_bar'"),
         (["ddm", "five_bar"], "Missing argument 'STATES'"),  # a trajectory has no efforts
@@ -72,10 +72,10 @@ def test_a_robot_moves_by_its_own_trajectory(
         (["idm", str(ROOT / "urdf")], "is a folder"),
     ],
 )
-def test_wrong_words_are_one_line(words: list[str], told: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_wrong_words_are_one_line(words: list[str], message: str, capsys: pytest.CaptureFixture[str]) -> None:
     said = call(capsys, *words)
     assert said.status == 2
-    assert told in said.err
+    assert message in said.err
     assert said.err.count("\n") == 1
 
 

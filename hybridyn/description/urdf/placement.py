@@ -1,4 +1,4 @@
-"""Placements (4, 4) and axes from what robot files state: roll-pitch-yaw, quaternions, direction vectors."""
+"""Read placements (4, 4) and axes from elements: roll-pitch-yaw, quaternions, direction vectors."""
 
 from __future__ import annotations
 
@@ -8,17 +8,17 @@ from ..placement import placement_from, rotation_from_quaternion, rotation_from_
 from ..records import Array
 from .xml_node import Node
 
-#: Shortest axis that still has a direction; files write unit vectors with rounding, zero means a mistake.
+#: Shortest axis or quaternion with a direction; files write unit vectors with rounding, zero is a mistake.
 SMALLEST_AXIS = 1e-12
 
 
 def origin_of(node: Node | None) -> Array:
-    """Return the placement that an element states, shape (4, 4); None is identity.
+    """Return the placement that an element states, shape (4, 4); the identity for None.
 
     The attributes are `xyz` [m] and either `rpy` [rad] or `quat_xyzw` (URDF 1.1).
 
     Raises:
-        ModelError: A number does not parse, or the quaternion is zero, or both orientations are given.
+        ModelError: A number does not parse, the quaternion is zero, or both orientations are given.
     """
     if node is None:
         return np.eye(4)
@@ -35,7 +35,7 @@ def origin_of(node: Node | None) -> Array:
 
 
 def axis_of(node: Node | None, default: tuple[float, float, float] = (1, 0, 0)) -> Array:
-    """Return the unit vector that an `<axis xyz>` element states, shape (3,); None is the default.
+    """Return the unit vector that an `<axis xyz>` element states, shape (3,); the default for None.
 
     Raises:
         ModelError: A number does not parse, or the axis is zero.
