@@ -1,4 +1,4 @@
-"""model_file.py: home, motors, rotors and friction from model.toml, found where the repository keeps it."""
+"""model_toml.py: home, motors, rotors and friction from model.toml, found where the repository keeps it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""yaml_file.py: YAML 1.2 numbers, and every trap of YAML is an error that names its line."""
+"""yaml_file.py: numbers are those of YAML 1.2, and every trap of YAML is an error that names its line."""
 
 from __future__ import annotations
 

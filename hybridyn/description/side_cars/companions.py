@@ -1,4 +1,4 @@
-"""Which files beside a robot file belong to it; who reads them is imported only where there is one."""
+"""Find the files that belong to a robot file; their readers are imported only if there is such a file."""
 
 from __future__ import annotations
 
@@ -17,7 +17,8 @@ def find_side_car(file: str) -> Path | None:
 def find_model_file(file: str) -> Path | None:
     """Return the path of the model file that belongs to a robot file, or None.
 
-    For `urdf/X.urdf` that is `models/X/model.toml`, for `urdf/group/X.urdf` `models/group/X/model.toml`.
+    It is `X.model.toml` beside `X.urdf`; else `models/X/model.toml` for `urdf/X.urdf`, and
+    `models/group/X/model.toml` for `urdf/group/X.urdf`.
     """
     path = Path(file)
     name = re.sub(r"(\.urdf)?(\.xacro)?$", "", path.name)

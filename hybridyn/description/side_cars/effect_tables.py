@@ -1,4 +1,4 @@
-"""Tables of physical effects in files, `[effects.NAME]`: which keys each effect takes, and of which kind.
+"""Define the tables of physical effects in files, `[effects.NAME]`: the keys of each effect and their types.
 
     [effects.spring]
     stiffness = { elbow = 40.0 }
@@ -7,7 +7,7 @@
     points = { foot = [[0, 0, -0.05]] }
     stiffness = 2e4
 
-The laws and units stand in `hybridyn.effects`; the numbers given here become the parameters of its objects.
+The laws and units are documented in `hybridyn.effects`; the numbers become the parameters of its objects.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ Point = Annotated[list[FiniteFloat], Field(min_length=3, max_length=3)]
 
 
 class CoulombTable(Schema):
-    """Dry friction; levels left out are those of `[joints]` and URDF."""
+    """Dry friction; a missing level is taken from `[joints]` or URDF."""
 
     level: ByJoint | None = None
     width: Positive | None = None
@@ -54,7 +54,7 @@ class DamperTable(Schema):
 
 
 class StopTable(Schema):
-    """Joint stops; limits left out are URDF's."""
+    """Joint stops; missing limits are taken from URDF."""
 
     stiffness: ByJoint
     damping: NotNegative | None = None
@@ -74,7 +74,7 @@ class GroundTable(Schema):
 
 
 class EffectTables(Schema):
-    """The effects that a robot's own file may state; payloads, wrenches and base motions belong to scenes."""
+    """The effects that model.toml may state; payloads, wrenches and base motions belong to scenes."""
 
     coulomb_friction: CoulombTable | None = None
     stribeck_friction: StribeckTable | None = None
@@ -84,11 +84,11 @@ class EffectTables(Schema):
     ground_contact: GroundTable | None = None
 
     def stated(self) -> tuple[tuple[str, dict[str, Any]], ...]:
-        """Return pairs of effect and its numbers, as `Description.effects` holds them."""
+        """Return the effects as pairs (name, numbers by key), as in `Description.effects`."""
         return tuple(self.model_dump(exclude_none=True).items())
 
     def joints(self) -> list[tuple[str, str, str]]:
-        """Give every joint that is named, with its effect and key."""
+        """Return every named joint as (effect, key, joint)."""
         return [
             (effect, key, joint)
             for effect, table in self.stated()

@@ -1,4 +1,4 @@
-"""The side-car `robot.yaml` of the Gepetto models (arXiv 2504.04767, repository example-parallel-robots).
+"""Read the side-car `robot.yaml` of the Gepetto models (arXiv 2504.04767, example-parallel-robots).
 
     closed_loop: [[frame_a, frame_b], ...]   # links or joints of the URDF; a joint stands for its child link
     type: ['6d', '3d', ...]                  # weld or point, one per pair
@@ -6,8 +6,8 @@
     joint_name: [joint, ...]                 # joints to retype ...
     joint_type: [SPHERICAL, FIXED, UJOINT_XY, ...]
 
-A retyped joint keeps the placement of the URDF joint. SPHERICAL puts a ball there; FIXED welds it at position
-zero; UJOINT_XY puts two revolutes there, about x and then y of the joint's frame, whatever its own axis was.
+A retyped joint keeps the placement of the URDF joint. SPHERICAL makes it a spherical joint. FIXED welds it at
+position zero. UJOINT_XY replaces it by two revolutes, about x and then y of its frame, and ignores its axis.
 """
 
 from __future__ import annotations
@@ -46,10 +46,10 @@ class SideCar(Schema):
 
 
 def read_side_car(robot: RobotFile, text: bytes, file: str) -> None:
-    """Read a YAML file beside the robot if it is such a side-car; note it if it is a file of some other tool.
+    """Read a YAML file beside the robot if it is a side-car; note it if it is a file of another tool.
 
     Raises:
-        ModelError: As `apply_side_car`, or the text is no strict YAML.
+        ModelError: As in `apply_side_car`; or the text is not strict YAML, or a key resembles `closed_loop`.
     """
     own = {*SideCar.model_fields, *OLD_KEYS} - {"type"}
     if any(key.encode() in text for key in own):
@@ -60,7 +60,7 @@ def read_side_car(robot: RobotFile, text: bytes, file: str) -> None:
     if misspelt := [word for word in words if closest(word, ["closed_loop"])]:
         raise ModelError(f"unknown key '{misspelt[0]}' (did you mean 'closed_loop'?)", file=file)
     robot.notes.append(
-        f"{file} is no side-car (none of {listed(sorted(own - {*OLD_KEYS}))}) and was not read"
+        f"{file} is not a side-car (no key {listed(sorted(own - {*OLD_KEYS}))}) and was not read"
     )
     return None
 
@@ -69,7 +69,7 @@ def apply_side_car(robot: RobotFile, document: YamlFile) -> None:
     """Add the closures and motors of a side-car to the robot, and retype its joints.
 
     Raises:
-        ModelError: A key, name or type is wrong; file, line and column are named.
+        ModelError: A key, name or type is wrong; the message names file, line and column.
     """
     for key in OLD_KEYS:
         if key in document.data:
@@ -115,7 +115,7 @@ def _close(robot: RobotFile, side_car: SideCar, document: YamlFile) -> None:
 
 
 def _link_of(robot: RobotFile, name: str, document: YamlFile, place: Place) -> str:
-    """Return the link that a frame name stands for: a link's frame is that of the joint above it."""
+    """Return the link that a frame name means: the link of that name, or the child of the joint."""
     links = {link.name for link in robot.links}
     if name in links:
         return name
@@ -154,10 +154,12 @@ def _retype(robot: RobotFile, side_car: SideCar, document: YamlFile) -> None:
 
 
 def retyped(joint: Joint, kind: str, links: list[Link]) -> list[Joint]:
-    """Give what a joint becomes; a universal joint adds a massless link between its two revolutes to `links`.
+    """Return the joints that replace a joint; a universal joint appends a massless link to `links`.
+
+    This link is between the two revolutes of the universal joint.
 
     Raises:
-        ValueError: The kind is unknown; the text says which are known.
+        ValueError: The kind is unknown; the message lists the known ones.
     """
     free = replace(joint, lower=-np.inf, upper=np.inf, velocity=np.inf, effort=np.inf)
     if kind == "SPHERICAL":
@@ -186,12 +188,12 @@ def retyped(joint: Joint, kind: str, links: list[Link]) -> list[Joint]:
 
 
 def _motor_names(robot: RobotFile, stated: list[str] | str) -> tuple[str, ...]:
-    """Return the driven joints; where a name is no joint's, it stands for every joint whose name holds it."""
+    """Return the driven joints; a word that names no joint means every joint whose name contains it."""
     joints = [joint.name for joint in robot.joints]
     names: list[str] = []
     for word in [stated] if isinstance(stated, str) else stated:
         found = [word] if word in joints else [name for name in joints if word and word in name] or [word]
         if found != [word]:
-            robot.notes.append(f"name_mot '{word}' is no joint's name and stands for {listed(found)}")
+            robot.notes.append(f"name_mot '{word}' names no joint; it stands for {listed(found)}")
         names += [name for name in found if name not in names]
     return tuple(names)

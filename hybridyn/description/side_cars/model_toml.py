@@ -1,6 +1,6 @@
-"""`model.toml`: what URDF cannot say about a robot: home posture, motors, rotors, friction.
+"""Read `model.toml`, with data that URDF cannot state: home posture, motors, rotors, friction, effects.
 
-For `X.urdf` or `X.urdf.xacro` it is `X.model.toml` beside it, else `../models/X/model.toml`
+For `X.urdf` or `X.urdf.xacro`, the file is `X.model.toml` beside it, else `../models/X/model.toml`
 (`../../models/group/X/model.toml` for `urdf/group/X.urdf`).
 
     motors = ["slide1", "slide2"]
@@ -30,7 +30,7 @@ from .toml_file import line_of, parse_toml
 
 NotNegative = Annotated[FiniteFloat, Field(ge=0)]
 
-#: How many numbers a home position may have, by kind of joint.
+#: Allowed lengths of a home position, by kind of joint.
 COORDINATES = {
     "revolute": (1,),
     "prismatic": (1,),
@@ -40,15 +40,15 @@ COORDINATES = {
     "floating": (7,),
 }
 
-#: Where the unit vector (cosine and sine, or quaternion) starts in such a position; it runs to the end.
+#: Index at which the unit vector (cosine and sine, or quaternion) of a position starts; it ends with it.
 UNIT_PART = {("continuous", 2): 0, ("spherical", 4): 0, ("planar", 4): 2, ("floating", 7): 3}
 
-#: How far a written unit vector may be from length one before it is an error rather than rounding.
+#: Largest deviation of a stated unit vector from length one that counts as rounding; beyond, it is an error.
 UNIT_SLACK = 1e-4
 
 
 class JointNumbers(Schema):
-    """What may be said of one joint; see `records.Joint`."""
+    """The numbers that model.toml may state for one joint; see `records.Joint`."""
 
     rotor_inertia: NotNegative | None = None
     gear_ratio: FiniteFloat | None = None
@@ -69,7 +69,7 @@ def read_model_file(text: bytes, file: str) -> ModelFile:
     """Read the text of a model file.
 
     Raises:
-        ModelError: It is no TOML, or a key or value is wrong; the line is named.
+        ModelError: The text is not TOML, or a key or value is wrong; the message names the line.
     """
     plain, content = parse_toml(text, file)
     try:
@@ -89,7 +89,7 @@ def read_model_file(text: bytes, file: str) -> ModelFile:
 def apply_model_file(
     robot: RobotFile, model: ModelFile, text: str, file: str
 ) -> dict[str, tuple[float, ...]]:
-    """Put what a model file says into the robot, and give the home posture by joint name.
+    """Apply a model file to the robot, and return the home posture by joint name.
 
     Raises:
         ModelError: A joint is unknown, or a home position does not fit its joint.
@@ -124,10 +124,10 @@ def apply_model_file(
 
 
 def _apply_effects(robot: RobotFile, model: ModelFile, text: str, file: str) -> None:
-    """Put the robot's own effects into it.
+    """Set the robot's effects from the model file.
 
     Raises:
-        ModelError: One of them names an unknown joint or link.
+        ModelError: An effect names an unknown joint or link.
     """
     movable = [joint.name for joint in robot.joints if joint.kind != "fixed"]
     links = [link.name for link in robot.links]
@@ -146,10 +146,10 @@ def _apply_effects(robot: RobotFile, model: ModelFile, text: str, file: str) -> 
 
 
 def home_position(joint: Joint, values: list[float]) -> tuple[float, ...]:
-    """Check a home position against its joint; unit vectors are brought to length one.
+    """Check a home position against its joint, and normalise its unit vector.
 
     Raises:
-        ValueError: The number of values is wrong, or what must be a unit vector is none.
+        ValueError: The number of values is wrong, or the unit vector does not have length one.
     """
     counts = COORDINATES[joint.kind]
     if len(values) not in counts:

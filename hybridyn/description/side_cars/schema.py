@@ -1,4 +1,4 @@
-"""One-line messages from pydantic: what is wrong, at which key, and which key was meant."""
+"""Turn pydantic's errors into one-line messages: the problem, its key, and the key probably meant."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ from ..names import did_you_mean, listed
 
 
 class Schema(BaseModel):
-    """Base of the schemas of side-car files: unknown keys are refused, texts are not numbers."""
+    """Base class of the schemas of side-car files: unknown keys are errors, texts are not numbers."""
 
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
 
 
 def first_problem(error: ValidationError, known: Iterable[str]) -> tuple[tuple[str | int, ...], str]:
-    """Return the place (keys and indices) and the text of the first problem that pydantic found.
+    """Return the place (keys and indices) and the message of the first problem that pydantic found.
 
     Args:
-        error: What pydantic raised.
-        known: Keys that the schema knows, for "did you mean".
+        error: The error that pydantic raised.
+        known: Keys of the schema, for "did you mean".
     """
     problem = min(error.errors(), key=lambda entry: entry["type"] != "extra_forbidden")
     place = tuple(problem["loc"])

@@ -1,4 +1,4 @@
-"""TOML files: their content, and the line on which each key stands."""
+"""Read TOML files, and find the line of each key."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from typing import Any
 
 from ...errors import ModelError
 
-#: Where a value stands: tables, numbers of tables in an array, and the key.
+#: Path to a value: tables, indices of tables in an array, and the key.
 Keys = tuple[str | int, ...]
 
 #: Largest TOML file read [bytes]; those of robots and scenes have a few kilobytes.
 LARGEST_TOML = 2**20
 
-#: Most parts of a dotted key: Python's reader keeps a table for each of its beginnings.
+#: Most parts of a dotted key; Python's reader keeps a table for each prefix of the key.
 MOST_PARTS = 16
 
 #: A text (of any kind, closed or not), a comment, a part of a bare key, spaces, or any other character.
@@ -31,10 +31,10 @@ _ASSIGNMENT = re.compile(rf"\s*({_PART}(?:\s*\.\s*{_PART})*)\s*=")
 
 
 def parse_toml(data: bytes, file: str) -> tuple[str, dict[str, Any]]:
-    """Read a TOML file's bytes: its text and its content.
+    """Parse the bytes of a TOML file, and return its text and its content.
 
     Raises:
-        ModelError: It is no UTF-8 text or no TOML, or too large; the line is named.
+        ModelError: The file is not UTF-8, not TOML, or too large; the message names the line.
     """
     if len(data) > LARGEST_TOML:
         raise ModelError(f"is larger than {LARGEST_TOML // 2**20} MiB", file=file)
@@ -54,7 +54,7 @@ def parse_toml(data: bytes, file: str) -> tuple[str, dict[str, Any]]:
 
 
 def _refuse_long_keys(text: str, file: str) -> None:
-    """Refuse keys of many parts, before anything is made of them."""
+    """Raise ModelError for keys of more than `MOST_PARTS` parts, before they are parsed."""
     parts, after_dot = 0, False
     for token in _TOKEN.finditer(text):
         if token.lastgroup == "space":
@@ -70,11 +70,11 @@ def _refuse_long_keys(text: str, file: str) -> None:
 
 
 def line_of(text: str, keys: Keys) -> int | None:
-    """Return the line (from 1) that defines a key of a TOML text, or the nearest table around it.
+    """Return the line (from 1) that defines a key of a TOML text, else that of the innermost table around it.
 
     Args:
         text: The text.
-        keys: Tables, numbers of tables in an array, and the key.
+        keys: Tables, indices of tables in an array, and the key.
     """
     table: Keys = ()
     counts: dict[Keys, int] = {}
@@ -91,7 +91,7 @@ def line_of(text: str, keys: Keys) -> int | None:
             defined = (*table, *_dotted(assignment[1], {}))
         else:
             continue
-        if isinstance(defined[-1], int) and defined[:-1] == keys:  # an array as a whole is where it begins
+        if isinstance(defined[-1], int) and defined[:-1] == keys:  # an array is defined where it begins
             defined = keys
         shared = len(defined)
         if defined == keys[:shared] and shared > best[0]:
@@ -100,7 +100,7 @@ def line_of(text: str, keys: Keys) -> int | None:
 
 
 def _dotted(text: str, counts: dict[Keys, int]) -> Keys:
-    """Split a dotted key; inside an array of tables put the number of the last table."""
+    """Split a dotted key; after the name of an array of tables, insert the index of its last table."""
     out: Keys = ()
     parts = [part.strip("\"'") for part in re.findall(r"""[\w-]+|"[^"]*"|'[^']*'""", text)]
     for i, part in enumerate(parts):

@@ -1,4 +1,4 @@
-"""Strict YAML: numbers as in YAML 1.2, no duplicate keys, no tags, few aliases; values know their places."""
+"""Read strict YAML, and the line of each value: YAML 1.2 numbers, no duplicate keys or tags, few aliases."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from ...errors import ModelError
 #: Largest YAML file read [bytes]; side-cars have a few kilobytes.
 LARGEST_YAML = 2**20
 
-#: Most values a document may expand to; aliases of aliases grow without bound.
+#: Most values that a document may expand to; aliases of aliases grow without bound.
 MOST_VALUES = 100_000
 
 Place = tuple[str | int, ...]
@@ -34,7 +34,7 @@ class YamlFile:
     lines: dict[Place, tuple[int, int]] = field(default_factory=dict)
 
     def error(self, place: Place, message: str) -> ModelError:
-        """Return (not raise) an error that names file, line, column and the key concerned."""
+        """Return (do not raise) an error that names file, line, column and key."""
         while place not in self.lines and place:
             place = place[:-1]
         line, column = self.lines.get(place, (1, 1))
@@ -62,7 +62,8 @@ def read_yaml(text: bytes, file: str) -> YamlFile:
     """Read a YAML document.
 
     Raises:
-        ModelError: It is not YAML, too large, holds a key twice or a tag; the message names line and column.
+        ModelError: The text is not YAML, is too large, or contains a duplicate key or a tag; the message
+            names line and column.
     """
     if len(text) > LARGEST_YAML:
         raise ModelError(f"is larger than {LARGEST_YAML // 2**20} MiB", file=file)
@@ -85,14 +86,14 @@ def read_yaml(text: bytes, file: str) -> YamlFile:
 
 
 class _Reader:
-    """Turns YAML nodes into plain values, and keeps where each stood."""
+    """Convert YAML nodes into plain values, and record the line and column of each."""
 
     def __init__(self, document: YamlFile) -> None:
         self.document = document
         self.count = 0
 
     def read(self, node: yaml.Node, place: Place) -> Any:
-        """Return the value of a node that stands at `place`."""
+        """Return the value of the node at `place`."""
         self.document.lines[place] = (node.start_mark.line + 1, node.start_mark.column + 1)
         self.count += 1
         if self.count > MOST_VALUES:
