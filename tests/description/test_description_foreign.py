@@ -1,4 +1,4 @@
-"""urdf_foreign.py: a loop in a form that is not read is refused by name; no loop is loaded as a tree."""
+"""foreign.py: a loop in a form that is not read raises an error naming it; no loop is loaded as a tree."""
 
 from __future__ import annotations
 
@@ -51,20 +51,23 @@ ENDS = '<predecessor link="coupler"/><successor link="rocker"/>'
         ("<loop_closures/>", "an unknown form"),
         ('<include filename="rest.urdf"/>', "URDF includes no file"),
         ('<equality><connect body1="a" body2="b"/></equality>', "an unknown form"),
-        ('<predecessor link="a"/>', "stands directly below <robot>"),
-        ('<mimic joint="drive"/>', "stands directly below <robot>"),
+        ('<predecessor link="a"/>', "is not read directly below <robot>"),
+        ('<mimic joint="drive"/>', "is not read directly below <robot>"),
         ('<part><link name="x"/></part>', "they would be lost"),
         (f"<gazebo>{LOOP}</gazebo>", "inside <gazebo>"),
-        (f'<link name="x">{LOOP}</link>', "stands inside <link>"),
-        (f'<link name="x"><visual>{LOOP}</visual></link>', "stands inside <visual>"),
-        ('<link name="x"><mimic joint="drive"/></link>', "stands inside <link>"),
-        ('<joint name="x" type="fixed"><link name="y"/></joint>', "stands inside <joint>"),
+        (f'<link name="x">{LOOP}</link>', "is not read inside <link>"),
+        (f'<link name="x"><visual>{LOOP}</visual></link>', "is not read inside <visual>"),
+        ('<link name="x"><mimic joint="drive"/></link>', "is not read inside <link>"),
+        ('<joint name="x" type="fixed"><link name="y"/></joint>', "is not read inside <joint>"),
         (
             f'<joint name="x" type="fixed"><robot name="r">{TREE}{LOOP}</robot></joint>',
-            "stands inside <robot>",
+            "is not read inside <robot>",
         ),
-        ('<joint name="x" type="fixed"><axis><mimic joint="drive"/></axis></joint>', "stands inside <axis>"),
-        ('<transmission><loop name="l"/></transmission>', "stands inside <transmission>"),
+        (
+            '<joint name="x" type="fixed"><axis><mimic joint="drive"/></axis></joint>',
+            "is not read inside <axis>",
+        ),
+        ('<transmission><loop name="l"/></transmission>', "is not read inside <transmission>"),
     ],
 )
 def test_is_refused_by_name(tmp_path: Path, element: str, message: str) -> None:

@@ -1,4 +1,4 @@
-"""urdf_loops.py and closure_forms.py: each closure allows the motion of its name, wherever its frames are."""
+"""loops.py and closure_forms.py: each closure allows the motion of its name, wherever its frames are."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def read_closure(folder: Path, element: str) -> Closure:
 
 
 def rows(closure: Closure, relative: Array) -> Array:
-    """Return the rows by their definition in `records.Closure`, origin B in origin A being `relative`."""
+    """Compute the rows as defined in `records.Closure`, with `relative` the position of origin B from A."""
     a_to_b = np.linalg.inv(closure.frame_a) @ ORIGIN_A @ relative @ np.linalg.inv(ORIGIN_B) @ closure.frame_b
     z = a_to_b[:3, 2]
     rotation = {

@@ -1,4 +1,4 @@
-"""urdf.py and urdf_transmissions.py: links, joints, limits, rotors; what is misspelt is named, not lost."""
+"""urdf.py and transmissions.py: links, joints, limits, rotors; a misspelt element is an error."""
 
 from __future__ import annotations
 
@@ -166,7 +166,7 @@ def test_mimic_on_a_fixed_joint_is_noted(tmp_path: Path) -> None:
     )
     description = read_text(tmp_path, text)
     assert not description.couplings
-    assert any("<mimic> means nothing" in note for note in description.notes)
+    assert any("<mimic> has no effect" in note for note in description.notes)
 
 
 def test_a_planar_joint_about_another_axis_is_refused(tmp_path: Path) -> None:

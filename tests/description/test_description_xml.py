@@ -1,4 +1,4 @@
-"""xml_node.py: what no robot file needs is refused, numbers are read strictly, and messages name the line."""
+"""xml_node.py: dangerous XML raises an error, numbers are read strictly, and messages name the line."""
 
 from __future__ import annotations
 

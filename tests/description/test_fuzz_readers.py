@@ -79,7 +79,7 @@ XACRO = """<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">
 
 
 def outcome(path: Path, text: bytes) -> Description | None:
-    """Read a file that must be read, or refused with one readable line."""
+    """Read a file; it must be read, or raise an error of one readable line."""
     try:
         with must_end(text):
             description = read(path)
@@ -99,7 +99,7 @@ def check(description: Description | None, text: bytes) -> None:
     plain = re.sub(rb"<!--.*?-->", b"", text, flags=re.DOTALL)
     closures = len(re.findall(rb"<(?:loop|constraint|loop_joint)\b", plain))
     couplings = len(re.findall(rb"<(?:coupling|mimic)\b", plain))
-    idle = sum("<mimic> means nothing" in note for note in description.notes)
+    idle = sum("<mimic> has no effect" in note for note in description.notes)
     assert len(description.closures) >= closures, text
     assert len(description.couplings) + idle >= couplings, text
     assert len(description.joints) >= len(re.findall(rb"<joint\b[^<>]*\btype=", plain)), text

@@ -1,8 +1,8 @@
-"""URDF and xacro, with every way to write a loop in them.
+"""Read URDF and xacro files, with every supported form of a loop.
 
 Read `xml_node` (elements that know their file and line), `urdf` (links and joints), `loops` (closures and
-couplings), `transmissions` (motors), `foreign` (loops in forms that are refused by name), `xacro`
-(expansion), `robot_folders` (what it may read), `xacro_child/` (the process that expands).
+couplings), `transmissions` (motors), `foreign` (loops in unsupported forms, which raise errors), `xacro`
+(expansion), `robot_folders` (the files that it may read), `xacro_child/` (the process that expands).
 
 May import: `description`'s own files.
 """

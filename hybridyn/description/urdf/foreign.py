@@ -1,7 +1,7 @@
-"""Loops that an author may have written in a form that is not read: recognised, and refused by name.
+"""Recognise loops that are written in a form that is not read, and raise an error that names the form.
 
-A closure is never dropped silently. So every element below `<robot>` is either one that is read, one that is
-known not to bear on dynamics, or it is looked into; and the tags that are read must stand in their place.
+A closure is never dropped silently. Every element below `<robot>` is therefore either read or searched for
+loops; unknown elements are noted. The tag of a loop raises an error in a place where it is not read.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ ACCEPTED_FORMS = (
 #: Elements that are read below `<robot>`.
 READ_TAGS = ("link", "joint", "transmission", "loop", "constraint", "loop_joint", "coupling")
 
-#: Elements below `<robot>` that bear on nothing here (once looked into for loops).
+#: Elements below `<robot>` that do not affect the dynamics, unless they contain loops.
 HARMLESS_TAGS = (
     "material",
     "gazebo",
@@ -46,7 +46,7 @@ HARMLESS_TAGS = (
     "collision_filter_group",
 )
 
-#: Forms that are known and not read, with the way to write them.
+#: Forms that are recognised but not read, with the supported way to write them.
 LEGACY_FORMS = {
     "loop_constraint": 'an early form of URDF+; write <loop type="..."> with <predecessor> and <successor>',
     "joint_constraint": "an early form of URDF+; write <coupling> with <predecessor>, <successor>, <ratio>",
@@ -58,7 +58,7 @@ LEGACY_FORMS = {
     "cable": "a cable of old Drake; hybridyn has no cables",
 }
 
-#: Files beside a robot that hold closures in forms that are not read.
+#: Files beside a robot that state closures in forms that are not read, and the tools that write them.
 UNREAD_SIDE_CARS = {
     "submechanisms.yml": "Phobos and HyRoDyn",
     "submechanisms.yaml": "Phobos and HyRoDyn",
@@ -86,12 +86,12 @@ _NAMED_FRAME = re.compile(r"closed_?loop|fermeture|loop_?closure", re.IGNORECASE
 
 
 def refuse_unread_loops(root: Node, notes: list[str]) -> None:
-    """Look at every element for a loop in a form that is not read, or in a place where it is not read.
+    """Raise for loops in a form that is not read, or in a place where they are not read.
 
     Other unknown elements are noted.
 
     Raises:
-        ModelError: There is one; the text names the form, its line, and how to write it.
+        ModelError: There is such a loop; the message names the form, its line, and how to write it.
     """
     unknown: dict[str, int | None] = {}
     for node in root.children():
@@ -113,7 +113,9 @@ def refuse_unread_loops(root: Node, notes: list[str]) -> None:
 
 
 def refuse_unclosed_frames(robot: RobotFile) -> None:
-    """Refuse frames named for closing a loop (`closing_x_1`, `closedloop1_A`) that no closure uses.
+    """Raise for frames that no closure uses, but whose names state one (`closing_x_1`, `closedloop1_A`).
+
+    If the robot states other closures, frames such as `closedloop1_A` are noted.
 
     Raises:
         ModelError: There are such frames.
@@ -149,10 +151,10 @@ def refuse_unclosed_frames(robot: RobotFile) -> None:
 
 
 def refuse_unread_side_cars(robot: RobotFile, folder: Path) -> None:
-    """Refuse side-cars in forms that are not read; beside a robot that states its closures they are noted.
+    """Raise for side-cars in forms that are not read; if the robot states closures, only note them.
 
     Raises:
-        ModelError: There is one, and the robot states no closure.
+        ModelError: There is such a file, and the robot states no closure.
     """
     for name, form in UNREAD_SIDE_CARS.items():
         if not (folder / name).is_file():
@@ -164,11 +166,11 @@ def refuse_unread_side_cars(robot: RobotFile, folder: Path) -> None:
                 file=robot.file,
                 element=name,
             )
-        robot.notes.append(f"{name} ({form}) stands beside the robot and was not read")
+        robot.notes.append(f"{name} ({form}) is beside the robot file and was not read")
 
 
 def note_mimic_plugins(root: Node, robot: RobotFile) -> None:
-    """Note the joints that a Gazebo plugin makes mimic others, where the URDF itself does not."""
+    """Note the joints that mimic others by a Gazebo plugin, but not by `<mimic>` in the URDF."""
     coupled = {coupling.name for coupling in robot.couplings}
     movable = {joint.name for joint in robot.joints if joint.kind != "fixed"}
     followers = [
@@ -181,18 +183,18 @@ def note_mimic_plugins(root: Node, robot: RobotFile) -> None:
     if lost:
         robot.notes.append(
             f"joints {listed(lost)} mimic others by a Gazebo plugin, which is not read: they move freely "
-            "here; write <mimic> in the joint if they shall not"
+            "here; to couple them, write <mimic> in the joint"
         )
 
 
 def _refuse_if_suspicious(node: Node) -> None:
-    """Refuse an unknown element below `<robot>` that may stand for something dynamic."""
+    """Raise for an unknown element below `<robot>` that may affect the dynamics."""
     intended = closest(node.tag, READ_TAGS)
     if intended:
         raise node.error(f"unknown element; did you mean <{intended}>?")
     words = _words_of(node)
     if node.tag in _END_WORDS | {"parent", "child", "mimic", "inertial"}:
-        raise node.error(f"stands directly below <robot>, where nothing reads it; {ACCEPTED_FORMS}")
+        raise node.error(f"is not read directly below <robot>; {ACCEPTED_FORMS}")
     if _LOOP_WORDS.search(node.tag) or _END_WORDS & words or {"parent", "child"} <= words:
         raise _refusal(node, "an unknown form")
     if {"link", "joint"} & {inner.tag for inner in node.descendants() if inner.xml.get("name")}:
@@ -202,7 +204,7 @@ def _refuse_if_suspicious(node: Node) -> None:
 
 
 def _refuse_inside(node: Node, outer: Node) -> None:
-    """Refuse loops inside an element that is passed over, such as `<gazebo>`."""
+    """Raise for loops inside an element that is skipped otherwise, such as `<gazebo>`."""
     tags = {child.tag for child in node.children()}
     if node.tag == "joint" and {"parent", "child"} <= tags:
         raise _refusal(node, f"an SDF joint inside <{outer.tag}> (Gazebo)")
@@ -211,7 +213,7 @@ def _refuse_inside(node: Node, outer: Node) -> None:
 
 
 def _refuse_misplaced(root: Node) -> None:
-    """Refuse tags of loops where nothing reads them: `<loop>` inside a link, `<mimic>` outside a joint."""
+    """Raise for tags of loops where they are not read: `<loop>` in a link, `<mimic>` outside a joint."""
     for top in root.children():
         for node in top.descendants():
             lost = node.tag in (*READ_TAGS[3:], *LEGACY_FORMS)
@@ -221,7 +223,7 @@ def _refuse_misplaced(root: Node) -> None:
                 lost = top.tag != "joint" or node.xml.getparent() is not top.xml
             if lost:
                 above = next(node.xml.iterancestors())
-                raise node.error(f"stands inside <{Node(above, node.file).tag}>, where nothing reads it")
+                raise node.error(f"is not read inside <{Node(above, node.file).tag}>")
 
 
 def _refusal(node: Node, form: str) -> ModelError:
@@ -229,7 +231,7 @@ def _refusal(node: Node, form: str) -> ModelError:
 
 
 def _words_of(node: Node) -> set[str]:
-    """Give every tag and attribute name at and below an element."""
+    """Return every tag and attribute name of an element and of its descendants."""
     words: set[str] = set(node.attributes())
     for inner in node.descendants():
         words |= {inner.tag, *inner.attributes()}

@@ -1,9 +1,8 @@
-"""Closures and couplings in a URDF: `<loop>`, `<constraint>`, `<loop_joint>`, `<coupling>`, `<mimic>`.
+"""Read closures and couplings of a URDF: `<loop>`, `<constraint>`, `<loop_joint>`, `<coupling>`, `<mimic>`.
 
-`<loop>` and `<coupling>` are those of URDF+ (arXiv 2411.19753), with the types cylindrical, universal,
-spherical, point and rows added; `<constraint>` is the proposal of urdfdom; `<loop_joint>` that of Isaac Sim,
-Dojo and old Drake.
-Nothing in these elements may be misspelt: an unknown attribute or child is an error.
+`<loop>` and `<coupling>` are those of URDF+ (arXiv 2411.19753), with the additional types cylindrical,
+universal, spherical, point and rows. `<constraint>` is the proposal of urdfdom. `<loop_joint>` is the form of
+Isaac Sim, Dojo and old Drake. An unknown attribute or child of these elements is an error.
 """
 
 from __future__ import annotations
@@ -18,17 +17,17 @@ from ..robot_file import FREEDOMS
 from .placement import axis_of, origin_of
 from .xml_node import Node
 
-#: A closure's link, the frame that the author placed on it, and the turn that brings z on the closure's axis.
+#: One side of a closure: link, frame placed on it by the author, rotation that maps z to the closure's axis.
 Side = tuple[str, Array, Array]
 
 POSE = ("xyz", "rpy", "quat_xyzw")
 
-#: Other words for the types of `<loop_joint>`, in lower case.
+#: Alternative names of the types of `<loop_joint>`, in lower case.
 LOOP_JOINT_TYPES = {"3d": "spherical", "ball": "spherical", "6d": "fixed"}
 
 
 def read_loop(node: Node) -> Closure:
-    """Read `<loop>`: `<axis>` is given in the predecessor's frame (its origin), `<axis2>` in the other's."""
+    """Read `<loop>`; `<axis>` is in the frame of the predecessor's origin, `<axis2>` in the successor's."""
     kind = node.text("type")
     if kind != "rows" and kind not in FORMS:
         known = [*FORMS, "rows"]
@@ -48,7 +47,7 @@ def read_loop(node: Node) -> Closure:
 
 
 def read_constraint(node: Node) -> Closure:
-    """Read `<constraint>`: each side states its own axis; they coincide (or are perpendicular: universal)."""
+    """Read `<constraint>`; each side states an axis, and the axes coincide (universal: are perpendicular)."""
     parts = ("parent", "parent_origin", "parent_axis", "child", "child_origin", "child_axis")
     node.only(["name", "type"], parts)
     kind = node.text("type")
@@ -73,9 +72,9 @@ def read_constraint(node: Node) -> Closure:
 
 
 def read_loop_joint(node: Node) -> Closure:
-    """Read `<loop_joint>`, its links as children (`<link1 link xyz rpy>`) or as attributes.
+    """Read `<loop_joint>`, with its links as children (`<link1 link xyz rpy>`) or as attributes.
 
-    The axis is given in the first frame. Isaac Sim's exporter writes `link1` twice; the second is then the
+    The axis is in the first frame. Isaac Sim's exporter writes `link1` twice; the second one is then the
     successor.
     """
     node.only(["name", "type", "link1", "link2"], ["link1", "link2", "axis", "dynamics"])
@@ -100,15 +99,15 @@ def read_loop_joint(node: Node) -> Closure:
 
 
 def read_coupling(node: Node, parents: dict[str, Joint | None]) -> Coupling:
-    """Read `<coupling>`, a gear between the two ways from the nearest common ancestor to its two links.
+    """Read `<coupling>`, a gear between the paths from the nearest common ancestor to its two links.
 
-        ratio x (sum of joint positions on the predecessor's way) = sum of those on the successor's way
+        ratio x (sum of joint positions on the predecessor's path) = sum of those on the successor's path
 
-    A rotor (successor) of a gear with ratio 6 turns six times as fast as its link, in the same sense.
+    The rotor (successor) of a gear with ratio 6 turns six times as fast as its link, in the same direction.
 
     Args:
         node: The element.
-        parents: The joint above every link, by the link's name; None above the root.
+        parents: The joint above each link, by the link's name; None for the root.
 
     Source: URDF+; the sign is that of its reference reader in the GRBDA library.
     """
@@ -127,18 +126,18 @@ def read_coupling(node: Node, parents: dict[str, Joint | None]) -> Coupling:
         ends.append(end.text("link"))
         if ends[-1] not in parents:
             raise end.error(f"unknown link '{ends[-1]}'{did_you_mean(ends[-1], parents)}")
-    ways = [_way_to_root(end, parents) for end in ends]
-    shared = {joint.name for joint in ways[0]} & {joint.name for joint in ways[1]}
+    paths = [_path_to_root(end, parents) for end in ends]
+    shared = {joint.name for joint in paths[0]} & {joint.name for joint in paths[1]}
     terms: list[tuple[str, float]] = []
-    for way, factor in zip(ways, (ratio, -1.0), strict=True):
-        own = [joint for joint in way if joint.name not in shared and joint.kind != "fixed"]
+    for path, factor in zip(paths, (ratio, -1.0), strict=True):
+        own = [joint for joint in path if joint.name not in shared and joint.kind != "fixed"]
         if many := next((joint for joint in own if FREEDOMS[joint.kind] != 1), None):
             raise node.error(
                 f"joint '{many.name}' on its path is {many.kind}; only joints with one freedom can be coupled"
             )
         terms += [(joint.name, factor) for joint in reversed(own)]
     if not terms:
-        raise node.error(f"no movable joint lies between '{ends[0]}' and '{ends[1]}'")
+        raise node.error(f"there is no movable joint between '{ends[0]}' and '{ends[1]}'")
     return Coupling(node.text("name"), tuple(terms), 0.0, node.line)
 
 
@@ -183,14 +182,14 @@ def _closure(node: Node, kind: str, form: Form, a: Side, b: Side) -> Closure:
     )
 
 
-def _way_to_root(link: str, parents: dict[str, Joint | None]) -> list[Joint]:
-    """Return the joints from a link to the root; a cycle ends the way (the validator names it later)."""
-    way: list[Joint] = []
+def _path_to_root(link: str, parents: dict[str, Joint | None]) -> list[Joint]:
+    """Return the joints from a link to the root; stop at a cycle, which `validate` reports later."""
+    path: list[Joint] = []
     seen = {link}
     while (joint := parents.get(link)) is not None:
-        way.append(joint)
+        path.append(joint)
         link = joint.parent
         if link in seen:
             break
         seen.add(link)
-    return way
+    return path

@@ -1,8 +1,8 @@
-"""The folders from which a xacro file may read, and reading from them.
+"""Read files for a xacro file, restricted to the robot's folders.
 
-They are the robot's own folder (that of the package around its file, else the file's), the packages that
-`$(find ...)` names, and the folders that the user names. A link counts as the file to which it leads. Hidden
-files, and what is no regular file, are never read.
+These are the robot's own folder (that of the package around its file, else the file's folder), the packages
+that `$(find ...)` names, and the folders that the user names. A symbolic link counts as the file to which it
+points. Hidden files, and anything but regular files, are never read.
 """
 
 from __future__ import annotations
@@ -17,10 +17,10 @@ from pathlib import Path
 
 from ...errors import ModelError
 
-#: What the folder of a package holds: the file that names it, or a folder of robot files.
+#: Entries that mark the folder of a package: its package file, or a folder of robot files.
 MARKS = ("package.xml", "urdf", "xacro", "robots", "meshes")
 
-#: Most folders and files that a pattern of names looks at.
+#: Most folders and files that a glob pattern may examine.
 MOST_LOOKED_AT = 10_000
 
 _PACKAGE = re.compile(r"[A-Za-z][\w.-]*")
@@ -28,14 +28,14 @@ _WILD = re.compile(r"[*?\[]")
 
 
 class RobotFolders:
-    """What a robot file may read.
+    """The folders that a robot file may read.
 
     Args:
         file: The robot file, an absolute path.
         package_dirs: Folders that the user names: packages, or folders of packages.
         share_dirs: Folders of installed packages.
         largest: Largest file that is read [bytes].
-        granted: Further folders that it may read, in which no packages are looked for.
+        granted: Further folders that it may read; no packages are searched in them.
     """
 
     def __init__(
@@ -57,8 +57,8 @@ class RobotFolders:
         """Read a file.
 
         Raises:
-            OSError: The system does not give it.
-            ModelError: It lies outside the robot's folders, is no regular file, or is too large.
+            OSError: The system cannot open or read the file.
+            ModelError: The file is outside the robot's folders, hidden, not a regular file, or too large.
         """
         handle = os.open(self._within(path), os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
         with os.fdopen(handle, "rb") as file:
@@ -70,17 +70,17 @@ class RobotFolders:
             return file.read(self.largest)
 
     def glob(self, pattern: str) -> list[str]:
-        """Return the files that a pattern of names fits, sorted.
+        """Return the files that match a glob pattern, sorted.
 
         Raises:
-            ModelError: It looks outside the robot's folders, or at too many files.
+            ModelError: The pattern leads outside the robot's folders, or examines too many files.
         """
         parts = Path(os.path.normpath(pattern)).parts
         first_wild = next((i for i, part in enumerate(parts) if _WILD.search(part)), len(parts))
         start = os.path.join(*parts[:first_wild])
         self._within(start)
         found = []
-        for count, (path, fits) in enumerate(_fitting(start, parts[first_wild:])):
+        for count, (path, fits) in enumerate(_matches(start, parts[first_wild:])):
             if count > MOST_LOOKED_AT:
                 raise ModelError(f"'{pattern}' looks at more than {MOST_LOOKED_AT:,} files")
             if fits:
@@ -88,13 +88,16 @@ class RobotFolders:
         return sorted(found)
 
     def find(self, package: str) -> str:
-        """Find a package: in the folders that the user names, above and beside the file, or installed.
+        """Return the folder of a package.
+
+        It is searched in the folders that the user names, above and beside the file, and among the installed
+        packages. The file may then read the folder.
 
         Raises:
-            ModelError: There is none.
+            ModelError: There is no such package.
         """
         if not _PACKAGE.fullmatch(package):
-            raise ModelError(f"'{package}' is no name of a package")
+            raise ModelError(f"'{package}' is not a valid package name")
         around = [str(folder) for folder in Path(self.file).parents]
         for place in (*self.package_dirs, *around, *self.share_dirs):
             inside = os.path.join(place, package)
@@ -111,7 +114,7 @@ class RobotFolders:
         return any(_inside(real, folder) is not None for folder in self._granted)
 
     def _within(self, path: str) -> str:
-        """Return the file to which a path leads, if it may be read."""
+        """Return the real path of a file; raise ModelError if the file may not be read."""
         real = os.path.realpath(path)
         if real == os.path.realpath(self.file):
             return real
@@ -121,14 +124,14 @@ class RobotFolders:
         if rests:
             raise ModelError(f"'{path}' is hidden, and a xacro file may not read it")
         raise ModelError(
-            f"'{path}' lies outside the robot's folders; name the folder that holds it with package_dirs"
+            f"'{path}' is outside the robot's folders; name the folder that holds it with package_dirs"
         )
 
 
 def _own_folder(file: str) -> str:
     """Return the folder of the package around a file, else the folder that holds it.
 
-    A folder is a package if it holds package.xml, or the file in its folder of robot files.
+    A folder is a package if it contains package.xml, or if the file is in one of its folders of robot files.
     """
     place = Path(file).parent
     home = Path(os.path.expanduser("~"))
@@ -150,14 +153,14 @@ def _is_hidden(path: Path) -> bool:
 
 
 def _inside(path: str, folder: str) -> Path | None:
-    """Return the part of a path inside a folder, or None where it lies outside."""
-    if folder == os.sep:  # a robot that lies there has no folder of its own
+    """Return a path relative to a folder, or None if it is outside the folder."""
+    if folder == os.sep:  # the system's root never counts as the folder of a robot
         return None
     return Path(path).relative_to(folder) if Path(path).is_relative_to(folder) else None
 
 
-def _fitting(folder: str, parts: tuple[str, ...]) -> Iterator[tuple[str, bool]]:
-    """Yield each path that is looked at for a pattern, and whether the pattern fits it."""
+def _matches(folder: str, parts: tuple[str, ...]) -> Iterator[tuple[str, bool]]:
+    """Yield each path that is examined for a pattern, and whether it matches the pattern."""
     if not parts:
         yield folder, os.path.lexists(folder)
         return
@@ -175,4 +178,4 @@ def _fitting(folder: str, parts: tuple[str, ...]) -> Iterator[tuple[str, bool]]:
         path = os.path.join(folder, name)
         yield path, False
         if name == first or (fnmatch.fnmatchcase(name, first) and not name.startswith(".")):
-            yield from _fitting(path, tuple(rest))
+            yield from _matches(path, tuple(rest))

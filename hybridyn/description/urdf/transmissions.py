@@ -1,4 +1,4 @@
-"""Motors that a URDF states by `<transmission>`, with reduction and rotor inertia where they are simple."""
+"""Read the motors of a URDF from `<transmission>`, with gear ratio and rotor inertia of simple ones."""
 
 from __future__ import annotations
 
@@ -16,25 +16,25 @@ RATIO_TAGS = ("gear_ratio", "drake:gear_ratio", "mechanicalReduction")
 
 @dataclass(frozen=True)
 class Rotor:
-    """What a file says of a motor's rotor.
+    """The values that a file states for the rotor of a motor.
 
     Attributes:
-        inertia: Inertia about its own axis [kg m^2], or None where nothing is said.
-        ratio: Rotor turns per joint turn, or None where nothing is said.
+        inertia: Inertia about its own axis [kg m^2], or None if not stated.
+        ratio: Rotor turns per joint turn, or None if not stated.
     """
 
     inertia: float | None = None
     ratio: float | None = None
 
     def over(self, weaker: Rotor) -> Rotor:
-        """Return this rotor, completed by what the weaker one says."""
+        """Return this rotor, with missing values taken from `weaker`."""
         return Rotor(
             weaker.inertia if self.inertia is None else self.inertia,
             weaker.ratio if self.ratio is None else self.ratio,
         )
 
     def put_into(self, joint: Joint) -> Joint:
-        """Return the joint with this rotor; what is not said stays."""
+        """Return the joint with the values of this rotor; missing values leave those of the joint."""
         return replace(
             joint,
             rotor_inertia=joint.rotor_inertia if self.inertia is None else self.inertia,
@@ -43,11 +43,11 @@ class Rotor:
 
 
 def read_transmissions(root: Node, robot: RobotFile) -> tuple[MotorStatement | None, dict[str, Rotor]]:
-    """Read every `<transmission>`: its joints are driven, fixed ones apart.
+    """Read every `<transmission>`; its joints are driven, except fixed joints.
 
     Returns:
-        The list of motors (None where there is no transmission), and rotors by joint name; of a transmission
-        with several joints only what its `<joint>` elements state themselves.
+        The list of motors (None if no transmission names a joint), and the rotors by joint name. For a
+        transmission with several joints or actuators, only the values inside its `<joint>` elements count.
     """
     nodes = root.children("transmission")
     rotors: dict[str, Rotor] = {}
@@ -66,17 +66,17 @@ def read_transmissions(root: Node, robot: RobotFile) -> tuple[MotorStatement | N
         return None, {}
     fixed = [joint.name for joint in robot.joints if joint.kind == "fixed" and joint.name in rotors]
     if fixed:
-        robot.notes.append(f"<transmission> names fixed joints, which nothing drives: {listed(fixed)}")
+        robot.notes.append(f"<transmission> names fixed joints, which cannot be driven: {listed(fixed)}")
     driven = tuple(name for name in rotors if name not in fixed)
     statement = MotorStatement("transmission", "URDF <transmission>", driven, root.file, nodes[0].line)
     return statement, rotors
 
 
 def read_rotor(node: Node) -> Rotor:
-    """Read what direct children of an element say of a rotor, as a `value` attribute or as text.
+    """Read a rotor from the direct children of an element, with numbers as `value` attributes or as text.
 
     Raises:
-        ModelError: A number does not parse, the inertia is negative or the ratio zero.
+        ModelError: A number does not parse, the inertia is negative, or the ratio is zero.
     """
     rotor = Rotor()
     for child in node.children(*INERTIA_TAGS, *RATIO_TAGS):

@@ -1,6 +1,6 @@
-"""The URDF reader: links, joints, and everything in a `<robot>` that bears on dynamics.
+"""Read URDF: links, joints, and everything else in a `<robot>` that affects the dynamics.
 
-What does not bear on dynamics (visuals, collisions, materials, meshes, sensors) is passed over unread.
+Elements that do not affect the dynamics (visuals, collisions, materials, meshes, sensors) are skipped.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from .xml_node import Node
 
 URDF_KINDS = [kind for kind in get_args(JointKind) if kind != "spherical"]
 
-#: Most links read; beyond it the file is a mistake.
+#: Most links read; a file with more links is a mistake.
 MOST_LINKS = 300_000
 
 CLOSURE_READERS = {"loop": read_loop, "constraint": read_constraint, "loop_joint": read_loop_joint}
@@ -34,7 +34,7 @@ def read_urdf(root: Node) -> RobotFile:
     """Read the root element of a URDF.
 
     Raises:
-        ModelError: Something is wrong, or states a loop in a form that is not read.
+        ModelError: An element is invalid, or states a loop in a form that is not read.
     """
     name = root.xml.get("name", "").strip()
     robot = RobotFile(name or "robot", root.file)
@@ -62,7 +62,7 @@ def read_urdf(root: Node) -> RobotFile:
 
 
 def _state_motors(robot: RobotFile, root: Node, independent: set[str]) -> None:
-    """Add what the file says of motors: transmissions (with their rotors), `independent=` attributes."""
+    """Add the motors that the file states by transmissions (with their rotors) and `independent=`."""
     statement, rotors = read_transmissions(root, robot)
     robot.joints = [rotors.get(joint.name, Rotor()).put_into(joint) for joint in robot.joints]
     if statement is not None:
@@ -130,17 +130,17 @@ def _read_joint(node: Node, robot: RobotFile) -> Joint:
     if mimic is not None:
         coupling = read_mimic(mimic, name)
         if kind == "fixed":
-            robot.notes.append(f"joint '{name}' (line {node.line}) is fixed; its <mimic> means nothing")
+            robot.notes.append(f"joint '{name}' (line {node.line}) is fixed; its <mimic> has no effect")
         else:
             robot.couplings.append(coupling)
     return _with_dynamics(_with_limits(joint, node.child("limit"), robot.notes), node.child("dynamics"))
 
 
 def _axis(axis: Node | None, kind: JointKind, node: Node) -> Array:
-    """Return a joint's axis; a planar joint moves in the x-y plane of its frame, as in Pinocchio.
+    """Return the unit axis of a joint; a planar joint moves in the x-y plane of its frame, as in Pinocchio.
 
     Raises:
-        ModelError: A planar joint states another normal than z.
+        ModelError: A planar joint states a normal other than z.
     """
     if kind == "planar":
         normal = np.array([0.0, 0.0, 1.0])
@@ -168,7 +168,7 @@ def _joint_kind(node: Node) -> JointKind:
 
 
 def _with_limits(joint: Joint, node: Node | None, notes: list[str]) -> Joint:
-    """Add `<limit>`; what lies (lower above upper, a negative speed or effort) is noted and dropped."""
+    """Add `<limit>`; note and ignore impossible limits (lower above upper, negative speed or effort)."""
     if node is None:
         return joint
     node.refuse_misspelt(["lower", "upper", "velocity", "effort"], [])

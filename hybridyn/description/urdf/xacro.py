@@ -1,4 +1,4 @@
-"""Expanding xacro files, in a child process that is locked in (see `xacro_child`)."""
+"""Expand xacro files in a child process without access to files or network (see `xacro_child`)."""
 
 from __future__ import annotations
 
@@ -22,28 +22,28 @@ from .xml_node import LARGEST_FILE
 #: Memory that an expansion may use [bytes].
 MEMORY = 2 * 2**30
 
-#: Processor time that an expansion may use [s]; a stack of 1,000 six-legged modules takes 40.
+#: Processor time that an expansion may use [s]; a stack of 1,000 six-legged modules takes 40 s.
 SECONDS = 120
 
-#: Time after which an expansion is ended in any case [s]: it may have to wait for a processor.
+#: Time after which an expansion is killed [s]; it is longer, because the child may wait for a processor.
 PATIENCE = 2 * SECONDS
 
-#: Extras of hybridyn that install a package of robot files.
+#: Extras of hybridyn that install a package of robot files, by the name of the package.
 EXTRAS = {"example-robot-data": "robots"}
 
-#: Characters of xacro's own message that are passed on.
+#: Longest message of xacro that is passed on [characters].
 LONGEST_MESSAGE = 400
 
-#: Most questions after files that one expansion may ask; robots include some dozens.
+#: Most file requests that one expansion may send; robots include a few dozen files.
 MOST_QUESTIONS = 10_000
 
 #: Longest line that the child may send [bytes].
 LONGEST_LINE = 2**20
 
-#: Said of an expansion that no kernel locked in.
-UNLOCKED = "xacro: this system's kernel locks nothing in; the walls are hybridyn's own (README, Security)"
+#: Note on an expansion without restrictions by the kernel.
+UNLOCKED = "xacro: this system's kernel restricts nothing; only hybridyn's own limits hold (README, Security)"
 
-#: The child's first words: its folder is on its path only while its own modules are imported.
+#: Program of the child; its folder is on the path only while its own modules are imported.
 START = """
 import sys
 sys.path.insert(0, sys.argv[1])
@@ -67,7 +67,8 @@ def expand(
         The expanded XML, and xacro's warnings as notes.
 
     Raises:
-        ModelError: xacro reports an error, or the expansion exceeds its limits; file and macro are named.
+        ModelError: xacro reports an error, or the expansion exceeds its limits; the message names the file
+            and the macro.
     """
     path = os.path.abspath(file)
     request = {
@@ -93,7 +94,7 @@ def expand(
 
 
 def _extra_for(error: str) -> str:
-    """Name the command that installs a package which was not found, where an extra of ours does."""
+    """Return the advice to install a missing package by an extra of hybridyn, or an empty string."""
     for package, extra in EXTRAS.items():
         if f"package '{package}' is not found" in error:
             return f", or {install_advice(extra)}"
@@ -102,7 +103,7 @@ def _extra_for(error: str) -> str:
 
 @contextlib.contextmanager
 def _child(file: str) -> Iterator[subprocess.Popen[bytes]]:
-    """Start the child, and end it in any case, at the latest after twice its processor time."""
+    """Start the child process; kill it on leaving the context, at the latest after `PATIENCE`."""
     command = [sys.executable, "-I", "-S", "-X", "utf8", "-c", START, str(Path(__file__).parent)]
     try:
         child = subprocess.Popen(
@@ -126,10 +127,10 @@ def _child(file: str) -> Iterator[subprocess.Popen[bytes]]:
 def _converse(
     child: subprocess.Popen[bytes], file: str, request: Mapping[str, Any], folders: RobotFolders
 ) -> tuple[dict[str, Any], bytes]:
-    """Answer the child's questions until it has the XML, and give its last header and the XML."""
+    """Answer the child's file requests until it sends its result; return the last header and the XML."""
     assert child.stdin is not None
     assert child.stdout is not None
-    with contextlib.suppress(BrokenPipeError):  # it has ended; why is said below
+    with contextlib.suppress(BrokenPipeError):  # the child has ended; `_reason` explains why
         _send(child.stdin, request)
         for _ in range(MOST_QUESTIONS):
             line = child.stdout.readline(LONGEST_LINE)
@@ -148,13 +149,13 @@ def _converse(
 
 
 def _header(line: bytes, file: str) -> dict[str, Any]:
-    """Read a line that the child sent."""
+    """Parse a line that the child sent."""
     try:
         header = json.loads(line)
     except ValueError:
         header = None
     if not isinstance(header, dict):
-        raise ModelError("xacro: its child process speaks otherwise than agreed", file=file)
+        raise ModelError("xacro: the child process sent an invalid reply", file=file)
     return header
 
 
@@ -164,7 +165,7 @@ def _send(stream: IO[bytes], header: Mapping[str, Any], content: bytes = b"") ->
 
 
 def _answer(folders: RobotFolders, what: str, of: str) -> tuple[dict[str, Any], bytes]:
-    """Answer a question after files."""
+    """Return the reply to a file request: its header and the content."""
     try:
         if what == "read":
             content = folders.read(of)
@@ -182,7 +183,7 @@ def _answer(folders: RobotFolders, what: str, of: str) -> tuple[dict[str, Any], 
 
 
 def _reason(status: int) -> str:
-    """Say why a child ended without an answer."""
+    """Return the reason why a child ended without an answer."""
     if status in (-signal.SIGKILL, -getattr(signal, "SIGXCPU", 24)):
         return f"xacro: took more than {SECONDS} s of processor time and was ended"
     return f"xacro: ended without a result (status {status})"
@@ -197,12 +198,12 @@ def _folder_of(module: str) -> str:
 
 
 def _shipped_dirs() -> list[str]:
-    """Return the folder of the shipped robots' files, whose modules any robot may include."""
+    """Return the folder of the shipped robots' files; every robot may include modules from it."""
     folder = data_folder()
     return [] if folder is None else [str(folder / "urdf")]
 
 
 def _share_dirs() -> list[str]:
-    """Return the folders where installed packages keep robot files, pip's and the system's."""
+    """Return the folders in which installed packages keep robot files: pip's and the system's."""
     pip = [Path(entry) / "cmeel.prefix" / "share" for entry in sys.path if entry]
     return [str(place) for place in (*pip, Path(sys.prefix) / "share") if place.is_dir()]

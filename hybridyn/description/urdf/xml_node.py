@@ -1,8 +1,8 @@
-"""Robot files in XML: one safe parser, and elements that know their file and line.
+"""Parse robot files in XML safely, into elements that know their file and line.
 
-Refused before anything is parsed: DOCTYPE and entity declarations (expansion bombs, external files),
-encodings that hide them, files of absurd size. Numbers are read strictly: `1,5`, `nan`, `inf`, `1_000` and
-empty texts are errors.
+The following raise before parsing: DOCTYPE and entity declarations (expansion bombs, external files),
+encodings that could hide them, and files above `LARGEST_FILE`. Numbers are read strictly: `1,5`, `nan`,
+`inf`, `1_000` and empty texts are errors.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ MOST_ELEMENTS = 2_000_000
 #: Longest attribute read [characters]; names and numbers are far shorter.
 LONGEST_TEXT = 2000
 
-#: Largest number accepted; its square is still finite, so no length or inertia overflows downstream.
+#: Largest number accepted; its square is still finite, so no length or inertia overflows later.
 LARGEST_NUMBER = 1e150
 
 _ENCODINGS = {"utf-8", "utf8", "us-ascii", "ascii", "iso-8859-1", "latin-1", "latin1", "windows-1252"}
@@ -41,7 +41,7 @@ def parse(text: bytes, file: str) -> Node:
     """Parse the text of an XML file into its root element.
 
     Raises:
-        ModelError: The text is not well-formed XML, or holds what no robot file needs (see above).
+        ModelError: The text is not well-formed XML, or contains a forbidden declaration (see above).
     """
     _refuse_dangerous(text, file)
     parser = etree.XMLParser(
@@ -68,7 +68,7 @@ def parse(text: bytes, file: str) -> Node:
 
 
 def _refuse_dangerous(text: bytes, file: str) -> None:
-    """Refuse what no robot file needs, before the parser sees it."""
+    """Raise for empty or too large texts, other encodings, DOCTYPE and ENTITY, before parsing."""
     if not text.strip():
         raise ModelError("the file is empty", file=file)
     if len(text) > LARGEST_FILE:
@@ -92,7 +92,7 @@ def _refuse_dangerous(text: bytes, file: str) -> None:
 
 @dataclass(frozen=True)
 class Node:
-    """An element of an XML file: reads its attributes strictly, names file and line in every error.
+    """An element of an XML file, with strict readers of attributes; every error names file and line.
 
     Attributes:
         xml: The lxml element.
@@ -115,12 +115,12 @@ class Node:
 
     @property
     def label(self) -> str:
-        """The element for messages: `<joint name="elbow">`."""
+        """The element as it is named in messages: `<joint name="elbow">`."""
         name = str(self.xml.get("name", ""))[:100]
         return f'<{self.tag} name="{name}">' if name else f"<{self.tag}>"
 
     def error(self, message: str) -> ModelError:
-        """Return (not raise) the error that carries this element's file, line and name."""
+        """Return (do not raise) an error with this element's file, line and name."""
         return ModelError(
             f"{self.label}: {message}",
             file=self.file,
@@ -129,24 +129,24 @@ class Node:
         )
 
     def children(self, *tags: str) -> list[Node]:
-        """Return the child elements, all or those with one of the tags, in file order."""
+        """Return the child elements in file order: all of them, or those with one of the tags."""
         nodes = [Node(child, self.file) for child in self.xml if isinstance(child.tag, str)]
         return [node for node in nodes if node.tag in tags] if tags else nodes
 
     def descendants(self) -> Iterator[Node]:
-        """Give every element below this one, in file order."""
+        """Yield every element below this one, in file order."""
         for xml in self.xml.iterdescendants("*"):
             yield Node(xml, self.file)
 
     def child(self, tag: str) -> Node | None:
-        """Return the only child with this tag, or None; two of them are an error."""
+        """Return the only child with this tag, or None; raise ModelError if there are two."""
         found = self.children(tag)
         if len(found) > 1:
             raise found[1].error(f"stated twice in {self.label}; keep one")
         return found[0] if found else None
 
     def required_child(self, tag: str) -> Node:
-        """Return the only child with this tag, which must be there."""
+        """Return the only child with this tag; raise ModelError if there is none, or two."""
         found = self.child(tag)
         if found is None:
             written = [node.tag for node in self.children()]
@@ -154,7 +154,7 @@ class Node:
         return found
 
     def text(self, attribute: str) -> str:
-        """Return a required attribute that may not be empty, without blanks around it."""
+        """Return an attribute without surrounding blanks; raise ModelError if it is missing or empty."""
         value = str(self.xml.get(attribute, "")).strip()
         if not value:
             wrong = "is empty" if attribute in self.xml.attrib else "is missing"
@@ -168,11 +168,11 @@ class Node:
         return value
 
     def attributes(self) -> list[str]:
-        """Return the names of the attributes as written, without namespaced ones."""
+        """Return the names of the attributes, except those with a namespace."""
         return [name for name in map(str, self.xml.attrib) if not name.startswith("{")]
 
     def number(self, attribute: str, default: float | None = None, *, infinite: bool = False) -> float:
-        """Return an attribute as a number; `infinite` lets `inf` and `-inf` pass (limits only)."""
+        """Return an attribute as a number; `infinite` also accepts `inf` and `-inf` (for limits only)."""
         if attribute not in self.xml.attrib and default is not None:
             return default
         return self._number(self.text(attribute), attribute, infinite)
@@ -198,7 +198,7 @@ class Node:
         return word in ("true", "1")
 
     def only(self, attributes: Iterable[str], children: Iterable[str]) -> None:
-        """Refuse every attribute and child outside the given ones: nothing here may be misspelt and lost."""
+        """Raise for every attribute and child that is not among the given names, so that none is ignored."""
         known_attributes, known_children = list(attributes), list(children)
         for name in map(str, self.xml.attrib):
             if name not in known_attributes:
@@ -212,7 +212,7 @@ class Node:
                 )
 
     def refuse_misspelt(self, attributes: Sequence[str], children: Sequence[str]) -> None:
-        """Refuse attributes and children that nearly are a given one that is absent; let all others pass."""
+        """Raise for attributes and children that resemble an absent one of the given names; ignore others."""
         written = self.attributes()
         absent = [name for name in attributes if name not in written]
         for name in written:
