@@ -1,4 +1,4 @@
-"""The walls around xacro files: an evaluator that runs nothing of Python, folders, and the kernel's locks."""
+"""Restrictions on xacro files: expressions without access to Python, folders, and the kernel's locks."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def bounded_symbols() -> dict[str, Any]:
 
 
 def evaluate(expression: str, names: dict[str, Any] | None = None) -> Any:
-    """Evaluate an expression with xacro's names and those given."""
+    """Evaluate an expression with xacro's names and the given ones."""
     symbols = bounded_symbols()
     evaluator = Evaluator(functions_in(symbols), (xacro.NameSpace, xacro.YamlDictWrapper))
     return evaluator(expression, {**symbols, "n": 3, **(names or {})})
@@ -177,7 +177,7 @@ def test_random_formulas_have_the_values_of_python() -> None:
 
 @pytest.fixture
 def robot(tmp_path: Path) -> Path:
-    """Return a robot file in a package, beside another package, a folder that is none, and secrets."""
+    """Return a robot file in a package, beside another package, a folder that is no package, and secrets."""
     save(tmp_path / "ws" / "arm", "<package/>", "package.xml")
     save(tmp_path / "ws" / "arm" / "config", "a: 1\n", "arm.yaml")
     save(tmp_path / "ws" / "hand" / "urdf", "<robot/>", "hand.xacro")
@@ -191,7 +191,7 @@ def folders(file: Path, *named: Path) -> RobotFolders:
 
 
 def test_packages_installed_inside_the_robots_folder_are_read(robot: Path) -> None:
-    """A virtual environment lies in a hidden folder of many a project."""
+    """Many projects keep their virtual environment in a hidden folder."""
     hidden = robot.parents[1] / ".venv"
     share = hidden / "share"
     part = share / "hand" / "urdf" / "hand.xacro"
@@ -327,7 +327,7 @@ REST = {"fork", "socket", "signal", "mode", "connect", "environment"}
 
 @pytest.mark.parametrize(("which", "refused"), [("_landlock", FILES), ("_seccomp", FILES | REST)])
 def test_the_kernel_refuses(tmp_path: Path, which: str, refused: set[str]) -> None:
-    """In a process that gave up its rights: every way out is refused, and it still computes."""
+    """A locked process cannot reach files, network or other processes, and still computes."""
     save(tmp_path, "secret", "there")
     command = [sys.executable, "-I", "-S", "-c", LOCKED, str(CHILD), which, str(tmp_path)]
     done = subprocess.run(command, capture_output=True, text=True, check=True)

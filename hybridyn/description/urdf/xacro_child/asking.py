@@ -1,7 +1,8 @@
-"""Ask the parent process for files; this process opens none.
+"""Request files from the parent process; this process opens none.
 
-A question is one line of JSON, `{"ask": "read", "of": path}` (or "glob" with a pattern, "find" with a
-package); the answer is one line of JSON and `size` bytes, or `error`, with `errno` where the system says so.
+A request is one line of JSON, `{"ask": "read", "of": path}` (or "glob" with a pattern, "find" with a
+package). The reply is one line of JSON: `size`, followed by that many bytes, or `error`, with `errno` if the
+system reported the error.
 """
 
 from __future__ import annotations
@@ -14,36 +15,36 @@ from .expressions import RefusedError
 
 
 class Parent:
-    """The process that reads for this one.
+    """The parent process, which reads files for this one.
 
     Args:
-        answers: Where its answers come from.
-        questions: Where questions go.
+        answers: Stream of its request and its replies.
+        questions: Stream of file requests and of the result.
     """
 
     def __init__(self, answers: BinaryIO, questions: BinaryIO) -> None:
         self.answers, self.questions = answers, questions
 
     def request(self) -> dict[str, Any]:
-        """Return what the parent wants, which comes first."""
+        """Read the parent's request, its first line."""
         request: dict[str, Any] = json.loads(self.answers.readline())
         return request
 
     def answer(self, header: dict[str, Any], text: bytes) -> None:
-        """Return the result."""
+        """Send a line of JSON and a text to the parent."""
         self.questions.write(json.dumps(header).encode() + b"\n" + text)
         self.questions.flush()
 
     def ask(self, what: str, of: str) -> bytes:
-        """Ask a question.
+        """Send a file request and return the content of the reply.
 
         Args:
             what: "read", "glob" or "find".
             of: Path, pattern or name of a package.
 
         Raises:
-            OSError: The system does not give the file.
-            RefusedError: The parent does not.
+            OSError: The system cannot open or read the file.
+            RefusedError: The parent rejects the request.
         """
         self.answer({"ask": what, "of": of}, b"")
         header = json.loads(self.answers.readline())
@@ -62,6 +63,6 @@ class Parent:
         return self.ask("find", package).decode()
 
     def glob(self, pattern: str) -> list[str]:
-        """Return the files that a pattern fits."""
+        """Return the files that match a pattern."""
         found: list[str] = json.loads(self.ask("glob", pattern))
         return found

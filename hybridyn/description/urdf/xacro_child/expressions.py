@@ -1,9 +1,9 @@
 """Evaluate the expressions of xacro files on their syntax tree.
 
-There are numbers, texts, lists, tuples, sets, dictionaries, names, operators, conditions, comprehensions,
-elements and slices, calls of the functions that were handed in, and a list of harmless methods. An attribute
-is an element of one of xacro's own dictionaries (`math.pi`, `limits.upper`), never one of Python's, so no
-class, frame or module is within reach. What could grow without end is bounded.
+Supported are numbers, texts, lists, tuples, sets, dictionaries, names, operators, conditions, comprehensions,
+elements and slices, calls of the given functions, and a list of harmless methods. An attribute is an element
+of one of xacro's own dictionaries (`math.pi`, `limits.upper`), never a Python attribute, so classes, frames
+and modules cannot be reached. Operations whose results could grow without limit are bounded.
 """
 
 from __future__ import annotations
@@ -18,13 +18,13 @@ from typing import Any, Protocol
 #: Longest expression [characters].
 LONGEST = 20_000
 
-#: Longest text or list that an expression may give.
+#: Longest text or list that an expression may produce.
 LARGEST = 1_000_000
 
-#: Most bits of a whole number; the largest float has 1024.
+#: Most bits of an integer; the largest float has 1024.
 MOST_BITS = 65_536
 
-#: Most elements that the comprehensions of one robot may run through.
+#: Most elements over which the comprehensions of one robot may iterate.
 MOST_STEPS = 10_000_000
 
 _OPERATORS: dict[type[ast.AST], Callable[..., Any]] = {
@@ -43,7 +43,7 @@ _TEXT = (
     "isspace isupper join lower lstrip partition removeprefix removesuffix replace rfind rindex rpartition "
     "rsplit rstrip split splitlines startswith strip swapcase title upper"
 )
-#: Methods that may be called, by type: none that reaches attributes (`format`) or pads to any width.
+#: Methods that may be called, by type: none accesses attributes (`format`) or pads to an arbitrary width.
 _METHODS: dict[type, frozenset[str]] = {
     str: frozenset(_TEXT.split()),
     list: frozenset({"copy", "count", "index", "pop"}),
@@ -55,17 +55,17 @@ _WIDE_FIELD = re.compile(r"%[^a-zA-Z%]*(\d{5}|\*)")
 
 
 class RefusedError(Exception):
-    """The xacro file asks for something that is not given to it."""
+    """The xacro file uses something that is not allowed."""
 
 
 class Names(Protocol):
-    """What gives the value of a name, or raises KeyError."""
+    """A mapping from names to values, which raises KeyError for an unknown name."""
 
     def __getitem__(self, name: str, /) -> Any: ...
 
 
 class _Inner:
-    """The names of a comprehension's targets, and those around it."""
+    """The scope of a comprehension: the names of its targets, then those of the enclosing scope."""
 
     def __init__(self, outer: Names) -> None:
         self.outer, self.own = outer, dict[str, Any]()
@@ -75,11 +75,11 @@ class _Inner:
 
 
 class Evaluator:
-    """Evaluates expressions.
+    """Evaluate expressions; an instance is called with an expression and the values of names.
 
     Args:
         functions: The functions that may be called; no other object is ever called.
-        spaces: Types of dictionaries whose elements are written like attributes.
+        spaces: Types of dictionaries whose elements may be written like attributes.
     """
 
     def __init__(self, functions: Iterable[Callable[..., Any]], spaces: tuple[type, ...]) -> None:
@@ -91,12 +91,12 @@ class Evaluator:
         """Return the value of an expression.
 
         Args:
-            expression: Its text.
-            names: Values of names.
+            expression: Text of the expression.
+            names: Values by name.
 
         Raises:
-            RefusedError: It holds what is not allowed, or grows beyond its bounds.
-            Exception: Whatever its operators and functions raise.
+            RefusedError: The expression uses something that is not allowed, or exceeds a bound.
+            Exception: Any error of its operators and functions.
         """
         return self._value(parsed(expression.strip()), names)
 
@@ -192,7 +192,7 @@ class Evaluator:
         return self._element(value, node.attr)
 
     def _element(self, value: Any, name: str) -> Any:
-        """Return an element of a dictionary that is written like an attribute."""
+        """Return an element of a dictionary, written like an attribute."""
         _refuse_dunder(name)
         if not isinstance(value, self.spaces):
             raise RefusedError(f"attribute '{name}' is not allowed in an expression")
@@ -223,7 +223,7 @@ class Evaluator:
             function = self._value(node, names)
         allowed = self.functions.get(id(function))
         if allowed is None:
-            raise RefusedError(f"'{ast.unparse(node)[:80]}' is no function that an expression may call")
+            raise RefusedError(f"'{ast.unparse(node)[:80]}' is not a function that an expression may call")
         return allowed
 
     def _comprehension(self, node: ast.ListComp | ast.SetComp | ast.GeneratorExp, names: Names) -> Any:
@@ -235,7 +235,7 @@ class Evaluator:
         return {self._value(node.key, inner): self._value(node.value, inner) for inner in scopes}
 
     def _scopes(self, generators: list[ast.comprehension], names: Names) -> Iterator[Names]:
-        """Return the names of each round of a comprehension."""
+        """Yield the scope of each iteration of a comprehension."""
         if not generators:
             yield names
             return
@@ -265,21 +265,21 @@ _RULES: dict[type[ast.AST], Callable[[Evaluator, Any, Names], Any]] = {
 
 @functools.lru_cache(maxsize=4096)
 def parsed(expression: str) -> ast.expr:
-    """Return the syntax tree of an expression; a macro's expressions come again and again."""
+    """Return the syntax tree of an expression; cached, because macros repeat their expressions."""
     if len(expression) > LONGEST:
         raise RefusedError(f"an expression is longer than {LONGEST:,} characters")
     return ast.parse(expression, "<expression>", "eval").body
 
 
 def bounded(value: Any) -> Any:
-    """Return a value as it is, and refuse what is too large."""
+    """Return a value unchanged; raise RefusedError if it is too large."""
     if isinstance(value, str | list | tuple) and len(value) > LARGEST:
         raise RefusedError(f"a text or list is too large: it has more than {LARGEST:,} elements")
     return value
 
 
 def _refuse_growth(kind: ast.operator, left: Any, right: Any) -> None:
-    """Refuse, before it is computed, what would be too large."""
+    """Raise RefusedError if the result of an operator would be too large, before it is computed."""
     if isinstance(kind, ast.Mod):
         if isinstance(left, str) and _WIDE_FIELD.search(left):
             raise RefusedError("a field of '%' is too wide")
@@ -306,7 +306,7 @@ def _refuse_dunder(name: str) -> None:
 
 
 def _assign(target: ast.expr, value: Any, names: dict[str, Any]) -> None:
-    """Return the names of a comprehension's target their values."""
+    """Assign a value to the name, or its elements to the names, of a comprehension's target."""
     if isinstance(target, ast.Name):
         _refuse_dunder(target.id)
         names[target.id] = value

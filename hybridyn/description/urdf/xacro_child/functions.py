@@ -1,4 +1,4 @@
-"""The functions that expressions of xacro files may call: xacro's own, the growing ones with a bound."""
+"""Define the functions that xacro expressions may call: xacro's own, with bounds on growing results."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from typing import Any
 
 from .expressions import LARGEST, MOST_BITS, RefusedError
 
-#: Functions of xacro's namespace `python` that look into objects; nobody describes a robot with them.
+#: Functions of xacro's namespace `python` that inspect objects; a robot file does not need them.
 _INSPECTING = ("type", "vars", "issubclass")
 
-#: Largest argument of the functions of combinatorics: 1000! has 8530 bits.
+#: Largest argument of combinatorial functions: 1000! has 8530 bits.
 _MOST_FACTORS = 1000
 
-#: Functions of mathematics whose results grow faster than their arguments are written.
+#: Mathematical functions with short arguments and very large results.
 _GROWING = ("factorial", "comb", "perm")
 
 #: Most digits to which a number is rounded.
@@ -22,7 +22,7 @@ _MOST_DIGITS = 400
 
 
 def bounded_range(*arguments: Any) -> range:
-    """Return a range that has an end within reach."""
+    """Return a range, as `range` does; raise RefusedError if it is too long."""
     numbers = range(*arguments)
     if numbers and abs(numbers[-1] - numbers[0]) // abs(numbers.step) >= LARGEST:
         raise RefusedError(f"a range has more than {LARGEST:,} numbers")
@@ -30,17 +30,17 @@ def bounded_range(*arguments: Any) -> range:
 
 
 def bounded_round(number: Any, ndigits: Any = None) -> Any:
-    """Round a number to some digits, as `round` does."""
+    """Round a number, as `round` does; raise RefusedError for too many digits."""
     if isinstance(ndigits, int) and abs(ndigits) > _MOST_DIGITS:
         raise RefusedError(f"a number is rounded to more than {_MOST_DIGITS} digits")
     return round(number, ndigits)
 
 
 def bounded_product(values: Any, *, start: Any = 1) -> Any:
-    """Multiply numbers, as `math.prod` does."""
+    """Multiply numbers, as `math.prod` does; raise RefusedError if an integer grows too large."""
     for value in values:
         if not isinstance(value, int | float | complex):
-            raise TypeError(f"'{type(value).__name__}' is no number")
+            raise TypeError(f"'{type(value).__name__}' is not a number")
         start = start * value
         if isinstance(start, int) and start.bit_length() > MOST_BITS:
             raise RefusedError(f"a whole number is too large: it has more than {MOST_BITS:,} bits")
@@ -48,7 +48,7 @@ def bounded_product(values: Any, *, start: Any = 1) -> Any:
 
 
 def _few(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Bound the arguments of a function of combinatorics."""
+    """Return a combinatorial function that raises RefusedError for too large arguments."""
 
     def bounded(*numbers: Any) -> Any:
         if any(number > _MOST_FACTORS for number in numbers):
@@ -59,11 +59,11 @@ def _few(function: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def bound_functions(symbols: dict[str, Any], warn: Callable[[str], object]) -> None:
-    """Put bounded functions in the place of those in xacro's table of names.
+    """Replace the functions in xacro's table of names by bounded ones.
 
     Args:
         symbols: xacro's table: functions, and the namespaces `python`, `math`, `xacro`.
-        warn: Called with xacro's own words on a name that is out of date.
+        warn: Called with xacro's message about a deprecated name.
     """
 
     def old_range(*arguments: Any) -> range:
@@ -79,7 +79,7 @@ def bound_functions(symbols: dict[str, Any], warn: Callable[[str], object]) -> N
 
 
 def functions_in(*tables: Mapping[str, Any]) -> list[Callable[..., Any]]:
-    """Return all functions in tables of names, and in the tables in them."""
+    """Return all functions in tables of names and in their nested tables."""
     found: list[Callable[..., Any]] = []
     for table in tables:
         for value in dict(table).values():

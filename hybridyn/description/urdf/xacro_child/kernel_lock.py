@@ -1,10 +1,10 @@
-"""Give up files, network and programs for the rest of this process, by the Linux kernel's own locks.
+"""Deny files, network and programs to this process, with two mechanisms of the Linux kernel.
 
-seccomp: only the calls of the system that a computation on open pipes makes are left; every other one fails
-as not permitted, among them all that open a file or a socket, start a program, look at or signal a process.
-Landlock: a second lock, kept by another part of the kernel, on files and on the network.
+seccomp: only the system calls of a computation on open pipes are allowed. Every other call fails with EPERM,
+among them all calls that open a file or a socket, start a program, or inspect or signal a process.
+Landlock: an independent part of the kernel denies files and the network a second time.
 
-Both hold for good and need no rights. Other systems have neither; there, `lock` does nothing.
+Both are permanent for the process and need no privileges. On other systems, `lock` does nothing.
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ import sys
 
 _SET_NO_NEW_PRIVS, _SET_SECCOMP, _FILTER = 38, 22, 2
 _LOAD, _JUMP_EQUAL, _RETURN = 0x20, 0x15, 0x06  # instructions of the filter
-_ALLOW, _NOT_PERMITTED = 0x7FFF0000, 0x00050001  # its verdicts; the second carries EPERM
-_AT_NUMBER, _AT_MACHINE = 0, 4  # offsets in what it judges
+_ALLOW, _NOT_PERMITTED = 0x7FFF0000, 0x00050001  # its return values; the second carries EPERM
+_AT_NUMBER, _AT_MACHINE = 0, 4  # offsets in the data that it examines
 
 _CALLS_X86 = {
     "read": 0, "write": 1, "close": 3, "fstat": 5, "lseek": 8, "mmap": 9, "mprotect": 10, "munmap": 11,
@@ -33,12 +33,12 @@ _CALLS_ARM = {
     "sysinfo": 179, "brk": 214, "munmap": 215, "mremap": 216, "mmap": 222, "mprotect": 226, "madvise": 233,
     "getrandom": 278, "membarrier": 283, "rseq": 293,
 }  # fmt: skip
-#: Number by which the kernel calls a machine, and the system's calls that are left on it.
+#: The kernel's number of each machine (AUDIT_ARCH), and the system calls that are allowed on it.
 _MACHINES = {"x86_64": (0xC000003E, _CALLS_X86), "aarch64": (0xC00000B7, _CALLS_ARM)}
 
 _CREATE_RULESET, _RESTRICT_SELF = 444, 446  # the same numbers on every machine
 _VERSION = 1
-#: Rights to files that each version of Landlock knows of (their number), from the first version on.
+#: Number of file rights in each version of Landlock, from the first version on.
 _FILE_RIGHTS = (13, 14, 15, 15, 16)
 _NETWORK_FROM, _NETWORK_RIGHTS = 4, 0b11  # to bind and to connect
 _SCOPES_FROM, _SCOPES = 6, 0b11  # sockets with abstract names, and signals
@@ -49,10 +49,10 @@ class _Program(ctypes.Structure):
 
 
 def lock() -> list[str]:
-    """Lock this process in, as far as the kernel can.
+    """Restrict this process, as far as the kernel supports it.
 
     Returns:
-        The locks that hold: "Landlock", "seccomp", both or none.
+        Names of the active locks: "Landlock", "seccomp", both or none.
     """
     if not sys.platform.startswith("linux"):
         return []
@@ -66,7 +66,7 @@ def lock() -> list[str]:
 
 
 def _landlock(kernel: ctypes.CDLL) -> bool:
-    """Give up every right to files that Landlock knows of, and to the network; tells whether that holds."""
+    """Drop every right to files and network that Landlock supports; return whether that succeeded."""
     version = kernel.syscall(_CREATE_RULESET, None, ctypes.c_size_t(0), _VERSION)
     if version < 1:
         return False
@@ -82,7 +82,7 @@ def _landlock(kernel: ctypes.CDLL) -> bool:
 
 
 def _seccomp(kernel: ctypes.CDLL) -> bool:
-    """Leave only the calls of the system that a computation needs; tells whether that holds."""
+    """Allow only the system calls that a computation needs; return whether that succeeded."""
     machine = platform.machine()
     if machine not in _MACHINES or struct.calcsize("P") != 8:
         return False

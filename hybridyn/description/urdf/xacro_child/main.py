@@ -1,7 +1,8 @@
-"""Expand one xacro file behind the walls that the package's docstring names.
+"""Expand one xacro file with the restrictions that the package's docstring lists.
 
-Protocol: a request in one line of JSON on standard input; on standard output questions (`asking`), then one
-line of JSON (`notes` and `locks`, or `error` with `file` and `line`), then, without an error, the XML.
+Protocol: standard input receives the request, one line of JSON, and then the replies to file requests.
+Standard output carries the file requests (`asking`), then one line of JSON (`notes` and `locks`, or `error`
+with `file` and `line`), and, if there was no error, the XML.
 """
 
 from __future__ import annotations
@@ -21,17 +22,17 @@ from .functions import bound_functions, functions_in
 from .kernel_lock import lock
 from .replacing import replace_node
 
-#: What Python is to refuse by itself, where the kernel has no lock.
+#: Audit events that Python itself refuses; they also protect systems whose kernel has no lock.
 FORBIDDEN_EVENTS = (
     "open", "socket.", "subprocess.", "os.", "ctypes.", "shutil.", "glob.", "tempfile.", "pty.", "fcntl.",
 )  # fmt: skip
 
-#: Loaded before the files are out of reach, for XML files in these encodings.
+#: Modules that are imported before files are locked, for XML files in these encodings.
 ENCODINGS = (encodings.cp1252, encodings.latin_1, xml.dom.expatbuilder)
 
 
 class Arguments(dict[str, str]):
-    """Arguments of the file; remembers which names the file asked for."""
+    """Arguments of the file; `asked` records the names that the file asks for."""
 
     def __init__(self, given: dict[str, str]) -> None:
         super().__init__(given)
@@ -46,7 +47,7 @@ class Arguments(dict[str, str]):
 def main() -> None:
     """Expand the file that the request names and answer on standard output."""
     parent = Parent(sys.stdin.buffer, sys.stdout.buffer)
-    sys.stdout = sys.stderr  # what xacro prints is no answer
+    sys.stdout = sys.stderr  # prints of xacro must not mix with the answer
     request = parent.request()
     sys.path += request["paths"]
     import xacro
@@ -69,7 +70,7 @@ def main() -> None:
 
 
 def limit_resources(memory: int, seconds: int) -> None:
-    """Limit memory [bytes], processor time [s], files and processes, where the system can."""
+    """Limit memory [bytes], processor time [s] and open files, and forbid writing to files, if possible."""
     try:
         import resource
     except ImportError:
@@ -89,13 +90,13 @@ def limit_resources(memory: int, seconds: int) -> None:
 
 
 def refuse_events(event: str, arguments: tuple[Any, ...]) -> None:
-    """Refuse files, network and processes by raising; an audit hook stays for good."""
+    """Raise RefusedError for events of files, network and processes; an audit hook cannot be removed."""
     if event.startswith(FORBIDDEN_EVENTS):
         raise RefusedError(f"a xacro file may not use {event}")
 
 
 def prepare(xacro: Any, parent: Parent, arguments: Arguments, folder: str, notes: list[str]) -> None:
-    """Put our own reading of files, expressions and packages in the place of xacro's."""
+    """Replace xacro's functions that read files, evaluate expressions and find packages by our own."""
     from xacro import substitution_args
 
     expand, absolute = xacro.parse, xacro.abs_filename_spec
@@ -138,7 +139,7 @@ def prepare(xacro: Any, parent: Parent, arguments: Arguments, folder: str, notes
 def dollar_names(
     substitution_args: Any, parent: Parent, mathematics: dict[str, Any], arguments: Arguments
 ) -> dict[str, Any]:
-    """Return what `$(eval ...)` knows before the file's arguments: its own words, and mathematics."""
+    """Return the names that `$(eval ...)` provides besides the file's arguments: mathematics and its own."""
     return {
         **mathematics,
         "true": True,
@@ -151,7 +152,7 @@ def dollar_names(
 
 
 def read_xml(xacro: Any, parent: Parent, filename: str) -> bytes:
-    """Read a xacro file or an included one; document types and entities are refused."""
+    """Read a xacro file or an included one; raise RefusedError for document types and entities."""
     try:
         text = parent.ask("read", filename)
     except OSError as error:
@@ -163,7 +164,7 @@ def read_xml(xacro: Any, parent: Parent, filename: str) -> bytes:
 
 
 def refuse_unused(arguments: Arguments) -> None:
-    """Refuse arguments that the file does not declare; xacro itself would lose them without a word."""
+    """Raise RefusedError for arguments that the file does not declare; xacro itself would ignore them."""
     for name in arguments.given:
         if name not in arguments.asked:
             declared = ", ".join(f"'{known}'" for known in dict.fromkeys(arguments.asked)) or "none"
@@ -171,7 +172,7 @@ def refuse_unused(arguments: Arguments) -> None:
 
 
 def failure(xacro: Any, error: Exception) -> dict[str, Any]:
-    """Describe an error in one line: what, in which file and macro."""
+    """Return an error as one line of text with its macros, and the file and line where it occurred."""
     own, inner, suffix = "", error, ""
     if isinstance(error, xacro.XacroException) and error.exc is not None:
         own, inner, suffix = str(error.args[0] or ""), error.exc, str(error.suffix or "")
@@ -186,7 +187,7 @@ def failure(xacro: Any, error: Exception) -> dict[str, Any]:
 
 
 def describe(error: BaseException) -> str:
-    """Describe what Python raised in words for the author of a robot file."""
+    """Return the message of a Python error in words for the author of a robot file."""
     if isinstance(error, MemoryError):
         return "needs too much memory"
     if isinstance(error, RecursionError):

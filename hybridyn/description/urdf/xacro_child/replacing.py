@@ -1,4 +1,4 @@
-"""Put XML nodes in the place of one, in time that grows with their number."""
+"""Replace an XML node by others in linear time."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ from typing import Any
 
 
 def replace_node(node: Any, by: Any, content_only: bool = False) -> None:
-    """Put nodes (or what they contain) in the place of a node, in time that grows with their number.
+    """Replace a node by other nodes (or by their children), in time linear in their number.
 
-    xacro's own inserts them one by one and searches the parent's list each time, which is quadratic: a stack
-    of 100 modules takes 25 s with it.
+    xacro's own function inserts them one by one and searches the parent's list each time, which is quadratic:
+    with it, a stack of 100 modules takes 25 s.
     """
     sources = [] if by is None else by if isinstance(by, list) else [by]
     new = [child for source in sources for child in source.childNodes] if content_only else sources
