@@ -1,6 +1,7 @@
-"""What is wrong with a robot, each finding with its line and its mend (`hybridyn.check`).
+"""Checks of a robot's files. Each finding names its line and how to mend it (`hybridyn.check`).
 
-Read `finding`, `subject` (what is checked), `check` (all of it); every other file is one kind of finding.
+Read `finding`, `subject` (the data that is checked) and `check` (runs every check) first. Each other file
+holds the checks of one topic.
 
 May import: what `studies` may.
 """

@@ -1,11 +1,11 @@
-"""Checking a model: everything that a careful colleague would tell, each finding with its place and its mend.
+"""Check a robot's files. Each finding names its place and how to mend it.
 
     finding       one finding; every code with its severity
     subject       the file as XML, as records and as a robot
-    shapes        boxes about the links, from visuals, collisions and meshes
-    masses, units, limits, couplings, names, loops      one kind of finding each
+    shapes        bounding boxes of the links, from visuals, collisions and meshes
+    masses, units, limits, couplings, names, loops      the checks of one topic each
 
-`hybridyn.check("robot.urdf")` gives them all, the worst first.
+`hybridyn.check("robot.urdf")` returns all findings, the worst first.
 """
 
 from __future__ import annotations
@@ -47,19 +47,21 @@ def check(
     closure_tolerance: float = 1e-4,
     meshes: bool = True,
 ) -> list[Finding]:
-    """Return what is wrong with a robot's files, the worst first; never raises for what the files hold.
+    """Check a robot's files and return the findings, the worst first.
+
+    Whatever the files contain, no error is raised.
 
     Args:
         path: The robot's file, or the name of a shipped robot.
-        motors: Names of the driven joints, instead of what the files say.
+        motors: Names of the driven joints, in place of those that the files state.
         xacro_args: Arguments of a xacro file by name.
-        package_dirs: Folders in which `$(find package)` and `package://` look.
-        rank_tolerance: As `hybridyn.load` takes it.
-        closure_tolerance: As `hybridyn.load` takes it.
-        meshes: Whether mesh files are looked for and loaded.
+        package_dirs: Folders in which `$(find package)` and `package://` search.
+        rank_tolerance: As for `hybridyn.load`.
+        closure_tolerance: As for `hybridyn.load`.
+        meshes: Whether mesh files are searched for and loaded.
 
     Returns:
-        Findings; none where all is well. Where the file cannot be read, only why.
+        The findings; an empty list if there are none. If the file cannot be read, only the reasons.
     """
     from ...description.shipped import find_robot
 
@@ -73,7 +75,7 @@ def check(
         description = read(file, motors=motors, xacro_args=xacro_args, package_dirs=package_dirs)
     except HybridynError as error:
         return found or [_unreadable(error, file)]
-    with np.errstate(all="ignore"):  # numbers too large or too small for sums are findings, not warnings
+    with np.errstate(all="ignore"):  # overflow and underflow are findings, not NumPy warnings
         robot, problem = _built(root, description, rank_tolerance, closure_tolerance)
         found += problem
         found += _all(root, description, robot, package_dirs, meshes)
@@ -81,10 +83,10 @@ def check(
 
 
 def is_readable(findings: Sequence[Finding]) -> bool:
-    """Say whether findings come from a file that could be read.
+    """Return whether the file of these findings could be read.
 
     Args:
-        findings: What `check` gave.
+        findings: The findings that `check` returned.
     """
     return not any(finding.code in UNREADABLE for finding in findings)
 
@@ -98,18 +100,18 @@ def _all(
 ) -> Iterator[Finding]:
     shapes = read_shapes(root, package_dirs, meshes=meshes)
     subject = Subject(root, description, package_dirs, shapes, robot)
-    judges = (
+    checks = (
         check_masses, check_units, check_limits, check_couplings, check_names, check_meshes, check_lost_loops,
         check_modules,
     )  # fmt: skip
-    for judge in judges:
-        yield from judge(subject)
+    for run_check in checks:
+        yield from run_check(subject)
 
 
 def _built(
     root: Node, description: Description, rank_tolerance: float | None, closure_tolerance: float
 ) -> tuple[HybridRobot | None, list[Finding]]:
-    """Build the robot, or give the finding that says why that fails."""
+    """Build the robot, or return the finding with the reason why it cannot be built."""
     try:
         robot = build_robot(description, rank_tolerance=rank_tolerance, closure_tolerance=closure_tolerance)
         return robot, []
@@ -119,8 +121,8 @@ def _built(
                 "loops-close-nowhere",
                 f"module '{error.module}'",
                 str(error),
-                "there is no posture at which this robot could stand",
-                "look at the frames and the axes of its closures, one after the other",
+                "the robot cannot be assembled in any posture",
+                "check the frames and the axes of its closures, one after the other",
                 *_first_closure(root, description, error.module),
             )
         ]
@@ -132,17 +134,17 @@ def _built(
                 "rank-in-doubt" if doubt else "no-robot",
                 f"'{error.element}'" if error.element else "",
                 _without_place(error),
-                "the number of freedoms decides everything else" if doubt else "nothing can be computed",
+                "every result depends on the number of freedoms" if doubt else "nothing can be computed",
                 "pass --rank-tolerance as the message says, or write more digits"
                 if doubt
-                else "mend what the message names",
+                else "correct the element that the message names",
                 *place,
             )
         ]
 
 
 def _first_closure(root: Node, description: Description, element: str | None) -> tuple[str, int | None]:
-    """Return the place of a closure: that of this name, else one at the link of this name, else the first."""
+    """Return the place of a closure: the one with this name, else one at this link, else the first one."""
     closures = sorted(
         description.closures,
         key=lambda closure: (closure.name != element, element not in (closure.link_a, closure.link_b)),
@@ -172,8 +174,8 @@ def _unreadable(error: HybridynError, file: str) -> Finding:
         "unreadable",
         f"'{element}'" if element else "",
         message,
-        "nothing else can be said before the file can be read",
-        "mend what the message names, and check again",
+        "no other check can run before the file can be read",
+        "correct the element that the message names, and check again",
         place[0] or file,
         place[1],
     )

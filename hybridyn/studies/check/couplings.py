@@ -1,4 +1,4 @@
-"""Traps of `<mimic>`: followers that are driven, chains, multipliers of zero, limits that stop the leader."""
+"""Check `<mimic>` joints: driven followers, chains, multipliers of zero, and limits that stop the leader."""
 
 from __future__ import annotations
 
@@ -9,12 +9,13 @@ from ...description.records import Coupling
 from .finding import Finding
 from .subject import Subject
 
-#: How far a leader's range, mapped to the follower, may exceed the follower's: rounding of the file.
+#: A leader's range, mapped to the follower, may exceed the follower's range by this part of it: files are
+#: rounded.
 RANGE_SLACK = 1e-3
 
 
 def check_couplings(subject: Subject) -> Iterator[Finding]:
-    """Judge every coupling that came from `<mimic>`."""
+    """Check every coupling that was read from a `<mimic>` element."""
     mimics = {c.name: c for c in subject.description.couplings if c.name == c.terms[0][0]}
     motors = set(subject.description.motors)
     for name, coupling in mimics.items():
@@ -24,9 +25,9 @@ def check_couplings(subject: Subject) -> Iterator[Finding]:
                 subject,
                 "mimic-motor",
                 coupling,
-                "is a motor, and mimics another joint",
-                "one motion then has two motors, or a motor that is not there",
-                "take it off the motors, or take <mimic> off",
+                "is a motor and mimics another joint",
+                "one motion then has two motors, or a motor that does not exist",
+                "remove it from the motors, or remove <mimic>",
             )
         for leader, ratio in leaders:
             if ratio == 0.0:
@@ -35,8 +36,8 @@ def check_couplings(subject: Subject) -> Iterator[Finding]:
                     "mimic-zero",
                     coupling,
                     f"mimics '{leader}' with multiplier 0",
-                    "it is held still, whatever the leader does",
-                    'write the multiplier, or make the joint type="fixed"',
+                    "it does not move, whatever the leader does",
+                    'state the multiplier, or make the joint type="fixed"',
                 )
             elif leader in mimics:
                 yield _finding(
@@ -45,14 +46,14 @@ def check_couplings(subject: Subject) -> Iterator[Finding]:
                     coupling,
                     f"mimics '{leader}', which mimics another joint",
                     "hybridyn follows the chain; many programs do not",
-                    "let it mimic the first joint, with the product of the multipliers",
+                    "make it mimic the first joint, with the product of the multipliers",
                 )
             else:
                 yield from _limits(subject, coupling, leader, ratio)
 
 
 def _limits(subject: Subject, coupling: Coupling, leader: str, ratio: float) -> Iterator[Finding]:
-    """Compare the range that the leader's limits give the follower with the follower's own."""
+    """Compare the leader's range, mapped to the follower, with the follower's own range."""
     first, second = subject.joints[leader], subject.joints[coupling.name]
     ends = [first.lower, first.upper, second.lower, second.upper]
     if not all(map(math.isfinite, ends)) or first.lower >= first.upper or second.lower >= second.upper:

@@ -1,4 +1,4 @@
-"""One finding: what is wrong where, why it matters, and how to mend it."""
+"""One finding: its place, the error, why it matters, and how to mend it."""
 
 from __future__ import annotations
 
@@ -6,44 +6,44 @@ from dataclasses import dataclass
 from typing import Literal
 
 Severity = Literal["error", "warning", "note"]
-#: From the worst down: an error gives wrong numbers or none, a warning probably does, a note informs.
+#: The worst first. An error leads to wrong numbers or to none, a warning probably does, a note informs.
 SEVERITIES: tuple[Severity, ...] = ("error", "warning", "note")
 
-#: Every code with its severity and its title; codes stay, so that a CI can name them.
+#: Every code with its severity and its title. Codes do not change, so that a CI job can name them.
 CODES: dict[str, tuple[Severity, str]] = {
     # the file
     "unreadable": ("error", "the file cannot be read as a robot"),
     "duplicate-name": ("error", "two links, joints or closures have one name"),
     "same-name": ("note", "a link and a joint have one name"),
     "unused-link": ("note", "a link has no mass, no shape and no role"),
-    "reader": ("note", "the reader's remark"),
+    "reader": ("note", "a remark of the file reader"),
     # masses
     "negative-inertia": ("error", "a principal moment of inertia is negative"),
     "triangle-inequality": ("warning", "a principal moment is larger than the sum of the other two"),
     "inertia-without-mass": ("warning", "a link has inertia but no mass"),
     "missing-inertial": ("warning", "a moving link has no mass"),
     "massless-motion": ("warning", "a motion has no inertia"),
-    "com-outside": ("warning", "a centre of mass lies far outside its link's shape"),
-    "inertia-too-large": ("warning", "an inertia is larger than mass inside the link's shape can have"),
+    "com-outside": ("warning", "a centre of mass is far outside its link's shape"),
+    "inertia-too-large": ("warning", "an inertia is too large for a mass inside the link's shape"),
     "inertia-too-small": ("note", "an inertia is far smaller than that of the link's shape"),
     "too-dense": ("warning", "a link is denser than any material"),
     "mass-ratio": ("note", "masses differ by many orders of magnitude"),
     "no-mass": ("warning", "no body of a module has mass"),
-    "massless-robot": ("error", "nothing has mass"),
+    "massless-robot": ("error", "no link has mass"),
     # units
     "millimetres": ("warning", "lengths look like millimetres"),
-    "mesh-scale": ("warning", "a mesh is far larger or smaller than its robot"),
+    "mesh-scale": ("warning", "a mesh is far larger than its robot"),
     "degrees": ("warning", "limits look like degrees"),
     # shapes
-    "missing-mesh": ("warning", "a mesh file is not there"),
+    "missing-mesh": ("warning", "a mesh file is missing"),
     "broken-mesh": ("warning", "a mesh file cannot be read"),
     "unread-meshes": ("note", "mesh files were not read, because trimesh is not installed"),
     # limits
-    "limits-crossed": ("error", "a lower limit lies above the upper one"),
+    "limits-crossed": ("error", "a lower limit is above the upper one"),
     "limits-empty": ("note", "lower and upper limit are equal"),
     "limits-missing": ("note", "a motor's position is not limited"),
     "limits-zero": ("warning", "a motor's effort or speed is limited to zero"),
-    "home-outside-limits": ("warning", "the home posture lies outside the limits"),
+    "home-outside-limits": ("warning", "the home posture is outside the limits"),
     # mimic and couplings
     "mimic-motor": ("warning", "a driven joint mimics another"),
     "mimic-chain": ("note", "a joint mimics one that mimics another"),
@@ -52,17 +52,17 @@ CODES: dict[str, tuple[Severity, str]] = {
     # loops
     "lost-loops": ("warning", "the robot seems to have loops that its file does not state"),
     "loops-close-nowhere": ("error", "no posture closes a module's loops"),
-    "rank-in-doubt": ("error", "the file's rounding leaves the mobility in doubt"),
-    "no-robot": ("error", "no robot can be made of the file"),
+    "rank-in-doubt": ("error", "the mobility is uncertain because the file is rounded"),
+    "no-robot": ("error", "no robot can be built from the file"),
     "open-at-home": ("warning", "loops are open at the home posture"),
-    "locked": ("error", "closures leave a module no freedom"),
-    "redundant-closures": ("note", "closures state some rows more than once"),
-    "rounded": ("note", "closures depend on each other only up to the file's rounding"),
+    "locked": ("error", "closures leave a module no degree of freedom"),
+    "redundant-closures": ("note", "some closure rows depend on others"),
+    "rounded": ("note", "some closure rows depend on others, but only up to the file's rounding"),
     # motors
-    "no-motors": ("warning", "nothing drives the robot"),
-    "motor-cannot-move": ("error", "closures hold a motor"),
+    "no-motors": ("warning", "the robot has no motor"),
+    "motor-cannot-move": ("error", "closures prevent a motor from moving"),
     "motors-missing": ("warning", "a motion has no motor"),
-    "motors-opposed": ("error", "motors drive one motion twice and another not at all"),
+    "motors-opposed": ("error", "two motors drive one motion, and no motor drives another"),
     "motors-redundant": ("note", "a module has more motors than freedoms"),
     "idle-motion": ("note", "a motion moves no platform and no centre of mass"),
     "architectural": ("error", "motors lose a direction at every posture"),
@@ -75,7 +75,7 @@ CODES: dict[str, tuple[Severity, str]] = {
 
 @dataclass(frozen=True)
 class Finding:
-    """One thing that a careful colleague would tell.
+    """One error, warning or note about a robot's files.
 
     Attributes:
         code: Stable code, a key of `CODES`.
@@ -97,19 +97,19 @@ class Finding:
 
     @property
     def severity(self) -> Severity:
-        """How bad it is."""
+        """Severity of the finding."""
         return CODES[self.code][0]
 
     @property
     def place(self) -> str:
-        """File and line as compilers print them; empty where unknown."""
+        """File and line as compilers print them; empty if unknown."""
         if self.file is None:
             return ""
         return f"{self.file}:{self.line}" if self.line else self.file
 
 
 def worst(findings: list[Finding]) -> Severity | None:
-    """Return the worst severity among findings, None where there are none.
+    """Return the worst severity among findings, or None if there are none.
 
     Args:
         findings: The findings.

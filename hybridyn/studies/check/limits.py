@@ -1,4 +1,4 @@
-"""Limits that contradict themselves, motors without them, and a home posture outside them."""
+"""Check joint limits: contradictory limits, motors without limits, and a home posture outside the limits."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from ...description.records import Joint
 from .finding import Finding
 from .subject import Subject
 
-#: A home position may lie outside a limit by this part of its range: files are rounded.
+#: A home position may be outside the limits by this part of their range: files are rounded.
 HOME_SLACK = 1e-6
 ONE_FREEDOM = ("revolute", "prismatic")
 
 
 def check_limits(subject: Subject) -> Iterator[Finding]:
-    """Judge the limits of every joint."""
+    """Check the limits of every joint."""
     yield from _crossed(subject)
     motors = set(subject.description.motors)
     followers = {coupling.name for coupling in subject.description.couplings}
@@ -29,7 +29,7 @@ def check_limits(subject: Subject) -> Iterator[Finding]:
 
 
 def _crossed(subject: Subject) -> Iterator[Finding]:
-    """Look at the limits as they are written: the reader drops those that contradict each other."""
+    """Check the limits in the XML file, since the reader drops contradictory ones."""
     for node in subject.root.children("joint"):
         limit, name = node.child("limit"), node.text("name")
         if limit is None or name not in subject.joints or subject.joints[name].kind not in ONE_FREEDOM:
@@ -41,8 +41,8 @@ def _crossed(subject: Subject) -> Iterator[Finding]:
                 "limits-crossed",
                 name,
                 f"lower {lower:g}, upper {upper:g} {_unit(subject.joints[name])}: no position is allowed",
-                "hybridyn takes it as not limited; other programs will not move it",
-                "exchange the two, or correct a sign",
+                "hybridyn treats the joint as not limited; other programs will not move it",
+                "exchange the two limits, or correct a sign",
             )
 
 
@@ -56,11 +56,11 @@ def _range(subject: Subject, joint: Joint, driven: bool) -> Iterator[Finding]:
         yield subject.of_joint(
             "limits-empty",
             joint.name,
-            f"{stated}: the range is empty, so it is taken as not stated",
-            "a workspace or a controller that keeps to limits would never move it"
+            f"{stated}: the range is empty, so the limits are ignored",
+            "a workspace or a controller that respects limits would never move the joint"
             if driven
             else "exporters write 0 and 0 for passive joints; hybridyn does not stop them there",
-            "write the true range, or leave lower and upper out",
+            "state the true range, or omit lower and upper",
         )
     else:
         yield from _home(subject, joint)
@@ -80,8 +80,8 @@ def _home(subject: Subject, joint: Joint) -> Iterator[Finding]:
     yield subject.of_joint(
         "home-outside-limits",
         joint.name,
-        f"stands at {position:.6g} {_unit(joint)} at home, its limits are {joint.lower:g} to {joint.upper:g}",
-        "simulations and workspaces start where the joint cannot be",
+        f"is at {position:.6g} {_unit(joint)} at home; its limits are {joint.lower:g} to {joint.upper:g}",
+        "simulations and workspaces start at a position that the joint cannot reach",
         "correct [home] in model.toml, or the limits"
         if named
         else "state a home position within them: [home] in model.toml",
@@ -98,16 +98,16 @@ def _motor(subject: Subject, joint: Joint) -> Iterator[Finding]:
                 "limits-zero",
                 joint.name,
                 f"is a motor with {what} limit {value:g} {unit}",
-                "read as a limit it may never move; redundant motors share by their effort limits",
-                f"write its {what} limit, or leave <limit {'effort' if what == 'effort' else 'velocity'}> "
-                "out if it is not known",
+                "with this limit the motor may never move; redundant motors share efforts by these limits",
+                f"state its {what} limit, or omit <limit {'effort' if what == 'effort' else 'velocity'}> "
+                "if it is not known",
             )
     endless = not np.isfinite([joint.lower, joint.upper]).all()
     if joint.kind == "prismatic" and endless:
         yield subject.of_joint(
             "limits-missing",
             joint.name,
-            "is a slide that is driven, without lower and upper limit",
-            "a workspace or a simulation will drive it through its end",
-            "write <limit lower= upper=> in metres",
+            "is a driven slide without lower and upper limit",
+            "a workspace or a simulation will move it past its end stop",
+            "state <limit lower= upper=> in metres",
         )

@@ -1,4 +1,4 @@
-"""Loops, mobility and motors of every module, and what the home posture loses."""
+"""Check the loops, mobility, motors and masses of every module, and singularities of the home posture."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from .subject import Subject
 
 
 def check_modules(subject: Subject) -> Iterator[Finding]:
-    """Judge every module; of equal modules the first."""
+    """Check every module; of equal modules only the first."""
     robot = subject.robot
     if robot is None:
         return
@@ -28,29 +28,29 @@ def check_modules(subject: Subject) -> Iterator[Finding]:
             "no-motors",
             "",
             f"no motor for {_counted(robot.mobility, 'freedom')} ({subject.description.motors_from})",
-            "inverse dynamics has nothing to give, and simulations fall freely",
-            "write motors = [...] in model.toml, <transmission> in the URDF or name_mot in robot.yaml",
+            "inverse dynamics computes no effort, and simulations fall freely",
+            "state motors = [...] in model.toml, <transmission> in the URDF or name_mot in robot.yaml",
             subject.description.source,
         )
-    told: set[int] = set()
+    seen: set[int] = set()
     for module, open_by in zip(robot.modules, home_residuals(robot), strict=True):
-        if id(module.mechanism) in told or not module.joints or module.joints[0] not in subject.joints:
-            continue  # a free base is no joint of the file
-        told.add(id(module.mechanism))
-        yield from _Judge(subject, robot, module, open_by).findings()
+        if id(module.mechanism) in seen or not module.joints or module.joints[0] not in subject.joints:
+            continue  # a free base is not a joint of the file
+        seen.add(id(module.mechanism))
+        yield from _ModuleCheck(subject, robot, module, open_by).findings()
 
 
 def check_lost_loops(subject: Subject) -> Iterator[Finding]:
-    """Tell the signs of loops that the files do not state."""
-    why = "opened as a tree it is another robot: too many motors, and efforts that are not its own"
+    """Find signs of loops that the files do not state."""
+    why = "without its loops it is another robot, with too many motors and wrong efforts"
     for sign in lost_loops(subject.description):
-        told = (sign.message, why, sign.mend)
+        texts = (sign.message, why, sign.mend)
         if sign.link:
-            yield subject.of_link("lost-loops", sign.link, *told)
+            yield subject.of_link("lost-loops", sign.link, *texts)
         elif sign.joint:
-            yield subject.of_joint("lost-loops", sign.joint, *told)
+            yield subject.of_joint("lost-loops", sign.joint, *texts)
         else:
-            yield Finding("lost-loops", "", *told, subject.places.file)
+            yield Finding("lost-loops", "", *texts, subject.places.file)
 
 
 def _counted(number: int, thing: str) -> str:
@@ -58,20 +58,20 @@ def _counted(number: int, thing: str) -> str:
 
 
 def _named(motions: tuple[str, ...]) -> str:
-    """Return motions by name, each once, many of them shortened."""
+    """List the names of motions, each once; a long list is shortened."""
     names = [*dict.fromkeys(motions)]
     more = f" and {len(names) - LISTED_NAMES} more" if len(names) > LISTED_NAMES else ""
     return ", ".join(names[:LISTED_NAMES]) + more
 
 
-class _Judge:
-    """The judge of one module."""
+class _ModuleCheck:
+    """Checks one module."""
 
     def __init__(self, subject: Subject, robot: HybridRobot, module: Module, open_by: float) -> None:
         self.subject, self.robot, self.module, self.open_by = subject, robot, module, open_by
 
     def findings(self) -> Iterator[Finding]:
-        """Give everything about the module."""
+        """Yield all findings about the module."""
         yield from self._loops()
         yield from self._motors()
         yield from self._masses()
@@ -94,27 +94,27 @@ class _Judge:
             yield self._about(
                 "open-at-home",
                 f"its loops are open by {self.open_by:.2g} of its size ({m.length:g} m) at the home posture",
-                "what starts at home must assemble first, and may find another branch than you think",
+                "a motion that starts at home must assemble first, perhaps on another branch than intended",
                 "state a home posture that closes them ([home] in model.toml); 'hybridyn idm' finds one",
             )
         if not module.mobility:
             yield self._about(
                 "locked",
                 f"its {report.rank} independent closure rows leave its {m.reduction.n} freedoms no motion",
-                "nothing can move; a plan for such a module has no solution",
-                "a weld ('6d', 'fixed') where a hinge or a ball is meant? Check types and axes of "
+                "the module cannot move, and no motion of it has a solution",
+                "a weld ('6d', 'fixed') in place of a hinge or a ball? Check types and axes of "
                 f"{listed(module.closures)}",
             )
         if (spare := report.rows - report.rank) > 0:
             rounded = report.dropped > ROUNDED_ROWS
             yield self._about(
                 "rounded" if rounded else "redundant-closures",
-                f"{spare} of {report.rows} closure rows say what others say"
+                f"{spare} of {report.rows} closure rows depend on the others"
                 + (f", up to the file's rounding ({report.dropped:.1e} relative)" if rounded else ""),
-                "wrenches inside the loops are not unique there; motion and motor efforts are",
-                f"write more digits, if the mobility of {module.mobility} is not what you expect"
+                "wrenches inside the loops are not unique; motion and motor efforts are",
+                f"write more digits if you do not expect a mobility of {module.mobility}"
                 if rounded
-                else "nothing to do where that is meant; a spherical closure has fewer rows than a hinge",
+                else "nothing to do if this is intended; a spherical closure has fewer rows than a hinge",
             )
 
     def _motors(self) -> Iterator[Finding]:
@@ -129,7 +129,7 @@ class _Judge:
             yield self._about(
                 "architectural",
                 singular.partition("; ")[0],
-                "no effort holds the platform along that motion, and no position of the motors tells it",
+                "motor efforts cannot hold the platform along that motion, and motor positions do not fix it",
                 "change the geometry (similar hexagons?) or the choice of motors",
             )
             return
@@ -140,29 +140,29 @@ class _Judge:
                 "motors-opposed",
                 f"{counts}, but none drives the motion of {_named(free.uncontrolled)}, while {opposed} "
                 "work against others",
-                "efforts of that motion are missing, and others are not unique",
-                "choose motors that move every freedom once: motors = [...] in model.toml",
+                "that motion has no effort, and other efforts are not unique",
+                "choose one motor per freedom: motors = [...] in model.toml",
             )
         elif free.uncontrolled and self.robot.motors:
             yield self._about(
                 "motors-missing",
                 f"{counts}: no motor drives the motion of {_named(free.uncontrolled)}",
-                'idm refuses a motion that needs an effort there; passive="solved" lets it move freely',
-                "add a motor, or leave the passive motion if it is meant",
+                'idm rejects a motion that needs an effort there; passive="solved" computes the free motion',
+                "add a motor, or nothing if the passive motion is intended",
             )
         elif opposed > 0:
             yield self._about(
                 "motors-redundant",
                 f"{counts}",
-                "efforts are shared by effort limits or weights: many solutions move it alike",
-                "pass --weights to idm where the sharing matters",
+                "many efforts cause the same motion; effort limits or weights select one of them",
+                "pass --weights to idm if the distribution matters",
             )
         if free.idle:
             yield self._about(
                 "idle-motion",
                 f"the motion of {_named(free.idle)} moves no platform and no centre of mass",
-                "a rod between two balls spins freely; its rate is taken as least, never as an error",
-                "nothing to do; a universal joint in place of one ball removes it",
+                "a rod between two balls spins freely; hybridyn takes its least rate and raises no error",
+                "nothing to do; a universal joint in place of one ball removes the motion",
             )
 
     def _held_motors(self) -> Iterator[Finding]:
@@ -174,9 +174,9 @@ class _Judge:
             if np.abs(Psi[column]).max() < SINGULAR_POSTURE * np.abs(Psi).max():
                 yield self._about(
                     "motor-cannot-move",
-                    "is a motor, but the closures hold it at every posture",
-                    "its effort is whatever you like, and moves nothing",
-                    "another joint is the motor, or a closure has too many rows",
+                    "is a motor, but the closures prevent it from moving at every posture",
+                    "its effort is arbitrary and moves nothing",
+                    "choose another joint as the motor, or a closure with fewer rows",
                     name,
                 )
 
@@ -189,7 +189,7 @@ class _Judge:
             if not self._carries():
                 yield self._about(
                     "no-mass",
-                    "none of its bodies has mass, and it carries nothing",
+                    "none of its bodies has mass, and no other module is on it",
                     "its direct dynamics has no solution",
                     "add <inertial> to its links",
                 )
@@ -198,12 +198,12 @@ class _Judge:
             yield self._about(
                 "massless-motion",
                 f"the motion of {name} has no inertia",
-                "an effort along it would accelerate it without limit: ddm and simulate need inertia there",
+                "any effort along it causes an infinite acceleration: ddm and simulate need inertia there",
                 "give the link an <inertial>, or the joint a rotor_inertia in model.toml",
             )
 
     def _carries(self) -> bool:
-        """Say whether a module with mass stands on this one."""
+        """Return whether this module is the parent of another one."""
         number = next(i for i, other in enumerate(self.robot.modules) if other is self.module)
         return any(other.parent == number for other in self.robot.modules)
 
@@ -216,7 +216,7 @@ class _Judge:
             yield self._about(
                 "singular-closures",
                 f"its closures lose rank at the home posture (smallest pivot {basis.pivot[0]:.1e})",
-                "more motions are possible there for an instant, and two branches meet",
+                "additional instantaneous motions are possible there, and two branches meet",
                 "choose another home posture: [home] in model.toml",
             )
             return
@@ -225,7 +225,7 @@ class _Judge:
         if share is not None and usual is not None and share[0] < SINGULAR_POSTURE <= np.median(usual):
             yield self._about(
                 "singular-parallel",
-                f"with its motors locked it still moves at the home posture (share of the motors "
+                f"it can still move at the home posture when its motors are locked (share of the motors "
                 f"{share[0]:.1e})",
                 "efforts grow without bound there",
                 "choose another home posture, away from this one",
@@ -234,14 +234,14 @@ class _Judge:
         if lost is not None:
             yield self._about(
                 "singular-serial",
-                f"its platform '{module.outputs[0]}' loses a direction at the home posture ({lost:.1e} of "
-                "what is usual): a leg is stretched or folded",
-                "the platform cannot be asked to move that way there",
+                f"its platform '{module.outputs[0]}' loses a direction of motion at the home posture "
+                f"({lost:.1e} of the usual value): a leg is stretched or folded",
+                "the platform cannot move in that direction there",
                 "choose another home posture, away from this one",
             )
 
     def _serial_loss(self, Psi: Array) -> float | None:
-        """Give how little the outputs move along the motion that moves them least, where that is singular."""
+        """Compute the outputs' smallest singular value at home over the usual largest; None if regular."""
         m = self.module.mechanism
         if not m.spec.outputs:
             return None

@@ -1,4 +1,4 @@
-"""Masses and inertias that no body can have, or not one of the link's shape."""
+"""Check masses and inertias: values that no body, or no body of the link's shape, can have."""
 
 from __future__ import annotations
 
@@ -13,24 +13,25 @@ from .finding import Finding
 from .shapes import volume_of_box
 from .subject import Subject
 
-#: Denser than osmium, 22,590 kg/m^3: no body of that size has this mass.
+#: Largest density [kg/m^3]. The densest material, osmium, has 22,590 kg/m^3.
 DENSEST = 23_000.0
-#: A centre of mass may lie outside its link's box by this part of the box's diagonal (covers, empty shapes).
+#: A centre of mass may be outside its link's box by this part of the box's diagonal, since some links have
+#: only partial shapes.
 OUTSIDE = 0.5
-#: A radius of gyration may exceed the farthest point of the shape by this factor before it is remarked.
+#: A radius of gyration may exceed the distance to the farthest point of the shape by this factor.
 LARGER = 1.5
-#: Below this part of the shape's half diagonal an inertia looks like a placeholder.
+#: A radius of gyration below this part of the shape's half diagonal looks like a placeholder.
 SMALLER = 0.02
-#: Without a shape a radius of gyration is compared with the whole robot's size.
+#: Largest radius of gyration of a link without a shape, relative to the whole robot's size.
 WHOLE = 3.0
-#: An inertia below this part of mass x (robot's size)^2 is rounding around zero: a point mass.
+#: An inertia below this part of mass x (robot's size)^2 counts as zero, as that of a point mass.
 POINT = 1e-12
-#: Masses of one robot that differ by more lose digits in each other's sums.
+#: Largest ratio of masses in a robot. Sums of masses with a larger ratio lose digits.
 RATIO = 1e7
 
 
 def check_masses(subject: Subject) -> Iterator[Finding]:
-    """Judge every link's mass, centre of mass and inertia."""
+    """Check every link's mass, centre of mass and inertia."""
     for link in subject.description.links:
         yield from _inertia(subject, link)
         yield from _size(subject, link)
@@ -53,7 +54,7 @@ def _inertia(subject: Subject, link: Link) -> Iterator[Finding]:
             link.name,
             f"{stated}: one is negative",
             "kinetic energy may become negative, and a simulation may blow up",
-            "look for a wrong sign, or products of inertia larger than the moments; take the tensor about "
+            "look for a wrong sign, or products of inertia larger than the moments; state the tensor about "
             "the centre of mass",
         )
     elif moments[2] > moments[0] + moments[1] + slack:
@@ -76,7 +77,7 @@ def _inertia(subject: Subject, link: Link) -> Iterator[Finding]:
 
 
 def _size(subject: Subject, link: Link) -> Iterator[Finding]:
-    """Compare mass and inertia with the link's shape, or, where it has none, with the robot's size."""
+    """Compare mass and inertia with the link's shape, or with the robot's size if it has no shape."""
     if link.mass <= 0.0:
         return
     box = subject.box(link.name)
@@ -96,10 +97,10 @@ def _size(subject: Subject, link: Link) -> Iterator[Finding]:
         yield subject.of_link(
             "com-outside",
             link.name,
-            f"its centre of mass ({com}) m lies {outside:.3g} m outside its shape, whose diagonal is "
+            f"its centre of mass ({com}) m is {outside:.3g} m outside its shape, whose diagonal is "
             f"{diagonal:.3g} m",
-            "gravity and inertia act at a wrong lever",
-            "state <inertial><origin> in the link's frame in metres, not in the CAD's or the world's",
+            "gravity and inertia act with a wrong lever arm",
+            "state <inertial><origin> in metres in the link's frame, not in the CAD's or the world's",
         )
     elif gyration > LARGER * far:
         yield _too_large(subject, link, gyration, far, "the farthest point of its shape")
@@ -108,7 +109,7 @@ def _size(subject: Subject, link: Link) -> Iterator[Finding]:
             "inertia-too-small",
             link.name,
             f"its radius of gyration is {gyration:.2g} m, its shape's half diagonal {diagonal / 2:.2g} m",
-            "torques that turn it come out too small",
+            "the torques that accelerate it are computed too small",
             "a placeholder, or g m^2 read as kg m^2? Write the inertia in kg m^2 about the centre of mass",
         )
     volume = volume_of_box(lower, upper)
@@ -123,23 +124,23 @@ def _size(subject: Subject, link: Link) -> Iterator[Finding]:
 
 
 def _too_large(subject: Subject, link: Link, gyration: float, size: float, what: str) -> Finding:
-    """Say that an inertia is too large, and which unit would explain it."""
+    """Return the finding that an inertia is too large, with the unit that would explain it."""
     return subject.of_link(
         "inertia-too-large",
         link.name,
         f"its radius of gyration is {gyration:.3g} m; {what} is {size:.3g} m away"
         if "point" in what
         else f"its radius of gyration is {gyration:.3g} m; {what} is {size:.3g} m",
-        "efforts in fast motions are dominated by an inertia that is not there",
+        "an inertia that does not exist dominates the efforts of fast motions",
         unit_guess(gyration / size) + "write the inertia in kg m^2, about the centre of mass",
     )
 
 
 def unit_guess(ratio: float) -> str:
-    """Say which slip of units makes a radius of gyration too large by about this ratio.
+    """Return the confusion of units that makes a radius of gyration too large by about this ratio.
 
     Args:
-        ratio: Radius of gyration over the size of the shape, about 0.3 to 1 where all is well.
+        ratio: Radius of gyration over the size of the shape, about 0.3 to 1 if the units are right.
     """
     if ratio > 3e3:
         return "it looks like g mm^2 (1 g mm^2 = 1e-9 kg m^2) beside a mass in kg: "
@@ -151,13 +152,13 @@ def unit_guess(ratio: float) -> str:
 
 
 def _missing(subject: Subject) -> Iterator[Finding]:
-    """Look for what moves without mass; where nothing has any, say so once."""
+    """Find moving links without mass. If no link has mass, return a single finding."""
     moving = [joint for joint in subject.description.joints if joint.kind != "fixed"]
     if moving and not has_mass(subject.description):
         yield subject.of_link(
             "massless-robot",
             moving[0].child,
-            "moves and has no mass, and no other link has any",
+            "moves and has no mass, and no other link has mass",
             "efforts of gravity and inertia are zero, and direct dynamics has no solution",
             "add <inertial> to the links: was the file exported without masses?",
         )
@@ -166,9 +167,9 @@ def _missing(subject: Subject) -> Iterator[Finding]:
         yield subject.of_link(
             "missing-inertial",
             joint.child,
-            f"moves (joint '{joint.name}') and weighs nothing",
-            "efforts leave out its weight and inertia",
-            "add <inertial> with mass, centre of mass and inertia, or join it to a link that has them",
+            f"moves (joint '{joint.name}') and has no mass",
+            "efforts do not include its weight and inertia",
+            "add <inertial> with mass, centre of mass and inertia, or merge it with a link that has them",
         )
 
 
@@ -180,7 +181,7 @@ def _ratio(subject: Subject) -> Iterator[Finding]:
     yield subject.of_link(
         "mass-ratio",
         small.name,
-        f"{small.mass:.3g} kg beside {large.mass:.3g} kg of link '{large.name}'",
+        f"has {small.mass:.3g} kg, while link '{large.name}' has {large.mass:.3g} kg",
         "solutions lose digits, and one of the two is probably in another unit",
         "write masses in kg; give a link that stands for a frame no mass at all",
     )

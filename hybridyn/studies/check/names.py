@@ -1,4 +1,4 @@
-"""Names that are stated twice, links without a role, meshes that are not there, and the reader's remarks."""
+"""Check names and files: duplicate names, links without a role, missing meshes, and the reader's remarks."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from .shapes import UNREAD
 from .subject import Subject
 
 NAMED = ("link", "joint", "loop", "constraint", "loop_joint", "coupling")
-TOLD_ELSEWHERE = ("unphysical inertia", "no file says which joints", "both ignored")
+REPORTED_ELSEWHERE = ("unphysical inertia", "no file says which joints", "both ignored")
 
 
 def duplicated_names(root: Node) -> list[Finding]:
-    """Give every name that two elements of a kind share; a robot cannot be read then.
+    """Return a finding for every name that two elements of one kind share. Such a file cannot be read.
 
     Args:
         root: Root element.
@@ -34,8 +34,8 @@ def duplicated_names(root: Node) -> list[Finding]:
                         "duplicate-name",
                         f"{kind} '{name}'",
                         f"is stated twice{first}",
-                        "what refers to the name may mean either",
-                        "rename one of the two, and what belongs to it",
+                        "a reference to the name may mean either element",
+                        "rename one of the two, and every reference to it",
                         *place,
                     )
                 )
@@ -45,31 +45,31 @@ def duplicated_names(root: Node) -> list[Finding]:
 
 
 def check_names(subject: Subject) -> Iterator[Finding]:
-    """Judge names and roles."""
+    """Check names and roles, and pass on the reader's remarks."""
     description = subject.description
     for name in subject.links.keys() & subject.joints.keys():
         yield subject.of_link(
             "same-name",
             name,
             "a joint has the same name",
-            "Pinocchio's getFrameId refuses a name that means two frames; hybridyn keeps them apart",
-            "rename one if you use robot.model directly",
+            "Pinocchio's getFrameId rejects a name of two frames; hybridyn distinguishes them",
+            "rename one of them if you use robot.model directly",
         )
     yield from _unused(subject)
     for note in description.notes:
-        if not any(text in note for text in TOLD_ELSEWHERE):
+        if not any(text in note for text in REPORTED_ELSEWHERE):
             yield Finding(
                 "reader",
                 "",
                 note,
-                "something in the file was passed over or taken in a particular way",
-                "nothing to do if that is what you mean",
+                "something in the file was ignored or interpreted in a particular way",
+                "nothing to do if that is what you intend",
                 description.source,
             )
 
 
 def _unused(subject: Subject) -> Iterator[Finding]:
-    """Name links that could be left out: without mass, shape, anything on them or a closure."""
+    """Find links that could be omitted: no mass, no shape, no child link and no closure."""
     description = subject.description
     used = {joint.parent for joint in description.joints}
     used |= {link for closure in description.closures for link in (closure.link_a, closure.link_b)}
@@ -81,21 +81,21 @@ def _unused(subject: Subject) -> Iterator[Finding]:
             yield subject.of_link(
                 "unused-link",
                 link.name,
-                f"has no mass, no shape and nothing on it (fixed joint '{joint.name}')",
-                "it costs nothing, and is right where it marks a frame (a tool, a sensor)",
-                "leave it out if nobody needs the frame",
+                f"has no mass, no shape and no child link (fixed joint '{joint.name}')",
+                "it costs nothing, and is correct if it marks a frame (a tool, a sensor)",
+                "remove it if the frame is not needed",
             )
 
 
 def check_meshes(subject: Subject) -> Iterator[Finding]:
-    """Judge the files of the meshes."""
-    told: set[str] = set()
+    """Check that the mesh files exist and can be read."""
+    reported: set[str] = set()
     unread = 0
     for link, shapes in subject.shapes.items():
         for shape in shapes:
-            if shape.wrong is None or shape.mesh is None or shape.mesh in told:
+            if shape.wrong is None or shape.mesh is None or shape.mesh in reported:
                 continue
-            told.add(shape.mesh)
+            reported.add(shape.mesh)
             if shape.wrong == UNREAD:
                 unread += 1
                 continue
@@ -105,8 +105,8 @@ def check_meshes(subject: Subject) -> Iterator[Finding]:
             yield subject.of_link(
                 "missing-mesh" if missing else "broken-mesh",
                 link,
-                f"mesh '{shape.mesh}' {'is not there' if missing else shape.wrong}{again}",
-                "the link is not drawn, and its mass cannot be judged by its shape",
+                f"mesh '{shape.mesh}' {'is missing' if missing else shape.wrong}{again}",
+                "the link is not drawn, and its mass cannot be compared with its shape",
                 "put the file there, or name the folder of its package with --package-dir"
                 if missing
                 else "export it again as STL, DAE or OBJ",
@@ -117,7 +117,7 @@ def check_meshes(subject: Subject) -> Iterator[Finding]:
             "unread-meshes",
             "",
             f"{unread} mesh file{'s were' if unread > 1 else ' was'} not read: trimesh is not installed",
-            "masses, inertias and units cannot be judged by these shapes",
+            "masses, inertias and units cannot be compared with these shapes",
             install_advice("view"),
             subject.description.source,
         )

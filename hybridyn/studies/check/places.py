@@ -1,4 +1,4 @@
-"""Where an element of a robot stands: its line, or, of xacro, the line of the macro that writes it."""
+"""Find the file and line of a robot's element; for xacro, those of the macro that writes the element."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from ...description.urdf.xml_node import Node
 
 EXPANDED = " (expanded)"
 SUBSTITUTED = re.compile(r"\$\{[^}]*\}|\$\([^)]*\)")
-#: Of one robot.
+#: Largest number of xacro files of one robot that are searched.
 MOST_FILES = 200
 
 
 class _Written(NamedTuple):
-    """An element with a name as its xacro file writes it."""
+    """A named element of a xacro file, with its name as a pattern."""
 
     tag: str
     pattern: re.Pattern[str]
@@ -29,10 +29,10 @@ class _Written(NamedTuple):
 
 
 class Places:
-    """The places of a robot's elements."""
+    """Looks up the places of a robot's elements."""
 
     def __init__(self, root: Node) -> None:
-        """Start with nothing looked up.
+        """Keep the file name; xacro files are searched on the first request.
 
         Args:
             root: Root element of the robot, xacro expanded.
@@ -44,12 +44,13 @@ class Places:
         """Return file and line of an element.
 
         Args:
-            tag: What it is: "link", "joint", "loop", ...
+            tag: Tag of the element: "link", "joint", "loop", ...
             name: Its name.
-            line: Its line in the text that was read; of no use where xacro wrote that text.
+            line: Its line in the text that was read; ignored if xacro wrote that text.
 
         Returns:
-            File and line; for xacro the element whose name, with its ${...} filled in, fits best.
+            File and line. For xacro, those of the element whose name pattern, with any text in place of
+            ${...}, fits the name best.
         """
         if not self.expanded:
             return self.file, line
@@ -61,7 +62,7 @@ class Places:
 
     @cached_property
     def _written(self) -> list[_Written]:
-        """Every element with a name in the xacro file and the files that it includes by plain paths."""
+        """All named elements of the xacro file and of the files that it includes by plain paths."""
         out: list[_Written] = []
         waiting, seen = [Path(self.file)], set[Path]()
         parser = etree.XMLParser(resolve_entities=False, no_network=True, load_dtd=False, recover=True)

@@ -1,7 +1,7 @@
-"""The shapes of a robot's links: boxes about them, volumes, and meshes that are absent or broken.
+"""Read the shapes of a robot's links: their bounding boxes, and meshes that are missing or broken.
 
-Elements are read with their lines. Files of meshes are loaded by trimesh (the extra `view`), and only where a
-mesh is named.
+Each shape keeps the line of its element. trimesh (the extra `view`) loads the mesh files. It is imported only
+if the robot's file names a mesh.
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ from ...description.urdf.xml_node import Node
 from ...errors import ModelError
 from ...spatial import Array
 
-#: Bytes: larger ones are not loaded for their box.
+#: Mesh files larger than this are not loaded [bytes].
 LARGEST_MESH = 100 * 2**20
-#: What is wrong with a mesh whose file is there, where trimesh is not installed.
+#: `Shape.wrong` of a mesh whose file exists but was not read, because trimesh is not installed.
 UNREAD = "unread"
 
 
@@ -36,9 +36,9 @@ class Shape:
         kind: "box", "cylinder", "capsule", "sphere" or "mesh".
         role: "visual" or "collision".
         line: Line in the file, or None.
-        corners: Corners of its own box in the link, shape (8, 3), [m], or None where its mesh is not known.
-        mesh: What the file calls the mesh, or None.
-        wrong: Why the mesh is not known, or None: "missing", `UNREAD`, or a reader's complaint.
+        corners: Corners of its bounding box, shape (8, 3), [m], link frame; None if its mesh was not loaded.
+        mesh: File name of the mesh as the robot's file states it, or None.
+        wrong: Why the mesh was not loaded, or None: "missing", `UNREAD`, or the reader's message.
     """
 
     kind: str
@@ -52,11 +52,11 @@ class Shape:
 def read_shapes(
     root: Node, package_dirs: Sequence[str | PathLike[str]], *, meshes: bool = True
 ) -> dict[str, list[Shape]]:
-    """Read the shapes of every link; what cannot be understood is left out (other programs judge it).
+    """Read the shapes of every link. Shapes that cannot be interpreted are omitted.
 
     Args:
         root: Root element of a URDF.
-        package_dirs: Folders in which `package://` looks.
+        package_dirs: Folders in which `package://` searches.
         meshes: Whether mesh files are loaded.
     """
     load = _MeshBoxes(root.file.removesuffix(" (expanded)"), package_dirs) if meshes else None
@@ -106,7 +106,7 @@ def _shape(node: Node, load: _MeshBoxes | None) -> Shape | None:
 
 
 class _MeshBoxes:
-    """Boxes about meshes, each file loaded once."""
+    """Computes bounding boxes of meshes, and loads each file once."""
 
     def __init__(self, file: str, package_dirs: Sequence[str | PathLike[str]]) -> None:
         self.folder = Path(file).parent
@@ -119,7 +119,7 @@ class _MeshBoxes:
         self.known: dict[str, tuple[Array, Array] | str] = {}
 
     def __call__(self, name: str) -> tuple[Array, Array] | str:
-        """Return lower and upper corner of a mesh in its own units, or what is wrong with it."""
+        """Return lower and upper corner of a mesh in its own units, or the reason why it has none."""
         if name not in self.known:
             self.known[name] = self._load(name)
         return self.known[name]
@@ -140,10 +140,10 @@ class _MeshBoxes:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")
                 bounds = trimesh.load(file, force="mesh").bounds
-        except Exception as error:  # readers of some twenty formats: whatever goes wrong, the mesh is broken
+        except Exception as error:  # about twenty formats: on any error the mesh is broken
             return f"cannot be read ({type(error).__name__}: {' '.join(str(error).split())[:100]})"
         if bounds is None or not np.isfinite(bounds).all():
-            return "holds no triangles"
+            return "has no triangles"
         return np.asarray(bounds[0], dtype=float), np.asarray(bounds[1], dtype=float)
 
     def _find(self, name: str) -> Path | None:

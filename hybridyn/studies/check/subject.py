@@ -1,4 +1,4 @@
-"""What is checked: the file as XML, as records, and as a robot, as far as it got."""
+"""Data that the checks use: the file as XML, as records and, if it can be built, as a robot."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ from .shapes import Shape
 
 @dataclass(frozen=True)
 class Subject:
-    """A robot's files.
+    """A robot's files in every form that the checks need.
 
     Attributes:
         root: Root element, xacro expanded.
-        description: What the files say.
-        package_dirs: Folders in which `package://` looks.
+        description: Records read from the files.
+        package_dirs: Folders in which `package://` searches.
         shapes: Shapes of the links, by link.
-        robot: The robot, or None where it cannot be built.
+        robot: The robot, or None if it cannot be built.
     """
 
     root: Node
@@ -38,7 +38,7 @@ class Subject:
 
     @cached_property
     def places(self) -> Places:
-        """Where elements stand."""
+        """Files and lines of the elements."""
         return Places(self.root)
 
     @cached_property
@@ -53,12 +53,12 @@ class Subject:
 
     @cached_property
     def joint_above(self) -> dict[str, Joint]:
-        """For each link but the root the joint that carries it."""
+        """Parent joint of each link except the root."""
         return {joint.child: joint for joint in self.description.joints}
 
     @cached_property
     def extent(self) -> float:
-        """Size of the robot [m]: diagonal of the box about frames and closures, all joints at zero."""
+        """Size of the robot [m]: diagonal of the box around frames and closures with all joints at zero."""
         below: dict[str, list[Joint]] = {}
         for joint in self.description.joints:
             below.setdefault(joint.parent, []).append(joint)
@@ -76,7 +76,7 @@ class Subject:
         return float(np.linalg.norm(np.ptp(np.array(points), axis=0)))
 
     def box(self, link: str) -> tuple[Array, Array] | None:
-        """Return lower and upper corner of the box about a link's shapes, link frame, or None without any."""
+        """Return lower and upper corner of the box around a link's shapes [m], link frame, or None."""
         corners = [shape.corners for shape in self.shapes.get(link, ()) if shape.corners is not None]
         if not corners:
             return None
@@ -86,7 +86,7 @@ class Subject:
     def of_link(
         self, code: str, name: str, message: str, why: str, mend: str, line: int | None = None
     ) -> Finding:
-        """Return a finding about a link, or about something in it that stands on a line of its own."""
+        """Return a finding about a link, at the link's line or at the given line inside it."""
         place = self.places.of("link", name, line or self.links[name].line)
         return Finding(code, f"link '{name}'", message, why, mend, *place)
 
@@ -98,7 +98,7 @@ class Subject:
     def of_module(
         self, code: str, name: str, message: str, why: str, mend: str, at: tuple[str, ...]
     ) -> Finding:
-        """Return a finding about a module, at the first of some closures and joints that has a line."""
+        """Return a finding about a module, at the line of the first element of `at` that has one."""
         closures = {c.name: c.line for c in self.description.closures}
         closures |= {c.name: c.line for c in self.description.couplings}
         for element in at:

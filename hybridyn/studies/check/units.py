@@ -1,4 +1,4 @@
-"""Lengths that look like millimetres, angles that look like degrees, meshes in a unit of their own."""
+"""Check units: lengths that look like millimetres, angles in degrees, and meshes in another unit."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ import numpy as np
 from .finding import Finding
 from .subject import Subject
 
-#: Robots whose median joint offset is longer than this are giants, or written in millimetres [m].
+#: A median joint offset above this length suggests a file in millimetres [m].
 GIANT = 5.0
-#: A mesh that is larger (or smaller) than its robot by this factor has another unit.
+#: A mesh that is larger than its robot by this factor has another unit.
 MESH = 50.0
-#: Angular limits at or beyond this many turns that are whole numbers look like degrees.
+#: Whole-numbered angular limits of at least this many turns look like degrees.
 TURNS = 2.0
 
 
 def check_units(subject: Subject) -> Iterator[Finding]:
-    """Judge whether lengths and angles are metres and radians."""
+    """Check that lengths are in metres and angles in radians."""
     yield from _lengths(subject)
     yield from _angles(subject)
     yield from _meshes(subject)
@@ -41,7 +41,7 @@ def _lengths(subject: Subject) -> Iterator[Finding]:
         longest,
         f"half of all offsets between joints are longer than {float(np.median(lengths)):.3g} m; this one is "
         f"{offsets[longest]:.4g} m",
-        "with lengths a thousand times too large every torque is wrong",
+        "if lengths are a thousand times too large, every torque is wrong",
         "if the file is in millimetres, divide every xyz, radius, length and prismatic limit by 1000",
     )
 
@@ -58,27 +58,27 @@ def _angles(subject: Subject) -> Iterator[Finding]:
                 "degrees",
                 joint.name,
                 f"its limits are {stated}, whole numbers beyond {TURNS:g} turns",
-                "URDF counts in radians, so these limits never stop anything",
-                "multiply by pi / 180, or write the joint as continuous",
+                "URDF angles are in radians, so these limits never stop the joint",
+                "multiply them by pi / 180, or make the joint continuous",
             )
 
 
 def _meshes(subject: Subject) -> Iterator[Finding]:
     size = subject.extent
-    told: set[str] = set()
+    reported: set[str] = set()
     for link, shapes in subject.shapes.items():
         for shape in shapes:
-            if shape.mesh is None or shape.corners is None or shape.mesh in told or not size:
+            if shape.mesh is None or shape.corners is None or shape.mesh in reported or not size:
                 continue
             own = float(np.linalg.norm(np.ptp(shape.corners, axis=0)))
             if not own or own <= MESH * size:
                 continue
-            told.add(shape.mesh)
+            reported.add(shape.mesh)
             yield subject.of_link(
                 "mesh-scale",
                 link,
                 f"mesh '{shape.mesh}' spans {own:.3g} m in a robot of {size:.3g} m",
-                "what is drawn, and what is judged by shapes, is nonsense",
+                "drawings, and checks that use shapes, are meaningless",
                 'meshes in millimetres need <mesh scale="0.001 0.001 0.001">',
                 shape.line,
             )
