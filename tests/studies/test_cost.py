@@ -1,4 +1,4 @@
-"""What accuracy costs: fronts, advice, and the two studies on a small robot."""
+"""`hybridyn cost`: Pareto fronts, advice, and the two studies on a small robot."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ POINTS = [
 STUDY = Study("question", POINTS, "reference", 1e-16, "per sample", "efforts", "the slow way")
 
 
-def test_the_front_is_what_nothing_beats() -> None:
+def test_no_point_is_better_than_the_front() -> None:
     assert [p.setting for p in front(POINTS)] == ["fast", "slow"]
     assert cheapest(STUDY, 1e-2) == POINTS[1]
     assert cheapest(STUDY, 1e-6) == POINTS[0]
@@ -67,7 +67,7 @@ def test_equal_times_go_to_the_more_accurate() -> None:
 
 def test_advice_names_the_way_and_what_it_saves() -> None:
     assert advice(STUDY, 1e-2).startswith("For 1 % on efforts, take fast: 8 times as fast as the slow way")
-    assert "take slow (error 1.0e-09): nothing cheaper will do" in advice(STUDY, 1e-6)
+    assert "take slow (error 1.0e-09): nothing cheaper suffices" in advice(STUDY, 1e-6)
     assert "the least error is 1.0e-09" in advice(STUDY, 1e-12)
     own = point("own", 1e-4, 0.5, use="program")
     said = advice(STUDY._replace(points=[*POINTS, own]), 1e-2)
@@ -115,8 +115,8 @@ def test_models_of_a_small_robot() -> None:
     assert closing[-1].setting == "1e-13, C in float64"
     assert {p.use for p in closing} == {"program"}
     assert closing[0].error > 1e-6 > 1e-10 > closing[-1].error
-    assert all(a.own <= b.own for a, b in pairwise(closing))  # no steps fewer for a tighter tolerance
-    # Leaving out an effect costs just what it adds, told by another call.
+    assert all(a.own <= b.own for a, b in pairwise(closing))  # a tighter tolerance never takes fewer steps
+    # The error without an effect is the effort that the effect adds, computed by another call.
     q, v, a = some.q, some.v, some.a
     whole = hybridyn.idm(robot, q, v, a, effects="model")
     for line, setting, kept in (
@@ -154,18 +154,20 @@ def test_loops_left_open_are_for_public_calls_too() -> None:
 
 def test_without_a_compiler_nothing_is_claimed(monkeypatch: pytest.MonkeyPatch) -> None:
     for part in (models, loops):
-        monkeypatch.setattr(part, "written_out", lambda *_: "not written out: no compiler")
+        monkeypatch.setattr(part, "generated_idm", lambda *_: "no C code: no compiler")
     robot = hybridyn.load("five_bar")
     study = study_models(robot, motion(robot, 5), choose(robot, "model"), lambda what: None)
     assert study.own_error == UNJUDGED
-    assert "nothing judges here" in study.reference
+    assert "as no higher precision is available" in study.reference
     usual = next(p for p in study.points if p.use == "usual")
-    assert usual.seconds > usual.own  # closing counts, though nothing is written out
+    assert usual.seconds > usual.own  # closing counts, even without C code
     assert error_words(usual, study) == "< 1e-09"
-    assert advice(study, 1e-12).startswith("For 1e-12 on motor efforts nothing that was tried will do")
+    assert advice(study, 1e-12).startswith(
+        "For 1e-12 on motor efforts no configuration that was tried suffices"
+    )
 
 
-def test_a_table_without_rates_is_no_judge_of_splines() -> None:
+def test_a_spline_is_not_compared_with_its_own_rates() -> None:
     robot = hybridyn.load("five_bar")
     some = motion(robot)
     at = [robot.q_slices[robot.joint_index[motor]].start for motor in robot.motors]
@@ -176,7 +178,7 @@ def test_a_table_without_rates_is_no_judge_of_splines() -> None:
     }
     q, v, a = hybridyn.assemble(robot, motors=motors, guess=some.q[0])
     spline, differences = by_rates(robot, some.time, q, v, a, choose(robot, None))
-    assert "nothing judges them" in spline.failure
+    assert "nothing to compare with" in spline.failure
     assert differences.use == "comparison"
     assert [p.failure[:12] for p in by_rates(robot, None, q, v, a, choose(robot, None))] == ["not measured"]
 
@@ -193,7 +195,7 @@ SWING = ROOT / "models/five_bar/swing.toml"
 
 @pytest.fixture(scope="module")
 def swing() -> Study:
-    """Measure the beginning of the swing once for all tests that look at it."""
+    """Measure the beginning of the swing once for all tests that use it."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(settings, "FACTORS", (8.0, 4.0))
         patch.setattr(settings, "TOLERANCES", (1e-3, 1e-7))
@@ -203,7 +205,7 @@ def swing() -> Study:
 
 @pytest.fixture
 def measured(swing: Study, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Let the command find the swing measured already."""
+    """Replace the measurement of the command by the one of `swing`."""
     monkeypatch.setattr(runs, "study_runs", lambda *_: swing)
 
 
@@ -255,7 +257,7 @@ def test_a_target_out_of_reach_prints_nothing_to_paste(
 ) -> None:
     out = call(capsys, "cost", SWING, "--until", "0.05", "--target", "1e-30")
     assert (out.status, out.out) == (1, "")
-    assert "nothing that was tried will do: the least error is" in out.err
+    assert "no configuration that was tried suffices: the least error is" in out.err
 
 
 def test_effects_to_leave_out_of_a_scene() -> None:

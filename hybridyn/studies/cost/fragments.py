@@ -1,4 +1,4 @@
-"""Lines to paste into a scene."""
+"""Write lines to paste into a scene file."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ from ...effects import UNITS
 if TYPE_CHECKING:
     from ...scenes.scene_file import SceneFile
 
-#: Effects that only tables of their own ask for.
+#: Effects that a scene requests only by tables of their own.
 TABLES = ("payload", "wrench", "base_motion")
 
 
 def solver_fragment(options: dict[str, Any], dtype: str) -> str:
-    """Return a scene's table [solver], which takes the place of the one that is there.
+    """Write the table [solver] that replaces the scene's own.
 
     Args:
         options: Arguments of `simulate`.
-        dtype: Numbers of the accelerations written out as C, or "".
+        dtype: Number type of the C code that computes accelerations, or "" for the general path.
     """
     lines = ["[solver]", *(f"{key} = {_toml(value)}" for key, value in options.items())]
     if dtype == "float64":
@@ -32,11 +32,11 @@ def solver_fragment(options: dict[str, Any], dtype: str) -> str:
 
 
 def effects_fragment(source: SceneFile, names: Sequence[str]) -> str:
-    """Return the line of a scene's table [effects] that asks for some of its effects.
+    """Write the table [effects] that requests some of the scene's effects.
 
     Args:
         source: The scene.
-        names: Effects that stay.
+        names: The effects to keep.
     """
     own = {name for name, _ in source.scene.effects.stated() if name in UNITS}
     use = [name for name in names if name not in own and name not in TABLES]
@@ -46,5 +46,5 @@ def effects_fragment(source: SceneFile, names: Sequence[str]) -> str:
 
 
 def _toml(value: object) -> str:
-    """Write a value as TOML does."""
+    """Return a value in TOML notation."""
     return f'"{value}"' if isinstance(value, str) else f"{value:g}"

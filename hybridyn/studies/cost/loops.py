@@ -1,4 +1,4 @@
-"""What closing loops costs, and what loops that are left open cost in efforts."""
+"""Measure the time to close loops, and the error of efforts with loops closed only to a tolerance."""
 
 from __future__ import annotations
 
@@ -12,12 +12,13 @@ from ...linkage.newton import Closed, LoopProblem, close
 from ...spatial import Array
 from ...structure.module import Module
 from ...structure.robot import HybridRobot
+from .generated import generated_idm
 from .points import Point, timed
-from .written import written_out
 
-#: How far loops may stay open, over the module's length.
+#: Closure residuals that are tried, relative to the module's length.
 CLOSING_TOLERANCES = (1e-3, 1e-5, 1e-7, 1e-9, 1e-11, 1e-13)
 
+#: Largest number of Newton steps.
 MOST_STEPS = 12
 
 LINE = "loops closed to a tolerance"
@@ -26,18 +27,18 @@ LINE = "loops closed to a tolerance"
 def by_closing(
     robot: HybridRobot, q: Array, v: Array, a: Array, effects: Effects, error: Callable[[Array], float]
 ) -> Iterator[Point]:
-    """Measure loops closed by Newton from the sample before, up to a tolerance.
+    """Measure efforts with loops that Newton's method closes to a tolerance, starting at the sample before.
 
-    The written-out model takes loops that are open by no more than its guard allows: float32 where float64
-    does not; what neither takes is for comparison.
+    The generated C model accepts loops only up to the residual that its guard allows. The limit of float32 is
+    larger than that of float64. Tolerances that neither accepts are measured for comparison.
 
     Args:
         robot: The robot.
         q: Positions, assembled, shape (T, nq).
         v: Rates, shape (T, nv).
         a: Accelerations, shape (T, nv).
-        effects: What is computed.
-        error: Gives the error of efforts.
+        effects: The effects.
+        error: Computes the error of efforts.
     """
     looped = [Newton(module, q) for module in robot.modules if module.mechanism.closures.rows]
     if not looped or len(q) < 2:
@@ -47,7 +48,7 @@ def by_closing(
         for newton in looped:
             seconds += newton.until(tolerance, posture) / len(q)
         for dtype in ("float64", "float32"):
-            model = written_out(robot, effects, dtype)
+            model = generated_idm(robot, effects, dtype)
             if isinstance(model, str):
                 yield Point(LINE, f"{tolerance:.0e}", np.inf, seconds, "", model)
                 break
@@ -58,7 +59,7 @@ def by_closing(
 
 
 def _point(tolerance: float, dtype: str, guard: float, error: float, seconds: float) -> Point:
-    """Return the point of a tolerance, its time that of closing alone."""
+    """Return the point of a tolerance; its time is that of closing alone."""
     what = f"close loops to {tolerance:.0e} only and compute in C ({dtype})"
     how = f"# loops closed to {tolerance:.0e} by Newton from the sample before, then "
     call = f'hybridyn.compile(robot, effects, dtype="{dtype}").idm'
@@ -68,10 +69,10 @@ def _point(tolerance: float, dtype: str, guard: float, error: float, seconds: fl
 
 
 class Newton:
-    """Newton's steps on one module's loops, for all samples at once, each number of steps measured once."""
+    """Newton's steps on one module's loops, for all samples at once. Each number of steps is timed once."""
 
     def __init__(self, module: Module, q: Array) -> None:
-        """Start every sample from the posture of the sample before, motors held.
+        """Start every sample from the posture of the sample before, with the motors at their positions.
 
         Args:
             module: The module.
@@ -93,14 +94,14 @@ class Newton:
         self.taken = [(self.start, 0.0)]
 
     def until(self, tolerance: float, q: Array) -> float:
-        """Step until the loops of every sample are open by no more than a tolerance.
+        """Step until the closure residual of every sample is within a tolerance.
 
         Args:
-            tolerance: Over the module's length.
-            q: Positions of the robot, shape (T, nq); the module's own are written.
+            tolerance: The tolerance, relative to the module's length.
+            q: Positions of the robot, shape (T, nq); those of the module are overwritten.
 
         Returns:
-            Time that the steps take [s].
+            Time of the steps [s].
         """
         m = self.module.mechanism
         for steps in range(MOST_STEPS + 1):
@@ -114,7 +115,7 @@ class Newton:
         return seconds
 
     def _after(self, steps: int) -> tuple[Array, float]:
-        """Return the posture after so many steps, and their time [s]."""
+        """Return the postures after a number of steps, and the time of these steps [s]."""
         while len(self.taken) <= steps:
             number = len(self.taken)
             closed, seconds = timed(partial(self._closed, number), 3)

@@ -1,4 +1,4 @@
-"""What the inverse model's knobs cost along a trajectory: effects, arithmetic, closures, rates."""
+"""Measure error and time of the inverse model along a trajectory: effects, arithmetic, closures, rates."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from ...effects.choice import Effects
 from ...errors import HybridynError
 from ...spatial import Array
 from ...structure.robot import HybridRobot
+from .generated import generated_idm
 from .loops import by_closing
 from .points import Point, Study, Use, timed
 from .rates import by_rates
-from .written import written_out
 
-#: Rows of the trajectory that are looked at, spread over it.
+#: Number of rows of the trajectory that are used, evenly spread.
 SAMPLES = 400
 
-#: What is claimed of the general path where nothing better is there to judge it.
+#: Error assumed for the general path if no reference of higher precision can be built.
 UNJUDGED = 1e-9
 
-#: Effects of platforms and serial links alone, which are never left out.
+#: Effects that are never omitted: those of platforms and serial links.
 KEPT = ("gravity", "inertia")
 
 GENERAL = "effects"
@@ -47,7 +47,7 @@ class Trajectory:
     time: Array | None
 
     def thinned(self, samples: int = SAMPLES) -> Trajectory:
-        """Return some of its rows, evenly spread."""
+        """Return at most `samples` of its rows, evenly spread."""
         at = np.unique(np.linspace(0, len(self.q) - 1, min(samples, len(self.q))).round().astype(int))
         return Trajectory(self.q[at], self.v[at], self.a[at], None if self.time is None else self.time[at])
 
@@ -57,18 +57,19 @@ def study_models(
 ) -> Study:
     """Measure the inverse model's configurations along a trajectory.
 
-    A sample costs what its rates cost, what closing its loops costs from the sample before, and the model.
-    Each configuration changes one of these (`Point.own`); the others are rates as given, loops closed to
-    rounding, the general path with every effect (with loops closed to a tolerance: C).
+    The time of a sample is the sum of three parts: computing its rates, closing its loops from the sample
+    before, and the model. Each configuration changes one part (`Point.own`). The defaults of the others are
+    given rates, loops closed to rounding, and the general path with every effect (C code where the closing
+    tolerance varies).
 
-    The error of a configuration is the largest departure of any effort from the reference, over the largest
-    effort of its motor. The reference is the model with all of `effects`, in extended precision.
+    The error of a configuration is the largest difference of any effort from the reference, relative to the
+    motor's largest effort. The reference is the model with all of `effects` in extended precision.
 
     Args:
         robot: The robot.
         trajectory: The motion.
-        effects: Every effect that counts.
-        progress: Told what is measured next.
+        effects: All effects of the reference.
+        progress: Called with the name of what is being measured.
 
     Raises:
         HybridynError: The model cannot follow the trajectory.
@@ -90,9 +91,9 @@ def study_models(
         return found
 
     closing = keep(by_closing(robot, some.q, some.v, some.a, effects, error))
-    exact = closing[-1].seconds if closing else 0.0  # of every other way: loops closed to rounding
+    exact = closing[-1].seconds if closing else 0.0  # for all other points: loops closed to rounding
     general = keep(_by_general(robot, some, effects, error))
-    written = keep(_by_arithmetic(robot, some, effects, _chains(effects, general), error))
+    written = keep(_by_arithmetic(robot, some, effects, _effect_sets(effects, general), error))
     usual = next((p.seconds for p in general if p.use == "usual"), 0.0)
     whole = {p.line: p.seconds for p in written if not p.failure and p.setting.endswith(EVERY)}
     rates = keep(by_rates(robot, trajectory.time, trajectory.q, trajectory.v, trajectory.a, effects))
@@ -106,21 +107,24 @@ def study_models(
 
 
 def _of_model(closing: Point, whole: dict[str, float]) -> float:
-    """Return the time of the model that follows a way of closing [s]."""
+    """Return the time of the C model that is evaluated after closing the loops [s]."""
     return next((seconds for line, seconds in whole.items() if closing.setting.endswith(line)), 0.0)
 
 
 def _reference(robot: HybridRobot, some: Trajectory, effects: Effects) -> tuple[Array, float, str]:
-    """Return the efforts to compare with, their own error, and what they are.
+    """Compute the reference efforts.
+
+    Returns:
+        Efforts, shape (T, motors), [N or N m], their relative error, and a description of the model.
 
     Raises:
-        HybridynError: The general path refuses the motion.
+        HybridynError: The general path cannot follow the motion.
     """
     plain = idm(robot, some.q, some.v, some.a, effects=effects)
-    exact, near = (written_out(robot, effects, dtype) for dtype in ("float128", "longdouble"))
+    exact, near = (generated_idm(robot, effects, dtype) for dtype in ("float128", "longdouble"))
     if isinstance(exact, str) or isinstance(near, str):
         reason = exact if isinstance(exact, str) else near
-        return plain, UNJUDGED, f"the general path in float64, which nothing judges here ({reason})"
+        return plain, UNJUDGED, f"the general path in float64, as no higher precision is available ({reason})"
     tau = exact(some.q, some.v, some.a)[0]
     size = np.abs(tau).max(axis=0)
     off = np.abs(np.asarray(near(some.q, some.v, some.a)[0], dtype=tau.dtype) - tau)
@@ -130,39 +134,39 @@ def _reference(robot: HybridRobot, some: Trajectory, effects: Effects) -> tuple[
 
 EVERY = "every effect"
 
-#: Words for a set of effects, and their names.
+#: Label of a set of effects, and the names of these effects.
 Choice = tuple[str, tuple[str, ...]]
 
 
-def _rising(effects: Effects) -> Iterator[Choice]:
-    """Return sets of effects, each with one more than the one before; then all without one."""
+def _growing_sets(effects: Effects) -> Iterator[Choice]:
+    """Yield sets of effects that grow by one effect each, then the sets of all effects except one."""
     order = [name for name in effects.names if name not in KEPT]
     names = [name for name in KEPT if name in effects.names]
     yield "platforms and serial links only" if order else EVERY, tuple(names)
     for name in order:
         names.append(name)
-        yield f"+ {_said(name)}" + (f": {EVERY}" if name == order[-1] else ""), tuple(names)
+        yield f"+ {_readable(name)}" + (f": {EVERY}" if name == order[-1] else ""), tuple(names)
     if len(order) > 1:
         for name in order[:-1]:
-            yield f"all but {_said(name)}", tuple(x for x in effects.names if x != name)
+            yield f"all but {_readable(name)}", tuple(x for x in effects.names if x != name)
 
 
-def _falling(effects: Effects, worth: dict[str, float]) -> Iterator[Choice]:
-    """Return sets of effects without the two that matter least, the three, and so on.
+def _reduced_sets(effects: Effects, worth: dict[str, float]) -> Iterator[Choice]:
+    """Yield the sets of all effects except the least important two, three, and so on.
 
     Args:
-        effects: All of them.
-        worth: What leaving out one alone costs, by its name.
+        effects: All effects.
+        worth: Error without one effect alone, by its name.
     """
     order = sorted(worth, key=lambda name: worth[name])
     for count in range(2, len(order)):
         out = order[:count]
-        yield "all but " + ", ".join(map(_said, out)), tuple(x for x in effects.names if x not in out)
+        yield "all but " + ", ".join(map(_readable, out)), tuple(x for x in effects.names if x not in out)
 
 
-def _chains(effects: Effects, measured: Sequence[Point]) -> list[Choice]:
-    """Give every set of effects that is worth a look, after the single ones were measured."""
-    rising = list(_rising(effects))
+def _effect_sets(effects: Effects, measured: Sequence[Point]) -> list[Choice]:
+    """Return all sets of effects to measure; the errors of `measured` decide which are omitted together."""
+    rising = list(_growing_sets(effects))
     errors = {p.setting: p.error for p in measured}
     order = [name for name in effects.names if name not in KEPT]
     worth = {}
@@ -172,23 +176,24 @@ def _chains(effects: Effects, measured: Sequence[Point]) -> list[Choice]:
         if words in errors:
             worth[name] = errors[str(words)]
     known = {frozenset(names) for _, names in rising}
-    return rising + [x for x in _falling(effects, worth) if frozenset(x[1]) not in known]
+    return rising + [x for x in _reduced_sets(effects, worth) if frozenset(x[1]) not in known]
 
 
-def _said(name: str) -> str:
+def _readable(name: str) -> str:
+    """Return an effect's name with spaces."""
     return name.replace("_", " ")
 
 
 def _dropped(effects: Effects, names: Sequence[str]) -> str:
-    """Say which effects a set leaves out."""
-    out = [_said(name) for name in effects.names if name not in names]
+    """Describe in words which effects a set omits."""
+    out = [_readable(name) for name in effects.names if name not in names]
     if len(out) < 2:
         return f"drop {', '.join(out) or 'nothing'}"
     return f"drop {', '.join(out[:-1])} and {out[-1]}"
 
 
 def _fragment(names: Sequence[str], how: str) -> str:
-    """Return lines to paste into a scene, and the options of `hybridyn idm` that ask for the same."""
+    """Write lines to paste into a scene, and the equivalent options of `hybridyn idm` as a comment."""
     listed = ", ".join(f'"{name}"' for name in names)
     return f"[effects]\nuse = [{listed}]\n# {how}".rstrip("# ")
 
@@ -196,19 +201,19 @@ def _fragment(names: Sequence[str], how: str) -> str:
 def _by_general(
     robot: HybridRobot, some: Trajectory, effects: Effects, error: Callable[[Array], float]
 ) -> Iterator[Point]:
-    """Measure sets of effects, by the general path: single ones first, then those that matter least."""
+    """Measure sets of effects with the general path; their errors select the last sets."""
     found: list[Point] = []
-    for setting, names in _rising(effects):
+    for setting, names in _growing_sets(effects):
         found.append(_general(robot, some, effects, (setting, names), error))
         yield found[-1]
-    for choice in _chains(effects, found)[len(found) :]:
+    for choice in _effect_sets(effects, found)[len(found) :]:
         yield _general(robot, some, effects, choice, error)
 
 
 def _general(
     robot: HybridRobot, some: Trajectory, effects: Effects, choice: Choice, error: Callable[[Array], float]
 ) -> Point:
-    """Measure one set of effects by the general path."""
+    """Measure one set of effects with the general path."""
     setting, names = choice
     on = effects.only(names)
     whole = setting.endswith(EVERY)
@@ -232,12 +237,12 @@ def _by_arithmetic(
     choices: Sequence[Choice],
     error: Callable[[Array], float],
 ) -> Iterator[Point]:
-    """Measure the written-out model, by widths of numbers and sets of effects."""
+    """Measure the generated C model by number type and set of effects."""
     for dtype, line in WORDS.items():
         for setting, names in choices:
             if setting.startswith("all but") and dtype == "float32":
                 continue
-            program = written_out(robot, effects.only(names), dtype)
+            program = generated_idm(robot, effects.only(names), dtype)
             if isinstance(program, str):
                 yield Point(line, setting, np.inf, np.inf, "", program)
                 break

@@ -1,4 +1,4 @@
-"""Measured configurations: error against time, the front of those worth having, the cheapest that will do."""
+"""Measured configurations: error against time, the Pareto front, and the cheapest one for a given error."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple
 
-#: Measurements of a time; the least counts, since nothing makes a computation faster than it is.
+#: Number of measurements of a time. The least is used, since disturbances only make a computation slower.
 ROUNDS = 5
 
-#: Times within this factor are the same time: the more accurate way is taken.
+#: Times within this factor count as equal; the more accurate configuration is then chosen.
 NOISE = 1.05
 
 Use = Literal["usual", "command", "program", "comparison"]
@@ -22,15 +22,15 @@ class Point:
 
     Attributes:
         line: Family that it belongs to: one line of the plot.
-        setting: What distinguishes it in its family, in words.
-        error: Its error, relative (see `Study`).
-        seconds: Its time: per sample, or for the whole run [s].
-        fragment: Lines to paste into a scene, or comments where no scene can ask for it.
+        setting: What distinguishes it within its family, in words.
+        error: Relative error (see `Study`).
+        seconds: Time per sample or of the whole run [s].
+        fragment: Lines to paste into a scene, or comments if no scene can request it.
         failure: Why there is no result, or "".
-        use: The "usual" way; what a "command" does; what takes a "program" of one's own; or what is there for
-            "comparison" only.
-        what: What to do to have it, in words, as in "For 0.1 %, ...".
-        own: The part of `seconds` that the knob changes [s].
+        use: "usual" for the default, "command" if a command offers it, "program" if only a program of your own
+            can use it, "comparison" if it is for comparison only.
+        what: How to obtain it, in words that continue "For 0.1 %, ...".
+        own: The part of `seconds` that the setting affects [s].
     """
 
     line: str
@@ -48,13 +48,13 @@ class Study(NamedTuple):
     """All configurations of one question.
 
     Attributes:
-        question: What error and time mean, in words.
+        question: Definition of error and time, in words.
         points: The configurations.
-        reference: What the errors are against, in words.
-        own_error: Error of the reference itself, relative; no point is known better than that.
+        reference: The reference of the errors, in words.
+        own_error: Relative error of the reference; smaller errors of points are not known.
         time_unit: "per sample" or "per run".
-        subject: What the errors are of: "motor efforts", "the last posture".
-        usual: What the usual way is called.
+        subject: The quantity that has the errors: "motor efforts" or "the last posture".
+        usual: The usual configuration, in words.
     """
 
     question: str
@@ -67,7 +67,7 @@ class Study(NamedTuple):
 
 
 def timed(function: Callable[[], Any], rounds: int = ROUNDS) -> tuple[Any, float]:
-    """Return a function's result and the least of its times [s]; long calls are measured less often."""
+    """Return a function's result and the least of its times [s]; a call longer than 1 s is not repeated."""
     best, result = float("inf"), None
     for _ in range(rounds):
         start = clock.perf_counter()
@@ -79,11 +79,11 @@ def timed(function: Callable[[], Any], rounds: int = ROUNDS) -> tuple[Any, float
 
 
 def front(points: Sequence[Point], own_error: float = 0.0) -> list[Point]:
-    """Return the points that no other one beats in both error and time, cheapest first.
+    """Return the Pareto front: the points for which no other is both faster and more accurate, fastest first.
 
     Args:
-        points: Those to choose from; comparisons and failures are not chosen.
-        own_error: Error of the reference: errors below it are the same error.
+        points: The points; comparisons and failures are ignored.
+        own_error: Error of the reference; errors below it count as equal.
     """
     good = [(p.seconds, max(p.error, own_error), p) for p in points if _counts(p)]
     out: list[Point] = []
@@ -96,18 +96,18 @@ def front(points: Sequence[Point], own_error: float = 0.0) -> list[Point]:
 
 
 def cheapest(study: Study, target: float) -> Point | None:
-    """Return the cheapest way to an error of at most `target` that commands can take, or None."""
+    """Return the fastest point with an error of at most `target` that a command offers, or None."""
     return _cheapest(study, target, ("usual", "command"))
 
 
 def advice(study: Study, target: float) -> str:
-    """Return one sentence that a person can act on."""
+    """Recommend a configuration for an error of at most `target`, in one sentence."""
     wanted = f"For {portion(target)} on {study.subject}"
     best = cheapest(study, target)
     if best is None:
         reached = min((p.error for p in study.points if _counts(p)), default=float("inf"))
         best_known = max(reached, study.own_error)
-        return f"{wanted} nothing that was tried will do: the least error is {best_known:.1e}."
+        return f"{wanted} no configuration that was tried suffices: the least error is {best_known:.1e}."
     usual = next((p for p in study.points if p.use == "usual" and not p.failure), None)
     own = _cheapest(study, target, ("usual", "command", "program"))
     more = ""
@@ -115,23 +115,23 @@ def advice(study: Study, target: float) -> str:
         ratio = (usual or best).seconds / own.seconds
         more = f"; in a program of your own, {own.what}: {ratio:.2g} times (error {error_words(own, study)})"
     if usual is None or best is usual:
-        kept = "" if usual is None else ": nothing cheaper will do"
+        kept = "" if usual is None else ": nothing cheaper suffices"
         return f"{wanted}, {best.what} (error {error_words(best, study)}){kept}{more}."
     return f"{wanted}, {best.what}: {_against(best, usual, study)} (error {error_words(best, study)}){more}."
 
 
 def portion(number: float) -> str:
-    """Write a relative error as a person says it."""
+    """Format a relative error as a percentage, or as a number if it is very small."""
     return f"{100 * number:.4g} %" if 1e-5 <= number < 10 else f"{number:.2g}"
 
 
 def _counts(point: Point) -> bool:
-    """Say whether a point can be chosen."""
+    """Return whether a point can be chosen."""
     return not point.failure and point.use != "comparison"
 
 
 def _cheapest(study: Study, target: float, uses: Sequence[Use]) -> Point | None:
-    """Return the most accurate of the points that reach the target in the least time, up to noise."""
+    """Return the fastest point within the target; among equal times the most accurate."""
     if target < study.own_error:
         return None
     good = [p for p in study.points if _counts(p) and p.use in uses and p.error <= target]
@@ -142,13 +142,13 @@ def _cheapest(study: Study, target: float, uses: Sequence[Use]) -> Point | None:
 
 
 def _against(point: Point, usual: Point, study: Study) -> str:
-    """Say how a point's time compares to the usual one's."""
+    """Compare a point's time with the usual one's, in words."""
     ratio = usual.seconds / point.seconds
     faster = f"{ratio:.2g} times as fast as" if ratio >= NOISE else "no faster than"
     return f"{faster} {study.usual}"
 
 
 def error_words(point: Point, study: Study) -> str:
-    """Write a point's error; none is known better than the reference is."""
+    """Format a point's error; an error below that of the reference is shown as "< ..."."""
     least = study.own_error
     return f"< {least:.0e}" if point.error < least else f"{point.error:.1e}"

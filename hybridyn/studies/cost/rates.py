@@ -1,4 +1,4 @@
-"""What rates and accelerations cost that do not come with the trajectory: from a spline, from differences."""
+"""Measure error and time of rates and accelerations that a spline or differences compute from positions."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from ...structure.robot import HybridRobot
 from ...tables.rates import derivatives
 from .points import Point, timed
 
-#: Rows at either end whose rates a spline cannot know well.
+#: Number of rows at either end that are ignored, since the rates of a spline are inaccurate there.
 EDGE = 40
 
-#: Rates that differ by less come from the same rule: the table gives none, and was given a spline's.
+#: If efforts differ by less than this (relative), the table had no rates: its rates are those of the spline.
 SAME_RULE = 1e-12
 
 LINE = "rates of the trajectory"
@@ -27,7 +27,7 @@ LINE = "rates of the trajectory"
 def by_rates(
     robot: HybridRobot, time: Array | None, q: Array, v: Array, a: Array, effects: Effects
 ) -> Iterator[Point]:
-    """Measure rates from a spline and from differences of the motors' positions, against those of the table.
+    """Compare rates from a spline and from differences of the motors' positions with those of the table.
 
     Args:
         robot: The robot.
@@ -35,7 +35,7 @@ def by_rates(
         q: Positions, shape (T, nq).
         v: Rates, shape (T, nv).
         a: Accelerations, shape (T, nv).
-        effects: What is computed.
+        effects: The effects.
     """
     kinds = {robot.kinds[robot.joint_index[motor]] for motor in robot.motors}
     obstacle = _obstacle(time, kinds - {"revolute", "prismatic"}, robot)
@@ -67,9 +67,9 @@ def by_rates(
             yield Point(LINE, words, np.inf, np.inf, "", str(failure))
             continue
         off = float((np.abs(tau - wanted) / peak).max(initial=0.0))
-        if off < SAME_RULE:  # nothing is known of its error
+        if off < SAME_RULE:  # its error is unknown
             against = ", against that spline"
-            reason = "the table gives no rates: this is where they come from, nothing judges them"
+            reason = "the table has no rates: this spline replaces them, and there is nothing to compare with"
             yield Point(LINE, words, np.inf, np.inf, "", reason)
             continue
         own = seconds / len(time)
@@ -80,7 +80,7 @@ def by_rates(
 
 
 def _obstacle(time: Array | None, odd_kinds: set[str], robot: HybridRobot) -> str:
-    """Say why rates cannot be taken from positions, or ""."""
+    """Return the reason why rates cannot be computed from positions, or ""."""
     if time is None or len(time) < 3 * EDGE:
         return f"not measured: needs times and {3 * EDGE} rows or more"
     if robot.base != "fixed" or odd_kinds or not robot.motors:

@@ -1,4 +1,4 @@
-"""What time integration costs for a scene: method, step or tolerance, projection, arithmetic, effects."""
+"""Measure error and time of a scene's integration: method, step or tolerance, projection, C code, effects."""
 
 from __future__ import annotations
 
@@ -22,25 +22,25 @@ from .settings import FACTORS, Setting, of_effects, of_integration, own_options,
 if TYPE_CHECKING:
     from ...compiled.model import CompiledRobot
 
-#: Longest time of a run [s], unless the scene's own solver takes a third of that or more.
+#: Time limit of a run [s]. Three times the time of the scene's own solver is allowed if that is longer.
 LIMIT = 10.0
 
-#: Relative tolerances on the way to a reference.
+#: Relative tolerances of the runs that lead to the reference, coarse to fine.
 LADDER = (1e-6, 1e-8, 1e-10, 1e-11, 1e-12)
 
-#: How much longer than any other run the reference may take.
+#: Time limit of all reference runs of a method, relative to that of one run.
 PATIENCE = 10
 
-#: Measurements of a short run.
+#: Number of measurements of a short run.
 ROUNDS = 3
 
 
 class Run(NamedTuple):
-    """What came of a run.
+    """Result of a run.
 
     Attributes:
         q: The last posture, shape (nq,).
-        seconds: Its time [s].
+        seconds: Computing time [s].
         t: Time reached in the scene [s].
         steps: Steps taken.
     """
@@ -52,7 +52,7 @@ class Run(NamedTuple):
 
 
 class TooLongError(HybridynError):
-    """A run was given up."""
+    """A run exceeded its time limit and was stopped."""
 
 
 class Runner:
@@ -61,7 +61,7 @@ class Runner:
     Attributes:
         ready: The scene.
         duration: Time to simulate [s].
-        limit: Longest time of a run [s].
+        limit: Time limit of a run [s].
     """
 
     def __init__(self, ready: Stage, duration: float, limit: float) -> None:
@@ -69,10 +69,10 @@ class Runner:
         self._compiled: dict[str, CompiledRobot | HybridynError] = {}
 
     def compiled(self, dtype: str) -> CompiledRobot | None:
-        """Return the scene's model written out as C, or None for the general path ("").
+        """Return the scene's model compiled from C code, or None for the general path (`dtype` "").
 
         Raises:
-            HybridynError: It cannot be built.
+            HybridynError: The model cannot be built.
         """
         if not dtype:
             return None
@@ -92,13 +92,13 @@ class Runner:
         """Run once.
 
         Args:
-            setting: How.
-            limit: Longest time [s]; `self.limit` where left out.
+            setting: The setting.
+            limit: Time limit [s]; `self.limit` by default.
             watch: Whether the scene's events may end the run.
 
         Raises:
-            TooLongError: It takes longer.
-            HybridynError: It did not reach its end.
+            TooLongError: The run exceeds the time limit.
+            HybridynError: The run fails.
         """
         ready, most = self.ready, self.limit if limit is None else limit
         model = self.compiled(setting.dtype)
@@ -127,7 +127,7 @@ class Runner:
         return Run(np.array(result.state.q), seconds, t, result.counters.steps)
 
     def measured(self, setting: Setting) -> Run:
-        """Run, more than once where that is quick, and give the least time.
+        """Run, several times if a run is quick, and return the least time.
 
         Raises:
             HybridynError: As `run`.
@@ -141,15 +141,15 @@ class Runner:
 def study_runs(ready: Stage, duration: float, progress: Callable[[str], None], limit: float = LIMIT) -> Study:
     """Measure integrators on a scene.
 
-    The error of a run is the distance of its last posture from the reference's: the largest displacement of a
-    joint, in radians or module lengths. The reference is the tightest run that can be had in some time; its
-    own error is its distance from the next looser one.
+    The error of a run is the distance of its last posture from that of the reference: the largest
+    displacement of a joint, in radians or module lengths. The reference is the run with the tightest tolerance
+    that finishes in time. Its own error is the distance to the run with the next looser tolerance.
 
     Args:
         ready: The scene.
         duration: Time to simulate [s]; an event that stops the scene ends every run there.
-        progress: Told what is measured next.
-        limit: Longest time of a run [s], if the scene's own solver takes no more than a third of it.
+        progress: Called with the name of what is being measured.
+        limit: Time limit of a run [s]; three times the time of the scene's own solver if that is longer.
 
     Raises:
         HybridynError: The scene cannot be simulated at all.
@@ -173,14 +173,14 @@ def study_runs(ready: Stage, duration: float, progress: Callable[[str], None], l
 
 
 def typical_step(steps: int, duration: float) -> float:
-    """Return a round length for fixed steps [s], near a run's mean; the coarsest of them still fits in."""
+    """Return a round step [s] near a run's mean step, such that the coarsest fixed step fits in the run."""
     return float(f"{min(duration / steps, 0.9 * duration / FACTORS[0]):.1g}")
 
 
 def _points(
     runner: Runner, settings: Sequence[Setting], exact: Array, progress: Callable[[str], None]
 ) -> Iterator[Point]:
-    """Measure settings; what is finer than a run that took too long is not tried."""
+    """Measure settings; after a run that took too long, finer settings of the same line are skipped."""
     given_up: dict[str, str] = {}
     for setting in settings:
         progress(f"{setting.line}, {setting.words}")
@@ -202,7 +202,7 @@ def _points(
 
 
 def _point_of(ready: Stage, setting: Setting) -> Point:
-    """Return the point of a setting, not measured yet."""
+    """Return the point of a setting before it is measured."""
     if setting.effects is None:
         fragment = solver_fragment(setting.options, setting.dtype)
         what = f"take {setting.line}, {setting.words}".removesuffix(" (usual)")
@@ -215,12 +215,15 @@ def _point_of(ready: Stage, setting: Setting) -> Point:
 
 
 def _reference(runner: Runner) -> tuple[Array, float, str]:
-    """Return the last posture as well as it can be had, its own error, and what it is.
+    """Compute the reference: the last posture at the tightest tolerance of `LADDER` that finishes in time.
 
-    The ladder of tolerances is climbed by dopri5, and by the implicit method where dopri5 takes too long.
+    dopri5 is tried first, then the implicit method if fewer than two runs of dopri5 finish.
+
+    Returns:
+        The last posture, shape (nq,), its own error, and a description of the run.
 
     Raises:
-        HybridynError: Not even two runs of either method reach the end.
+        HybridynError: Fewer than two runs of either method finish.
     """
     dtype = "float64"
     try:
@@ -245,8 +248,8 @@ def _reference(runner: Runner) -> tuple[Array, float, str]:
             engine = ", accelerations in C" if dtype else ""
             return found[-1][1], own, f"{method} at a relative tolerance of {found[-1][0]:g}{engine}"
     raise HybridynError(
-        f"no reference: two runs by dopri5 or the implicit method are needed ({reason}). Look at the "
-        "beginning only, --until, or give runs more time, --limit"
+        f"no reference: two runs by dopri5 or the implicit method must finish ({reason}). Simulate only the "
+        "beginning (--until), or raise the time limit (--limit)"
     )
 
 

@@ -1,4 +1,4 @@
-"""Ways to integrate a scene that are compared."""
+"""The solver settings and effect sets of a scene that are compared."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from typing import Any, NamedTuple
 from ...scenes.stage import Stage
 from .points import Use
 
-#: Fixed steps, over the mean step of the scene's own solver.
+#: Fixed steps relative to the mean step of the scene's own solver.
 FACTORS = (8.0, 4.0, 2.0, 1.0)
 
-#: Relative tolerances of the methods that choose their steps.
+#: Relative tolerances of the adaptive methods.
 TOLERANCES = (1e-3, 1e-5, 1e-7, 1e-9)
 
-#: Effects that a scene may do without and still be the same scene.
+#: Effects that can be omitted without changing the task of a scene.
 DROPPABLE = (
     "leg_inertia", "velocity", "rotor_inertia", "viscous_friction", "coulomb_friction", "stribeck_friction",
 )  # fmt: skip
@@ -27,11 +27,11 @@ class Setting(NamedTuple):
 
     Attributes:
         line: Family that it belongs to.
-        words: What distinguishes it there.
+        words: What distinguishes it within its family.
         options: Arguments of `simulate`.
-        dtype: Numbers of the accelerations written out as C, or "" for the general path.
-        effects: The effects that are on, or None for the scene's.
-        use: How it can be had, see `Point`.
+        dtype: Number type of the C code that computes accelerations, or "" for the general path.
+        effects: Names of the effects, or None for those of the scene.
+        use: As in `Point`.
     """
 
     line: str
@@ -43,22 +43,22 @@ class Setting(NamedTuple):
 
 
 def own_options(ready: Stage) -> dict[str, Any]:
-    """Return what the scene's own [solver] says, as `simulate` takes it."""
+    """Return the scene's table [solver] as arguments of `simulate`."""
     return dict(ready.source.scene.solver.model_dump(exclude_none=True))
 
 
 def usual_setting(options: dict[str, Any]) -> Setting:
-    """Return the scene's own way."""
+    """Return the setting of the scene's own solver."""
     adaptive = options["method"] == "dopri5" or "step" not in options
     pace = f"rtol {options['rtol']:.0e}" if adaptive else f"step {options['step']:g} s"
     return Setting("as the scene says", f"{options['method']}, {pace} (usual)", options, use="usual")
 
 
 def of_integration(step: float) -> Iterator[Setting]:
-    """Return methods, steps and tolerances, projections, and accelerations by the general path or in C.
+    """Yield settings that vary method, step or tolerance, projection, and general path or C code.
 
     Args:
-        step: A step around which fixed steps are tried [s].
+        step: The step that `FACTORS` multiplies [s].
     """
     for dtype, engine in ENGINES.items():
         yield from _family("dopri5", "stages", step, dtype, engine)
@@ -72,7 +72,7 @@ def of_integration(step: float) -> Iterator[Setting]:
 
 
 def _family(method: str, projection: str, step: float, dtype: str, suffix: str) -> Iterator[Setting]:
-    """Return one line's settings, coarse to fine."""
+    """Yield the settings of one line, coarse to fine."""
     if method == "dopri5":
         yield from _adaptive(method, projection, dtype, suffix)
     else:
@@ -80,14 +80,14 @@ def _family(method: str, projection: str, step: float, dtype: str, suffix: str) 
 
 
 def _adaptive(method: str, projection: str, dtype: str, suffix: str) -> Iterator[Setting]:
-    """Return tolerances."""
+    """Yield settings of an adaptive method."""
     for rtol in TOLERANCES:
         options = {"method": method, "rtol": rtol, "atol": rtol * 1e-2, "projection": projection}
         yield Setting(method + suffix, f"rtol {rtol:.0e}", options, dtype, use=_use(dtype, projection))
 
 
 def _fixed(method: str, projection: str, step: float, dtype: str, suffix: str) -> Iterator[Setting]:
-    """Return steps."""
+    """Yield settings of a method with fixed steps."""
     for factor in FACTORS:
         options = {"method": method, "step": float(f"{factor * step:g}"), "projection": projection}
         words = f"step {options['step']:g} s"
@@ -95,18 +95,18 @@ def _fixed(method: str, projection: str, step: float, dtype: str, suffix: str) -
 
 
 def _use(dtype: str, projection: str) -> Use:
-    """Say how a setting can be had: commands know no float32, and loops that drift open are no result."""
+    """Return the use of a setting: commands offer no float32, and without projection loops drift open."""
     if projection == "never":
         return "comparison"
     return "program" if dtype == "float32" else "command"
 
 
 def of_effects(names: Sequence[str], options: dict[str, Any]) -> Iterator[Setting]:
-    """Return the scene's own solver without one effect, and without all that can be left out.
+    """Yield the scene's own solver without one effect each, then without all effects that can be omitted.
 
     Args:
         names: Effects of the scene.
-        options: Its solver.
+        options: Its solver's options.
     """
     there = [name for name in DROPPABLE if name in names]
     for out in [*([name] for name in there), *([there] if len(there) > 1 else [])]:

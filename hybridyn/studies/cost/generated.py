@@ -1,4 +1,4 @@
-"""The inverse model written out as C, of any width of numbers, without the general path behind it."""
+"""The inverse model as generated C code for any number type, without fallback to the general path."""
 
 from __future__ import annotations
 
@@ -12,17 +12,21 @@ from ...errors import HybridynError
 from ...spatial import Array
 from ...structure.robot import HybridRobot
 
-#: From q, v, a to motor efforts, shape (T, motors), and the largest guard, at most 1 where they hold.
-Written = Callable[[Array, Array, Array], tuple[np.ndarray[Any, Any], float]]
+#: Computes motor efforts, shape (T, motors), and the largest guard from q, v, a. Efforts are valid if the guard
+#: is at most 1.
+GeneratedModel = Callable[[Array, Array, Array], tuple[np.ndarray[Any, Any], float]]
 
 
-def written_out(robot: HybridRobot, effects: Effects, dtype: str = "float64") -> Written | str:
-    """Return the written-out inverse model, or why there is none.
+def generated_idm(robot: HybridRobot, effects: Effects, dtype: str = "float64") -> GeneratedModel | str:
+    """Build the inverse model as C code.
 
     Args:
         robot: The robot.
-        effects: What is computed.
+        effects: The effects.
         dtype: "float32", "float64", "longdouble" or "float128".
+
+    Returns:
+        The model, or the reason why it cannot be built.
     """
     try:
         from ...compiled.library.calls import load
@@ -31,9 +35,9 @@ def written_out(robot: HybridRobot, effects: Effects, dtype: str = "float64") ->
         guards = "float32" if dtype == "float32" else "float64"
         library = load([programs(robot, effects, models=("idm",), dtype=guards)["idm"]], dtype=dtype)
     except HybridynError as error:
-        return f"not written out: {error}"
+        return f"no C code: {error}"
     except ImportError as error:
-        return f"not written out: {error.name or error} is not installed"
+        return f"no C code: {error.name or error} is not installed"
 
     def run(q: Array, v: Array, a: Array) -> tuple[np.ndarray[Any, Any], float]:
         (tau,), guard = library.batch("idm", q, v, a)
