@@ -26,7 +26,7 @@ DIFFERENCED = 1e-8
 
 
 def leg_margins(x: Array, z: Array, home: Array, limits: bool) -> Array:
-    """Give how far the tip is inside the reach of both legs, in metres, negative outside; elbows outwards."""
+    """Compute the distance of the tip from the ends of both legs' reach [m], negative outside; elbows outwards."""
     margin = np.full(x.shape, np.inf)
     for side in (-1.0, 1.0):
         dx = x - side * HALF_SPACING
@@ -48,7 +48,7 @@ def leg_margins(x: Array, z: Array, home: Array, limits: bool) -> Array:
 
 @pytest.mark.parametrize("limits", [slow(False), True])
 def test_a_five_bar_reaches_the_intersection_of_its_annuli(limits: bool) -> None:
-    """With limits, the part of it that is connected with home: the rest cannot be gone to."""
+    """With limits, only the part of it that is connected with home is reached."""
     found = workspace(hybridyn.load("five_bar"), link="m1_tool", steps={"x": STEP, "z": STEP}, limits=limits)
     assert found.sweep.names == ("x", "z")
     n = round(2 * (UPPER + LOWER) / STEP)
@@ -62,7 +62,7 @@ def test_a_five_bar_reaches_the_intersection_of_its_annuli(limits: bool) -> None
     assert np.abs(margin[inside & ~reached]).max(initial=0.0) < BOUNDARY
     assert reached.sum() > (450 if limits else 2200)
     if limits:
-        assert (parts > 0).sum() > inside.sum() + 25  # what is out of the way is there, and is not counted
+        assert (parts > 0).sum() > inside.sum() + 25  # other parts exist but are not reached
 
 
 def test_a_posture_reaches_its_coordinates_and_closes() -> None:
@@ -179,27 +179,27 @@ def test_no_step_changes_the_branch() -> None:
 
 
 @pytest.mark.parametrize(
-    ("words", "told"),
+    ("words", "message"),
     [
         ({"module": "m2"}, "there is no module 'm2'"),
         ({"module": 7}, "there is no module '7'; there are 1"),
         ({"link": "m1_tol"}, "did you mean 'm1_tool'"),
         ({"link": "m1_base"}, "does not belong to module"),
         ({"axes": ["q"]}, "there is no coordinate 'q'"),
-        ({"axes": ["y"]}, "'y' of link 'm1_tool' cannot be asked for"),
+        ({"axes": ["y"]}, "'y' of link 'm1_tool' is not independent"),
         ({"at": {"yaw": 0.1}}, "'yaw' of link 'm1_tool' cannot be chosen"),
         ({"at": {"z": 5.0}}, "does not reach the workspace's origin"),
         ({"steps": {"x": 0.0}}, "the step of 'x' must be positive"),
         ({"steps": {"roll": 0.1}}, "'roll' is not swept"),
     ],
 )
-def test_wrong_wishes_are_refused(words: dict[str, object], told: str) -> None:
-    with pytest.raises(hybridyn.HybridynError, match=told):
+def test_wrong_arguments_are_refused(words: dict[str, object], message: str) -> None:
+    with pytest.raises(hybridyn.HybridynError, match=message):
         workspace(hybridyn.load("five_bar"), **words)  # type: ignore[arg-type]
 
 
-def test_a_stack_asks_which_module() -> None:
-    with pytest.raises(hybridyn.TrajectoryError, match=r"say which module: 1 \(m1_platform\), 2"):
+def test_a_stack_needs_the_module() -> None:
+    with pytest.raises(hybridyn.TrajectoryError, match=r"choose a module: 1 \(m1_platform\), 2"):
         workspace(hybridyn.load("lx4"))
 
 

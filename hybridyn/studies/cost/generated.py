@@ -12,8 +12,8 @@ from ...errors import HybridynError
 from ...spatial import Array
 from ...structure.robot import HybridRobot
 
-#: Computes motor efforts, shape (T, motors), and the largest guard from q, v, a. Efforts are valid if the guard
-#: is at most 1.
+#: Computes motor efforts, shape (T, motors), and the largest guard from q, v, a. Efforts are valid if the
+#: guard is at most 1.
 GeneratedModel = Callable[[Array, Array, Array], tuple[np.ndarray[Any, Any], float]]
 
 

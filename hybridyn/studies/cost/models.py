@@ -69,7 +69,7 @@ def study_models(
         robot: The robot.
         trajectory: The motion.
         effects: All effects of the reference.
-        progress: Called with the name of what is being measured.
+        progress: Called with the name of each measurement.
 
     Raises:
         HybridynError: The model cannot follow the trajectory.
@@ -166,17 +166,17 @@ def _reduced_sets(effects: Effects, worth: dict[str, float]) -> Iterator[Choice]
 
 def _effect_sets(effects: Effects, measured: Sequence[Point]) -> list[Choice]:
     """Return all sets of effects to measure; the errors of `measured` decide which are omitted together."""
-    rising = list(_growing_sets(effects))
+    growing = list(_growing_sets(effects))
     errors = {p.setting: p.error for p in measured}
     order = [name for name in effects.names if name not in KEPT]
     worth = {}
     for name in order:
         without = {x for x in effects.names if x != name}
-        words = next((w for w, names in rising if set(names) == without), None)
+        words = next((w for w, names in growing if set(names) == without), None)
         if words in errors:
             worth[name] = errors[str(words)]
-    known = {frozenset(names) for _, names in rising}
-    return rising + [x for x in _reduced_sets(effects, worth) if frozenset(x[1]) not in known]
+    known = {frozenset(names) for _, names in growing}
+    return growing + [x for x in _reduced_sets(effects, worth) if frozenset(x[1]) not in known]
 
 
 def _readable(name: str) -> str:

@@ -27,8 +27,8 @@ class Point:
         seconds: Time per sample or of the whole run [s].
         fragment: Lines to paste into a scene, or comments if no scene can request it.
         failure: Why there is no result, or "".
-        use: "usual" for the default, "command" if a command offers it, "program" if only a program of your own
-            can use it, "comparison" if it is for comparison only.
+        use: "usual" for the default, "command" if a command offers it, "program" if only a program of your
+            own can use it, "comparison" if it is for comparison only.
         what: How to obtain it, in words that continue "For 0.1 %, ...".
         own: The part of `seconds` that the setting affects [s].
     """

@@ -142,13 +142,13 @@ def study_runs(ready: Stage, duration: float, progress: Callable[[str], None], l
     """Measure integrators on a scene.
 
     The error of a run is the distance of its last posture from that of the reference: the largest
-    displacement of a joint, in radians or module lengths. The reference is the run with the tightest tolerance
-    that finishes in time. Its own error is the distance to the run with the next looser tolerance.
+    displacement of a joint, in radians or module lengths. The reference is the run with the tightest
+    tolerance that finishes in time. Its own error is the distance to the run with the next looser tolerance.
 
     Args:
         ready: The scene.
         duration: Time to simulate [s]; an event that stops the scene ends every run there.
-        progress: Called with the name of what is being measured.
+        progress: Called with the name of each measurement.
         limit: Time limit of a run [s]; three times the time of the scene's own solver if that is longer.
 
     Raises:

@@ -1,6 +1,7 @@
-"""The poses that a module's platform can reach from home.
+"""Workspace of a module: the poses that its platform can reach from home.
 
-Read `sweep` (coordinates), `steps` (one step), `flood` (all of them), `measures`, `workspace`.
+Read `sweep` (the coordinates), `steps` (one step between poses), `flood` (all steps), `measures`
+(conditioning and efforts of a posture) and `workspace` (the public function).
 
 May import: what `studies` may.
 """

@@ -1,6 +1,6 @@
-"""A lattice of poses, flooded from its origin: from every pose that is reached its neighbours are tried.
+"""Flood fill of a lattice of poses: starting at the origin, the neighbours of every reached pose are tried.
 
-A step to a neighbour is taken whole as far as that goes, and what is left then in smaller steps.
+Whole steps are tried first. Where they fail, smaller steps follow.
 """
 
 from __future__ import annotations
@@ -19,14 +19,14 @@ from ...spatial import Array, Index
 from .measures import Measures
 from .steps import OUT_OF_REACH, REACHED, Closing
 
-#: A step to a neighbour is tried whole, then in so many parts.
+#: Number of parts into which a step to a neighbour is divided, one attempt after the other.
 PARTS = (1, 4, 16)
-#: Poses that are closed at once; fixed, so that no result depends on the number of processes.
+#: Number of poses that are closed at once. It is fixed, so that no result depends on the number of processes.
 CHUNK = 256
-#: More poses than this are a mistake.
+#: Largest number of poses.
 MOST = 200_000
 
-#: Applies a function, always the same, to tuples of arguments, in order; perhaps in other processes.
+#: Applies one function to tuples of arguments, in order, possibly in other processes.
 Spread = Callable[[Callable[..., Any], Iterable[tuple[Any, ...]]], Iterator[Any]]
 
 
@@ -37,10 +37,10 @@ def in_this_process(function: Callable[..., Any], tasks: Iterable[tuple[Any, ...
 
 @dataclass(frozen=True)
 class Work:
-    """What is done to chunks of postures; it travels to other processes once.
+    """The computations on chunks of postures. It is pickled once for each other process.
 
     Attributes:
-        closing: Goes from poses to neighbouring ones.
+        closing: Steps from poses to neighbouring ones.
         measures: Measures postures.
     """
 
@@ -48,7 +48,7 @@ class Work:
     measures: Measures
 
     def __call__(self, what: str, *arguments: Any) -> Any:
-        """Do one of the two, "close" or "measure"."""
+        """Run one of the two computations, "close" or "measure"."""
         return self.closing(*arguments) if what == "close" else self.measures(*arguments)
 
 
@@ -59,9 +59,17 @@ Pair = tuple[Point, Point]
 
 
 class Flood:
-    """The lattice, flooded from its origin."""
+    """The lattice points that are reached, and the steps that remain to be tried."""
 
     def __init__(self, work: Work, start: Array, step: Array, q: Array) -> None:
+        """Start at the origin.
+
+        Args:
+            work: The computations.
+            start: Coordinates of the origin, shape (names,), [m, rad].
+            step: Step of each swept coordinate, shape (axes,), [m, rad].
+            q: Posture of the module at the origin, shape (its nq,).
+        """
         self.work, self.close, self.start, self.step = work, work.closing, start, step
         names = self.close.sweep.names
         self.columns = [names.index(axis) for axis in self.close.sweep.axes]
@@ -78,20 +86,28 @@ class Flood:
         return out
 
     def found(self) -> tuple[Index, Array]:
-        """Return the lattice points that were reached, in order, and the module's postures there."""
+        """Return the reached lattice points, shape (n, axes), sorted, and the module's postures there."""
         index = np.array(list(self.reached)).reshape(-1, len(self.step))
         order = np.lexsort(index.T[::-1])
         return index[order], np.array(list(self.reached.values()))[order]
 
     def run(self, spread: Spread, progress: Callable[[int], None] | None) -> None:
-        """Reach whatever can be reached: by whole steps as far as they go, then the rest in smaller ones."""
-        self._neighbours(next(iter(self.reached)))
+        """Find all reachable lattice points.
+
+        Args:
+            spread: Distributes the chunks of steps.
+            progress: Called with the number of poses reached, or None.
+
+        Raises:
+            ModelError: There are too many poses.
+        """
+        self._queue_neighbours(next(iter(self.reached)))
         while (found := self._next()) is not None:
             level, pairs = found
             done = 0
             for q, state in spread(self.work, self._chunks(level, pairs)):
                 for posture, what, pair in zip(q, state, pairs[done : done + len(q)], strict=True):
-                    self._arrived(level, pair, posture, int(what))
+                    self._record(level, pair, posture, int(what))
                 done += len(q)
                 if progress:
                     progress(len(self.reached))
@@ -102,8 +118,8 @@ class Flood:
                 )
 
     def _next(self) -> tuple[int, list[Pair]] | None:
-        """Return the steps to take next, and the number of their entry in `PARTS`; None at the end."""
-        if self.waiting:  # one step to each point: from the first neighbour not tried yet
+        """Return the index in `PARTS` and the steps to try next, or None at the end."""
+        if self.waiting:  # one step to each point, from the first neighbour not tried yet
             pairs = [(sides.pop(0), to) for to, sides in self.waiting.items()]
             self.waiting = {to: sides for to, sides in self.waiting.items() if sides}
             return 0, pairs
@@ -114,23 +130,23 @@ class Flood:
                 return level, pairs
         return None
 
-    def _arrived(self, level: int, pair: Pair, posture: Array, what: int) -> None:
-        """Enter what a step came to."""
+    def _record(self, level: int, pair: Pair, posture: Array, what: int) -> None:
+        """Record the result of a step."""
         to = pair[1]
         if to in self.reached:
             return
         if what == REACHED:
             self.reached[to] = posture
             self.waiting.pop(to, None)
-            self._neighbours(to)
+            self._queue_neighbours(to)
         elif what == OUT_OF_REACH and level + 1 < len(PARTS):
             self.hard[level + 1].append(pair)
         else:
             names = self.close.robot.modules[self.close.sweep.module].joints
             self.blocked["reach" if what == OUT_OF_REACH else names[what]] += 1
 
-    def _neighbours(self, at: Point) -> None:
-        """Let the neighbours of a point wait to be reached from it."""
+    def _queue_neighbours(self, at: Point) -> None:
+        """Queue the steps from a point to its neighbours."""
         for axis, direction in itertools.product(range(len(at)), (1, -1)):
             to = (*at[:axis], at[axis] + direction, *at[axis + 1 :])
             turned = self.angular[axis] and abs(to[axis]) * self.step[axis] > np.pi

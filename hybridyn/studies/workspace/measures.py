@@ -1,16 +1,16 @@
-"""What a posture of a module is worth: conditioning, and the efforts that hold it.
+"""Measures of a module's posture: conditioning, and the efforts that hold a wrench or the weight.
 
-Let t be the twist of the platform relative to the module's base, linear velocities over the module's length
-L, in an orthonormal basis of the twists that the loops allow, and q_dot the rates of its motors (metres over
-L):
+Let t be the twist of the platform relative to the module's base, in an orthonormal basis of the twists that
+the loops allow, and q_dot the rates of the module's motors. Lengths in both are divided by the module's
+length L:
 
     q_dot = J t          conditioning: smallest over largest singular value of J, 0 singular, 1 isotropic
-    J^T tau = F          efforts that hold a wrench F on the platform; more motors than freedoms share it
+    J^T tau = F          efforts that hold a wrench F on the platform; redundant motors share it
 
-The conditioning counts what the platform is asked for: of t only the velocities of its independent
-coordinates, and angular velocity only where an angle is among them. `effort_per_force` is the largest effort
-of any motor against a force of 1 N at the link's origin in the worst direction, `effort_per_torque` against
-1 N m. Efforts that hold gravity are those of the inverse model at rest.
+The conditioning is restricted to the velocities of the platform's independent coordinates. Angular velocities
+are included only if one of these coordinates is an angle. `effort_per_force` is the largest effort of any
+motor that holds a force of 1 N at the link's origin in the worst direction; `effort_per_torque` is the same
+for 1 N m. The efforts that hold the weight are those of the inverse model at rest.
 """
 
 from __future__ import annotations
@@ -26,21 +26,21 @@ from ...spatial import Array, Mask
 from ...structure.robot import HybridRobot
 from .sweep import Sweep
 
-#: Efforts below this part of all of them are rounding: a Delta's platform passes no torque to its motors.
+#: Efforts below this part of their norm are rounding: the motors of a Delta, for example, hold no torque.
 NO_EFFORT = 1e-12
-#: Twists below this part of the largest are no motion of the platform.
+#: Singular values of the twists below this part of the largest are rounding: the platform does not move.
 NO_TWIST = 1e-7
 
 
 class Measures:
-    """Measures postures; it travels to other processes."""
+    """Measures postures of a module. Instances are pickled for other processes."""
 
     def __init__(self, robot: HybridRobot, sweep: Sweep) -> None:
-        """Measure a module of a robot.
+        """Compute the freedoms of the platform.
 
         Args:
             robot: The robot.
-            sweep: The module, and the link that counts as its platform.
+            sweep: The module, and the link that is its platform.
         """
         self.robot, self.sweep = robot, sweep
         m = robot.modules[sweep.module].mechanism
@@ -50,7 +50,7 @@ class Measures:
         self.rank = int(np.sum(np.median(values / values[:, :1], axis=0) > NO_TWIST))
 
     def _twists(self, motion: Motion, Psi: Array) -> Array:
-        """Return the platform's twist along motions, linear over L, shape (T, 6, N), base axes."""
+        """Compute the platform's twists of the motions Psi, linear over L, shape (T, 6, N), base axes."""
         m = self.robot.modules[self.sweep.module].mechanism
         body, _, p = self.robot.bodies.place[self.sweep.link]
         number = m.cut.tree_body(self.robot.body_owner[body][1])
@@ -66,9 +66,9 @@ class Measures:
             q: Postures of the robot, shape (T, nq).
 
         Returns:
-            By name, shape (T,) each: "conditioning"; where the motors suffice "effort_per_force" [N/N or
-            N m/N], "effort_per_torque" [N/(N m) or 1]; "<motor>/effort", the efforts that hold the robot's
-            weight [N or N m]. Efforts of singular postures are inf.
+            Measures by name, shape (T,) each: "conditioning"; if there are enough motors, "effort_per_force"
+            [N/N or N m/N] and "effort_per_torque" [N/(N m) or 1]; and "<motor>/effort", the effort that
+            holds the robot's weight [N or N m]. Efforts of singular postures are inf.
         """
         conditioning, holding = self._maps(q)
         out = {"conditioning": conditioning}
@@ -83,7 +83,7 @@ class Measures:
         return out
 
     def _maps(self, q: Array) -> tuple[Array, Array | None]:
-        """Return the conditioning, shape (T,), and efforts per wrench, shape (T, motors, 6), base axes."""
+        """Compute the conditioning, shape (T,), and efforts per wrench, shape (T, motors, 6), base axes."""
         module = self.robot.modules[self.sweep.module]
         m = module.mechanism
         if not module.motors or not module.mobility:
@@ -94,21 +94,21 @@ class Measures:
         rates = Psi[:, module.motor_columns] / unit[:, None]
         U, s, Vt = np.linalg.svd(self._twists(motion, Psi), full_matrices=False)
         U, s, Vt = U[:, :, : self.rank], s[:, : self.rank], Vt[:, : self.rank]
-        # Coordinates w of the twists, t = U w, that motions without a twist do not change: q_dot = J w.
+        # Twists in coordinates w, t = U w. Without the motions that cause no twist, q_dot = J w.
         J = np.matmul(rates, np.swapaxes(Vt, 1, 2) / np.maximum(s, np.finfo(float).tiny)[:, None])
         if len(module.motors) < self.rank:
             return np.zeros(len(q)), None
-        # Equal powers: (unit tau) . J w = F . t, the force's three over L.
+        # Equal powers: (unit tau) . J w = F . t, where t has linear velocities over L.
         wrench = np.swapaxes(U, 1, 2) * np.array([m.length] * 3 + [1.0] * 3)
         holding = np.matmul(np.linalg.pinv(np.swapaxes(J, 1, 2)), wrench) / unit[:, None]
         return self._conditioning(U, J), holding
 
     def _conditioning(self, U: Array, J: Array) -> Array:
-        """Return the conditioning of J over the asked-for part of the twists U w, shape (T,)."""
-        asked = [COORDINATES.index(name) for name in self.sweep.names if name in COORDINATES[:3]]
-        if len(asked) < len(self.sweep.names):
-            asked += [3, 4, 5]
-        U, s, Vt = np.linalg.svd(U[:, asked], full_matrices=False)
+        """Compute the conditioning of J over the requested part of the twists U w, shape (T,)."""
+        requested = [COORDINATES.index(name) for name in self.sweep.names if name in COORDINATES[:3]]
+        if len(requested) < len(self.sweep.names):
+            requested += [3, 4, 5]
+        U, s, Vt = np.linalg.svd(U[:, requested], full_matrices=False)
         rank = len(self.sweep.names)
         s, Vt = np.maximum(s[:, :rank], np.finfo(float).tiny), Vt[:, :rank]
         values = np.linalg.svd(np.matmul(J, np.swapaxes(Vt, 1, 2) / s[:, None]), compute_uv=False)
@@ -116,7 +116,7 @@ class Measures:
         return out
 
     def _gravity(self, q: Array, singular: Mask) -> dict[str, Array]:
-        """Return the efforts of the module's motors that hold the robot's weight, none where motors miss."""
+        """Compute the motor efforts that hold the robot's weight; empty if motors are missing."""
         module = self.robot.modules[self.sweep.module]
         if not module.motors:
             return {}

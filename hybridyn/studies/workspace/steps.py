@@ -1,4 +1,4 @@
-"""One step of a workspace: from poses at hand to neighbouring ones, on the same branch and within limits."""
+"""One step of a workspace: from known poses to neighbouring ones, on the same branch and within limits."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from ...spatial import Array, Index, Mask
 from ...structure.robot import HybridRobot
 from .sweep import Sweep, pose_of
 
-#: Newton's steps from one pose to the next; where more are needed the pose is at the end of what is reached.
+#: Largest number of Newton steps from one pose to the next. A pose that needs more counts as out of reach.
 MOST_NEWTON_STEPS = 25
-#: A joint may pass its limit by this [m, rad]: rounding.
+#: A joint may exceed its limit by this much [m, rad], to allow for rounding.
 LIMIT_SLACK = 1e-9
-#: What a step came to; else the number of the joint that is at its limit.
+#: Results of a step. Any other value is the number of the joint that is outside its limits.
 REACHED, OUT_OF_REACH = -1, -2
 
 
@@ -41,7 +41,7 @@ class JointLimits:
         self.upper = np.array([row[3] for row in rows])
 
     def broken(self, q: Array) -> Index:
-        """Give for each posture of the module, shape (T, its nq), the joint farthest outside, or REACHED."""
+        """Return for each posture, shape (T, its nq), the joint farthest outside its limits, or REACHED."""
         if not len(self.joints):
             return np.full(len(q), REACHED)
         positions = q[:, self.columns]
@@ -52,23 +52,24 @@ class JointLimits:
 
 
 class Closing:
-    """Closes the loops of a module for poses near postures at hand; it travels to other processes."""
+    """Closes the loops of a module at poses near known postures. It is pickled for other processes."""
 
     def __init__(self, robot: HybridRobot, sweep: Sweep, limits: bool) -> None:
         self.robot, self.sweep = robot, sweep
         self.limits = JointLimits(robot, sweep.module, limits)
 
     def __call__(self, parts: int, before: Array, after: Array, q: Array) -> tuple[Array, Index]:
-        """Go from poses to neighbouring ones.
+        """Step from poses to neighbouring ones.
 
         Args:
-            parts: In how many steps.
-            before: Coordinates at hand, shape (T, names).
-            after: Those that are wanted.
-            q: Postures of the module at hand, shape (T, its nq).
+            parts: Number of parts of the step.
+            before: Coordinates of the known poses, shape (T, names), [m, rad].
+            after: Coordinates of their neighbours, shape (T, names), [m, rad].
+            q: Known postures of the module, shape (T, its nq).
 
         Returns:
-            Postures reached, and for each REACHED, OUT_OF_REACH or the number of the joint at its limit.
+            Postures reached, shape (T, its nq), and for each REACHED, OUT_OF_REACH or the number of the joint
+            that is outside its limits.
         """
         out, alive = q.copy(), np.ones(len(q), dtype=bool)
         for i in range(1, parts + 1):
@@ -82,7 +83,7 @@ class Closing:
         return out, state
 
     def _once(self, values: Array, q: Array) -> tuple[Array, Mask]:
-        """Close for coordinates near postures; say where that worked and the step was as predicted."""
+        """Close the loops at coordinates near postures; return postures, and where they are on the branch."""
         robot, module = self.robot, self.robot.modules[self.sweep.module]
         m = module.mechanism
         requests = gather_requests(robot, {}, {self.sweep.key: pose_of(self.sweep, values)})

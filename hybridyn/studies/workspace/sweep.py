@@ -1,4 +1,4 @@
-"""What a workspace is swept over: coordinates of a module's platform that can be asked for independently."""
+"""Coordinates of a workspace: independent coordinates of a module's platform, and those that are swept."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from ...linkage.tree import Motion
 from ...spatial import Array, quaternion_from_rotation, rotation_from_axis_angle
 from ...structure.robot import HybridRobot
 
-#: A coordinate is independent of those before it while this part of its motion is its own: a 3-RPS moves a
-#: little in x when it rolls, and nobody would ask it for x.
+#: A coordinate is independent of the chosen ones if at least this part of its motion remains when they are
+#: fixed. A 3-RPS, for example, moves a little in x when it rolls, but x is no independent coordinate.
 INDEPENDENT_SHARE = 0.1
 
 
 @dataclass(frozen=True)
 class Sweep:
-    """The coordinates of a link in its module's base link.
+    """The coordinates of a link relative to its module's base link.
 
     Attributes:
         module: Number of the module.
@@ -42,7 +42,7 @@ class Sweep:
 
     @property
     def key(self) -> str:
-        """The link as `hybridyn.assemble` names it."""
+        """The link's key in the platforms of `hybridyn.assemble`."""
         return f"{self.link}@{self.base}"
 
 
@@ -51,16 +51,16 @@ def find_module(robot: HybridRobot, wanted: int | str | None) -> int:
 
     Args:
         robot: The robot.
-        wanted: Number or name; None takes the only module with closures.
+        wanted: Number or name; None selects the only module with closures.
 
     Raises:
-        TrajectoryError: There is none, or None is not enough to tell.
+        TrajectoryError: There is no such module, or None is ambiguous.
     """
     looped = [k for k, module in enumerate(robot.modules) if module.closures]
     if wanted is None:
         if len(looped) != 1:
             known = [f"{k + 1} ({robot.modules[k].name})" for k in looped or range(len(robot.modules))]
-            raise TrajectoryError(f"say which module: {', '.join(known)}")
+            raise TrajectoryError(f"choose a module: {', '.join(known)}")
         return looped[0]
     names = {name: k for k, module in enumerate(robot.modules) for name in (module.name, *module.outputs)}
     names |= {str(k + 1): k for k in range(len(robot.modules))}
@@ -77,18 +77,18 @@ def find_sweep(
     axes: Sequence[str] | None,
     q: Array,
 ) -> Sweep:
-    """Choose what is swept.
+    """Choose link and coordinates.
 
     Args:
         robot: The robot.
-        module: As `find_module` takes it.
-        link: A link of the module; its first platform where left out, else its last body.
-        axes: Coordinates to sweep; where left out all if the link has at most three independent ones, else
-            its translations.
+        module: As for `find_module`.
+        link: A link of the module; by default its platform.
+        axes: Coordinates to sweep. By default all independent ones if there are at most three, else the
+            translations.
         q: Posture at which the coordinates must be independent, shape (nq,).
 
     Raises:
-        TrajectoryError: Unknown names, or coordinates that cannot be asked for.
+        TrajectoryError: A name is unknown, or the coordinates are not independent.
     """
     number = find_module(robot, module)
     chosen = robot.modules[number]
@@ -105,7 +105,7 @@ def find_sweep(
     names = _independent(J, tuple(axes or ()))
     if missing := [name for name in axes or () if name not in names]:
         raise TrajectoryError(
-            f"'{missing[0]}' of link '{link}' cannot be asked for by itself; independent are "
+            f"'{missing[0]}' of link '{link}' is not independent; the independent coordinates are "
             f"{', '.join(_independent(J, ()))}"
         )
     linear = tuple(name for name in names if name in COORDINATES[:3])
@@ -119,7 +119,7 @@ def find_sweep(
 def coordinate_target(
     robot: HybridRobot, link: str, base: str, length: float
 ) -> tuple[int, CoordinateTarget]:
-    """Return the module of a link, and all its coordinates in a base link as a target, every value zero.
+    """Return the module of a link, and a target of all its coordinates in a base link, with zero values.
 
     Args:
         robot: The robot.
@@ -137,11 +137,11 @@ def coordinate_target(
 
 
 def coordinates_of(target: CoordinateTarget, motion: Motion) -> Array:
-    """Return a link's coordinates, shape (T, 6), [m, rad].
+    """Compute a link's coordinates, shape (T, 6), [m, rad].
 
     Args:
-        target: The link, as `coordinate_target` gives it.
-        motion: Motion of its module's tree after the cuts.
+        target: The link, as returned by `coordinate_target`.
+        motion: Motion of its module's cut tree.
     """
     R = motion.R[:, target.body]
     p = motion.p[:, target.body] + np.matmul(R, target.shift[1])
@@ -150,7 +150,7 @@ def coordinates_of(target: CoordinateTarget, motion: Motion) -> Array:
 
 
 def _platform(robot: HybridRobot, number: int) -> str:
-    """Return the link that counts as a module's platform: what other modules stand on, else a tool."""
+    """Return a module's platform: an output that is a platform or carries a module, else a tool."""
     module = robot.modules[number]
     carries = any(other.parent == number for other in robot.modules)
     if module.outputs and (carries or module.mechanism.spec.platforms):
@@ -167,7 +167,7 @@ def _platform(robot: HybridRobot, number: int) -> str:
 
 
 def _at_home(robot: HybridRobot, number: int, link: str, q: Array) -> tuple[Array, Array]:
-    """Return what the module's motions do to a link's coordinates, shape (6, N), scaled, and their values."""
+    """Compute the scaled Jacobian of a link's coordinates, shape (6, N), and their values, shape (6,)."""
     module = robot.modules[number]
     m = module.mechanism
     _, target = coordinate_target(robot, link, module.base, m.length)
@@ -191,7 +191,7 @@ def _independent(J: Array, first: tuple[str, ...]) -> tuple[str, ...]:
         INDEPENDENT_SHARE,
         INDEPENDENT_SHARE**2,
         INDEPENDENT_SHARE**4,
-    ):  # a last resort: all that can be told apart
+    ):  # the last one accepts all that differ by more than rounding
         for name in order:
             row = J[COORDINATES.index(name)]
             own = row - basis.T @ (basis @ row)
@@ -203,9 +203,9 @@ def _independent(J: Array, first: tuple[str, ...]) -> tuple[str, ...]:
 
 
 def _preferred(J: Array) -> tuple[str, ...]:
-    """Return the coordinates in the order in which they are asked for: translations first, if they suffice.
+    """Return the coordinates in order of preference: translations first.
 
-    A platform on a ball joint is asked for its angles, wherever its link's origin is.
+    Angles come first for a platform that only turns, such as one on a ball joint, wherever its origin is.
     """
     s = np.linalg.svd(J, compute_uv=False)
     freedoms = int(np.sum(s > INDEPENDENT_SHARE * s[0])) if s.size and s[0] else 0
@@ -219,7 +219,7 @@ def _preferred(J: Array) -> tuple[str, ...]:
 
 
 def values_at(sweep: Sweep, at: Mapping[str, float]) -> Array:
-    """Return the values of a sweep's coordinates with some of them replaced, shape (names,).
+    """Return the home values of a sweep's coordinates with some of them replaced, shape (names,), [m, rad].
 
     Args:
         sweep: The sweep.
@@ -238,11 +238,14 @@ def values_at(sweep: Sweep, at: Mapping[str, float]) -> Array:
 
 
 def pose_of(sweep: Sweep, values: Array) -> Any:
-    """Return coordinates, shape (T, names), as `assemble` takes a pose: whole where all six are given.
+    """Convert coordinates to a pose for `assemble`.
 
     Args:
         sweep: The sweep.
-        values: The coordinates [m, rad].
+        values: The coordinates, shape (T, names), [m, rad].
+
+    Returns:
+        Position and quaternion, shape (T, 7), if there are six coordinates, else each coordinate by name.
     """
     if len(sweep.names) < len(COORDINATES):
         return dict(zip(sweep.names, values.T, strict=True))

@@ -1,10 +1,10 @@
-"""The workspace of a module: every pose on a lattice that its platform can reach from home.
+"""Compute the workspace of a module: every pose on a lattice that its platform can reach from home.
 
-The lattice has the home posture (or a posture reached from it) as a point. From each pose that is reached its
-neighbours are closed, starting from the posture at hand, so that every posture is on home's assembly branch
-and no joint passes a limit on the way: what is found is what the robot can really go to. A neighbour counts
-as reached where the loops close, where the step is the one that their derivative predicts (else in smaller
-steps), and where every joint keeps its limits.
+The origin of the lattice is the home pose, or a pose that can be reached from it. The neighbours of each
+reached pose are assembled starting from its posture. Every posture is therefore on home's assembly branch,
+and a path within the joint limits leads to it. A neighbour counts as reached if three conditions hold: its
+loops close, the step agrees with the one that their derivative predicts (otherwise smaller steps are tried),
+and every joint is within its limits.
 """
 
 from __future__ import annotations
@@ -26,10 +26,10 @@ from .measures import Measures
 from .steps import OUT_OF_REACH, REACHED, Closing
 from .sweep import Sweep, find_sweep, values_at
 
-#: Lattice points along the module's length, and steps of an angle [rad], by number of swept coordinates.
+#: Default steps, by number of swept coordinates: lattice points per module length, and angles [rad].
 POINTS = {1: 200, 2: 50, 3: 24, 4: 8, 5: 5, 6: 4}
 TURNS = {1: 0.02, 2: 0.05, 3: 0.1, 4: 0.2, 5: 0.3, 6: 0.4}
-#: Parts of the way from home to an origin elsewhere.
+#: Numbers of parts in which the step from home to another origin is tried.
 WALK = (8, 32, 128)
 
 
@@ -43,11 +43,11 @@ class Workspace:
         start: Values of all coordinates at the lattice's origin, shape (names,).
         index: Lattice points that were reached, steps from the origin, shape (n, axes).
         coordinates: Their coordinates, shape (n, names), [m, rad].
-        q: Postures of the whole robot, shape (n, nq); other modules stand at home.
-        motors: Positions of the module's motors by name, shape (n,) each; none of continuous joints.
-        measures: What each posture is worth by name, shape (n,) each, as `workspace_measures` says.
-        blocked: How many steps were refused, by joint whose limit refused them; "reach" where loops cannot
-            close or the branch ends.
+        q: Postures of the whole robot, shape (n, nq); other modules are at home.
+        motors: Positions of the module's motors by name, shape (n,) each, without continuous joints.
+        measures: Measures of the postures by name, shape (n,) each (see `Measures`).
+        blocked: Number of rejected steps by the joint whose limit was exceeded; "reach" for steps at which
+            the loops do not close or the branch ends.
     """
 
     sweep: Sweep
@@ -62,7 +62,7 @@ class Workspace:
 
     @property
     def size(self) -> float:
-        """Number of points times the cell of the lattice: volume, area or length, [m, rad] to the axes."""
+        """Number of points times the lattice cell: volume, area or length, product of [m, rad]."""
         return float(len(self.index) * np.prod(self.steps))
 
 
@@ -83,20 +83,21 @@ def workspace(
 
     Args:
         robot: The robot; its other modules stay at home.
-        module: Number (from 1) or name; the only module with closures where left out.
-        link: A link of the module; its platform where left out.
-        axes: Coordinates that are swept, of x, y, z, roll, pitch, yaw relative to the module's base link;
-            where left out all independent ones up to three, else the translations.
-        at: Values of coordinates that are not swept, or of the lattice's origin [m, rad]; home's where left
-            out.
-        steps: Step of swept coordinates [m, rad]; a part of the module's length where left out.
-        limits: Whether joints keep their limits.
-        spread: How chunks of work are done.
-        progress: Called with the number of poses done.
+        module: Number (from 1) or name; by default the only module with closures.
+        link: A link of the module; by default its platform.
+        axes: Coordinates to sweep, of x, y, z, roll, pitch, yaw relative to the module's base link. By
+            default all independent ones if there are at most three, else the translations.
+        at: Values of coordinates that are not swept, or of the lattice's origin [m, rad]; by default those of
+            home.
+        steps: Steps of swept coordinates [m, rad]; by default a part of the module's length or a fixed
+            angle.
+        limits: Whether joint limits are respected.
+        spread: Distributes the chunks of work, for example to other processes.
+        progress: Called with the number of poses reached.
 
     Raises:
-        TrajectoryError: Unknown names, or coordinates that cannot be asked for.
-        ModelError: The origin lies outside the limits, or there are too many poses.
+        TrajectoryError: A name is unknown, or the coordinates are not independent.
+        ModelError: The origin is outside the limits, or there are too many poses.
         AssemblyError: The origin cannot be reached.
     """
     home = _closed_home(robot)
@@ -106,7 +107,7 @@ def workspace(
     columns = robot.modules[sweep.module].q_index
     q0 = home.copy()
     q0[columns] = _at_start(work.closing, start, home)
-    _refuse_outside(work.closing, q0[columns])
+    _check_origin(work.closing, q0[columns])
     flood = Flood(work, start, step, q0[columns])
     flood.run(spread, progress)
     index, inner = flood.found()
@@ -129,21 +130,21 @@ def _steps(robot: HybridRobot, sweep: Sweep, given: Mapping[str, float]) -> Arra
     """Return the step of each swept coordinate, shape (axes,), [m, rad].
 
     Raises:
-        TrajectoryError: A step is given of a coordinate that is not swept.
+        TrajectoryError: A step is given for a coordinate that is not swept.
         ModelError: A step is not positive.
     """
     for name in given:
         if name not in sweep.axes:
-            raise TrajectoryError(f"'{name}' is not swept; swept are {', '.join(sweep.axes)}")
+            raise TrajectoryError(f"'{name}' is not swept; the swept coordinates are {', '.join(sweep.axes)}")
     length = robot.modules[sweep.module].mechanism.length
     return np.array([_step(name, sweep, length, given) for name in sweep.axes])
 
 
-def _refuse_outside(close: Closing, q: Array) -> None:
-    """Refuse an origin, shape (nq of the module,), outside the joints' limits.
+def _check_origin(close: Closing, q: Array) -> None:
+    """Check that the posture at the origin, shape (nq of the module,), is within the joint limits.
 
     Raises:
-        ModelError: Naming the joint.
+        ModelError: A joint is outside its limits.
     """
     joint = close.limits.broken(q[None])[0]
     if joint == REACHED:
@@ -151,20 +152,20 @@ def _refuse_outside(close: Closing, q: Array) -> None:
     name = close.robot.modules[close.sweep.module].joints[joint]
     raise ModelError(
         f"joint '{name}' is outside its limits at the workspace's origin: correct [home] in model.toml "
-        "or the limits, choose another origin (at), or leave limits out of account (limits=False)",
+        "or the limits, choose another origin (at), or ignore the limits (limits=False)",
         file=close.robot.description.source,
         element=name,
     )
 
 
 def _measured(work: Work, q: Array, spread: Spread) -> dict[str, Array]:
-    """Return the measures of postures, shape (n,) each."""
+    """Compute the measures of postures, shape (n,) each."""
     parts = list(spread(work, (("measure", q[i : i + CHUNK]) for i in range(0, len(q), CHUNK))))
     return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
 
 
 def _motors(robot: HybridRobot, sweep: Sweep, q: Array) -> dict[str, Array]:
-    """Return the positions of a module's motors, shape (n,) each."""
+    """Return the positions of a module's motors without continuous joints, shape (n,) each."""
     joints = {name: robot.joint_index[name] for name in robot.modules[sweep.module].motors}
     return {
         name: q[:, robot.q_slices[joint].start]
@@ -174,7 +175,7 @@ def _motors(robot: HybridRobot, sweep: Sweep, q: Array) -> dict[str, Array]:
 
 
 def _closed_home(robot: HybridRobot) -> Array:
-    """Return the home posture, assembled at its motors' positions where its loops are open."""
+    """Return the home posture; if its loops are open, assemble it at the home positions of the motors."""
     if not robot.description.closures or closure_residual(robot, robot.home) <= robot.closure_tolerance:
         return robot.home
     motors = {}
@@ -186,10 +187,10 @@ def _closed_home(robot: HybridRobot) -> Array:
 
 
 def _at_start(close: Closing, start: Array, home: Array) -> Array:
-    """Walk from home to the lattice's origin: the module's posture there, shape (its nq,).
+    """Step from home to the lattice's origin and return the module's posture there, shape (its nq,).
 
     Raises:
-        AssemblyError: The origin is out of reach.
+        AssemblyError: The origin cannot be reached.
     """
     sweep = close.sweep
     q: Array = home[close.robot.modules[sweep.module].q_index]
@@ -202,12 +203,14 @@ def _at_start(close: Closing, start: Array, home: Array) -> Array:
             return out
     there = ", ".join(f"{name} {value:.4g}" for name, value in zip(sweep.names, start, strict=True))
     raise AssemblyError(
-        f"link '{sweep.link}' does not reach the workspace's origin ({there}) from home; choose another",
+        f"link '{sweep.link}' does not reach the workspace's origin ({there}) from home; choose another "
+        "origin",
         module=close.robot.modules[sweep.module].name,
     )
 
 
 def _step(name: str, sweep: Sweep, length: float, steps: Mapping[str, float]) -> float:
+    """Return the step of one coordinate [m or rad]; ModelError if it is not positive."""
     linear, dimensions = COORDINATES.index(name) < 3, len(sweep.axes)
     step = steps.get(name, length / POINTS[dimensions] if linear else TURNS[dimensions])
     if not 0 < step < np.inf:
