@@ -24,6 +24,7 @@ from .errors import (
 from .loading import load
 from .quantities.bias import bias, coriolis, gravity
 from .quantities.coriolis_matrix import coriolis_matrix
+from .quantities.joint_map import JointMap, joint_map
 from .quantities.link_jacobian import link_jacobian
 from .quantities.mass_matrix import mass_matrix
 from .quantities.motion_map import motion_map
@@ -45,6 +46,7 @@ __all__ = [
     "Event",
     "HybridRobot",
     "HybridynError",
+    "JointMap",
     "LinkMotion",
     "ModelError",
     "Power",
@@ -68,6 +70,7 @@ __all__ = [
     "gravity",
     "idm",
     "idm_jacobian",
+    "joint_map",
     "kinematics",
     "link_jacobian",
     "load",

@@ -4,7 +4,8 @@
 
 Read `coordinates` (which joints are u), `independent` (E and its drift, module by module), `motion_map` (E
 and its rate), `mass_matrix` (M), `bias` (c and g), `coriolis_matrix` (C with c = C u), `link_jacobian`,
-`operational_inertia`.
+`operational_inertia`. `joint_map` relates motors and output joints, at postures that `posture` assembles.
+`polar` differentiates what is quadratic in the rates.
 
 May import: `dynamics` and below.
 """

@@ -62,10 +62,23 @@ def independent_coordinates(robot: HybridRobot, joints: Sequence[str] | None) ->
     """
     names = tuple(robot.motors if joints is None else joints)
     names = tuple(name for name in names if name != ROOT_JOINT or robot.base != "floating")
-    for name in names:
-        _check_joint(robot, name, names)
+    check_joints(robot, names)
     if robot.base == "floating":
         names = (ROOT_JOINT, *names)
+    out = located(robot, names, chosen=joints is not None)
+    for module, entries in zip(robot.modules, out.own, strict=True):
+        check_count(module, len(entries), out)
+    return out
+
+
+def located(robot: HybridRobot, names: tuple[str, ...], *, chosen: bool) -> Coordinates:
+    """Return where joints lie in v and in the modules.
+
+    Args:
+        robot: The robot.
+        names: Known joints.
+        chosen: Whether the caller chose them.
+    """
     slices = [robot.v_slices[robot.joint_index[name]] for name in names]
     columns = np.array([c for at in slices for c in range(at.start, at.stop)], dtype=int)
     entry = {int(column): i for i, column in enumerate(columns)}
@@ -74,18 +87,21 @@ def independent_coordinates(robot: HybridRobot, joints: Sequence[str] | None) ->
         held = sorted((entry[int(c)], i) for i, c in enumerate(module.v_index) if int(c) in entry)
         own.append(np.array([i for i, _ in held], dtype=int))
         freedoms.append(np.array([i for _, i in held], dtype=int))
-    out = Coordinates(names, columns, tuple(own), tuple(freedoms), joints is not None)
-    for module, entries in zip(robot.modules, own, strict=True):
-        _check_count(module, len(entries), out)
-    return out
+    return Coordinates(names, columns, tuple(own), tuple(freedoms), chosen)
+
+
+def check_joints(robot: HybridRobot, names: Sequence[str]) -> None:
+    """Refuse joints that cannot be coordinates.
+
+    Raises:
+        TrajectoryError: One is unknown, named twice, or has several freedoms.
+    """
+    for name in names:
+        _check_joint(robot, name, names)
 
 
 def _check_joint(robot: HybridRobot, name: str, names: Sequence[str]) -> None:
-    """Refuse a joint that cannot be one coordinate.
-
-    Raises:
-        TrajectoryError: It is unknown, named twice, or has several freedoms.
-    """
+    """Refuse a joint that cannot be one coordinate."""
     if name not in robot.joint_index:
         raise TrajectoryError(f"joints: unknown joint '{name}'{did_you_mean(name, robot.joint_index)}")
     if list(names).count(name) > 1:
@@ -98,7 +114,7 @@ def _check_joint(robot: HybridRobot, name: str, names: Sequence[str]) -> None:
         )
 
 
-def _check_count(module: Module, count: int, u: Coordinates) -> None:
+def check_count(module: Module, count: int, u: Coordinates) -> None:
     """Refuse more coordinates than freedoms.
 
     Raises:

@@ -25,10 +25,8 @@ from .bias import QUADRATIC, checked_state, chosen_effects, forces_at_rest
 from .coordinates import independent_coordinates
 from .independent import independent_motions
 from .mass_matrix import composite_inertia
-from .motion_map import directions, refuse_idle, whole_map
-
-#: Samples in one pass of the recursion.
-AT_ONCE = 512
+from .motion_map import refuse_idle, whole_map
+from .polar import polar_form
 
 
 def coriolis_matrix(
@@ -68,20 +66,10 @@ def coriolis_matrix(
         )
     states = forward(robot, q, np.zeros_like(v), None, None)
     motions = independent_motions(states, q, None, u)
-    E = whole_map(robot, motions, u)
-    scaled, factor = directions(robot, v, E)
-    C = np.zeros((len(q), u.size, u.size))
-    columns = max(1, AT_ONCE // (2 * max(len(q), 1)))
-    for first in range(0, u.size, columns):
-        at = np.arange(first, min(first + columns, u.size))
-        w = np.swapaxes(scaled[:, :, at], 1, 2)
-        moved = np.concatenate([v[:, None] + w, v[:, None] - w], axis=1)
-        postures = np.repeat(q, 2 * len(at), axis=0)
-        force = forces_at_rest(robot, postures, moved.reshape(-1, robot.nv), u, on)
-        force = force.reshape(len(q), 2, len(at), u.size)
-        C[:, :, at] = np.swapaxes((force[:, 0] - force[:, 1]) / (4 * factor[:, at, None]), 1, 2)
+    E = whole_map(robot, motions, u, len(q))
+    C = polar_form(robot, lambda x, y: forces_at_rest(robot, x, y, u, on), q, v, E)
     if robot.base == "floating":
-        M = composite_inertia(robot, states, motions, u, on)
+        M = composite_inertia(robot, states, motions, u, on, len(q))
         twist = np.broadcast_to(v[:, None, :6], (len(q), 6, 6))
         brackets = np.swapaxes(crm(twist, np.broadcast_to(np.eye(6), twist.shape)), 1, 2)
         C[:, :, :6] += np.matmul(M[:, :, :6], brackets) / 2

@@ -55,11 +55,24 @@ def independent_motions(
     Raises:
         SingularityError: Closures lose rank, or the coordinates are not independent at a sample.
     """
-    return [_of_module(s, q, v, freedoms, u) for s, freedoms in zip(states, u.freedoms, strict=True)]
+    return [module_motions(s, q, v, freedoms, u) for s, freedoms in zip(states, u.freedoms, strict=True)]
 
 
-def _of_module(s: ModuleState, q: Array, v: Array | None, freedoms: Index, u: Coordinates) -> ModuleMotions:
-    """Compute the motions of one module, whose independent coordinates are some freedoms of its tree."""
+def module_motions(
+    s: ModuleState, q: Array, v: Array | None, freedoms: Index, u: Coordinates
+) -> ModuleMotions:
+    """Compute the motions of one module, whose independent coordinates are some freedoms of its tree.
+
+    Args:
+        s: State of the module.
+        q: Positions of the robot, shape (T, nq).
+        v: Rates that the state has, shape (T, nv); None where no drift is needed.
+        freedoms: The freedoms of the module's spanning tree, shape (m,).
+        u: The independent coordinates, for messages.
+
+    Raises:
+        SingularityError: As `independent_motions`.
+    """
     module, m = s.module, s.mechanism
     gamma = None if v is None else m.closures.rates(m.tree.sweep(s.q, s.v), s.v)[1]
     basis = m.basis(s.K, gamma)

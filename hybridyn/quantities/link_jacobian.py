@@ -61,7 +61,7 @@ def link_jacobian(
     rest = np.zeros((len(q), robot.nv))
     states = forward(robot, q, rest, None, None)
     check_closed(robot, states, q, rest)
-    J, R = _walk(robot, states, independent_motions(states, q, None, u), u, link)
+    J, R = _walk(robot, states, independent_motions(states, q, None, u), u, link, len(q))
     if axes == "world":
         if robot.base == "moving":
             R = np.matmul(rotation_from_quaternion(q[:, 3:7]), R)
@@ -70,12 +70,16 @@ def link_jacobian(
 
 
 def _walk(
-    robot: HybridRobot, states: list[ModuleState], motions: list[ModuleMotions], u: Coordinates, link: str
+    robot: HybridRobot,
+    states: list[ModuleState],
+    motions: list[ModuleMotions],
+    u: Coordinates,
+    link: str,
+    T: int,
 ) -> tuple[Array, Array]:
     """Compute a link's Jacobian in its own axes, (T, 6, N), and its axes in those of the first base."""
     body, R_link, p_link = robot.bodies.place[link]
     k, number = robot.body_owner[body]
-    T = len(states[0].q) if states else 1
     J, R = np.zeros((T, 6, u.size)), np.tile(R_link, (T, 1, 1))
     X = np.tile(motion_matrix(R_link, p_link), (T, 1, 1))
     if k < 0:

@@ -60,15 +60,19 @@ def mass_matrix(
     states = forward(robot, q, rest, None, None)
     check_closed(robot, states, q, rest)
     motions = independent_motions(states, q, None, u)
-    M = composite_inertia(robot, states, motions, u, on)
+    M = composite_inertia(robot, states, motions, u, on, len(q))
     return M[0] if single else M
 
 
 def composite_inertia(
-    robot: HybridRobot, states: list[ModuleState], motions: list[ModuleMotions], u: Coordinates, on: Effects
+    robot: HybridRobot,
+    states: list[ModuleState],
+    motions: list[ModuleMotions],
+    u: Coordinates,
+    on: Effects,
+    T: int,
 ) -> Array:
     """Run the recursion of composite inertias, from the outermost modules inwards, shape (T, N, N)."""
-    T = len(states[0].q) if states else 0
     loads = Loads([], np.zeros((T, 6)), on, None, on.rotor_diagonal(robot))
     Ic = [np.tile(s.mechanism.inertias, (T, 1, 1, 1)) for s in states]
     outputs = [output_maps(s, found) for s, found in zip(states, motions, strict=True)]

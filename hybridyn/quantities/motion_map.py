@@ -17,6 +17,7 @@ from ..structure.robot import HybridRobot
 from ..structure.samples import as_batch, as_positions, same_samples
 from .coordinates import Coordinates, independent_coordinates
 from .independent import ModuleMotions, independent_motions
+from .polar import polar_form
 
 
 @overload
@@ -57,16 +58,16 @@ def motion_map(
     states = forward(robot, q, rates, None, None)
     check_closed(robot, states, q, rates)
     motions = independent_motions(states, q, None, u)
-    E = whole_map(robot, motions, u)
+    E = whole_map(robot, motions, u, len(q))
     if v is None:
         return E[0] if single else E
     E_dot = _rate(robot, q, rates, E, u)
     return (E[0], E_dot[0]) if single else (E, E_dot)
 
 
-def whole_map(robot: HybridRobot, motions: list[ModuleMotions], u: Coordinates) -> Array:
-    """Return dq/du of the whole robot from its modules' blocks, shape (T, nv, N)."""
-    out = np.zeros((len(motions[0].E) if motions else 0, robot.nv, u.size))
+def whole_map(robot: HybridRobot, motions: list[ModuleMotions], u: Coordinates, samples: int) -> Array:
+    """Return dq/du of the whole robot from its modules' blocks, shape (samples, nv, N)."""
+    out = np.zeros((samples, robot.nv, u.size))
     for module, own, found in zip(robot.modules, u.own, motions, strict=True):
         out[:, module.v_index[:, None], own] = found.E
     return out
@@ -86,23 +87,6 @@ def drift(robot: HybridRobot, q: Array, v: Array, u: Coordinates) -> Array:
     for module, found in zip(robot.modules, motions, strict=True):
         out[:, module.v_index] = found.E_drift
     return out
-
-
-def directions(robot: HybridRobot, v: Array, E: Array) -> tuple[Array, Array]:
-    """Return columns of dq/du scaled to the size of the rates, for differences of quadratic forms.
-
-    Args:
-        robot: The robot.
-        v: Rates, shape (T, nv).
-        E: Columns of dq/du, shape (T, nv, k).
-
-    Returns:
-        The scaled columns, shape (T, nv, k), and their factors, shape (T, k); factors are one at rest.
-    """
-    speed = np.abs(v / robot.unit).max(axis=1, initial=0.0)[:, None]
-    size = np.abs(E / robot.unit[:, None]).max(axis=1, initial=0.0)
-    factor = np.where((speed > 0) & (size > 0), speed / np.where(size > 0, size, 1.0), 1.0)
-    return E * factor[:, None], factor
 
 
 def refuse_idle(robot: HybridRobot, u: Coordinates, what: str) -> None:
@@ -131,21 +115,20 @@ def _rate(robot: HybridRobot, q: Array, v: Array, E: Array, u: Coordinates) -> A
     do not depend on each other: the columns of equal number of all modules are computed at once.
     """
     refuse_idle(robot, u, "the rate of dq/du")
-    T, most = len(q), max((len(own) for own in u.own), default=0)
-    out = np.zeros_like(E)
-    scaled, factor = directions(robot, v, E)
-    brackets = _brackets(robot, v, E)
-    for j in range(most):
-        step = np.zeros_like(v)
-        columns = [
-            (module.v_index, own[j]) for module, own in zip(robot.modules, u.own, strict=True) if len(own) > j
-        ]
-        for index, i in columns:
-            step[:, index] = scaled[:, index, i]
-        both = drift(robot, np.tile(q, (2, 1)), np.concatenate([v + step, v - step]), u)
-        for index, i in columns:
-            half = (both[:T, index] - both[T:, index]) / (4 * factor[:, None, i])
-            out[:, index, i] = half - brackets[:, index, i] / 2
+    if not u.size:
+        return np.zeros_like(E)
+    most = max((len(own) for own in u.own), default=0)
+    together = np.zeros((len(q), robot.nv, most))
+    places = [
+        (module.v_index[:, None], own, np.arange(len(own)))
+        for module, own in zip(robot.modules, u.own, strict=True)
+    ]
+    for index, own, at in places:
+        together[:, index, at] = E[:, index, own]
+    form = polar_form(robot, lambda x, y: drift(robot, x, y, u), q, v, together)
+    out = -_brackets(robot, v, E) / 2
+    for index, own, at in places:
+        out[:, index, own] += form[:, index, at]
     return out
 
 

@@ -1,0 +1,198 @@
+"""The map between motors and output joints, as a parallel ankle's two motors and its pitch and roll.
+
+With H = d(motors)/d(joints) and G = d(joints)/d(motors), both from the loops, neither as the other's inverse:
+
+    motor rates = H joint rates              joint rates = G motor rates
+    joint efforts = H^T motor efforts        motor efforts = G^T joint efforts        (equal power)
+    inertia, damping, stiffness of the motors at the joints: H^T diag(...) H
+
+Only the modules that hold the joints take part.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..dynamics.forward import forward
+from ..dynamics.state_checks import check_closed
+from ..spatial import Array
+from ..structure.robot import HybridRobot
+from ..structure.samples import as_positions
+from .coordinates import Coordinates, check_count, check_joints, located
+from .independent import module_motions
+from .polar import polar_form
+from .posture import holding, modules_of, positions_of, posture_at
+
+
+@dataclass(frozen=True)
+class JointMap:
+    """Motors and output joints at a posture; the leading axis T is dropped for a single sample.
+
+    Attributes:
+        robot: The robot.
+        joints: Names of the k output joints.
+        motors: Names of the m motors of the same modules.
+        q: Positions of the whole robot, shape (T, nq).
+        joint_positions: Positions of the joints, shape (T, k), [m or rad].
+        motor_positions: Positions of the motors, shape (T, m), [m or rad].
+        motors_per_joints: H, rates of the motors over those of the joints, shape (T, m, k).
+        joints_per_motors: G, rates of the joints over those of the motors, shape (T, k, m).
+    """
+
+    robot: HybridRobot
+    joints: tuple[str, ...]
+    motors: tuple[str, ...]
+    q: Array
+    joint_positions: Array
+    motor_positions: Array
+    motors_per_joints: Array
+    joints_per_motors: Array
+
+    def motor_rates(self, joint_rates: ArrayLike) -> Array:
+        """Compute rates of the motors from those of the joints, shape (m,) or (T, m)."""
+        return _times(self.motors_per_joints, joint_rates)
+
+    def joint_rates(self, motor_rates: ArrayLike) -> Array:
+        """Compute rates of the joints from those of the motors, shape (k,) or (T, k)."""
+        return _times(self.joints_per_motors, motor_rates)
+
+    def motor_accelerations(self, joint_rates: ArrayLike, joint_accelerations: ArrayLike) -> Array:
+        """Compute accelerations of the motors from the motion of the joints, shape (m,) or (T, m)."""
+        rates = np.asarray(joint_rates, dtype=float)
+        bend = np.einsum("...ijk,...j,...k->...i", self.curvature, rates, rates)
+        out: Array = _times(self.motors_per_joints, joint_accelerations) + bend
+        return out
+
+    def joint_accelerations(self, motor_rates: ArrayLike, motor_accelerations: ArrayLike) -> Array:
+        """Compute accelerations of the joints from the motion of the motors, shape (k,) or (T, k)."""
+        rates = self.joint_rates(motor_rates)
+        bend = np.einsum("...ijk,...j,...k->...i", self.curvature, rates, rates)
+        return _times(self.joints_per_motors, np.asarray(motor_accelerations, dtype=float) - bend)
+
+    def joint_efforts(self, motor_efforts: ArrayLike) -> Array:
+        """Compute efforts at the joints that do the work of motor efforts, H^T tau, shape (k,) or (T, k)."""
+        return _times(np.swapaxes(self.motors_per_joints, -1, -2), motor_efforts)
+
+    def motor_efforts(self, joint_efforts: ArrayLike) -> Array:
+        """Compute efforts of the motors that do the work of joint efforts, G^T tau, shape (m,) or (T, m)."""
+        return _times(np.swapaxes(self.joints_per_motors, -1, -2), joint_efforts)
+
+    def at_joints(self, motors: ArrayLike) -> Array:
+        """Compute what the motors' inertia, damping or stiffness is at the joints, H^T diag H.
+
+        Args:
+            motors: One number for each motor, shape (m,), in its units.
+
+        Returns:
+            Symmetric, shape (k, k) or (T, k, k).
+        """
+        return _congruence(self.motors_per_joints, motors)
+
+    def at_motors(self, joints: ArrayLike) -> Array:
+        """Compute what the joints' inertia, damping or stiffness is at the motors, G^T diag G.
+
+        Args:
+            joints: One number for each joint, shape (k,), in its units.
+
+        Returns:
+            Symmetric, shape (m, m) or (T, m, m).
+        """
+        return _congruence(self.joints_per_motors, joints)
+
+    def joint_stiffness(self, motor_stiffness: ArrayLike, motor_efforts: ArrayLike) -> Array:
+        """Compute the stiffness at the joints of motors that carry efforts: d(joint efforts)/d(joints).
+
+        K = H^T diag(k) H + sum over motors of tau d2(motor)/d(joints)2, the second term because H turns.
+
+        Args:
+            motor_stiffness: Effort of each motor over its displacement, shape (m,).
+            motor_efforts: Efforts that the motors carry, shape (m,) or (T, m).
+
+        Returns:
+            Symmetric, shape (k, k) or (T, k, k).
+        """
+        turned = np.einsum("...i,...ijk->...jk", np.asarray(motor_efforts, dtype=float), self.curvature)
+        out: Array = self.at_joints(motor_stiffness) + turned
+        return out
+
+    @cached_property
+    def curvature(self) -> Array:
+        """Second derivatives of the motors' positions by the joints', shape (m, k, k) or (T, m, k, k)."""
+        q = np.atleast_2d(self.q)
+        side = located(self.robot, self.joints, chosen=True)
+        motors = located(self.robot, self.motors, chosen=False).columns
+        E = _motions(self.robot, q, np.zeros((len(q), self.robot.nv)), side)[0]
+
+        def drift(x: Array, rates: Array) -> Array:
+            return _motions(self.robot, x, rates, side)[1][:, motors]
+
+        bends = [polar_form(self.robot, drift, q, E[:, :, i], E) for i in range(len(self.joints))]
+        out = np.stack(bends, axis=2) if bends else np.zeros((len(q), len(motors), 0, 0))
+        out = (out + np.swapaxes(out, 2, 3)) / 2
+        return out[0] if self.q.ndim == 1 else out
+
+
+def joint_map(robot: HybridRobot, q: ArrayLike | Mapping[str, ArrayLike], joints: Sequence[str]) -> JointMap:
+    """Compute the map between output joints and the motors of the modules that hold them.
+
+    Args:
+        robot: The robot.
+        q: Positions of the spanning tree, shape (nq,) or (T, nq); or a position, a number or shape (T,), for
+            each of the joints or each of those motors, from which the posture is assembled near home.
+        joints: Names of the output joints, with one freedom each: as many in each of their modules as it has
+            freedoms.
+
+    Returns:
+        The map, with the positions of both sides.
+
+    Raises:
+        AssemblyError: The posture does not close the loops, or is out of reach.
+        SingularityError: Joints or motors lose a direction, closures lose rank, or there are more or fewer
+            joints or motors than freedoms.
+        TrajectoryError: Arrays of the wrong shape, or not finite; a joint that cannot be a coordinate.
+    """
+    names = tuple(joints)
+    check_joints(robot, names)
+    modules = modules_of(robot, names)
+    motors = tuple(
+        motor for motor in robot.motors if robot.body_owner[robot.body_of_joint[motor]][0] in modules
+    )
+    q, single = as_positions(robot, posture_at(holding(robot, q), q) if isinstance(q, Mapping) else q)
+    outputs, driven = located(robot, names, chosen=True), located(robot, motors, chosen=False)
+    for side in (outputs, driven):
+        for k in modules:
+            check_count(robot.modules[k], len(side.own[k]), side)
+    rest = np.zeros((len(q), robot.nv))
+    H = _motions(robot, q, rest, outputs)[0][:, driven.columns]
+    G = _motions(robot, q, rest, driven)[0][:, outputs.columns]
+    arrays = q, positions_of(robot, q, names), positions_of(robot, q, motors), H, G
+    return JointMap(robot, names, motors, *(x[0] if single else x for x in arrays))
+
+
+def _motions(robot: HybridRobot, q: Array, v: Array, side: Coordinates) -> tuple[Array, Array]:
+    """Compute dv/d(side), shape (T, nv, N), and accelerations at rest of that side, shape (T, nv)."""
+    states = forward(robot, q, v, None, None)
+    check_closed(robot, states, q, v)
+    E, drift = np.zeros((len(q), robot.nv, side.size)), np.zeros_like(v)
+    for s, own, freedoms in zip(states, side.own, side.freedoms, strict=True):
+        if len(own):
+            found = module_motions(s, q, v, freedoms, side)
+            E[:, s.module.v_index[:, None], own], drift[:, s.module.v_index] = found.E, found.E_drift
+    return E, drift
+
+
+def _times(matrix: Array, vector: ArrayLike) -> Array:
+    """Return matrix times vector for one sample or many."""
+    out: Array = np.einsum("...ij,...j->...i", matrix, np.asarray(vector, dtype=float))
+    return out
+
+
+def _congruence(matrix: Array, diagonal: ArrayLike) -> Array:
+    """Return matrix^T diag(diagonal) matrix for one sample or many."""
+    out: Array = np.einsum("...ij,i,...ik->...jk", matrix, np.asarray(diagonal, dtype=float), matrix)
+    return out
