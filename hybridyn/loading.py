@@ -15,26 +15,29 @@ _log = logging.getLogger("hybridyn")
 def load(
     path: str | PathLike[str],
     *,
-    base: Base = "fixed",
+    base: Base | None = None,
     motors: Sequence[str] | None = None,
-    gravity: tuple[float, float, float] = (0.0, 0.0, -9.81),
+    gravity: tuple[float, float, float] | None = None,
     xacro_args: Mapping[str, str] | None = None,
     package_dirs: Sequence[str | PathLike[str]] = (),
     rank_tolerance: float | None = None,
     closure_tolerance: float = 1e-4,
     held: Sequence[str] = (),
 ) -> HybridRobot:
-    """Load a robot from URDF or xacro, with its loop closures in any of the supported forms.
+    """Load a robot from URDF, xacro or MJCF, with its loop closures in any of the supported forms.
 
     Args:
         path: The robot's file, which may have a side-car (`robot.yaml`, `model.toml`) beside it; or the name
             of a shipped robot, "lx4". An existing path takes precedence.
         base: "fixed", "moving" (prescribed motion) or "floating" (free): the last two put a free-flyer first
-            in q, v, a, with Pinocchio's local velocities.
+            in q, v, a, with Pinocchio's local velocities. None takes what the file says: "floating"
+            for an MJCF robot on a free joint, else "fixed".
         motors: Names of the driven joints, instead of those in the files.
-        gravity: Acceleration of gravity in the world, shape (3,), [m/s^2].
+        gravity: Acceleration of gravity in the world, shape (3,), [m/s^2]; None takes what the file says
+            (MJCF), else (0, 0, -9.81).
         xacro_args: Arguments of a xacro file by name.
-        package_dirs: Folders in which `$(find package)` and `package://` look.
+        package_dirs: Folders in which `$(find package)` and `package://` look, and from which MJCF may
+            include files.
         rank_tolerance: Relative singular value below which closure rows count as dependent; where left out,
             it is determined at generic postures.
         closure_tolerance: Largest closure residual that is accepted as rounding in the file, relative to the

@@ -12,8 +12,8 @@ import pytest
 
 #: A module of each extra by which it is known to be installed.
 MODULES = {
-    "io": "polars", "view": "viser", "bench": "mujoco", "docs": "sphinx", "plot": "matplotlib",
-    "compiled": "casadi",
+    "io": "polars", "mjcf": "mujoco", "view": "viser", "bench": "mujoco", "docs": "sphinx",
+    "plot": "matplotlib", "compiled": "casadi",
 }  # fmt: skip
 
 

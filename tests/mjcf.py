@@ -26,6 +26,7 @@ class MuJoCo:
     """The MuJoCo model of a robot on a fixed base.
 
     Attributes:
+        root: The model as MJCF.
         model, data: MuJoCo's.
         description: The robot.
     """
@@ -41,6 +42,7 @@ class MuJoCo:
         self._inertial(base, self._links[description.root])
         self._grow(base, description.root, np.eye(4), [])
         self._close(root)
+        self.root = root
         self.model = mujoco.MjModel.from_xml_string(ET.tostring(root, encoding="unicode"))
         self.data = mujoco.MjData(self.model)
 

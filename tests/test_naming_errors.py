@@ -58,7 +58,7 @@ def test_a_full_device_is_named(capsys: pytest.CaptureFixture[str]) -> None:
             '<sdf version="1.7"><model name="a"><link name="b"></model></sdf>',
             "SDF (Gazebo), which is not read yet",
         ),
-        ('<!-- <robot> --><mujoco model="a"><worldbody></mujoco>', "MJCF (MuJoCo), which is not read yet"),
+        ('<!-- <robot> --><mujoco model="a"><worldbody></mujoco>', "this is MJCF (MuJoCo)"),
         (
             '<robot name="a"><drake:ball_constraint/></robot>',
             "<drake:ball_constraint>, a Drake constraint; write",

@@ -13,7 +13,9 @@ from .records import Coupling, Joint
 from .robot_file import FREEDOMS, MotorSource, MotorStatement, RobotFile
 
 #: Sources of motor names, the strongest first; names that the caller passes come before all of them.
-RANKING: tuple[MotorSource, ...] = ("side-car", "model file", "transmission", "independent", "names")
+RANKING: tuple[MotorSource, ...] = (
+    "side-car", "model file", "actuator", "transmission", "independent", "names",
+)  # fmt: skip
 
 #: The rule for a tree whose files name no motor.
 EVERY_JOINT = "every joint (no closure, and no file names motors)"
@@ -22,14 +24,15 @@ EVERY_JOINT = "every joint (no closure, and no file names motors)"
 def choose_motors(robot: RobotFile, motors: Sequence[str] | None) -> tuple[tuple[str, ...], str]:
     """Return the names of the driven joints, and the source or rule that they come from.
 
-    The order of sources is: the caller, the side-car's `name_mot`, the model file's `motors`, URDF
-    transmissions, URDF+ `independent=`, names of joints that contain "motor". If no source names motors, the
-    candidates are the one-freedom joints that mimic no other. In a tree (no closure, no coupling except
+    The order of sources is: the caller, the side-car's `name_mot`, the model file's `motors`, MJCF's
+    actuators, URDF transmissions, URDF+ `independent=`, names of joints that contain "motor". If no source
+    names motors, the candidates are the one-freedom joints that mimic no other. In a tree (no closure, no coupling except
     `<mimic>`) all of them are driven. Otherwise those with a finite effort limit above zero are driven; if
     these are all candidates, the limits do not distinguish motors, and no joint is driven.
 
     Raises:
-        ModelError: A name is unknown, is stated twice, or belongs to a joint that cannot be driven.
+        ModelError: A name is unknown, is stated twice, or belongs to a joint that cannot be driven;
+            or the file drives something other than joints.
     """
     if motors is not None:
         statement = MotorStatement("names", "the caller (motors=)", tuple(motors), robot.file)
@@ -38,6 +41,8 @@ def choose_motors(robot: RobotFile, motors: Sequence[str] | None) -> tuple[tuple
         found = [statement for statement in robot.motors if statement.source == source]
         if found:
             statement = _drop_absent_joints(robot, found[0])
+            if statement.refusal:
+                raise ModelError(statement.refusal, file=statement.file, line=statement.line)
             _note_passive(robot, statement)
             return _checked(robot, statement), statement.where
     return _by_rule(robot)

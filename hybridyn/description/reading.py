@@ -24,7 +24,10 @@ from .urdf.xml_node import LARGEST_FILE, Node, parse
 from .validate import validate
 
 #: Readers by the name of the root element.
-FORMATS: dict[str, Callable[[Node], RobotFile]] = {"robot": read_urdf}
+FORMATS: dict[str, Callable[[Node, Sequence[str | os.PathLike[str]]], RobotFile]] = {
+    "robot": lambda root, _: read_urdf(root),
+    "mujoco": lambda root, package_dirs: _read_mjcf(root, package_dirs),
+}
 
 
 def read(
@@ -37,11 +40,12 @@ def read(
     """Read a robot file and the files beside it.
 
     Args:
-        path: A URDF (`.urdf`) or xacro (`.xacro`) file.
+        path: A URDF, xacro (`.xacro`) or MJCF file.
         motors: Names of the driven joints, in order; None takes them from the files
             (see `motors.choose_motors`).
         xacro_args: Arguments of a xacro file by name.
-        package_dirs: Folders that hold packages, for `$(find package)` in xacro.
+        package_dirs: Folders that hold packages, for `$(find package)` in xacro, and for files that MJCF
+            includes.
 
     Returns:
         The description of the robot.
@@ -51,7 +55,7 @@ def read(
     """
     file = os.fspath(path)
     root, notes = _open(file, xacro_args or {}, package_dirs)
-    robot = _reader(root)(root)
+    robot = _reader(root)(root, package_dirs)
     robot.notes += notes
     if root.tag == "robot":
         _read_side_cars(robot, file)
@@ -71,6 +75,9 @@ def read(
         notes=tuple(robot.notes),
         source=file,
         effects=robot.effects,
+        base=robot.base,
+        base_home=robot.base_home,
+        gravity=robot.gravity,
     )
 
 
@@ -140,12 +147,12 @@ def _read_model_file(robot: RobotFile, file: str) -> dict[str, tuple[float, ...]
     """Apply model.toml to the robot and return the home posture; it is empty if there is no model.toml."""
     path = find_model_file(file)
     if path is None:
-        return {}
+        return robot.home
     from .side_cars.model_toml import apply_model_file, read_model_file
 
     text = read_bytes(str(path))
     model = read_model_file(text, str(path))
-    return apply_model_file(robot, model, text.decode("utf-8"), str(path))
+    return robot.home | apply_model_file(robot, model, text.decode("utf-8"), str(path))
 
 
 def read_bytes(file: str) -> bytes:
@@ -169,9 +176,16 @@ def read_bytes(file: str) -> bytes:
         raise ModelError(f"is not a valid path: {error}", file=file) from None
 
 
-def _reader(root: Node) -> Callable[[Node], RobotFile]:
+def _read_mjcf(root: Node, package_dirs: Sequence[str | os.PathLike[str]]) -> RobotFile:
+    """Read MJCF; MuJoCo takes half a second to import, so only here."""
+    from .mjcf.mjcf import read_mjcf
+
+    return read_mjcf(root, package_dirs)
+
+
+def _reader(root: Node) -> Callable[[Node, Sequence[str | os.PathLike[str]]], RobotFile]:
     if root.tag in FORMATS:
         return FORMATS[root.tag]
     if message := unread_format(root.tag):
         raise root.error(message)
-    raise root.error("not a robot file; the root element of a URDF is <robot>")
+    raise root.error("not a robot file; the root element of a URDF is <robot>, of MJCF <mujoco>")

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 JointKind = Literal["fixed", "revolute", "continuous", "prismatic", "spherical", "planar", "floating"]
+StatedBase = Literal["fixed", "floating"]
 RotationKind = Literal["free", "perpendicular", "parallel", "fixed"]
 
 
@@ -155,6 +156,10 @@ class Description:
         notes: Remarks of the reader for the user. A closure is never ignored with a note.
         source: Path of the robot file, or None.
         effects: Physical effects that belong to the robot, pairs (name, numbers of the effect by parameter).
+        base: Whether the file states that the root link floats (a free joint of MJCF); URDF never does.
+        base_home: Pose of a floating root link in the home posture, shape (7,): x, y, z [m], quaternion x, y,
+            z, w; None is identity.
+        gravity: Acceleration of gravity that the file states [m/s^2], or None.
     """
 
     name: str
@@ -168,6 +173,9 @@ class Description:
     notes: tuple[str, ...] = ()
     source: str | None = None
     effects: tuple[tuple[str, dict[str, Any]], ...] = ()
+    base: StatedBase = "fixed"
+    base_home: tuple[float, ...] | None = None
+    gravity: tuple[float, float, float] | None = None
 
     @property
     def root(self) -> str:

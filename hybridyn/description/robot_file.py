@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-from .records import Closure, Coupling, Joint, JointKind, Link
+from .records import Closure, Coupling, Joint, JointKind, Link, StatedBase
 
-MotorSource = Literal["side-car", "model file", "transmission", "independent", "names"]
+MotorSource = Literal["side-car", "model file", "actuator", "transmission", "independent", "names"]
 
 
 #: Number of freedoms of a joint, by its kind.
@@ -32,6 +32,7 @@ class MotorStatement:
         names: Names of joints as the author wrote them.
         file: Path of the file.
         line: Line in the file, or None.
+        refusal: Why the list cannot be used, an error only if no other list ranks higher; "" if it can.
     """
 
     source: MotorSource
@@ -39,6 +40,7 @@ class MotorStatement:
     names: tuple[str, ...]
     file: str
     line: int | None = None
+    refusal: str = ""
 
 
 @dataclass
@@ -54,7 +56,11 @@ class RobotFile:
         couplings: Couplings.
         motors: Every list of motors that the file states.
         notes: Remarks for the user.
-        effects: Physical effects that a model file states, as in `Description`.
+        effects: Physical effects that the files state, as in `Description`.
+        home: Home posture that the robot file states, as in `Description`; model.toml ranks higher.
+        base: As in `Description`.
+        base_home: As in `Description`.
+        gravity: As in `Description`.
     """
 
     name: str
@@ -66,3 +72,7 @@ class RobotFile:
     motors: list[MotorStatement] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
     effects: tuple[tuple[str, dict[str, Any]], ...] = ()
+    home: dict[str, tuple[float, ...]] = field(default_factory=dict)
+    base: StatedBase = "fixed"
+    base_home: tuple[float, ...] | None = None
+    gravity: tuple[float, float, float] | None = None

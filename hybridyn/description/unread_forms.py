@@ -6,8 +6,11 @@ import re
 
 from .urdf.foreign import LEGACY_FORMS
 
-#: Formats that are recognised but not read yet, by the name of the root element.
-UNREAD_FORMATS = {"mujoco": "MJCF (MuJoCo)", "sdf": "SDF (Gazebo)", "mujocoinclude": "MJCF (MuJoCo)"}
+#: Messages for files that are recognised but not read by themselves, by the name of the root element.
+UNREAD_FORMATS = {
+    "sdf": "this is SDF (Gazebo), which is not read yet; convert the robot to URDF with <loop> closures",
+    "mujocoinclude": "this is a part of an MJCF file (MuJoCo); name the file that includes it",
+}
 
 COMMENT = re.compile(rb"<!--.*?(?:-->|\Z)", re.DOTALL)
 ELEMENT = re.compile(rb"<([A-Za-z_][\w:.-]*)")
@@ -19,10 +22,7 @@ def unread_format(root: str) -> str:
     Args:
         root: Name of the root element.
     """
-    if root not in UNREAD_FORMATS:
-        return ""
-    name = UNREAD_FORMATS[root]
-    return f"this is {name}, which is not read yet; convert the robot to URDF with <loop> closures"
+    return UNREAD_FORMATS.get(root, "")
 
 
 def unread_form(text: bytes) -> str:
@@ -33,6 +33,8 @@ def unread_form(text: bytes) -> str:
     """
     tags = dict.fromkeys(tag.decode("ascii", "replace") for tag in ELEMENT.findall(COMMENT.sub(b"", text)))
     root = next(iter(tags), "")
+    if root == "mujoco":
+        return "this is MJCF (MuJoCo)"
     if message := unread_format(root):
         return message
     found = [tag for tag in tags if tag in LEGACY_FORMS]

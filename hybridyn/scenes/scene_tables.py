@@ -40,8 +40,8 @@ class RobotTable(Schema):
     """[robot]: the arguments of `hybridyn.load`."""
 
     file: str
-    base: Literal["fixed", "moving", "floating"] = "fixed"
-    gravity: Three = [0.0, 0.0, -9.81]  # noqa: RUF012 (pydantic copies)
+    base: Literal["fixed", "moving", "floating"] | None = None
+    gravity: Three | None = None
     motors: list[str] | None = None
     xacro: dict[str, str | bool | int | float] = Field(default_factory=dict)
     package_dirs: list[str] = Field(default_factory=list)

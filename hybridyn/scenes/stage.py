@@ -79,10 +79,11 @@ def stage(
     """
     source = path if isinstance(path, SceneFile) else read_scene(Path(path))
     scene = source.scene
+    gravity = scene.robot.gravity
     with naming(source, ("robot", "file")):
         robot = load(
             source.robot, base=scene.robot.base, motors=scene.robot.motors,
-            gravity=(scene.robot.gravity[0], scene.robot.gravity[1], scene.robot.gravity[2]),
+            gravity=None if gravity is None else (gravity[0], gravity[1], gravity[2]),
             xacro_args={name: _xacro(value) for name, value in scene.robot.xacro.items()} or None,
             package_dirs=[source.beside(folder) for folder in scene.robot.package_dirs],
         )  # fmt: skip

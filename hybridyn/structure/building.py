@@ -26,6 +26,9 @@ if TYPE_CHECKING:
 
     from .payload import Payload
 
+#: Acceleration of gravity where neither the caller nor the file states one [m/s^2].
+EARTH = (0.0, 0.0, -9.81)
+
 
 class ModuleBuilder:
     """Modules one after the other, bases before what they carry; equal ones share their mechanism.
@@ -179,8 +182,8 @@ def _leg_name(links: list[str]) -> str:
 def build_robot(
     description: Description,
     *,
-    base: Base = "fixed",
-    gravity: tuple[float, float, float] | Array = (0.0, 0.0, -9.81),
+    base: Base | None = None,
+    gravity: tuple[float, float, float] | Array | None = None,
     rank_tolerance: float | None = None,
     closure_tolerance: float = 1e-4,
     held: Iterable[str] = (),
@@ -190,8 +193,8 @@ def build_robot(
 
     Args:
         description: What the files say.
-        base: "fixed", "moving" (prescribed motion) or "floating" (free).
-        gravity: Acceleration of gravity in the world, shape (3,), [m/s^2].
+        base: "fixed", "moving" (prescribed motion) or "floating" (free); None takes the description's.
+        gravity: Acceleration of gravity in the world, shape (3,), [m/s^2]; None takes the description's.
         rank_tolerance: Relative singular value under which closure rows are dependent; found where left out.
         closure_tolerance: Largest residual that counts as closed, relative to a module's length.
         held: Joints that are never cut away in a wrist, so that they can have joint effects.
@@ -201,6 +204,8 @@ def build_robot(
         ModelError: The description makes no robot, or the rank of a module's closures is in doubt.
         AssemblyError: A module's loops close nowhere.
     """
+    base = description.base if base is None else base
+    gravity = description.gravity or EARTH if gravity is None else gravity
     if base not in ("fixed", "moving", "floating"):
         raise ModelError(f"base must be 'fixed', 'moving' or 'floating', not {base!r}")
     kept = _held(description, held)
@@ -261,7 +266,7 @@ def _held(description: Description, held: Iterable[str]) -> frozenset[str]:
 
 def _home(description: Description, bodies: Bodies, kinds: list[str], base: str) -> Array:
     """Return the home position of the whole robot, shape (nq,)."""
-    parts = [np.array([0.0, 0, 0, 0, 0, 0, 1])] if base != "fixed" else []
+    parts = [np.array(description.base_home or (0.0, 0, 0, 0, 0, 0, 1))] if base != "fixed" else []
     for joint, kind in zip(bodies.joints, kinds[len(parts) :], strict=True):
         value = np.asarray(description.home.get(joint.joint.name, (0.0,)), dtype=float)
         if len(value) == NQ[kind] and kind != "continuous":

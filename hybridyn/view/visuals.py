@@ -52,7 +52,7 @@ def read_visuals(
     """Read the shapes of a robot's links.
 
     Args:
-        file: The URDF or xacro file.
+        file: The robot's file; only URDF and xacro have shapes that are read.
         xacro_args: Arguments of a xacro file by name.
         package_dirs: Folders in which `package://` looks.
 
@@ -61,11 +61,12 @@ def read_visuals(
     """
     from ..description.reading import read_bytes
     from ..description.urdf.xacro import expand
+    from ..description.urdf.xml_node import parse
 
     text = read_bytes(file)
     if file.endswith(".xacro") or b"<xacro:" in text:
         text = expand(file, xacro_args, package_dirs)[0]
-    if b"<visual" not in text:
+    if b"<visual" not in text or parse(text, file).tag != "robot":  # MJCF has a <visual> of its own
         return [], []
     import yourdfpy
 

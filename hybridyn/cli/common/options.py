@@ -135,8 +135,12 @@ def _names(ctx: click.Context, param: click.Parameter, value: str | None) -> lis
     return names
 
 
-def _vector(ctx: click.Context, param: click.Parameter, value: str) -> tuple[float, float, float]:
+def _vector(
+    ctx: click.Context, param: click.Parameter, value: str | None
+) -> tuple[float, float, float] | None:
     """Parse three numbers separated by commas."""
+    if value is None:
+        return None
     try:
         x, y, z = (float(number) for number in value.split(","))
     except ValueError:
@@ -205,7 +209,7 @@ takes_packages = click.option(
     "package_dirs",
     type=click.Path(exists=True, file_okay=False),
     multiple=True,
-    help="Folder with packages, for $(find ...) in xacro files.",
+    help="Folder with packages, for $(find ...) in xacro files, and for files that MJCF includes.",
 )
 
 _OPTIONS = (
@@ -213,9 +217,8 @@ _OPTIONS = (
     click.option(
         "--base",
         type=click.Choice(["fixed", "moving", "floating"]),
-        default="fixed",
-        show_default=True,
-        help="Motion of the root link: at rest, prescribed by the table, or free.",
+        help="Motion of the root link: at rest, prescribed by the table, or free.  [default: what the "
+        "file says, else fixed]",
     ),
     click.option(
         "--motors", metavar="A,B,...", callback=_names, help="Driven joints, instead of those in the files."
@@ -224,9 +227,7 @@ _OPTIONS = (
         "--gravity",
         metavar="X,Y,Z",
         callback=_vector,
-        default="0,0,-9.81",
-        show_default=True,
-        help="Acceleration of gravity in the world [m/s^2].",
+        help="Acceleration of gravity in the world [m/s^2].  [default: what the file says, else 0,0,-9.81]",
     ),
     takes_xacro_arguments,
     takes_packages,
@@ -261,9 +262,9 @@ class RobotChoice:
     """
 
     robot: str
-    base: Base
+    base: Base | None
     motors: list[str] | None
-    gravity: tuple[float, float, float]
+    gravity: tuple[float, float, float] | None
     xacro_args: dict[str, str]
     package_dirs: tuple[str, ...]
     rank_tolerance: float | None

@@ -21,7 +21,7 @@ def find_model_file(file: str) -> Path | None:
     `models/group/X/model.toml` for `urdf/group/X.urdf`.
     """
     path = Path(file)
-    name = re.sub(r"(\.urdf)?(\.xacro)?$", "", path.name)
+    name = re.sub(r"(\.urdf|\.xml)?(\.xacro)?$", "", path.name)
     group = path.absolute().parent.name
     candidates = [
         path.with_name(f"{name}.model.toml"),

@@ -1,6 +1,6 @@
 """Read `model.toml`, with data that URDF cannot state: home posture, motors, rotors, friction, effects.
 
-For `X.urdf` or `X.urdf.xacro`, the file is `X.model.toml` beside it, else `../models/X/model.toml`
+For `X.urdf`, `X.urdf.xacro` or `X.xml`, the file is `X.model.toml` beside it, else `../models/X/model.toml`
 (`../../models/group/X/model.toml` for `urdf/group/X.urdf`).
 
     motors = ["slide1", "slide2"]
@@ -142,7 +142,8 @@ def _apply_effects(robot: RobotFile, model: ModelFile, text: str, file: str) -> 
                 f"[effects.{effect}] '{key}': no such {what} '{name}'{did_you_mean(name, known)}",
                 file=file, line=line_of(text, ("effects", effect, key, name)), element=name,
             )  # fmt: skip
-    robot.effects = model.effects.stated()
+    own = dict(model.effects.stated())
+    robot.effects = (*((name, own.pop(name, values)) for name, values in robot.effects), *own.items())
 
 
 def home_position(joint: Joint, values: list[float]) -> tuple[float, ...]:

@@ -1,4 +1,4 @@
-"""Read files for a xacro file, restricted to the robot's folders.
+"""Read files for a xacro or MJCF file, restricted to the robot's folders.
 
 These are the robot's own folder (that of the package around its file, else the file's folder), the packages
 that `$(find ...)` names, and the folders that the user names. A symbolic link counts as the file to which it
@@ -122,7 +122,7 @@ class RobotFolders:
         if any(not _is_hidden(rest) for rest in rests):
             return real
         if rests:
-            raise ModelError(f"'{path}' is hidden, and a xacro file may not read it")
+            raise ModelError(f"'{path}' is hidden, and a robot file may not read it")
         raise ModelError(
             f"'{path}' is outside the robot's folders; name the folder that holds it with package_dirs"
         )

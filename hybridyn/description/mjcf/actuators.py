@@ -1,0 +1,144 @@
+"""`<actuator>` of a compiled MJCF model: driven joints, their effort limits, inertia and damping of motors.
+
+The effort of a motor is that at its joint, whatever servo stands before it: gear x force of the actuator.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from ..names import listed
+from ..robot_file import MotorStatement, RobotFile
+from .compiling import Compiled
+from .fields import nonzero, number
+from .tendons import fixed_terms
+
+WHERE = "MJCF <actuator>"
+MEND = "drive a joint, or name the driven joints: motors=[..], --motors, or motors = [..] in model.toml"
+
+
+def add_actuators(robot: RobotFile, compiled: Compiled) -> None:
+    """Add the list of motors, and what actuators add to their joints, to the robot.
+
+    Args:
+        robot: The robot, with its joints.
+        compiled: The compiled model.
+
+    Raises:
+        ModelError: A motor's damping depends on its speed.
+    """
+    names: list[str] = []
+    problem = ""
+    limits: dict[str, float] = {}
+    extra: dict[str, tuple[float, float]] = {}
+    servos: list[str] = []
+    for actuator in range(count(compiled)):
+        driven = driven_joint(compiled, actuator)
+        if isinstance(driven, str):
+            problem = problem or driven
+            continue
+        joint, gear = driven
+        if nonzero(compiled.model, "actuator_dampingpoly", actuator):
+            raise compiled.error(
+                "actuator", actuator, "damping that depends on the speed is not read; keep its first number"
+            )
+        if joint not in names:
+            names.append(joint)
+        limits[joint] = limits.get(joint, 0.0) + effort_limit(compiled, actuator, gear)
+        inertia, damping = extra.get(joint, (0.0, 0.0))
+        extra[joint] = (
+            inertia + number(compiled.model, "actuator_armature", actuator) * gear**2,
+            damping + number(compiled.model, "actuator_damping", actuator) * gear**2,
+        )
+        if has_servo(compiled, actuator):
+            servos.append(compiled.name("actuator", actuator) or joint)
+    if servos:
+        robot.notes.append(
+            f"actuators {listed(servos)} hold a servo, a muscle or dynamics of their own, which are not "
+            "read: the motors give the efforts that the models compute"
+        )
+    if names or problem:
+        robot.motors.append(MotorStatement("actuator", WHERE, tuple(names), robot.file, refusal=problem))
+    robot.joints = [
+        replace(
+            joint,
+            effort=min(joint.effort, limits.get(joint.name, np.inf)),
+            rotor_inertia=joint.rotor_inertia + extra.get(joint.name, (0.0, 0.0))[0],
+            damping=joint.damping + extra.get(joint.name, (0.0, 0.0))[1],
+        )
+        for joint in robot.joints
+    ]
+
+
+def count(compiled: Compiled) -> int:
+    """Return the number of actuators.
+
+    Args:
+        compiled: The compiled model.
+    """
+    return len(compiled.model.actuator_trntype)
+
+
+def driven_joint(compiled: Compiled, actuator: int) -> tuple[str, float] | str:
+    """Return the joint that an actuator drives and the gear between them, or why there is none.
+
+    Args:
+        compiled: The compiled model.
+        actuator: Number of the actuator.
+    """
+    model = compiled.model
+    kind, target = int(model.actuator_trntype[actuator]), int(model.actuator_trnid[actuator][0])
+    label = f"actuator '{compiled.name('actuator', actuator) or actuator}'"
+    gear = float(model.actuator_gear[actuator][0])
+    if kind == compiled.code("mjTRN_TENDON"):
+        terms = fixed_terms(compiled, target) or {}
+        if len(terms) == 1:
+            ((joint, coefficient),) = terms.items()
+            return joint, gear * coefficient
+        return f"{label} pulls a tendon over {len(terms) or 'other than'} joints; {MEND}"
+    if kind not in (compiled.code("mjTRN_JOINT"), compiled.code("mjTRN_JOINTINPARENT")):
+        return f"{label} drives no joint; {MEND}"
+    single = (compiled.code("mjJNT_HINGE"), compiled.code("mjJNT_SLIDE"))
+    if model.jnt_type[target] not in single:
+        return f"{label} drives joint '{compiled.joints[target]}', which has several freedoms; {MEND}"
+    return compiled.joints[target], gear
+
+
+def effort_limit(compiled: Compiled, actuator: int, gear: float) -> float:
+    """Return the largest effort of an actuator at its joint [N or N m], infinite where the file states none.
+
+    Args:
+        compiled: The compiled model.
+        actuator: Number of the actuator.
+        gear: Gear between joint and actuator.
+    """
+    model = compiled.model
+    force = np.inf
+    if model.actuator_forcelimited[actuator]:
+        force = float(np.abs(model.actuator_forcerange[actuator]).max())
+    plain = (
+        model.actuator_gaintype[actuator] == compiled.code("mjGAIN_FIXED")
+        and model.actuator_biastype[actuator] == compiled.code("mjBIAS_NONE")
+        and model.actuator_dyntype[actuator] == compiled.code("mjDYN_NONE")
+    )
+    if plain and model.actuator_ctrllimited[actuator]:
+        gain = abs(float(model.actuator_gainprm[actuator][0]))
+        force = min(force, gain * float(np.abs(model.actuator_ctrlrange[actuator]).max()))
+    return abs(gear) * force if gear else 0.0
+
+
+def has_servo(compiled: Compiled, actuator: int) -> bool:
+    """Say whether an actuator's force is more than gain x control.
+
+    Args:
+        compiled: The compiled model.
+        actuator: Number of the actuator.
+    """
+    model = compiled.model
+    return bool(
+        model.actuator_gaintype[actuator] != compiled.code("mjGAIN_FIXED")
+        or model.actuator_biastype[actuator] != compiled.code("mjBIAS_NONE")
+        or model.actuator_dyntype[actuator] != compiled.code("mjDYN_NONE")
+    )

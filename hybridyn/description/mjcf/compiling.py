@@ -1,0 +1,213 @@
+"""MuJoCo's own compiler: the text of a robot to a compiled model, with errors that name file and line."""
+
+from __future__ import annotations
+
+import importlib
+import re
+import warnings
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from ...errors import ModelError, install_advice
+from ..records import Array
+from ..urdf.xml_node import LARGEST_NUMBER
+from .document import Document, Place
+from .naming import names_of
+
+#: Advice for what MuJoCo refuses most often.
+MENDS = {
+    "mass and inertia of moving bodies": "give every moving body an <inertial> or a geom with mass",
+}
+
+#: MuJoCo's enumerations by the first part of their words.
+ENUMERATIONS = {
+    "mjOBJ": "mjtObj", "mjJNT": "mjtJoint", "mjEQ": "mjtEq", "mjTRN": "mjtTrn", "mjWRAP": "mjtWrap",
+    "mjGAIN": "mjtGain", "mjBIAS": "mjtBias", "mjDYN": "mjtDyn", "mjDSBL": "mjtDisableBit",
+}  # fmt: skip
+
+_LINE = re.compile(r"\bline (\d+)")
+_NAME = re.compile(r"Element name '([^']+)'")
+
+
+@dataclass(frozen=True)
+class Compiled:
+    """A compiled model, and where its elements stand.
+
+    Attributes:
+        mujoco: The module.
+        spec: MuJoCo's MjSpec.
+        model: MuJoCo's MjModel.
+        file: Path of the robot's file.
+        places: Place of each line of the text that was compiled.
+    """
+
+    mujoco: Any
+    spec: Any
+    model: Any
+    file: str
+    places: list[Place]
+
+    @cached_property
+    def bodies(self) -> list[str]:
+        """Name of each body, "world" first."""
+        return names_of("body", self._named("body", self.model.nbody))
+
+    @cached_property
+    def joints(self) -> list[str]:
+        """Name of each joint; one without a name is named after its body."""
+        given = self._named("joint", self.model.njnt)
+        made = [f"{self.bodies[body]}_joint" for body in self.model.jnt_bodyid]
+        return names_of("joint", given, made)
+
+    def name(self, kind: str, number: int) -> str:
+        """Return the name of an element as the file gives it, "" for none.
+
+        Args:
+            kind: "body", "joint", "geom", "site", "equality", "tendon", "actuator" or "key".
+            number: Its number in the compiled model.
+        """
+        of_kind = self.code(f"mjOBJ_{kind.upper()}")
+        return self.mujoco.mj_id2name(self.model, of_kind, number) or ""
+
+    def code(self, word: str) -> int:
+        """Return the number that stands for one of MuJoCo's words in the arrays of a model, -1 for none.
+
+        Args:
+            word: The word, "mjJNT_HINGE"; its group is that before the underscore.
+        """
+        group, _, _ = word.partition("_")
+        value = getattr(getattr(self.mujoco, ENUMERATIONS[group]), word, None)
+        return -1 if value is None else int(value)
+
+    def line(self, kind: str, number: int) -> int | None:
+        """Return the line of an element in the robot's own file, or None where it stands in another.
+
+        Args:
+            kind: "body", "joint", "equality", "tendon" or "actuator".
+            number: Its number in the compiled model.
+        """
+        place = self._place(kind, number)
+        return place.line if place.file == self.file else None
+
+    def error(self, kind: str, number: int, message: str) -> ModelError:
+        """Return (not raise) the error that names an element, its file and its line.
+
+        Args:
+            kind: As for `line`.
+            number: Its number in the compiled model.
+            message: What is wrong, and the mend.
+        """
+        name = self.name(kind, number)
+        if kind in ("body", "joint"):
+            name = (self.bodies if kind == "body" else self.joints)[number]
+        place = self._place(kind, number)
+        label = f"{kind} '{name}'" if name else f"{kind} {number}"
+        return ModelError(f"{label}: {message}", file=place.file, line=place.line, element=name or kind)
+
+    def _place(self, kind: str, number: int) -> Place:
+        return _place_in(self._info.get((kind, number), ""), self.places) or Place(self.file, None)
+
+    def _named(self, kind: str, count: int) -> list[str]:
+        return [self.name(kind, number) for number in range(count)]
+
+    @cached_property
+    def _info(self) -> dict[tuple[str, int], str]:
+        """Where each element stands in the compiled text, in MuJoCo's words."""
+        groups = {
+            "body": self.spec.bodies, "joint": self.spec.joints, "equality": self.spec.equalities,
+            "tendon": self.spec.tendons, "actuator": self.spec.actuators, "key": self.spec.keys,
+        }  # fmt: skip
+        return {(kind, item.id): str(item.info) for kind, items in groups.items() for item in items}
+
+
+def compile_text(document: Document, meshes: dict[str, bytes]) -> Compiled:
+    """Compile an MJCF text.
+
+    Args:
+        document: The screened file.
+        meshes: Contents of the meshes by name.
+
+    Raises:
+        ModelError: MuJoCo is not installed, or refuses the text.
+    """
+    file = document.root.file
+    mujoco = _module(file)
+    text, places = document.text()
+    refusals = (ValueError, TypeError, mujoco.FatalError)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # its remarks on numerics; hybridyn makes its own
+            spec = mujoco.MjSpec.from_string(text, assets=meshes)
+            spec.compiler.fusestatic = False
+            spec.compiler.LRopt.mode = mujoco.mjtLRMode.mjLRMODE_NONE  # simulates muscles, for long
+            model = spec.compile()
+    except refusals as error:
+        raise _told(str(error), file, places) from None
+    compiled = Compiled(mujoco, spec, model, file, places)
+    _refuse_unbounded(compiled)
+    return compiled
+
+
+def _module(file: str) -> Any:
+    """Import MuJoCo.
+
+    Raises:
+        ModelError: It is not installed, or too old.
+    """
+    try:
+        mujoco = importlib.import_module("mujoco")
+    except ImportError:
+        advice = install_advice("mjcf")
+        raise ModelError(
+            f"this is MJCF, for which hybridyn needs the package mujoco; {advice}", file=file
+        ) from None
+    if not hasattr(mujoco, "MjSpec"):
+        raise ModelError(f"MuJoCo {mujoco.__version__} has no MjSpec; {install_advice('mjcf')}", file=file)
+    return mujoco
+
+
+def _told(text: str, file: str, places: list[Place]) -> ModelError:
+    """Return MuJoCo's refusal in one line, with the line of the author's file."""
+    first = text.strip().split("\n", 1)[0].removeprefix("XML ").removeprefix("Error: ")
+    place = _place_in(text, places) or Place(file, None)
+    name = _NAME.search(text)
+    mend = next((f"; {advice}" for words, advice in MENDS.items() if words in first), "")
+    label = f"element '{name[1]}': " if name else ""
+    element = name[1] if name else None
+    return ModelError(f"{label}MuJoCo: {first}{mend}", file=place.file, line=place.line, element=element)
+
+
+def _place_in(text: str, places: list[Place]) -> Place | None:
+    """Return the place of the line that one of MuJoCo's messages names."""
+    lines = [int(number) for number in _LINE.findall(text)]
+    return places[lines[-1] - 1] if lines and 0 < lines[-1] <= len(places) else None
+
+
+def _refuse_unbounded(compiled: Compiled) -> None:
+    """Refuse a model with numbers that are not finite, or so large that their square is not."""
+    model = compiled.model
+    of_body: dict[str, Array] = {
+        "pos": model.body_pos, "quat": model.body_quat, "mass": model.body_mass, "com": model.body_ipos,
+        "inertia": model.body_inertia,
+    }  # fmt: skip
+    of_joint: dict[str, Array] = {
+        "pos": model.jnt_pos, "axis": model.jnt_axis, "stiffness": model.jnt_stiffness,
+    }  # fmt: skip
+    for kind, table in (("body", of_body), ("joint", of_joint)):
+        for what, values in table.items():
+            rows = np.asarray(values, dtype=float).reshape(len(values), -1)
+            with np.errstate(invalid="ignore"):
+                wrong = np.flatnonzero(~(np.abs(rows) <= LARGEST_NUMBER).all(axis=1))
+            if wrong.size:
+                raise compiled.error(kind, int(wrong[0]), f"its {what} is not finite, or too large")
+    for number in range(model.nv):
+        row = [model.dof_damping[number], model.dof_armature[number], model.dof_frictionloss[number]]
+        if not np.isfinite(row).all() or min(row) < 0:
+            raise compiled.error(
+                "joint",
+                int(model.dof_jntid[number]),
+                "damping, armature or frictionloss is negative or not finite",
+            )

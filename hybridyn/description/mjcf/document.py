@@ -1,0 +1,183 @@
+"""An MJCF file with all that it includes: one tree of elements, and one text of which every line is known.
+
+Files are opened here and never by MuJoCo: only in the robot's folders, and with the limits of any robot file.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+from xml.sax.saxutils import quoteattr
+
+from lxml import etree
+
+from ...errors import ModelError
+from ..urdf.robot_folders import RobotFolders
+from ..urdf.xml_node import LARGEST_FILE, MOST_ELEMENTS, Node, parse
+
+#: Most files that one robot may include.
+MOST_FILES = 1000
+
+#: Folders whose neighbours belong to the robot, too: `robot/mjcf/robot.xml` reads `robot/meshes/`.
+FILE_FOLDERS = ("mjcf", "xml", "mujoco")
+
+#: Attribute that marks the first elements of an included file: its number in `Document.files`.
+FILE = "{hybridyn}file"
+
+#: Root elements of an included file.
+INCLUDED_ROOTS = ("mujoco", "mujocoinclude")
+
+
+class Place(NamedTuple):
+    """Where an element stands.
+
+    Attributes:
+        file: Path of its file.
+        line: Its line, from 1, or None.
+    """
+
+    file: str
+    line: int | None
+
+
+class Document:
+    """An MJCF file and what it includes.
+
+    Attributes:
+        root: Root element; included elements stand in place of `<include>`.
+        folders: The folders that it may read.
+        files: Paths of the files, the robot's own first.
+    """
+
+    def __init__(self, root: Node, package_dirs: list[str]) -> None:
+        """Include everything.
+
+        Args:
+            root: Root element; it is changed.
+            package_dirs: Folders that the user allows.
+
+        Raises:
+            ModelError: An included file cannot be read, or is included twice.
+        """
+        self.root = root
+        main = os.path.abspath(root.file.removesuffix(" (expanded)"))
+        around = Path(main).parent
+        granted = [str(around.parent)] if around.name in FILE_FOLDERS else []
+        self.folders = RobotFolders(main, package_dirs, [], LARGEST_FILE, granted)
+        self.files = [root.file]
+        self._paths = [main]
+        self._seen = {os.path.realpath(main)}
+        self._size = self._count = 0
+        waiting = [(xml, 0) for xml in root.xml.iter("include")]
+        while waiting:
+            xml, number = waiting.pop(0)
+            waiting += self._include(Node(xml, self.files[number]), number)
+
+    def nodes(self) -> Iterator[Node]:
+        """Yield every element, a parent before its children, each with its own file."""
+        waiting = [(self.root.xml, 0)]
+        while waiting:
+            xml, above = waiting.pop()
+            number = int(xml.get(FILE, above))
+            yield Node(xml, self.files[number])
+            waiting += [(child, number) for child in reversed(xml)]
+
+    def beside(self, *parts: str) -> str:
+        """Return a path that is relative to the robot's own file.
+
+        Args:
+            parts: Parts of the path; an absolute part makes it absolute.
+        """
+        return os.path.join(os.path.dirname(self._paths[0]), *parts)
+
+    def text(self) -> tuple[str, list[Place]]:
+        """Write the tree, one element's start or end a line.
+
+        Returns:
+            The text, and the place of the element in each line.
+
+        Raises:
+            ModelError: An attribute has a namespace, which MJCF does not know.
+        """
+        lines: list[str] = []
+        places: list[Place] = []
+        waiting: list[tuple[etree._Element, int, bool]] = [(self.root.xml, 0, False)]
+        while waiting:
+            xml, above, ends = waiting.pop()
+            number = int(xml.get(FILE, above))
+            node = Node(xml, self.files[number])
+            lines.append(f"</{node.tag}>" if ends else _start(node))
+            places.append(Place(node.file, node.line))
+            if not ends and len(xml):
+                waiting.append((xml, above, True))
+                waiting += [(child, number, False) for child in reversed(xml)]
+        return "\n".join(lines), places
+
+    def _include(self, node: Node, number: int) -> list[tuple[etree._Element, int]]:
+        """Put the elements of a file in place of `<include>`, and return the includes among them."""
+        node.only(["file"], [])
+        name = node.text("file")
+        content, path = self._read(node, name, number)
+        self._refuse_too_much(node, name, content, path)
+        inner = parse(content, _shown(path))
+        if inner.tag not in INCLUDED_ROOTS:
+            raise node.error(f"the root element of '{name}' is <{inner.tag}> instead of <mujocoinclude>")
+        self._count += sum(1 for _ in inner.xml.iter("*"))
+        if self._count > MOST_ELEMENTS:
+            raise node.error(f"the included files have more than {MOST_ELEMENTS} elements")
+        self.files.append(inner.file)
+        self._paths.append(path)
+        here = len(self.files) - 1
+        includes = [(xml, here) for xml in inner.xml.iter("include")]
+        parent = node.xml.getparent()
+        if parent is None:
+            raise node.error("cannot be the root element")
+        at = parent.index(node.xml)
+        children = list(inner.xml)
+        for child in children:
+            child.set(FILE, str(here))
+        parent[at : at + 1] = children
+        return includes
+
+    def _read(self, node: Node, name: str, number: int) -> tuple[bytes, str]:
+        """Read an included file: its path starts at the robot's file, else at the file that includes it."""
+        wrong: OSError | ValueError | None = None
+        for start in dict.fromkeys((self._paths[0], self._paths[number])):
+            path = os.path.normpath(os.path.join(os.path.dirname(start), name))
+            try:
+                return self.folders.read(path), path
+            except ModelError as error:
+                raise node.error(str(error)) from None
+            except (OSError, ValueError) as error:
+                wrong = wrong or error
+        reason = wrong.strerror if isinstance(wrong, OSError) else str(wrong)
+        raise node.error(f"file '{name}' cannot be read: {reason}")
+
+    def _refuse_too_much(self, node: Node, name: str, content: bytes, path: str) -> None:
+        real = os.path.realpath(path)
+        if real in self._seen:
+            raise node.error(f"file '{name}' is included twice; MuJoCo includes a file once")
+        self._seen.add(real)
+        self._size += len(content)
+        if len(self._seen) > MOST_FILES or self._size > LARGEST_FILE:
+            raise node.error(f"more than {MOST_FILES} files or {LARGEST_FILE // 2**20} MiB are included")
+
+
+def _start(node: Node) -> str:
+    """Write the start of an element, closed where it has no children."""
+    written = [node.tag]
+    for name, value in ((str(key), str(value)) for key, value in node.xml.attrib.items()):
+        if name == FILE:
+            continue
+        if name.startswith("{"):
+            raise node.error(f"attribute '{name}' has a namespace, which MJCF does not know")
+        written.append(f"{name}={quoteattr(value)}")
+    return f"<{' '.join(written)}{'' if len(node.xml) else '/'}>"
+
+
+def _shown(path: str) -> str:
+    """Return a path as a user would write it."""
+    relative = os.path.relpath(path)
+    return path if relative.startswith("..") else relative

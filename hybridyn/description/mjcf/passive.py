@@ -1,0 +1,128 @@
+"""Damping, friction, springs and armature of joints in a compiled MJCF model; other forces are refused."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from ...errors import ModelError
+from ..records import Joint
+from ..robot_file import FREEDOMS, RobotFile
+from .compiling import Compiled
+from .fields import nonzero, number
+from .roots import Root
+from .tendons import limited, refuse_forces
+
+#: What a joint may not have, by the name of MuJoCo's array: the word of the file, and the mend.
+JOINT_FORCES = {
+    "jnt_stiffnesspoly": ("stiffness that depends on the position", "keep its first number"),
+    "jnt_springyield": ("springyield", "remove it"),
+    "jnt_actgravcomp": ("actuatorgravcomp", "remove it"),
+}
+DOF_FORCES = {"dof_dampingpoly": ("damping that depends on the speed", "keep its first number")}
+
+#: What only a joint with one freedom may have here.
+SINGLE = {"stiffness": "a spring", "armature": "armature", "frictionloss": "frictionloss"}
+
+
+def add_passive(robot: RobotFile, compiled: Compiled, root: Root) -> None:
+    """Add damping, friction, armature and springs to the robot's joints.
+
+    Args:
+        robot: The robot, with its joints.
+        compiled: The compiled model.
+        root: The robot's root, whose free joint is no joint of the tree.
+
+    Raises:
+        ModelError: The file states a passive force that hybridyn does not have.
+    """
+    _refuse_others(compiled)
+    model = compiled.model
+    numbers = {name: index for index, name in enumerate(compiled.joints)}
+    stiffness: dict[str, float] = {}
+    rest: dict[str, float] = {}
+    if root.joint is not None:
+        _refuse_on_base(compiled, root.joint)
+    joints: list[Joint] = []
+    for joint in robot.joints:
+        if joint.kind != "fixed":
+            index = numbers[joint.name]
+            dof = int(model.jnt_dofadr[index])
+            _refuse_on_joint(compiled, index, dof, FREEDOMS[joint.kind])
+            joint = replace(
+                joint,
+                damping=number(model, "dof_damping", dof),
+                friction=number(model, "dof_frictionloss", dof),
+                rotor_inertia=number(model, "dof_armature", dof),
+                effort=_effort(model, index),
+            )
+            if nonzero(model, "jnt_stiffness", index):
+                stiffness[joint.name] = number(model, "jnt_stiffness", index)
+                rest[joint.name] = float(model.qpos_spring[model.jnt_qposadr[index]])
+        joints.append(joint)
+    robot.joints = joints
+    if stiffness:
+        robot.effects += (("spring", {"stiffness": stiffness, "rest": rest}),)
+    if tendons := limited(compiled):
+        robot.notes.append(f"limits of tendons are not read: {', '.join(tendons[:8])}")
+
+
+def _effort(model: Any, joint: int) -> float:
+    """Return the largest effort of all actuators together at a joint, infinite where the file states none."""
+    if model.jnt_actfrclimited[joint]:
+        return float(np.abs(model.jnt_actfrcrange[joint]).max())
+    return float(np.inf)
+
+
+def _refuse_others(compiled: Compiled) -> None:
+    """Refuse forces that act on bodies and tendons."""
+    model = compiled.model
+    for word in ("density", "viscosity"):
+        if getattr(model.opt, word):
+            raise ModelError(
+                f"<option {word}>: forces of a fluid are not read; remove it, or set it to 0",
+                file=compiled.file, element="option",
+            )  # fmt: skip
+    for body in range(model.nbody):
+        if model.body_gravcomp[body]:
+            raise compiled.error("body", body, "gravcomp is not read; remove it, or state it as a wrench")
+    refuse_forces(compiled)
+    tied = {int(body) for body in np.flatnonzero(np.asarray(model.body_mocapid) >= 0)}
+    for body in tied:
+        raise compiled.error(
+            "body", body, "a mocap body moves as a program tells it; remove mocap, or give it joints"
+        )
+
+
+def _refuse_on_base(compiled: Compiled, joint: int) -> None:
+    """Refuse damping, friction and armature of the free joint of a floating base."""
+    model = compiled.model
+    dof = int(model.jnt_dofadr[joint])
+    for word in ("damping", "frictionloss", "armature"):
+        if np.any(getattr(model, f"dof_{word}")[dof : dof + 6]):
+            raise compiled.error(
+                "joint", joint, f"{word} of a free joint is not read; set it to 0, or write <freejoint/>, "
+                "which takes no defaults",
+            )  # fmt: skip
+
+
+def _refuse_on_joint(compiled: Compiled, joint: int, dof: int, freedoms: int) -> None:
+    """Refuse what a joint may not have."""
+    model = compiled.model
+    for row, table in ((joint, JOINT_FORCES), (dof, DOF_FORCES)):
+        for field, (word, mend) in table.items():
+            if nonzero(model, field, row):
+                raise compiled.error("joint", joint, f"{word} is not read; {mend}")
+    if freedoms == 1:
+        return
+    present = {
+        "stiffness": nonzero(model, "jnt_stiffness", joint), "armature": nonzero(model, "dof_armature", dof),
+        "frictionloss": nonzero(model, "dof_frictionloss", dof),
+    }  # fmt: skip
+    for word, name in SINGLE.items():
+        if present[word]:
+            raise compiled.error(
+                "joint", joint, f"{name} of a joint with several freedoms is not read; set {word} to 0"
+            )

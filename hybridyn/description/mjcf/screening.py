@@ -1,0 +1,118 @@
+"""What is refused, and what is left out, before MuJoCo reads the text.
+
+Left out is what no joint moves by: visuals, sensors, cameras, lights, contacts. So MuJoCo opens no file, and
+asks for no memory but that of the robot.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+
+from ...errors import ModelError
+from ..urdf.xml_node import LARGEST_NUMBER, MOST_ELEMENTS, Node
+from .document import Document
+
+#: Sections and elements that bear on no dynamics that hybridyn computes.
+LEFT_OUT = {
+    "visual", "statistic", "size", "sensor", "custom", "contact", "camera", "light", "texture", "material",
+    "skin", "pair", "exclude",
+}  # fmt: skip
+
+#: Elements that are refused, with what they are and the mend.
+REFUSED = {
+    "flexcomp": "a deformable body; hybridyn's bodies are rigid: describe it by rigid bodies and springs",
+    "flex": "a deformable body; hybridyn's bodies are rigid: describe it by rigid bodies and springs",
+    "composite": "a body made of many; hybridyn does not read it: save the compiled model (mj_saveLastXML)",
+    "plugin": "a plugin, whose forces hybridyn cannot know; remove it, and put springs and dampers on joints",
+    "attach": "a model of another file; use <include>, or save the compiled model (mj_saveLastXML)",
+    "model": "a model of another file; use <include>, or save the compiled model (mj_saveLastXML)",
+}
+
+#: Attributes that hold names, which may look like numbers.
+NAMES = {
+    "name", "class", "childclass", "joint", "joint1", "joint2", "body", "body1", "body2", "site", "site1",
+    "site2", "tendon", "tendon1", "tendon2", "mesh", "hfield", "material", "prefix", "file", "model", "geom",
+    "geom1", "geom2", "jointinparent", "cranksite", "slidersite", "refsite", "target", "meshdir",
+    "texturedir", "assetdir",
+}  # fmt: skip
+
+#: Elements that replicas may make; MuJoCo's compiler needs the square of it.
+MOST_REPLICAS = 20_000
+
+_UNBOUNDED = re.compile(r"[+-]?(inf(inity)?|nan)", re.IGNORECASE)
+_NUMERAL = re.compile(r"[+-]?\.?\d")
+
+
+def screen(document: Document) -> None:
+    """Refuse what cannot be read, and take out what does not bear on dynamics.
+
+    Args:
+        document: The file; its tree is changed.
+
+    Raises:
+        ModelError: An element is refused, a number is not finite, or replicas are too many.
+    """
+    for node in list(document.nodes()):
+        if node.tag in LEFT_OUT:
+            _take_out(node)
+    for node in document.nodes():
+        if node.tag in REFUSED:
+            raise node.error(REFUSED[node.tag])
+        for name in node.attributes():
+            if name not in NAMES:
+                _refuse_unbounded(node, name)
+        node.xml.attrib.pop("material", "")
+        if node.tag == "hfield":
+            _flatten(node)
+    _refuse_many_replicas(document)
+
+
+def _take_out(node: Node) -> None:
+    parent = node.xml.getparent()
+    if parent is not None:
+        parent.remove(node.xml)
+
+
+def _refuse_unbounded(node: Node, name: str) -> None:
+    """Refuse numbers that are not finite or absurdly large; ranges may be infinite."""
+    for word in str(node.xml.get(name, "")).split():
+        if _UNBOUNDED.fullmatch(word):
+            if not name.endswith("range") or "nan" in word.lower():
+                raise node.error(f"attribute '{name}': '{word}' is not a finite number")
+        elif _NUMERAL.match(word) and abs(_number(word)) > LARGEST_NUMBER:
+            raise node.error(f"attribute '{name}': '{word[:40]}' is too large (limit {LARGEST_NUMBER:g})")
+
+
+def _number(word: str) -> float:
+    """Return a number, or 0 for what is none: MuJoCo refuses that itself."""
+    try:
+        return float(word)
+    except ValueError:
+        return 0.0
+
+
+def _flatten(node: Node) -> None:
+    """Replace a terrain by a flat one of the same size: it has no mass, and may be large."""
+    for name in ("file", "content_type", "elevation"):
+        node.xml.attrib.pop(name, "")
+    node.xml.set("nrow", "2")
+    node.xml.set("ncol", "2")
+
+
+def _refuse_many_replicas(document: Document) -> None:
+    """Refuse replicas of replicas that would fill the memory."""
+    factors: dict[object, float] = {}
+    total = 0.0
+    for node in document.nodes():
+        factor = factors.get(node.xml.getparent(), 1.0)
+        if node.tag == "replicate":
+            factor *= max(1.0, abs(node.number("count")))
+        factors[node.xml] = factor
+        total += factor if factor > 1 else 0.0
+        if not math.isfinite(total) or total > MOST_REPLICAS:
+            raise _too_many(node)
+
+
+def _too_many(node: Node) -> ModelError:
+    return node.error(f"replicas make more than {MOST_REPLICAS} elements (a file may have {MOST_ELEMENTS})")

@@ -1,0 +1,110 @@
+"""Robots of this repository, written as MJCF by the test, have the same models from MJCF as from URDF."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import hybridyn
+from hybridyn import ddm, idm
+from hybridyn.description import Description
+from hybridyn.structure.building import build_robot
+from hybridyn.structure.robot import HybridRobot
+from tests import ROOT
+from tests.command_line import call
+from tests.comparing import close_to
+from tests.judging import efforts
+from tests.mjcf import MuJoCo
+from tests.shipped import shipped, states_near_home
+from tests.snippets import blocks
+
+#: Two readers of the same numbers: each rotation passes through a quaternion in one of them.
+TWO_READERS = 1e-11
+
+
+def written(description: Description, folder: Path) -> Path:
+    """Write a robot as MJCF with motors and home."""
+    mujoco = MuJoCo(description)
+    actuators = ET.SubElement(mujoco.root, "actuator")
+    for motor in description.motors:
+        ET.SubElement(actuators, "motor", joint=motor)
+    robot = build_robot(description)
+    mujoco.place(robot.home, np.zeros(robot.model.nv))
+    keys = ET.SubElement(mujoco.root, "keyframe")
+    ET.SubElement(keys, "key", name="home", qpos=" ".join(repr(float(x)) for x in mujoco.data.qpos))
+    file = folder / f"{description.name}.xml"
+    ET.ElementTree(mujoco.root).write(file)
+    return file
+
+
+def angles(robot: HybridRobot, other: HybridRobot, q: np.ndarray) -> np.ndarray:
+    """Return positions for a robot whose continuous joints are hinges with one number."""
+    out = np.zeros((len(q), other.model.nq))
+    for name, kind, at in zip(robot.joints, robot.kinds, robot.q_slices, strict=True):
+        to = other.q_slices[other.joints.index(name)]
+        part = q[:, at]
+        out[:, to] = np.arctan2(part[:, 1:], part[:, :1]) if kind == "continuous" else part
+    return out
+
+
+def columns(robot: HybridRobot, other: HybridRobot) -> list[int]:
+    """Return where each rate of the other robot stands in this one's."""
+    return [robot.v_slices[robot.joints.index(name)].start for name in other.joints]
+
+
+@pytest.mark.parametrize("name", ["five_bar", "gough_stewart", "delta", "tanev"])
+def test_both_models_are_those_of_the_urdf(name: str, tmp_path: Path) -> None:
+    description = shipped(name)
+    if name == "five_bar":  # planar: the hinge of its loop is a point
+        (hinge,) = description.closures
+        description = replace(description, closures=(replace(hinge, kind="spherical", rotation="free"),))
+    urdf, mjcf = build_robot(description), hybridyn.load(written(description, tmp_path))
+    assert mjcf.motors == urdf.motors
+    q, v, a = states_near_home(description, "fixed", 5, 2)
+    order, theirs = columns(urdf, mjcf), angles(urdf, mjcf, q)
+    tau = idm(urdf, q, v, a)
+    close_to(idm(mjcf, theirs, v[:, order], a[:, order]), tau, TWO_READERS)
+    tau = efforts(description, len(q))
+    close_to(ddm(mjcf, theirs, v[:, order], tau), ddm(urdf, q, v, tau)[:, order], TWO_READERS)
+
+
+def test_the_home_of_the_file_closes_the_loops(tmp_path: Path) -> None:
+    robot = hybridyn.load(written(shipped("gough_stewart"), tmp_path))
+    assert hybridyn.closure_residual(robot, robot.home) < 1e-9  # what its model.toml states
+
+
+def test_the_robot_of_the_page_is_read(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (example,) = blocks(ROOT / "docs" / "mjcf.md", "xml")
+    (tmp_path / "five_bar.xml").write_text(example.text)
+    robot = hybridyn.load(tmp_path / "five_bar.xml")
+    assert robot.motors == ("motor_left", "motor_right")
+    assert robot.mobility == 2
+    assert [joint.effort for joint in robot.description.joints if joint.name in robot.motors] == [50, 50]
+    assert hybridyn.closure_residual(robot, robot.home) < 1e-12
+    assert robot.description.notes == ()
+    shown = (ROOT / "docs" / "mjcf.md").read_text()
+    for line in call(capsys, "info", "five_bar.xml").out.splitlines()[1:4]:
+        assert line in shown
+
+
+def test_the_commands_take_the_robot_of_the_page(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (example,) = blocks(ROOT / "docs" / "mjcf.md", "xml")
+    file, motion = tmp_path / "five_bar.xml", tmp_path / "motion.csv"
+    file.write_text(example.text)
+    time = np.linspace(0, 1, 20)
+    left, right = 0.2 * np.sin(time), 0.1 * time**2
+    rows = ["time,motor_left/position,motor_right/position"]
+    rows += [f"{t},{a},{b}" for t, a, b in zip(time, left, right, strict=True)]
+    motion.write_text("\n".join(rows) + "\n")
+    efforts = call(capsys, "idm", file, motion, "--effects", "model", "-q")
+    assert efforts.status == 0, efforts.err
+    assert efforts.out.startswith("time,motor_left/effort,motor_right/effort")
+    assert len(efforts.out.splitlines()) == 21
+    assert "error" not in call(capsys, "check", file).out
