@@ -34,7 +34,7 @@ def refusal(folder: Path, text: str) -> ModelError:
 
 def test_a_scene_is_read_with_its_defaults(tmp_path: Path) -> None:
     scene = read_scene(written(tmp_path, "")).scene
-    assert (scene.duration, scene.robot.base, scene.effects.use) == (1.0, "fixed", "default")
+    assert (scene.duration, scene.robot.base, scene.effects.use) == (1.0, None, "default")
     assert scene.controller is None
     assert (scene.solver.method, scene.solver.projection) == ("dopri5", "stages")
 
