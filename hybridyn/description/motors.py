@@ -26,9 +26,9 @@ def choose_motors(robot: RobotFile, motors: Sequence[str] | None) -> tuple[tuple
 
     The order of sources is: the caller, the side-car's `name_mot`, the model file's `motors`, MJCF's
     actuators, URDF transmissions, URDF+ `independent=`, names of joints that contain "motor". If no source
-    names motors, the candidates are the one-freedom joints that mimic no other. In a tree (no closure, no coupling except
-    `<mimic>`) all of them are driven. Otherwise those with a finite effort limit above zero are driven; if
-    these are all candidates, the limits do not distinguish motors, and no joint is driven.
+    names motors, the candidates are the one-freedom joints that mimic no other. In a tree (no closure, no
+    coupling except `<mimic>`) all of them are driven. Otherwise those with a finite effort limit above zero
+    are driven; if these are all candidates, the limits do not distinguish motors, and no joint is driven.
 
     Raises:
         ModelError: A name is unknown, is stated twice, or belongs to a joint that cannot be driven;
