@@ -14,14 +14,17 @@ import pytest
 
 import hybridyn
 from hybridyn.cli import main
-from hybridyn.compiled.code.operations import operations, operations_table
+from hybridyn.compiled.code.operations import Counts, operations, operations_table
 from hybridyn.compiled.code.plain_c import plain_source
 from hybridyn.compiled.export import _comment, c_name, export
 from hybridyn.compiled.library.compilers import find_compiler
+from hybridyn.compiled.programs.whole_robot import programs
 from hybridyn.description.shipped import shipped_robots
 from hybridyn.errors import ModelError
 from tests.compiled_toys import toy
 
+#: Parts of the models that every module has.
+PARTS = {"idm": ("kinematics", "efforts"), "ddm": ("kinematics", "inertia", "accelerations")}
 STRICT = ["-std=c99", "-Wall", "-Wextra", "-pedantic", "-Werror", "-Wconversion", "-O1"]
 
 
@@ -213,6 +216,33 @@ def test_operations_are_counted_by_part_and_copies() -> None:
     assert counts["module"]["mul"] == three["module"]["mul"]
     total = np.array([sum(part.values()) for part in counts.values()]).sum()
     assert str(total) in operations_table({"one": program})
+
+
+@pytest.mark.parametrize("name", ["five_bar", pytest.param("gough_stewart", marks=pytest.mark.slow)])
+def test_operations_count_for_the_part_that_asks_for_them(name: str) -> None:
+    """The first sweep computes what it can, also for later ones; that is theirs nevertheless."""
+    robot = shipped(name)
+    plain, counted = (programs(robot, models=("idm", "ddm"), counted=on) for on in (False, True))
+    for model, parts in PARTS.items():
+        by_part = operations(counted[model])
+        assert all(sum(by_part[part].values()) > 0 for part in parts)
+        assert all(number >= 0 for part in by_part.values() for number in part.values())
+        assert total(by_part) == total(operations(plain[model]))
+
+
+def test_what_an_effect_adds_to_the_efforts_is_no_kinematics() -> None:
+    robot = shipped("five_bar")
+    plain, heavy = (
+        operations(programs(robot, effects, models=("idm",), counted=True)["idm"])
+        for effects in ("default", ("default", "rotor_inertia"))
+    )
+    assert heavy["kinematics"] == plain["kinematics"]
+    assert sum(heavy["efforts"].values()) > sum(plain["efforts"].values())
+    assert plain["kinematics"]["trig"] == 2 * robot.nv  # sine and cosine of four hinges, each once
+
+
+def total(counts: Counts) -> int:
+    return sum(number for part in counts.values() for number in part.values())
 
 
 def test_the_command_line_exports(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

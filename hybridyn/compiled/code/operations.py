@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 
-from ..program import Add, Call, Program
+from ..program import Add, Call, Kernel, Program
 from .graph import graph_of
 
 #: Kinds of operations: sums and differences; products; quotients; square roots; sines and cosines; others.
@@ -26,16 +26,29 @@ def operations(program: Program) -> Counts:
     Returns:
         For each part, in the order of the calls, the number of operations of each kind.
     """
-    graphs = [graph_of(kernel.function) for kernel in program.kernels]
-    each = [Counter(_KIND.get(n.name, "other") for n in g.nodes if n.name not in FREE) for g in graphs]
+    each = [_by_part(kernel) for kernel in program.kernels]
     out: dict[str, Counter[str]] = {}
     for step in program.steps:
         if isinstance(step, Call):
-            total = out.setdefault(program.kernels[step.kernel].part, Counter())
-            for kind, number in each[step.kernel].items():
-                total[kind] += number * step.copies
+            for part, numbers in each[step.kernel].items():
+                total = out.setdefault(part, Counter())
+                for kind, number in numbers.items():
+                    total[kind] += number * step.copies
             total["add"] += step.copies * sum(t.size for t in step.targets if isinstance(t, Add))
     return {part: {kind: total[kind] for kind in KINDS} for part, total in out.items()}
+
+
+def _by_part(kernel: Kernel) -> dict[str, Counter[str]]:
+    """Return the operations of a kernel by part and kind, its own part last."""
+    out: dict[str, Counter[str]] = {}
+    before: Counter[str] = Counter()
+    for part, function in (*kernel.shares, (kernel.part, kernel.function)):
+        nodes = graph_of(function).nodes
+        count = Counter(_KIND.get(node.name, "other") for node in nodes if node.name not in FREE)
+        out[part] = Counter(count)
+        out[part].subtract(before)
+        before = count
+    return out
 
 
 def operations_table(variants: dict[str, Program]) -> str:

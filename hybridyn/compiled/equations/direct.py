@@ -84,8 +84,8 @@ class _Solved:
         return dot(self.Psi, self.u_0 - dot(self.G, A_base)) + dot(self.Psi_b, A_base) + self.y_0
 
 
-def write_direct(name: str, plan: Plan, options: DirectOptions) -> DirectModule:
-    """Write a module's direct model and cut it into its stages."""
+def write_direct(name: str, plan: Plan, options: DirectOptions, *, counted: bool = False) -> DirectModule:
+    """Write a module's direct model and cut it into its stages; `counted` as in `Request`."""
     parts, spanning = plan.parts, plan.mechanism.spanning
     at_q, at_v = read_by_core(plan)
     (q_column, q), (v_column, v) = scattered("q", at_q, spanning.nq), scattered("v", at_v, spanning.nv)
@@ -111,8 +111,10 @@ def write_direct(name: str, plan: Plan, options: DirectOptions) -> DirectModule:
     wrists, guard = _wrists(core, plan, (q, v), base, s, known)
     inputs[3] |= {"a_legs": legs_column} if len(legs) else {}
     outputs[3] |= {"a_wrists": pack(list(wrists.values())), "guard": ca.SX(guard)} if wrists else {}
+    inertia = (M, b, solved.Psi, solved.Psi_b, solved.E, solved.G, solved.f, solved.u_0)
+    marks = [core.motion(), pack(*inertia)] if counted else None
     return DirectModule(
-        cut(name, inputs, outputs), at_q, at_v, tuple(sorted(core.platforms)),
+        cut(name, inputs, outputs, marks), at_q, at_v, tuple(sorted(core.platforms)),
         parts.v[joints], np.array(list(wrists), dtype=int), legs, parts.tree_v[forced],
     )  # fmt: skip
 

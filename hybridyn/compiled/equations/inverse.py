@@ -78,8 +78,10 @@ class _RequiredForces:
         return size
 
 
-def write_inverse(name: str, plan: Plan, options: InverseOptions, pivots: Pivots | None) -> InverseModule:
-    """Write a module's inverse model and cut it into its stages."""
+def write_inverse(
+    name: str, plan: Plan, options: InverseOptions, pivots: Pivots | None, *, counted: bool = False
+) -> InverseModule:
+    """Write a module's inverse model and cut it into its stages; `counted` as in `Request`."""
     parts, spanning = plan.parts, plan.mechanism.spanning
     at_q, at_v = read_by_core(plan)
     q_column, q = scattered("q", at_q, spanning.nq)
@@ -105,6 +107,7 @@ def write_inverse(name: str, plan: Plan, options: InverseOptions, pivots: Pivots
         name,
         [motion | base.V_column | base.A_column, needed.received],
         [_motion_outwards(core, options), efforts],
+        [core.motion()] if counted else None,
     )
     return InverseModule(stages, at_q, at_v, tuple(sorted(core.platforms)), parts.tree_v[laws])
 

@@ -35,6 +35,7 @@ class Request:
         align: Whether body axes are aligned with the joint axes.
         parameters: Whether the bodies' inertial parameters are inputs of the model.
         dtype: Type of the arithmetic, "float64" or "float32"; it decides how far loops may be open.
+        counted: Whether the code states which operations belong to which part (`Kernel.shares`).
     """
 
     robot: HybridRobot
@@ -43,6 +44,7 @@ class Request:
     align: bool = True
     parameters: bool = False
     dtype: str = "float64"
+    counted: bool = False
 
     @cached_property
     def plans(self) -> list[Plan]:
@@ -147,6 +149,7 @@ def request(
     align: bool = True,
     parameters: bool = False,
     dtype: str = "float64",
+    counted: bool = False,
 ) -> Request:
     """Check that a model with these effects can be compiled, and return the request for it.
 
@@ -162,4 +165,4 @@ def request(
         )
     if on.inertia is None:
         raise ModelError("models without the effect 'inertia' cannot be compiled", element="inertia")
-    return Request(robot, on, regroup, align, parameters, dtype)
+    return Request(robot, on, regroup, align, parameters, dtype, counted)

@@ -107,7 +107,8 @@ class _Sweeps:
         key = (id(plan), options)
         if key not in self._code:
             pivots = self._motor_pivots(k, options)
-            self._code[key] = write_inverse(f"module_{len(self._code)}", plan, options, pivots)
+            name, counted = f"module_{len(self._code)}", self.request.counted
+            self._code[key] = write_inverse(name, plan, options, pivots, counted=counted)
         written, parent = self._code[key], self.request.robot.modules[k].parent
         stages = Stages(self.w, key, written.stages, PARTS)
         below = modules[parent] if parent >= 0 else None

@@ -20,8 +20,8 @@ class Stages:
     ) -> None:
         self._writer, self._stages, self._copies = writer, stages, copies
         self._kernels = [
-            writer.kernel((key, s), stage.function, part)
-            for s, (stage, part) in enumerate(zip(stages, parts, strict=True))
+            writer.kernel((key, s), stage.function, parts[len(stage.shares) or s], stage.shares_of(parts))
+            for s, stage in enumerate(stages)
         ]
         self._handed: dict[tuple[int, int], Shared | Own] = {}
 

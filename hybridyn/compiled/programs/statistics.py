@@ -30,7 +30,9 @@ def statistics(robot: HybridRobot, effects: Choice = None) -> str:
     from .whole_robot import programs
 
     variants: dict[str, dict[str, Program]] = {
-        name: programs(robot, effects, models=MODELS, regroup=regroup, align=align, parameters=parameters)
+        name: programs(
+            robot, effects, models=MODELS, regroup=regroup, align=align, parameters=parameters, counted=True
+        )
         for name, regroup, align, parameters in (
             ("axes and inertial parameters of any kind", False, False, True),
             ("axes of the joints", False, True, True),

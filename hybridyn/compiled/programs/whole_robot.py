@@ -24,6 +24,7 @@ def programs(
     align: bool = True,
     parameters: bool = False,
     dtype: str = "float64",
+    counted: bool = False,
 ) -> dict[str, Program]:
     """Build a robot's models as programs.
 
@@ -40,11 +41,14 @@ def programs(
             body of `robot.bodies` in the order and frame of `pinocchio.Inertia.toDynamicParameters`.
         dtype: Type of the arithmetic, "float64" or "float32". The general path computes samples whose loops
             are open by more than its rounding.
+        counted: Whether kernels state which operations belong to which part, for `operations`.
 
     Raises:
         ModelError: An effect is not available in compiled models.
     """
-    asked = request(robot, effects, regroup=regroup, align=align, parameters=parameters, dtype=dtype)
+    asked = request(
+        robot, effects, regroup=regroup, align=align, parameters=parameters, dtype=dtype, counted=counted
+    )
     write: dict[str, Callable[[Request], Program | None]] = {
         "idm": inverse_program,
         "ddm": direct_program,

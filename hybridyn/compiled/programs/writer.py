@@ -27,11 +27,17 @@ class Writer:
         self._steps: list[Start | Call] = []
         self._shared = self._own = 0
 
-    def kernel(self, key: Any, function: ca.Function, part: str) -> int:
+    def kernel(
+        self,
+        key: Any,
+        function: ca.Function,
+        part: str,
+        shares: tuple[tuple[str, ca.Function], ...] = (),
+    ) -> int:
         """Return the index of a kernel; equal keys share one kernel."""
         if key not in self._number:
             self._number[key] = len(self._kernels)
-            self._kernels.append(Kernel(f"{self.name}_{len(self._kernels)}", function, part))
+            self._kernels.append(Kernel(f"{self.name}_{len(self._kernels)}", function, part, shares))
         return self._number[key]
 
     def shared(self, size: int) -> Shared:
