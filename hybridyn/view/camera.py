@@ -44,7 +44,7 @@ class Camera:
 
         Returns:
             Pixels from the upper left corner, shape (..., 2), and distances along the view, shape (...), [m]
-            (not positive behind the camera, where the pixels mean nothing).
+            (not positive behind the camera, where pixels are undefined).
         """
         local = (points - self.eye) @ self.axes
         depth = -local[..., 2]
@@ -60,8 +60,8 @@ def camera_around(
 
     Args:
         corners: Lower and upper corner of the box in the world, shape (2, 3), [m].
-        width: Width of the picture [pixels].
-        height: Height of the picture [pixels].
+        width: Width of the image [pixels].
+        height: Height of the image [pixels].
         turn: Azimuth of the camera about the vertical [rad].
         lift: Elevation of the camera [rad].
         room: Margin around the box, as a factor of its size in the image.

@@ -41,13 +41,13 @@ def frames_of_run(
 
     Args:
         robot: The robot.
-        picture: What is drawn.
+        picture: The robot's shapes.
         run: The motion.
         size: Width and height [pixels].
         own_colours: Whether shapes keep the colours of their files.
 
     Yields:
-        Pictures, `RATE` of them per second.
+        Images, `RATE` of them per second.
     """
     camera = camera_around(corners_of(robot, picture, run), *size)
     count, speed = pictures_of(run)
@@ -63,7 +63,7 @@ def pictures_of(run: Run | None) -> tuple[int, float]:
     """Compute the number of frames of a film and its speed relative to the motion.
 
     Args:
-        run: The motion, or None for a walk around a robot that stands still.
+        run: The motion, or None for an orbit around a robot at rest.
     """
     if run is None:
         return round(AROUND * RATE), 1.0
@@ -92,15 +92,15 @@ def save_mp4(frames: Iterator[Image], size: tuple[int, int], file: str) -> int:
     """Write frames as a video file.
 
     Args:
-        frames: The pictures.
+        frames: The images.
         size: Width and height [pixels], even numbers.
-        file: The film's file.
+        file: Name of the video file.
 
     Returns:
-        The number of pictures.
+        The number of images.
 
     Raises:
-        TrajectoryError: The writer of films is missing.
+        TrajectoryError: imageio-ffmpeg is not installed.
     """
     try:
         import imageio_ffmpeg

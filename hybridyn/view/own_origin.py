@@ -40,7 +40,7 @@ def start_server(host: str, port: int, label: str) -> Any:
         server = viser.ViserServer(host=host, port=port, label=label, verbose=False)
         if not guards:
             server.stop()
-            raise HybridynError("this version of viser serves pages in a way that hybridyn cannot guard")
+            raise HybridynError("this version of viser starts its server in a way that hybridyn cannot guard")
     return server
 
 
@@ -82,11 +82,11 @@ def refusal(hosts: Sequence[str], origins: Sequence[str], upgrade: bool, listeni
         listening: Address that the server listens on.
     """
     if len(hosts) != 1 or not _is_own(hosts[0], listening):
-        return "this server is not known by that name; open the address that hybridyn printed"
+        return "the request names another host; open the address that hybridyn printed"
     if len(origins) > 1 or any(origin != f"http://{hosts[0]}" for origin in origins):
-        return "another page may not speak with this server"
+        return "another page may not connect to this server"
     if upgrade and not origins:
-        return "only the page of this server may speak with it"
+        return "only the page of this server may connect to it"
     return None
 
 

@@ -1,6 +1,7 @@
-"""The page in the browser: a 3-D scene, motors as sliders, a motion to play, efforts and distances as bars.
+"""The page in the browser: a 3-D scene, sliders of the motors, playback of a motion, and bars of efforts.
 
-viser serves the page and tells what its user does; one thread of our own answers, with the latest wish.
+viser serves the page and reports the user's actions. A thread of the page handles the latest request of each
+kind.
 """
 
 from __future__ import annotations
@@ -32,11 +33,12 @@ from .stage import Stage
 
 _log = logging.getLogger(__name__)
 
-FRAME, BARS = 1 / 30, 1 / 8  # least times between pictures and between updates of the bars while playing [s]
+#: Shortest time between frames, and between updates of the bars during playback [s].
+FRAME, BARS = 1 / 30, 1 / 8
 SPEEDS = ("0.1x", "0.25x", "0.5x", "1x", "2x", "5x")
-#: Of the surroundings: more washes the colours out.
+#: Intensity of the ambient light. A higher one makes the colours pale.
 LIGHT = 0.25
-#: Around the robot at first.
+#: Margin of the initial view around the robot, as a factor of its size.
 ROOM = 1.25
 BRAND = (59, 125, 216)
 
@@ -46,8 +48,8 @@ class Page:
 
     Attributes:
         robot: The robot.
-        q: The posture that is shown, shape (nq,).
-        playing: Whether the motion runs.
+        q: The displayed posture, shape (nq,).
+        playing: Whether the motion is played.
         url: Address of the page.
     """
 
@@ -60,14 +62,14 @@ class Page:
         host: str = "127.0.0.1",
         port: int = 8080,
     ) -> None:
-        """Serve the page.
+        """Start to serve the page.
 
         Args:
             robot: The robot.
-            picture: What is drawn of it.
-            run: A motion to play.
-            host: Address to listen at; the default is reached from this machine alone.
-            port: Port to listen at; the next free one is taken.
+            picture: The robot's shapes.
+            run: A motion to play, or None.
+            host: Address to listen on. The default is reachable only from this machine.
+            port: Port to listen on; the next free one is used if it is taken.
         """
         self.robot, self.run = robot, run
         self.q: Array = robot.home if run is None else run.q[0]
@@ -75,27 +77,27 @@ class Page:
         self.poser, self.measures = Poser(robot), Measures(robot)
         self.server = start_server(host, port, f"hybridyn: {robot.name}")
         self.url = f"http://{host}:{self.server.get_port()}"
-        self._wishes: dict[str, Any] = {}
+        self._requests: dict[str, Any] = {}
         self._lock, self._wake = threading.Lock(), threading.Event()
         self._closed = False
         self._clock = self._bars_at = 0.0
         self._span = None if run is None else run.tau
-        self._look(picture)
+        self._set_view(picture)
         self.stage = Stage(self.server, robot, picture)
-        self._panel(picture)
+        self._add_panel(picture)
         self._show(self.q, "")
-        self._thread = threading.Thread(target=self._answer, daemon=True)
+        self._thread = threading.Thread(target=self._handle_requests, daemon=True)
         self._thread.start()
 
     def close(self) -> None:
-        """End the page."""
+        """Stop serving the page."""
         self._closed = True
         self._wake.set()
         self._thread.join()
         with contextlib.redirect_stdout(io.StringIO()):
             self.server.stop()
 
-    def _look(self, picture: Picture) -> None:
+    def _set_view(self, picture: Picture) -> None:
         """Set camera, light and floor."""
         camera = camera_around(picture.corners, 800, 800, room=ROOM)
         first = self.server.initial_camera
@@ -114,8 +116,8 @@ class Page:
             position=(*picture.centre[:2], picture.floor),
         )
 
-    def _panel(self, picture: Picture) -> None:
-        """Build the panel of controls."""
+    def _add_panel(self, picture: Picture) -> None:
+        """Add the panel of controls."""
         gui = self.server.gui
         robot = self.robot
         sizes = f"modules {len(robot.modules)}, motors {len(robot.motors)}, freedoms {robot.mobility}"
@@ -124,22 +126,22 @@ class Page:
         if self.run is not None:
             self._add_motion(self.run)
         if self.poser.levers:
-            gui.add_button("Home").on_click(lambda event: self._wish("home", True))
-        self._sliders = Sliders(gui, self.poser, self.q, lambda joint, to: self._wish(f"move {joint}", to))
+            gui.add_button("Home").on_click(lambda event: self._request("home", True))
+        self._sliders = Sliders(gui, self.poser, self.q, lambda joint, to: self._request(f"move {joint}", to))
         with gui.add_folder("Efforts"):
             self._efforts = gui.add_html("")
         with gui.add_folder("Show", expand_by_default=False):
-            self._tick("closures", True, lambda on: self.stage.show("closure", on))
-            self._tick("joints", True, lambda on: self.stage.show("joint", on))
-            self._tick("motors", True, lambda on: self.stage.show("motor", on))
-            self._tick("names", False, self.stage.show_names)
-            self._tick("colours of the files", False, self.stage.paint)
+            self._add_checkbox("closures", True, lambda on: self.stage.show("closure", on))
+            self._add_checkbox("joints", True, lambda on: self.stage.show("joint", on))
+            self._add_checkbox("motors", True, lambda on: self.stage.show("motor", on))
+            self._add_checkbox("names", False, self.stage.show_names)
+            self._add_checkbox("colours of the files", False, self.stage.paint)
             gui.add_html(legend_html(self.robot, picture.modules))
             for note in picture.notes:
                 gui.add_markdown(note)
 
     def _add_motion(self, run: Run) -> None:
-        """Add play, time and speed."""
+        """Add the controls of the motion: play, time and speed."""
         gui = self.server.gui
         with gui.add_folder("Motion"):
             self._button = gui.add_button("Play")
@@ -150,37 +152,39 @@ class Page:
             )
             self._speed = gui.add_dropdown("speed", SPEEDS, initial_value="1x")
             self._again = gui.add_checkbox("again and again", True)
-        self._button.on_click(lambda event: self._wish("play", not self.playing))
-        on_slide(self._time, lambda value: self._wish("time", value))
+        self._button.on_click(lambda event: self._request("play", not self.playing))
+        on_slide(self._time, lambda value: self._request("time", value))
 
-    def _tick(self, label: str, value: bool, act: Callable[[bool], None]) -> None:
+    def _add_checkbox(self, label: str, value: bool, act: Callable[[bool], None]) -> None:
+        """Add a checkbox that calls `act` when it changes."""
         box = self.server.gui.add_checkbox(label, value)
         box.on_update(lambda event: act(box.value))
 
-    def _wish(self, name: str, value: Any) -> None:
-        """Note what the user wants; an earlier wish of the same kind is forgotten."""
+    def _request(self, name: str, value: Any) -> None:
+        """Store a request of the user; it replaces an earlier one of the same kind."""
         with self._lock:
-            self._wishes[name] = value
+            self._requests[name] = value
         self._wake.set()
 
-    def _answer(self) -> None:
-        """Do what the user wants, and play, until the page is closed."""
+    def _handle_requests(self) -> None:
+        """Handle requests and play the motion until the page is closed."""
         while not self._closed:
             self._wake.wait(FRAME if self.playing else None)
             self._wake.clear()
             with self._lock:
-                wishes, self._wishes = self._wishes, {}
+                requests, self._requests = self._requests, {}
             try:
-                for name, value in wishes.items():
-                    self._fulfil(name, value)
+                for name, value in requests.items():
+                    self._handle(name, value)
                 if self.playing:
-                    self._play_on()
-            except Exception as error:  # the page must go on, and its user must know
+                    self._next_frame()
+            except Exception as error:  # the page must keep running and show the error
                 self.playing = False
-                _log.exception("a wish of the page's user failed")
+                _log.exception("a request from the page failed")
                 self._status.content = status_html(f"{type(error).__name__}: {error}", 0.0)
 
-    def _fulfil(self, name: str, value: Any) -> None:
+    def _handle(self, name: str, value: Any) -> None:
+        """Carry out a request of the user."""
         if name == "play":
             self._set_playing(value)
         elif name == "time" and self.run is not None:
@@ -195,6 +199,7 @@ class Page:
             self._show(moved.q, moved.message)
 
     def _set_playing(self, playing: bool) -> None:
+        """Start or stop the playback."""
         if self.run is None or playing == self.playing:
             return
         self.playing = playing
@@ -205,8 +210,8 @@ class Page:
         if not playing:
             self._bars(self.q, self.run.index(self._time.value))
 
-    def _play_on(self) -> None:
-        """Show the picture of now."""
+    def _next_frame(self) -> None:
+        """Show the posture of the motion at the current time."""
         assert self.run is not None
         now = time.monotonic()
         speed = float(self._speed.value.removesuffix("x")) * (1.0 if self.run.timed else 10.0)
@@ -231,7 +236,7 @@ class Page:
 
         Args:
             q: The posture, shape (nq,).
-            message: What stopped a drag, or an empty text.
+            message: Why a drag stopped, or an empty text.
             sample: Number of the motion's sample, or None.
         """
         self.q = q
@@ -248,17 +253,17 @@ class Page:
         )
 
     def _bars(self, q: Array, sample: int | None) -> None:
-        """Bring sliders and bars up to date."""
+        """Update sliders and bars."""
         self._sliders.show(q)
         try:
             self._closeness.content = closeness_html(self.measures.closeness(q))
-        except HybridynError:  # a posture at which there is nothing to measure
+        except HybridynError:  # the posture has no measures
             self._closeness.content = ""
         if sample is not None and self.run is not None:
             tau, origin = None if self.run.tau is None else self.run.tau[sample], self.run.origin
         else:
             tau, origin = self.measures.holding(q)
-            origin = origin or "that hold it still"
+            origin = origin or "that hold it at rest"
         self._efforts.content = efforts_html(
             self.robot, tau, self._span if sample is not None else tau, origin
         )

@@ -1,6 +1,6 @@
 """Shapes of a robot as plain data: rods, balls and solids, each fixed to bodies.
 
-Body 0 is the root body, the child of URDF joint i body i + 1, as in `HybridRobot.bodies`.
+Body 0 is the root body. The child of URDF joint i is body i + 1, as in `HybridRobot.bodies`.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ class Point:
 
     Attributes:
         body: Number of the body.
-        at: Place in the body, shape (3,), [m].
+        at: Position in the body's frame, shape (3,), [m].
     """
 
     body: int
@@ -34,8 +34,8 @@ class Rod:
     """A cylinder between two points. Its length varies if they belong to different bodies.
 
     Attributes:
-        name: What it belongs to: a link, a joint, a closure.
-        role: What it stands for.
+        name: Name of the link, joint or closure that it represents.
+        role: Part of the robot that it represents.
         module: Number of its module, -1 for the ground.
         start: One end.
         end: The other end.
@@ -72,7 +72,7 @@ class Solid:
         name: Its link.
         module: Number of its module, -1 for the ground.
         body: Number of its body.
-        vertices: Corners in the body, shape (V, 3), [m].
+        vertices: Corners in the body's frame, shape (V, 3), [m].
         faces: Corners of each triangle, counter-clockwise from outside, shape (F, 3).
         colour: Its module's colour, "#rrggbb".
         own_colour: The colour that its file states.
@@ -94,9 +94,9 @@ class Picture:
     Attributes:
         rods: Cylinders.
         balls: Spheres.
-        solids: Bodies of triangles.
-        corners: Lower and upper corner of the box around it at home, shape (2, 3), [m].
-        notes: What could not be drawn as the files say, one line each.
+        solids: Triangle meshes.
+        corners: Lower and upper corner of the robot's bounding box at home, shape (2, 3), [m].
+        notes: Shapes of the files that could not be drawn, one line each.
     """
 
     rods: tuple[Rod, ...]
@@ -118,7 +118,7 @@ class Picture:
 
     @property
     def floor(self) -> float:
-        """Height of the ground under it [m]."""
+        """Height of the ground under the robot [m]."""
         return float(self.corners[0, 2])
 
     @property

@@ -1,7 +1,7 @@
-"""Moving one motor by hand: the loops stay closed, and a motor stops where they would not.
+"""Move one motor by hand while the loops stay closed; the motor stops where they can no longer close.
 
-A drag gives the position of one joint. The others that fix its module's posture keep theirs: the other
-motors, of which redundant ones yield, and passive joints where motors are too few.
+A drag sets the position of one joint. The other joints that determine its module's posture keep their
+positions: the other motors, except redundant ones, and passive joints if there are too few motors.
 """
 
 from __future__ import annotations
@@ -17,14 +17,15 @@ from ..spatial import Array
 from ..structure.module import Module
 from ..structure.robot import HybridRobot
 
-#: Of the way to a place out of reach, to find where the reach ends.
+#: Number of bisections that find the last reachable position on the way to one out of reach.
 HALVINGS = 6
-#: Share of a joint in motions that the joints before it leave: less fixes nothing.
+#: Smallest part of a joint in the motions that the joints before it leave free. A smaller part is rounding.
 LEAST_SHARE = 1e-3
-#: Of the module's length: a slide without limits goes this far from home.
+#: Range of a slide without limits to either side of home, relative to the module's length.
 STROKE = 1.0
-#: A hinge without limits turns this far from home [rad].
+#: Range of a hinge without limits to either side of home [rad].
 TURN = np.pi
+#: Kinds of joints that can be moved.
 DRAGGED = ("revolute", "continuous", "prismatic")
 
 
@@ -38,7 +39,7 @@ class Lever:
         low: Lowest position [m or rad].
         high: Highest position [m or rad].
         unit: "m" or "rad".
-        is_motor: Whether it is a motor; robots without motors have other joints moved.
+        is_motor: Whether it is a motor. Other joints are moved only if the robot has no motors.
     """
 
     joint: str
@@ -51,12 +52,12 @@ class Lever:
 
 @dataclass(frozen=True)
 class Moved:
-    """What came of a move.
+    """Result of a move.
 
     Attributes:
-        q: The posture, shape (nq,).
-        value: Position of the joint there [m or rad].
-        message: What stopped it, or an empty text.
+        q: The posture reached, shape (nq,).
+        value: Position of the joint reached [m or rad].
+        message: Why the joint stopped early, or an empty text.
     """
 
     q: Array
@@ -65,7 +66,7 @@ class Moved:
 
 
 class Poser:
-    """The posture of a robot in somebody's hands.
+    """Moves single joints of a robot.
 
     Attributes:
         robot: The robot.
@@ -80,7 +81,7 @@ class Poser:
         self._others: dict[str, tuple[str, ...]] = {}
 
     def value(self, q: Array, joint: str) -> float:
-        """Return the position of a joint with one freedom, an angle in (-pi, pi] where it has no limits."""
+        """Return the position of a joint [m or rad]; for a continuous joint the angle in (-pi, pi]."""
         at = self.robot.q_slices[self.robot.joint_index[joint]]
         if self._kind(joint) == "continuous":
             return float(np.arctan2(q[at.start + 1], q[at.start]))
@@ -90,12 +91,12 @@ class Poser:
         """Move one joint towards a position, as far as the loops close.
 
         Args:
-            q: The posture now, shape (nq,).
+            q: The current posture, shape (nq,).
             joint: The joint.
-            value: Where it shall go [m or rad].
+            value: Requested position [m or rad].
 
         Returns:
-            The posture reached; a message where that is not all the way.
+            The posture reached, with a message if the joint stopped before the requested position.
         """
         lever = next(lever for lever in self.levers if lever.joint == joint)
         start = self.value(q, joint)
@@ -120,30 +121,30 @@ class Poser:
         return Moved(
             reached,
             at,
-            f"{joint} stops at {at:.4g} {lever.unit}: further on the loops of {module.name} do not close",
+            f"{joint} stops at {at:.4g} {lever.unit}: beyond this, the loops of {module.name} do not close",
         )
 
     def _kind(self, joint: str) -> str:
         return self.robot.kinds[self.robot.joint_index[joint]]
 
     def _close(self, q: Array, lever: Lever, value: float) -> Array:
-        """Close the loops with a joint at a position.
+        """Close the loops with a joint at a position, starting from posture `q`.
 
         Raises:
-            HybridynError: It is out of reach.
+            HybridynError: The position is out of reach.
         """
         if lever.joint not in self._others:
-            self._others[lever.joint] = self._found_others(q, lever)
+            self._others[lever.joint] = self._find_others(q, lever)
         joints = {name: self.value(q, name) for name in self._others[lever.joint]} | {lever.joint: value}
         return move_module(self.robot, lever.module, joints, q)
 
-    def _found_others(self, q: Array, lever: Lever) -> tuple[str, ...]:
-        """Return the joints whose positions, with that of one joint, fix its module's posture."""
+    def _find_others(self, q: Array, lever: Lever) -> tuple[str, ...]:
+        """Return the joints whose positions, together with that of the lever, determine the posture."""
         module = self.robot.modules[lever.module]
         first = lever.joint
         motors = [name for name in module.motors if name != first and self._kind(name) in DRAGGED]
         chosen = independent(module, [first, *motors])
-        try:  # rods that spin need nobody to hold them
+        try:  # spinning rods need no further joint
             move_module(self.robot, lever.module, {name: self.value(q, name) for name in chosen}, q)
         except AssemblyError as error:
             if not error.open_freedoms:
@@ -154,7 +155,7 @@ class Poser:
         return tuple(name for name in chosen if name != first)
 
     def _independent_joints(self) -> list[str]:
-        """Return joints that fix the posture of a robot without motors."""
+        """Return joints whose positions determine the posture of a robot without motors."""
         out: list[str] = []
         for module in self.robot.modules:
             tree = [module.joints[i] for i in module.mechanism.spec.tree_joint if i is not None]
@@ -163,7 +164,7 @@ class Poser:
         return out
 
     def _lever(self, joint: str) -> Lever:
-        """Return a joint's range: its limits, or a turn or a stroke about home where it has none."""
+        """Build the lever of a joint; without limits its range is `TURN` or `STROKE` about home."""
         number = next(k for k, module in enumerate(self.robot.modules) if joint in module.joints)
         record = next(j for j in self.robot.description.joints if j.name == joint)
         home = self.value(self.robot.home, joint)
@@ -173,28 +174,28 @@ class Poser:
             return Lever(joint, number, -TURN, TURN, "rad", joint in self.robot.motors)
         low = record.lower if np.isfinite(record.lower) else home - span
         high = record.upper if np.isfinite(record.upper) else home + span
-        if not low < high:  # limits of 0 and 0 are a way of saying none
+        if not low < high:  # exporters write limits of 0 and 0 for none
             low, high = home - span, home + span
         unit = "m" if slides else "rad"
         return Lever(joint, number, min(low, home), max(high, home), unit, joint in self.robot.motors)
 
 
 def independent(module: Module, joints: Sequence[str]) -> list[str]:
-    """Choose, in their order, the joints whose positions are independent, judged at a generic posture.
+    """Choose joints with independent positions, in the given order, at a generic posture.
 
     Args:
         module: The module.
         joints: Joints of its tree with one freedom each.
 
     Returns:
-        At most as many as the module has freedoms.
+        The chosen joints, at most as many as the module has freedoms.
     """
     m = module.mechanism
     motion = m.tree.sweep(m.postures[:1])
     Psi = m.basis(m.closures.matrix(motion)).Psi[0] / m.reduction.col_scale[:, None]
     if not Psi.shape[1]:
         return []
-    left = np.linalg.qr(Psi)[0]  # what each freedom does in motions that no chosen joint fixes
+    left = np.linalg.qr(Psi)[0]  # motions that no chosen joint determines
     tree = {source: i for i, source in enumerate(m.spec.tree_joint) if source is not None}
     chosen: list[str] = []
     for joint in joints:

@@ -84,7 +84,7 @@ class Raster:
 def _divided(corners: Array, near: Array, colours: Array, most: float) -> tuple[Array, Array, Array]:
     """Halve triangles at their longest edge until none is wider or higher than `most` pixels.
 
-    Nearness is linear over the image, so that halves have it right.
+    Nearness is linear over the image, so the halves have exact values.
     """
     small: list[tuple[Array, Array, Array]] = []
     while len(corners):

@@ -1,4 +1,4 @@
-"""Pictures without a screen: a robot's triangles, shaded, as an array of pixels or a PNG file."""
+"""Render a robot without a screen: its shaded triangles as an array of pixels or a PNG file."""
 
 from __future__ import annotations
 
@@ -17,27 +17,29 @@ from .triangles import ball_transforms, rod_transforms, unit_ball, unit_cylinder
 
 Image = NDArray[np.uint8]
 
-SIDES, RINGS = 20, 10  # of rods and balls
-#: Pixels are computed this much finer, and averaged.
+#: Sides of a rod, and rings of latitude of a ball.
+SIDES, RINGS = 20, 10
+#: Samples per pixel along each side of the image; their mean is the pixel.
 FINER = 2
-#: Towards the light, in the world.
+#: Direction towards the light, in the world.
 LIGHT = np.array([0.38, -0.42, 0.82])
+#: Brightness of surfaces away from the light, and the additional brightness of those that face it.
 AMBIENT, DIFFUSE = 0.52, 0.55
-#: Along one edge of the floor.
+#: Number of squares along one side of the floor.
 FLOOR_SQUARES = 12
-#: Half of a line's width over the robot's size.
+#: Half of a floor line's width relative to the robot's size.
 FLOOR_LINE = 0.0012
 BACKGROUND, FLOOR, INK = "#ffffff", "#e2e5e9", "#30353c"
 
 
 def render(picture: Picture, placement: Placement, camera: Camera, *, own_colours: bool = False) -> Image:
-    """Draw a picture.
+    """Render an image of a robot.
 
     Args:
-        picture: What is drawn.
-        placement: Where its bodies are.
-        camera: Where it is seen from.
-        own_colours: Whether shapes keep the colours of their files instead of their modules'.
+        picture: The robot's shapes.
+        placement: Poses of the bodies.
+        camera: The camera.
+        own_colours: Whether shapes have the colours of their files instead of those of their modules.
 
     Returns:
         Red, green and blue, shape (height, width, 3).
@@ -53,7 +55,7 @@ def render(picture: Picture, placement: Placement, camera: Camera, *, own_colour
     normals = normals / np.where(size > 0, size, 1)
     away = np.einsum("ij,ij->i", normals, camera.eye - corners.mean(axis=1)) < 0
     seen = ~(away & closed)
-    normals[away] *= -1  # meshes are not always closed: the inside is lit as the outside is
+    normals[away] *= -1  # open meshes show their inside, which is lit like the outside
     light = AMBIENT + DIFFUSE * np.maximum(normals @ (LIGHT / np.linalg.norm(LIGHT)), 0)
     _fill(raster, fine, corners[seen], np.clip(colours * light[:, None], 0, 1)[seen])
     mean = raster.colour.reshape(camera.height, FINER, camera.width, FINER, 3).mean(axis=(1, 3))
@@ -62,7 +64,7 @@ def render(picture: Picture, placement: Placement, camera: Camera, *, own_colour
 
 
 def _fill(raster: Raster, camera: Camera, corners: Array, colours: Array) -> None:
-    """Draw the triangles that lie in front of the camera."""
+    """Draw the triangles in front of the camera."""
     flat, depths = camera.project(corners)
     front = (depths > 0).all(axis=1)
     raster.fill(flat[front], depths[front], colours[front])
@@ -71,16 +73,16 @@ def _fill(raster: Raster, camera: Camera, corners: Array, colours: Array) -> Non
 def triangles(
     picture: Picture, placement: Placement, *, own_colours: bool = False
 ) -> tuple[Array, Array, Mask]:
-    """Give every triangle of a picture.
+    """Compute all triangles of a picture.
 
     Args:
-        picture: What is drawn.
-        placement: Where its bodies are.
-        own_colours: Whether shapes keep the colours of their files.
+        picture: The robot's shapes.
+        placement: Poses of the bodies.
+        own_colours: Whether shapes have the colours of their files instead of those of their modules.
 
     Returns:
-        Corners in the world, shape (N, 3, 3), [m]; colours, shape (N, 3), 0 to 1; and which triangles surely
-        belong to closed surfaces, shape (N,).
+        Corners in the world, shape (N, 3, 3), [m]; colours, shape (N, 3), 0 to 1; and whether each triangle
+        belongs to a rod or a ball, which are closed surfaces, shape (N,).
     """
     corners, colours = [np.zeros((0, 3, 3))], [np.zeros((0, 3))]
     if picture.rods:
@@ -131,16 +133,17 @@ def save_png(image: Image, file: str) -> None:
 
 
 def _colours(names: list[str], each: int) -> Array:
+    """Return colours as numbers from 0 to 1, each of them repeated, shape (len(names) * each, 3)."""
     return np.repeat(np.array([rgb(name) for name in names]) / 255, each, axis=0)
 
 
 def _floor(picture: Picture) -> Array:
-    """Return the lines of the floor as triangles, shape (N, 3, 3), [m]."""
+    """Compute the lines of the floor as triangles in the world, shape (N, 3, 3), [m]."""
     half, thick = 0.75 * picture.size, FLOOR_LINE * picture.size
     x, y = picture.centre[:2]
     out = []
     for at in np.linspace(-half, half, FLOOR_SQUARES + 1):
-        for begin in np.linspace(-half, half, FLOOR_SQUARES + 1)[:-1]:  # short pieces fill small boxes
+        for begin in np.linspace(-half, half, FLOOR_SQUARES + 1)[:-1]:  # short pieces fit in small boxes
             end = begin + 2 * half / FLOOR_SQUARES
             for u, v in (((at - thick, begin), (at + thick, end)), ((begin, at - thick), (end, at + thick))):
                 a, b, c, d = (u[0], u[1]), (v[0], u[1]), (v[0], v[1]), (u[0], v[1])

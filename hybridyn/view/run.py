@@ -1,4 +1,4 @@
-"""A motion that is shown: postures and efforts over time."""
+"""Data of a displayed motion: postures and efforts over time."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 
 from ..spatial import Array
 
-#: Samples that are kept: more than a screen shows in any minute.
+#: Largest number of samples that are kept. A screen shows fewer frames per minute.
 MOST = 6000
 
 
@@ -17,11 +17,11 @@ class Run:
     """A motion.
 
     Attributes:
-        time: Times, shape (T,), [s]; numbers of rows where the table has none.
+        time: Times, shape (T,), [s], or row numbers if the table has no times.
         q: Postures, shape (T, nq).
         tau: Efforts, shape (T, motors), [N or N m], or None.
-        origin: Where the efforts come from, or why there are none.
-        timed: Whether `time` is time.
+        origin: Source of the efforts, or the reason why there are none.
+        timed: Whether `time` holds times.
     """
 
     time: Array
@@ -41,10 +41,10 @@ class Run:
 
     @property
     def end(self) -> float:
-        """The last time [s]."""
+        """The last time [s] or row number."""
         return float(self.time[-1])
 
     @property
     def begin(self) -> float:
-        """The first time [s]."""
+        """The first time [s] or row number."""
         return float(self.time[0])

@@ -1,4 +1,4 @@
-"""The sliders of the page: one per joint that can be moved, in a folder per module."""
+"""Sliders of the page: one per movable joint, in one folder per module."""
 
 from __future__ import annotations
 
@@ -10,23 +10,23 @@ import numpy as np
 from ..spatial import Array
 from .posing import Lever, Poser
 
-#: Folders that are unfolded at first.
+#: Number of folders that are expanded initially.
 OPEN = 1
-#: Of a slider, at the least.
+#: Smallest number of steps of a slider.
 STEPS = 500
 
 
 class Sliders:
-    """The sliders of a robot's motors, or of its independent joints where it has no motors."""
+    """Sliders of a robot's motors, or of its independent joints if it has no motors."""
 
     def __init__(self, gui: Any, poser: Poser, q: Array, moved: Callable[[str, float], None]) -> None:
         """Add the sliders.
 
         Args:
             gui: The page's panel.
-            poser: What moves the robot.
-            q: The posture that is shown, shape (nq,).
-            moved: Called with a joint's name and its position when the user moves its slider [m or rad].
+            poser: Moves the robot.
+            q: The displayed posture, shape (nq,).
+            moved: Called with a joint's name and its position [m or rad] when the user moves its slider.
         """
         self._poser = poser
         self._sliders: list[tuple[Lever, Any]] = []
@@ -38,7 +38,7 @@ class Sliders:
                     self._add(gui, lever, q, moved)
 
     def _groups(self) -> list[list[Lever]]:
-        """Return the levers module by module, joints in series together."""
+        """Group the levers by module; modules in series without closures share a group."""
         groups: list[list[Lever]] = []
         modules = self._poser.robot.modules
         for lever in sorted(self._poser.levers, key=lambda lever: lever.module):
@@ -59,22 +59,22 @@ class Sliders:
         self._sliders.append((lever, slider))
 
     def _value(self, lever: Lever, q: Array, step: float) -> float:
-        """Return a joint's position as its slider shows it: in steps, and within its range."""
+        """Return a joint's position as shown by its slider: rounded to steps, within the range."""
         value = round(self._poser.value(q, lever.joint) / step) * step
         return float(np.clip(round(value, 9), lever.low, lever.high))
 
     def show(self, q: Array) -> None:
-        """Bring all sliders where a posture, shape (nq,), has them."""
+        """Set all sliders to a posture, shape (nq,)."""
         for lever, slider in self._sliders:
             slider.value = self._value(lever, q, slider.step)
 
 
 def on_slide(slider: Any, act: Callable[[float], None]) -> None:
-    """Act when the user moves a slider, not when we do.
+    """Register a function that is called when the user moves a slider, but not when the program does.
 
     Args:
         slider: The slider.
-        act: Called with its new value.
+        act: Called with the new value.
     """
 
     def moved(event: Any) -> None:
@@ -85,5 +85,5 @@ def on_slide(slider: Any, act: Callable[[float], None]) -> None:
 
 
 def round_step(span: float) -> float:
-    """Return a round step for a slider over a span."""
+    """Return a power of ten as the step of a slider over a span."""
     return float(10.0 ** np.floor(np.log10(span / STEPS))) if span > 0 else 1e-3

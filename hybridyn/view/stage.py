@@ -1,7 +1,7 @@
-"""A picture in the page's scene: a frame per body, and in it the body's solids, rods and balls.
+"""Display a picture in the page's scene: one frame per body, with the body's solids, rods and balls in it.
 
-The browser moves frames at once, but takes longer for new positions inside a batch of shapes. So a shape does
-not move in the frame of its body: it cannot leave it, however fast a motion is played.
+The browser moves frames at once, but updates positions inside a batch of shapes later. Shapes are therefore
+fixed in the frames of their bodies, so that they follow the bodies at any playback speed.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from .picture import Ball, Picture, Rod, Role
 from .placing import Placement
 from .triangles import ball_transforms, rod_transforms, unit_ball, unit_cylinder
 
+#: Sides of a rod, and rings of latitude of a ball.
 SIDES, RINGS = 24, 12
 ROLES: tuple[Role, ...] = ("link", "motor", "joint", "closure")
 
@@ -27,8 +28,8 @@ class Stage:
     """The scene of a page.
 
     Attributes:
-        nodes: Nodes by what they stand for, to be shown and hidden.
-        names: The modules' names in the scene.
+        nodes: Scene nodes of rods and balls by their role.
+        names: Label of each module, and the body that it follows.
     """
 
     def __init__(self, server: Any, robot: HybridRobot, picture: Picture) -> None:
@@ -48,7 +49,7 @@ class Stage:
                 vertices=solid.vertices,
                 faces=solid.faces,
                 color=rgb(solid.colour),
-                flat_shading=True,  # machines have edges, which smooth shading smears
+                flat_shading=True,  # smooth shading would blur the edges
                 side="double",
             )
             self._solids.append(node)
@@ -58,7 +59,7 @@ class Stage:
                 self.names.append((label, robot.bodies.place[part.outputs[0]][0]))
 
     def _frame(self, module: int, body: int) -> str:
-        """Return the path of a body's frame among the shapes of a module; add it if it is not there."""
+        """Return the path of a body's frame among the shapes of a module; add the frame if it is missing."""
         if (module, body) not in self._frames:
             part = "ground" if module < 0 else f"{module + 1} {_clean(self.robot.modules[module].name)}"
             path = f"/robot/{part}/{body} {_clean(self._body_names[body])}"
@@ -66,7 +67,7 @@ class Stage:
         return self._frames[module, body][0]
 
     def _add_batch(self, shapes: Sequence[Rod] | Sequence[Ball]) -> None:
-        """Add rods or balls of one module, role and body as copies of one shape."""
+        """Add rods or balls of one module, role and body as instances of one shape."""
         first, body = shapes[0], _body(shapes[0])
         rods = [shape for shape in shapes if isinstance(shape, Rod)]
         vertices, faces = unit_cylinder(SIDES) if rods else unit_ball(RINGS)
@@ -88,7 +89,7 @@ class Stage:
             self._growing.append((node, body, rods))
 
     def place(self, placement: Placement) -> None:
-        """Put everything where a posture has it; what has not moved is not sent."""
+        """Move all frames and growing rods to their poses; only changes are sent to the browser."""
         quaternions = wxyz(placement.R)
         for (_, body), (_, frame) in self._frames.items():
             _set(frame, "wxyz", quaternions[body])
@@ -102,12 +103,12 @@ class Stage:
             _set(label, "position", placement.p[body])
 
     def paint(self, own_colours: bool) -> None:
-        """Return shapes the colours of their files, or of their modules."""
+        """Give the solids the colours of their files, or those of their modules."""
         for node, solid in zip(self._solids, self.picture.solids, strict=True):
             node.color = rgb(solid.own_colour if own_colours else solid.colour)
 
     def show(self, role: Role, visible: bool) -> None:
-        """Show or hide everything that stands for something."""
+        """Show or hide all shapes of a role."""
         for node in self.nodes[role]:
             node.visible = visible
 
@@ -118,7 +119,7 @@ class Stage:
 
 
 def _batches(picture: Picture) -> list[list[Rod] | list[Ball]]:
-    """Return rods and balls in groups with the same module, role and body, growing rods apart."""
+    """Group rods and balls by module, role and body; growing rods have separate groups."""
     rods: dict[tuple[object, ...], list[Rod]] = {}
     balls: dict[tuple[object, ...], list[Ball]] = {}
     for rod in picture.rods:
@@ -139,7 +140,7 @@ def _grows(rod: Rod) -> bool:
 
 
 def _transforms(shapes: Sequence[Rod] | Sequence[Ball], placement: Placement) -> tuple[Array, Array, Array]:
-    """Return axes, shape (N, 3, 3), origins and scales, shape (N, 3), of copies of the unit shape."""
+    """Compute axes, shape (N, 3, 3), origins and scales, shape (N, 3), of instances of the unit shape."""
     rods = [shape for shape in shapes if isinstance(shape, Rod)]
     if rods:
         return rod_transforms(rods, placement)
@@ -148,29 +149,30 @@ def _transforms(shapes: Sequence[Rod] | Sequence[Ball], placement: Placement) ->
 
 
 def _at_rest(count: int) -> Placement:
-    """Return the placement in which every body's frame is the world's."""
+    """Return a placement with every body's frame at the world frame."""
     return Placement(np.tile(np.eye(3), (count, 1, 1)), np.zeros((count, 3)))
 
 
 def _seen_from(placement: Placement, body: int) -> Placement:
-    """Return the poses of all bodies in the frame of one of them."""
+    """Compute the poses of all bodies in the frame of one of them."""
     R = placement.R[body]
     return Placement(R.T @ placement.R, (placement.p - placement.p[body]) @ R)
 
 
 def _linear(colours: Sequence[str]) -> NDArray[np.uint8]:
-    """Return colours, shape (N, 3), as batches want them: in linear light, where single shapes want sRGB."""
+    """Convert sRGB colours to linear ones, shape (N, 3), which batches need; single shapes take sRGB."""
     x = np.array([rgb(colour) for colour in colours]) / 255
     light = np.where(x <= 0.04045, x / 12.92, ((x + 0.055) / 1.055) ** 2.4)
     return np.round(255 * light).astype(np.uint8)
 
 
 def wxyz(R: Array) -> Array:
-    """Return quaternions with the scalar first, shape (N, 4), of axes, shape (N, 3, 3)."""
+    """Convert rotation matrices, shape (N, 3, 3), to quaternions with the scalar first, shape (N, 4)."""
     return quaternion_from_rotation(R)[:, [3, 0, 1, 2]]
 
 
 def _set(node: Any, name: str, value: Array) -> None:
+    """Set an attribute of a node if its value changes."""
     new = np.asarray(value, dtype=np.float32)
     if not np.array_equal(np.asarray(getattr(node, name), dtype=np.float32), new):
         setattr(node, name, new)

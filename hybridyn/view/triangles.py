@@ -1,4 +1,4 @@
-"""Rods and balls as triangles: unit shapes, and the transforms that put them where they belong."""
+"""Rods and balls as triangles: unit shapes, and the transforms that place them."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from .placing import Placement
 
 
 def unit_cylinder(sides: int) -> tuple[Array, Index]:
-    """Return a closed cylinder of radius 1 about z from z = 0 to 1: corners (V, 3), triangles (F, 3).
+    """Build a closed cylinder of radius 1 about z from z = 0 to 1: corners (V, 3), triangles (F, 3).
 
-    The caps have corners of their own, so that smooth shading leaves their edges sharp.
+    The caps have separate corners, so that their edges stay sharp in smooth shading.
     """
     angles = 2 * np.pi * np.arange(sides) / sides
     low = np.column_stack([np.cos(angles), np.sin(angles), np.zeros(sides)])
@@ -29,7 +29,7 @@ def unit_cylinder(sides: int) -> tuple[Array, Index]:
 
 
 def unit_ball(rings: int) -> tuple[Array, Index]:
-    """Return a sphere of radius 1 as rings of latitude: corners (V, 3), triangles (F, 3)."""
+    """Build a sphere of radius 1 from rings of latitude: corners (V, 3), triangles (F, 3)."""
     sides = 2 * rings
     heights = np.pi * np.arange(1, rings) / rings
     angles = 2 * np.pi * np.arange(sides) / sides
@@ -48,7 +48,7 @@ def unit_ball(rings: int) -> tuple[Array, Index]:
 
 
 def rod_transforms(rods: Sequence[Rod], placement: Placement) -> tuple[Array, Array, Array]:
-    """Return how unit cylinders become rods.
+    """Compute the transforms of unit cylinders to rods.
 
     Returns:
         Axes, shape (N, 3, 3), z along the rod; origins, shape (N, 3), [m]; scales, shape (N, 3): radius,
@@ -67,5 +67,5 @@ def rod_transforms(rods: Sequence[Rod], placement: Placement) -> tuple[Array, Ar
 
 
 def ball_transforms(balls: Sequence[Ball], placement: Placement) -> tuple[Array, Array]:
-    """Return where unit spheres go: centres, shape (N, 3), [m], and radii, shape (N,), [m]."""
+    """Compute the centres, shape (N, 3), [m], and radii, shape (N,), [m], of balls."""
     return placement.of([ball.at for ball in balls]), np.array([ball.radius for ball in balls])

@@ -1,7 +1,7 @@
-"""The shapes that a URDF states: boxes, cylinders, spheres and meshes, read through yourdfpy and trimesh.
+"""Read the visual shapes of a URDF (boxes, cylinders, spheres, meshes) with yourdfpy and trimesh.
 
-yourdfpy parses, but does not load: every mesh that is absent or broken is noted, and its link is drawn in
-primitive shapes.
+yourdfpy only parses the file; trimesh loads the meshes. A missing or broken mesh is reported in a note. Its
+link is then drawn in primitive shapes if it has no other shape.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ from ..spatial import Array, Index
 
 #: Sides of a cylinder.
 ROUND = 24
-#: Triangles; a browser and a screen have no use for more.
+#: Largest number of triangles of a mesh; a screen cannot show more.
 LARGEST_MESH = 200_000
-#: Colour of a shape whose file states none.
+#: Colour of a shape without a colour in its file.
 UNSTATED = "#b9bfc6"
-#: Missing shapes that are told one by one.
+#: Number of missing shapes that are listed by name.
 NAMED = 4
 
 
@@ -35,9 +35,9 @@ class Visual:
 
     Attributes:
         link: Name of the link.
-        vertices: Corners in the link, shape (V, 3), [m].
+        vertices: Corners in the link's frame, shape (V, 3), [m].
         faces: Corners of each triangle, shape (F, 3).
-        colour: The colour that its file states, "#rrggbb".
+        colour: The colour from its file, "#rrggbb".
     """
 
     link: str
@@ -54,10 +54,10 @@ def read_visuals(
     Args:
         file: The robot's file; only URDF and xacro have shapes that are read.
         xacro_args: Arguments of a xacro file by name.
-        package_dirs: Folders in which `package://` looks.
+        package_dirs: Folders in which `package://` searches.
 
     Returns:
-        The shapes, and notes about those that are missing.
+        The shapes, and notes on those that are missing.
     """
     from ..description.reading import read_bytes
     from ..description.urdf.xacro import expand
@@ -71,7 +71,7 @@ def read_visuals(
     import yourdfpy
 
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # its remarks on closures, which it does not know
+        warnings.simplefilter("ignore")  # it warns of closures, which it does not know
         robot = yourdfpy.URDF.load(io.BytesIO(text), build_scene_graph=False, load_meshes=False).robot
     colours = {m.name: _colour(m.color) for m in robot.materials if m.color is not None}
     find = _Files(Path(file).parent, package_dirs)
@@ -89,15 +89,15 @@ def read_visuals(
             found.append(Visual(link.name, vertices, np.asarray(mesh.faces), colour))
     unique = [*dict.fromkeys(missing)]
     more = f" and {len(unique) - NAMED} more" if len(unique) > NAMED else ""
-    return found, [f"shapes left out: {', '.join(unique[:NAMED])}{more}"] if unique else []
+    return found, [f"shapes not drawn: {', '.join(unique[:NAMED])}{more}"] if unique else []
 
 
 class _MissingError(Exception):
-    """A mesh that cannot be had."""
+    """A shape cannot be loaded."""
 
 
 class _Files:
-    """Where the files of meshes are."""
+    """Finds the files of meshes."""
 
     def __init__(self, folder: Path, package_dirs: Sequence[str | os.PathLike[str]]) -> None:
         from ..description.urdf.xacro import _share_dirs
@@ -109,13 +109,20 @@ class _Files:
         self.roots = [*(Path(place) for place in package_dirs), *shares, *examples, *above]
 
     def __call__(self, name: str) -> Path:
-        """Find the file of a mesh, a path or a `package://` or `file://` address."""
+        """Find the file of a mesh.
+
+        Args:
+            name: A path, or a `package://`, `model://` or `file://` address.
+
+        Raises:
+            _MissingError: There is no such file.
+        """
         name = unquote(name)
         for prefix in ("package://", "model://"):
             if name.startswith(prefix):
                 inside = name.removeprefix(prefix)
                 places = [root / inside for root in self.roots]
-                # A package's folder itself may be given, or its files lie without the package's name.
+                # The root may be the package's own folder, or hold its files without the package's name.
                 places += [root / inside.partition("/")[2] for root in self.roots]
                 break
         else:
@@ -127,7 +134,11 @@ class _Files:
 
 
 def _mesh(geometry: Any, find: _Files) -> Any:
-    """Return the triangles of a shape."""
+    """Build the triangles of a shape.
+
+    Raises:
+        _MissingError: The shape cannot be loaded.
+    """
     import trimesh
 
     if geometry.box is not None:
@@ -142,7 +153,7 @@ def _mesh(geometry: Any, find: _Files) -> Any:
     file = find(geometry.mesh.filename)
     try:
         mesh: Any = trimesh.load(file, force="mesh")
-    except Exception as error:  # a reader of some twenty formats: whatever goes wrong, the shape is missing
+    except Exception as error:  # about twenty formats: on any error the shape is missing
         raise _MissingError(f"'{file}' ({type(error).__name__})") from error
     faces = getattr(mesh, "faces", ())
     if not len(faces) or len(faces) > LARGEST_MESH or not np.isfinite(mesh.vertices).all():
@@ -154,17 +165,19 @@ def _mesh(geometry: Any, find: _Files) -> Any:
 
 
 def _own_colour(material: Any, named: Mapping[str, str]) -> str | None:
+    """Return the colour of a shape's material, or None if the material is missing or has no colour."""
     if material is None:
         return None
     return _colour(material.color) if material.color is not None else named.get(material.name)
 
 
 def _colour(color: Any) -> str:
+    """Return a URDF colour as "#rrggbb"."""
     rgba = np.clip(np.nan_to_num(np.asarray(color.rgba, dtype=float)), 0, 1)
     return "#" + "".join(f"{round(255 * x):02x}" for x in rgba[:3])
 
 
 def _mesh_colour(mesh: Any) -> str | None:
-    """Return the colour that a mesh file states for the whole mesh, or None."""
+    """Return the colour that a mesh file gives to the whole mesh, or None."""
     color = getattr(getattr(mesh.visual, "material", None), "main_color", None)
     return None if color is None else "#" + "".join(f"{int(x):02x}" for x in color[:3])

@@ -26,7 +26,7 @@ DIFFERENCED = 1e-8
 
 
 def leg_margins(x: Array, z: Array, home: Array, limits: bool) -> Array:
-    """Compute the distance of the tip from the ends of both legs' reach [m], negative outside; elbows outwards."""
+    """Compute how far the tip is inside the reach of both legs [m], negative outside; elbows outwards."""
     margin = np.full(x.shape, np.inf)
     for side in (-1.0, 1.0):
         dx = x - side * HALF_SPACING

@@ -1,4 +1,4 @@
-"""What `hybridyn view` draws: shapes, where they are, postures moved by hand, pictures and films."""
+"""`hybridyn view`: shapes and their poses, postures moved by hand, images and films."""
 
 from __future__ import annotations
 
@@ -234,7 +234,7 @@ def test_a_jump_ends_where_small_steps_end() -> None:
     assert poser.move(robot.home, motor, start + 0.2).q == pytest.approx(q, abs=CLOSED)
 
 
-def test_out_of_reach_stops_at_a_closed_posture_near_the_end_and_says_so() -> None:
+def test_out_of_reach_stops_at_a_closed_posture_near_the_end_with_a_message() -> None:
     robot = without_limits("rps3")
     poser, motor = Poser(robot), robot.motors[0]
     moved = poser.move(robot.home, motor, -0.5)

@@ -1,4 +1,4 @@
-"""The server of `hybridyn view` speaks with the page that it served, and with no other."""
+"""The server of `hybridyn view` accepts connections of its own page only."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The page of `hybridyn view` in a real browser: what it shows, a drag, one out of reach, a play, a scrub."""
+"""The page of `hybridyn view` in a real browser: its content, a drag, a drag out of reach, playback."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ def at_home(request: pytest.FixtureRequest) -> None:
 
 
 def until(tab: Any, holds: Callable[[], bool]) -> None:
-    """Wait until something holds, while the page goes on."""
+    """Wait until a condition holds, while the page keeps running."""
     wait_until(holds, "an answer of the page", lambda seconds: tab.wait_for_timeout(1000 * seconds))
 
 
@@ -94,7 +94,7 @@ def picture(tab: Any) -> np.ndarray:
 
     whole = np.asarray(Image.open(io.BytesIO(tab.screenshot())).convert("RGB")) / 255
     seen = whole[:, : whole.shape[1] - 350].copy()
-    seen[:170, :340] = 1.0  # there the client remarks that the browser draws in software
+    seen[:170, :340] = 1.0  # the client shows a note there if the browser renders in software
     return seen
 
 
@@ -165,13 +165,13 @@ def test_a_drag_moves_its_motor_and_keeps_the_loops_closed(
     assert tab.get_attribute("#hybridyn-status", "data-stopped") == "0"
 
 
-def test_a_drag_out_of_reach_stops_at_the_last_closed_posture_and_says_so(
+def test_a_drag_out_of_reach_stops_at_the_last_closed_posture_with_a_message(
     tab: Any, page: Page, robot: hybridyn.HybridRobot
 ) -> None:
     drag(tab, robot.motors[0], -0.4)
     tab.wait_for_selector("#hybridyn-status[data-stopped='1']", timeout=1000 * PATIENCE)
     said = tab.inner_text("#hybridyn-status")
-    assert re.search(rf"{robot.motors[0]} stops at \S+ m: further on the loops of \S+ do not close", said)
+    assert re.search(rf"{robot.motors[0]} stops at \S+ m: beyond this, the loops of \S+ do not close", said)
     assert hybridyn.closure_residual(robot, page.q) < CLOSED
 
 
