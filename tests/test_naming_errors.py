@@ -99,5 +99,5 @@ def test_tables_with_named_columns() -> None:
     rows = polars.DataFrame({name: q[:, i] for i, name in enumerate(robot.joints)})
     with pytest.raises(TrajectoryError, match="q is a table with named columns"):
         hybridyn.idm(robot, rows, v, a)
-    with pytest.raises(TrajectoryError, match="v is no array of numbers"):
+    with pytest.raises(TrajectoryError, match="v is not an array of numbers"):
         hybridyn.idm(robot, q, [["fast"] * robot.nv] * 2, a)

@@ -1,10 +1,11 @@
-"""From a description to a robot made of modules.
+"""Build a robot made of modules from a description.
 
-Read `bodies`, then, in the order in which a robot is built: `graph` (modules cut from the kinematic graph),
-`module_spec` (a module's numbers, without names), `cut` (the tree after the cuts),
-`mechanism` (what is solved once for equal modules), `wrist_motion` (rates of the wrists that were cut),
-`module` (named, placed in q, v and tau), `robot` (the tree of modules), `building` (all of it together).
-`leg_model` is Pinocchio's part: H, A and D of the legs. `state` is what the recursions hand on.
+Read `bodies` first, then the files in the order in which a robot is built: `graph` (splits the kinematic
+graph into modules), `module_spec` (the numbers of one module, without names), `cut` (the tree after the
+cuts), `mechanism` (lengths, ranks and postures, computed once for equal modules), `wrist_motion` (rates of
+the cut wrists), `module` (names and indices in q, v and tau), `robot` (the tree of modules), `building`
+(runs all steps). `leg_model` computes H, A and D of the legs with Pinocchio. `state` holds the data of one
+module that the recursions share.
 
 May import: `linkage`, `tables` and below.
 """

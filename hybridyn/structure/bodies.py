@@ -1,7 +1,7 @@
-"""Rigid bodies of a robot: links that fixed joints hold together count as one.
+"""Rigid bodies of a robot: links that are connected by fixed joints form one body.
 
-A body's frame is the frame of its topmost link, which is the child frame of the joint that moves it:
-Pinocchio's joint frame. Joints are numbered as `pin.buildModelFromXML` does, depth-first, siblings by name.
+A body's frame is the frame of its topmost link. This is the child frame of the joint that moves the body,
+and Pinocchio's joint frame. Joints are numbered as in `pin.buildModelFromXML`: depth-first, siblings by name.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ class Body:
     """One rigid body.
 
     Attributes:
-        name: Name of its heaviest link (the topmost where nothing has mass).
+        name: Name of its heaviest link, or of the topmost link if no link has mass.
         joint: Number of the joint that moves it, -1 for the root.
-        heaviest: Mass of the link that names it [kg].
+        heaviest: Mass of the link after which the body is named [kg].
         mass: Mass [kg].
         com: Centre of mass, shape (3,), [m], body frame.
         inertia: Inertia about the centre of mass, shape (3, 3), [kg m^2], body axes.
@@ -42,7 +42,7 @@ class Body:
         return self.mass == 0.0 and not self.inertia.any()
 
     def add(self, link: Link, R: Array, p: Array) -> None:
-        """Add a link whose frame stands at (R, p) in the body."""
+        """Add a link whose frame has the placement (R, p) in the body frame."""
         if link.mass > self.heaviest:
             self.name, self.heaviest = link.name, link.mass
         com, inertia = p + R @ link.com, R @ link.inertia @ R.T
@@ -50,7 +50,7 @@ class Body:
         self.inertia = self.inertia + inertia
         if total > 0:
             d = com - self.com
-            # Steiner about the common centre, in the form that does not cancel.
+            # Parallel axis theorem about the common centre, in the form without cancellation.
             self.inertia += self.mass * link.mass / total * (d @ d * np.eye(3) - np.outer(d, d))
             self.com = self.com + link.mass / total * d
         self.mass = total
@@ -61,7 +61,7 @@ class BodyJoint:
     """A movable joint between two bodies.
 
     Attributes:
-        joint: The joint's record.
+        joint: Record of the joint in the description.
         parent: Number of the parent body.
         child: Number of the child body.
         R: Child axes in the parent *body* at joint position zero, shape (3, 3).
@@ -80,9 +80,9 @@ class Bodies:
     """The tree of bodies.
 
     Attributes:
-        bodies: Bodies; the child of `joints[i]` is body i + 1, body 0 holds the root link.
+        bodies: Bodies; body 0 contains the root link, and body i + 1 is the child of `joints[i]`.
         joints: Movable joints in Pinocchio's order.
-        place: Body number and placement (R, p) in it of every link, by link name.
+        place: For each link name, the number of its body and the placement (R, p) of the link in that body.
     """
 
     bodies: list[Body]
@@ -91,12 +91,12 @@ class Bodies:
 
     @cached_property
     def reach(self) -> float:
-        """Longest offset from one joint to the next [m]: what a distance must be small against to be none."""
+        """Longest offset from one joint to the next [m]; distances much smaller than this count as zero."""
         return max((float(np.abs(j.p).max()) for j in self.joints), default=0.0) or 1.0
 
     @cached_property
     def size(self) -> float:
-        """A length of the robot [m], for parts without an extent of their own."""
+        """Characteristic length of the robot [m], for parts that have no extent themselves."""
         offsets = [float(np.abs(j.p).max()) for j in self.joints]
         spreads = [float(np.sqrt(max(np.trace(b.inertia), 0.0) / b.mass)) for b in self.bodies if b.mass]
         centres = [float(np.abs(b.com).max()) for b in self.bodies]
@@ -141,5 +141,5 @@ def merge_fixed_joints(description: Description) -> Bodies:
         stack.extend((j.child, j) for j in sorted(children.get(name, []), key=lambda j: j.name, reverse=True))
     if len(out.place) != len(links):
         lost = sorted(set(links) - set(out.place))
-        raise ModelError(f"links {lost} hang on no path from the root link", file=description.source)
+        raise ModelError(f"links {lost} are not connected to the root link", file=description.source)
     return out

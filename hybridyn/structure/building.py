@@ -1,4 +1,4 @@
-"""From the modules of the kinematic graph to modules with numbers and names."""
+"""Build a robot: turn the modules of the kinematic graph into modules with numbers and names."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from ..linkage.reduction import ROUNDED_ROWS
 from ..linkage.threads import one_thread
 from ..spatial import Array, slices
 from .bodies import Bodies
-from .graph import ModuleGraph, find_modules, leave_whole
+from .graph import ModuleGraph, find_modules, undo_cuts
 from .mechanism import Mechanism, Tolerances
 from .module import Module, check_mechanism
 from .module_spec import ModuleSpec, module_spec
@@ -26,16 +26,19 @@ if TYPE_CHECKING:
 
     from .payload import Payload
 
-#: Acceleration of gravity where neither the caller nor the file states one [m/s^2].
+#: Acceleration of gravity if neither the caller nor the file defines one [m/s^2].
 EARTH = (0.0, 0.0, -9.81)
 
 
 class ModuleBuilder:
-    """Modules one after the other, bases before what they carry; equal ones share their mechanism.
+    """Builder that adds modules in order, each after the module that carries it.
+
+    Equal modules share one `Mechanism`.
 
     Attributes:
-        modules: The modules so far.
-        output_of: For each body that can carry a module, the module it is an output of and its number there.
+        modules: The modules added so far.
+        output_of: For each body that can carry a module, the number of the module whose output it is, and the
+            number of that output.
     """
 
     def __init__(
@@ -52,8 +55,8 @@ class ModuleBuilder:
 
         Args:
             bodies: The robot's bodies.
-            description: What the files say.
-            joints: Names of the movable joints, the free-flyer's first.
+            description: Description of the robot.
+            joints: Names of the movable joints; the free-flyer, if any, comes first.
             q_slices: Slice of q of each joint.
             v_slices: Slice of v of each joint.
             home: Home position, shape (nq,).
@@ -69,7 +72,7 @@ class ModuleBuilder:
         self.motor_number = {name: i for i, name in enumerate(description.motors)}
 
     def add_base(self) -> None:
-        """Add the free base: no legs, one platform, a = identity."""
+        """Add the floating base as a module without legs, with one platform and a = identity."""
         root = replace(self.bodies.bodies[0], name="", joint=0, heaviest=0.0)
         joint = TreeJoint("", "floating", 0, np.eye(3), np.zeros(3), np.array([0.0, 0.0, 1.0]))
         spec = ModuleSpec(
@@ -102,7 +105,7 @@ class ModuleBuilder:
         spec = module_spec(self.bodies, graph, self.home[q_index])
         report = self._mechanism(spec).reduction.report
         if graph.wrists and report.dropped > ROUNDED_ROWS:
-            leave_whole(self.bodies, graph)
+            undo_cuts(self.bodies, graph)
             spec = module_spec(self.bodies, graph, self.home[q_index])
         body = dict(enumerate([graph.base] + [j + 1 for j in graph.joints]))
         outputs = [body[spec.tree_body[o]] for o in spec.outputs]
@@ -123,7 +126,7 @@ class ModuleBuilder:
         return _leg_name(links), tuple(self.bodies.joints[b - 1].joint.name for b in bodies)
 
     def _mechanism(self, spec: ModuleSpec) -> Mechanism:
-        """Return the mechanism of a module, the one of an equal module where there is one."""
+        """Return the mechanism of a module; equal modules get the same object."""
         key = spec.key
         if key not in self.shared:
             self.shared[key] = Mechanism(spec, self.tolerances, self.bodies.size)
@@ -140,7 +143,18 @@ class ModuleBuilder:
         closures: tuple[str, ...] = (),
         stands_on: tuple[int, int] = (-1, 0),
     ) -> None:
-        """Append a module: its numbers, its names, and the module and output that it stands on."""
+        """Append a module.
+
+        Args:
+            spec: Numbers of the module.
+            name: Name of the module.
+            base: Link that names the base body.
+            outputs: Links that name the output bodies.
+            joints: Names of its joints.
+            legs: Legs as (name, joint names).
+            closures: Names of its closures and couplings.
+            stands_on: Numbers of the parent module and of the parent's output that is the base.
+        """
         mechanism = self._mechanism(spec)
         check_mechanism(mechanism, name, self.description.source, self.tolerances.closure)
         every_q, every_v = np.arange(self.q_slices[-1].stop), np.arange(self.v_slices[-1].stop)
@@ -169,7 +183,7 @@ class ModuleBuilder:
 
 
 def _leg_name(links: list[str]) -> str:
-    """Name a leg by what its links' names have in common, else by its first link."""
+    """Return the common prefix of the names of a leg's links, or the first link if there is none."""
     first = links[0]
     common = next(
         (first[:n] for n in range(len(first), 0, -1) if all(x.startswith(first[:n]) for x in links)), ""
@@ -192,17 +206,19 @@ def build_robot(
     """Build a robot from its description.
 
     Args:
-        description: What the files say.
-        base: "fixed", "moving" (prescribed motion) or "floating" (free); None takes the description's.
-        gravity: Acceleration of gravity in the world, shape (3,), [m/s^2]; None takes the description's.
-        rank_tolerance: Relative singular value under which closure rows are dependent; found where left out.
-        closure_tolerance: Largest residual that counts as closed, relative to a module's length.
-        held: Joints that are never cut away in a wrist, so that they can have joint effects.
-        payloads: Payloads that the description has on its links already.
+        description: Description of the robot.
+        base: "fixed", "moving" (prescribed motion) or "floating" (free); if None, that of the description.
+        gravity: Acceleration of gravity in the world, shape (3,), [m/s^2]; if None, that of the
+            description.
+        rank_tolerance: Relative singular value below which closure rows count as dependent; if None, it is
+            determined from the singular values.
+        closure_tolerance: Largest residual that counts as closed, relative to the length of the module.
+        held: Joints that must not be cut as part of a wrist, so that they can have joint effects.
+        payloads: Payloads that the links of the description already include.
 
     Raises:
-        ModelError: The description makes no robot, or the rank of a module's closures is in doubt.
-        AssemblyError: A module's loops close nowhere.
+        ModelError: The description does not define a robot, or the rank of a module's closures is in doubt.
+        AssemblyError: No posture closes the loops of a module.
     """
     base = description.base if base is None else base
     gravity = description.gravity or EARTH if gravity is None else gravity
@@ -242,10 +258,10 @@ def build_robot(
 
 
 def _held(description: Description, held: Iterable[str]) -> frozenset[str]:
-    """Return the joints that must not be cut: those named, and those with an effect of the robot's own.
+    """Return the joints that must not be cut: those in `held`, and those with an effect in the description.
 
     Raises:
-        ModelError: A name is no movable joint.
+        ModelError: A name in `held` is not a movable joint.
     """
     movable = [joint.name for joint in description.joints if joint.kind != "fixed"]
     for name in held:

@@ -15,7 +15,7 @@ class Cut:
     Attributes:
         spanning: Tree of every joint of the module, wrists included, as in the user's q, v, a.
         tree: Tree after the cuts: joints of the legs, and platforms as `floating` joints from the base.
-        bodies: Number in `spanning` of each body of `tree`, shape (bodies,).
+        bodies: For each body of `tree`, its number in `spanning`, shape (bodies,).
     """
 
     def __init__(self, spec: ModuleSpec) -> None:
@@ -77,7 +77,7 @@ class Cut:
         return self.coordinates(q, None, None, self.spanning.sweep(q))[0]
 
     def motion(self, spanning: Motion) -> Motion:
-        """Return the motion of the bodies of `tree`, which are bodies of the spanning tree.
+        """Select the motion of the bodies of `tree` from the motion of the spanning tree.
 
         Args:
             spanning: Motion of the spanning tree.
@@ -107,7 +107,7 @@ class Cut:
         out[:, self._q_from] = x[:, self._q_to]
 
     def tree_body(self, body: int) -> int:
-        """Return the number in `tree` of a body of the spanning tree; a wrist's end is its wrist's target."""
+        """Return the number in `tree` of a body of the spanning tree; a wrist's end maps to its target."""
         for wrist in self._spec.wrists:
             if wrist.end == body:
                 body = wrist.target

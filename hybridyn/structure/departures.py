@@ -1,7 +1,7 @@
-"""Where a motion leaves the limits of joints: position, speed and effort, first sample and worst.
+"""Find the samples at which a motion exceeds the joint limits of position, speed and effort.
 
-A range that is empty (lower = upper) and a limit of zero are what exporters write for "not known": they are
-no limits here.
+Exporters write an empty range (lower = upper) or a limit of zero where they do not know the limit. Both count
+as no limit here.
 """
 
 from __future__ import annotations
@@ -15,28 +15,28 @@ from ..description.records import Joint
 from ..spatial import Array
 from .robot import HybridRobot
 
-#: A speed or an effort is over its limit beyond this part of it: a motion that just touches it is not.
+#: A speed or an effort exceeds its limit by more than this part of the limit; a motion may touch the limit.
 TOUCHING = 1e-9
-#: A position is outside beyond this part of the joint's range: files are rounded.
+#: A position exceeds its limit by more than this part of the joint's range, because files are rounded.
 ROUNDED = 1e-6
 UNITS = {"position": ("m", "rad"), "speed": ("m/s", "rad/s"), "effort": ("N", "N m")}
-#: Most departures that are told one by one.
-TOLD = 8
+#: Largest number of departures that are listed one by one.
+MOST_LISTED = 8
 
 
 @dataclass(frozen=True)
 class Departure:
-    """A joint that leaves one of its limits.
+    """Samples at which a joint exceeds one of its limits.
 
     Attributes:
         joint: Name of the joint.
         quantity: "position", "speed" or "effort".
-        unit: Its unit.
-        limit: The limit that is passed farthest.
-        worst: The value farthest outside.
-        by: How far that is outside, positive.
-        first: Number of the first sample outside, from 0.
-        count: Number of samples outside.
+        unit: Unit of the quantity.
+        limit: The limit that is exceeded most.
+        worst: The value that exceeds its limit most.
+        by: Difference between `worst` and `limit`, positive.
+        first: Number of the first sample outside the limits, from 0.
+        count: Number of samples outside the limits.
     """
 
     joint: str
@@ -49,13 +49,13 @@ class Departure:
     count: int
 
     def then(self, later: Departure) -> Departure:
-        """Return both as one; `later` comes after this one."""
+        """Merge this departure with `later`, which has the later samples."""
         worse = later if later.by > self.by else self
         return replace(worse, first=self.first, count=self.count + later.count)
 
 
 def departures(robot: HybridRobot, q: Array, v: Array, tau: Array | None = None) -> tuple[Departure, ...]:
-    """Return the joints that leave their limits in a motion, each once for each quantity.
+    """Return the joints that exceed their limits in a motion, one entry per joint and quantity.
 
     Args:
         robot: The robot.
@@ -78,7 +78,7 @@ def departures(robot: HybridRobot, q: Array, v: Array, tau: Array | None = None)
 
 
 def position_limits(joint: Joint) -> tuple[float, float] | None:
-    """Return the least and the greatest position that count as inside, or None where nothing limits a joint.
+    """Return the lowest and the highest position that count as inside the limits, or None without limits.
 
     Args:
         joint: The joint.
@@ -92,7 +92,7 @@ def position_limits(joint: Joint) -> tuple[float, float] | None:
 
 
 def _outside(quantity: str, values: Array, limited: list[tuple[Joint, int]]) -> Iterator[Departure]:
-    """Look for columns that leave their limits."""
+    """Yield one departure for each column that exceeds its limits."""
     if not limited or not len(values):
         return
     joints, columns = zip(*limited, strict=True)
@@ -126,7 +126,7 @@ def _stated(quantity: str, joint: Joint) -> tuple[float, float]:
 
 
 def _range(quantity: str, joint: Joint) -> tuple[float, float]:
-    """Return the least and the greatest value that count as inside."""
+    """Return the lowest and the highest value that count as inside the limits."""
     if quantity == "position":
         return position_limits(joint) or (-np.inf, np.inf)
     low, high = _stated(quantity, joint)
@@ -134,20 +134,20 @@ def _range(quantity: str, joint: Joint) -> tuple[float, float]:
 
 
 class Departures:
-    """Departures of a whole motion, gathered block by block in order."""
+    """Departures of a whole motion, collected from its blocks in order."""
 
     def __init__(self) -> None:
-        """Start with none."""
+        """Start without departures."""
         self._found: dict[tuple[str, str], Departure] = {}
         self._at: dict[tuple[str, str], str] = {}
 
     def add(self, found: Iterable[Departure], first_row: int, time: Array | None) -> None:
-        """Take in a block.
+        """Add the departures of the next block.
 
         Args:
-            found: Its departures.
-            first_row: Number of its first row in the table.
-            time: Times of its rows, shape (T,), [s], or None.
+            found: Departures of the block.
+            first_row: Number of the block's first row in the table.
+            time: Times of the block's rows, shape (T,), [s], or None.
         """
         for one in found:
             key = one.joint, one.quantity
@@ -163,7 +163,7 @@ class Departures:
         return iter(self._found.values())
 
     def line(self, one: Departure) -> str:
-        """Say where a joint leaves its limit, and by how much.
+        """Describe where a joint exceeds its limit, and by how much.
 
         Args:
             one: One of the departures.
@@ -176,8 +176,8 @@ class Departures:
         )
 
     def lines(self) -> list[str]:
-        """Say which joints leave their limits, the first of many one by one."""
-        told = [self.line(one) for one in self]
-        if len(told) <= TOLD:
-            return told
-        return [*told[:TOLD], f"... and {len(told) - TOLD} more limits that joints leave"]
+        """Return one line per departure; after `MOST_LISTED` lines, one line with the number of the rest."""
+        lines = [self.line(one) for one in self]
+        if len(lines) <= MOST_LISTED:
+            return lines
+        return [*lines[:MOST_LISTED], f"... and {len(lines) - MOST_LISTED} more limits that joints leave"]

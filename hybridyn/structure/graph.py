@@ -1,11 +1,13 @@
-"""From the kinematic graph to modules: loops that share a joint are one module, what is left is serial.
+"""Split the kinematic graph into modules: loops that share a joint form one module, other joints are serial.
 
-On a spanning tree the biconnected components are found by merging, for every closure, the joints on the tree
-path between its two links (a matroid's components are those of its fundamental circuits). A coupling merges
-its joints and all on the paths between them. Each class of joints is a module; modules form a tree.
+Each closure merges the joints on the tree path between its two links. This yields the biconnected
+components, because the components of a matroid are those of its fundamental circuits. A coupling merges its
+joints and all joints on the paths between them. Each class of joints is a module, and the modules form a
+tree.
 
-Inside a module, a *platform* is a body whose removal, with the base, leaves three legs or more. It is cut
-free of the leg that carries it, and terminal massless wrists become point or universal closures (`wrists`).
+Inside a module, a *platform* is a body with at least three legs: if it and the base are removed, three or
+more legs remain. A platform is cut free from the leg that carries it in the spanning tree. Massless wrists
+at the ends of legs become point or universal closures (`wrists`).
 """
 
 from __future__ import annotations
@@ -23,7 +25,7 @@ from .wrists import Wrist, find_wrist, wrist_closure
 
 @dataclass
 class ModuleGraph:
-    """One module of the kinematic graph; bodies and joints by their numbers in `Bodies`.
+    """One module of the kinematic graph; bodies and joints are given by their numbers in `Bodies`.
 
     Attributes:
         base: Base body.
@@ -32,9 +34,9 @@ class ModuleGraph:
         couplings: Couplings (joint numbers of `Bodies`).
         carried: Bodies that carry another module.
         platforms: Platform bodies that are cut free.
-        wrists: Chains of massless joints that are cut, with what replaces them.
+        wrists: Chains of massless joints that are cut, with the data of the closures that replace them.
         cut_closures: Closures after the cut.
-        legs: Groups of bodies that platforms and base hold apart.
+        legs: Groups of bodies that stay connected when the platforms and the base are removed.
     """
 
     base: int
@@ -51,7 +53,7 @@ class ModuleGraph:
 def find_modules(
     description: Description, held: frozenset[str] = frozenset()
 ) -> tuple[Bodies, list[ModuleGraph]]:
-    """Cut a robot into modules, bases before what they carry; joints in `held` are never cut."""
+    """Split a robot into modules, each after the module that carries it; joints in `held` are never cut."""
     bodies = merge_fixed_joints(description)
     closures = [body_closure(bodies, c, description) for c in description.closures]
     number = {j.joint.name: i for i, j in enumerate(bodies.joints)}
@@ -76,11 +78,11 @@ def find_modules(
     return bodies, list(modules.values())
 
 
-def leave_whole(bodies: Bodies, module: ModuleGraph) -> None:
-    """Undo a module's cuts: its closures and joints stay as the author wrote them.
+def undo_cuts(bodies: Bodies, module: ModuleGraph) -> None:
+    """Undo the cuts of a module: restore its closures and joints as the author wrote them.
 
-    Cut joints become rows. Where rows are redundant, and the file is rounded, rows hold only in the
-    least-squares sense while joints hold exactly: such modules are not cut.
+    A cut replaces joints by closure rows. If rows are redundant and the file is rounded, the rows hold only
+    in the least-squares sense, whereas joints hold exactly. Modules of this kind are therefore not cut.
     """
     module.platforms, module.wrists = [], []
     module.cut_closures = list(module.closures)
@@ -88,7 +90,7 @@ def leave_whole(bodies: Bodies, module: ModuleGraph) -> None:
 
 
 def body_closure(bodies: Bodies, closure: Closure, description: Description) -> TreeClosure:
-    """Move a closure from its links to their bodies."""
+    """Express a closure between two links as a closure between their bodies."""
     a, Ra, pa = bodies.place[closure.link_a]
     b, Rb, pb = bodies.place[closure.link_b]
     if a == b:
@@ -108,7 +110,7 @@ def body_closure(bodies: Bodies, closure: Closure, description: Description) -> 
 
 
 def _classes(bodies: Bodies, closures: list[TreeClosure], couplings: list[TreeCoupling]) -> list[int]:
-    """Return for each joint the first joint of its module (union-find along the fundamental circuits)."""
+    """Return for each joint the first joint of its module, by union-find along the fundamental circuits."""
     leader = list(range(len(bodies.joints)))
 
     def find(i: int) -> int:
@@ -132,7 +134,7 @@ def _classes(bodies: Bodies, closures: list[TreeClosure], couplings: list[TreeCo
 
 
 def _cut(bodies: Bodies, module: ModuleGraph, driven: set[int]) -> None:
-    """Choose platforms, cut them and the terminal wrists free, and group what is left into legs."""
+    """Choose the platforms, cut them and the terminal wrists free, and group the other bodies into legs."""
     module.cut_closures = list(module.closures)
     if not module.closures:
         module.legs = _components(bodies, module, {module.base})
@@ -151,7 +153,7 @@ def _cut(bodies: Bodies, module: ModuleGraph, driven: set[int]) -> None:
 
 
 def _cut_terminal_wrists(bodies: Bodies, module: ModuleGraph, held: set[int]) -> None:
-    """Replace a weld to a massless body at the end of a wrist by the closure that the wrist amounts to."""
+    """Replace a weld to a massless body at the end of a wrist by one closure equivalent to the wrist."""
     for at, closure in enumerate(list(module.cut_closures)):
         if closure.rotation != "fixed" or closure.translations != (0, 1, 2):
             continue
@@ -169,7 +171,7 @@ def _cut_terminal_wrists(bodies: Bodies, module: ModuleGraph, held: set[int]) ->
 
 
 def _weld(closure: TreeClosure, end: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return the placement of body `end` in the body that a weld holds it to."""
+    """Return the placement of body `end` in the body to which a closure welds it."""
     Ra, pa, Rb, pb = closure.R_a, closure.p_a, closure.R_b, closure.p_b
     if end == closure.body_a:
         Ra, pa, Rb, pb = Rb, pb, Ra, pa
@@ -178,7 +180,7 @@ def _weld(closure: TreeClosure, end: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _is_free_end(bodies: Bodies, module: ModuleGraph, closures: list[TreeClosure], body: int) -> bool:
-    """Say whether nothing but its own joint and one closure holds a massless body."""
+    """Return True if a massless body is connected to others by its own joint and one closure only."""
     return (
         body != module.base
         and bodies.bodies[body].massless
@@ -200,7 +202,7 @@ def _edges(bodies: Bodies, module: ModuleGraph) -> list[tuple[int, int]]:
 
 
 def _components(bodies: Bodies, module: ModuleGraph, without: set[int]) -> list[list[int]]:
-    """Group the module's bodies into connected components when some bodies are taken away."""
+    """Group the module's bodies into the connected components that remain without some bodies."""
     gone = {i + 1 for w in module.wrists for i in w.joints}
     left = {i + 1 for i in module.joints if i + 1 not in gone} - without
     group = {body: body for body in left}
@@ -221,7 +223,11 @@ def _components(bodies: Bodies, module: ModuleGraph, without: set[int]) -> list[
 
 
 def _legs_touching(bodies: Bodies, module: ModuleGraph, body: int) -> int:
-    """Count the legs that hold a body: components without it and the base, and direct joints to the base."""
+    """Count the legs at a body.
+
+    These are the adjacent components that remain without the body and the base, and the direct joints
+    between the two.
+    """
     edges = _edges(bodies, module)
     near = {b if a == body else a for a, b in edges if body in (a, b)}
     components = _components(bodies, module, {module.base, body, *module.platforms})

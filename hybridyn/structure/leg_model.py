@@ -1,8 +1,8 @@
-"""The legs of one module as a Pinocchio model: H, F_b by RNEA; A, D, S1 by CRBA.
+"""Pinocchio model of the legs of one module: H and F_b by RNEA; A, D and S1 by CRBA.
 
-The leg trees hang from a free-flyer that stands for the base body (appendices A to C of the paper); gravity
-is zero there, since it comes in through the base's acceleration. Outputs carry no inertia here: it is theirs
-in the module.
+A free-flyer represents the base body, and the leg trees are attached to it (appendices A to C of the paper).
+Gravity is zero in this model, because the acceleration of the base already contains it. Outputs have no
+inertia in this model, because the module equations add it.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from .bodies import Body
 
 
 def pinocchio_joint(joint: TreeJoint) -> pin.JointModel:
-    """Return Pinocchio's joint for one of ours, aligned with an axis where it can be."""
+    """Return the Pinocchio joint of a `TreeJoint`, of an axis-aligned type if the axis allows it."""
     aligned = {
         "revolute": (pin.JointModelRX, pin.JointModelRY, pin.JointModelRZ),
         "continuous": (pin.JointModelRUBX, pin.JointModelRUBY, pin.JointModelRUBZ),
@@ -41,7 +41,7 @@ def pinocchio_joint(joint: TreeJoint) -> pin.JointModel:
 
 
 def _continuous(axis: Array) -> pin.JointModel:
-    """Return a continuous joint about any axis; Python cannot set its axis, the URDF reader can."""
+    """Return a continuous joint about any axis, by the URDF reader, because Python cannot set the axis."""
     x, y, z = (float(value) for value in axis)
     return pin.buildModelFromXML(
         '<robot name="one"><link name="a"/><link name="b"><inertial><mass value="1"/>'
@@ -53,20 +53,23 @@ def _continuous(axis: Array) -> pin.JointModel:
 
 
 def pinocchio_inertia(body: Body) -> pin.Inertia:
-    """Return Pinocchio's inertia of a body, entry by entry: the constructor would refuse unphysical ones."""
+    """Return Pinocchio's inertia of a body.
+
+    The entries are set one by one, because the constructor rejects unphysical inertias.
+    """
     out = pin.Inertia.Zero()
     out.mass = body.mass
     out.lever = body.com
-    # To the last digit symmetric: Pinocchio compares halves without regard to their size.
+    # Symmetric to the last digit, because Pinocchio checks symmetry with an absolute tolerance.
     out.inertia = (body.inertia + body.inertia.T) / 2
     return out
 
 
 class LegModel:
-    """Pinocchio's model of a module's leg trees; joints that move no leg's mass are left out.
+    """Pinocchio model of a module's leg trees, without the joints that move no leg mass.
 
     Attributes:
-        model: The Pinocchio model, a free-flyer first.
+        model: The Pinocchio model; its first joint is a free-flyer.
         columns: Freedoms of the module's tree, in the order of the model's velocities after the free-flyer.
     """
 
@@ -116,22 +119,22 @@ class LegModel:
         self._base_q = np.array([0.0, 0, 0, 0, 0, 0, 1])
 
     def __reduce__(self) -> tuple[type[LegModel], tuple[Tree, list[Body | None]]]:
-        """Build it anew in another process: Pinocchio's pools do not travel."""
+        """Pickle the arguments of the constructor, because Pinocchio's model pools cannot be pickled."""
         return LegModel, self._built_from
 
     def rnea(self, V: Array, V_dot: Array, q: Array, v: Array, a: Array) -> tuple[Array, Array]:
-        """Return the legs' inverse dynamic model, Eqs. (54)-(62).
+        """Compute the inverse dynamic model of the legs, Eqs. (54)-(62).
 
         Args:
             V: Twist of the base, shape (T, 6), base frame.
-            V_dot: Spatial acceleration of the base less gravity, shape (T, 6), base frame.
+            V_dot: Spatial acceleration of the base minus gravity, shape (T, 6), base frame.
             q: Positions of the module's tree, shape (T, nq).
             v: Rates, shape (T, nv).
             a: Accelerations, shape (T, nv).
 
         Returns:
             F_b: Wrench of the base on the legs at the base frame's origin, shape (T, 6), [N, N m].
-            H: Generalised forces of the legs, shape (T, nv); zero for freedoms that move no leg's mass.
+            H: Generalised forces of the legs, shape (T, nv); zero for freedoms that move no leg mass.
         """
         T = len(V)
         H = np.zeros((T, self._nv))
@@ -142,18 +145,18 @@ class LegModel:
         A = np.asfortranarray(np.concatenate([V_dot, a[:, self.columns]], axis=1).T)
         out = (
             pin.rneaInParallel(1, self._pool, Q, U, A).reshape(-1, T, order="F").T
-        )  # one sample comes back flat
+        )  # Pinocchio returns one sample as a flat array
         H[:, self.columns] = out[:, 6:]
         return out[:, :6].copy(), H
 
     def crba(self, q: Array) -> Array:
-        """Return the legs' mass matrix with the base, M_leg = [[S1, D^T], [D, A]], Eqs. (63)-(75).
+        """Compute the mass matrix of the legs and the base, M_leg = [[S1, D^T], [D, A]], Eqs. (63)-(75).
 
         Args:
             q: Positions of the module's tree, shape (T, nq).
 
         Returns:
-            Shape (T, 6 + nv, 6 + nv): base first, then the tree's freedoms.
+            Shape (T, 6 + nv, 6 + nv): the base first, then the freedoms of the tree.
         """
         T = len(q)
         M = np.zeros((T, 6 + self._nv, 6 + self._nv))

@@ -1,7 +1,8 @@
-"""The legs of a module with hundreds of freedoms: H, F_b, A, D, S1 in memory that grows with their square.
+"""Leg model for modules with hundreds of freedoms: H, F_b, A, D and S1, without Pinocchio.
 
-Pinocchio's data hold tensors of the cube of the freedoms, several GB for a loop of 400 joints. Here every
-body's wrench and inertia is taken about the base's origin, and summed over what each freedom moves.
+The memory grows with the square of the number of freedoms. Pinocchio's `Data` has tensors that grow with the
+cube: several GB for a loop of 400 joints. Here the wrench and the inertia of every body are expressed about
+the origin of the base, and summed over the bodies that each freedom moves.
 """
 
 from __future__ import annotations
@@ -14,10 +15,10 @@ from .bodies import Body
 
 
 class LongLegs:
-    """A module's leg trees, with the two models of `LegModel`."""
+    """Leg trees of a module, with the same two methods as `LegModel`."""
 
     def __init__(self, tree: Tree, bodies: list[Body | None]) -> None:
-        """Gather the bodies that have mass.
+        """Collect the bodies that have mass.
 
         Args:
             tree: The module's tree after the cuts.
@@ -32,7 +33,7 @@ class LongLegs:
         self._moved = tree.support[self._at].astype(float)  # (heavy bodies, nv)
 
     def rnea(self, V: Array, V_dot: Array, q: Array, v: Array, a: Array) -> tuple[Array, Array]:
-        """Return the legs' inverse dynamic model, Eqs. (54)-(62); as `LegModel.rnea`."""
+        """Compute the inverse dynamic model of the legs, Eqs. (54)-(62), as `LegModel.rnea` does."""
         motion = self.tree.sweep(q, v, a)
         R, p, w, p_dot, w_dot, p_ddot = (x[:, self._at] for x in motion.arrays)
         arm = rotate(R, np.broadcast_to(self._com, p.shape))
@@ -51,10 +52,10 @@ class LongLegs:
         return wrench.sum(axis=1), H
 
     def crba(self, q: Array) -> Array:
-        """Return the legs' mass matrix with the base, M_leg, Eqs. (63)-(75); as `LegModel.crba`."""
+        """Compute the mass matrix M_leg of the legs and the base, Eqs. (63)-(75), as `LegModel.crba` does."""
         nv = self.tree.nv
         out = np.zeros((len(q), 6 + nv, 6 + nv))
-        above = self.tree.support[self.tree.dof_body].T  # [i, j]: freedom i moves what freedom j moves
+        above = self.tree.support[self.tree.dof_body].T  # [i, j]: freedom i moves the body of freedom j
         for t in range(len(q)):
             motion = self.tree.sweep(q[t : t + 1])
             inertias = self._about_base(motion)
@@ -68,13 +69,13 @@ class LongLegs:
         return out
 
     def _columns(self, motion: Motion) -> Array:
-        """Return the twist that a unit rate of each freedom gives at the base's origin, shape (T, nv, 6)."""
+        """Compute the twist at the base's origin for a unit rate of each freedom, shape (T, nv, 6)."""
         linear, angular = self.tree.columns(motion)
         at = linear - cross(angular, motion.p[:, self.tree.dof_body])
         return np.concatenate([at, angular], axis=-1)
 
     def _about_base(self, motion: Motion) -> Array:
-        """Return the bodies' inertias about the base's origin at the first sample, shape (bodies, 6, 6)."""
+        """Compute the bodies' inertias about the base's origin at the first sample, shape (bodies, 6, 6)."""
         R = motion.R[0, self._at]
         c = motion.p[0, self._at] + rotate(R, self._com)
         out = np.zeros((len(c), 6, 6))

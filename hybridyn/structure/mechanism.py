@@ -1,12 +1,12 @@
-"""What is solved once for equal modules: lengths, ranks, generic postures, the model of the legs.
+"""Numbers that equal modules share: lengths, ranks, generic postures and the model of the legs.
 
-A `Mechanism` has no names. The unknowns x of a module are [joints of its legs; twists of its platforms]. In x
-the row of the paper for the module reads
+A `Mechanism` has no names. The unknowns x of a module are [joints of its legs; twists of its platforms]. In
+these unknowns the equations of the paper for the module are
 
     x_dot = [q_dot; v] = [Psi; a] u                     (2), (8), (15)
     H = D V_dot_base + A q_ddot + h                     (34)
 
-and an output on a leg link moves with a_o = J_o Psi.
+For an output that is a leg link, a_o = J_o Psi.
 """
 
 from __future__ import annotations
@@ -31,19 +31,20 @@ from .rank_evidence import rank_by_home, rank_decision
 from .scaling import freedom_units, leg_by_leg, module_length, row_factors
 from .wrist_motion import WristMotion
 
-#: A freedom that moves no more than this where a module moves by one (rad, module lengths) does not move at
-#: all: ten thousand roundings.
+#: A freedom is locked if it moves no more than this when its module moves by one (rad, module lengths). The
+#: limit is ten thousand times the rounding of a double.
 STILL = 1e-11
-#: Legs of more freedoms have a model of their own: Pinocchio's data grow with the cube, 20 MB here.
-PINOCCHIO_HOLDS = 128
+#: Largest number of freedoms for `LegModel`; larger modules use `LongLegs`. Pinocchio's `Data` grows with the
+#: cube of the number: 20 MB here.
+MOST_PINOCCHIO_FREEDOMS = 128
 
 
 @dataclass(frozen=True)
 class Tolerances:
-    """Tolerances that a robot is built with (see `build_robot`).
+    """Tolerances for building a robot (see `build_robot`).
 
     Attributes:
-        rank: Relative singular value under which closure rows are dependent; None to find it.
+        rank: Relative singular value below which closure rows count as dependent, or None to determine it.
         closure: Largest residual that counts as closed, relative to the length of a module.
     """
 
@@ -52,38 +53,38 @@ class Tolerances:
 
 
 class Mechanism:
-    """The numbers of a module, shared by all modules that are equal.
+    """The numbers of a module; equal modules share one object.
 
     Attributes:
-        spec: The joints, closures and inertias it was built from.
+        spec: The joints, closures and inertias from which it was built.
         cut: The spanning tree, the tree after the cuts, and the maps between them.
-        spanning: Tree of every joint of the module (`cut.spanning`).
+        spanning: Tree of all joints of the module (`cut.spanning`).
         tree: Tree after the cuts (`cut.tree`).
         closures: Closures on `tree`.
         spanning_closures: The author's closures, on `spanning`.
         length: Length of the module [m], a power of two.
-        legs: Model of the legs: Pinocchio's, or for hundreds of freedoms our own.
+        legs: Model of the legs: `LegModel`, or `LongLegs` for hundreds of freedoms.
         inertias: 6-D inertias of the outputs, shape (outputs, 6, 6), body frames.
-        reduction: Elimination of `closures`, ranks fixed.
-        wrists: Motion of the wrists that were cut.
+        reduction: Elimination of `closures`, with fixed ranks.
+        wrists: Motion of the cut wrists.
         home: Home position of `tree`, shape (nq,).
-        home_closes: Whether the loops are closed at home; files may describe robots with open loops.
-        postures: Assembled generic postures of `tree`, shape (samples, nq).
-        best_residual: Smallest residual found in the search for them, relative to the length.
-        rank_tolerance: Relative singular value from which on rows count as independent.
-        rank_decision: How rows were counted where numbers had to decide it; empty where nothing was in doubt.
+        home_closes: Whether the loops are closed at home; a file may describe a robot with open loops.
+        postures: Generic postures of `tree` with closed loops, shape (samples, nq).
+        best_residual: Smallest residual found in the search for these postures, relative to the length.
+        rank_tolerance: Relative singular value above which rows count as independent.
+        rank_decision: Text that describes how doubtful rows were counted; empty if no row was in doubt.
         generic_K: Closure rows at `postures`, shape (samples, rows, n).
-        rounding: How far rounding in the file keeps over-constrained loops from closing, relative to the
+        rounding: Residual that rounding in the file may leave in over-constrained loops, relative to the
             length.
     """
 
     def __init__(self, spec: ModuleSpec, tolerances: Tolerances, robot_size: float) -> None:
-        """Find the length, the ranks and generic postures of a module.
+        """Compute the length, the ranks and generic postures of a module.
 
         Args:
             spec: Numbers of the module.
             tolerances: Tolerances of the robot.
-            robot_size: Length of the robot, for modules without an extent of their own [m].
+            robot_size: Characteristic length of the robot [m], for modules that have no extent themselves.
         """
         self.spec = spec
         self.rank_is_given = tolerances.rank is not None
@@ -94,7 +95,7 @@ class Mechanism:
         self.length = module_length(spec, self.spanning, robot_size)
         inertias = [spatial_inertia(b.mass, b.com, b.inertia) for b in spec.outputs_inertia]
         self.inertias = np.array(inertias).reshape(-1, 6, 6)
-        model = LegModel if self.tree.nv <= PINOCCHIO_HOLDS else LongLegs
+        model = LegModel if self.tree.nv <= MOST_PINOCCHIO_FREEDOMS else LongLegs
         self.legs = model(self.tree, list(spec.leg_bodies))
         self.reduction = leg_by_leg(spec, self.tree, self.closures, self.length)
         self.spanning_col_scale = freedom_units(self.spanning, self.length)
@@ -118,7 +119,12 @@ class Mechanism:
         return open_by
 
     def _fix_ranks(self, tolerance: float | None, open_by: float) -> None:
-        """Decide the ranks of the closures at the generic postures; home is open by `open_by`."""
+        """Decide the ranks of the closures at the generic postures.
+
+        Args:
+            tolerance: Relative singular value below which rows count as dependent, or None to determine it.
+            open_by: Largest residual at home, relative to the length.
+        """
         self.rank_tolerance, self.rank_decision = tolerance or RANK_TOLERANCE, ""
         self.rounding, self.generic_K = 0.0, self.closures.matrix(self.tree.sweep(self.postures))
         if not len(self.postures):
@@ -131,7 +137,11 @@ class Mechanism:
         self.rounding = 4.0 * max(worst, self.reduction.report.dropped)
 
     def _decide_by_home(self, open_by: float) -> None:
-        """Count rows in doubt where home, open by that much, closes too well for them to be rounding."""
+        """Count doubtful rows as independent if home closes too well for these rows to be rounding.
+
+        Args:
+            open_by: Largest residual at home, relative to the length.
+        """
         evidence = rank_by_home(self.closures, self.reduction, self.home, open_by)
         if evidence:
             self.postures, self.rank_tolerance = evidence.postures, evidence.tolerance
@@ -149,8 +159,8 @@ class Mechanism:
     def locked(self) -> Mask:
         """Freedoms of `tree` that the closures hold still at every generic posture, shape (nv,).
 
-        A motor there does no work: the motion does not determine its effort, and a number computed for it
-        would be rounding divided by rounding.
+        A motor on a locked freedom does no work. The motion does not determine its effort, and a computed
+        effort would be rounding divided by rounding.
         """
         if not len(self.postures):
             return np.zeros(self.tree.nv, dtype=bool)
@@ -161,14 +171,16 @@ class Mechanism:
     def platforms_from_legs(
         self, x: Array, x_dot: Array, x_ddot: Array | None, motion: Motion, samples: Index
     ) -> None:
-        """Compute the rates of platforms from the closures instead of the wrists that carry them, in place.
+        """Compute the rates of platforms from the closures, in place.
+
+        Near gimbal lock this replaces the rates that are computed from the wrists that carry the platforms.
 
         Args:
             x: Positions of `tree`, shape (T, nq).
             x_dot: Rates, shape (T, nv).
             x_ddot: Accelerations, shape (T, nv), or None.
-            motion: Motion of `tree` as read from the spanning tree.
-            samples: The samples concerned (`WristMotion.near_gimbal_lock`).
+            motion: Motion of `tree` as computed from the spanning tree.
+            samples: The samples to correct (`WristMotion.near_gimbal_lock`).
         """
         r, slices = self.reduction, [self.tree.v_slices[i] for i in self.spec.platforms]
         cols = np.concatenate([np.arange(s.start, s.stop) for s in slices])
@@ -189,19 +201,19 @@ class Mechanism:
             getattr(motion, name)[samples] = getattr(right, name)
 
     def residual(self, q: Array, motion: Motion) -> Array:
-        """Compute by how much the author's closures are open, without units.
+        """Compute the residuals of the author's closures, without units.
 
         Args:
             q: Positions of `spanning`, shape (T, nq).
             motion: Motion of `spanning`.
 
         Returns:
-            Shape (T, rows): [m] over the length of the module, or [rad].
+            Shape (T, rows): distances divided by the length of the module, or angles [rad].
         """
         return self.spanning_closures.residual(q, motion) * self.spanning_row_scale
 
     def basis(self, K: Array, gamma: Array | None = None) -> Basis:
-        """Compute the motions that keep the loops closed.
+        """Compute the basis of the motions that keep the loops closed.
 
         Args:
             K: Closure rows, shape (T, rows, n).
@@ -210,7 +222,7 @@ class Mechanism:
         return self.reduction.basis(K, np.zeros(K.shape[:2]) if gamma is None else gamma)
 
     def jacobian(self, motion: Motion, body: int) -> Array:
-        """Compute the twist of a body, in its own frame, over x_dot; J Psi is the paper's a.
+        """Compute the Jacobian J of a body: its twist, in its own frame, is J x_dot; J Psi is the paper's a.
 
         Args:
             motion: Motion of `tree`.

@@ -1,4 +1,4 @@
-"""A module in a robot: its names, its place in q, v, tau, and what it stands on."""
+"""A module of a robot: its names, its indices in q, v and tau, and the module that carries it."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from ..errors import AssemblyError, ModelError
 from ..spatial import Index
 from .mechanism import Mechanism
 
-#: Loops left open by no more than this part of their length may be a coarse file's rounding.
+#: A smallest residual below this part of the module's length may be rounding in a coarse file.
 COARSE = 1e-2
 
 
@@ -19,7 +19,7 @@ class Module:
     """One module of a robot.
 
     Attributes:
-        name: Name, for messages: its first platform or output, else its last body.
+        name: Name for messages: that of its first platform or output, or else of its last body.
         base: Link that names the base body.
         outputs: Links that name the output bodies.
         legs: Legs as (name, joint names).
@@ -27,12 +27,12 @@ class Module:
         closures: Names of its closures and couplings.
         motors: Names of its driven joints.
         mechanism: The numbers, shared by equal modules.
-        parent: Number of the module that it stands on, -1 for the root body.
-        parent_output: Number of the output of the parent that is its base.
-        q_index: Its coordinates in the robot's q.
-        v_index: Its freedoms in the robot's v.
-        motor_index: Its motors in the robot's tau.
-        motor_columns: Its motors' freedoms in x.
+        parent: Number of the module that carries it, or -1 if its base is the root body.
+        parent_output: Number of the parent's output that is its base.
+        q_index: Indices of its coordinates in the robot's q.
+        v_index: Indices of its freedoms in the robot's v.
+        motor_index: Indices of its motors in the robot's tau.
+        motor_columns: Indices of its motors' freedoms in x.
     """
 
     name: str
@@ -57,11 +57,11 @@ class Module:
 
     @property
     def moving_motors(self) -> Index:
-        """Its motors that the closures let move, numbered among its motors."""
+        """Numbers, among its motors, of the motors that the closures do not lock."""
         return np.flatnonzero(~self.mechanism.locked[self.motor_columns])
 
     def freedom_names(self) -> list[str]:
-        """Name the freedoms of the tree after the cuts: joints, and the platforms' six."""
+        """Return names of the freedoms of the tree after the cuts: the joints' and six of each platform."""
         m = self.mechanism
         names = []
         for i, (joint, source) in enumerate(zip(m.tree.joints, m.spec.tree_joint, strict=True)):
@@ -72,7 +72,10 @@ class Module:
         return names
 
     def named_rows(self) -> list[tuple[str, slice]]:
-        """Name the rows of the closures after the cuts: the author's closures, carrying wrists, couplings."""
+        """Return the name and the rows of each closure after the cuts.
+
+        The order is: the author's closures, the wrists that carry platforms, the couplings.
+        """
         closures, authors = self.mechanism.closures, len(self.mechanism.spec.closures)
         carried = [f"wrist of '{name}'" for name in self.outputs] * (len(closures.closures) - authors)
         names = [
@@ -83,12 +86,12 @@ class Module:
         return list(zip(names, closures.row_slices, strict=True))
 
     def row_name(self, row: int) -> str:
-        """Say which closure or coupling a closure row belongs to."""
+        """Return the name of the closure or coupling to which a closure row belongs."""
         return next(f"closure '{name}'" for name, at in self.named_rows() if at.start <= row < at.stop)
 
 
 def check_mechanism(mechanism: Mechanism, name: str, source: str | None, closure_tolerance: float) -> None:
-    """Refuse a module whose loops close nowhere, or whose rank is in doubt.
+    """Raise if no posture closes the loops of a module, or if the rank of its closures is in doubt.
 
     Raises:
         AssemblyError: No posture closes the loops.
@@ -98,9 +101,9 @@ def check_mechanism(mechanism: Mechanism, name: str, source: str | None, closure
         best, mend = mechanism.best_residual, ""
         limit = f" (limit {closure_tolerance:.0e})"
         if best <= closure_tolerance:
-            limit = ", and no closed posture stands there: Newton's method does not come to rest"
+            limit = ", but Newton's method does not converge to a closed posture there"
         elif best <= COARSE:
-            mend = ". Where the file is rounded that much, raise closure_tolerance"
+            mend = ". If the file is rounded that much, raise closure_tolerance"
         raise AssemblyError(
             f"module '{name}': no posture closes its loops; the best residual found is {best:.2g} of the "
             f"module's size{limit}. Check the closures' frames and axes, or give a home posture near an "
@@ -112,10 +115,10 @@ def check_mechanism(mechanism: Mechanism, name: str, source: str | None, closure
     doubt = report.doubted if report.clear else (report.kept, report.dropped)
     if doubt and not mechanism.rank_is_given:
         raise ModelError(
-            f"module '{name}': the rank of its closures is in doubt: relative singular values {doubt[0]:.1e} "
-            f"and {doubt[1]:.1e} stand on both sides of it. Say which count with rank_tolerance: "
-            f"{np.sqrt(doubt[0] * doubt[1]):.0e} where the lesser is rounding in the file, "
-            f"{doubt[1] / 10:.0e} where it is not",
+            f"module '{name}': the rank of its closures is in doubt: of the relative singular values "
+            f"{doubt[0]:.1e} and {doubt[1]:.1e}, the smaller may be a constraint or rounding in the file. "
+            f"Set rank_tolerance to {np.sqrt(doubt[0] * doubt[1]):.0e} if it is rounding, or to "
+            f"{doubt[1] / 10:.0e} if it is a constraint",
             file=source,
             element=name,
         )

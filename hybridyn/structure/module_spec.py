@@ -1,7 +1,8 @@
-"""A module in its own numbering, without names: what makes two modules equal.
+"""The numbers of one module in its own numbering, without names; modules with equal numbers are equal.
 
-Body 0 is the base; body i + 1 is the child of joint i, in the spanning tree and, separately, in the tree
-after the cuts, where platforms hang from the base by `floating` joints.
+Body 0 is the base, and body i + 1 is the child of joint i. This holds in the spanning tree and in the tree
+after the cuts, each with its own numbers. In the tree after the cuts, `floating` joints connect the platforms
+to the base.
 """
 
 from __future__ import annotations
@@ -26,10 +27,10 @@ class WristSpec:
     Attributes:
         joints: Joints of the chain.
         end: Body at the end of the chain.
-        target: Body that the end is held to.
+        target: Body to which the closure fixes the end.
         R: Axes of the end in the target, shape (3, 3).
         p: Origin of the end in the target, shape (3,), [m].
-        carries: True where the end is a platform.
+        carries: True if the end is a platform.
     """
 
     joints: tuple[int, ...]
@@ -49,15 +50,16 @@ class ModuleSpec:
         tree: Joints of the tree after the cuts.
         tree_joint: For each joint of `tree`, its number in `spanning`, or None for a platform.
         tree_body: For each body of `tree`, its number in `spanning`.
-        platforms: Joints of `tree` that stand for a free platform.
-        closures: The author's closures, bodies of `spanning`.
-        couplings: The author's couplings, joints of `spanning`.
-        cut_closures: Closures after the cuts, bodies of `tree`.
-        cut_couplings: The couplings, joints of `tree`.
+        platforms: The `floating` joints of `tree` that move the platforms.
+        closures: The author's closures, with bodies of `spanning`.
+        couplings: The author's couplings, with joints of `spanning`.
+        cut_closures: Closures after the cuts, with bodies of `tree`.
+        cut_couplings: The author's couplings, with joints of `tree`.
         wrists: The wrists that were cut.
         legs: Bodies of `tree` in each leg.
-        outputs: Bodies of `tree` whose inertia the module carries: platforms and bases of other modules.
-        outputs_inertia: Their inertias.
+        outputs: Bodies of `tree` whose inertia belongs to the module and not to its legs: platforms, bases of
+            other modules and, in a serial module, all bodies.
+        outputs_inertia: Inertias of the outputs.
         leg_bodies: For each body of `tree` after the base, its inertia, or None for an output.
         home: Home position of the spanning tree, shape (nq,).
     """
@@ -78,14 +80,14 @@ class ModuleSpec:
     leg_bodies: tuple[Body | None, ...]
     home: Array
 
-    @cached_property  # what a mechanism keeps in the spec's joints must not change it
+    @cached_property  # pickled once: a mechanism may later cache values in the spec's joints
     def key(self) -> bytes:
-        """The content: equal for equal modules."""
+        """Pickled content, equal for equal modules."""
         return pickle.dumps(self)
 
 
 def module_spec(bodies: Bodies, graph: ModuleGraph, home: Array) -> ModuleSpec:
-    """Return a module's numbers: its bodies and joints counted from zero, without names.
+    """Build the numbers of a module: its bodies and joints counted from zero, without names.
 
     Args:
         bodies: The robot's bodies.
@@ -140,7 +142,7 @@ def module_spec(bodies: Bodies, graph: ModuleGraph, home: Array) -> ModuleSpec:
 
 
 def _tree_joint(bodies: Bodies, joint: int, local: dict[int, int]) -> TreeJoint:
-    """Return a joint of the robot in the module's numbering."""
+    """Build a joint of the module's spanning tree from a joint of the robot."""
     j = bodies.joints[joint]
     return TreeJoint("", j.joint.kind, local[j.parent], j.R, j.p, j.joint.axis)
 
@@ -148,7 +150,12 @@ def _tree_joint(bodies: Bodies, joint: int, local: dict[int, int]) -> TreeJoint:
 def _cut_tree(
     graph: ModuleGraph, spanning: list[TreeJoint], joint_local: dict[int, int]
 ) -> tuple[list[TreeJoint], list[int | None], list[int], list[int]]:
-    """Take the wrists out of the tree and hang the platforms from the base."""
+    """Build the tree after the cuts: remove the wrists and connect the platforms to the base.
+
+    Returns:
+        The joints of the tree; the number in `spanning` of each joint (None for a platform) and of each body;
+        and the numbers of the platforms' joints.
+    """
     gone = {joint_local[j] for w in graph.wrists for j in w.joints}
     platform = {joint_local[b - 1] for b in graph.platforms}
     tree: list[TreeJoint] = []
@@ -171,6 +178,6 @@ def _cut_tree(
 
 
 def _outputs(graph: ModuleGraph) -> list[int]:
-    """Return the bodies whose inertia the module carries: platforms, bases of modules, serial bodies."""
+    """Return the output bodies: platforms, bases of other modules and, if it is serial, all bodies."""
     serial = [] if graph.closures or graph.couplings else [j + 1 for j in graph.joints]
     return sorted({*graph.platforms, *graph.carried, *serial})

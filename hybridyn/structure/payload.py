@@ -1,4 +1,4 @@
-"""Payloads: bodies that a link holds."""
+"""Payloads: rigid bodies that are attached to links."""
 
 from __future__ import annotations
 
@@ -15,10 +15,16 @@ from .bodies import Body
 
 @dataclass(frozen=True)
 class Payload:
-    """A rigid body held by a link: its mass, centre and inertia are added to the link's.
+    """A rigid body that is attached to a link; its mass, centre and inertia are added to those of the link.
 
-    `mass` [kg]; `com` [m], link frame; `inertia` about the centre of mass [kg m^2], link axes, shape (3, 3).
-    It changes the robot: take that from `hybridyn.with_effects`, which then carries it under any effects.
+    A payload changes the robot. `hybridyn.with_effects` returns the changed robot, which then has the payload
+    under any effects.
+
+    Attributes:
+        link: Name of the link.
+        mass: Mass [kg].
+        com: Centre of mass, shape (3,), [m], link frame.
+        inertia: Inertia about the centre of mass, shape (3, 3), [kg m^2], link axes.
     """
 
     link: str
@@ -28,7 +34,7 @@ class Payload:
     name: ClassVar[str] = "payload"
 
     def __post_init__(self) -> None:
-        # Tuples, so that two equal payloads compare equal whatever they were written as.
+        # Tuples, so that equal payloads compare equal, whatever sequences they were built from.
         com, inertia = np.asarray(self.com, dtype=float), np.asarray(self.inertia, dtype=float)
         if com.shape != (3,) or inertia.shape != (3, 3):
             raise ModelError(f"payload on '{self.link}': com has 3 numbers, inertia 3 x 3", element=self.link)
@@ -46,10 +52,10 @@ class Payload:
             )
 
     def onto(self, description: Description) -> Description:
-        """Return a description whose link carries the payload.
+        """Return the description with the payload added to its link.
 
         Raises:
-            ModelError: There is no such link.
+            ModelError: The link is unknown.
         """
         links = {link.name: link for link in description.links}
         if self.link not in links:

@@ -1,4 +1,4 @@
-"""The one builder of Pinocchio's model of a whole robot's spanning tree."""
+"""Build the Pinocchio model of the spanning tree of a whole robot."""
 
 from __future__ import annotations
 
@@ -13,12 +13,13 @@ from ..spatial import Array
 from .bodies import Bodies
 from .leg_model import pinocchio_inertia, pinocchio_joint
 
-#: Pinocchio's model is quadratic in the number of joints, and its Data cubic.
+#: Largest number of joints. The memory of Pinocchio's `Model` grows with its square, that of `Data` with its
+#: cube.
 MOST_JOINTS = 10_000
 
 
 def build_model(bodies: Bodies, joints: Sequence[str], base: str, gravity: Array, name: str) -> pin.Model:
-    """Build the model: joints depth-first, siblings by name, one operational frame per link.
+    """Build the model with joints depth-first, siblings by name, and one operational frame per link.
 
     Args:
         bodies: The robot's bodies and the joints between them.
@@ -32,8 +33,8 @@ def build_model(bodies: Bodies, joints: Sequence[str], base: str, gravity: Array
     """
     if len(joints) > MOST_JOINTS:
         raise ModelError(
-            f"robot '{name}' has {len(joints)} joints; a Pinocchio model of it is refused above "
-            f"{MOST_JOINTS} (its memory grows with the square of their number); use hybridyn's own functions"
+            f"robot '{name}' has {len(joints)} joints; a Pinocchio model is refused above {MOST_JOINTS} "
+            "joints (its memory grows with the square of their number); use hybridyn's own functions"
         )
     model = pin.Model()
     model.name = name
@@ -58,7 +59,7 @@ def build_model(bodies: Bodies, joints: Sequence[str], base: str, gravity: Array
 
 
 def _limits(model: pin.Model, bodies: Bodies) -> None:
-    """Copy the joints' limits where they have one freedom."""
+    """Copy the limits of the joints that have one freedom."""
     for j in bodies.joints:
         joint = model.joints[model.getJointId(j.joint.name)]
         if joint.nv != 1:

@@ -1,7 +1,7 @@
-"""How well a file closes its loops at home, as evidence for how many of its closure rows are independent.
+"""Decide whether doubtful closure rows are independent, from the closure residual at the home posture.
 
-A row of small singular value is rounding in a coarse file, and a constraint in a fine one. A file that closes
-at home to its last digit is not rounded to its fourth.
+A row with a small singular value is rounding if the file is coarse, and a constraint if the file is precise.
+A file whose loops close at home to the last digit is not rounded to four digits.
 """
 
 from __future__ import annotations
@@ -13,24 +13,24 @@ from ..linkage.newton import generic_postures
 from ..linkage.reduction import ROUNDED_ROWS, RankReport, Reduction, decide_rank
 from ..spatial import Array
 
-#: A singular value this many times as large as what home leaves open does not come from the same rounding.
+#: A singular value this many times as large as the residual at home does not come from the same rounding.
 EVIDENT = 1e3
-#: Rounding to five digits, which home need not show: closure frames may come from the rounded tree at home.
+#: Rounding to five digits. Home may not show it, since closure frames may be computed from the rounded tree.
 FINEST = 1e-5
-#: Loops count as closed to the last digit from this residual on.
+#: Loops with a residual below this are closed to the last digit.
 CLOSED = 1e-11
-#: Postures that must close with the rows in doubt, else those rows contradict the others.
+#: Number of postures that must close with the doubtful rows; with fewer, these rows contradict the others.
 ENOUGH = 12
 
 
 @dataclass(frozen=True)
 class RankEvidence:
-    """What home says about rows in doubt.
+    """Evidence from the home posture that doubtful rows are independent.
 
     Attributes:
-        postures: Generic postures that close with them, shape (samples, nq).
-        tolerance: Relative singular value from which on rows count.
-        counted: Smallest relative singular value among those that count by this evidence.
+        postures: Generic postures that close with these rows, shape (samples, nq).
+        tolerance: Relative singular value above which rows count as independent.
+        counted: Smallest relative singular value of the rows that count as independent.
     """
 
     postures: Array
@@ -41,15 +41,18 @@ class RankEvidence:
 def rank_by_home(
     closures: Closures, reduction: Reduction, home: Array, open_by: float
 ) -> RankEvidence | None:
-    """Return how rows in doubt count as independent because home closes too well; None where they do not.
+    """Find out whether doubtful rows are independent because home closes too well for them to be rounding.
 
-    They must close everywhere else as well, and leave the module a motion.
+    The rows must also close at other postures, and the module must keep at least one freedom.
 
     Args:
         closures: The module's closures, on its tree after the cuts.
-        reduction: Their elimination, its ranks fixed without such evidence.
+        reduction: Elimination of the closures, with ranks fixed without this evidence.
         home: Home posture of the tree, shape (nq,).
-        open_by: What it leaves open, relative to the module's length.
+        open_by: Closure residual at home, relative to the module's length.
+
+    Returns:
+        The evidence, or None if no row is in doubt or the doubtful rows count as dependent.
     """
     tolerance = max(EVIDENT * open_by, FINEST)
     doubted = _in_doubt(reduction.report)
@@ -67,30 +70,30 @@ def rank_by_home(
 
 
 def _in_doubt(report: RankReport) -> float:
-    """Return the largest relative singular value that may or may not count; 0 where there is none."""
+    """Return the largest relative singular value whose row is in doubt, or 0 if there is none."""
     if report.doubted:
         return report.doubted[1]
     return report.dropped if report.dropped > ROUNDED_ROWS else 0.0
 
 
 def rank_decision(report: RankReport, evidence: RankEvidence | None, open_by: float) -> str:
-    """Say how rows were counted where numbers had to decide it, or return an empty text.
+    """Describe how doubtful rows were counted; return an empty text if no row was in doubt.
 
     Args:
-        report: How the rank was decided.
-        evidence: What home said, where it counted.
-        open_by: What home leaves open, relative to the module's length.
+        report: How the rank was determined.
+        evidence: Evidence from home, or None.
+        open_by: Closure residual at home, relative to the module's length.
     """
     closes = f"its loops are closed to {open_by:.1e} of its size at home"
     if evidence:
         return (
             f"closure rows of relative singular values down to {evidence.counted:.1e} count as independent: "
-            f"{closes}, so the file is not rounded that much (rank_tolerance decides otherwise)"
+            f"{closes}, so the file is not rounded that much (rank_tolerance overrides this)"
         )
     if report.dropped > ROUNDED_ROWS:
         so = "" if report.dropped <= max(EVIDENT * open_by, ROUNDED_ROWS) else ", though "
         return (
             f"closure rows of relative singular values up to {report.dropped:.1e} count as dependent, as "
-            f"rounding in the file{so or '; '}{closes} (rank_tolerance decides otherwise)"
+            f"rounding in the file{so or '; '}{closes} (rank_tolerance overrides this)"
         )
     return ""

@@ -1,7 +1,8 @@
 """HybridRobot: a tree of modules on a fixed, moving or floating base.
 
-Positions q, rates v and accelerations a live on the spanning tree, every movable URDF joint, in the order and
-the coordinates of `pin.buildModelFromXML`; a moving or floating base puts a free-flyer first.
+Positions q, rates v and accelerations a are those of the spanning tree, which has every movable URDF joint.
+Order and coordinates are those of `pin.buildModelFromXML`. A moving or floating base adds a free-flyer as the
+first joint.
 """
 
 from __future__ import annotations
@@ -31,20 +32,20 @@ class HybridRobot:
     """A robot made of modules.
 
     Attributes:
-        description: What the files say.
+        description: Description of the robot, as read from its files.
         base: "fixed", "moving" (prescribed) or "floating" (free).
         gravity: Acceleration of gravity in the world, shape (3,), [m/s^2].
-        modules: Modules, bases before what they carry; a floating base is the first.
+        modules: Modules, each after the module that carries it; a floating base is the first.
         joints: Names of the movable joints in the order of q and v ("root_joint" first on a moving base).
         kinds: Kind of each joint.
         q_slices: Slice of q of each joint.
         v_slices: Slice of v of each joint.
-        motors: Names of the motors, the order of tau.
-        bodies: Bodies; the child of URDF joint i (without the root joint) is body i + 1.
+        motors: Names of the motors, in the order of tau.
+        bodies: Bodies; body i + 1 is the child of URDF joint i (not counting the root joint).
         closure_tolerance: Largest closure residual at home and in `assemble` over the module's length.
         home: Home position, shape (nq,).
-        rank_tolerance: What `build_robot` was given.
-        held: Joints that are never cut away in a wrist.
+        rank_tolerance: Argument of `build_robot`.
+        held: Joints that must not be cut as part of a wrist.
         payloads: Payloads that were added to the links (`hybridyn.with_effects`).
     """
 
@@ -81,33 +82,36 @@ class HybridRobot:
 
     @property
     def mobility(self) -> int:
-        """Number of independent velocities, a free base's six among them, a prescribed base's not."""
+        """Number of independent velocities, including six of a floating base, but none of a moving base."""
         return sum(module.mobility for module in self.modules)
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What the reader remarked."""
+        """Remarks of the reader of the files."""
         return self.description.notes
 
     @cached_property
     def joint_index(self) -> dict[str, int]:
-        """For each joint its number in `joints`."""
+        """Number of each joint in `joints`, by name."""
         return {name: i for i, name in enumerate(self.joints)}
 
     @cached_property
     def cut_joints(self) -> frozenset[str]:
-        """Massless passive joints that were cut away in wrists."""
+        """Massless passive joints that were cut as part of a wrist."""
         wrists = ((module, wrist) for module in self.modules for wrist in module.mechanism.spec.wrists)
         return frozenset(module.joints[i] for module, wrist in wrists for i in wrist.joints)
 
     @cached_property
     def body_of_joint(self) -> dict[str, int]:
-        """For each joint the body that it moves."""
+        """Number of the body that each joint moves, by joint name."""
         return {j.joint.name: j.child for j in self.bodies.joints} | {ROOT_JOINT: 0}
 
     @cached_property
     def body_owner(self) -> dict[int, tuple[int, int]]:
-        """Module that moves each body and the body's number in its spanning tree; root: (-1, 0)."""
+        """For each body, the module that moves it and the body's number in the module's spanning tree.
+
+        The entry of the root body is (-1, 0) unless a module moves it.
+        """
         out = {0: (-1, 0)}
         for k, module in enumerate(self.modules):
             for i, joint in enumerate(module.joints):
@@ -116,7 +120,7 @@ class HybridRobot:
 
     @cached_property
     def unit(self) -> Array:
-        """Unit of each freedom, shape (nv,): its module's length where it is one of metres, else a radian."""
+        """Unit of each freedom, shape (nv,): the length of its module if it is linear, else one radian."""
         out = np.ones(self.nv)
         if self.base == "moving":
             out[:3] = 2.0 ** np.round(np.log2(self.bodies.size))
@@ -126,7 +130,10 @@ class HybridRobot:
 
     @cached_property
     def unit_coordinates(self) -> tuple[Index, ...]:
-        """Coordinates of q that are of length one together, pairs and fours, shapes (k, 2) and (l, 4)."""
+        """Indices in q of cosine and sine pairs, shape (k, 2), and of quaternions, shape (l, 4).
+
+        Each pair and each quaternion has length one.
+        """
         last = {"continuous": 2, "planar": 2, "spherical": 4, "floating": 4}
         ends = [(at.stop, last.get(kind)) for kind, at in zip(self.kinds, self.q_slices, strict=True)]
         return tuple(
@@ -142,7 +149,7 @@ class HybridRobot:
 
     @cached_property
     def model(self) -> pin.Model:
-        """Pinocchio's model of the spanning tree, built on first use.
+        """Pinocchio model of the spanning tree, built on first use.
 
         Raises:
             ModelError: The robot has more than 10,000 joints, which Pinocchio cannot hold.

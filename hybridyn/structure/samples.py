@@ -1,4 +1,4 @@
-"""Samples as arrays: one or a batch, checked before anything is computed."""
+"""Check arrays of samples, a single one or a batch, before anything is computed."""
 
 from __future__ import annotations
 
@@ -10,25 +10,26 @@ from ..linkage.joints import NQ
 from ..spatial import Array
 from .robot import HybridRobot
 
-#: Quaternions, and cosines with sines, may be this far from unit length: seven digits in a file will do.
+#: Largest deviation of the length of a quaternion, or of a cosine and sine, from one. It accepts files with
+#: seven digits.
 UNIT = 1e-6
 
 
 def as_batch(array: ArrayLike, width: int, name: str) -> tuple[Array, bool]:
-    """Return samples as (T, width) and say whether one single sample came in.
+    """Return samples as an array of shape (T, width), and whether the input was a single sample.
 
     Raises:
         TrajectoryError: Wrong shape, a table with named columns, or a number that is not finite.
     """
     if hasattr(array, "columns"):
         raise TrajectoryError(
-            f"{name} is a table with named columns (a DataFrame), which has an order of its own: give an "
-            "array in the robot's, table[names].to_numpy()"
+            f"{name} is a table with named columns (a DataFrame), whose order may differ from the robot's: "
+            "give an array in the robot's order, table[names].to_numpy()"
         )
     try:
         out = np.asarray(array, dtype=float)
     except (TypeError, ValueError) as error:
-        raise TrajectoryError(f"{name} is no array of numbers: {error}") from None
+        raise TrajectoryError(f"{name} is not an array of numbers: {error}") from None
     single = out.ndim == 1
     if single:
         out = out[None]
@@ -43,17 +44,17 @@ def as_batch(array: ArrayLike, width: int, name: str) -> tuple[Array, bool]:
 def as_positions(
     robot: HybridRobot, array: ArrayLike, name: str = "q", *, base_given: bool = True
 ) -> tuple[Array, bool]:
-    """Return positions as (T, nq), and whether a single sample came in.
+    """Return positions as an array of shape (T, nq), and whether the input was a single sample.
 
     Args:
         robot: The robot.
         array: Positions, shape (nq,) or (T, nq).
-        name: What messages call them.
-        base_given: False where the base's pose is not read, because an effect prescribes it.
+        name: Name of the array in error messages.
+        base_given: False if the pose of the base is not read, because an effect prescribes it.
 
     Raises:
-        TrajectoryError: Wrong shape, a number that is not finite, or a quaternion or a cosine and sine that
-            are not of length one.
+        TrajectoryError: Wrong shape, a number that is not finite, or a quaternion or a cosine and sine
+            whose length is not one.
     """
     out, single = as_batch(array, robot.nq, name)
     for columns in robot.unit_coordinates:
@@ -74,10 +75,10 @@ def as_positions(
 
 
 def same_samples(**arrays: Array) -> None:
-    """Refuse batches of different sizes.
+    """Raise if batches have different numbers of samples.
 
     Raises:
-        TrajectoryError: With the sizes.
+        TrajectoryError: The numbers differ; the message names them.
     """
     sizes = [len(x) for x in arrays.values()]
     if len(set(sizes)) > 1:

@@ -1,4 +1,4 @@
-"""A module's length, the units that it takes off closures and freedoms, and their elimination leg by leg."""
+"""Compute the length of a module, the scales of its closures and freedoms, and the blocks of its legs."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from .module_spec import ModuleSpec
 
 
 def module_length(spec: ModuleSpec, spanning: Tree, robot_size: float) -> float:
-    """Return the extent of a module at home [m], rounded to a power of two so that scaling is exact.
+    """Compute the extent of a module at home [m], rounded to a power of two so that scaling is exact.
 
     Args:
-        spec: The module's numbers.
-        spanning: Its spanning tree.
-        robot_size: A length of the robot, for modules without an extent of their own [m].
+        spec: Numbers of the module.
+        spanning: Spanning tree of the module.
+        robot_size: Characteristic length of the robot [m], for modules that have no extent themselves.
     """
     motion = spanning.sweep(spec.home[None])
     points = [motion.p[0, b] for b in range(len(spanning.joints) + 1)]
@@ -31,13 +31,13 @@ def module_length(spec: ModuleSpec, spanning: Tree, robot_size: float) -> float:
 
 
 def freedom_units(tree: Tree, length: float) -> Array:
-    """Return the unit of each freedom: the length where it slides, else a radian, shape (nv,)."""
+    """Return the unit of each freedom, shape (nv,): `length` if it is linear, else one radian."""
     linear = np.abs(tree.S_linear).max(axis=1, initial=0.0) > 0
     return np.where(linear, length, 1.0)
 
 
 def row_factors(tree: Tree, closures: Closures, length: float) -> Array:
-    """Return the factor that takes the unit off each closure row, shape (rows,)."""
+    """Compute the factor that makes each closure row dimensionless, shape (rows,)."""
     out = np.where(closures.is_angle, 1.0, 1.0 / length)
     unit = freedom_units(tree, length)
     for i, coupling in enumerate(closures.couplings):
@@ -48,7 +48,7 @@ def row_factors(tree: Tree, closures: Closures, length: float) -> Array:
 
 
 def leg_by_leg(spec: ModuleSpec, tree: Tree, closures: Closures, length: float) -> Reduction:
-    """Return the elimination of a module's closures on the tree after the cuts, its ranks not fixed yet."""
+    """Build the elimination of a module's closures on the tree after the cuts, without fixed ranks."""
     slices = [tree.v_slices[i] for i in spec.platforms]
     shared = np.array([c for s in slices for c in range(s.start, s.stop)], dtype=int)
     scales = row_factors(tree, closures, length), freedom_units(tree, length)
@@ -56,7 +56,7 @@ def leg_by_leg(spec: ModuleSpec, tree: Tree, closures: Closures, length: float) 
 
 
 def _blocks(spec: ModuleSpec, tree: Tree, closures: Closures) -> list[Block]:
-    """Return each leg's rows and columns; a row belongs to the leg that it touches."""
+    """Return the rows and columns of each leg; a row belongs to the leg that it constrains."""
     leg_of = {body: i for i, leg in enumerate(spec.legs) for body in leg}
     rows: list[list[int]] = [[] for _ in spec.legs]
     for c, at in zip(closures.closures, closures.row_slices, strict=False):

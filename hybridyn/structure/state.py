@@ -1,4 +1,4 @@
-"""One module at every sample: what the recursions hand from one to the next."""
+"""State of one module at every sample, computed by the forward recursion and used by all others."""
 
 from __future__ import annotations
 
@@ -28,23 +28,24 @@ class RobotMotion:
 
 @dataclass
 class ModuleState:
-    """One module at every sample.
+    """State of one module at every sample.
 
     Attributes:
         module: The module.
         spanning: Motion of its spanning tree relative to its base.
-        motion: The same motion for the tree after the cuts.
+        motion: The same motion on the tree after the cuts.
         q: Positions on the tree after the cuts, shape (T, nq).
         v: Rates x_dot, shape (T, n).
-        a: Accelerations x_ddot, shape (T, n); zero where none were given.
+        a: Accelerations x_ddot, shape (T, n); zero if none were given.
         V: Twist of the base, shape (T, 6), base frame.
-        V_dot: Spatial acceleration of the base less gravity, shape (T, 6), base frame.
+        V_dot: Spatial acceleration of the base minus gravity, shape (T, 6), base frame.
         outputs: Twists V_o of the outputs, shape (T, outputs, 6), own frames.
-        outputs_dot: Their spatial accelerations less gravity, shape (T, outputs, 6), own frames.
-        convective: The part of those that relative twists v_o bring, crm(V_o) v_o, shape (T, outputs, 6).
+        outputs_dot: Spatial accelerations of the outputs minus gravity, shape (T, outputs, 6), own frames.
+        convective: The velocity term crm(V_o) v_o of these accelerations, where v_o is the relative twist,
+            shape (T, outputs, 6).
 
-    With `forward(..., classical=True)` twists and accelerations are those that an observer sees who moves
-    along with the origin of the frame concerned: V_lin = 0, and V_dot_lin is the classical acceleration.
+    With `forward(..., classical=True)`, twists and accelerations are relative to an observer who moves with
+    the velocity of the frame's origin: V_lin = 0, and V_dot_lin is the classical acceleration.
     """
 
     module: Module

@@ -1,4 +1,4 @@
-"""How wrists that were cut move: the Jacobians of their joints, and their rates from the bodies they join."""
+"""Compute the motion of cut wrists: Jacobians, and joint rates from the bodies that the wrists connect."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ from ..spatial import Array, Index, cross, to_body_axes
 from .cut import Cut
 from .module_spec import WristSpec
 
-#: A wrist that carries a platform is near gimbal lock where the determinant of its axes is smaller than this:
-#: its joint rates, from which the platform's are read, grow with the reciprocal.
+#: A wrist that carries a platform is near gimbal lock if the determinant of its axes is smaller than this.
+#: Its joint rates, from which the rates of the platform are computed, grow with the reciprocal.
 NEAR_LOCK = 1e-2
 
 
 class WristMotion:
-    """The wrists of one module, by number.
+    """Motion of the cut wrists of one module; wrists are given by number.
 
     Attributes:
         specs: Numbers of each wrist.
     """
 
     def __init__(self, specs: tuple[WristSpec, ...], cut: Cut, length: float, col_scale: Array) -> None:
-        """Keep what the wrists' motion depends on.
+        """Store the data on which the motion of the wrists depends.
 
         Args:
             specs: Numbers of each wrist.
@@ -39,17 +39,17 @@ class WristMotion:
         self._cut, self._length, self._col_scale = cut, length, col_scale
 
     def joints(self, wrist: int) -> tuple[TreeJoint, ...]:
-        """Return the joints of a wrist as a chain of their own, which hangs from the wrist's parent body."""
+        """Return the joints of a wrist as a separate chain, whose base is the wrist's parent body."""
         joints = (self._cut.spanning.joints[j] for j in self.specs[wrist].joints)
         return tuple(replace(joint, parent=i) for i, joint in enumerate(joints))
 
     def positions(self, wrist: int) -> Index:
-        """Return the position coordinates of a wrist in the spanning tree."""
+        """Return the indices of a wrist's position coordinates in the spanning tree."""
         every = np.arange(self._cut.spanning.nq)
         return np.concatenate([every[self._cut.spanning.q_slices[i]] for i in self.specs[wrist].joints])
 
     def columns(self, wrist: int) -> Index:
-        """Return the freedoms of a wrist in the spanning tree."""
+        """Return the indices of a wrist's freedoms in the spanning tree."""
         every = np.arange(self._cut.spanning.nv)
         return np.concatenate([every[self._cut.spanning.v_slices[i]] for i in self.specs[wrist].joints])
 
@@ -66,14 +66,15 @@ class WristMotion:
         return np.flatnonzero(near)
 
     def jacobian(self, motion: Motion, wrist: int) -> Array:
-        """Compute the twist of a wrist's end relative to its parent over the scaled joint rates of the wrist.
+        """Compute the Jacobian from the scaled joint rates of a wrist to the twist of its end.
 
         Args:
             motion: Motion of the spanning tree.
             wrist: Number of the wrist.
 
         Returns:
-            Shape (T, 6, joints of the wrist), at the origin of the end, base axes, linear over the length.
+            Shape (T, 6, joints of the wrist). The twist is relative to the wrist's parent, at the origin of
+            the end, in base axes, with the linear part divided by the length of the module.
         """
         spanning, end, cols = self._cut.spanning, self.specs[wrist].end, self.columns(wrist)
         linear, angular = (c[:, cols] for c in spanning.columns(motion))
@@ -83,7 +84,7 @@ class WristMotion:
         return out
 
     def link_jacobian(self, spanning: Motion, motion: Motion, body: int) -> Array:
-        """Compute the twist of a link inside a wrist, in its own frame, over x_dot.
+        """Compute the Jacobian from x_dot to the twist of a link inside a wrist, in the link's frame.
 
         Args:
             spanning: Motion of the spanning tree.
@@ -132,7 +133,7 @@ class WristMotion:
         return out
 
     def recover_rates(self, q: Array, v: Array, target: Motion) -> None:
-        """Compute the least-norm rates of the wrists with which their ends follow their targets, in place.
+        """Compute, in place, the least-norm rates of the wrists for which their ends follow their targets.
 
         Args:
             q: Positions of the spanning tree, shape (T, nq).
@@ -144,19 +145,19 @@ class WristMotion:
     def recover_accelerations(
         self, q: Array, v: Array, a: Array, target: Motion, at: Motion | None = None
     ) -> None:
-        """Compute the least-norm accelerations of the wrists with which their ends follow, in place.
+        """Compute, in place, the least-norm accelerations of the wrists for which their ends follow.
 
         Args:
             q: Positions of the spanning tree, shape (T, nq).
             v: Rates of the spanning tree, shape (T, nv).
             a: Accelerations of the spanning tree, shape (T, nv); those of the wrists are overwritten.
             target: Motion of the tree after the cuts, with accelerations.
-            at: A motion of the spanning tree through the same positions, where one is known.
+            at: A known motion of the spanning tree at the same positions, or None.
         """
         self._recover(q, v, a, target, at)
 
     def _recover(self, q: Array, v: Array, a: Array | None, target: Motion, at: Motion | None = None) -> None:
-        """Compute the rates of the wrists or, where `a` is given, their accelerations, in place."""
+        """Compute, in place, the rates of the wrists or, if `a` is given, their accelerations."""
         unknown = v if a is None else a
         motion: Motion | None = None
         for number, wrist in enumerate(self.specs):
@@ -174,17 +175,17 @@ class WristMotion:
 
 
 def _miss(motion: Motion, end: int, target: Motion, body: int, accelerations: bool) -> Array:
-    """Compute by how much a wrist's end misses the rates (or accelerations) of its target.
+    """Compute the difference between the rates (or accelerations) of a wrist's target and of its end.
 
     Args:
         motion: Motion of the spanning tree, the wrist's rates (or accelerations) zero.
         end: Number of the end in the spanning tree.
         target: Motion of the tree after the cuts.
-        body: Number of the wrist's target there.
-        accelerations: Whether accelerations are compared.
+        body: Number of the wrist's target in the tree after the cuts.
+        accelerations: Whether to compare accelerations instead of rates.
 
     Returns:
-        At the origin of the end, linear and angular, base axes, shape (T, 6).
+        Linear and angular difference at the origin of the end, base axes, shape (T, 6).
     """
     r = motion.p[:, end] - target.p[:, body]
     w = target.w[:, body]

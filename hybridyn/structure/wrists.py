@@ -1,8 +1,9 @@
-"""Wrists: chains of massless passive joints that stand for one closure.
+"""Find wrists: chains of massless passive joints that are equivalent to one closure.
 
-A single joint, two revolutes that cross at a right angle (universal) and three revolutes that meet in a point
-(spherical) hold two bodies together exactly as one closure does. Cutting them leaves a leg with the joints
-that carry mass; the positions of the cut joints follow from the bodies they join.
+Three kinds of chains constrain two bodies exactly as one closure does: a single joint, two revolute joints
+whose axes intersect at a right angle (universal), and three revolute joints whose axes intersect in one point
+(spherical). If they are cut, a leg keeps only the joints that move mass. The positions of the cut joints
+follow from the bodies that the wrist connects.
 """
 
 from __future__ import annotations
@@ -17,7 +18,8 @@ from ..linkage.closures import TreeClosure
 from ..spatial import Array
 from .bodies import Bodies
 
-#: Axes must cross (to this part of the robot's reach) at right angles, or a cut would change the mechanism.
+#: Axes of a wrist must intersect to this part of the robot's reach, and the cosine between the axes of a
+#: universal joint must be below this. Otherwise a cut would change the mechanism.
 EXACT = 1e-13
 
 _REVOLUTE = ("revolute", "continuous")
@@ -25,18 +27,18 @@ _REVOLUTE = ("revolute", "continuous")
 
 @dataclass(frozen=True)
 class Wrist:
-    """A chain of joints that is cut.
+    """A chain of joints that is replaced by one closure.
 
     Attributes:
         joints: Numbers of the joints, from `parent` outwards.
         kind: "spherical", "universal", or the kind of a single joint.
-        parent: Body that the chain hangs from.
+        parent: Body to which the first joint of the chain is attached.
         end: Body at the end of the chain.
-        target: Body that `end` is held to: itself where the chain carries a platform, another one where a
+        target: Body to which `end` is fixed: `end` itself if the chain carries a platform, another body if a
             weld closes the loop.
         R: Axes of `end` in `target`, shape (3, 3).
         p: Origin of `end` in `target`, shape (3,), [m].
-        closure: Name of the closure that held `end`, or None for a carried platform.
+        closure: Name of the weld that fixes `end`, or None if the chain carries a platform.
     """
 
     joints: tuple[int, ...]
@@ -57,15 +59,18 @@ def find_wrist(
     held: set[int],
     end: int,
 ) -> Wrist | None:
-    """Find the longest chain above a body that one closure can stand for.
+    """Find the longest chain of joints above a body that one closure can replace.
 
     Args:
         bodies: The robot's bodies.
         joints: Numbers of the module's joints.
         closures: The module's closures.
         carried: Bodies that carry other modules.
-        held: Joints that may not be cut: motors and coupled ones.
-        end: Body at the lower end.
+        held: Joints that must not be cut: motors, coupled joints and the joints held by `build_robot`.
+        end: Body at the end of the chain.
+
+    Returns:
+        The wrist, or None if there is none.
     """
     chain: list[int] = []
     body = end
@@ -89,7 +94,7 @@ def find_wrist(
 
 
 def _kind(bodies: Bodies, chain: list[int]) -> str | None:
-    """Say which closure a chain of joints amounts to, or None."""
+    """Return the kind of closure that is equivalent to a chain of joints, or None."""
     kinds = [bodies.joints[i].joint.kind for i in chain]
     if len(chain) == 1:
         return str(kinds[0])
@@ -101,7 +106,7 @@ def _kind(bodies: Bodies, chain: list[int]) -> str | None:
     if len(chain) == 2:
         first, second = (bodies.joints[i] for i in chain)
         return "universal" if abs(first.joint.axis @ second.R @ second.joint.axis) < EXACT else None
-    # Both crossings must be the same point of the second axis, seen from the second joint's child.
+    # Both intersections must be the same point of the second axis, expressed in the second joint's child.
     second = bodies.joints[chain[1]]
     before, after = centres
     assert before is not None
@@ -111,12 +116,12 @@ def _kind(bodies: Bodies, chain: list[int]) -> str | None:
 
 
 def _crossing(bodies: Bodies, first: int, second: int) -> Array | None:
-    """Return the point where two neighbouring revolute axes cross, in the body between them, or None."""
+    """Compute the point where two adjacent revolute axes intersect, in the body between them, or None."""
     a, joint = bodies.joints[first].joint.axis, bodies.joints[second]
     b, p = joint.R @ joint.joint.axis, joint.p
     normal = np.cross(a, b)
     if np.linalg.norm(normal) < 1e-3:
-        return None  # nearly parallel axes make no wrist
+        return None  # nearly parallel axes do not form a wrist
     if abs(normal @ p) > EXACT * bodies.reach * np.linalg.norm(normal):
         return None
     along = float(np.cross(p, b) @ normal / (normal @ normal))
@@ -124,7 +129,7 @@ def _crossing(bodies: Bodies, first: int, second: int) -> Array | None:
 
 
 def wrist_closure(bodies: Bodies, wrist: Wrist) -> TreeClosure:
-    """Return the closure between the wrist's parent and its target that the wrist amounts to."""
+    """Build the closure between a wrist's parent and its target that is equivalent to the wrist."""
     first, last = bodies.joints[wrist.joints[0]], bodies.joints[wrist.joints[-1]]
     c_first, c_last = np.zeros(3), np.zeros(3)
     if len(wrist.joints) > 1:
@@ -155,7 +160,7 @@ def wrist_closure(bodies: Bodies, wrist: Wrist) -> TreeClosure:
 
 
 def _axis_frame(axis: Array) -> Array:
-    """Return axes whose third is `axis`."""
+    """Return orthonormal axes, shape (3, 3), whose third axis is `axis`."""
     other = np.zeros(3)
     other[np.argmin(np.abs(axis))] = 1.0
     x = np.cross(other, axis)
