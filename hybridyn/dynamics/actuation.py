@@ -1,7 +1,7 @@
-"""From the generalised force that a module needs to the efforts of its motors: B tau = Q, Eq. (33).
+"""Compute the efforts of a module's motors from the generalised force that it needs: B tau = Q, Eq. (33).
 
-Q and the columns of B are work per scaled coordinate [N m], so that forces and torques compare; efforts of
-redundant motors are shared by weights, never by raw numbers of different units.
+Q and the columns of B are work per scaled coordinate [N m], so that forces and torques are comparable. The
+efforts of redundant motors are distributed by weights, and efforts of different units are never compared.
 """
 
 from __future__ import annotations
@@ -18,20 +18,20 @@ from ..spatial import Array, Index
 from ..structure.module import Module
 from ..structure.robot import HybridRobot
 
-#: A motor map whose reciprocal condition falls below this is at a parallel (type 2) singularity.
+#: A motor map with a reciprocal condition number below this is at a parallel (type 2) singularity.
 SINGULAR_MOTOR_MAP = 1e-10
-#: Part of the largest term that may be left without a motor before it is an error.
+#: Largest generalised force that may remain without a motor, as a part of the largest term.
 UNDRIVEN = 1e-6
 
 
 @dataclass(frozen=True)
 class Sharing:
-    """How motors share the load.
+    """How the load is distributed among redundant motors.
 
     Attributes:
-        weights: One weight per motor: the sum of weight x effort^2 is least. None: by effort limits.
-        on_singular: "raise", or "least-norm" to go on with the least efforts through a singular posture.
-        passive_hint: What to advise when a passive motion would need an effort.
+        weights: One weight per motor; the sum of weight x effort^2 is minimal. None: by effort limits.
+        on_singular: "raise", or "least-norm" to use the least efforts at a singular posture.
+        passive_hint: Advice in the error message if a passive motion would need an effort.
     """
 
     weights: Array | None
@@ -41,12 +41,12 @@ class Sharing:
 
 @dataclass(frozen=True)
 class Need:
-    """What a module's motors shall produce.
+    """Generalised force that a module's motors must produce.
 
     Attributes:
         Q: Generalised force needed along each motion, shape (T, N), [N m].
-        size: Largest term that Q was summed from, shape (T,), [N m].
-        rounding: What rounding may leave of Q where every term cancels, shape (T,), [N m].
+        size: Largest term in the sum Q, shape (T,), [N m].
+        rounding: Rounding that may remain in Q if all terms cancel, shape (T,), [N m].
         motion: Motion of the module's tree.
     """
 
@@ -57,26 +57,26 @@ class Need:
 
 
 def motor_units(module: Module) -> Array:
-    """Return the factor that turns each motor's effort into work per scaled coordinate, shape (motors,)."""
+    """Return the factor that converts each motor's effort to work per scaled coordinate, shape (motors,)."""
     out: Array = module.mechanism.reduction.col_scale[module.motor_columns]
     return out
 
 
 def motor_efforts(robot: HybridRobot, module: Module, Psi: Array, need: Need, sharing: Sharing) -> Array:
-    """Return the efforts of a module's motors.
+    """Compute the efforts of a module's motors.
 
     Args:
         robot: The robot.
         module: The module.
         Psi: Motions of the module, shape (T, n, N).
-        need: What they shall produce.
-        sharing: How motors share the load.
+        need: Generalised force that the motors must produce.
+        sharing: How the load is distributed among redundant motors.
 
     Returns:
-        Efforts, shape (T, motors), [N or N m]; zero for a motor that the closures hold still.
+        Efforts, shape (T, motors), [N or N m]; zero for a motor that the closures lock.
 
     Raises:
-        ActuationError: Motors are missing, or mixed units have no weights.
+        ActuationError: Motors are missing, or redundant motors of different units have no weights.
         SingularityError: The motors lose a direction and `on_singular` is "raise".
     """
     Q = need.Q
@@ -100,7 +100,7 @@ def motor_efforts(robot: HybridRobot, module: Module, Psi: Array, need: Need, sh
 
 
 def _square(module: Module, Psi: Array, B: Array, Q: Array, sharing: Sharing) -> Array:
-    """Solve B tau = Q with column pivoting; singular samples by least norm, or an error."""
+    """Solve B tau = Q by QR with column pivoting; at singular samples use `_least_norm`, which may raise."""
     n = B.shape[1]
     R, order = pivoted_qr(np.concatenate([B, Q[..., None]], axis=-1), n, n)
     tau = np.empty_like(Q)
@@ -121,9 +121,9 @@ def _least_norm(
     sharing: Sharing,
     samples: Index | None = None,
 ) -> Array:
-    """Return the least of |tau / share| with B tau = Q, by singular values.
+    """Solve B tau = Q for the tau with the least norm of tau / share, by an SVD.
 
-    Along orthonormal motions, so that what no motor can produce does not depend on the coordinates u.
+    Motions are made orthonormal first, so that the residual does not depend on the coordinates u.
     """
     R = np.linalg.qr(Psi / module.mechanism.reduction.col_scale[:, None], mode="r")
     along = np.linalg.solve(np.swapaxes(R, 1, 2), np.concatenate([B, Q[..., None]], axis=-1))
@@ -138,8 +138,8 @@ def _least_norm(
         worst = module.motors[module.moving_motors[int(np.argmax(np.abs(Vt[t, -1])))]]
         raise SingularityError(
             f"module '{module.name}': its motors lose a direction at sample {sample} (parallel singularity; "
-            f"condition number {condition:.1e}, limit {1 / SINGULAR_MOTOR_MAP:.0e}; motor '{worst}' is most "
-            'concerned). Move the trajectory away from it, or pass on_singular="least-norm"',
+            f"condition number {condition:.1e}, limit {1 / SINGULAR_MOTOR_MAP:.0e}; motor '{worst}' is "
+            'affected most). Move the trajectory away from it, or pass on_singular="least-norm"',
             module=module.name,
             what="motors",
             condition=condition,
@@ -151,16 +151,16 @@ def _least_norm(
 
 
 def load_share(robot: HybridRobot, module: Module, sharing: Sharing, among: Index) -> Array:
-    """Return each motor's share: its effort limit, or 1 / sqrt(weight), [N or N m].
+    """Return the share of each motor in the load: its effort limit, or 1 / sqrt(weight), [N or N m].
 
     Args:
         robot: The robot.
         module: The module.
-        sharing: How motors share the load.
-        among: The motors that share it, numbered in the module.
+        sharing: How the load is distributed among redundant motors.
+        among: Numbers, in the module, of the motors that share the load.
 
     Raises:
-        ActuationError: Motors of different units, without weights and without effort limits.
+        ActuationError: Motors have different units, and there are neither weights nor effort limits.
     """
     if sharing.weights is not None:
         return 1.0 / np.sqrt(sharing.weights[module.motor_index[among]])
@@ -180,7 +180,11 @@ def load_share(robot: HybridRobot, module: Module, sharing: Sharing, among: Inde
 
 
 def _check_driven(module: Module, Psi: Array, missing: Array, need: Need, sharing: Sharing) -> None:
-    """Refuse a motion that no motor drives and that would need an effort; an idle one may need any."""
+    """Raise if a motion that no motor drives needs an effort; idle motions are excepted.
+
+    Raises:
+        ActuationError: The message names the joint, the effort and the sample.
+    """
     lack = np.abs(missing).max(axis=1, initial=0.0)
     bad = np.flatnonzero(lack > np.maximum(UNDRIVEN * need.size, need.rounding))
     if not len(bad) or (sharing.on_singular != "raise" and len(module.motors) >= module.mobility):
@@ -205,9 +209,9 @@ def _check_driven(module: Module, Psi: Array, missing: Array, need: Need, sharin
 
 
 def _idle_part(module: Module, Psi: Array, missing: Array, motion: Motion) -> Array:
-    """Return the part of missing forces that does work on idle motions only (a rod's spin), shape (T, N).
+    """Compute the part of missing forces that does work on idle motions only (a rod's spin), shape (T, N).
 
-    Idle motions are told apart from the others along orthonormal motions, as efforts are.
+    Motions are made orthonormal first, as in `_least_norm`.
     """
     along = Psi / module.mechanism.reduction.col_scale[:, None]
     orthonormal, R = np.linalg.qr(along)

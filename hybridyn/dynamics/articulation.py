@@ -1,7 +1,7 @@
-"""The two recursions of the direct model: articulated inertias inwards, accelerations outwards.
+"""Recursions of the direct model: articulated inertias (backward) and accelerations (forward).
 
-The congruence form of Eqs. (45), (47) keeps every articulated inertia positive semidefinite; the paper's S2,
-S3, K, alpha are never formed.
+Articulated inertias are computed by congruence transformations, a form of Eqs. (45), (47) that keeps them
+positive semidefinite. The paper's S2, S3, K and alpha are not needed.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ from .balance import LegTerms, balance_of_legs, congruence, largest, leg_terms, 
 from .inertia_solve import EPS, InertiaFactor, factor_inertia
 from .loads import Loads, ModuleLoad
 from .lost_digits import warn_of_lost_accelerations
-from .lost_rank import refuse_lost_rank, refuse_undetermined_motion
-from .massless import refuse_forced, shorten
+from .lost_rank import check_closure_rank, check_motor_map
+from .massless import check_massless_forces, choose_least_norm
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,7 @@ class Motions:
     """Motions of one module.
 
     Attributes:
-        basis: The motions and their drift.
+        basis: Basis of the motions and drift.
         unforced: Motion of the module's tree at x_ddot = 0.
     """
 
@@ -45,16 +45,16 @@ class ArticulatedModule:
 
     Attributes:
         state: The module's state.
-        basis: Its motions and their drift.
+        basis: Basis of its motions and drift.
         unforced: Motion of its tree at x_ddot = 0.
-        a_maps: For each output a_o, shape (T, 6, N), Eq. (2).
-        c: For each output v_dot_0 + crm(V) v, shape (T, 6) (`ModuleState.convective`).
-        X: For each output the motion matrix from the base, shape (T, 6, 6), Eq. (26).
+        a_maps: For each output, a_o, shape (T, 6, N), Eq. (2).
+        c: For each output, v_dot_0 + crm(V) v, shape (T, 6) (`ModuleState.convective`).
+        X: For each output, the motion matrix from the base, shape (T, 6, 6), Eq. (26).
         G: A_t^-1 E, shape (T, N, 6).
-        Q_0: Generalised force at a base without acceleration, shape (T, N), Eq. (44).
-        y: A_t^-1 Q_0, shape (T, N): u_dot at a base without acceleration.
-        inertia: The factor of A_t.
-        terms: Size of what y was summed from, shape (T,).
+        Q_0: Generalised force if the base has no acceleration, shape (T, N), Eq. (44).
+        y: A_t^-1 Q_0, shape (T, N): u_dot if the base has no acceleration.
+        inertia: Cholesky factor of A_t.
+        terms: Largest term in the sum y, shape (T,).
     """
 
     state: ModuleState
@@ -79,15 +79,15 @@ def articulate(
     *,
     passing: bool = False,
 ) -> list[ArticulatedModule]:
-    """Run the backward recursion: articulated inertias and biases, from the outermost modules inwards.
+    """Run the backward recursion: compute articulated inertias and biases, the outermost modules first.
 
     Args:
         robot: The robot.
-        states: Its modules' states.
-        loads: External wrenches.
+        states: States of its modules.
+        loads: External wrenches and effects.
         tau: Motor efforts, shape (T, motors).
-        prescribed: Accelerations of which the motors' entries are prescribed, shape (T, nv), or None.
-        passing: Whether postures of lost rank are passed through, on the branch that the velocity is on.
+        prescribed: Accelerations, shape (T, nv), whose entries for motors are prescribed, or None.
+        passing: At postures of lost rank, use the motions of the branch that the velocity belongs to.
     """
     T = len(tau)
     I_star = [np.tile(s.mechanism.inertias, (T, 1, 1, 1)) for s in states]
@@ -104,8 +104,8 @@ def articulate(
         out.insert(0, item)
         if s.module.parent >= 0:
             base, output = s.module.parent, s.module.parent_output
-            inertia, bias, blur = _onto_base(item, legs, I_star[k], beta_star[k], noise[k])
-            noise[base][:, output] += blur
+            inertia, bias, rounding = _onto_base(item, legs, I_star[k], beta_star[k], noise[k])
+            noise[base][:, output] += rounding
             I_star[base][:, output] += inertia
             beta_star[base][:, output] += bias
     return out
@@ -118,24 +118,24 @@ def _articulate_module(
     beta_star: Array,
     tau: Array,
     motions: Motions,
-    blur: Array,
+    rounding: Array,
 ) -> ArticulatedModule:
-    """Solve one module for u_dot over its base's acceleration, Eqs. (40)-(44).
+    """Solve one module for u_dot as a function of its base's acceleration, Eqs. (40)-(44).
 
     Args:
-        s: The module's state.
-        legs: What its legs bring.
+        s: State of the module.
+        legs: Inertia and forces of its legs.
         I_star: Articulated inertias of its outputs, shape (T, outputs, 6, 6).
-        beta_star: Their biases, shape (T, outputs, 6).
+        beta_star: Biases of its outputs, shape (T, outputs, 6).
         tau: Efforts of its motors, shape (T, motors).
         motions: Its motions (`_motions`).
-        blur: Rounding of I_star, as inertias that are no smaller, shape (T, outputs, 6, 6).
+        rounding: Upper bounds on the rounding of I_star, as inertias, shape (T, outputs, 6, 6).
 
     Raises:
         SingularityError: Its closures lose rank, or a force acts on a motion without inertia.
     """
     basis, unforced = motions.basis, motions.unforced
-    refuse_lost_rank(s.module, basis)
+    check_closure_rank(s.module, basis)
     x = balance_of_legs(s, legs, basis, tau)
     a_maps: list[Array] = []
     cs: list[Array] = []
@@ -145,12 +145,12 @@ def _articulate_module(
         a_map, X = np.matmul(J, basis.Psi), motion_matrix(*s.placement(o))
         c = np.einsum("tij,tj->ti", J, basis.drift) + unforced.acceleration(body) + s.convective[:, o]
         b = np.einsum("tij,tj->ti", I_star[:, o], c) + beta_star[:, o]
-        x.add_output(a_map, X, I_star[:, o], b, blur[:, o])
+        x.add_output(a_map, X, I_star[:, o], b, rounding[:, o])
         a_maps, cs, Xs = [*a_maps, a_map], [*cs, c], [*Xs, X]
     noise = 4 * s.mechanism.tree.nv * EPS * x.noise + x.carried
     inertia = factor_inertia(x.A_t, np.diagonal(noise, axis1=1, axis2=2))
     solved, left = inertia.solve(np.concatenate([x.E, x.Q_0[..., None]], axis=-1))
-    refuse_forced(s.module, basis, left[..., 6], x.size)
+    check_massless_forces(s.module, basis, left[..., 6], x.size)
     G, y = solved[..., :6], solved[..., 6]
     return ArticulatedModule(
         s, basis, unforced, a_maps, cs, Xs, G, x.Q_0, y, inertia, size_of_solution(x, inertia, y)
@@ -158,11 +158,13 @@ def _articulate_module(
 
 
 def _onto_base(
-    item: ArticulatedModule, legs: LegTerms, I_star: Array, beta_star: Array, blur: Array
+    item: ArticulatedModule, legs: LegTerms, I_star: Array, beta_star: Array, rounding: Array
 ) -> tuple[Array, Array, Array]:
-    """Return what a module adds to its base's inertia and bias, Eqs. (45)-(48) in congruence form.
+    """Compute what a module adds to the inertia and bias of its base, Eqs. (45)-(48) in congruence form.
 
-    The third result is the rounding of those inertias, propagated like them.
+    Returns:
+        Inertia, shape (T, 6, 6); bias, shape (T, 6); and an upper bound on the rounding of the inertia,
+        shape (T, 6, 6), propagated like the inertia.
     """
     Psi, drift, G = item.basis.Psi, item.basis.drift, item.G
     T = len(G)
@@ -172,16 +174,17 @@ def _onto_base(
     for o, (X, a_map, c) in enumerate(zip(item.X, item.a_maps, item.c, strict=True)):
         follows = X - np.matmul(a_map, G)
         inertia += congruence(follows, I_star[:, o])
-        handed += congruence(follows, blur[:, o])
+        handed += congruence(follows, rounding[:, o])
         b = np.einsum("tij,tj->ti", I_star[:, o], c) + beta_star[:, o]
         beta += np.einsum("tij,ti->tj", X, b)
     return inertia, beta, handed
 
 
 def _rounding(inertia: Array) -> Array:
-    """Return inertias, shape (T, outputs, 6, 6), no smaller than the rounding of some.
+    """Compute upper bounds on the rounding of inertias, as inertias of shape (T, outputs, 6, 6).
 
-    Entries err by eps sqrt(I_ii I_jj) at most, and six times the diagonal is no smaller than that.
+    The error of an entry is at most eps sqrt(I_ii I_jj). Six times eps times the diagonal is a matrix that
+    bounds all these errors.
     """
     diagonal = np.diagonal(inertia, axis1=2, axis2=3)
     out: Array = 6 * EPS * np.abs(diagonal)[..., None] * np.eye(6)
@@ -191,12 +194,12 @@ def _rounding(inertia: Array) -> Array:
 def accelerate(
     robot: HybridRobot, modules: list[ArticulatedModule], root: Array, q: Array, v: Array, a: Array
 ) -> None:
-    """Run the last forward recursion, Eqs. (51), (53), into the accelerations of the spanning tree.
+    """Run the last forward recursion: compute the accelerations of the spanning tree, Eqs. (51), (53).
 
     Args:
         robot: The robot.
         modules: Its modules after `articulate`.
-        root: Acceleration of the first base less gravity, shape (T, 6).
+        root: Acceleration of the base of the first modules minus gravity, shape (T, 6).
         q: Positions, shape (T, nq).
         v: Rates, shape (T, nv).
         a: Accelerations, shape (T, nv), filled in place.
@@ -209,7 +212,7 @@ def accelerate(
         V_dot = root if module.parent < 0 else outputs[module.parent][module.parent_output]
         carried = np.einsum("tij,tj->ti", item.G, V_dot)
         u_dot = item.y - carried  # Eq. (51)
-        shorten(module, item.basis, item.inertia, u_dot)
+        choose_least_norm(module, item.basis, item.inertia, u_dot)
         outputs.append(
             [
                 np.einsum("tij,tj->ti", X, V_dot) + np.einsum("tij,tj->ti", a_map, u_dot) + c  # Eq. (53)
@@ -228,7 +231,7 @@ def accelerate(
 
 
 def _own_bias(state: ModuleState, load: ModuleLoad, on: Effects) -> Array:
-    """Return crf(V)(I V) + F_e of every output, shape (T, outputs, 6), Eq. (38)."""
+    """Compute crf(V)(I V) + F_e of every output, shape (T, outputs, 6), Eq. (38)."""
     out = np.zeros_like(state.outputs)
     for o, inertia in enumerate(state.mechanism.inertias):
         V = state.outputs[:, o]
@@ -241,8 +244,12 @@ def _motions(state: ModuleState, prescribed: Array | None, passing: bool) -> Mot
 
     Args:
         state: State of the module.
-        prescribed: Accelerations of its spanning tree, shape (T, nv), of which the motors' are kept, or None.
-        passing: Whether postures of lost rank are passed through, on the branch that the velocity is on.
+        prescribed: Accelerations of its spanning tree, shape (T, nv), whose entries for motors are
+            prescribed, or None.
+        passing: At postures of lost rank, use the motions of the branch that the velocity belongs to.
+
+    Raises:
+        SingularityError: The accelerations of the motors do not determine the motion.
     """
     m = state.mechanism
     unforced = m.tree.sweep(state.q, state.v)
@@ -258,7 +265,7 @@ def _motions(state: ModuleState, prescribed: Array | None, passing: bool) -> Mot
     S_Psi = basis.Psi[:, motors] / unit[:, None]
     miss = (basis.drift[:, motors] - wanted[:, motors]) / unit
     Z, u_dot, pivot = null_basis(S_Psi, miss, min(S_Psi.shape[1:]))
-    refuse_undetermined_motion(state.module, pivot)
+    check_motor_map(state.module, pivot)
     Psi = np.matmul(basis.Psi, Z)
     drift = basis.drift + np.einsum("tij,tj->ti", basis.Psi, u_dot)
     return Motions(Basis(Psi, drift, basis.pivot), unforced)

@@ -1,4 +1,4 @@
-"""The backward sweep of the inverse model, from the outermost modules inwards: forces, efforts, reactions."""
+"""Backward sweep of the inverse model: compute forces, efforts and reactions, the outermost modules first."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ def backward(
     result: Reactions | None,
     motion: RobotMotion,
 ) -> None:
-    """Compute what every module needs, its motors' efforts and the wrench on its base.
+    """Compute the forces that every module needs, the efforts of its motors and the wrench on its base.
 
     Args:
         robot: The robot.
         states: States of its modules.
         loads: External wrenches and effects.
-        guards: What is refused, and how motors share.
-        tau: Efforts, shape (T, motors); filled in place unless `guards.sharing` is None (efforts are known).
+        guards: Checks of the results, and how the load is distributed among motors.
+        tau: Efforts, shape (T, motors); filled in place, or read if `guards.sharing` is None.
         result: Reactions, filled in place, or None.
         motion: Motion of the robot.
     """
@@ -52,11 +52,11 @@ def backward(
 
 
 def reactions_of(robot: HybridRobot, motion: RobotMotion, tau: Array, loads: Loads) -> Reactions:
-    """Compute the wrenches between modules and in the closures of a motion under known efforts.
+    """Compute the wrenches between modules and in the closures from a motion and known efforts.
 
     Args:
         robot: The robot.
-        motion: Its motion.
+        motion: Motion of the robot.
         tau: Efforts of the motors, shape (T, motors).
         loads: External wrenches and effects.
     """
@@ -67,7 +67,7 @@ def reactions_of(robot: HybridRobot, motion: RobotMotion, tau: Array, loads: Loa
 
 
 def _root_body(robot: HybridRobot, loads: Loads, motion: RobotMotion) -> Array:
-    """Compute the wrench that the root body itself must receive (a free base has it in its module)."""
+    """Compute the wrench that the root body needs; zero for a floating base, whose module includes it."""
     if robot.base == "floating":
         return np.zeros_like(loads.root)
     V, V_dot = base_motion(

@@ -1,6 +1,6 @@
-"""The balance of one module's motions, A_t u_dot = Q_0 - E V_dot_base, summed up over its legs and outputs.
+"""Equation of motion of one module, A_t u_dot = Q_0 - E V_dot_base, summed over its legs and outputs.
 
-Beside each sum stands how large its terms were: what rounding may have left of it.
+The size of the terms is stored with each sum, because the rounding of a sum is proportional to its terms.
 """
 
 from __future__ import annotations
@@ -18,11 +18,12 @@ from .loads import Loads
 
 @dataclass(frozen=True)
 class LegTerms:
-    """What a module's legs bring, with their rotors and the loads on them.
+    """Inertia and forces of a module's legs, including rotors and the loads on the legs.
 
     Attributes:
-        M: Inertia over [V_dot_base; x_ddot], shape (T, 6 + n, 6 + n): A and D among it, Eqs. (63)-(75).
-        p: Wrench on the base at zero accelerations less the loads', shape (T, 6), Eqs. (71)-(73).
+        M: Inertia for [V_dot_base; x_ddot], shape (T, 6 + n, 6 + n), with blocks A and D, Eqs. (63)-(75).
+        p: Wrench of the base on the legs at zero accelerations, minus the wrench of the loads on the base,
+            shape (T, 6), Eqs. (71)-(73).
         h: Generalised force along x at zero accelerations, shape (T, n).
         f: Generalised force of the loads along x, shape (T, n).
     """
@@ -34,7 +35,7 @@ class LegTerms:
 
 
 def leg_terms(state: ModuleState, loads: Loads, k: int) -> LegTerms:
-    """Return what the legs of module k bring."""
+    """Compute the inertia and forces of the legs of module k."""
     M = loads.on.leg_matrix(state)
     if (rotor := loads.rotor_diagonal(state)) is not None:
         M[:, 6:, 6:] += np.diag(rotor)
@@ -45,13 +46,13 @@ def leg_terms(state: ModuleState, loads: Loads, k: int) -> LegTerms:
 
 @dataclass
 class Balance:
-    """A_t u_dot = Q_0 - E V_dot_base, Eq. (40), summed up over a module's legs and outputs.
+    """Equation of motion A_t u_dot = Q_0 - E V_dot_base, Eq. (40), summed over legs and outputs.
 
     Attributes:
         A_t, E, Q_0: Shapes (T, N, N), (T, N, 6), (T, N).
-        noise: Size of what A_t was summed from, shape (T, N, N).
-        carried: Rounding that it was handed, as an inertia that is no smaller, shape (T, N, N).
-        size: Largest term of Q_0, shape (T,).
+        noise: Sum of the absolute values of the terms in A_t, shape (T, N, N).
+        carried: Upper bound, as an inertia, on the rounding that the outputs pass on, shape (T, N, N).
+        size: Largest term in Q_0, shape (T,).
     """
 
     A_t: Array
@@ -61,18 +62,26 @@ class Balance:
     carried: Array
     size: Array
 
-    def add_output(self, a_map: Array, X: Array, I_star: Array, b: Array, blur: Array) -> None:
-        """Add an output that moves with a_map u_dot + X V_dot_base, and needs b where both are zero."""
+    def add_output(self, a_map: Array, X: Array, I_star: Array, b: Array, rounding: Array) -> None:
+        """Add an output with acceleration a_map u_dot + X V_dot_base + c.
+
+        Args:
+            a_map: Shape (T, 6, N).
+            X: Motion matrix from the base, shape (T, 6, 6).
+            I_star: Articulated inertia of the output, shape (T, 6, 6).
+            b: Wrench that the output needs at u_dot = 0 and V_dot_base = 0, shape (T, 6).
+            rounding: Upper bound on the rounding of I_star, as an inertia, shape (T, 6, 6).
+        """
         self.A_t += congruence(a_map, I_star)  # Eq. (43)
         self.noise += congruence(np.abs(a_map), np.abs(I_star))
-        self.carried += congruence(a_map, blur)
+        self.carried += congruence(a_map, rounding)
         self.E += np.einsum("tij,tik,tkl->tjl", a_map, I_star, X, optimize=True)  # Eq. (42)
         self.Q_0 -= np.einsum("tij,ti->tj", a_map, b)  # Eq. (44)
         self.size = np.maximum(self.size, _size(a_map, np.abs(b)))
 
 
 def balance_of_legs(s: ModuleState, legs: LegTerms, basis: Basis, tau: Array) -> Balance:
-    """Return the legs' share of a module's balance, with its motors."""
+    """Compute the terms of a module's legs and motors in its equation of motion."""
     Psi, A, D = basis.Psi, legs.M[:, 6:, 6:], legs.M[:, 6:, :6]
     A_t = congruence(Psi, A)
     needed = legs.f - legs.h - np.einsum("tij,tj->ti", A, basis.drift)
@@ -88,7 +97,7 @@ def balance_of_legs(s: ModuleState, legs: LegTerms, basis: Basis, tau: Array) ->
 
 
 def size_of_solution(x: Balance, inertia: InertiaFactor, y: Array) -> Array:
-    """Return the size of what y = A_t^-1 Q_0 was summed from, shape (T,)."""
+    """Compute the largest term in the sum y = A_t^-1 Q_0, shape (T,)."""
     resisted = np.square(inertia.R[:, :1, :1].max(axis=(1, 2), initial=0.0))
     kept = largest(x.Q_0)
     terms = largest(y) * np.maximum(x.size / np.where(kept > 0, kept, np.inf), 1.0)
@@ -97,18 +106,18 @@ def size_of_solution(x: Balance, inertia: InertiaFactor, y: Array) -> Array:
 
 
 def congruence(B: Array, M: Array) -> Array:
-    """Return B^T M B, shapes (T, n, N) and (T, n, n)."""
+    """Compute B^T M B for B of shape (T, n, N) and M of shape (T, n, n)."""
     out: Array = np.matmul(np.swapaxes(B, 1, 2), np.matmul(M, B))
     return out
 
 
 def largest(x: Array) -> Array:
-    """Return the largest entry of each sample, shape (T,)."""
+    """Compute the largest absolute entry of each sample, shape (T,)."""
     out: Array = np.abs(x).max(axis=1, initial=0.0)
     return out
 
 
 def _size(B: Array, force: Array) -> Array:
-    """Return the largest term of B^T force, shape (T,)."""
+    """Compute the largest entry of abs(B)^T abs(force), shape (T,)."""
     out: Array = np.einsum("tij,ti->tj", np.abs(B), np.abs(force)).max(axis=1, initial=0.0)
     return out

@@ -1,7 +1,7 @@
 """Direct dynamic model: accelerations from motor efforts, Eqs. (38)-(53) in their general form.
 
-Three recursions: forward for placements and twists (`forward`), backward for articulated inertias
-(`articulate`), forward for accelerations (`accelerate`).
+There are three recursions: forward for placements and twists (`forward`), backward for articulated inertias
+(`articulate`), and forward for accelerations (`accelerate`).
 """
 
 from __future__ import annotations
@@ -34,8 +34,8 @@ class DirectResult:
 
     Attributes:
         a: Accelerations, shape (T, nv), [m/s^2, rad/s^2].
-        residual: Worst closure residual of each sample, as `closure_residual` computes it, shape (T,).
-        reactions: Wrenches between modules and in the closures, or None where they were not asked for.
+        residual: Largest closure residual of each sample, as computed by `closure_residual`, shape (T,).
+        reactions: Wrenches between modules and in the closures, or None if they were not requested.
     """
 
     a: Array
@@ -69,32 +69,33 @@ def ddm(
 ) -> Array | tuple[Array, Reactions]:
     """Compute the accelerations of a robot under motor efforts.
 
-    u_dot = A_t^-1 (Q_0 - E V_dot_base), module after module, Eqs. (40), (51).
+    The equation u_dot = A_t^-1 (Q_0 - E V_dot_base) is solved for one module after another, Eqs. (40), (51).
 
     Args:
         robot: The robot.
         q: Positions of the spanning tree, shape (nq,) or (T, nq).
         v: Rates, shape (nv,) or (T, nv), [m/s, rad/s].
         tau: Efforts in the order of `robot.motors`, shape (motors,) or (T, motors), [N or N m].
-        base_acceleration: Spatial acceleration of a "moving" base in its own frame (Pinocchio's, the first
-            six of a), shape (6,) or (T, 6); zero where left out.
-        wrenches: For each link a wrench ON it, shape (6,) or (T, 6), [N, N m], in the link's frame at its
-            origin.
-        effects: What is computed: None for gravity, inertia, the legs' inertia and velocity terms; "model"
-            for those and all that the robot's files state; or names and objects (`hybridyn.effects`), and
-            nothing else.
+        base_acceleration: Spatial acceleration of a "moving" base in its own frame (as in Pinocchio: the
+            first six entries of a), shape (6,) or (T, 6); zero if None.
+        wrenches: External wrench on each link, by link name, shape (6,) or (T, 6), [N, N m], in the link's
+            frame at its origin.
+        effects: Effects to compute. None: gravity, inertia, the legs' inertia and velocity terms. "model":
+            these and all effects that the robot's files define. Names and objects
+            (`hybridyn.effects`): only these.
         time: Time of each sample, shape () or (T,), [s], for effects that follow a table.
         reactions: Also return the wrenches between modules and in the closures.
 
     Returns:
         Accelerations of the spanning tree, shape (nv,) or (T, nv), [m/s^2, rad/s^2]; with `reactions=True`
-        also a `Reactions`. Motions without inertia that nothing forces take least-norm accelerations.
+        also a `Reactions`. Motions without inertia and without forces get least-norm accelerations.
 
     Raises:
         AssemblyError: The state does not close the loops.
         SingularityError: Closures lose rank, or a force acts on a motion without inertia.
-        ModelError: Effects that are unknown, without numbers or contradict each other; no inertia.
-        TrajectoryError: Arrays of the wrong shape, or not finite; an unknown link; a table too short.
+        ModelError: Effects are unknown, lack parameters or contradict each other, or "inertia" is missing.
+        TrajectoryError: An array has the wrong shape or is not finite, a link is unknown, or a table is too
+            short.
 
     Source:
         Ibrahim & Khalil (2010), Eqs. (38)-(53). The paper drops a_dot v_r from xi; `Basis.drift` keeps it.
@@ -115,7 +116,7 @@ def direct_model(
     wrenches: Mapping[str, Array] | None = None, effects: Choice = None, time: ArrayLike | None = None,
     reactions: bool = False,
 ) -> DirectResult:  # fmt: skip
-    """Compute what `ddm` does, always as a batch, with the closure residuals of the states; see there."""
+    """Compute the result of `ddm` as a batch, together with the closure residuals of the states."""
     on = choose(robot, effects)
     q = as_positions(robot, q, base_given=on.base is None)[0]
     v, tau = as_batch(v, robot.nv, "v")[0], as_batch(tau, len(robot.motors), "tau")[0]
@@ -130,7 +131,7 @@ def direct_model(
     if on.limits is not None:
         tau = on.limits.clip(robot, tau)
     loads = all_loads(robot, on, q, v, time, wrenches)
-    whole = on.velocity is not None  # without velocity terms the forces are no longer any observer's
+    whole = on.velocity is not None  # without velocity terms, forces depend on the observer
     states = forward(robot, q, v, None, on.gravity, classical=whole)
     residual = check_closed(robot, states, q, v)
     modules = articulate(robot, states, loads, tau, None)
@@ -140,10 +141,10 @@ def direct_model(
 
 
 def acceleration_of_base(robot: HybridRobot, acceleration: ArrayLike, samples: int) -> Array:
-    """Check the acceleration of a moving base, shape (1, 6) or (samples, 6).
+    """Check and return the acceleration of a moving base, shape (1, 6) or (samples, 6).
 
     Raises:
-        TrajectoryError: Another base, a wrong shape, or a number that is not finite.
+        TrajectoryError: The base is not "moving", the shape is wrong, or a number is not finite.
     """
     if robot.base != "moving":
         raise TrajectoryError("base_acceleration is for base='moving'")

@@ -1,4 +1,4 @@
-"""Energy, power, momentum and centre of mass: one pass over the bodies, linear in their number."""
+"""Compute energy, power, momentum and centre of mass in one pass over the bodies."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ class Energy:
     """Energy of a robot, shape () or (T,), [J].
 
     Attributes:
-        kinetic: Of bodies, and of rotors where they count.
-        potential: Of weights (zero at the world's origin), and what springs, stops and the ground store.
+        kinetic: Kinetic energy of bodies and, if the effect is chosen, of rotors.
+        potential: Potential energy of weights (zero at the world's origin), springs, stops and the ground.
     """
 
     kinetic: Array
@@ -41,14 +41,14 @@ class Energy:
 
 @dataclass(frozen=True)
 class Power:
-    """What changes the energy of a robot, shape () or (T,), [W]: d(total)/dt = motors + wrenches - lost.
+    """Power balance of a robot, shape () or (T,), [W]: d(total energy)/dt = motors + wrenches - lost.
 
-    A prescribed base supplies power too: its reaction (`Reactions.base`) times its twist.
+    The power of a prescribed base is not included: it is its reaction (`Reactions.base`) times its twist.
 
     Attributes:
-        motors: Work of the motors per second.
-        wrenches: Work of external wrenches per second.
-        lost: What friction, dampers, stops and the ground take.
+        motors: Power of the motors.
+        wrenches: Power of external wrenches.
+        lost: Power that friction, dampers, stops and the ground dissipate.
     """
 
     motors: Array
@@ -63,12 +63,12 @@ def energy(robot: HybridRobot, q: Array, v: Array, *, effects: Choice = None) ->
         robot: The robot.
         q: Positions, shape (nq,) or (T, nq).
         v: Rates, shape (nv,) or (T, nv).
-        effects: What counts, as in `idm`: weights with "gravity", legs with "leg_inertia", rotors, springs,
-            stops, ground.
+        effects: Effects that contribute, as in `idm`: weights with "gravity", legs with "leg_inertia",
+            rotors, springs, stops, ground.
 
     Raises:
-        ModelError: Effects that are unknown, or without numbers.
-        TrajectoryError: Arrays of the wrong shape, or not finite.
+        ModelError: Effects are unknown or lack parameters.
+        TrajectoryError: An array has the wrong shape or is not finite.
     """
     q, v, single = _state(robot, q, v)
     on = choose(robot, effects)
@@ -84,7 +84,7 @@ def energy(robot: HybridRobot, q: Array, v: Array, *, effects: Choice = None) ->
 
 
 def _of_bodies(robot: HybridRobot, q: Array, v: Array, on: Effects) -> tuple[Array, Array]:
-    """Return kinetic and potential energy of the bodies, shapes (T,)."""
+    """Compute the kinetic and potential energy of the bodies, each of shape (T,)."""
     model = effective_model(robot, on)
     data = model.createData()
     out = np.zeros((2, len(q)))
@@ -95,7 +95,10 @@ def _of_bodies(robot: HybridRobot, q: Array, v: Array, on: Effects) -> tuple[Arr
 
 
 def effective_model(robot: HybridRobot, on: Effects) -> pin.Model:
-    """Return Pinocchio's model with the weights and inertias that the effects leave; do not change it."""
+    """Return the Pinocchio model without the weights or leg inertias that the effects leave out.
+
+    Callers must not change the model: it may be that of the robot.
+    """
     if on.gravity is not None and on.leg_inertia is not None:
         return robot.model
     model = pin.Model(robot.model)
@@ -113,20 +116,21 @@ def power(
     robot: HybridRobot, q: Array, v: Array, tau: Array, *, wrenches: Mapping[str, Array] | None = None,
     effects: Choice = None, time: ArrayLike | None = None,
 ) -> Power:  # fmt: skip
-    """Return what motors and wrenches supply and what friction takes.
+    """Compute the power that motors and wrenches supply and that friction dissipates.
 
     Args:
         robot: The robot.
         q: Positions, shape (nq,) or (T, nq).
         v: Rates, shape (nv,) or (T, nv).
-        tau: Efforts, shape (motors,) or (T, motors); clipped where "limits" is among the effects.
-        wrenches: For each link a wrench ON it, shape (6,) or (T, 6), as in `idm`.
+        tau: Efforts, shape (motors,) or (T, motors); clipped if "limits" is among the effects.
+        wrenches: External wrench on each link, by link name, shape (6,) or (T, 6), as in `idm`.
         effects: As in `idm`.
         time: Time of each sample, shape () or (T,), [s], for wrenches that follow a table.
 
     Raises:
-        ModelError: Effects that are unknown, or without numbers.
-        TrajectoryError: Arrays of the wrong shape, or not finite; an unknown link; a table too short.
+        ModelError: Effects are unknown or lack parameters.
+        TrajectoryError: An array has the wrong shape or is not finite, a link is unknown, or a table is too
+            short.
     """
     q, v, single = _state(robot, q, v)
     tau = as_batch(tau, len(robot.motors), "tau")[0]
@@ -136,7 +140,7 @@ def power(
     columns = [robot.v_slices[robot.joint_index[motor]].start for motor in robot.motors]
     supplied, lost = np.zeros((2, len(q)))
     outer = replace(on, links=tuple(law for law in on.links if isinstance(law, Wrench)))
-    gather_loads(robot, wrenches, len(q))  # refuses what idm refuses
+    gather_loads(robot, wrenches, len(q))  # raises the same errors as idm
     motions = observed_motions(robot, on, q, v)
     for given in (wrenches or {}, *outer.wrenches(motions, clock, len(q))):
         supplied += _work(robot, q, v, given)
@@ -157,10 +161,10 @@ def momentum(robot: HybridRobot, q: Array, v: Array) -> Array:
         v: Rates, shape (nv,) or (T, nv).
 
     Returns:
-        Shape (6,) or (T, 6), [kg m/s, kg m^2/s]. A fixed base's root link does not count, as in Pinocchio.
+        Shape (6,) or (T, 6), [kg m/s, kg m^2/s]. The root link of a fixed base is excluded, as in Pinocchio.
 
     Raises:
-        TrajectoryError: Arrays of the wrong shape, or not finite.
+        TrajectoryError: An array has the wrong shape or is not finite.
     """
     q, v, single = _state(robot, q, v)
     centre = _centre(robot, q)
@@ -178,10 +182,10 @@ def centre_of_mass(robot: HybridRobot, q: Array) -> Array:
 
     Args:
         robot: The robot.
-        q: Positions, shape (nq,) or (T, nq). The root link of a fixed base does not count, as in Pinocchio.
+        q: Positions, shape (nq,) or (T, nq). The root link of a fixed base is excluded, as in Pinocchio.
 
     Raises:
-        TrajectoryError: Arrays of the wrong shape, or not finite; a robot without mass.
+        TrajectoryError: An array has the wrong shape or is not finite, or the robot has no moving mass.
     """
     q, single = as_positions(robot, q)
     out = _centre(robot, q)
@@ -207,7 +211,7 @@ def _state(robot: HybridRobot, q: Array, v: Array) -> tuple[Array, Array, bool]:
 
 
 def _moving_bodies(robot: HybridRobot, q: Array, v: Array) -> Iterator[tuple[Body, RigidMotion]]:
-    """Return the bodies with mass that can move and their motions."""
+    """Yield each body that has mass and can move, with its motion."""
     for number, motion in body_motions(robot, q, v, np.zeros_like(v)).items():
         body = robot.bodies.bodies[number]
         if (number or robot.base != "fixed") and not body.massless:
@@ -215,7 +219,7 @@ def _moving_bodies(robot: HybridRobot, q: Array, v: Array) -> Iterator[tuple[Bod
 
 
 def leg_bodies(robot: HybridRobot) -> set[int]:
-    """Return the bodies whose inertia the legs carry."""
+    """Return the numbers of the bodies whose inertia belongs to the legs."""
     out = set()
     for module in robot.modules:
         spec = module.mechanism.spec
@@ -226,7 +230,7 @@ def leg_bodies(robot: HybridRobot) -> set[int]:
 
 
 def _work(robot: HybridRobot, q: Array, v: Array, wrenches: Mapping[str, Array]) -> Array:
-    """Return the power of wrenches on links, shape (T,)."""
+    """Compute the power of wrenches on links, shape (T,)."""
     out = np.zeros(len(q))
     for link, m in link_motions(robot, q, v, list(wrenches)).items():
         W = np.broadcast_to(wrenches[link], (len(q), 6))

@@ -1,6 +1,7 @@
-"""The forward recursion over modules: placements, twists and accelerations of every output, Eqs. (25), (28).
+"""Forward recursion over modules: compute placements, twists and accelerations of outputs, Eqs. (25), (28).
 
-Both dynamic models begin here. Gravity is carried by the base's acceleration and appears nowhere else.
+Both dynamic models start with this recursion. Gravity is included in the acceleration of the base and appears
+nowhere else.
 """
 
 from __future__ import annotations
@@ -25,10 +26,10 @@ def base_motion(
     *,
     classical: bool = False,
 ) -> tuple[Array, Array]:
-    """Return V_0 and V_dot_0 - g of the body that the first modules stand on, shapes (T, 6).
+    """Compute V_0 and V_dot_0 - g of the base of the first modules, shapes (T, 6).
 
-    For "fixed" and "floating" that is the world; for "moving" the root body, whose motion is prescribed.
-    `classical` as in `forward`.
+    This base is the world if `robot.base` is "fixed" or "floating", and the root body, whose motion is
+    prescribed, if it is "moving". `classical` is defined in `forward`.
     """
     T = len(q)
     V, V_dot = np.zeros((2, T, 6))
@@ -57,11 +58,12 @@ def forward(
         robot: The robot.
         q: Positions, shape (T, nq).
         v: Rates, shape (T, nv).
-        a: Accelerations, shape (T, nv); without them accelerations are those of a_o u_dot = 0 (not used).
-        gravity: Weights, or None for none.
-        classical: Whether every frame is seen by an observer who moves along with its origin. Forces and
-            relative accelerations are the same (Galilei), but no digit is spent on w x v, which grows with
-            the square of a chain's length.
+        a: Accelerations, shape (T, nv), or None if they are not needed; the accelerations in the states are
+            then not meaningful.
+        gravity: The effect of gravity, or None for no weights.
+        classical: Whether to express each twist relative to an observer who moves with the velocity of the
+            frame's origin. Forces and relative accelerations are the same (Galilean invariance). This avoids
+            the rounding of w x v, which grows with the square of a chain's length.
 
     Returns:
         One state per module, in the order of `robot.modules`.
@@ -101,7 +103,7 @@ def forward(
 
 
 def _base_of(states: list[ModuleState], module: Module, root: tuple[Array, Array]) -> tuple[Array, Array]:
-    """Return twist and acceleration of the body that a module stands on."""
+    """Return the twist and the acceleration of a module's base."""
     if module.parent < 0:
         return root
     below = states[module.parent]

@@ -1,4 +1,4 @@
-"""The inverse model over a long motion in bounded memory."""
+"""Compute the inverse model over a long motion in blocks, with bounded memory."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from ..spatial import Array
 from ..structure.robot import HybridRobot
 from .inverse import idm
 
-#: Positions in a block: a hundred megabytes for a robot of 84 joints.
+#: Number of position coordinates in a block: a hundred megabytes for a robot of 84 joints.
 NUMBERS_AT_ONCE = 84_000
 
 
@@ -29,15 +29,15 @@ def efforts_in_blocks(
         q: Positions, shape (T, nq).
         v: Rates, shape (T, nv), [m/s, rad/s].
         a: Accelerations, shape (T, nv), [m/s^2, rad/s^2].
-        on: What is computed.
-        wrenches: As `hybridyn.idm` takes them.
+        on: Effects to compute.
+        wrenches: External wrenches, as for `hybridyn.idm`.
         time: Times, shape (T,), [s], or None.
 
     Returns:
         Efforts, shape (T, motors), [N or N m].
 
     Raises:
-        HybridynError: As `hybridyn.idm`; the first block's that has something wrong.
+        HybridynError: As in `hybridyn.idm`, for the first block with an error.
     """
     rows = max(1, NUMBERS_AT_ONCE // max(robot.nq, 1))
     found = []
@@ -45,14 +45,14 @@ def efforts_in_blocks(
         at = slice(start, start + rows)
         outer = {link: W[at] if np.ndim(W) == 2 else W for link, W in (wrenches or {}).items()}
         now = None if time is None else time[at]
-        with _counted_from(start):
+        with _samples_counted_from(start):
             found.append(idm(robot, q[at], v[at], a[at], wrenches=outer, time=now, effects=on))
     return np.concatenate(found)
 
 
 @contextlib.contextmanager
-def _counted_from(start: int) -> Iterator[None]:
-    """Count the samples that an error names from the motion's start, not from its block's."""
+def _samples_counted_from(start: int) -> Iterator[None]:
+    """Shift the sample numbers in error messages, so that they count from the start of the motion."""
     try:
         yield
     except HybridynError as error:

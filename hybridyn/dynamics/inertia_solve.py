@@ -1,8 +1,7 @@
-"""Solving with the articulated inertia of a module: A_t x = b, A_t symmetric and positive semidefinite.
+"""Solve A_t x = b with the articulated inertia A_t of a module, symmetric and positive semidefinite.
 
-Cholesky's factorization with diagonal pivoting keeps graded matrices accurate (light legs under a heavy
-platform). A motion without inertia shows as a pivot that is no larger than the rounding of the terms it was
-summed from.
+The Cholesky factorization with diagonal pivoting is accurate for graded matrices (light legs under a heavy
+platform). A pivot that does not exceed the rounding of its terms belongs to a motion without inertia.
 """
 
 from __future__ import annotations
@@ -32,10 +31,10 @@ class InertiaFactor:
     massless: Index
 
     def solve(self, b: Array) -> tuple[Array, Array]:
-        """Solve A x = b, shape (T, N, c), the massless coordinates left at zero.
+        """Solve A x = b for b of shape (T, N, c), with x = 0 for the dropped pivots.
 
         Returns:
-            x, and what is left of b on the massless motions, both of shape (T, N, c).
+            x, and the part of b that acts on massless motions, both of shape (T, N, c).
         """
         y = np.take_along_axis(b, self.order[:, :, None], axis=1)
         for i in range(b.shape[1]):
@@ -52,7 +51,7 @@ class InertiaFactor:
         return x, left
 
     def null_space(self, sample: int) -> Array:
-        """Return the massless motions of one sample, shape (N, massless)."""
+        """Compute a basis of the massless motions of one sample, shape (N, massless)."""
         N, k = self.R.shape[1], int(self.massless[sample])
         r = N - k
         null = np.zeros((N, k))
@@ -65,8 +64,8 @@ def factor_inertia(A: Array, noise: Array) -> InertiaFactor:
     """Factor inertia matrices with diagonal pivoting.
 
     Args:
-        A: Symmetric positive semidefinite matrices, shape (T, N, N), one unit throughout [kg m^2].
-        noise: Rounding of each diagonal entry: pivots at or below it are dropped, shape (T, N).
+        A: Symmetric positive semidefinite matrices, shape (T, N, N), all entries in [kg m^2].
+        noise: Rounding of each diagonal entry, shape (T, N); pivots at or below it are dropped.
     """
     T, N, _ = A.shape
     A, noise = A.copy(), noise.copy()

@@ -1,4 +1,4 @@
-"""Inverse dynamic model: motor efforts from a motion, Eqs. (30)-(33) in their general form."""
+"""Inverse dynamic model: compute motor efforts from a motion, Eqs. (30)-(33) in their general form."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from .loads import all_loads
 from .reactions import Reactions
 from .state_checks import check_closed
 
-#: What to advise where a passive motion would need an effort.
+#: Advice in the error message if a passive motion would need an effort.
 HINT = 'Give the accelerations that need no effort there, or pass passive="solved"'
 
 
@@ -33,8 +33,8 @@ class InverseResult:
 
     Attributes:
         tau: Efforts, shape (T, motors), [N or N m].
-        residual: Worst closure residual of each sample, as `closure_residual` computes it, shape (T,).
-        reactions: Wrenches between modules and in the closures, or None where they were not asked for.
+        residual: Largest closure residual of each sample, as computed by `closure_residual`, shape (T,).
+        reactions: Wrenches between modules and in the closures, or None if they were not requested.
     """
 
     tau: Array
@@ -70,28 +70,29 @@ def idm(
     on_singular: str = "raise",
     reactions: bool = False,
 ) -> Array | tuple[Array, Reactions]:
-    """Compute the motor efforts that move a robot as prescribed.
+    """Compute the motor efforts for a prescribed motion of a robot.
 
-    B tau = Psi^T H + sum_o a_o^T W_o, module after module from the outermost inwards, Eqs. (16), (31)-(33).
+    The equation B tau = Psi^T H + sum_o a_o^T W_o is solved for one module after another, the outermost
+    modules first, Eqs. (16), (31)-(33).
 
     Args:
         robot: The robot.
         q: Positions of the spanning tree, shape (nq,) or (T, nq).
         v: Rates, shape (nv,) or (T, nv), [m/s, rad/s].
         a: Accelerations, shape (nv,) or (T, nv), [m/s^2, rad/s^2].
-        wrenches: For each link a wrench ON it, shape (6,) or (T, 6), [N, N m], in the link's frame at its
-            origin.
-        effects: What is computed: None for gravity, inertia, the legs' inertia and velocity terms; "model"
-            for those and all that the robot's files state; or names and objects (`hybridyn.effects`), and
-            nothing else.
+        wrenches: External wrench on each link, by link name, shape (6,) or (T, 6), [N, N m], in the link's
+            frame at its origin.
+        effects: Effects to compute. None: gravity, inertia, the legs' inertia and velocity terms. "model":
+            these and all effects that the robot's files define. Names and objects (`hybridyn.effects`): only
+            these.
         time: Time of each sample, shape () or (T,), [s], for effects that follow a table.
-        passive: "given": `a` is used as given, and a passive motion that would need an effort is an
-            error; an idle one (a rod's spin, which moves no output and no centre of mass) never is. "solved":
-            only the motors' accelerations (and a prescribed base's) count, the rest follows from zero effort.
-        weights: For each motor w in the sum of w x effort^2 that redundant motors make least, by name or in
-            the order of `robot.motors`; by effort limits where left out.
-        on_singular: "raise", or "least-norm" to go on with the least efforts where motors lose a direction,
-            and with those of the branch that v is on where closures lose rank.
+        passive: "given": use `a` as given; a passive motion that would need an effort is an error, except an
+            idle motion (a rod's spin, which moves no output and no centre of mass). "solved": use only the
+            accelerations of motors and of a prescribed base; compute the others for zero effort.
+        weights: Weight w of each motor, by name or in the order of `robot.motors`. Redundant motors minimise
+            the sum of w x effort^2. If None, weights follow from the effort limits.
+        on_singular: "raise", or "least-norm". The latter uses the least efforts if motors lose a direction,
+            and the efforts on the branch that v belongs to if closures lose rank.
         reactions: Also return the wrenches between modules and in the closures.
 
     Returns:
@@ -100,14 +101,17 @@ def idm(
 
     Raises:
         AssemblyError: The state does not close the loops.
-        SingularityError: The motors lose a direction, or closures lose rank, and `on_singular` is "raise"; no
-            digit of the efforts is left next to lost rank; or a velocity lies on no branch there.
+        SingularityError: The motors lose a direction, or closures lose rank, and `on_singular` is "raise"; or
+            closures are so close to losing rank that the efforts have no correct digit; or a velocity belongs
+            to no branch there.
         ActuationError: A passive motion would need an effort.
-        ModelError: Effects that are unknown, without numbers, or contradict each other.
-        TrajectoryError: Arrays of the wrong shape, or not finite; an unknown link; a table too short.
+        ModelError: Effects are unknown, lack parameters or contradict each other.
+        TrajectoryError: An array has the wrong shape or is not finite, a link is unknown, or a table is too
+            short.
 
     Source:
-        Ibrahim & Khalil (2010), Eqs. (30)-(33); trees of modules, any mobility and number of motors are ours.
+        Ibrahim & Khalil (2010), Eqs. (30)-(33), extended here to trees of modules and to any mobility and
+        number of motors.
     """
     found = inverse_model(
         robot, q, v, a, wrenches=wrenches, effects=effects, time=time, passive=passive, weights=weights,
@@ -125,7 +129,7 @@ def inverse_model(
     effects: Choice = None, time: ArrayLike | None = None, passive: str = "given",
     weights: Mapping[str, float] | Array | None = None, on_singular: str = "raise", reactions: bool = False,
 ) -> InverseResult:  # fmt: skip
-    """Compute what `idm` does, always as a batch, with the closure residuals of the states; see there."""
+    """Compute the result of `idm` as a batch, together with the closure residuals of the states."""
     on = choose(robot, effects)
     q = as_positions(robot, q, base_given=on.base is None)[0]
     v, a = as_batch(v, robot.nv, "v")[0], as_batch(a, robot.nv, "a")[0]
@@ -154,17 +158,17 @@ def inverse_model(
 
 
 def _one_of(name: str, value: str, *allowed: str) -> None:
-    """Refuse a value that is not allowed.
+    """Raise if an argument does not have an allowed value.
 
     Raises:
-        TrajectoryError: With those that are.
+        TrajectoryError: The message lists the allowed values.
     """
     if value not in allowed:
         raise TrajectoryError(f"{name} must be {' or '.join(map(repr, allowed))}, not {value!r}")
 
 
 def _weights(robot: HybridRobot, weights: Mapping[str, float] | Array | None) -> Array | None:
-    """Return weights in the order of the motors.
+    """Return the weights in the order of the motors, shape (motors,), or None.
 
     Raises:
         ActuationError: A weight is missing, unknown or not positive.

@@ -1,7 +1,7 @@
-"""The equations of the inverse model, (30)-(33): the forces that the motion of one module needs.
+"""Equations (30)-(33) of the inverse model: compute the forces that the motion of one module needs.
 
-`backward` runs them from the outermost modules inwards, `inverse_guards` refuses what they do not answer,
-`actuation` shares Q among the motors.
+`backward` applies them to all modules, the outermost first. `inverse_guards` checks the results, and
+`actuation` distributes Q among the motors.
 """
 
 from __future__ import annotations
@@ -22,12 +22,12 @@ class ModuleForces:
 
     Attributes:
         basis: Motions of the module.
-        H: Generalised force along x, shape (T, n): of the legs, then with the outputs' share.
-        Q: The same along each motion, shape (T, N), [N m].
-        F: Wrench of the base on the module, shape (T, 6), base frame: the paper's F_k with the legs' share.
-        legs: H of the legs alone, shape (T, n).
-        F_p: Wrench that each output needs for its own motion, shape (T, 6), its frame.
-        F_e: Wrench of the loads on each output, shape (T, 6), its frame: minus the paper's F_e.
+        H: Generalised force along x, shape (T, n): that of the legs plus that of the outputs.
+        Q: Generalised force along each motion, shape (T, N), [N m].
+        F: Wrench of the base on the module, shape (T, 6), base frame: the paper's F_k plus that of the legs.
+        legs: Part of H that the legs need, shape (T, n).
+        F_p: Wrench that each output needs for its own motion, shape (T, 6), output frame.
+        F_e: Wrench of the loads on each output, shape (T, 6), output frame: minus the paper's F_e.
     """
 
     basis: Basis
@@ -46,8 +46,8 @@ def module_forces(s: ModuleState, loads: Loads, k: int, basis: Basis, received: 
         s: State of the module.
         loads: External wrenches and effects.
         k: Number of the module.
-        basis: Its motions.
-        received: Sum of the F_k of the modules on each output, shape (T, outputs, 6), the output's frame.
+        basis: Motions of the module.
+        received: Sum of F_k of the modules on each output, shape (T, outputs, 6), output frame.
     """
     m = s.mechanism
     F_b, H = loads.on.leg_forces(s)  # Eqs. (54)-(62)

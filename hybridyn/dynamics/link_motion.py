@@ -1,4 +1,4 @@
-"""Where links are and how they move: poses, twists and accelerations in the world."""
+"""Compute poses, twists and accelerations of links in the world."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class LinkMotion:
     Attributes:
         pose: Origin and quaternion x, y, z, qx, qy, qz, qw, shape (T, 7), [m].
         twist: Velocity of the origin, then angular velocity, shape (T, 6), [m/s, rad/s], world axes.
-        acceleration: Their time derivatives (classical), shape (T, 6), [m/s^2, rad/s^2], world axes.
+        acceleration: Time derivative of `twist` (classical), shape (T, 6), [m/s^2, rad/s^2], world axes.
     """
 
     pose: Array
@@ -40,15 +40,15 @@ def kinematics(
         robot: The robot.
         q: Positions, shape (nq,) or (T, nq).
         v: Rates, shape (nv,) or (T, nv).
-        a: Accelerations, shape (nv,) or (T, nv); zero where left out.
-        links: Names of the links; every link where left out.
+        a: Accelerations, shape (nv,) or (T, nv); zero if None.
+        links: Names of the links; all links if None.
 
     Returns:
-        For each link its motion. Values match `pin.forwardKinematics` on `robot.model`
+        Motion of each link, by link name. Values match `pin.forwardKinematics` on `robot.model`
         (LOCAL_WORLD_ALIGNED, classical accelerations).
 
     Raises:
-        TrajectoryError: Arrays of the wrong shape, or not finite; an unknown link.
+        TrajectoryError: An array has the wrong shape or is not finite, or a link is unknown.
     """
     q, single = as_positions(robot, q)
     v = as_batch(v, robot.nv, "v")[0]
@@ -58,10 +58,10 @@ def kinematics(
 
 
 def named_links(robot: HybridRobot, links: Sequence[str] | None) -> Iterable[str]:
-    """Return the links that are asked for: every one for None.
+    """Return the requested links, or all links for None.
 
     Raises:
-        TrajectoryError: An unknown link.
+        TrajectoryError: A link is unknown.
     """
     for link in links or ():
         if link not in robot.bodies.place:
@@ -72,7 +72,14 @@ def named_links(robot: HybridRobot, links: Sequence[str] | None) -> Iterable[str
 def motions_of(
     robot: HybridRobot, bodies: Mapping[int, RigidMotion], links: Iterable[str], single: bool
 ) -> dict[str, LinkMotion]:
-    """Return the motion of links from that of bodies; for a single sample without the axis of samples."""
+    """Compute the motion of links from that of bodies.
+
+    Args:
+        robot: The robot.
+        bodies: Motion of each body, by number.
+        links: Names of the links.
+        single: Whether to drop the axis of samples.
+    """
     out = {}
     for link in links:
         body, R, p = robot.bodies.place[link]
@@ -87,7 +94,10 @@ def motions_of(
 
 
 def link_motions(robot: HybridRobot, q: Array, v: Array, links: Iterable[str]) -> dict[str, RigidMotion]:
-    """Compute the motion of some links in the world at zero accelerations; only modules below are swept."""
+    """Compute the motion of some links in the world at zero accelerations.
+
+    Only the modules between the root and these links are computed.
+    """
     wanted: set[int] = set()
     for link in links:
         k = robot.body_owner[robot.bodies.place[link][0]][0]
@@ -100,14 +110,23 @@ def link_motions(robot: HybridRobot, q: Array, v: Array, links: Iterable[str]) -
 
 
 def observed_motions(robot: HybridRobot, on: Effects, q: Array, v: Array) -> dict[str, RigidMotion]:
-    """Compute the motion in the world of the links that some effect's law needs, at zero accelerations."""
+    """Compute the motion in the world, at zero accelerations, of the links that the effects depend on."""
     return link_motions(robot, q, v, on.observed_links) if on.observed_links else {}
 
 
 def body_motions(
     robot: HybridRobot, q: Array, v: Array, a: Array, modules: Container[int] | None = None
 ) -> dict[int, RigidMotion]:
-    """Compute the motion of every body in the world, or of those of some modules (with all below them)."""
+    """Compute the motion of bodies in the world.
+
+    Args:
+        robot: The robot.
+        q: Positions, shape (T, nq).
+        v: Rates, shape (T, nv).
+        a: Accelerations, shape (T, nv).
+        modules: Numbers of the modules to compute, which must include all modules that carry them; all if
+            None.
+    """
     bodies = {0: _root(robot, q, v, a)}
     for k, module in enumerate(robot.modules):
         if (robot.base == "floating" and k == 0) or (modules is not None and k not in modules):
@@ -122,7 +141,7 @@ def body_motions(
 
 
 def _root(robot: HybridRobot, q: Array, v: Array, a: Array) -> RigidMotion:
-    """Return the motion of the root body in the world, from Pinocchio's local velocities."""
+    """Compute the motion of the root body in the world from its velocity in its own frame."""
     if robot.base == "fixed":
         return RigidMotion.at_rest(len(q))
     R = rotation_from_quaternion(q[:, 3:7])

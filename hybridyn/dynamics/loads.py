@@ -1,4 +1,4 @@
-"""What acts on the robot beside motors and weight, brought to where the recursions take it.
+"""Collect what acts on the robot besides motors and weight, in the form that the recursions need.
 
 These are wrenches on links, efforts of joint laws, and rotors.
 """
@@ -29,11 +29,12 @@ class ModuleLoad:
 
     Attributes:
         outputs: Output number and wrench (T, 6).
-        legs: Body of the tree after the cuts and wrench (T, 6).
-        wrist_links: Body of the spanning tree and wrench (T, 6), for massless links inside cut wrists.
-        wrist_ends: Wrist number and wrench (T, 6), for ends of cut wrists that a closure holds; it is entered
-            on the wrist's target as well.
-        base: Wrenches that a wrist hands straight to the base body, (T, 6).
+        legs: Number of the body in the tree after the cuts, and wrench (T, 6).
+        wrist_links: Number of the body in the spanning tree, and wrench (T, 6), for massless links inside cut
+            wrists.
+        wrist_ends: Wrist number and wrench (T, 6), for ends of cut wrists that a closure fixes to a target.
+            The same wrench is also added to the target.
+        base: Wrenches (T, 6) that wrists with the base body as target transmit to it.
     """
 
     outputs: list[tuple[int, Array]] = field(default_factory=list)
@@ -43,7 +44,7 @@ class ModuleLoad:
     base: list[Array] = field(default_factory=list)
 
     def on_output(self, state: ModuleState, output: int) -> Array:
-        """Return the wrench on an output, shape (T, 6), its own frame: minus the paper's F_e."""
+        """Compute the wrench of the loads on an output, shape (T, 6), output frame: minus the paper's F_e."""
         out = np.zeros_like(state.V)
         for number, wrench in self.outputs:
             if number == output:
@@ -51,7 +52,15 @@ class ModuleLoad:
         return out
 
     def through_wrist(self, state: ModuleState, number: int) -> Array:
-        """Compute the wrench of a cut wrist's links on its target, (T, 6), base axes, at the wrist's end."""
+        """Compute the wrench of a cut wrist's links on the wrist's target.
+
+        Args:
+            state: State of the module.
+            number: Number of the wrist.
+
+        Returns:
+            Shape (T, 6), base axes, at the origin of the wrist's end.
+        """
         m = state.mechanism
         wrist, spanning = m.spec.wrists[number], state.spanning
         out = np.zeros_like(state.V)
@@ -72,7 +81,11 @@ class ModuleLoad:
         return out
 
     def on_legs(self, state: ModuleState) -> tuple[Array, Array]:
-        """Compute the wrench of loads on leg links on the base, (T, 6), and their force along x, (T, n)."""
+        """Compute what the loads on leg links exert on the base and along x.
+
+        Returns:
+            Wrench on the base, shape (T, 6), base frame; generalised force along x, shape (T, n).
+        """
         m = state.mechanism
         base, along = np.zeros_like(state.V), np.zeros((len(state.V), m.tree.nv))
         for wrench in self.base:
@@ -89,14 +102,14 @@ class ModuleLoad:
 
 @dataclass
 class Loads:
-    """All that acts on the robot beside motors and weight.
+    """All that acts on the robot besides motors and weight.
 
     Attributes:
-        modules: One entry per module: external wrenches.
-        root: Wrench on the root body, shape (T, 6), its frame.
+        modules: External wrenches on each module.
+        root: Wrench on the root body, shape (T, 6), root frame.
         on: The effects that are computed.
         joints: Efforts of joint laws on the spanning tree, shape (T, nv), or None.
-        rotors: What rotors add to the diagonal of the inertia, shape (nv,), or None.
+        rotors: Inertia that rotors add to the diagonal of the mass matrix, shape (nv,), or None.
     """
 
     modules: list[ModuleLoad]
@@ -106,7 +119,7 @@ class Loads:
     rotors: Array | None = None
 
     def on_legs(self, k: int, state: ModuleState) -> tuple[Array, Array]:
-        """Compute the wrench of loads on module k on its base, (T, 6), and their force along x, (T, n)."""
+        """Compute what the loads on module k exert on its base and along x, as `ModuleLoad.on_legs`."""
         base, along = self.modules[k].on_legs(state)
         if self.joints is not None:
             passive = np.zeros_like(along)
@@ -115,7 +128,7 @@ class Loads:
         return base, along
 
     def rotor_diagonal(self, state: ModuleState) -> Array | None:
-        """Return what rotors add to the diagonal of a module's inertia along x, shape (n,), or None."""
+        """Return the inertia that rotors add to the diagonal along x, shape (n,), or None."""
         if self.rotors is None:
             return None
         out = np.zeros((1, state.mechanism.tree.nv))
@@ -132,7 +145,7 @@ def all_loads(
     time: Array | None,
     wrenches: Mapping[str, Array] | None,
 ) -> Loads:
-    """Gather wrenches given by the caller, and what the effects add.
+    """Collect the wrenches given by the caller and the loads of the effects.
 
     Args:
         robot: The robot.
@@ -140,10 +153,10 @@ def all_loads(
         q: Positions, shape (T, nq).
         v: Rates, shape (T, nv).
         time: Times, shape (T,), or None.
-        wrenches: As `gather_loads` takes them.
+        wrenches: External wrenches, as for `gather_loads`.
 
     Raises:
-        TrajectoryError: As `gather_loads`; or an effect needs time.
+        TrajectoryError: As in `gather_loads`; or an effect needs time and there is none.
     """
     loads = gather_loads(robot, wrenches, len(q))
     loads.on, loads.joints, loads.rotors = on, on.joint_efforts(robot, q, v), on.rotor_diagonal(robot)
@@ -154,15 +167,15 @@ def all_loads(
 
 
 def gather_loads(robot: HybridRobot, wrenches: Mapping[str, Array] | None, samples: int) -> Loads:
-    """Sort wrenches on links by module and body.
+    """Assign wrenches on links to modules and bodies.
 
     Args:
         robot: The robot.
-        wrenches: For each link a wrench on it, shape (6,) or (samples, 6), in its frame at its origin.
+        wrenches: Wrench on each link, by link name, shape (6,) or (samples, 6), in its frame at its origin.
         samples: Number of samples.
 
     Raises:
-        TrajectoryError: An unknown link, a wrong shape, or a number that is not finite.
+        TrajectoryError: A link is unknown, a shape is wrong, or a number is not finite.
     """
     loads = Loads([ModuleLoad() for _ in robot.modules], np.zeros((samples, 6)))
     _enter(robot, loads, wrenches or {}, samples)
@@ -186,7 +199,7 @@ def _wrench(robot: HybridRobot, link: str, given: Array, samples: int) -> Array:
     """Check a wrench on a link and return it for every sample, shape (samples, 6).
 
     Raises:
-        TrajectoryError: An unknown link, a wrong shape, or a number that is not finite.
+        TrajectoryError: The link is unknown, the shape is wrong, or a number is not finite.
     """
     if link not in robot.bodies.place:
         raise TrajectoryError(f"wrench on unknown link '{link}'{did_you_mean(link, robot.bodies.place)}")
@@ -199,7 +212,7 @@ def _wrench(robot: HybridRobot, link: str, given: Array, samples: int) -> Array:
 
 
 def _place(spec: ModuleSpec, load: ModuleLoad, body: int, wrench: Array) -> None:
-    """Enter a wrench on a body of a module's spanning tree."""
+    """Add a wrench on a body of a module's spanning tree to the loads of the module."""
     for number, wrist in enumerate(spec.wrists):
         if wrist.end == body and not wrist.carries:
             load.wrist_ends.append((number, wrench))

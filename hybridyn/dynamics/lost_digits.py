@@ -1,7 +1,7 @@
-"""Warn where a result has no correct digit, because its terms cancel.
+"""Warn if a result has no correct digit because its terms cancel.
 
-A digit is missed only where the robot would notice: rounding below a millionth of what its weight does is the
-zero that it should be. Without gravity there is nothing to compare with, and nothing is said.
+There is no warning if the rounding is below a millionth of the effect of the robot's weight, since such a
+result counts as zero. Without gravity there is nothing to compare with, and there is no warning.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from ..structure.robot import HybridRobot
 
 #: Rounding of a sum, relative to its largest term.
 NOISE = 8 * float(np.finfo(float).eps)
-#: Part of what weight does below which rounding does no harm.
+#: Rounding below this part of the effect of the robot's weight is harmless.
 HARMLESS = 1e-6
 
 _log = logging.getLogger("hybridyn")
@@ -29,13 +29,13 @@ def robot_weight(robot: HybridRobot) -> float:
 
 
 def warn_of_lost_efforts(module: Module, Q: Array, size: Array, weight: float) -> None:
-    """Log samples at which no digit of a module's efforts is left.
+    """Log a warning for samples at which the efforts of a module have no correct digit.
 
     Args:
         module: The module.
         Q: Generalised force needed along each motion, shape (T, N), [N m].
-        size: Largest term that Q was summed from, shape (T,), [N m].
-        weight: What the robot's weight does at most [N m].
+        size: Largest term in the sum Q, shape (T,), [N m].
+        weight: Largest generalised force that the robot's weight can cause [N m].
     """
     if not module.motors:
         return
@@ -44,13 +44,13 @@ def warn_of_lost_efforts(module: Module, Q: Array, size: Array, weight: float) -
 
 
 def warn_of_lost_accelerations(module: Module, x_ddot: Array, terms: Array, gravity: float) -> None:
-    """Log samples at which no digit of a module's accelerations is left.
+    """Log a warning for samples at which the accelerations of a module have no correct digit.
 
     Args:
         module: The module.
-        x_ddot: Its accelerations, shape (T, n).
-        terms: Largest term that they were summed from, shape (T,), [rad/s^2].
-        gravity: Size of the acceleration of gravity [m/s^2].
+        x_ddot: Accelerations of the module, shape (T, n).
+        terms: Largest term in their sum, shape (T,), [rad/s^2].
+        gravity: Norm of the acceleration of gravity [m/s^2].
     """
     m = module.mechanism
     left = np.abs(x_ddot / m.reduction.col_scale).max(axis=1, initial=0.0)
@@ -58,18 +58,24 @@ def warn_of_lost_accelerations(module: Module, x_ddot: Array, terms: Array, grav
 
 
 def _lost(left: Array, size: Array, natural: float) -> Index:
-    """Return the samples at which a sum is rounding, and one that matters."""
+    """Return the samples at which a sum is rounding, and the rounding is not harmless.
+
+    Args:
+        left: Size of the sum, shape (T,).
+        size: Largest term in the sum, shape (T,).
+        natural: Effect of the robot's weight, in the unit of the sum; 0 without gravity.
+    """
     if natural <= 0.0:
         return np.zeros(0, dtype=int)
     return np.flatnonzero((left <= NOISE * size) & (NOISE * size > HARMLESS * natural))
 
 
 def _warn(module: Module, what: str, lost: Index, size: Array, unit: str) -> None:
-    """Log the worst of the samples, if there are any."""
+    """Log the number of samples and the worst one, if there are any."""
     if len(lost):
         worst = int(lost[np.argmax(size[lost])])
         _log.warning(
-            "module '%s': no digit of its %s is left at %d samples, the worst %d: terms of %.1e %s cancel, "
-            "and their rounding of %.1e %s is all there is. Slow the motion down, or state smaller loads",
+            "module '%s': its %s have no correct digit at %d samples (worst: sample %d): terms of %.1e %s "
+            "cancel, and only their rounding of %.1e %s remains. Slow the motion down, or reduce the loads",
             module.name, what, len(lost), worst, size[worst], unit, NOISE * size[worst], unit,
         )  # fmt: skip

@@ -1,4 +1,7 @@
-"""Motions without inertia: a force on one is refused; where none acts they only make accelerations longer."""
+"""Handle motions without inertia: raise if a force acts on one, else choose least-norm accelerations.
+
+Without a force, the acceleration along such a motion is arbitrary.
+"""
 
 from __future__ import annotations
 
@@ -11,21 +14,21 @@ from ..spatial import Array
 from ..structure.module import Module
 from .inertia_solve import InertiaFactor
 
-#: Part of the largest term that a massless motion may be forced by before it is an error.
+#: Largest force that may act on a motion without inertia, as a part of the largest term.
 FORCED = 1e-9
 
 
-def refuse_forced(module: Module, basis: Basis, left: Array, size: Array) -> None:
-    """Refuse a force on a motion without inertia.
+def check_massless_forces(module: Module, basis: Basis, left: Array, size: Array) -> None:
+    """Raise if a force acts on a motion without inertia.
 
     Args:
         module: The module.
         basis: Its motions.
-        left: What the factor of their inertia left of the forces along them, shape (T, N), [N m].
-        size: Largest term that the forces were summed from, shape (T,), [N m].
+        left: Forces on massless motions (`InertiaFactor.solve`), shape (T, N), [N m].
+        size: Largest term in the sum of these forces, shape (T,), [N m].
 
     Raises:
-        SingularityError: Naming the motion.
+        SingularityError: The message names the motion, the force and the sample.
     """
     force = np.abs(left).max(axis=1, initial=0.0)
     bad = np.flatnonzero(force > FORCED * size)
@@ -36,8 +39,8 @@ def refuse_forced(module: Module, basis: Basis, left: Array, size: Array) -> Non
     name = module.freedom_names()[int(np.argmax(np.abs(motion)))]
     raise SingularityError(
         f"module '{module.name}': the motion of {name} has no inertia, and a force of {force[t]:.3g} N m "
-        f"acts on it at sample {t}: its acceleration is not defined. Give the bodies it moves a mass, or "
-        "drive it by position",
+        f"acts on it at sample {t}: its acceleration is not defined. Give a mass to the bodies that it "
+        "moves, or drive it by position",
         module=module.name,
         what="inertia",
         condition=np.inf,
@@ -45,8 +48,15 @@ def refuse_forced(module: Module, basis: Basis, left: Array, size: Array) -> Non
     )
 
 
-def shorten(module: Module, basis: Basis, inertia: InertiaFactor, u_dot: Array) -> None:
-    """Take motions without inertia out of u_dot, shape (T, N), where they only make it longer, in place."""
+def choose_least_norm(module: Module, basis: Basis, inertia: InertiaFactor, u_dot: Array) -> None:
+    """Choose, in place, the least-norm accelerations along motions without inertia.
+
+    Args:
+        module: The module.
+        basis: Its motions.
+        inertia: Factor of its inertia.
+        u_dot: Independent accelerations, shape (T, N); changed at samples with massless motions.
+    """
     unit = module.mechanism.reduction.col_scale
     for t in np.flatnonzero(inertia.massless):
         Psi = basis.Psi[t] / unit[:, None]

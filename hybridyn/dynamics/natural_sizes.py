@@ -1,7 +1,7 @@
-"""What rounding is measured by where nothing else is left: the robot's weight, size and rates.
+"""Compute reference sizes for rounding from the robot's weight, size and rates.
 
-In free fall, coasting or at rest every term of an effort cancels, and so does every rate; what is left is
-rounding, and no sum tells it from a force or a motion.
+In free fall, in motion without efforts and at rest, all terms of an effort or of a rate cancel. The result is
+rounding. To recognise it as rounding, it is compared with these reference sizes.
 """
 
 from __future__ import annotations
@@ -13,21 +13,21 @@ import numpy as np
 from ..spatial import Array
 from ..structure.robot import HybridRobot
 
-#: Rounding of a force that many terms make, relative to the largest of them and to their number.
+#: Rounding of a sum of forces, relative to its largest term times the number of terms.
 NOISE = 8 * float(np.finfo(float).eps)
-#: Rates and accelerations below this part of the robot's natural ones are rest: ten thousand roundings.
+#: Rates and accelerations below this part of the reference ones count as zero: ten thousand roundings.
 REST = 1e-12
-#: Natural rate of a robot without weight that does not move [rad/s]; lengths and masses do not change it.
-UNHURRIED = 1.0
+#: Smallest reference rate [rad/s], for robots at rest without gravity; it depends on no length or mass.
+SLOWEST = 1.0
 
 
 @dataclass(frozen=True)
 class NaturalSizes:
-    """Sizes of a robot's rates and accelerations at every sample, over its lengths.
+    """Sizes of a robot's rates and accelerations at every sample, divided by the units of its freedoms.
 
     Attributes:
-        speed: Largest rate, shape (T,), [rad/s]. How fast a base travels does not count: an observer may
-            travel along (Galilei).
+        speed: Largest rate, shape (T,), [rad/s]. The linear velocity of the base is excluded (Galilean
+            invariance).
         stated: Largest acceleration, shape (T,), [rad/s^2].
         gravity: Acceleration of gravity [m/s^2].
     """
@@ -38,12 +38,12 @@ class NaturalSizes:
 
     @classmethod
     def of(cls, robot: HybridRobot, v: Array, a: Array | None = None) -> NaturalSizes:
-        """Return a robot's sizes.
+        """Compute the sizes for a motion of a robot.
 
         Args:
             robot: The robot.
             v: Rates, shape (T, nv).
-            a: Accelerations, shape (T, nv), zero where left out.
+            a: Accelerations, shape (T, nv); zero if None.
         """
         relative = np.abs(v / robot.unit)
         if robot.base != "fixed":
@@ -53,32 +53,45 @@ class NaturalSizes:
         return cls(relative.max(axis=1, initial=0.0), stated, gravity)
 
     def rate(self, length: float) -> Array:
-        """Return the rate that rounding of rates is a part of: the largest, or that of a pendulum.
+        """Compute the reference rate for the rounding of rates.
+
+        It is the largest of the robot's rates, the rate of a pendulum and `SLOWEST`.
 
         Args:
-            length: The length [m].
+            length: Length of the pendulum [m].
 
         Returns:
             Shape (T,), [rad/s].
         """
-        out: Array = np.maximum(self.speed, max(np.sqrt(self.gravity / length), UNHURRIED))
+        out: Array = np.maximum(self.speed, max(np.sqrt(self.gravity / length), SLOWEST))
         return out
 
     def acceleration(self, length: float) -> Array:
-        """Return the acceleration that rounding of accelerations is a part of, shape (T,), [rad/s^2]."""
+        """Compute the reference acceleration for the rounding of accelerations.
+
+        Args:
+            length: Length of the pendulum in `rate` [m].
+
+        Returns:
+            Shape (T,), [rad/s^2].
+        """
         out: Array = np.maximum(self.stated, self.rate(length) ** 2)
         return out
 
 
 def force_rounding(robot: HybridRobot, v: Array, a: Array) -> Array:
-    """Return what rounding may leave of forces that cancel, as work per scaled coordinate, shape (T,), [N m].
+    """Compute the rounding that may remain when forces cancel, as work per scaled coordinate.
 
-    All the robot's mass at its size and natural acceleration, once for each freedom.
+    It is the rounding of one term for each freedom. Each term is the torque that gives the robot's mass, at a
+    distance of the robot's size, the reference acceleration.
 
     Args:
         robot: The robot.
         v: Rates, shape (T, nv).
         a: Accelerations, shape (T, nv).
+
+    Returns:
+        Shape (T,), [N m].
     """
     length = robot.bodies.size
     mass = sum(body.mass for body in robot.bodies.bodies)

@@ -1,4 +1,4 @@
-"""Accelerations of joints without a motor, solved for zero effort."""
+"""Compute the accelerations of joints without a motor for zero effort."""
 
 from __future__ import annotations
 
@@ -15,31 +15,34 @@ from .state_checks import check_closed
 
 
 def needs_inertia(on: Effects) -> None:
-    """Refuse a direct model without inertia.
+    """Raise if the effects of a direct model do not include inertia.
 
     Raises:
-        ModelError: There is none.
+        ModelError: The effect "inertia" is missing.
     """
     if on.inertia is None:
         raise ModelError(
-            "the direct model needs the effect 'inertia': without it efforts make no accelerations; the "
-            "inverse model does statics",
+            "the direct model needs the effect 'inertia': without it efforts cause no accelerations. "
+            "For statics use the inverse model",
             element="inertia",
         )
 
 
 def solve_passive(robot: HybridRobot, q: Array, v: Array, a: Array, loads: Loads) -> Array:
-    """Compute accelerations that are those of `a` at motors and moving base, and unforced elsewhere.
+    """Compute accelerations that equal `a` at motors and at a moving base, and need no effort elsewhere.
 
-    The same two sweeps with Psi Z, the prescribed part in the drift, and no motor effort: Z spans what the
-    motors leave free.
+    The recursions are those of the direct model without motor efforts, with two changes: Psi Z replaces Psi,
+    where Z spans the motions with fixed motors, and the drift includes the prescribed accelerations.
 
     Args:
         robot: The robot.
         q: Positions, shape (T, nq).
         v: Rates, shape (T, nv).
         a: Accelerations, shape (T, nv).
-        loads: External wrenches.
+        loads: External wrenches and effects.
+
+    Returns:
+        Accelerations, shape (T, nv).
     """
     needs_inertia(loads.on)
     whole = loads.on.velocity is not None

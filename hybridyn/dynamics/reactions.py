@@ -1,4 +1,4 @@
-"""Wrenches between modules and in the closures."""
+"""Compute the wrenches between modules and in the closures."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from .loads import ModuleLoad
 
 
-#: Part of a unit wrench that does nothing from which on it leaves a component undetermined.
+#: A component of a closure wrench is undetermined if a unit self-stress has more than this part along it.
 UNDETERMINED = 1e-6
 
 
@@ -28,19 +28,21 @@ class Reactions:
     """Internal wrenches, [force; moment] in [N, N m]; leading axis T dropped for a single sample.
 
     Attributes:
-        base: Wrench that the ground exerts ON the root body, shape (T, 6), root frame, at its origin. Zero
-            for a floating base, up to rounding, when the motion obeys the dynamics.
-        modules: For each module by name, the wrench that its base body exerts ON it (the paper's F_k with the
-            legs' share), shape (T, 6), in the base body's frame, at its origin.
-        closures: For each closure by name, the wrench that it exerts ON its successor link (the predecessor
-            gets the opposite), shape (T, 6), in the axes of the predecessor's closure frame as its author
-            placed it, whatever the closure's axis, at the origin of the successor's closure frame; for a
-            coupling, shape (T, 1), the multiplier of its relation as written.
-        unique: For each closure, False where the motion does not determine its wrench, because rows are
-            redundant or lose rank at a sample: then of all wrenches in the module's closures that make the
-            motion, the least are given (norm of moments, and of forces times the module's length).
-        determined: For each closure, which components of its wrench the motion determines all the same, shape
-            (T, 6), or (T, 1) for a coupling: for a planar loop the forces in its plane.
+        base: Wrench that the ground exerts ON the root body, shape (T, 6), root frame, at its origin. For a
+            floating base it is zero, up to rounding, if the motion satisfies the equations of motion.
+        modules: For each module name, the wrench that the base body exerts ON the module (the paper's F_k
+            plus that of the legs), shape (T, 6), in the base body's frame, at its origin.
+        closures: For each closure name, the wrench that the closure exerts ON its successor link, shape
+            (T, 6). The wrench on the predecessor is the opposite. The axes are those of the predecessor's
+            closure frame as placed by the author, for any axis of the closure. The point is the origin of
+            the successor's closure frame. For a coupling: the multiplier of its equation as written, shape
+            (T, 1).
+        unique: For each closure name, False if the motion does not determine the wrench, because rows are
+            redundant or lose rank at a sample. The returned wrenches are then the smallest ones in the
+            module's closures that produce the motion, in the norm of the moments and of the forces times the
+            module's length.
+        determined: For each closure name, True for each component of the wrench that the motion determines,
+            shape (T, 6), or (T, 1) for a coupling. In a planar loop these are the forces in its plane.
     """
 
     base: Array
@@ -51,7 +53,7 @@ class Reactions:
 
     @classmethod
     def empty(cls, samples: int) -> Reactions:
-        """Build reactions that are zero."""
+        """Build reactions with a zero base wrench and without modules and closures."""
         return cls(np.zeros((samples, 6)), {}, {}, {}, {})
 
     def sample(self, t: int) -> Reactions:
@@ -68,11 +70,11 @@ class Reactions:
 def module_reactions(
     result: Reactions, state: ModuleState, load: ModuleLoad, F: Array, force: Array, tau: Array
 ) -> None:
-    """Enter one module's reactions.
+    """Compute the reactions of one module and add them to `result`.
 
     Args:
-        result: What to fill in.
-        state: The module's state.
+        result: Reactions of the robot, changed in place.
+        state: State of the module.
         load: Wrenches on its bodies.
         F: Wrench of the base on the module, shape (T, 6), base frame.
         force: Generalised force that the motion needs along x, shape (T, n).
@@ -100,7 +102,7 @@ def module_reactions(
             free = _each(wrench, free)
             free[:, :3] *= m.length
         elif i < len(m.closures.closures):
-            continue  # a wrist that carries a platform is a joint, not a closure of the author's
+            continue  # a wrist that carries a platform is a joint of the file, not a closure
         else:
             free = free / m.reduction.row_scale[at][:, None]
         result.closures[name] = lam
@@ -109,15 +111,17 @@ def module_reactions(
 
 
 def _multipliers(state: ModuleState, needed: Array) -> tuple[Array, Array]:
-    """Return what a module's rows transmit, and what they may transmit besides without any motion.
+    """Compute the multipliers of a module's closure rows, and a basis of its self-stresses.
+
+    A self-stress is a set of multipliers without effect on the motion.
 
     Args:
-        state: The module's state.
-        needed: Generalised force along x that closures have to give, shape (T, n).
+        state: State of the module.
+        needed: Generalised force along x that the closures must produce, shape (T, n).
 
     Returns:
-        The multipliers, of least norm in the author's rows, shape (T, rows), and an orthonormal basis of
-        those that do nothing, scaled likewise and filled up with zeros, shape (T, rows, k).
+        The multipliers, shape (T, rows), with the least norm in the author's rows; and an orthonormal basis
+        of the self-stresses, scaled like the multipliers and padded with zeros, shape (T, rows, k).
     """
     reduction = state.mechanism.reduction
     rows, rank = len(reduction.row_scale), reduction.rank
@@ -136,7 +140,7 @@ def _multipliers(state: ModuleState, needed: Array) -> tuple[Array, Array]:
 
 
 def _carrying_rows(mechanism: Mechanism) -> Mask:
-    """Say which rows stand for a joint that carries a platform: none of the author's, shape (rows,)."""
+    """Return a mask of the rows that replace a wrist that carries a platform, shape (rows,)."""
     closures = mechanism.closures
     out = np.zeros(closures.rows, dtype=bool)
     for at in closures.row_slices[len(mechanism.spec.closures) : len(closures.closures)]:
@@ -145,13 +149,23 @@ def _carrying_rows(mechanism: Mechanism) -> Mask:
 
 
 def _each(function: Callable[[Array], Array], columns: Array) -> Array:
-    """Apply a function of (T, rows) to every column of (T, rows, k); give (T, 6, k)."""
+    """Apply a function to each column of an array of shape (T, rows, k); return shape (T, 6, k)."""
     parts = [function(columns[:, :, i]) for i in range(columns.shape[2])]
     return np.stack(parts, axis=2) if parts else np.zeros((len(columns), 6, 0))
 
 
 def _closure_wrench(state: ModuleState, cut: TreeClosure, author: TreeClosure, lam: Array) -> Array:
-    """Turn multipliers of a closure's rows into the wrench on the author's successor, shape (T, 6)."""
+    """Compute the wrench on the successor link from the multipliers of a closure's rows.
+
+    Args:
+        state: State of the module.
+        cut: The closure on the tree after the cuts.
+        author: The author's closure on the spanning tree.
+        lam: Multipliers, shape (T, rows of the closure).
+
+    Returns:
+        Shape (T, 6), in the frame of `_wrench_frame`.
+    """
     A, _, B, pb = _frames(state.motion, cut)
     force = np.einsum("tij,tj->ti", A[:, :, cut.translations], lam[:, : len(cut.translations)])
     rest = lam[:, len(cut.translations) :]
@@ -165,14 +179,23 @@ def _closure_wrench(state: ModuleState, cut: TreeClosure, author: TreeClosure, l
         moment = np.einsum("tij,ti->tj", normals, rest)
     A_out, p_out = _wrench_frame(state.spanning, author)
     moment = moment + cross(pb - p_out, force)
-    # A wrist that was cut keeps the author's sense: from its chain's side to the target, or back.
+    # The closure that replaces a wrist may have predecessor and successor exchanged.
     numbers = state.mechanism.cut.bodies
     sign = 1.0 if numbers[cut.body_b] == author.body_b or numbers[cut.body_a] == author.body_a else -1.0
     return sign * np.concatenate([rotate_back(A_out, force), rotate_back(A_out, moment)], axis=-1)
 
 
 def _from_cut_wrists(state: ModuleState, load: ModuleLoad, author: TreeClosure) -> Array:
-    """Compute the wrench of a cut wrist's own links on the author's successor, shape (T, 6)."""
+    """Compute the part of a closure's wrench that is due to loads on the links of a cut wrist.
+
+    Args:
+        state: State of the module.
+        load: Wrenches on its bodies.
+        author: The author's closure.
+
+    Returns:
+        Wrench on the successor link, shape (T, 6), in the frame of `_wrench_frame`.
+    """
     out = np.zeros_like(state.V)
     for number, wrist in enumerate(state.mechanism.spec.wrists):
         if wrist.carries or {wrist.end, wrist.target} != {author.body_a, author.body_b}:
@@ -186,16 +209,16 @@ def _from_cut_wrists(state: ModuleState, load: ModuleLoad, author: TreeClosure) 
 
 
 def _wrench_frame(motion: Motion, author: TreeClosure) -> tuple[Array, Array]:
-    """Return the axes and the origin in the base in which a closure's wrench is expressed.
+    """Return the axes and the origin, in the base frame, in which a closure's wrench is expressed.
 
-    The axes are those of the predecessor's frame as its author placed it (z of frame A is the closure's
-    axis), the origin is the successor's.
+    The axes are those of the predecessor's closure frame as placed by the author. (Frame A differs from it,
+    because z of frame A is the axis of the closure.) The origin is that of the successor's closure frame.
     """
     A, _, _, p = _frames(motion, author)
     return A @ author.turn.T, p
 
 
 def _frames(motion: Motion, c: TreeClosure) -> tuple[Array, Array, Array, Array]:
-    """Return axes and origins of a closure's frames A and B in the base, shapes (T, 3, 3), (T, 3), twice."""
+    """Return axes (T, 3, 3) and origin (T, 3) of a closure's frame A, then of frame B, in the base frame."""
     Ra, Rb = motion.R[:, c.body_a], motion.R[:, c.body_b]
     return Ra @ c.R_a, motion.p[:, c.body_a] + Ra @ c.p_a, Rb @ c.R_b, motion.p[:, c.body_b] + Rb @ c.p_b

@@ -1,4 +1,4 @@
-"""Whether states that the dynamics are handed close the loops: positions, rates, accelerations."""
+"""Check that the positions, rates and accelerations given to the dynamic models close the loops."""
 
 from __future__ import annotations
 
@@ -12,27 +12,27 @@ from ..structure.robot import HybridRobot
 from ..structure.state import ModuleState
 from .natural_sizes import REST, NaturalSizes
 
-#: Positions and rates handed to the dynamics must close the loops to this part of the module's length.
+#: Largest closure residual of given positions and rates, as a part of the module's length.
 STATE_CLOSED = 1e-6
 
 
 def check_closed(
     robot: HybridRobot, states: list[ModuleState], q: Array, v: Array, a: Array | None = None
 ) -> Array:
-    """Check that states close the loops to `STATE_CLOSED` (more where the file itself is rounded).
+    """Check that states close the loops to `STATE_CLOSED`, or less precisely if the file itself is rounded.
 
     Args:
         robot: The robot.
-        states: Its modules' states.
+        states: States of its modules.
         q: Positions, shape (T, nq).
         v: Rates, shape (T, nv).
-        a: Accelerations, shape (T, nv), where they are checked as well.
+        a: Accelerations, shape (T, nv), or None to skip their check.
 
     Returns:
-        The worst closure residual of each sample, as `closure_residual` computes it, shape (T,).
+        Largest closure residual of each sample, as computed by `closure_residual`, shape (T,).
 
     Raises:
-        AssemblyError: Naming module, closure and sample.
+        AssemblyError: The message names module, closure and sample.
     """
     natural, worst = NaturalSizes.of(robot, v, a), np.zeros(len(q))
     for state in states:
@@ -43,24 +43,27 @@ def check_closed(
         qk = q[:, state.module.q_index]
         open_by = np.abs(m.residual(qk, state.spanning))
         worst = np.maximum(worst, open_by.max(axis=1))
-        _refuse(state.module, open_by, np.full(len(q), slack), "positions", "open")
+        _check_limit(state.module, open_by, np.full(len(q), slack), "positions", "open")
         first, second = m.closures.rates(state.motion, state.v, state.a)
         scale, unit = m.reduction.row_scale, m.reduction.col_scale
         speed = np.abs(state.v / unit).max(axis=1, initial=0.0)
         limit = np.maximum(slack * speed, REST * natural.rate(m.length))
-        _refuse(state.module, np.abs(first * scale), limit, "rates", "opening")
+        _check_limit(state.module, np.abs(first * scale), limit, "rates", "opening")
         if a is not None:
             size = np.abs(state.a / unit).max(axis=1, initial=0.0) + speed**2
             limit = np.maximum(slack * size, REST * natural.acceleration(m.length))
-            _refuse(state.module, np.abs(second * scale), limit, "accelerations", "accelerating apart")
+            _check_limit(state.module, np.abs(second * scale), limit, "accelerations", "accelerating apart")
         _check_wrists(state, slack, natural, a is not None)
     return worst
 
 
 def _check_wrists(state: ModuleState, slack: float, natural: NaturalSizes, accelerations: bool) -> None:
-    """Refuse rates and accelerations of cut wrists whose ends miss their targets.
+    """Raise if the rates or accelerations of a cut wrist's end differ from those of its target.
 
-    In gimbal lock the joints cannot follow, and the wrist is excused.
+    Wrists in gimbal lock are not checked, because their joints cannot follow every motion of the target.
+
+    Raises:
+        AssemblyError: The message names module and sample.
     """
     m, s = state.mechanism, state.spanning
     welded = [i for i, wrist in enumerate(m.spec.wrists) if not wrist.carries]
@@ -82,21 +85,28 @@ def _check_wrists(state: ModuleState, slack: float, natural: NaturalSizes, accel
         size = np.maximum(np.abs(state.a / unit).max(axis=1, initial=0.0), np.abs(s.w_dot).max(axis=(1, 2)))
         limit = np.maximum(slack * (size + speed**2), REST * natural.acceleration(m.length))
         misses.append(("accelerations", "accelerating apart", apart, w_dot, limit))
-    unknown = m.wrists.near_gimbal_lock(s)  # there its rates do not determine the platform's
+    unknown = m.wrists.near_gimbal_lock(s)  # there the wrist does not determine the rates of the platform
     for what, how, linear, angular, limit in misses:
         miss = np.abs(np.concatenate([linear / m.length, angular], axis=-1))
         miss[unknown] = 0.0
         for t, i in np.argwhere((miss > limit[:, None, None]).any(axis=-1)):
             if is_locked(m.wrists.jacobian(s.take(np.array([t])), welded[i]))[0]:
                 miss[t, i] = 0.0
-        _refuse(state.module, miss.reshape(len(miss), 6 * len(welded)), limit, what, how)
+        _check_limit(state.module, miss.reshape(len(miss), 6 * len(welded)), limit, what, how)
 
 
-def _refuse(module: Module, value: Array, limit: Array, what: str, how: str) -> None:
-    """Refuse values, shape (T, rows), above their sample's limit, shape (T,); the worst is named.
+def _check_limit(module: Module, value: Array, limit: Array, what: str, how: str) -> None:
+    """Raise if a residual exceeds the limit of its sample.
+
+    Args:
+        module: The module.
+        value: Absolute residuals, shape (T, rows).
+        limit: Limit of each sample, shape (T,).
+        what: Name of the quantity.
+        how: Verb for the residual in the message.
 
     Raises:
-        AssemblyError: One is.
+        AssemblyError: The message names the residual that exceeds its limit and is the largest.
     """
     excess = np.where(value > limit[:, None], value, 0.0)
     if not excess.any():

@@ -38,7 +38,7 @@ def test_no_digit_is_left(place: str, answer: str) -> None:
     judge = Judge(description, q)
     robot, tau = build_robot(description), np.ones(len(description.motors))
     a = judge.accelerations(tau).astype(float)
-    with pytest.raises(SingularityError, match="no digit of its efforts is left at sample 0") as caught:
+    with pytest.raises(SingularityError, match="its efforts have no correct digit at sample 0") as caught:
         idm(robot, q, judge.v, a, on_singular=answer)
     assert caught.value.what == "closures"
 
