@@ -65,8 +65,8 @@ def check_motor_map(module: Module, pivot: Array) -> None:
     raise _singularity(
         module, "motors", t, condition,
         f"its motors lose a direction at sample {t} (parallel singularity), and their accelerations alone do "
-        f"not determine the motion there (condition number {condition:.1e} together with the efforts, limit "
-        f"{1 / SINGULAR_ACCELERATION_MAP:.0e}). Give all accelerations, passive=\"given\", or move the "
+        f"not determine the motion there (squared condition number {condition:.1e}, limit "
+        f"{1 / SINGULAR_ACCELERATION_MAP:.0e}). Give all accelerations and passive=\"given\", or move the "
         "trajectory away",
     )  # fmt: skip
 

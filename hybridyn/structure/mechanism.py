@@ -217,7 +217,7 @@ class Mechanism:
 
         Args:
             K: Closure rows, shape (T, rows, n).
-            gamma: Drift term of the rows, shape (T, rows); zero where left out.
+            gamma: Drift term of the rows, shape (T, rows); zero if None.
         """
         return self.reduction.basis(K, np.zeros(K.shape[:2]) if gamma is None else gamma)
 
