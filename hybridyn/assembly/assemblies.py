@@ -49,7 +49,7 @@ class Assemblies:
         counts: Number of starts that led to each, shape (n,); for stacked modules, the smallest number of
             its modules.
         residual: Closure residual of each, relative to its module's length, shape (n,).
-        within_limits: Whether each keeps every joint within its position limits, shape (n,).
+        within_limits: Whether all joints of each posture are within their position limits, shape (n,).
         starts: Number of random starts per module.
         unseen: Estimated probability that one more start finds another posture (Good and Turing: the share of
             the starts whose posture no other start found). If it is above 0, use more starts.

@@ -113,7 +113,7 @@ def module_request(
         requests: The requests for the whole robot.
         robot: The robot.
         number: Index of the module.
-        base_body: Index of the body it stands on.
+        base_body: Index of its base body.
         bodies: Motions of the bodies assembled so far, in the root body.
 
     Raises:

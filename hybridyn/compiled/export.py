@@ -89,10 +89,10 @@ def export(
 
 
 def _check_replaceable(path: Path) -> None:
-    """Check that no file stands at a path but one that hybridyn wrote.
+    """Check that a path is free or has a file that hybridyn wrote.
 
     Raises:
-        ModelError: Another file stands there.
+        ModelError: Another file is at this path.
     """
     if path.exists() and WRITTEN not in path.read_text(encoding="utf-8", errors="replace"):
         raise ModelError(f"'{path}' exists and was not written by hybridyn: name another folder")

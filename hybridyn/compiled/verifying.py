@@ -88,7 +88,7 @@ def verify(library: Built, robot: HybridRobot, effects: Effects) -> None:
 
 
 def _reason(robot: HybridRobot) -> str:
-    """Return the reason why no sample can be trusted if it lies in the robot itself, else an empty text."""
+    """Return why no sample can be trusted if the robot itself is the reason, else an empty text."""
     for module in robot.modules:
         if module.mechanism.reduction.rounded:
             dropped = module.mechanism.reduction.report.dropped

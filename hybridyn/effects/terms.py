@@ -27,7 +27,7 @@ class Gravity:
     name: ClassVar[str] = "gravity"
 
     def carried(self, robot: HybridRobot, q: Array) -> Array:
-        """Return g in the axes of the body that the first modules stand on, shape (T, 3)."""
+        """Return g in the axes of the base of the first modules, shape (T, 3)."""
         g = np.tile(robot.gravity, (len(q), 1))
         return rotate_back(rotation_from_quaternion(q[:, 3:7]), g) if robot.base == "moving" else g
 

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from importlib import import_module
 from typing import Any
 
-#: What BLAS libraries read when they are loaded.
+#: Environment variables that BLAS libraries read when they are loaded.
 VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 
@@ -17,7 +17,7 @@ VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 def one_thread() -> Iterator[None]:
     """Keep BLAS to one thread inside a `with` block, or inside a function with `@one_thread()`.
 
-    What the program around us has chosen holds again afterwards.
+    Afterwards the numbers of threads are those that the calling program had set.
     """
     controller = _controller()
     if controller is None:

@@ -103,8 +103,8 @@ def branch_of(
         return None
     if s[strong] <= AT_ONCE * s[0] and np.abs(limits @ direction).max() > ASTRAY * size[0]:
         raise SingularityError(
-            f"module '{name}': its closures lose rank here, and the velocity lies on none of the branches "
-            "that meet: no motion goes on with it. Give it the velocity of one branch",
+            f"module '{name}': its closures lose rank here, and the velocity is on none of the branches "
+            "that meet there, so no motion can continue with it. Give it the velocity of one branch",
             module=name, what="closures", condition=float(s[0] / s[rank - 1]) if s[rank - 1] > 0 else np.inf,
         )  # fmt: skip
     return Branch(

@@ -205,8 +205,8 @@ class _Part:
     def _ambiguous(self) -> AmbiguousBranchError:
         name = self.looped.module.name
         return AmbiguousBranchError(
-            f"module '{name}': its closures lose rank (constraint singularity) so near that the branch it "
-            "moves on cannot be told from the others that meet there",
+            f"module '{name}': its closures lose rank (constraint singularity) so near that its branch "
+            "cannot be distinguished from the others that meet there",
             module=name,
         )
 

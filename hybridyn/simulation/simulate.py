@@ -170,7 +170,7 @@ def _times(times: Sequence[float] | Array, name: str) -> Array:
 def _check_projected_rates(manifold: Manifold, given: Array, v: Array) -> None:
     """Check that projection left the initial rates unchanged.
 
-    Next to lost rank, rates may keep the loops closed to first order and still be on none of the branches.
+    If closures lose rank nearby, rates may close the loops to first order without being on any branch.
 
     Raises:
         SingularityError: Projection changed them.
@@ -178,8 +178,8 @@ def _check_projected_rates(manifold: Manifold, given: Array, v: Array) -> None:
     change, size = (float(np.abs(x / manifold.unit).max(initial=0.0)) for x in (v - given, given))
     if change > MOST_RATE_CHANGE * size:
         raise SingularityError(
-            f"v0 is {change / size:.2g} of itself away from what the loops allow: closures lose rank next to "
-            "q0, and these rates are on none of the branches that meet there. Take them from "
+            f"v0 differs by {change / size:.2g} of its size from rates that the loops allow: closures lose "
+            "rank next to q0, and these rates are on none of the branches that meet there. Take them from "
             'hybridyn.assemble, or pass initial_velocity="project"',
             what="closures", condition=np.inf,
         )  # fmt: skip

@@ -101,8 +101,8 @@ class System:
         manifold: The manifold of assembled postures.
         law: The accelerations.
         bound: Whether every stage is assembled; if not, closures drift within a step.
-        guarded: Whether stages are assembled all the same where closures are close to losing rank, since
-            drift there leads to another branch.
+        guarded: Whether stages are assembled, even if `bound` is False, when closures are close to losing
+            rank, because drift leads to another branch there.
         baumgarte: Rate of Baumgarte's stabilisation [1/s], or None.
     """
 

@@ -38,7 +38,7 @@ class Body:
 
     @property
     def massless(self) -> bool:
-        """True where the body has neither mass nor inertia."""
+        """Whether the body has neither mass nor inertia."""
         return self.mass == 0.0 and not self.inertia.any()
 
     def add(self, link: Link, R: Array, p: Array) -> None:

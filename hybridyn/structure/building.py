@@ -183,7 +183,7 @@ class ModuleBuilder:
 
 
 def _leg_name(links: list[str]) -> str:
-    """Return the common prefix of the names of a leg's links, or the first link if there is none."""
+    """Return the common prefix of the names of a leg's links, or the first name if it is too short."""
     first = links[0]
     common = next(
         (first[:n] for n in range(len(first), 0, -1) if all(x.startswith(first[:n]) for x in links)), ""

@@ -15,9 +15,9 @@ from ..description.records import Joint
 from ..spatial import Array
 from .robot import HybridRobot
 
-#: A speed or an effort exceeds its limit by more than this part of the limit; a motion may touch the limit.
+#: A speed or an effort may exceed its limit by this part of the limit, so that a motion may touch the limit.
 TOUCHING = 1e-9
-#: A position exceeds its limit by more than this part of the joint's range, because files are rounded.
+#: A position may exceed its limit by this part of the joint's range, because files are rounded.
 ROUNDED = 1e-6
 UNITS = {"position": ("m", "rad"), "speed": ("m/s", "rad/s"), "effort": ("N", "N m")}
 #: Largest number of departures that are listed one by one.

@@ -32,7 +32,7 @@ from .scaling import freedom_units, leg_by_leg, module_length, row_factors
 from .wrist_motion import WristMotion
 
 #: A freedom is locked if it moves no more than this when its module moves by one (rad, module lengths). The
-#: limit is ten thousand times the rounding of a double.
+#: limit is about 5e4 times the machine epsilon.
 STILL = 1e-11
 #: Largest number of freedoms for `LegModel`; larger modules use `LongLegs`. Pinocchio's `Data` grows with the
 #: cube of the number: 20 MB here.
@@ -152,7 +152,7 @@ class Mechanism:
 
     @property
     def mobility(self) -> int:
-        """The paper's N_k."""
+        """Mobility of the module, the paper's N_k."""
         return self.reduction.mobility
 
     @cached_property

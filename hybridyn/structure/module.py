@@ -52,7 +52,7 @@ class Module:
 
     @property
     def mobility(self) -> int:
-        """The paper's N_k."""
+        """Mobility of the module, the paper's N_k."""
         return self.mechanism.mobility
 
     @property

@@ -27,7 +27,7 @@ class WristSpec:
     Attributes:
         joints: Joints of the chain.
         end: Body at the end of the chain.
-        target: Body to which the closure fixes the end.
+        target: Body to which the end is fixed (`Wrist.target`).
         R: Axes of the end in the target, shape (3, 3).
         p: Origin of the end in the target, shape (3,), [m].
         carries: True if the end is a platform.

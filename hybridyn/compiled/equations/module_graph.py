@@ -31,7 +31,7 @@ class WrittenModule:
 
 @dataclass(frozen=True)
 class BaseMotion:
-    """Motion of the body that a module stands on, as symbols, or as constants for a base at rest.
+    """Motion of the base of a module, as symbols, or as constants for a base at rest.
 
     Attributes:
         V: Twist, shape (6,), own frame.

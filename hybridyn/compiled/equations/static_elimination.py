@@ -1,7 +1,7 @@
 """Gaussian elimination in expressions, with pivots that are chosen once at generic postures.
 
-Pivots are chosen for their size at all these postures but nearly singular ones, then for sparsity. At run
-time the smallest pivot relative to its usual size tells how far the choice can be trusted.
+Pivots are chosen by their size at these postures, except nearly singular ones, and then by sparsity. At run
+time the smallest pivot relative to its usual size is a measure of how far the choice can be trusted.
 """
 
 from __future__ import annotations

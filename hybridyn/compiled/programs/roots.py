@@ -1,4 +1,4 @@
-"""The base that the first modules stand on: fixed, floating, or with a prescribed motion."""
+"""Base of the first modules: fixed, floating, or with a prescribed motion."""
 
 from __future__ import annotations
 
