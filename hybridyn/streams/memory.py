@@ -11,8 +11,8 @@ _TRIM_THRESHOLD, _MMAP_THRESHOLD = -1, -3  # glibc's names for mallopt
 def keep_freed_memory() -> None:
     """Make the C library keep freed memory for the next array instead of returning it to the system.
 
-    By default glibc maps new memory for each large array, and half the time of a table is spent on page faults. With
-    other C libraries this function does nothing.
+    By default glibc maps new memory for each large array, and half the time of a table is spent on page
+    faults. With other C libraries this function does nothing.
     """
     if not sys.platform.startswith("linux"):
         return

@@ -1,4 +1,4 @@
-"""Worker processes for the blocks of a table: newly started (not forked), fed through pipes, ended with this process.
+"""Worker processes for the blocks of a table: newly started, fed through pipes, ended with this process.
 
 Each is a new Python interpreter: no process with threads or with Pinocchio's memory is forked, and no signal
 reaches both (this process handles Ctrl-C and ends the workers). If this process dies for whatever reason, the
