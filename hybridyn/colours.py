@@ -1,8 +1,8 @@
-"""The colours of modules, the same in figures, drawings and the 3-D page, and of what is marked in them."""
+"""Colours of modules and of markings, shared by figures, drawings and the 3-D page."""
 
 from __future__ import annotations
 
-#: One colour after the other; robots with more modules than colours begin again.
+#: Colours of the modules in order, repeated for robots with more modules than colours.
 MODULES = (
     "#3b7dd8", "#e8743b", "#2a9d8f", "#b5489c", "#7a9e2e",
     "#d1495b", "#6f5fc6", "#00a5c8", "#b8862b", "#5b7083",

@@ -82,7 +82,7 @@ def _at_home(module: Module, robot: HybridRobot, open_by: float) -> list[str]:
 
 
 def singular_at_home(module: Module, robot: HybridRobot) -> str:
-    """Describe what loses rank at the home posture; an empty text if nothing does.
+    """Describe what loses rank at the home posture, or return an empty text if nothing does.
 
     Args:
         module: The module.
@@ -119,9 +119,10 @@ def motor_share(module: Module, Psi: Array) -> Array | None:
 
 
 def architecturally_singular(module: Module) -> str:
-    """Describe an architectural singularity: motors lose a direction in every posture. Else an empty text.
+    """Describe an architectural singularity, or return an empty text if there is none.
 
-    An example is six legs between similar hexagons: one motion of the platform never changes their lengths.
+    At such a singularity, motors lose a direction in every posture. An example is six legs between similar
+    hexagons: one motion of the platform never changes their lengths.
 
     Args:
         module: The module.

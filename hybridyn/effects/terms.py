@@ -51,8 +51,8 @@ class Inertia:
 class LegInertia:
     """Mass and weight of the legs: H, F_b by RNEA, [[S1, D^T], [D, A]] by CRBA.
 
-    Without it legs are massless (the platform-only model). Legs are all bodies but platforms, links of serial
-    joints, and links on which another module stands. Source: Ibrahim & Khalil (2010), appendices A to C.
+    Without it legs are massless (the platform-only model). Legs are all bodies except platforms, links of
+    serial joints, and links that carry another module. Source: Ibrahim & Khalil (2010), appendices A to C.
     """
 
     name: ClassVar[str] = "leg_inertia"
@@ -74,9 +74,10 @@ class LegInertia:
 class VelocityTerms:
     """Centrifugal, Coriolis and gyroscopic forces of legs and platforms.
 
-    Off, twists and rates are zero in the inertial forces of legs and platforms only: H = D V_dot + A q_ddot
-    and F_p = I V_dot. The drift of the closures and crm(V_o) v_o stay, else loops would open. Energy is not
-    conserved then. Source: Eq. (30), second term, and h, p of Eqs. (71)-(73).
+    Without this effect, twists and rates are zero in the inertial forces of legs and platforms, and only
+    there: H = D V_dot + A q_ddot and F_p = I V_dot. The drift of the closures and crm(V_o) v_o remain, since
+    the loops would open otherwise. Energy is then not conserved. Source: Eq. (30), second term, and h, p of
+    Eqs. (71)-(73).
     """
 
     name: ClassVar[str] = "velocity"

@@ -1,4 +1,4 @@
-"""One thread for small matrices: from fifty columns on BLAS starts several, which wait for each other."""
+"""Limit BLAS to one thread: from fifty columns on it starts several, which mostly wait for each other."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def one_thread() -> Iterator[None]:
 def start_none() -> None:
     """Let BLAS libraries that are not loaded yet start no threads, unless the environment says how many.
 
-    Where NumPy is yet to be imported this spares the import of threadpoolctl and the threads themselves.
+    If NumPy is not imported yet, this avoids the import of threadpoolctl and the threads.
     """
     for name in VARIABLES:
         os.environ.setdefault(name, "1")

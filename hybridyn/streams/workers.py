@@ -1,7 +1,7 @@
 """Worker processes for the blocks of a table: newly started, fed through pipes, ended with this process.
 
 Each is a new Python interpreter: no process with threads or with Pinocchio's memory is forked, and no signal
-reaches both (this process handles Ctrl-C and ends the workers). If this process dies for whatever reason, the
+reaches both (this process handles Ctrl-C and ends the workers). If this process dies for any reason, the
 workers find their pipe closed and end.
 """
 

@@ -1,7 +1,7 @@
 """Cut one graph of expressions into stages that run at different times.
 
-A model is written as one graph, but some of its inputs are known only at a later stage. Each stage passes the
-intermediate results that later stages need on to them. So nothing is computed twice.
+A model is written as one graph, but some of its inputs are known only at a later stage. Each stage passes
+the intermediate results to later stages that need them, so that nothing is computed twice.
 """
 
 from __future__ import annotations
