@@ -16,7 +16,7 @@ import numpy as np
 
 from ..assembly.free_motions import are_idle
 from ..dynamics.actuation import SINGULAR_MOTOR_MAP
-from ..dynamics.lost_rank import refuse_lost_rank
+from ..dynamics.lost_rank import check_closure_rank
 from ..errors import SingularityError
 from ..linkage.elimination import back_substitute, pivot_ratio, pivoted_qr
 from ..linkage.reduction import Basis
@@ -76,7 +76,7 @@ def module_motions(
     module, m = s.module, s.mechanism
     gamma = None if v is None else m.closures.rates(m.tree.sweep(s.q, s.v), s.v)[1]
     basis = m.basis(s.K, gamma)
-    refuse_lost_rank(module, basis)
+    check_closure_rank(module, basis)
     unit = m.reduction.col_scale
     Q = np.linalg.qr(basis.Psi / unit[:, None])[0]
     P, Z = _right_inverse(s, spanning_rates(s, Q * unit[:, None]), freedoms, u)
