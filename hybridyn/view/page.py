@@ -151,7 +151,7 @@ class Page:
                 label, run.begin, max(run.end, run.begin + step), step, run.begin
             )
             self._speed = gui.add_dropdown("speed", SPEEDS, initial_value="1x")
-            self._again = gui.add_checkbox("again and again", True)
+            self._repeat = gui.add_checkbox("repeat", True)
         self._button.on_click(lambda event: self._request("play", not self.playing))
         on_slide(self._time, lambda value: self._request("time", value))
 
@@ -217,7 +217,7 @@ class Page:
         speed = float(self._speed.value.removesuffix("x")) * (1.0 if self.run.timed else 10.0)
         at = self._time.value + (now - self._clock) * speed
         self._clock = now
-        if at >= self.run.end and not self._again.value:
+        if at >= self.run.end and not self._repeat.value:
             self._frame(self.run.end)
             self._set_playing(False)
             return

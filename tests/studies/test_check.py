@@ -1,4 +1,4 @@
-"""`hybridyn check`: one wrong robot per finding, the same robot without it when it is mended."""
+"""`hybridyn check`: one wrong robot per finding, and sound robots without findings."""
 
 from __future__ import annotations
 
@@ -267,7 +267,7 @@ def test_a_sound_robot_has_no_findings(name: str, tmp_path: Path) -> None:
 
 
 def test_a_sound_four_bar_has_only_its_spare_rows(tmp_path: Path) -> None:
-    """Cranks of 1 m upright on a base of 1.5 m; of its hinge's five rows a plane needs two."""
+    """Upright cranks of 1 m on a base of 1.5 m: a planar loop needs two of the hinge's five rows."""
     turns = ("1.5707963267948966", "-1.5707963267948966")
     tree = TREE.replace("0 0 0.4", f"0 0 {turns[0]}")
     tree = tree.replace(
@@ -305,7 +305,7 @@ def test_a_line_is_that_of_the_element(tmp_path: Path) -> None:
 
 
 def test_of_xacro_the_line_is_that_of_the_macro(tmp_path: Path) -> None:
-    """The link that `name="${side}_arm"` writes is found there, in the file that is included."""
+    """The line of the link `name="${side}_arm"` is that in the included file."""
     (tmp_path / "part.xacro").write_text(
         '<robot xmlns:xacro="http://www.ros.org/wiki/xacro">\n'
         '<xacro:macro name="part" params="side">\n'
@@ -326,10 +326,10 @@ def test_of_xacro_the_line_is_that_of_the_macro(tmp_path: Path) -> None:
     assert finding.line == 3
 
 
-def test_equal_modules_are_told_once() -> None:
-    """The third and the fourth module of the LX4 have the numbers of the second."""
-    told = [f for f in hybridyn.check("lx4", motors=["m1_leg1_slide"]) if f.code == "motors-missing"]
-    assert [finding.element for finding in told] == [f"module 'm{k}_platform'" for k in (1, 2)]
+def test_equal_modules_are_reported_once() -> None:
+    """The third and the fourth module of the LX4 are equal to the second."""
+    missing = [f for f in hybridyn.check("lx4", motors=["m1_leg1_slide"]) if f.code == "motors-missing"]
+    assert [finding.element for finding in missing] == [f"module 'm{k}_platform'" for k in (1, 2)]
 
 
 @pytest.mark.parametrize(
@@ -337,18 +337,18 @@ def test_equal_modules_are_told_once() -> None:
     [(1.2e3 * 0.3, "kg mm^2"), (3.2e4 * 0.3, "g mm^2"), (1e2 * 0.3, "kg cm^2"), (3, "about a point")],
 )
 def test_the_unit_of_an_inertia_is_guessed(ratio: float, unit: str) -> None:
-    """A radius of gyration goes with the root of the inertia; 0.3 of the shape's size is usual."""
+    """A radius of gyration grows with the root of the inertia; 0.3 of the shape's size is usual."""
     assert unit in unit_guess(ratio)
 
 
-def test_a_tensor_in_g_mm2_is_told(tmp_path: Path) -> None:
+def test_a_tensor_in_g_mm2_is_recognised(tmp_path: Path) -> None:
     """A cube of 2 kg and 0.2 m: m a^2 / 6 = 0.0133 kg m^2 = 1.33e7 g mm^2."""
     (finding,) = found(tmp_path, arm(inside=boxed(2, 0.2**2 * 2 / 6 * 1e9)))
     assert finding.code == "inertia-too-large"
     assert "g mm^2" in finding.mend
 
 
-def test_all_duplicated_names_are_told_at_once(tmp_path: Path) -> None:
+def test_all_duplicated_names_are_reported_at_once(tmp_path: Path) -> None:
     text = arm(link("arm"), joint("turn", "base", "base"), link("base"))
     findings = found(tmp_path, text)
     assert [f.element for f in findings] == ["link 'arm'", "link 'base'", "joint 'turn'"]

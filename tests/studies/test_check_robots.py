@@ -1,4 +1,4 @@
-"""`hybridyn check` on the shipped robots and on robots of others, and as a command."""
+"""`hybridyn check` on the shipped robots, on robots of other projects, and as a command."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ OTHERS = sorted(str(path) for path in robots_of_others() if path.suffix in (".ur
 SAMPLE = ("ur5_robot", "panda", "romeo_laas_small", "pr2", "double_pendulum", "quadrotor_base", "baxter")
 MUTATIONS = 300  # 9,000 were run once
 KNOWN = {"stewart_ur5": {"inertia-too-large", "unused-link"}, "five_bar": {"redundant-closures"}}
-"""What is true of the shipped robots: the UR5 has placeholders, the five-bar's hinge closes a plane."""
+"""Findings of the shipped robots: the UR5 has placeholders, and a hinge closes the five-bar's planar loop."""
 
 
 @pytest.mark.parametrize("name", main_names())
@@ -32,12 +32,12 @@ def test_shipped_robots_have_no_errors(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", [n for n, robot in shipped_robots().items() if robot.is_benchmark])
-def test_benchmark_mechanisms_are_judged(name: str) -> None:
+def test_benchmark_mechanisms_are_checked(name: str) -> None:
     assert all(finding.code in CODES for finding in hybridyn.check(name))
 
 
-def judged(file: str) -> None:
-    """Every finding of a robot of others is complete."""
+def check_findings(file: str) -> None:
+    """Check that every finding of a robot is complete."""
     for finding in hybridyn.check(file):
         assert finding.code in CODES
         assert finding.message
@@ -48,13 +48,13 @@ def judged(file: str) -> None:
     "file", [f for f in OTHERS if Path(f).name.partition(".")[0] in SAMPLE], ids=lambda f: Path(f).name
 )
 def test_robots_of_others(file: str) -> None:
-    judged(file)
+    check_findings(file)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("file", OTHERS, ids=lambda file: "/".join(Path(file).parts[-2:]))
 def test_all_robots_of_others(file: str) -> None:
-    judged(file)
+    check_findings(file)
 
 
 def test_no_mutation_of_a_file_ends_in_a_traceback(tmp_path: Path) -> None:
@@ -76,8 +76,8 @@ def test_the_arm_with_placeholders_is_known() -> None:
     """The UR5's three wrist links carry the inertia of a link three times their size."""
     needs("view", "trimesh")
     (file,) = [file for file in OTHERS if file.endswith("/ur5_robot.urdf")]
-    told = [finding.element for finding in hybridyn.check(file) if finding.code == "inertia-too-large"]
-    assert told == ["link 'wrist_1_link'", "link 'wrist_2_link'", "link 'wrist_3_link'"]
+    found = [finding.element for finding in hybridyn.check(file) if finding.code == "inertia-too-large"]
+    assert found == ["link 'wrist_1_link'", "link 'wrist_2_link'", "link 'wrist_3_link'"]
 
 
 WRONG, DOUBTFUL, FINE = arm(inside=boxed(2, -0.02)), arm(inside=boxed(500, 2.0)), arm(inside=boxed(2, 0.02))
@@ -137,7 +137,7 @@ def test_many_findings_of_a_kind_are_shortened(tmp_path: Path, capsys: pytest.Ca
     assert short.splitlines()[-1] == full.splitlines()[-1] == f"{path}: 20 notes"
 
 
-def test_a_misspelt_code_is_told(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_misspelt_code_gets_a_hint(capsys: pytest.CaptureFixture[str]) -> None:
     said = call(capsys, "check", "five_bar", "--ignore", "to-dense")
     assert (said.status, said.err.count("\n")) == (2, 1)
     assert "did you mean 'too-dense'" in said.err

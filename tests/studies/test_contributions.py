@@ -58,7 +58,7 @@ def test_a_sufficient_set_stays_within(worth: Worth) -> None:
 
 
 def test_compiled_models_give_the_same() -> None:
-    """The legs carry all mass of the five-bar: without theirs nothing resists, and no model is checked."""
+    """All mass of the five-bar is in its legs: without leg inertia no direct model can verify the others."""
     description = shipped("five_bar")
     robot = build_robot(description)
     q, v, a = states_near_home(description, "fixed", 0, 5)
@@ -82,7 +82,7 @@ CART_POLE = """<robot name="cart_pole"><link name="rail"/><link name="cart"><ine
 
 
 def test_compiled_models_too_say_what_a_passive_motion_needs(tmp_path: Path) -> None:
-    """The pole swings by gravity, inertia and velocity together; legs there are none."""
+    """Gravity, inertia and velocity together determine the pole's motion; the robot has no legs."""
     (tmp_path / "cart_pole.urdf").write_text(CART_POLE)
     robot = hybridyn.load(tmp_path / "cart_pole.urdf", motors=["slide"])
     rng = np.random.default_rng(3)
@@ -125,7 +125,7 @@ def test_the_command(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.Mon
 
 
 def test_errors_name_the_sample_of_the_motion(monkeypatch: pytest.MonkeyPatch) -> None:
-    """However it is cut into blocks."""
+    """The sample number does not depend on the blocks."""
     description = shipped("five_bar")
     robot = build_robot(description)
     q, v, a = states_near_home(description, "fixed", 0, 5)

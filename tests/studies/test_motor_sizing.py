@@ -1,4 +1,4 @@
-"""What a motion asks of the motors, against closed forms: a mass on a slide, a pendulum, a closed cycle."""
+"""Motor loads over a motion, against closed forms: a mass on a slide, a pendulum, a closed cycle."""
 
 from __future__ import annotations
 
@@ -174,7 +174,7 @@ def test_the_cloud_is_thinned_evenly(tmp_path: Path) -> None:
 
 
 def test_power_is_what_the_energy_gains(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Over the five-bar's closed cycle without friction the motors give what they take."""
+    """Over the five-bar's closed cycle without friction, the motors deliver the energy that they absorb."""
     report = tmp_path / "report.csv"
     said = call(capsys, "size", "five_bar", "--effects", "default", "-o", report)
     assert said.status == 0
@@ -260,7 +260,7 @@ def test_limits_near_the_motion_are_drawn_on_figure_and_page(tmp_path: Path) -> 
 
 
 @pytest.mark.parametrize(
-    ("words", "told"),
+    ("words", "message"),
     [
         (["-o", "report.txt"], "must end in .csv or .json"),
         (["--plot", "cloud.jpeg"], "must end in .png, .svg, .pdf, .html"),
@@ -268,7 +268,7 @@ def test_limits_near_the_motion_are_drawn_on_figure_and_page(tmp_path: Path) -> 
         (["--effects", "frction"], "there is no effect 'frction'"),
     ],
 )
-def test_wrong_words_are_one_line(words: list[str], told: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_wrong_words_are_one_line(words: list[str], message: str, capsys: pytest.CaptureFixture[str]) -> None:
     said = call(capsys, "size", "five_bar", *words)
     assert (said.status, said.err.count("\n")) == (2, 1)
-    assert told in said.err
+    assert message in said.err

@@ -1,4 +1,4 @@
-"""Workspaces: a five-bar's against its annuli, a slide's against its limits, maps against virtual work."""
+"""Workspaces: a five-bar against its annuli, a slide against its limits, efforts against virtual work."""
 
 from __future__ import annotations
 
@@ -162,14 +162,14 @@ def test_other_coordinates_can_be_swept_and_held() -> None:
 
 
 def test_the_lattice_is_symmetric_where_the_robot_is() -> None:
-    """The five-bar is its own mirror image in x, its tool apart: it moves the efforts, not the reach."""
+    """The five-bar is symmetric in x except for its tool, which changes the efforts but not the reach."""
     found = workspace(hybridyn.load("five_bar"), link="m1_tool", steps={"x": 0.04, "z": 0.04})
     points = {tuple(index) for index in found.index.tolist()}
     assert {(-i, k) for i, k in points} == points
 
 
 def test_no_step_changes_the_branch() -> None:
-    """Asked to go where only the other elbow would do, a step is refused."""
+    """A step to a pose that only the other assembly branch reaches is rejected."""
     robot = hybridyn.load("five_bar")
     sweep = find_sweep(robot, None, "m1_tool", None, robot.home)
     inner = robot.home[robot.modules[0].q_index]

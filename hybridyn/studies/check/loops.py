@@ -161,7 +161,7 @@ class _ModuleCheck:
             yield self._about(
                 "idle-motion",
                 f"the motion of {_named(free.idle)} moves no platform and no centre of mass",
-                "a rod between two balls spins freely; hybridyn takes its least rate and raises no error",
+                "a rod between two balls spins freely; hybridyn uses its smallest rate and raises no error",
                 "nothing to do; a universal joint in place of one ball removes the motion",
             )
 
@@ -225,8 +225,8 @@ class _ModuleCheck:
         if share is not None and usual is not None and share[0] < SINGULAR_POSTURE <= np.median(usual):
             yield self._about(
                 "singular-parallel",
-                f"it can still move at the home posture when its motors are locked (share of the motors "
-                f"{share[0]:.1e})",
+                f"it can still move at the home posture when its motors are locked (the motors' share of "
+                f"that motion is {share[0]:.1e})",
                 "efforts grow without bound there",
                 "choose another home posture, away from this one",
             )

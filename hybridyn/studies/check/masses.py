@@ -183,5 +183,5 @@ def _ratio(subject: Subject) -> Iterator[Finding]:
         small.name,
         f"has {small.mass:.3g} kg, while link '{large.name}' has {large.mass:.3g} kg",
         "solutions lose digits, and one of the two is probably in another unit",
-        "write masses in kg; give a link that stands for a frame no mass at all",
+        "write masses in kg; omit the mass of a link that is only a frame",
     )

@@ -107,7 +107,7 @@ def check_meshes(subject: Subject) -> Iterator[Finding]:
                 link,
                 f"mesh '{shape.mesh}' {'is missing' if missing else shape.wrong}{again}",
                 "the link is not drawn, and its mass cannot be compared with its shape",
-                "put the file there, or name the folder of its package with --package-dir"
+                "add the file, or name the folder of its package with --package-dir"
                 if missing
                 else "export it again as STL, DAE or OBJ",
                 shape.line,

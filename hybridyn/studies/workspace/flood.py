@@ -37,7 +37,7 @@ def in_this_process(function: Callable[..., Any], tasks: Iterable[tuple[Any, ...
 
 @dataclass(frozen=True)
 class Work:
-    """The computations on chunks of postures. It is pickled once for each other process.
+    """The computations on chunks of postures. Pickled once for each other process.
 
     Attributes:
         closing: Steps from poses to neighbouring ones.

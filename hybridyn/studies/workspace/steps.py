@@ -52,7 +52,7 @@ class JointLimits:
 
 
 class Closing:
-    """Closes the loops of a module at poses near known postures. It is pickled for other processes."""
+    """Closes the loops of a module at poses near known postures. Pickled for other processes."""
 
     def __init__(self, robot: HybridRobot, sweep: Sweep, limits: bool) -> None:
         self.robot, self.sweep = robot, sweep
