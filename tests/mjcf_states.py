@@ -30,6 +30,10 @@ class Pair:
     def __init__(self, file: Path) -> None:
         self.description = read(file)
         self.robot = build_robot(replace(self.description, closures=(), couplings=()))
+        if hasattr(mujoco, "MjLogConfig"):  # or it writes a file where the tests run
+            quiet = mujoco.MjLogConfig.get()
+            quiet.logto_file = False
+            quiet.set()
         self.model = mujoco.MjModel.from_xml_path(str(file))
         self.model.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
         self.data = mujoco.MjData(self.model)

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import importlib
 import re
 import warnings
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -138,8 +140,7 @@ def compile_text(document: Document, meshes: dict[str, bytes]) -> Compiled:
     text, places = document.text()
     refusals = (ValueError, TypeError, mujoco.FatalError)
     try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # its remarks on numerics; hybridyn makes its own
+        with _silent(mujoco):
             spec = mujoco.MjSpec.from_string(text, assets=meshes)
             spec.compiler.fusestatic = False
             spec.compiler.LRopt.mode = mujoco.mjtLRMode.mjLRMODE_NONE  # simulates muscles, for long
@@ -149,6 +150,23 @@ def compile_text(document: Document, meshes: dict[str, bytes]) -> Compiled:
     compiled = Compiled(mujoco, spec, model, file, places)
     _refuse_unbounded(compiled)
     return compiled
+
+
+@contextlib.contextmanager
+def _silent(mujoco: Any) -> Iterator[None]:
+    """Keep MuJoCo's remarks on numerics from the console and from a file in the working directory."""
+    settings = getattr(mujoco, "MjLogConfig", None)
+    if settings is not None:
+        before, quiet = settings.get(), settings.get()
+        quiet.logto_console = quiet.logto_file = False
+        quiet.set()
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            yield
+    finally:
+        if settings is not None:
+            before.set()
 
 
 def _module(file: str) -> Any:

@@ -117,6 +117,7 @@ class Document:
 
     def _include(self, node: Node, number: int) -> list[tuple[etree._Element, int]]:
         """Put the elements of a file in place of `<include>`, and return the includes among them."""
+        node.xml.attrib.pop(FILE, "")  # its number is known
         node.only(["file"], [])
         name = node.text("file")
         content, path = self._read(node, name, number)

@@ -1,0 +1,125 @@
+"""Files that an MJCF file names: includes and meshes, read only from the robot's folders."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hybridyn.description import read
+from hybridyn.errors import ModelError
+from tests.extras import needs
+from tests.mjcf_texts import BAR, HEAD, mjcf
+
+mujoco = needs("mjcf")
+
+LINK = '<body name="{0}"><joint name="j{0}"/>' + BAR.format(x=0.1, m=1) + "{1}</body>"
+PART = "<mujocoinclude>\n\n{}\n</mujocoinclude>"
+TETRAHEDRON = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
+SHAPE = '<body name="a"><joint name="j"/><geom type="mesh" mesh="part"/>{}</body>'
+ASSET = '<asset><mesh name="part" file="part.obj"/></asset>'
+
+
+def save(file: Path, content: str) -> Path:
+    file.parent.mkdir(parents=True, exist_ok=True)
+    file.write_text(content)
+    return file
+
+
+def test_includes_stand_where_they_are_named(tmp_path: Path) -> None:
+    save(tmp_path / "parts" / "b.xml", PART.format(LINK.format("b", '<include file="c.xml"/>')))
+    save(tmp_path / "parts" / "c.xml", PART.format(LINK.format("c", "")))
+    file = save(tmp_path / "robot.xml", mjcf(world=LINK.format("a", '<include file="parts/b.xml"/>')))
+    found = read(file)
+    assert [link.name for link in found.links] == ["world", "a", "b", "c"]
+    assert [link.line is None for link in found.links] == [True, False, True, True]
+    m = mujoco.MjModel.from_xml_path(str(file))
+    assert [m.body(number).name for number in range(m.nbody)] == ["world", "a", "b", "c"]
+
+
+def test_an_error_in_an_included_file_names_that_file(tmp_path: Path) -> None:
+    part = save(
+        tmp_path / "b.xml", PART.format('<body name="b"><joint axis="0 0 0"/><geom size="1"/></body>')
+    )
+    file = save(tmp_path / "robot.xml", mjcf(world='<include file="b.xml"/>'))
+    with pytest.raises(ModelError, match="axis too small") as caught:
+        read(file)
+    assert os.path.samefile(str(caught.value.file), part)
+    assert caught.value.line == 3
+
+
+@pytest.mark.parametrize(
+    ("files", "message"),
+    [
+        ({}, "file 'b.xml' cannot be read: No such file"),
+        ({"b.xml": PART.format('<include file="b.xml"/>')}, "included twice"),
+        ({"b.xml": "<robot/>"}, "instead of <mujocoinclude>"),
+        ({"b.xml": "<mujocoinclude>"}, "not well-formed"),
+        ({"b.xml": '<!DOCTYPE a [<!ENTITY b "c">]><mujocoinclude/>'}, "DOCTYPE is not allowed"),
+    ],
+)
+def test_includes_that_are_refused(files: dict[str, str], message: str, tmp_path: Path) -> None:
+    for name, content in files.items():
+        save(tmp_path / name, content)
+    file = save(tmp_path / "robot.xml", mjcf(world='<include file="b.xml"/>' + LINK.format("a", "")))
+    with pytest.raises(ModelError, match=message):
+        read(file)
+
+
+def test_files_outside_the_folders_of_the_robot(tmp_path: Path) -> None:
+    outside = save(tmp_path / "elsewhere" / "b.xml", PART.format(LINK.format("b", "")))
+    named = mjcf(world=f'<include file="{outside}"/>')
+    file = save(tmp_path / "robot" / "robot.xml", named)
+    with pytest.raises(ModelError, match="is outside the robot's folders"):
+        read(file)
+    assert read(file, package_dirs=[outside.parent]).joints
+    save(tmp_path / "robot" / ".hidden.xml", PART.format(LINK.format("b", "")))
+    save(file, mjcf(world='<include file=".hidden.xml"/>'))
+    with pytest.raises(ModelError, match="is hidden"):
+        read(file)
+
+
+def test_a_robot_in_a_folder_of_files_reads_the_meshes_beside_it(tmp_path: Path) -> None:
+    save(tmp_path / "meshes" / "part.obj", TETRAHEDRON)
+    head = HEAD.replace("<compiler", '<compiler meshdir="../meshes"')
+    file = save(tmp_path / "mjcf" / "robot.xml", mjcf(ASSET, world=SHAPE.format(""), head=head))
+    found, m = read(file), mujoco.MjModel.from_xml_path(str(file))
+    (link,) = (link for link in found.links if link.name == "a")
+    assert link.mass == m.body_mass[1]
+    np.testing.assert_allclose(link.com, m.body_ipos[1], atol=1e-15)
+    np.testing.assert_allclose(
+        sorted(np.linalg.eigvalsh(link.inertia)), sorted(m.body_inertia[1]), rtol=1e-12
+    )
+
+
+def test_meshes_are_not_read_where_inertia_is_stated(tmp_path: Path) -> None:
+    """Neither a missing nor a broken mesh matters, nor textures, terrains and skins."""
+    visuals = (
+        '<asset><texture name="t" type="2d" file="none.png"/><material name="m" texture="t"/>'
+        '<hfield name="h" file="none.png" size="1 1 1 1"/><mesh file="part.obj" scale="2 2 2"/></asset>'
+    )
+    world = SHAPE.format(BAR.format(x=0.1, m=1)).replace("<geom", '<geom material="m"')
+    world = '<geom type="hfield" hfield="h"/><geom type="plane" size="1 1 1" material="m"/>' + world
+    file = save(tmp_path / "robot.xml", mjcf(visuals, world=world))
+    assert [link.mass for link in read(file).links] == [0, 1]
+    save(tmp_path / "part.obj", "nonsense")
+    assert [link.mass for link in read(file).links] == [0, 1]
+
+
+@pytest.mark.parametrize(
+    ("asset", "message"),
+    [
+        (ASSET, "mesh 'part.obj' cannot be read: No such file.*body 'a'.*<inertial>"),
+        (ASSET.replace("part.obj", "../part.obj"), "is outside the robot's folders.*body 'a'"),
+        (ASSET.replace("part.obj", "part.dae"), "is none of .stl, .obj, .msh.*body 'a'"),
+        (ASSET.replace("part.obj", "broken.obj"), "MuJoCo: "),
+    ],
+)
+def test_meshes_that_are_needed_must_be_there(asset: str, message: str, tmp_path: Path) -> None:
+    save(tmp_path / "part.obj", TETRAHEDRON)
+    save(tmp_path / "robot" / "broken.obj", "nonsense")
+    file = save(tmp_path / "robot" / "robot.xml", mjcf(asset, world=SHAPE.format("")))
+    with pytest.raises(ModelError, match=message):
+        read(file)

@@ -1,0 +1,147 @@
+"""What hybridyn cannot say of an MJCF file is refused by name, with file, line and the mend."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import pytest
+
+from hybridyn.description import read
+from hybridyn.errors import ModelError
+from tests.extras import needs
+from tests.mjcf_texts import BAR, FLOATING, HEAD, loops, mjcf
+
+mujoco = needs("mjcf")
+
+BALL = '<body name="a"><joint name="j" type="ball" {}/>' + BAR.format(x=0.1, m=1) + "</body>"
+HINGE = '<body name="a" {1}><joint name="j" {0}/>' + BAR.format(x=0.1, m=1) + '<site name="s"/></body>'
+TENDON = '<tendon><fixed name="t" {}><joint joint="j" coef="1"/></fixed></tendon>'
+CABLE = '<tendon><spatial name="t"><site site="s"/><site site="g"/></spatial></tendon>'
+GROUND = '<site name="g" pos="0 0 2"/>'
+
+
+def hinge(joint: str = "", body: str = "") -> str:
+    return GROUND + HINGE.format(joint, body)
+
+
+MANY = '<replicate count="1000">'
+THRUSTER = '<actuator><motor name="m" site="s"/></actuator>'
+
+CASES = {
+    "higher order": (
+        loops('<joint name="x" joint1="a1" joint2="c1" polycoef="0 1 2 0 0"/>'),
+        "equality 'x': polycoef of order 2",
+    ),
+    "couples nothing": (loops('<joint name="x" joint1="a1" joint2="a1" polycoef="0 1 0 0 0"/>'), "."),
+    "cable equality": (
+        mjcf(CABLE, '<equality><tendon name="x" tendon1="t"/></equality>', world=hinge()),
+        "tendon 't' is spatial",
+    ),
+    "disabled": (
+        loops('<weld name="x" body1="a" body2="b"/>').replace("<flag ", '<flag equality="disable" '),
+        'remove equality="disable"',
+    ),
+    "tendon spring": (mjcf(TENDON.format('stiffness="2"'), world=hinge()), "tendon 't': stiffness"),
+    "tendon damping": (mjcf(TENDON.format('damping="2"'), world=hinge()), "tendon 't': damping"),
+    "tendon friction": (mjcf(TENDON.format('frictionloss="2"'), world=hinge()), "tendon 't': frictionloss"),
+    "ball spring": (mjcf(world=BALL.format('stiffness="1"')), "joint 'j': a spring"),
+    "ball armature": (mjcf(world=BALL.format('armature="1"')), "joint 'j': armature"),
+    "ball friction": (mjcf(world=BALL.format('frictionloss="1"')), "joint 'j': frictionloss"),
+    "ball motor": (
+        mjcf('<actuator><motor name="m" joint="j" gear="1 0 0"/></actuator>', world=BALL.format("")),
+        "'m' drives joint 'j', which has several",
+    ),
+    "thruster": (mjcf(THRUSTER, world=hinge()), "actuator 'm' drives no joint"),
+    "cable motor": (
+        mjcf(CABLE, '<actuator><motor name="m" tendon="t"/></actuator>', world=hinge()),
+        "actuator 'm' pulls a tendon",
+    ),
+    "gravcomp": (mjcf(world=hinge(body='gravcomp="1"')), "body 'a': gravcomp"),
+    "mocap": (mjcf(world=hinge() + '<body name="m" mocap="true"/>'), "body 'm': a mocap body"),
+    "fluid": (mjcf(world=hinge(), head='<option density="1.2"/>'), "<option density>"),
+    "free damping": (
+        mjcf(world=FLOATING.replace("<freejoint", '<joint type="free" damping="1"')),
+        "joint 'free': damping of a free joint",
+    ),
+    "plugin": (mjcf('<extension><plugin plugin="x"/></extension>', world=hinge()), "a plugin"),
+    "flex": (
+        mjcf(world=hinge() + '<body name="c"><flexcomp name="f" type="grid" count="3 3 1"/></body>'),
+        "a deformable body",
+    ),
+    "attach": (
+        mjcf(world=hinge() + '<body name="c"><attach model="x" prefix="p"/></body>'),
+        "a model of another file",
+    ),
+    "nan": (mjcf(world=hinge('pos="0 nan 1"')), "attribute 'pos': 'nan' is not a finite number"),
+    "infinite": (mjcf(world=hinge('ref="inf"')), "attribute 'ref': 'inf' is not a finite number"),
+    "huge": (mjcf(world=hinge('pos="0 1e200 1"')), "too large"),
+    "many": (
+        mjcf(world=f"{MANY * 2}<body>{BAR.format(x=0, m=1)}</body></replicate></replicate>"),
+        "replicas make more than",
+    ),
+    "no mass": (
+        mjcf(world='<body name="a"><joint name="j"/></body>'),
+        "element 'a': MuJoCo: mass and inertia.*give every moving body",
+    ),
+    "misspelt": (mjcf(world=hinge('dumping="1"')), "MuJoCo: .*unrecognized attribute: 'dumping'"),
+    "two names": (mjcf(world=hinge() + HINGE.format('name2=""', "").replace("name2", "margin")), "MuJoCo: "),
+}
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_refused_by_name(name: str, tmp_path: Path) -> None:
+    content, message = CASES[name]
+    file = tmp_path / "robot.xml"
+    file.write_text(content)
+    if name == "couples nothing":  # the joint to itself: MuJoCo's version decides whether it compiles
+        with pytest.raises(ModelError):
+            read(file)
+        return
+    with pytest.raises(ModelError, match=message) as caught:
+        read(file)
+    assert caught.value.file == str(file)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_refused_actuator_can_be_overruled(tmp_path: Path) -> None:
+    file = tmp_path / "robot.xml"
+    file.write_text(CASES["thruster"][0])
+    assert read(file, motors=["j"]).motors == ("j",)
+
+
+@pytest.mark.parametrize(
+    ("joint", "message"),
+    [('damping="1 2"', "damping that depends"), ('stiffness="1 2"', "stiffness that depends")],
+)
+def test_forces_of_higher_order(joint: str, message: str, tmp_path: Path) -> None:
+    file = tmp_path / "robot.xml"
+    file.write_text(mjcf(world=hinge(joint)))
+    with pytest.raises(ModelError, match=f"joint 'j': {message}|bad format|MuJoCo"):
+        read(file)
+
+
+def test_lines_are_those_of_the_file(tmp_path: Path) -> None:
+    file = tmp_path / "robot.xml"
+    content = mjcf(
+        world=HINGE.format('axis="0 0 0"', ""), head=HEAD + "\n<!-- a comment\n of two lines -->\n"
+    )
+    file.write_text(content)
+    with pytest.raises(ModelError, match="axis too small") as caught:
+        read(file)
+    assert caught.value.line == content[: content.index("<joint")].count("\n") + 1
+
+
+def test_without_mujoco_the_extra_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    file = tmp_path / "robot.xml"
+    file.write_text(mjcf(world=hinge()))
+    monkeypatch.setitem(sys.modules, "mujoco", None)
+    with pytest.raises(ModelError, match=r"needs the package mujoco; .*'\.\[mjcf\]'"):
+        read(file)
+
+
+def test_a_part_of_a_file_is_told(tmp_path: Path) -> None:
+    file = tmp_path / "robot.xml"
+    file.write_text("<mujocoinclude><body/></mujocoinclude>")
+    with pytest.raises(ModelError, match="name the file that includes it"):
+        read(file)
