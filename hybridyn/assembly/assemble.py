@@ -69,11 +69,35 @@ def assemble(
         SingularityError: The joints cannot follow the motion, as a platform's where a leg is stretched.
         TrajectoryError: A name is unknown, a shape is wrong, or a number is not finite.
     """
-    requests = gather_requests(robot, _by_name(motors), _by_name(platforms))
-    T = requests.samples
+    requests = gather_requests(robot, by_name(motors), by_name(platforms))
+    q, v, a = assemble_requests(robot, requests, first_guess(robot, guess))
+    return (q[0], v[0], a[0]) if requests.single else (q, v, a)
+
+
+def first_guess(robot: HybridRobot, guess: Array | None) -> Array:
+    """Return the initial posture, shape (nq,); the home posture by default.
+
+    Raises:
+        AssemblyError: It has a wrong size.
+    """
     guess = robot.home if guess is None else np.asarray(guess, dtype=float).reshape(-1)
     if guess.shape != (robot.nq,):
         raise AssemblyError(f"guess has {guess.size} entries, the robot's q has {robot.nq}")
+    return guess
+
+
+def assemble_requests(robot: HybridRobot, requests: Requests, guess: Array) -> tuple[Array, Array, Array]:
+    """Compute the postures of `assemble` from checked requests.
+
+    Args:
+        robot: The robot.
+        requests: Requests for T samples.
+        guess: Initial posture, shape (nq,).
+
+    Returns:
+        q, v, a on the spanning tree, shapes (T, nq), (T, nv), (T, nv).
+    """
+    T = requests.samples
     q, v, a = np.tile(guess, (T, 1)), np.zeros((T, robot.nv)), np.zeros((T, robot.nv))
     place_base(robot, requests, q, v, a)
     bodies = {0: RigidMotion.at_rest(T)}
@@ -89,10 +113,10 @@ def assemble(
         for i, joint in enumerate(module.joints):
             body = robot.body_of_joint[joint]
             bodies[body] = bodies[base_body].then(RigidMotion.of_body(motion, i + 1))
-    return (q[0], v[0], a[0]) if requests.single else (q, v, a)
+    return q, v, a
 
 
-def _by_name(wanted: Mapping[str, object] | None) -> Mapping[str, object]:
+def by_name(wanted: Mapping[str, object] | None) -> Mapping[str, object]:
     """Return a mapping from name to value of a mapping or a table with named columns (a DataFrame)."""
     columns = getattr(wanted, "columns", None)
     if wanted is None or columns is None:

@@ -32,6 +32,11 @@ class PoseRequest:
     motion: RigidMotion | None
     coordinates: dict[str, Array]
 
+    def part(self, start: int, stop: int) -> PoseRequest:
+        """Return the pose at some consecutive samples."""
+        coordinates = {name: x[:, start:stop] for name, x in self.coordinates.items()}
+        return PoseRequest(self.link, self.other, _part(self.motion, start, stop), coordinates)
+
 
 @dataclass(frozen=True)
 class Requests:
@@ -52,6 +57,22 @@ class Requests:
     poses: tuple[PoseRequest, ...]
     base: RigidMotion | None
     base_quaternion: Array | None
+
+    def part(self, start: int, stop: int) -> Requests:
+        """Return the requests for some consecutive samples."""
+        return Requests(
+            stop - start,
+            False,
+            {name: x[:, start:stop] for name, x in self.joints.items()},
+            tuple(pose.part(start, stop) for pose in self.poses),
+            _part(self.base, start, stop),
+            None if self.base_quaternion is None else self.base_quaternion[start:stop],
+        )
+
+
+def _part(motion: RigidMotion | None, start: int, stop: int) -> RigidMotion | None:
+    """Return a motion at some consecutive samples."""
+    return None if motion is None else RigidMotion(*(x[start:stop] for x in motion.arrays))
 
 
 def gather_requests(

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..assembly.assemble import by_name, first_guess
+from ..assembly.requests import gather_requests
 from ..dynamics.direct import ddm
 from ..dynamics.inverse import idm
 from ..dynamics.link_motion import LinkMotion, motions_of, named_links
@@ -22,6 +24,7 @@ from .library.cache import Built, cached
 from .library.calls import REFUSED, Library, Numbers
 from .library.compilers import best_lanes
 from .programs.body_rows import body_motion, body_rows
+from .programs.closing.assembling import Assembler
 from .programs.sources import robot_key, source_of, write_programs
 
 if TYPE_CHECKING:
@@ -52,6 +55,7 @@ class CompiledRobot:
         self.robot, self.effects, self.threads = robot, effects, threads
         self.library, self.dtype = library, library.dtype
         self.recomputed = 0
+        self._assembler = Assembler(robot)
         self._idm, self._ddm = library.programs["idm"], library.programs["ddm"]
         self._moving = robot.base == "moving"
         self._still = np.zeros(6, self.dtype)
@@ -108,6 +112,36 @@ class CompiledRobot:
         if self._moving or base_acceleration is not None:
             given["base_acceleration"] = self._base(base_acceleration, np.shape(q)[:-1])
         return self._run("ddm", given)
+
+    def assemble(
+        self,
+        *,
+        motors: Mapping[str, object] | None = None,
+        platforms: Mapping[str, object] | None = None,
+        guess: Array | None = None,
+    ) -> tuple[Array, Array, Array]:
+        """Compute postures that close all loops, like `hybridyn.assemble`, row after row in C.
+
+        Newton's method starts from the row before; a row counts only if the step agrees with its prediction
+        as the general path demands of a motion on one assembly branch. The general path computes other rows.
+        The first call with a new choice of given motors and platforms builds a program for it, which is kept.
+
+        Args:
+            motors: As in `hybridyn.assemble`.
+            platforms: As in `hybridyn.assemble`.
+            guess: Initial posture, shape (nq,), such as the last one; the home posture by default.
+
+        Returns:
+            q, v, a as `hybridyn.assemble` returns them, equal up to rounding, in double precision.
+
+        Raises:
+            HybridynError: The same errors with the same messages as `hybridyn.assemble`.
+        """
+        requests = gather_requests(self.robot, by_name(motors), by_name(platforms))
+        before = self._assembler.recomputed
+        q, v, a = self._assembler.assemble(requests, first_guess(self.robot, guess))
+        self.recomputed += self._assembler.recomputed - before
+        return (q[0], v[0], a[0]) if requests.single else (q, v, a)
 
     def accelerations(self, q: Array, v: Array, tau: Array, base: Array) -> Array | None:
         """Compute accelerations for `simulate`, whose states are closed and whose efforts are within limits.

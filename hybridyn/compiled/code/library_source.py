@@ -36,12 +36,13 @@ class Source:
         return hashlib.sha256("\0".join(self.units).encode()).hexdigest()
 
 
-def library_source(programs: list[Program], scalar: Scalar) -> Source:
+def library_source(programs: list[Program], scalar: Scalar, more: str = "") -> Source:
     """Generate the sources of programs.
 
     Args:
         programs: The programs, with unique names.
         scalar: Number type and lanes; with several lanes, single calls spread copies over them.
+        more: C that calls the programs.
     """
     bodies: dict[str, str] = {}
     names: dict[str, list[str]] = {}
@@ -54,7 +55,7 @@ def library_source(programs: list[Program], scalar: Scalar) -> Source:
             name = f"k{hashlib.sha256(text.encode()).hexdigest()[:12]}"
             bodies[name] = text
             names[program.name].append(name)
-    units = [*_kernel_units(bodies, scalar), _driver_unit(programs, names, bodies, scalar)]
+    units = [*_kernel_units(bodies, scalar), _driver_unit(programs, names, bodies, scalar, more)]
     about = {
         "number": scalar.name,
         "lanes": scalar.lanes,
@@ -98,7 +99,7 @@ def _kernel_units(bodies: dict[str, str], scalar: Scalar) -> list[str]:
 
 
 def _driver_unit(
-    programs: list[Program], names: dict[str, list[str]], bodies: dict[str, str], scalar: Scalar
+    programs: list[Program], names: dict[str, list[str]], bodies: dict[str, str], scalar: Scalar, more: str
 ) -> str:
     """Return the file with the drivers and tables."""
     tables = Tables()
@@ -111,6 +112,8 @@ def _driver_unit(
             drivers.append(_single(program))
     if steps_in_c(programs, scalar):
         drivers.append(_steps(programs))
+    if more:
+        drivers.append(more)
     return "\n\n".join([driver_prelude(bodies, scalar), tables.text, *drivers]) + "\n"
 
 

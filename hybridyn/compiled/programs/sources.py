@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     from ..program import Program
 
 
-def robot_key(robot: HybridRobot, effects: Effects) -> str:
-    """Return a hash of everything that the models of a robot depend on."""
+def robot_key(robot: HybridRobot, effects: Effects | None) -> str:
+    """Return a hash of everything that the models of a robot depend on; without effects, its kinematics."""
     facts = (
         robot.description, robot.base, robot.gravity, robot.motors, robot.home, robot.closure_tolerance,
         robot.rank_tolerance, sorted(robot.held), robot.payloads, effects,

@@ -1,0 +1,150 @@
+/* Rows of a table closed one after the other on the branch of the row before, as `assembly.follow` does it.
+   Needs NQ, NP, NV, NG, NR, MODULES, the constants of `closing_source`, KINDS (the kind of each prescribed
+   position, then -1), and the single calls of "newton", "settle" and "branch". */
+#define TURN (S)6.283185307179586
+typedef struct {
+    S q[NQ], p[NP], step[MODULES], wrist[MODULES], open[MODULES];
+} Moved;
+typedef struct {
+    S q[NQ], p[NP], v[NV], a[NV], step[MODULES], open[MODULES];
+} Closed;
+typedef struct {
+    S off[MODULES], turned[MODULES];
+} Branch;
+
+static S largest_of(const S *x, int n) {
+    S out = 0;
+    for (int i = 0; i < n; i++)
+        if (!(x[i] <= out)) out = x[i];
+    return out;
+}
+
+/* Newton's method from (q, p) to the given positions; the first step goes to `first`. 0 where it closes. */
+static int closed(const S *q, const S *p, const S *const *given, Moved *first, Closed *out) {
+    static Moved at;
+    const S *in[5] = {q, p, given[0], given[1], given[2]};
+    S before = LONGEST;
+    for (int k = 0; k < ITERATIONS; k++) {
+        S step;
+        if (k && before <= NEAR) {
+            if (settle_single_at(in, (S *)out)) return 1;
+            step = largest_of(out->step, MODULES);
+            if (step <= LAST_STEP) return !(largest_of(out->open, MODULES) <= OPEN);
+            memcpy(at.q, out->q, sizeof(at.q));
+            memcpy(at.p, out->p, sizeof(at.p));
+        } else {
+            if (newton_single_at(in, (S *)&at)) return 1;
+            const S wrist = largest_of(at.wrist, MODULES);
+            step = largest_of(at.step, MODULES);
+            if (wrist > step) step = wrist;
+            if (!k) memcpy(first, &at, sizeof(at));
+        }
+        if (!(step <= before)) return 1;
+        before = step;
+        in[0] = at.q, in[1] = at.p;
+    }
+    return 1;
+}
+
+/* Whether Newton's method from a guess comes to the given positions without damping: 0 where it does. */
+static int reaches(const S *q, const S *p, const S *const *given) {
+    static Moved at;
+    static S before[MODULES];
+    const S *in[3] = {q, p, given[0]};
+    for (int k = 0; k < PATIENCE; k++) {
+        int left = 0;
+        if (newton_single_at(in, (S *)&at)) return 1;
+        for (int m = 0; m < MODULES; m++) {
+            if (k && !(at.open[m] < before[m]) && !(at.step[m] < NEAR)) return 1;
+            before[m] = at.open[m];
+            left += !(at.step[m] <= NEAR && at.wrist[m] <= NEAR);
+        }
+        if (!left) return 0;
+        in[0] = at.q, in[1] = at.p;
+    }
+    return 1;
+}
+
+/* Close the loops at the given positions on the branch of (q, p); 0 where that is certain. */
+static int advanced(const S *q, const S *p, const S *const *given, Closed *out) {
+    static Moved first;
+    static Branch about;
+    if (closed(q, p, given, &first, out)) return 1;
+    const S *in[7] = {q, p, first.q, first.p, out->q, out->p, given[0]};
+    if (branch_single_at(in, (S *)&about)) return 1;
+    for (int m = 0; m < MODULES; m++) {
+        if (!(about.off[m] <= SAME_BRANCH * first.step[m] + SMALL_STEP)) return 1;
+        if (!(first.step[m] <= SMALL_STEP) && !(about.turned[m] <= MOST_TURNING)) return 1;
+    }
+    return 0;
+}
+
+/* What is prescribed between g_0 and g_1: angles by the shorter way, poses about a fixed axis. */
+static void between(const S *g_0, const S *g_1, S f, S *g) {
+    for (int k = 0, i = 0; KINDS[k] >= 0; k++) {
+        const int numbers = KINDS[k] == 2 ? 3 : 1;
+        for (int j = 0; j < numbers; j++, i++) {
+            S way = g_1[i] - g_0[i];
+            if (KINDS[k] == 1) way -= TURN * SCALAR(floor)(way / TURN + (S)0.5);
+            g[i] = g_0[i] + f * way;
+        }
+        if (KINDS[k] != 2) continue;
+        S cosine = 0, sine = 0, other[4];
+        for (int j = 0; j < 4; j++) cosine += g_0[i + j] * g_1[i + j];
+        for (int j = 0; j < 4; j++) {
+            other[j] = (cosine < 0 ? -g_1[i + j] : g_1[i + j]) - (cosine < 0 ? -cosine : cosine) * g_0[i + j];
+            sine += other[j] * other[j];
+        }
+        sine = SCALAR(sqrt)(sine);
+        const S angle = f * SCALAR(atan2)(sine, cosine < 0 ? -cosine : cosine);
+        for (int j = 0; j < 4; j++)
+            g[i + j] = SCALAR(cos)(angle) * g_0[i + j] + (sine > 0 ? SCALAR(sin)(angle) / sine * other[j] : 0);
+        i += 4;
+    }
+}
+
+/* Follow the branch from (q, p), where g_0 holds, in steps as long as predictions hold; 0 where it leads on. */
+static int walked(const S *q, const S *p, const S *g_0, const S *const *given, Closed *out) {
+    static S here[NQ], pose[NP], g[NG];
+    static const S still[NR];
+    S done = 0, step = (S)0.25;
+    memcpy(here, q, sizeof(here));
+    memcpy(pose, p, sizeof(pose));
+    while (done < 1) {
+        if (step >= 1 - done) step = 1 - done;
+        const int last = done + step >= 1;
+        if (!last) between(g_0, given[0], done + step, g);
+        const S *way[3] = {g, still, still};
+        if (!advanced(here, pose, last ? given : way, out)) {
+            memcpy(here, out->q, sizeof(here));
+            memcpy(pose, out->p, sizeof(pose));
+            done += step, step *= 2;
+        } else if (step <= SHORTEST) {
+            return 1;
+        } else {
+            step /= 2;
+        }
+    }
+    return 0;
+}
+
+/* Close rows of g, g_dot, g_ddot from the closed posture (q, p), where g_0 holds, into rows of q, v, a.
+
+   (q, p, g_0) become those of the last row that was closed. `first`: the posture is a guess, from which Newton's
+   method must reach the first row by itself, too. Gives how many rows could be closed. */
+EXPORT Long closed_rows(Long rows, int first, const S *g, const S *g_dot, const S *g_ddot, S *q, S *p, S *g_0,
+                        S *q_out, S *v_out, S *a_out) {
+    static Closed out;
+    for (Long k = 0; k < rows; k++) {
+        const S *given[3] = {g + k * NG, g_dot + k * NR, g_ddot + k * NR};
+        if (first && !k && reaches(q, p, given)) return 0;
+        if (advanced(q, p, given, &out) && walked(q, p, g_0, given, &out)) return k;
+        memcpy(q, out.q, sizeof(out.q));
+        memcpy(p, out.p, sizeof(out.p));
+        memcpy(g_0, given[0], sizeof(S[NG]));
+        memcpy(q_out + k * NQ, out.q, sizeof(out.q));
+        memcpy(v_out + k * NV, out.v, sizeof(out.v));
+        memcpy(a_out + k * NV, out.a, sizeof(out.a));
+    }
+    return rows;
+}

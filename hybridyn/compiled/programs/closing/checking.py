@@ -1,0 +1,93 @@
+"""Compare a newly built closing program with states of the general path before it is used."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ....assembly.assemble import spanning_positions
+from ....errors import CompileError
+from ....linkage.newton import LoopProblem, close
+from ....spatial import Array
+from ....structure.robot import HybridRobot
+from ...library.closed_rows import ClosedRows
+from .part import Part
+from .starting import place_of
+
+#: Number of generic postures that are tried, and how far the row is from each (rad, module lengths).
+POSTURES, ROW_AWAY = 4, 1e-3
+#: Largest difference from the general path, relative to the largest entry of each result: rounding, through
+#: the condition of loops at any posture.
+ROWS_AGREE = 1e-8
+
+State = tuple[Array, Array, Array]
+
+
+def check_rows(rows: ClosedRows, robot: HybridRobot, parts: list[Part]) -> None:
+    """Compare rows near generic postures with moving states of the general path.
+
+    Args:
+        rows: The loaded library.
+        robot: The robot.
+        parts: The modules that it closes.
+
+    Raises:
+        CompileError: A row of which the program is certain differs.
+    """
+    for number in range(POSTURES):
+        start, wanted = robot.home.copy(), (robot.home.copy(), *np.zeros((2, robot.nv)))
+        given: list[list[Array]] = [[], [], []]
+        for part in parts:
+            for own, new in zip(given, _move(part, number, start, wanted), strict=True):
+                own.append(new)
+        place = place_of(robot, parts, start)
+        room = tuple(x[None].copy() for x in wanted)
+        prescribed = tuple(np.concatenate(own)[None] for own in given)
+        if place is None or not rows.follow(place, prescribed, room, False):  # type: ignore[arg-type]
+            continue
+        for found, right in zip(room, wanted, strict=True):
+            off = np.abs(found[0] - right).max() / (1.0 + np.abs(right).max())
+            if not off <= ROWS_AGREE:
+                raise CompileError(
+                    f"the compiled loops of the robot '{robot.description.name}' differ from the general "
+                    f"path by {off:.2g} (limit {ROWS_AGREE:g}) at a random state: they are not used. This is "
+                    "a bug: report it with the robot's files; the general path is right"
+                )
+
+
+def _move(part: Part, number: int, start: Array, wanted: State) -> State:
+    """Write a closed posture of a module into `start`, a moving state nearby into `wanted`.
+
+    Returns:
+        What is prescribed in that state, its rates and accelerations, shapes (numbers,), (rates,), (rates,).
+    """
+    module, m = part.module, part.module.mechanism
+    rng, tree = np.random.default_rng(number), m.tree
+    at, to = module.q_index, module.v_index
+    x = m.postures[number % len(m.postures)][None]
+    start[at] = spanning_positions(module, x, tree.sweep(x), start[at])[0]
+    Psi = m.basis(m.closures.matrix(tree.sweep(x))).Psi
+    way = Psi @ rng.normal(size=m.mobility)
+    size = np.abs(way / m.reduction.col_scale).max(initial=1.0)
+    every, r = np.ones(tree.nv, dtype=bool), m.reduction
+    near = tree.integrate(x, ROW_AWAY / size * way)
+    x = close(LoopProblem(m.closures, r.row_scale, r.col_scale, every, (), r.rank), near).q
+    K = m.closures.matrix(tree.sweep(x))
+    x_dot = m.basis(K).Psi @ rng.normal(size=m.mobility)
+    basis = m.basis(K, m.closures.rates(tree.sweep(x, x_dot), x_dot)[1])
+    x_ddot = basis.Psi @ rng.normal(size=m.mobility) + basis.drift
+    motion = tree.sweep(x, x_dot, x_ddot)
+    q = spanning_positions(module, x, motion, start[at])
+    v, a = np.zeros((2, 1, m.spanning.nv))
+    m.cut.to_spanning(x_dot, v)
+    m.cut.to_spanning(x_ddot, a)
+    m.wrists.recover_rates(q, v, motion)
+    m.wrists.recover_accelerations(q, v, a, motion)
+    wanted[0][at], wanted[1][to], wanted[2][to] = q[0], v[0], a[0]
+    held, bodies = part.given.columns(tree), part.given.bodies
+    twists = [np.concatenate([motion.p_dot[0, b], motion.w[0, b]]) for b in bodies]
+    accelerations = [np.concatenate([motion.p_ddot[0, b], motion.w_dot[0, b]]) for b in bodies]
+    return (
+        part.given.of_posture(tree, x)[0],
+        np.concatenate([x_dot[0, held], *twists]),
+        np.concatenate([x_ddot[0, held], *accelerations]),
+    )

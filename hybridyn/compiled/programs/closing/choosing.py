@@ -1,0 +1,118 @@
+"""Find what requests prescribe in each module, and whether kernels can close the loops for it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+
+from ....assembly.assemble import module_task
+from ....assembly.module_request import ModuleRequest, module_request
+from ....assembly.requests import PoseRequest, Requests
+from ....linkage.rigid_motion import RigidMotion
+from ....spatial import Array
+from ....structure.module import Module
+from ....structure.robot import HybridRobot
+from .given import given_of, numbers_of
+from .part import CONTRADICTING_FILE, MOST_FREEDOMS, Part
+
+
+class Placed(Mapping[int, RigidMotion]):
+    """The motions of bodies that requests may refer to; those that do not matter are at rest.
+
+    A pose relative to the base of its own module needs no motion of the base.
+    """
+
+    def __init__(self, samples: int) -> None:
+        """Place the root body."""
+        self.known = {0: RigidMotion.at_rest(samples)}
+        self.reached = {0}
+        self._still = self.known[0]
+
+    def __contains__(self, body: object) -> bool:
+        return body in self.reached
+
+    def __getitem__(self, body: int) -> RigidMotion:
+        return self.known.get(body, self._still)
+
+    def __iter__(self) -> Iterator[int]:
+        return iter(self.reached)
+
+    def __len__(self) -> int:
+        return len(self.reached)
+
+
+def modules_of(robot: HybridRobot) -> list[tuple[int, Module]]:
+    """Return the modules that requests close, with their numbers: all but a free base."""
+    first = 1 if robot.base == "floating" else 0
+    return list(enumerate(robot.modules))[first:]
+
+
+def module_requests(robot: HybridRobot, requests: Requests) -> list[ModuleRequest] | None:
+    """Build the request for each module; None if one depends on the posture of another module.
+
+    Raises:
+        HybridynError: As in `assembly.module_request`.
+    """
+    placed, out = Placed(requests.samples), []
+    for k, module in modules_of(robot):
+        base = robot.bodies.place[module.base][0]
+        poses = [p for p in requests.poses if robot.body_owner[robot.bodies.place[p.link][0]][0] == k]
+        for pose in poses:
+            other = robot.bodies.place[pose.other][0]
+            if other != base and other in placed and not {other, base} <= placed.known.keys():
+                return None
+        out.append(module_request(requests, robot, k, base, placed))
+        for pose in poses:
+            _place(robot, placed, pose)
+        placed.reached |= {robot.body_of_joint[joint] for joint in module.joints}
+    return out
+
+
+def _place(robot: HybridRobot, placed: Placed, pose: PoseRequest) -> None:
+    """Add the motion of a body whose whole pose is given."""
+    body, R, p = robot.bodies.place[pose.link]
+    other, R_other, p_other = robot.bodies.place[pose.other]
+    if pose.motion is not None and other in placed.known:
+        samples = len(pose.motion.p)
+        link = placed.known[other].then(RigidMotion.at_rest(samples, R_other, p_other)).then(pose.motion)
+        placed.known[body] = link.then(RigidMotion.at_rest(samples, R.T, -R.T @ p))
+
+
+def parts_of(robot: HybridRobot, wanted: list[ModuleRequest]) -> list[Part] | None:
+    """Return the parts of a closing program; None if the general path must close the loops.
+
+    Kernels know no partial poses, no gears of continuous joints whose turns matter, and no motions that are
+    left to the least norm; and they do not average loops that contradict each other by a file's rounding.
+
+    Raises:
+        AssemblyError: What is given does not determine the posture of a module.
+    """
+    parts = []
+    for (_, module), request in zip(modules_of(robot), wanted, strict=True):
+        given, m = given_of(request), module.mechanism
+        task = module_task(robot, module, request)
+        free = int(task.problem.free.sum())
+        if (
+            given is None
+            or task.problem.winding is not None
+            or task.problem.rank != free
+            or free > MOST_FREEDOMS
+            or m.rounding > CONTRADICTING_FILE
+        ):
+            return None
+        parts.append(Part(module, given, tuple(task.problem.blocks)))
+    return parts if sum(part.given.rates for part in parts) else None
+
+
+def structure_of(requests: Requests) -> tuple[object, ...]:
+    """Return what requests have in common that the same program closes."""
+    poses = tuple((p.link, p.other, p.motion is None, tuple(p.coordinates)) for p in requests.poses)
+    return tuple(requests.joints), poses, requests.base is None
+
+
+def numbers(parts: list[Part], wanted: list[ModuleRequest]) -> tuple[Array, Array, Array]:
+    """Return what is prescribed, its rates and accelerations, shapes (T, numbers), (T, rates), (T, rates)."""
+    each = [numbers_of(request, part.given) for part, request in zip(parts, wanted, strict=True)]
+    g, g_dot, g_ddot = (np.concatenate(level, axis=1) for level in zip(*each, strict=True))
+    return g, g_dot, g_ddot

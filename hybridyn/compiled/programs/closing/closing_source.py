@@ -1,0 +1,45 @@
+"""The C library that closes rows of a table: the programs, and the loop over the rows in `c/closing.h`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from ....assembly.follow import MOST_TURNING, SAME_BRANCH, SMALL_STEP
+from ....linkage.newton import LONGEST_STEP
+from ....structure.robot import HybridRobot
+from ...code.library_source import Source, library_source
+from ...code.scalars import Scalar, text_of
+from .closing_programs import closing_programs
+from .part import CLOSED_TO_ROUNDING, Part
+
+#: Newton steps below this (rad, module lengths) are followed by the rates: the next step is its square.
+QUADRATIC = 1e-6
+#: Largest last step: the rates before it are those after it to rounding.
+LAST_ROW_STEP = 2e-13
+#: Most Newton steps from row to row, and from a guess.
+ITERATIONS, PATIENCE = 12, 60
+#: Shortest part of the way between two rows that is tried.
+SHORTEST = 2.0**-8
+
+
+def closing_source(robot: HybridRobot, parts: Sequence[Part], scalar: Scalar) -> Source:
+    """Generate the C source for one choice of given joints and targets.
+
+    Args:
+        robot: The robot.
+        parts: Its modules but a free base.
+        scalar: Number type and lanes, more than one.
+    """
+    programs = closing_programs(robot, parts)
+    settle, newton = (dict(programs[name].outputs) for name in ("settle", "newton"))
+    given = dict(programs["settle"].inputs)
+    kinds = [str(kind) for part in parts for kind in part.given.all_kinds]
+    names = {
+        "NQ": settle["q"], "NP": settle["p"], "NV": settle["v"], "NG": given["g"], "NR": given["g_dot"],
+        "MODULES": newton["step"], "ITERATIONS": ITERATIONS, "PATIENCE": PATIENCE, "LONGEST": LONGEST_STEP,
+        "NEAR": QUADRATIC, "LAST_STEP": LAST_ROW_STEP, "OPEN": CLOSED_TO_ROUNDING, "SHORTEST": SHORTEST,
+        "SAME_BRANCH": SAME_BRANCH, "SMALL_STEP": SMALL_STEP, "MOST_TURNING": MOST_TURNING,
+    }  # fmt: skip
+    lines = [f"#define {name} {value!r}" for name, value in names.items()]
+    lines += [f"static const int KINDS[] = {{{', '.join([*kinds, '-1'])}}};", text_of("closing.h")]
+    return library_source(list(programs.values()), scalar, "\n".join(lines))

@@ -1,0 +1,101 @@
+"""A module's tree after the cuts, with the joints of its wrists as further branches welded to their targets.
+
+Its coordinates hold every joint of the spanning tree once, and each platform's pose.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cache
+
+import numpy as np
+
+from ....linkage.closures import TreeClosure, TreeCoupling
+from ....linkage.tree import Tree
+from ....spatial import Array
+from ....structure.mechanism import Mechanism
+
+
+@dataclass(frozen=True)
+class Extended:
+    """The extended tree of a mechanism.
+
+    Attributes:
+        tree: The tree: first the joints of `Mechanism.tree`, then those of the wrists.
+        cut: Number of joints of `Mechanism.tree`.
+        source: For each joint its number in the spanning tree, or None for a platform.
+        closures: The closures after the cuts.
+        couplings: The couplings.
+        welds: A closure for each wrist, from its end to its target.
+        unit: Unit of each freedom, shape (nv,).
+        row_scale: Factor of each row of closures and couplings, shape (rows,).
+        length: The module's length [m].
+    """
+
+    tree: Tree
+    cut: int
+    source: tuple[int | None, ...]
+    closures: tuple[TreeClosure, ...]
+    couplings: tuple[TreeCoupling, ...]
+    welds: tuple[TreeClosure, ...]
+    unit: Array
+    row_scale: Array
+    length: float
+
+    @property
+    def shape(self) -> tuple[object, ...]:
+        """Everything but the numbers in which modules with the same kernel may differ."""
+        joints = tuple((j.kind, j.parent, tuple(j.axis.tolist())) for j in self.tree.joints)
+        loops = tuple((c.body_a, c.body_b, c.translations, c.rotation) for c in (*self.closures, *self.welds))
+        return joints, self.cut, self.source, loops, tuple(c.terms for c in self.couplings), self.length
+
+    @property
+    def platforms(self) -> tuple[int, ...]:
+        """Joints that stand for platforms."""
+        return tuple(i for i, source in enumerate(self.source) if source is None)
+
+    @property
+    def nv_cut(self) -> int:
+        """Number of freedoms of `Mechanism.tree`."""
+        return sum(at.stop - at.start for at in self.tree.v_slices[: self.cut])
+
+    def positions(self, cut: Array, spanning: Array, at: list[slice]) -> Array:
+        """Compute positions from those of the tree after the cuts and of the spanning tree.
+
+        Args:
+            cut: Positions of the tree after the cuts, shape (T, its nq).
+            spanning: Positions of the spanning tree, shape (T, its nq).
+            at: Slice of each joint of the spanning tree.
+        """
+        wrists = [spanning[:, at[i]] for i in self.source[self.cut :] if i is not None]
+        return np.concatenate([cut, *wrists], axis=1)
+
+
+@cache
+def extended(m: Mechanism) -> Extended:
+    """Return the extended tree of a mechanism."""
+    joints, source = list(m.tree.joints), list(m.spec.tree_joint)
+    unit, welds = [m.reduction.col_scale], []
+    for number, wrist in enumerate(m.spec.wrists):
+        first = m.spanning.joints[wrist.joints[0]].parent
+        body = m.cut.tree_body(first)
+        for joint, record in zip(wrist.joints, m.wrists.joints(number), strict=True):
+            joints.append(replace(record, parent=body))
+            source.append(joint)
+            body = len(joints)
+        unit.append(m.spanning_col_scale[m.wrists.columns(number)])
+        target = m.cut.tree_body(wrist.target)
+        welds.append(
+            TreeClosure("", "", body, np.eye(3), np.zeros(3), target, wrist.R, wrist.p, (0, 1, 2), "fixed")
+        )
+    return Extended(
+        Tree(joints),
+        len(m.tree.joints),
+        tuple(source),
+        m.closures.closures,
+        m.closures.couplings,
+        tuple(welds),
+        np.concatenate(unit),
+        m.reduction.row_scale,
+        m.length,
+    )

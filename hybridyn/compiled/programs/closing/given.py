@@ -1,0 +1,95 @@
+"""What is prescribed in a module, and its numbers at postures and in requests."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ....assembly.module_request import ModuleRequest
+from ....linkage.targets import PoseTarget
+from ....linkage.tree import Tree
+from ....spatial import Array, Index, quaternion_from_rotation
+
+#: Kinds of prescribed numbers: a length or an angle, an angle up to whole turns, a pose (7 numbers).
+NUMBER, ANGLE, POSE = 0, 1, 2
+#: Numbers of each kind, of its rates and of its accelerations.
+WIDTH, RATES = (1, 1, 7), (1, 1, 6)
+
+
+@dataclass(frozen=True)
+class Given:
+    """What is prescribed in a module.
+
+    Attributes:
+        joints: Joints of the tree after the cuts whose positions are given; platforms are among them.
+        kinds: Their kinds: `NUMBER`, `ANGLE` or `POSE`.
+        bodies: Bodies of that tree whose poses are targets.
+    """
+
+    joints: tuple[int, ...]
+    kinds: tuple[int, ...]
+    bodies: tuple[int, ...]
+
+    @property
+    def all_kinds(self) -> tuple[int, ...]:
+        """The kind of each prescribed position: those of the joints, then the targets."""
+        return self.kinds + (POSE,) * len(self.bodies)
+
+    @property
+    def size(self) -> int:
+        """Number of prescribed numbers."""
+        return sum(WIDTH[kind] for kind in self.all_kinds)
+
+    @property
+    def rates(self) -> int:
+        """Number of prescribed rates."""
+        return sum(RATES[kind] for kind in self.all_kinds)
+
+    def columns(self, tree: Tree) -> Index:
+        """Return the freedoms of the given joints, in their order."""
+        every = np.arange(tree.nv)
+        return np.concatenate([np.zeros(0, dtype=int), *(every[tree.v_slices[j]] for j in self.joints)])
+
+    def of_posture(self, tree: Tree, x: Array) -> Array:
+        """Compute the prescribed numbers at postures of the tree after the cuts, shape (T, size)."""
+        parts = [np.zeros((len(x), 0))]
+        for joint, kind in zip(self.joints, self.kinds, strict=True):
+            own = x[:, tree.q_slices[joint]]
+            parts.append(np.arctan2(own[:, 1:], own[:, :1]) if kind == ANGLE else own)
+        motion = tree.sweep(x) if self.bodies else None
+        for body in self.bodies:
+            assert motion is not None
+            parts += [motion.p[:, body], quaternion_from_rotation(motion.R[:, body])]
+        return np.concatenate(parts, axis=1)
+
+
+def given_of(request: ModuleRequest) -> Given | None:
+    """Return what a request prescribes; None for partial poses, which kernels do not support."""
+    tree = request.mechanism.tree
+    kinds = {"continuous": ANGLE, "floating": POSE}
+    if not all(isinstance(target, PoseTarget) for target in request.targets):
+        return None
+    return Given(
+        tuple(request.given),
+        tuple(kinds.get(tree.joints[joint].kind, NUMBER) for joint in request.given),
+        tuple(target.body for target in request.targets),
+    )
+
+
+def numbers_of(request: ModuleRequest, given: Given) -> tuple[Array, Array, Array]:
+    """Return the prescribed numbers, shape (T, size), their rates and accelerations, shape (T, rates)."""
+    tree, T = request.mechanism.tree, len(request.known)
+    positions, rates, accelerations = ([np.zeros((T, 0))] for _ in range(3))
+    for joint, kind in zip(given.joints, given.kinds, strict=True):
+        known = request.known[:, tree.q_slices[joint]]
+        positions.append(request.angles[joint][:, None] if kind == ANGLE else known)
+        rates.append(request.known_v[:, tree.v_slices[joint]])
+        accelerations.append(request.known_a[:, tree.v_slices[joint]])
+    for target in request.targets:
+        assert isinstance(target, PoseTarget)
+        positions += [target.p, quaternion_from_rotation(target.R)]
+        rates.append(target.velocity)
+        accelerations.append(target.acceleration)
+    whole = [np.concatenate(parts, axis=1) for parts in (positions, rates, accelerations)]
+    return whole[0], whole[1], whole[2]

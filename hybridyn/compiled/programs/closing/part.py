@@ -1,0 +1,39 @@
+"""A module as one part of a closing program, and the limits of such programs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from ....linkage.reduction import Block
+from ....structure.module import Module
+from .given import Given
+
+#: Largest residual of closed loops, without units: rounding. Rows that contradict each other by more are for
+#: the general path.
+CLOSED_TO_ROUNDING = 1e-13
+#: Largest rounding of over-determined closures in the robot's file. Above it they can only be met in the
+#: least-squares sense, which elimination with pivots cannot do.
+CONTRADICTING_FILE = 1e-12
+#: Most free freedoms of a module: its kernels grow with their cube.
+MOST_FREEDOMS = 60
+
+
+@dataclass(frozen=True)
+class Part:
+    """A module to close.
+
+    Attributes:
+        module: The module.
+        given: What is prescribed in it.
+        blocks: Blocks of its free freedoms (`LoopProblem.blocks`).
+    """
+
+    module: Module
+    given: Given
+    blocks: Sequence[Block]
+
+    @property
+    def platforms(self) -> int:
+        """Number of the platforms' coordinates."""
+        return 7 * len(self.module.mechanism.spec.platforms)

@@ -1,0 +1,104 @@
+"""Rows of closures, couplings, targets and wrists over the freedoms of an extended tree, as expressions."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from ....linkage.closures import TreeClosure
+from ....spatial import Array
+from ...equations.chains import Chain, sweep
+from ...equations.expressions import Expression, dot, plain, zeros
+from ...equations.folding import Folding
+from ...equations.legs import fold_links
+from ...equations.links import links_of
+from ...equations.residuals import Frames, SpanningRows, coupling_row
+from ...equations.rigid import quaternion_matrix
+from .extended import Extended
+from .given import Given
+
+
+@dataclass
+class Rows:
+    """Rows at one posture: first those of the tree after the cuts, then those of its wrists.
+
+    Attributes:
+        K: Shape (rows, nv).
+        residual: Shape (rows,).
+        upright: Cosines that are positive where no two axes are more than a right angle apart.
+        frames: Axes of each target, shape (3, 3).
+    """
+
+    K: Expression
+    residual: Expression
+    upright: list[ca.SX]
+    frames: list[Expression]
+
+
+def rows_at(
+    trees: Sequence[Extended], given: Given, folding: Folding, z: Sequence[Expression], poses: Expression
+) -> Rows:
+    """Write the rows of modules of one shape.
+
+    Args:
+        trees: Their extended trees.
+        given: What is prescribed.
+        folding: Collects the numbers in which they differ.
+        z: Positions of each joint.
+        poses: Poses of the targets, shape (7 targets,).
+    """
+    links = fold_links(folding, [links_of(t.tree.joints, [np.zeros(10)] * len(t.tree.joints)) for t in trees])
+    nv = trees[0].tree.nv
+    chain = sweep(links, np.concatenate([zeros(0), *z]), zeros(nv), zeros(6))
+    out = Rows(zeros(0, nv), zeros(0), [], [])
+    writer = SpanningRows(chain)
+    for same in zip(*(t.closures for t in trees), strict=True):
+        _add(out, chain, writer, same[0], _folded(folding, same))
+    positions = list(z)
+    for coupled in zip(*(t.couplings for t in trees), strict=True):
+        offset = folding.array([np.array([c.offset]) for c in coupled])[0]
+        miss, row = coupling_row(chain, coupled[0], positions, offset)
+        out.K = np.concatenate([out.K, row[None]])
+        out.residual = np.concatenate([out.residual, np.array([miss], dtype=object)])
+    for i, body in enumerate(given.bodies):
+        pose = poses[7 * i : 7 * i + 7]
+        out.frames.append(quaternion_matrix(pose[3:]))
+        target = TreeClosure(
+            "", "", 0, np.eye(3), np.zeros(3), body, np.eye(3), np.zeros(3), (0, 1, 2), "fixed"
+        )
+        _add(out, chain, writer, target, (out.frames[-1], pose[:3], plain(np.eye(3)), zeros(3)))
+    for same in zip(*(t.welds for t in trees), strict=True):
+        _add(out, chain, writer, same[0], _folded(folding, same))
+    return out
+
+
+def row_scales(tree: Extended, given: Given) -> Array:
+    """Return the factor that makes each row dimensionless, shape (rows,)."""
+    pose = np.array([1.0 / tree.length] * 3 + [1.0] * 3)
+    return np.concatenate([tree.row_scale, *[pose] * (len(given.bodies) + len(tree.welds))])
+
+
+def _folded(folding: Folding, same: Sequence[TreeClosure]) -> Frames:
+    """Return the frames of equal closures of several modules."""
+    R_a, p_a, R_b, p_b = (
+        folding.array([getattr(c, name) for c in same]) for name in ("R_a", "p_a", "R_b", "p_b")
+    )
+    return R_a, p_a, R_b, p_b
+
+
+def _add(out: Rows, chain: Chain, writer: SpanningRows, closure: TreeClosure, frames: Frames) -> None:
+    """Add the rows of a closure."""
+    off, over = writer.closure(closure, frames)
+    out.K, out.residual = np.concatenate([out.K, over]), np.concatenate([out.residual, off])
+    if closure.rotation in ("fixed", "parallel"):
+        A, B = (
+            dot(chain.R0[body], axes)
+            for body, axes in ((closure.body_a, frames[0]), (closure.body_b, frames[2]))
+        )
+        cosines = [ca.SX(dot(A[:, i], B[:, i][:, None])[0]) for i in range(3)]
+        out.upright.append(
+            cosines[2] if closure.rotation == "parallel" else cosines[0] + cosines[1] + cosines[2] - 1.0
+        )

@@ -1,0 +1,214 @@
+"""Loops closed in C row after row: the results, the errors and the warnings of the general path."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import hybridyn
+from hybridyn import AssemblyError, HybridRobot, closure_residual
+from hybridyn.assembly.assemble import first_guess
+from hybridyn.assembly.requests import gather_requests
+from hybridyn.compiled.programs.closing.assembling import Assembler
+from hybridyn.oracle import Base
+from hybridyn.spatial import Array
+from hybridyn.structure.building import build_robot
+from tests.assembly.test_assembly import STEP, base_pose, stretched, waves
+from tests.dynamics.test_idm import symmetric_five_bar
+from tests.mechanisms import KINDS, random_mechanism, random_states
+from tests.posing import far_apart, of_joints, of_link, position
+from tests.samples import slow
+from tests.shipped import shipped
+
+SAME = 1e-12  # of the largest entry: rounding
+SAME_AT_RANDOM = 1e-10  # the same, through the condition of a random mechanism
+CLOSED = 1e-12  # of the module's size
+
+States = tuple[Array, Array, Array]
+
+
+def in_c(assembler: Assembler, motors: Any = None, platforms: Any = None, guess: Any = None) -> States:
+    """Assemble as `CompiledRobot.assemble` does, without models of the dynamics."""
+    requests = gather_requests(assembler.robot, motors or {}, platforms or {})
+    return assembler.assemble(requests, first_guess(assembler.robot, guess))
+
+
+def compare(assembler: Assembler, within: float = SAME, **wanted: Any) -> States:
+    """Assemble both ways and check that results are the same to `within`."""
+    got = in_c(assembler, **wanted)
+    right = hybridyn.assemble(assembler.robot, **wanted)
+    for x, y in zip(got, right, strict=True):
+        assert np.abs(x - y).max() <= within * (1.0 + np.abs(y).max())
+    return got
+
+
+@pytest.mark.parametrize(
+    "name", ["five_bar", *map(slow, ("gough_stewart", "lx4", "rps3", "delta", "tanev", "stewart_ur5"))]
+)
+def test_motors_give_the_rows_of_the_general_path(name: str) -> None:
+    robot = build_robot(shipped(name))
+    assembler = Assembler(robot)
+    compare(assembler, motors=waves(robot, np.linspace(0, 1, 60), 0.04))
+    assert assembler.recomputed == 0
+
+
+@pytest.mark.parametrize("name", ["gough_stewart", slow("lx4")])
+def test_poses_give_the_rows_of_the_general_path(name: str) -> None:
+    """Relative poses, absolute ones, and one row alone."""
+    robot = build_robot(shipped(name))
+    states = hybridyn.assemble(robot, motors=waves(robot, np.linspace(0, 0.5, 12), 0.03))
+    links = [module.outputs[0] for module in robot.modules]
+    below = [robot.description.root, *links]
+    relative = {
+        f"{link}@{other}": of_link(robot, *states, link, other)
+        for link, other in zip(links, below, strict=False)
+    }
+    absolute = {link: of_link(robot, *states, link, below[0]) for link in links}
+    assembler = Assembler(robot)
+    for poses in (relative, absolute, {name: tuple(x[0] for x in pose) for name, pose in relative.items()}):
+        q, _, _ = compare(assembler, platforms=poses)
+        assert far_apart(robot, q, states[0][: len(q)]) < SAME * 10
+    assert assembler.recomputed == 0
+
+
+@pytest.mark.slow
+def test_a_mixture_of_motors_and_a_pose() -> None:
+    robot = build_robot(shipped("stewart_ur5"))
+    states = hybridyn.assemble(robot, motors=waves(robot, np.linspace(0, 0.5, 5), 0.03))
+    platform = robot.modules[0].outputs[0]
+    arm = [motor for module in robot.modules[1:] for motor in module.motors]
+    poses = {platform: of_link(robot, *states, platform, robot.description.root)}
+    assembler = Assembler(robot)
+    compare(assembler, motors=of_joints(robot, *states, arm), platforms=poses)
+    assert assembler.recomputed == 0
+
+
+def test_rows_far_apart_stay_on_the_branch() -> None:
+    """Steps that no prediction covers are divided into smaller ones."""
+    robot = build_robot(shipped("five_bar"))
+    motors = waves(robot, np.linspace(0, 6, 241), 0.5)
+    whole = compare(Assembler(robot), motors=motors)
+    coarse = Assembler(robot)
+    far = {m: tuple(x[::10] for x in values) for m, values in motors.items()}
+    for x, y in zip(compare(coarse, motors=far), whole, strict=True):
+        assert np.abs(x - y[::10]).max() <= SAME * (1.0 + np.abs(y).max())
+    assert coarse.recomputed == 0
+
+
+def test_rates_are_the_derivatives_of_positions() -> None:
+    robot = build_robot(symmetric_five_bar())
+    time = 0.3 + STEP * np.array([-1.0, 0.0, 1.0])
+    q, v, _ = in_c(Assembler(robot), motors=waves(robot, time, 0.04))
+    slope = [
+        (position(robot, joint, q[2]) - position(robot, joint, q[0])) / (2 * STEP) for joint in robot.joints
+    ]
+    assert np.abs(slope - v[1]).max() <= 1e-6
+
+
+# -------------------------------------------------------------------- branches, reach, singularities
+
+
+def test_the_guess_chooses_the_branch() -> None:
+    robot = build_robot(symmetric_five_bar())
+    assembler, motors = Assembler(robot), {"left": 2.0, "right": 1.1}
+    up = compare(assembler, motors=motors)[0][0]
+    mirrored = up.copy()
+    for joint, crank in (("left_elbow", 2.0), ("right_elbow", 1.1)):
+        B = np.array([0.4 * np.cos(2.0), 0.4 * np.sin(2.0)])
+        D = np.array([0.5 + 0.4 * np.cos(1.1), 0.4 * np.sin(1.1)])
+        angle = 2 * np.arctan2(*(D - B)[::-1]) - position(robot, joint, up) - 2 * crank
+        mirrored[robot.q_slices[robot.joints.index(joint)]] = np.cos(angle), np.sin(angle)
+    down = compare(assembler, motors=motors, guess=mirrored)[0][0]
+    assert far_apart(robot, up[None], down[None]) > 1.0
+
+
+def rows_towards(robot: HybridRobot, first: float, last: float, parts: list[float]) -> dict[str, Array]:
+    """Return cranks on their way from one distance of the elbows to another, relative to stretched rods."""
+    near, there = stretched(robot, first), stretched(robot, last)
+    return {m: near[m] + np.array(parts) * (there[m] - near[m]) for m in near}
+
+
+@pytest.mark.parametrize(
+    "rows",
+    [
+        ([-0.2, 0.1], [0.0, 0.1, 1.0, 0.0]),  # out of reach, and back
+        ([-0.02, 0.02], [0.0, 0.25, 2.0]),  # past the end of a branch
+        ([1e-2, 2e-2], [0.0, 1.0]),  # never in reach
+        ([-0.2, -0.19], [0.0, *np.linspace(0, 1, 30), 30.0]),  # after many rows in reach
+    ],
+)
+def test_rows_that_cannot_be_reached_are_refused_in_the_same_words(rows: Any) -> None:
+    robot = build_robot(symmetric_five_bar())
+    motors = rows_towards(robot, *rows[0], rows[1])
+    with pytest.raises(AssemblyError) as right:
+        hybridyn.assemble(robot, motors=motors)
+    with pytest.raises(AssemblyError) as said:
+        in_c(Assembler(robot), motors=motors)
+    assert str(said.value) == str(right.value)
+    assert said.value.sample == right.value.sample
+
+
+def test_rows_near_a_singularity_are_the_general_paths() -> None:
+    """Rods nearly stretched: the rows before and after are computed in C."""
+    robot = build_robot(symmetric_five_bar())
+    way = 1.0 - np.abs(np.linspace(-1, 1, 161)) ** 0.5
+    assembler = Assembler(robot)
+    q, _, _ = compare(assembler, 1e-6, motors=rows_towards(robot, -0.2, -1e-5, list(way)))
+    assert 0 < assembler.recomputed < 100
+    assert closure_residual(robot, q).max() <= CLOSED
+
+
+def test_what_leaves_freedoms_open_is_refused_in_the_same_words() -> None:
+    robot = build_robot(symmetric_five_bar())
+    for motors in ({"left": 2.0}, {"left": np.nan, "right": 1.0}, {"left": 1e9, "right": 1.0}):
+        with pytest.raises(hybridyn.HybridynError) as right:
+            hybridyn.assemble(robot, motors=motors)
+        with pytest.raises(type(right.value)) as said:
+            in_c(Assembler(robot), motors=motors)
+        assert str(said.value) == str(right.value)
+
+
+# -------------------------------------------------------------------- generated mechanisms
+
+DEFAULT = {("gear_three", "fixed"), ("loop_planar", "floating")}
+
+
+@pytest.mark.parametrize(
+    ("kind", "base"),
+    [
+        (kind, base) if (kind, base) in DEFAULT else slow(kind, base)
+        for kind in KINDS
+        if KINDS[kind].motors != "few"
+        for base in ("fixed", "moving", "floating")
+    ],
+)
+def test_generated_mechanisms(kind: str, base: Base) -> None:
+    """Gears, wrists, rods that spin, over-constrained loops, and bases that move."""
+    description = random_mechanism(8, kind=kind)
+    robot = build_robot(description, base=base)
+    states = random_states(description, base, 8, 3)
+    root = {} if base == "fixed" else {description.root: base_pose(robot, *states)}
+    assembler = Assembler(robot)
+    for count in (3, 1):
+        some = tuple(x[:count] for x in states)
+        poses = {name: tuple(x[:count] for x in pose) for name, pose in root.items()}
+        compare(assembler, SAME_AT_RANDOM, motors=of_joints(robot, *some), platforms=poses)
+
+
+# -------------------------------------------------------------------- the public call
+
+
+def test_compiled_robots_assemble() -> None:
+    robot = build_robot(shipped("five_bar"))
+    compiled = hybridyn.compile(robot)
+    motors = {m: (float(position(robot, m, robot.home)) + 0.1, 1.0) for m in robot.motors}
+    q, v, a = compiled.assemble(motors=motors)
+    assert compiled.recomputed == 0
+    for x, y in zip((q, v, a), hybridyn.assemble(robot, motors=motors), strict=True):
+        assert x.shape == y.shape
+        assert np.abs(x - y).max() <= SAME * (1.0 + np.abs(y).max())
+    assert np.abs(compiled.idm(q, v, a) - hybridyn.idm(robot, q, v, a)).max() < 1e-9
+    with pytest.raises(AssemblyError, match="guess has 3 entries"):
+        compiled.assemble(motors=motors, guess=np.zeros(3))
