@@ -20,7 +20,9 @@ polars = needs("io")
 
 NO_ROOM = """
 import resource, sys
+import hybridyn
 from hybridyn.cli import main
+hybridyn.load("five_bar")
 resource.setrlimit(resource.RLIMIT_FSIZE, (2000, 2000))
 sys.exit(main(sys.argv[1:]))
 """
@@ -31,9 +33,12 @@ sys.exit(main(sys.argv[1:]))
     [("idm", "efforts.csv"), ("idm", "efforts.parquet"), ("effects", "share.svg")],
 )
 def test_a_disk_without_room_names_the_file(command: str, file: str, tmp_path: Path) -> None:
-    """Files of 2,000 bytes at most stand for a full disk."""
+    """Files of 2,000 bytes at most stand for a full disk.
+
+    -B and the load before the limit: truncated bytecode of the package would break later imports.
+    """
     option = "--plot" if file.endswith("svg") else "-o"
-    words = [sys.executable, "-c", NO_ROOM, command, "five_bar", *OWN.get(command, []), option, file]
+    words = [sys.executable, "-B", "-c", NO_ROOM, command, "five_bar", *OWN.get(command, []), option, file]
     done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True)
     assert done.returncode == 1
     (line,) = [line for line in done.stderr.splitlines() if line.startswith("error: ")]
