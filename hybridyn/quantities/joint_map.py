@@ -158,10 +158,7 @@ def joint_map(robot: HybridRobot, q: ArrayLike | Mapping[str, ArrayLike], joints
     """
     names = tuple(joints)
     check_joints(robot, names)
-    modules = modules_of(robot, names)
-    motors = tuple(
-        motor for motor in robot.motors if robot.body_owner[robot.body_of_joint[motor]][0] in modules
-    )
+    modules, motors = modules_of(robot, names), motors_beside(robot, names)
     q, single = as_positions(robot, posture_at(holding(robot, q), q) if isinstance(q, Mapping) else q)
     outputs, driven = located(robot, names, chosen=True), located(robot, motors, chosen=False)
     for side in (outputs, driven):
@@ -172,6 +169,12 @@ def joint_map(robot: HybridRobot, q: ArrayLike | Mapping[str, ArrayLike], joints
     G = _motions(robot, q, rest, driven)[0][:, outputs.columns]
     arrays = q, positions_of(robot, q, names), positions_of(robot, q, motors), H, G
     return JointMap(robot, names, motors, *(x[0] if single else x for x in arrays))
+
+
+def motors_beside(robot: HybridRobot, joints: Sequence[str]) -> tuple[str, ...]:
+    """Return the motors of the modules that hold joints."""
+    modules = modules_of(robot, joints)
+    return tuple(m for m in robot.motors if robot.body_owner[robot.body_of_joint[m]][0] in modules)
 
 
 def _motions(robot: HybridRobot, q: Array, v: Array, side: Coordinates) -> tuple[Array, Array]:

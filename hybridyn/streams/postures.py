@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 from ..errors import AssemblyError, HybridynError
@@ -66,12 +66,15 @@ def postures(robot: HybridRobot, motion: Motion, layout: Layout, guess: Array | 
     return Postures(motion, *full_state(motion, order, root))
 
 
-def all_postures(robot: HybridRobot, file: str) -> tuple[Layout, list[Postures]]:
+def all_postures(
+    robot: HybridRobot, file: str, instead: tuple[Sequence[str], Sequence[str]] = ((), ())
+) -> tuple[Layout, list[Postures]]:
     """Read a whole table and compute its postures.
 
     Args:
         robot: The robot.
         file: The table.
+        instead: Joints, and the motors that a table which names one of these joints need not name.
 
     Returns:
         The meaning of its columns, and its postures, block by block.
@@ -85,8 +88,12 @@ def all_postures(robot: HybridRobot, file: str) -> tuple[Layout, list[Postures]]
 
     found: list[Postures] = []
     with open_table(file) as table:
+        joints, replaced = instead
+        motors: Sequence[str] = robot.motors
+        if any(column.startswith(f"{joint}/") for column in table.columns for joint in joints):
+            motors = (*(motor for motor in motors if motor not in replaced), *joints)
         layout = read_layout(
-            table.columns, robot.description, motors=robot.motors, base=robot.base, file=table.file
+            table.columns, robot.description, motors=motors, base=robot.base, file=table.file
         )
         for motion in read_motions(table, layout):
             connected = found and layout.time is not None and not layout.full_state

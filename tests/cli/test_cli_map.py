@@ -1,0 +1,118 @@
+"""`hybridyn map`: the table of the map between motors and output joints."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.command_line import call, read_table, table_text
+from tests.comparing import SOLVED, close_to
+from tests.quantities.ankle import JOINTS, MOTORS, ankle_text, closed_form
+
+RATES = [f"{motor}/per/{joint}" for motor in MOTORS for joint in JOINTS]
+
+
+def words(folder: Path, *more: object) -> list[object]:
+    """Return the words of a call for the ankle."""
+    path = folder / "ankle.urdf"
+    path.write_text(ankle_text())
+    return ["map", path, "--motors", ",".join(MOTORS), "--joints", ",".join(JOINTS), *more]
+
+
+def judge(table: dict[str, np.ndarray]) -> None:
+    """Compare every row's map with closed form."""
+    for t in range(len(table["pitch/position"])):
+        motors = np.array([table[f"{motor}/position"][t] for motor in MOTORS])
+        H = closed_form(table["pitch/position"][t], table["roll/position"][t], motors)[1]
+        close_to(np.array([table[name][t] for name in RATES]), H.reshape(-1), SOLVED)
+
+
+def test_over_a_grid(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    said = call(capsys, *words(tmp_path, "--grid=-0.2:0.3:3,-0.1:0.1:2"))
+    assert said.status == 0
+    table = read_table(said.out)
+    close_to(table["pitch/position"], np.repeat([-0.2, 0.05, 0.3], 2), SOLVED)
+    close_to(table["roll/position"], np.tile([-0.1, 0.1], 3), SOLVED)
+    judge(table)
+    assert said.err.startswith("ankle: pitch, roll of motor_left, motor_right; 6 postures, condition number")
+
+
+def test_points_out_of_reach_are_counted(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    target = tmp_path / "map.csv"
+    said = call(capsys, *words(tmp_path, "--grid", "0:1.8:2,0.1:0.2:1", "-o", target))
+    assert (said.status, said.out) == (0, "")
+    assert said.err.splitlines()[1:] == ["left out: 1 point out of reach"]
+    assert len(read_table(target.read_text())["roll/position"]) == 1
+
+
+def test_along_a_trajectory(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    t = np.linspace(0.0, 1.0, 9)
+    pitch, roll = 0.2 * np.sin(t), 0.1 * t**2
+    source = tmp_path / "motion.csv"
+    source.write_text(
+        table_text(["time", "pitch/position", "roll/position"], np.stack([t, pitch, roll], axis=1))
+    )
+    said = call(capsys, *words(tmp_path, source, "--efforts"))
+    assert said.status == 0
+    table = read_table(said.out)
+    close_to(table["time"], t, SOLVED)
+    judge(table)
+    power = [
+        sum(table[f"{name}/velocity"] * table[f"{name}/effort"] for name in side) for side in (JOINTS, MOTORS)
+    ]
+    close_to(power[0], power[1], SOLVED)
+    back = tmp_path / "motors.csv"
+    names = [f"{motor}/{what}" for motor in MOTORS for what in ("position", "velocity", "acceleration")]
+    back.write_text(table_text(["time", *names], np.stack([t, *(table[name] for name in names)], axis=1)))
+    again = read_table(call(capsys, *words(tmp_path, back)).out)
+    close_to(again["roll/position"], roll, SOLVED)
+    close_to(again["pitch/acceleration"], table["pitch/acceleration"], SOLVED)
+
+
+def test_rotors_of_the_file_at_the_joints(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    said = call(capsys, *words(tmp_path, "--grid=0:0:1,0:0:1"))
+    assert "inertia" not in said.out
+    (tmp_path / "ankle.model.toml").write_text(
+        "[joints.motor_left]\nrotor_inertia = 1e-4\ngear_ratio = 50.0\n"
+    )
+    table = read_table(call(capsys, *words(tmp_path, "--grid=0:0:1,0:0:1")).out)
+    H = np.array([table[name][0] for name in RATES]).reshape(2, 2)
+    wanted = H.T @ np.diag([0.25, 0.0]) @ H
+    found = [
+        table[f"{name}/inertia/{other}"][0]
+        for name, other in (("pitch",) * 2, ("pitch", "roll"), ("roll",) * 2)
+    ]
+    close_to(np.array(found), wanted[[0, 0, 1], [0, 1, 1]], SOLVED)
+
+
+@pytest.mark.parametrize(
+    ("more", "status", "message"),
+    [
+        ((), 2, "give a TRAJECTORY, or --grid"),
+        (("--grid", "3", "--efforts"), 2, "--efforts needs a TRAJECTORY"),
+        (("--grid", "0"), 2, "at least one point"),
+        (("--grid", "a:b"), 2, "neither a number of points nor FROM:TO:COUNT"),
+        (("--grid", "1:0:3,0:1:2"), 2, "a range has FROM < TO"),
+        (("--grid", "0:1:3"), 2, "--grid has 1 range for 2 joints"),
+        (("--grid", "2000"), 2, "more than 1,000,000 points"),
+        (("--grid", "3", "--joints", "pitch,rol"), 1, "unknown joint 'rol' (did you mean 'roll'?)"),
+        (("--grid", "0:0:1", "--joints", "pitch"), 1, "leaves 1 of its 2 freedoms open"),
+    ],
+)
+def test_bad_questions(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], more: tuple[str, ...], status: int, message: str
+) -> None:
+    said = call(capsys, *words(tmp_path, *more))
+    assert said.status == status
+    assert message in said.err
+    assert len(said.err.splitlines()) == 1
+
+
+def test_joints_without_limits_need_a_range(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    endless = words(tmp_path, "--grid", "3")
+    path = tmp_path / "ankle.urdf"
+    path.write_text(path.read_text().replace('"pitch" type="revolute"', '"pitch" type="continuous"'))
+    said = call(capsys, *endless)
+    assert (said.status, "joint 'pitch' has no limits in the robot's file" in said.err) == (2, True)
