@@ -40,11 +40,38 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--part", default="0/1", metavar="K/N", help="run part K of N of the tests, K from 0")
 
 
+@pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Leave the tests of other parts out."""
+    """Mark the cases that `slow_cases.txt` lists, and leave the tests of other parts out."""
+    mark_slow_cases(items, whole=config.args_source is pytest.Config.ArgsSource.TESTPATHS)
     part, parts = map(int, config.getoption("part").split("/"))
     if parts > 1:
         items[:] = [item for item in items if zlib.crc32(item.nodeid.encode()) % parts == part]
+
+
+def mark_slow_cases(items: list[pytest.Item], whole: bool) -> None:
+    """Add the mark `slow` to listed cases; where all tests are collected, check the list.
+
+    Raises:
+        UsageError: A listed case does not exist, or its test has no case left that runs by default.
+    """
+    lines = (ROOT / "tests" / "slow_cases.txt").read_text(encoding="utf-8").splitlines()
+    listed = {line for line in lines if not line.startswith("#")}
+    for item in items:
+        if item.nodeid in listed:
+            item.add_marker(pytest.mark.slow)
+    if whole:
+        default = {name_of_test(item.nodeid) for item in items if not item.get_closest_marker("slow")}
+        unknown = listed - {item.nodeid for item in items}
+        wrong = unknown | {case for case in listed if name_of_test(case) not in default}
+        if wrong:
+            raise pytest.UsageError(
+                f"slow_cases.txt: no such case, or the only one of its test: {sorted(wrong)}"
+            )
+
+
+def name_of_test(case: str) -> str:
+    return case.split("[", 1)[0]
 
 
 def quick_compiler(program: Path) -> None:

@@ -19,6 +19,7 @@ import numpy as np
 
 from hybridyn.description.records import Description
 from hybridyn.oracle import Base, Oracle
+from tests import once
 from tests.recipes import KINDS, Kind
 from tests.sketch import Sketch, unit
 
@@ -123,6 +124,14 @@ def random_states(
     Returns:
         q, v, a: Shapes (count, nq), (count, nv), (count, nv).
     """
+    asked = ("random_states", description, base, seed, count, wrenches)
+    q, v, a = once.kept(lambda: _drawn_states(description, base, seed, count, wrenches), *asked)
+    return q.copy(), v.copy(), a.copy()
+
+
+def _drawn_states(
+    description: Description, base: Base, seed: int, count: int, wrenches: Mapping[str, Any] | None
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     recipe = recipe_of(description)
     oracle = Oracle(description, base)
     home = home_posture(description, base)

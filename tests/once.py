@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import fcntl
 import functools
+import hashlib
 import os
 import pickle
 from collections.abc import Callable
@@ -34,6 +35,18 @@ def once(name: str, make: Callable[[], T]) -> T:
         if not path.exists():
             path.write_bytes(pickle.dumps(make()))
     return _read(path)  # type: ignore[no-any-return]
+
+
+def kept(make: Callable[[], T], *asked: object) -> T:
+    """Return what `make` gives for what is asked, made once a session; outside of one, make it.
+
+    Args:
+        make: Makes it; the answer must travel by pickle, and its reader must not change it.
+        asked: All that the answer depends on, the maker's name among it.
+    """
+    if VARIABLE not in os.environ:
+        return make()
+    return once(hashlib.sha256(pickle.dumps(asked)).hexdigest(), make)
 
 
 @functools.lru_cache(maxsize=64)

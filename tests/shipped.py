@@ -8,7 +8,7 @@ import numpy as np
 
 from hybridyn.description import Description, read
 from hybridyn.oracle import Base, Oracle
-from tests import ROOT
+from tests import ROOT, once
 
 ROBOTS = (
     "gough_stewart", "lx4", "rps3", "five_bar", "delta", "tanev", "stewart_ur5", "scara_delta", "snake",
@@ -27,6 +27,12 @@ def shipped(name: str, **arguments: str) -> Description:
 
 def states_near_home(description: Description, base: Base, seed: int, count: int) -> States:
     """Draw closed postures near home, with rates and accelerations that the loops allow."""
+    asked = ("states_near_home", description, base, seed, count)
+    q, v, a = once.kept(lambda: _drawn(description, base, seed, count), *asked)
+    return q.copy(), v.copy(), a.copy()
+
+
+def _drawn(description: Description, base: Base, seed: int, count: int) -> States:
     oracle, rng = Oracle(description, base), np.random.default_rng(seed)
     home = np.zeros(oracle.nq)
     for joint, (kind, at, _) in oracle.coordinates.items():

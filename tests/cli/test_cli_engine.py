@@ -179,6 +179,7 @@ def test_the_direct_model_too(tmp_path: Path, capsys: Any) -> None:
     assert same(tables["general"], tables["compiled"])
 
 
+@pytest.mark.slow
 def test_effects_too(near_singular: Motion, tmp_path: Path, capsys: Any, monkeypatch: Any) -> None:
     """What they add is the same, to all digits that are printed; samples count in each of five runs."""
     robot, q, v, a = near_singular

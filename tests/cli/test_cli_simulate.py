@@ -13,7 +13,7 @@ from tests.command_line import call, program, read_table
 from tests.extras import needs
 from tests.waiting import PATIENCE
 
-SCENE = f"""duration = 0.3
+SCENE = f"""duration = 0.12
 [robot]
 file = "{ROOT}/urdf/five_bar.urdf.xacro"
 [initial]
@@ -63,10 +63,10 @@ def test_a_run_and_the_same_run_again(run, scene: Path, tmp_path: Path) -> None:
     ]
     expected += ["m1_left_drive/effort", "m1_right_drive/effort"]
     assert list(columns) == [*expected, "energy/kinetic", "energy/potential", "energy/total", "residual"]
-    assert columns["time"] == pytest.approx(np.arange(31) / 100)
+    assert columns["time"] == pytest.approx(np.arange(13) / 100)
     assert columns["energy/total"] == pytest.approx(columns["energy/kinetic"] + columns["energy/potential"])
     for word in (
-        "0.3 s by dopri5",
+        "0.12 s by dopri5",
         "peak kinetic",
         "worst closure residual",
         "steps",
@@ -86,7 +86,7 @@ def test_a_run_is_read_back_as_a_trajectory(run, scene: Path, tmp_path: Path, en
     assert said.status == 0, said.err
     assert "spline" not in said.err
     efforts = read_table(said.out)
-    assert len(efforts["time"]) == 31
+    assert len(efforts["time"]) == 13
     assert efforts["m1_left_drive/effort"] == pytest.approx(0.5, abs=EFFORTS)
     assert efforts["m1_right_drive/effort"] == pytest.approx(0.0, abs=EFFORTS)
     if ending == "parquet":
@@ -100,10 +100,10 @@ def test_a_run_is_read_back_as_a_trajectory(run, scene: Path, tmp_path: Path, en
 def test_stopped_and_resumed_is_never_stopped(run, scene: Path, tmp_path: Path, resume: str) -> None:
     whole, target = tmp_path / "whole.csv", tmp_path / "run.csv"
     assert run("simulate", scene, "-o", whole, "-q").status == 0
-    said = run("simulate", scene, "-o", target, "--until", 0.1)
+    said = run("simulate", scene, "-o", target, "--until", 0.04)
     assert said.status == 0
     assert f"go on with: hybridyn simulate {scene} --resume {target} -o {target}" in said.err
-    assert 0.1 <= table(target)["time"][-1] + 0.01 < 0.3
+    assert 0.04 <= table(target)["time"][-1] + 0.01 < 0.12
     said = run("simulate", scene, "--resume", tmp_path / resume, "-o", target, "-q")
     assert (said.status, said.err) == (0, "")
     assert target.read_bytes() == whole.read_bytes()
@@ -122,7 +122,7 @@ from pathlib import Path
 def controller(robot):
     def law(t, q, v):
         mark = Path(__file__).with_name("stop")
-        if t > 0.1 and mark.exists():
+        if t > 0.04 and mark.exists():
             mark.unlink()
             os.kill(os.getpid(), signal.SIGINT)
         return [0.5, 0.0]
@@ -141,16 +141,16 @@ def test_ctrl_c_keeps_what_was_computed(scene: Path, tmp_path: Path) -> None:
     (tmp_path / "stop").touch()
     status, err = told(program("simulate", scene, "-o", target, "--allow-python"))
     assert status == 130, err
-    assert "stopped at t = 0.1" in err
+    assert "stopped at t = 0.0" in err
     assert "Traceback" not in err
-    assert 0 < len(table(target)["time"]) < 31
+    assert 0 < len(table(target)["time"]) < 13
     assert told(program("simulate", scene, "--resume", target, "-o", target, "--allow-python"))[0] == 0
     assert target.read_bytes() == whole.read_bytes()
 
 
 def test_what_cannot_be_resumed(run, scene: Path, tmp_path: Path) -> None:
     target = tmp_path / "run.csv"
-    assert run("simulate", scene, "-o", target, "--until", 0.1, "-q").status == 0
+    assert run("simulate", scene, "-o", target, "--until", 0.04, "-q").status == 0
     other = tmp_path / "other.toml"
     other.write_text(SCENE.replace("efforts = { m1_left_drive = 0.5 }", "efforts = { m1_left_drive = 0.6 }"))
     said = run("simulate", other, "--resume", target, "-o", target)
@@ -202,7 +202,8 @@ def test_standard_output_and_mistakes(run, scene: Path) -> None:
 def test_a_run_that_an_event_ends_is_whole(run, scene: Path, tmp_path: Path) -> None:
     """It swings towards a singularity of its loop."""
     scene.write_text(
-        SCENE.replace("duration = 0.3", "duration = 3.0") + '[[events]]\nsingularity = "closures"\nat = 0.2\n'
+        SCENE.replace("duration = 0.12", "duration = 3.0")
+        + '[[events]]\nsingularity = "closures"\nat = 0.2\n'
     )
     target = tmp_path / "run.csv"
     said = run("simulate", scene, "-o", target)

@@ -181,6 +181,7 @@ for turn in range(24):
 """
 
 
+@pytest.mark.slow
 def test_processes_may_build_use_and_remove_at_once(at: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Three libraries fit; everybody wants the same four, and others of their own in between."""
     environment = os.environ | {"PYTHONPATH": str(ROOT)}

@@ -32,6 +32,20 @@ def shipped(name: str, **options: Any) -> hybridyn.HybridRobot:
     return hybridyn.load(str(shipped_robots()[name].file), **options)
 
 
+@pytest.fixture(scope="module")
+def exported(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Export the five-bar once, as "bar"."""
+    folder = tmp_path_factory.mktemp("exported")
+    export(shipped("five_bar"), folder, name="bar")
+    return folder
+
+
+@pytest.fixture
+def bar(exported: Path, tmp_path: Path) -> Path:
+    """Return a folder of its own with the exported five-bar in it."""
+    return Path(shutil.copytree(exported, tmp_path / "bar"))
+
+
 def run_test(folder: Path, name: str) -> str:
     """Compile and run an exported test; gives what it prints."""
     files = [str(folder / f"test_{name}.c"), str(folder / f"{name}.c")]
@@ -79,27 +93,25 @@ def test_exported_models_compile_and_give_the_reference(
     assert bool(re.search(r"\bfloat q\[", source)) == (dtype == "float32")
 
 
-def test_the_exported_test_can_fail(tmp_path: Path) -> None:
-    export(shipped("five_bar"), tmp_path, name="bar")
-    file = tmp_path / "test_bar.c"
+def test_the_exported_test_can_fail(bar: Path) -> None:
+    file = bar / "test_bar.c"
     text = file.read_text()
     start = text.index("ddm_a[5]")
     number = re.compile(r"-?\d+\.\d+").search(text, start)
     assert number
     file.write_text(text[: number.start()] + "1234.5" + text[number.end() :])
     with pytest.raises(AssertionError, match="largest difference"):
-        run_test(tmp_path, "bar")
+        run_test(bar, "bar")
 
 
-def test_the_exported_test_fails_where_nothing_is_compared(tmp_path: Path) -> None:
-    export(shipped("five_bar"), tmp_path, name="bar")
-    file = tmp_path / "bar.c"
+def test_the_exported_test_fails_where_nothing_is_compared(bar: Path) -> None:
+    file = bar / "bar.c"
     text = file.read_text()
     assert text.count("return guard;") == 4
     for guard in ("2.0", "0.0"):  # never trusted; always, also where a number is not finite
         file.write_text(text.replace("return guard;", f"return guard * 0.0 == 0.0 ? {guard} : {guard};"))
         with pytest.raises(AssertionError, match="no state is trusted, or what is not finite is"):
-            run_test(tmp_path, "bar")
+            run_test(bar, "bar")
 
 
 IN_CPP = """#include "bar.h"
@@ -120,16 +132,15 @@ int main() {
 
 
 @pytest.mark.skipif(shutil.which("g++") is None, reason="there is no C++ compiler")
-def test_c_plus_plus_calls_it_and_what_overflows_is_refused(tmp_path: Path) -> None:
-    export(shipped("five_bar"), tmp_path, name="bar")
-    (tmp_path / "main.cpp").write_text(IN_CPP)
+def test_c_plus_plus_calls_it_and_what_overflows_is_refused(bar: Path) -> None:
+    (bar / "main.cpp").write_text(IN_CPP)
     for command in (
         [*find_compiler().command, "-std=c99", "-O1", "-c", "bar.c", "-o", "bar.o"],
         ["g++", "-Wall", "-Wextra", "-Werror", "main.cpp", "bar.o", "-lm", "-o", "main"],
     ):
-        built = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
+        built = subprocess.run(command, cwd=bar, capture_output=True, text=True)
         assert (built.returncode, built.stderr) == (0, "")
-    assert subprocess.run([tmp_path / "main"], capture_output=True, text=True).stdout == "1 0 0"
+    assert subprocess.run([bar / "main"], capture_output=True, text=True).stdout == "1 0 0"
 
 
 def test_fast_math_is_refused_when_it_is_compiled(tmp_path: Path) -> None:
@@ -140,12 +151,12 @@ def test_fast_math_is_refused_when_it_is_compiled(tmp_path: Path) -> None:
     assert "build without -ffast-math" in built.stderr
 
 
-def test_models_of_two_robots_go_into_one_program(tmp_path: Path) -> None:
+def test_models_of_two_robots_go_into_one_program(bar: Path, tmp_path: Path) -> None:
     objects = []
-    for name in ("left", "right"):
-        export(shipped("five_bar"), tmp_path / name, name=name)
+    export(shipped("five_bar"), tmp_path / "left", name="left")
+    for name, folder in (("left", tmp_path / "left"), ("bar", bar)):
         objects.append(str(tmp_path / f"{name}.o"))
-        source = str(tmp_path / name / f"{name}.c")
+        source = str(folder / f"{name}.c")
         subprocess.run([*find_compiler().command, "-fPIC", "-c", source, "-o", objects[-1]], check=True)
     built = subprocess.run(
         [*find_compiler().command, "-shared", "-o", str(tmp_path / "both.so"), *objects],
@@ -154,15 +165,15 @@ def test_models_of_two_robots_go_into_one_program(tmp_path: Path) -> None:
     assert (built.returncode, built.stderr) == (0, "")
 
 
-def test_no_other_file_is_written_over(tmp_path: Path) -> None:
-    robot = shipped("five_bar")
-    (tmp_path / "README.md").write_text("# My controller\n")
+def test_no_other_file_is_written_over(bar: Path, tmp_path: Path) -> None:
+    robot, mine = shipped("five_bar"), tmp_path / "mine"
+    mine.mkdir()
+    (mine / "README.md").write_text("# My controller\n")
     with pytest.raises(ModelError, match=r"README\.md' exists and was not written by hybridyn"):
-        export(robot, tmp_path, name="bar")
-    assert [path.name for path in tmp_path.iterdir()] == ["README.md"]
-    (tmp_path / "README.md").unlink()
-    export(robot, tmp_path, name="bar")
-    export(robot, tmp_path, name="bar")
+        export(robot, mine, name="bar")
+    assert [path.name for path in mine.iterdir()] == ["README.md"]
+    (mine / "README.md").unlink()
+    export(robot, bar, name="bar")
 
 
 def test_names_cannot_end_a_comment() -> None:
@@ -178,9 +189,8 @@ def test_limits_are_not_exported(tmp_path: Path) -> None:
 
 
 @pytest.mark.skipif(shutil.which("make") is None, reason="there is no make")
-def test_make_runs_the_test(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    export(shipped("five_bar"), tmp_path)
-    done = subprocess.run(["make", "-C", str(tmp_path)], capture_output=True, text=True)
+def test_make_runs_the_test(bar: Path) -> None:
+    done = subprocess.run(["make", "-C", str(bar)], capture_output=True, text=True)
     assert (done.returncode, done.stderr) == (0, "")
     assert "largest difference from the reference" in done.stdout
 

@@ -66,7 +66,7 @@ def test_bits_do_not_depend_on_threads_or_lanes(library: Library, monkeypatch: p
         assert (a == a2).all()
         assert (b == b2).all()
         assert (guard == guard2).all()
-    for lanes in (1, 2, 4, 8):
+    for lanes in (1, 8):
         (a2, b2), guard2 = load([program], lanes=lanes).batch(program.name, q, v)
         assert (a == a2).all()
         assert (b == b2).all()

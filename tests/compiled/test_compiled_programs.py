@@ -125,7 +125,7 @@ def test_effects_that_are_off_leave_no_code() -> None:
 
 
 def test_base_parameters_make_it_shorter() -> None:
-    robot = build_robot(shipped("lx4"))
+    robot = build_robot(shipped("gough_stewart"))
     sizes = [
         function_of(programs(robot, None, models=("ddm",), regroup=regroup)["ddm"]).n_instructions()
         for regroup in (True, False)

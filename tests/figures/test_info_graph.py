@@ -56,12 +56,12 @@ def test_joints_in_series_share_a_card() -> None:
 
 
 def test_equal_modules_are_one_pile() -> None:
-    drawn = cards(robot("lx4", modules="64"))
+    drawn = cards(robot("lx4", modules="9"))
     assert len(drawn) < 8
     pile = drawn[-1]
     assert pile.folded
-    assert pile.lines[0] == "modules 3 to 64: 62 like m2_platform"
-    assert pile.lines[1].endswith("372 motors in all")
+    assert pile.lines[0] == "modules 3 to 9: 7 like m2_platform"
+    assert pile.lines[1].endswith("42 motors in all")
 
 
 def tree(count: int) -> list[Card]:

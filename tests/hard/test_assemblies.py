@@ -175,7 +175,7 @@ def test_too_many_stacked_postures_are_refused() -> None:
 def test_what_is_out_of_reach_has_no_posture() -> None:
     lengths = dietmaier.LENGTHS * np.array([1, 9, 1, 1, 1, 1])
     with pytest.raises(AssemblyError, match="do not close at sample 0"):
-        hybridyn.assemblies(dietmaier.robot(), motors=dietmaier.motors(lengths), starts=20)
+        hybridyn.assemblies(dietmaier.robot(), motors=dietmaier.motors(lengths), starts=5)
 
 
 def test_wrong_arguments_are_named() -> None:

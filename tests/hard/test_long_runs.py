@@ -48,8 +48,8 @@ def judged(claim: Claim, case: str, robot: HybridRobot, result: Result, drift: f
 @pytest.mark.parametrize(
     ("method", "end"),
     [
-        ("conserving", 0.2),
-        ("dopri5", 0.02),
+        ("conserving", 0.1),
+        ("dopri5", 0.004),
         pytest.param("conserving", 100.0, marks=pytest.mark.slow),
         pytest.param("dopri5", 0.2, marks=pytest.mark.slow),
     ],
@@ -70,7 +70,8 @@ def test_undamped_lx4(claim: Claim, method: str, end: float) -> None:
     judged(claim, f"undamped LX4, {end:g} s, {method}", robot, result, KEPT if step else 100 * RTOL)
 
 
-@pytest.mark.parametrize("end", [0.4, pytest.param(20.0, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("end", [0.4, 20.0])
 def test_a_platform_afloat(claim: Claim, end: float) -> None:
     """The same on a free base without weight: its quaternion is kept at unit length by the retraction.
 

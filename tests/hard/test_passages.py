@@ -11,7 +11,7 @@ distance down to `branch.LOST`.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
@@ -24,13 +24,14 @@ from tests import ROOT
 from tests.hard.benchmark_references import all_bars, n_four_bar
 from tests.hard.one_freedom import REFERENCE, OneFreedom
 from tests.hard.redundant_loops import crossed_bars, loaded
-from tests.samples import some
+from tests.samples import slow, some
 
 if TYPE_CHECKING:
     from tests.hard.claims import Claim
 
 BARS = ROOT / "urdf" / "benchmarks" / "n_four_bar.urdf.xacro"
 DISTANCES = (0.0, 1e-12, 1e-9, 1e-7, 1e-5, 1e-3, 2e-2)
+FEW = (0.0, 1e-9, 1e-3)
 METHODS = {
     "dopri5": ({"rtol": 1e-8}, 5e-7),
     "loose": ({"rtol": 1e-4, "atol": 1e-5}, 5e-3),
@@ -55,12 +56,19 @@ def crossed(tmp_path_factory: pytest.TempPathFactory) -> OneFreedom:
     return OneFreedom(loaded(tmp_path_factory.mktemp("crossed"), linkage), linkage.law)
 
 
-@pytest.mark.parametrize("method", METHODS)
-def test_rhombic_loops(claim: Claim, bars: hybridyn.HybridRobot, method: str) -> None:
+def by_method(*default: str) -> list[Any]:
+    """Return methods and distances: by default few distances for some methods, as slow cases all for all."""
+    return [*((method, FEW) for method in default), *(slow(method, DISTANCES) for method in METHODS)]
+
+
+@pytest.mark.parametrize(("method", "distances"), by_method("dopri5", "rk4", "conserving"))
+def test_rhombic_loops(
+    claim: Claim, bars: hybridyn.HybridRobot, method: str, distances: tuple[float, ...]
+) -> None:
     options, bound = METHODS[method]
     rng = np.random.default_rng(7)
     worst, apart = 0.0, 0.0
-    for distance in DISTANCES:
+    for distance in distances:
         rate = -rng.uniform(1.0, 5.0)
         start = all_bars(distance - np.pi / 2, bars.joints), all_bars(rate, bars.joints)
         result = hybridyn.simulate(bars, *start, (0, SPAN), **options)
@@ -73,12 +81,14 @@ def test_rhombic_loops(claim: Claim, bars: hybridyn.HybridRobot, method: str) ->
     claim(f"row of rhombic loops, {method}", "angle between uprights [rad]", apart, SIDES)
 
 
-@pytest.mark.parametrize("method", some(METHODS, ("dopri5", "conserving")))
-def test_antiparallelogram(claim: Claim, crossed: OneFreedom, method: str) -> None:
+@pytest.mark.parametrize(("method", "distances"), by_method("dopri5", "conserving"))
+def test_antiparallelogram(
+    claim: Claim, crossed: OneFreedom, method: str, distances: tuple[float, ...]
+) -> None:
     options, bound = METHODS[method]
     rng = np.random.default_rng(8)
     worst = 0.0
-    for distance in DISTANCES:
+    for distance in distances:
         rate = -rng.uniform(1.0, 3.0)
         q, v, _ = crossed.state(distance, rate)
         result = hybridyn.simulate(crossed.robot, q, v, (0, SPAN), **options)
@@ -99,7 +109,7 @@ def test_accelerations_near_and_at_the_posture(claim: Claim, crossed: OneFreedom
     claim("antiparallelogram", "accelerations, 1e-12 to 1e-1 from the posture", worst, LOST_ACCELERATIONS**2)
 
 
-@pytest.mark.parametrize("method", ["rk4", "conserving", "implicit"])
+@pytest.mark.parametrize("method", some(("rk4", "conserving", "implicit"), ("conserving",)))
 @pytest.mark.parametrize("part", [0.0, 0.5], ids=["end", "stage"])
 def test_steps_that_end_at_or_next_to_the_posture(
     claim: Claim, crossed: OneFreedom, method: str, part: float

@@ -17,6 +17,7 @@ PAGE = ROOT / "docs" / "view-and-plot.md"
 FILE = re.compile(r"[\w.]+\.(png|svg|pdf|html|mp4|csv)")
 
 
+@pytest.mark.slow
 def test_commands_write_the_files_that_they_name(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

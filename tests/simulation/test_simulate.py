@@ -57,8 +57,8 @@ def test_double_pendulum(tmp_path: Path) -> None:
         f = [-s * b_dot**2 - (m1 * c1 + m2 * l1) * G * np.sin(a), s * a_dot**2 - m2 * c2 * G * np.sin(b)]
         return np.concatenate([x[2:], np.linalg.solve(M, f)])
 
-    q, v, times = np.array([1.0, 0.5]), np.array([0.2, -1.0]), np.linspace(0, 1, 11)
-    exact = solve_ivp(rates, (0, 1), [q[0], q.sum(), v[0], v.sum()], t_eval=times, **REFERENCE).y.T
+    q, v, times = np.array([1.0, 0.5]), np.array([0.2, -1.0]), np.linspace(0, 0.2, 11)
+    exact = solve_ivp(rates, (0, 0.2), [q[0], q.sum(), v[0], v.sum()], t_eval=times, **REFERENCE).y.T
     result = simulate(robot, q, v, times, **TIGHT)
     assert np.abs(np.cumsum(result.q, axis=1) - exact[:, :2]).max() < MINIMAL
     assert np.abs(np.cumsum(result.v, axis=1) - exact[:, 2:]).max() < 10 * MINIMAL
@@ -175,9 +175,9 @@ def test_heavy_top(tmp_path: Path) -> None:
         )
 
     w0 = np.array([0, 150, -4.61538])
-    exact = solve_ivp(rates, (0, 0.2), np.concatenate([np.eye(3).ravel(), w0]), **REFERENCE).y[:9, -1]
+    exact = solve_ivp(rates, (0, 0.1), np.concatenate([np.eye(3).ravel(), w0]), **REFERENCE).y[:9, -1]
     q0 = np.array([0, 0, 0, 1.0])
-    result = simulate(robot, q0, w0, (0, 0.2), rtol=1e-7, atol=1e-7)
+    result = simulate(robot, q0, w0, (0, 0.1), rtol=1e-7, atol=1e-7)
     R = hybridyn.kinematics(robot, result.q, result.v, links=["top"])["top"].pose[:, 3:]
     assert np.abs(np.linalg.norm(result.q, axis=1) - 1).max() < 1e-14
     x, y, z, w = R[-1]

@@ -16,6 +16,7 @@ from hybridyn.oracle import Oracle
 from hybridyn.tables.columns import read_layout
 from hybridyn.tables.opening import open_table
 from tests import ROOT
+from tests.samples import slow
 
 CLOSED = 1e-12  # of the robot's length: home is computed in the xacro, so only rounding is left
 INDEPENDENT = 1e-2  # reciprocal condition number of motors against free motions at home, lengths scaled
@@ -56,7 +57,7 @@ def robot_file(name: str) -> Path:
     return ROOT / "urdf" / f"{name}.urdf.xacro"
 
 
-@pytest.fixture(scope="module", params=ROBOTS)
+@pytest.fixture(scope="module", params=[slow(name) if name == "snake" else name for name in ROBOTS])
 def name(request: pytest.FixtureRequest) -> str:
     return str(request.param)
 

@@ -57,6 +57,7 @@ def test_a_sufficient_set_stays_within(worth: Worth) -> None:
     assert len(worth.sufficient(1e9).names) < len(worth.names) / 2
 
 
+@pytest.mark.slow
 def test_compiled_models_give_the_same() -> None:
     """All mass of the five-bar is in its legs: without leg inertia no direct model can verify the others."""
     description = shipped("five_bar")

@@ -274,6 +274,7 @@ def test_effects_to_leave_out_of_a_scene() -> None:
         assert {*left, "payload"} == {*(setting.effects or ())}
 
 
+@pytest.mark.slow
 def test_an_event_ends_every_run(tmp_path: Path, few: None) -> None:
     text = SWING.read_text().replace("../../", f"{ROOT}/")
     scene = tmp_path / "event.toml"

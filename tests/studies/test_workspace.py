@@ -120,7 +120,7 @@ def motor_map(robot: hybridyn.HybridRobot, found: Workspace, i: int) -> Array:
 
 def test_maps_of_a_five_bar_are_those_of_virtual_work() -> None:
     robot = hybridyn.load("five_bar")
-    found = workspace(robot, link="m1_tool", steps={"x": 0.1, "z": 0.1})
+    found = workspace(robot, link="m1_tool", steps={"x": 0.2, "z": 0.2})
     for i in range(len(found.index)):
         J = motor_map(robot, found, i)  # motor rates over the tool's velocity
         s = np.linalg.svd(J, compute_uv=False)
@@ -211,7 +211,7 @@ def test_an_origin_outside_the_limits_is_refused(tmp_path: Path) -> None:
 def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """The table, the summary and the figure; several processes give the same bytes as one."""
     one, two, figure = (tmp_path / name for name in ("one.csv", "two.csv", "maps.png"))
-    words = ["workspace", "five_bar", "--link", "m1_tool", "--step", "x=0.1,z=0.1"]
+    words = ["workspace", "five_bar", "--link", "m1_tool", "--step", "x=0.2,z=0.2"]
     said = call(capsys, *words, "-o", one, "--plot", figure)
     assert (said.status, said.out) == (0, "")
     assert call(capsys, *words, "-o", two, "--jobs", "2").status == 0
@@ -231,7 +231,7 @@ def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None
 def test_a_figure_of_slices(name: str, tmp_path: Path) -> None:
     from hybridyn.figures.workspace import figure_of_workspace
 
-    coarse = {"z": 0.05, "roll": 0.3, "pitch": 0.3} if name == "rps3" else {"x": 0.15, "y": 0.15, "z": 0.1}
+    coarse = {"z": 0.1, "roll": 0.5, "pitch": 0.5} if name == "rps3" else {"x": 0.15, "y": 0.15, "z": 0.1}
     found = workspace(hybridyn.load(name), steps=coarse)
     figure = figure_of_workspace(found)
     assert len(figure.axes) >= 3 * 2

@@ -12,7 +12,7 @@ from hybridyn.tables.columns import read_layout
 from hybridyn.tables.opening import open_table
 from hybridyn.tables.trajectory import full_state, read_motions
 
-ROUNDS = 4_000
+ROUNDS = 2_000
 ROBOT = Description(
     name="arm",
     links=tuple(Link(name, 1.0, np.zeros(3), np.eye(3)) for name in ("base", "slider", "tool")),
