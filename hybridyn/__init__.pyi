@@ -18,6 +18,7 @@ from .errors import (
     CompileError,
     HybridynError,
     ModelError,
+    PerformanceWarning,
     SingularityError,
     TrajectoryError,
 )
@@ -49,6 +50,7 @@ __all__ = [
     "JointMap",
     "LinkMotion",
     "ModelError",
+    "PerformanceWarning",
     "Power",
     "Reactions",
     "SingularityError",

@@ -40,6 +40,10 @@ def install_advice(extra: str) -> str:
     return f"install it with `pip install -e '.[{extra}]'` in a clone, or `pip install 'hybridyn[{extra}]'`"
 
 
+class PerformanceWarning(UserWarning):
+    """A program calls hybridyn in a way that is far slower than another."""
+
+
 class HybridynError(Exception):
     """Base class of all errors that hybridyn raises deliberately."""
 

@@ -191,7 +191,9 @@ def _report(study: Study) -> list[str]:
 
     worth = front(study.points, study.own_error)
     per_sample = study.time_unit == "per sample"
-    rows = [["", "choice", "setting", "error", f"time {study.time_unit}", "of it this choice"][: 5 + per_sample]]
+    rows = [
+        ["", "choice", "setting", "error", f"time {study.time_unit}", "of it this choice"][: 5 + per_sample]
+    ]
     for point in study.points:
         if point.failure:
             continue

@@ -217,8 +217,7 @@ def _summary(found: Workspace, seconds: float) -> list[str]:
         lines.append(f"largest effort against gravity: {worst[name]:.4g} by {name.removesuffix('/effort')}")
     stops = sorted(found.blocked.items(), key=lambda item: (-item[1], item[0]))
     named = [
-        f"{'reach of the loops' if name == 'reach' else name} ({count:,})"
-        for name, count in stops[:BLOCKS]
+        f"{'reach of the loops' if name == 'reach' else name} ({count:,})" for name, count in stops[:BLOCKS]
     ]
     more = f" and {len(stops) - BLOCKS} more joints" if len(stops) > BLOCKS else ""
     lines.append(f"steps stopped by: {', '.join(named) or 'nothing'}{more}")

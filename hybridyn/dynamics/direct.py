@@ -25,6 +25,7 @@ from .forward import base_motion, forward
 from .loads import all_loads
 from .passive import needs_inertia
 from .reactions import Reactions
+from .single_calls import count_single_call
 from .state_checks import check_closed
 
 
@@ -105,6 +106,8 @@ def ddm(
         reactions=reactions,
     )  # fmt: skip
     single = np.ndim(q) == 1
+    if single:
+        count_single_call()
     a = found.a[0] if single else found.a
     if found.reactions is None:
         return a

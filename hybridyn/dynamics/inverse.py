@@ -21,6 +21,7 @@ from .forward import forward
 from .inverse_guards import Guards
 from .loads import all_loads
 from .reactions import Reactions
+from .single_calls import count_single_call
 from .state_checks import check_closed
 
 #: Advice in the error message if a passive motion would need an effort.
@@ -118,6 +119,8 @@ def idm(
         on_singular=on_singular, reactions=reactions,
     )  # fmt: skip
     single = np.ndim(q) == 1
+    if single:
+        count_single_call()
     tau = found.tau[0] if single else found.tau
     if found.reactions is None:
         return tau

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from ..description.names import did_you_mean
-from ..dynamics.inverse import idm
+from ..dynamics.inverse import inverse_model
 from ..effects.choice import Choice, choose
 from ..effects.links import at_times, table
 from ..errors import ModelError
@@ -132,7 +132,7 @@ class ComputedTorque:
         feedback = self._kp * self._axes.error(x, q) + self._kd * (x_dot - v[self._axes.columns])
         a = np.zeros(self._robot.nv)
         a[self._axes.columns] = x_ddot + feedback
-        return idm(self._robot, q, v, a, effects=self._on, time=t, passive="solved")
+        return inverse_model(self._robot, q, v, a, effects=self._on, time=t, passive="solved").tau[0]
 
 
 def constant(robot: HybridRobot, efforts: Mapping[str, float]) -> Array:
