@@ -132,7 +132,9 @@ class ComputedTorque:
         feedback = self._kp * self._axes.error(x, q) + self._kd * (x_dot - v[self._axes.columns])
         a = np.zeros(self._robot.nv)
         a[self._axes.columns] = x_ddot + feedback
-        return inverse_model(self._robot, q, v, a, effects=self._on, time=t, passive="solved").tau[0]
+        found = inverse_model(self._robot, q, v, a, effects=self._on, time=t, passive="solved")
+        tau: Array = found.tau[0]
+        return tau
 
 
 def constant(robot: HybridRobot, efforts: Mapping[str, float]) -> Array:
