@@ -11,10 +11,11 @@ from ..errors import CompileError, ModelError
 from ..structure.robot import HybridRobot
 from .failures import as_compile_error
 from .needs import WITHOUT_CASADI
+from .verifying import check_trusted
 
 try:
     from .code.plain_c import REAL, WRITTEN, plain_source, prototype, work_type
-    from .export_reference import SAMPLES, test_text
+    from .export_reference import SAMPLES, guards_of, test_text
     from .program import Program
     from .programs.whole_robot import programs
 except ModuleNotFoundError as error:
@@ -55,7 +56,8 @@ def export(
     Raises:
         ModelError: An effect is not available in compiled models, `dtype` is invalid, `name` is not a C
             identifier, or a file of the same name exists that hybridyn did not write.
-        CompileError: casadi is not installed, or the models cannot be generated.
+        CompileError: casadi is not installed, the models cannot be generated, or their guards are above 1 at
+            every random state.
     """
     name = c_name(robot.description.name) if name is None else name
     if not re.fullmatch(r"[A-Za-z_]\w*", name, re.ASCII):
@@ -71,6 +73,7 @@ def export(
         )
     with as_compile_error(robot):
         models = list(programs(robot, on, models=tuple(WHAT), dtype=dtype).values())
+        check_trusted(guards_of(models), robot, on)
         contents = {
             f"{name}.h": _header(robot, models, name, dtype),
             f"{name}.c": plain_source(models, name, dtype),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import reduce
 
 import numpy as np
@@ -115,6 +116,24 @@ def _references(robot: HybridRobot, effects: Effects, programs: list[Program]) -
             values["a"] = ddm(robot, q, v, tau, effects=effects, base_acceleration=a[:, :6])
         out.append(values)
     return out
+
+
+def guards_of(programs: list[Program]) -> Callable[..., dict[str, Array]]:
+    """Return a function of q, v, a, tau that computes the guards of the models, for `check_trusted`."""
+    from .programs.interpreter import function_of
+
+    models = {program.name: program for program in programs if program.name in ("idm", "ddm")}
+    functions = {name: function_of(program) for name, program in models.items()}
+
+    def guards(q: Array, v: Array, a: Array, tau: Array) -> dict[str, Array]:
+        known = {"q": q, "v": v, "a": a, "tau": tau, "base_acceleration": np.zeros((len(q), 6))}
+        given = {name: [known[n] for n, _ in program.inputs] for name, program in models.items()}
+        return {
+            name: np.array([float(function(*sample)[-1]) for sample in zip(*given[name], strict=True)])
+            for name, function in functions.items()
+        }
+
+    return guards
 
 
 def rates_read(program: Program) -> Array:

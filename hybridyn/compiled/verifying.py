@@ -76,15 +76,45 @@ def verify(library: Built, robot: HybridRobot, effects: Effects) -> None:
     drawn = (seed + 1) * SAMPLES
     nowhere = [name for name, count in comparison.computed.items() if not count]
     if len(nowhere) == len(comparison.computed):
-        raise CompileError(
-            f"the compiled models of the robot '{robot.description.name}' would hand every one of {drawn} "
-            f"random states to the general path{comparison.reason or _reason(robot)}: they are not used"
-        )
+        raise _trusted_nowhere(robot, drawn, comparison.reason)
     for name in nowhere:
         log.warning(
             "robot '%s': the compiled '%s' hands every one of %d random states to the general path%s",
             robot.description.name, name, drawn, _reason(robot),
         )  # fmt: skip
+
+
+def check_trusted(guards: Callable[..., dict[str, Array]], robot: HybridRobot, effects: Effects) -> None:
+    """Check that one of the models can be trusted at one random state at least.
+
+    Args:
+        guards: Function of q, v, a, tau, each of shape (T, n), that returns the guards of each model, (T,).
+        robot: The robot.
+        effects: Effects in the models.
+
+    Raises:
+        CompileError: No model can be trusted at any of the states.
+    """
+    from .equations.states import moving_states
+
+    reason = ""
+    for seed in range(ROUNDS):
+        q, v, tau = moving_states(robot, SAMPLES, seed)
+        try:
+            a = ddm(robot, q, v, tau, effects=replace(effects, limits=None))
+        except HybridynError as error:
+            reason, a = f", which refuses them ({error})", np.zeros_like(v)
+        if any((guard <= GUARD_LIMIT).any() for guard in guards(q, v, a, tau).values()):
+            return
+    raise _trusted_nowhere(robot, ROUNDS * SAMPLES, reason)
+
+
+def _trusted_nowhere(robot: HybridRobot, drawn: int, reason: str) -> CompileError:
+    """Return the error of models that compute none of the random states themselves."""
+    return CompileError(
+        f"the compiled models of the robot '{robot.description.name}' would hand every one of {drawn} "
+        f"random states to the general path{reason or _reason(robot)}: they are not used"
+    )
 
 
 def _reason(robot: HybridRobot) -> str:

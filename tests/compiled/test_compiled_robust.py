@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,10 +15,11 @@ import hybridyn
 from hybridyn.compiled import verifying
 from hybridyn.compiled.equations.states import moving_states, random_states
 from hybridyn.compiled.equations.static_elimination import choose_pivots
+from hybridyn.compiled.export import export
 from hybridyn.compiled.verifying import MODEL_AGREES, SAMPLES, difference, verify
 from hybridyn.description.records import Closure, Coupling, Description, Joint, Link
 from hybridyn.effects.choice import choose
-from hybridyn.errors import CompileError, SingularityError
+from hybridyn.errors import AssemblyError, CompileError, SingularityError
 from hybridyn.manifold.manifold import Manifold
 from hybridyn.structure.building import build_robot
 from hybridyn.structure.robot import HybridRobot
@@ -206,6 +208,61 @@ def test_redundant_motors_on_gears_alone() -> None:
     assert compared(robot) == (pytest.approx(0.0, abs=MODEL_AGREES["float64"]), 8)
 
 
+# -------------------------------------------------------------------- open couplings
+
+
+def geared(kind: str) -> HybridRobot:
+    """Two arms on a gear of any ratio, endless or with a slide on a rack that is off its zero."""
+    joints = [
+        replace(hinge("a", "base", "one"), kind=kind), replace(hinge("b", "one", "two", 1.0), kind=kind),
+        Joint("c", "prismatic", "two", "three", at(0.5), np.array([1.0, 0.0, 0.0])),
+    ]  # fmt: skip
+    gears = [
+        Coupling("gear", (("a", 1.0), ("b", -2.37)), 0.0),
+        Coupling("rack", (("a", 0.3), ("c", -1.0)), 0.2),
+    ]
+    count = 1 if kind == "continuous" else 2
+    return robot_of(
+        "geared", ("one", "two", "three")[: count + 1], joints[: count + 1], [], ["a"], gears[:count]
+    )
+
+
+@pytest.mark.parametrize("kind", ["revolute", "continuous"])
+@pytest.mark.parametrize("what", ["positions", "rates", "accelerations"])
+def test_an_open_coupling_is_no_state_of_the_models(kind: str, what: str) -> None:
+    """The general path refuses it; the models computed on, as if the gear were closed."""
+    robot = geared(kind)
+    q, v, a, tau = random_states(robot, 3)
+    library = Interpreted(robot, ("idm", "ddm"))
+    assert compared(robot, 3) == (pytest.approx(0.0, abs=MODEL_AGREES["float64"]), 6)
+    at_q, at_v = (slices[robot.joint_index["b"]] for slices in (robot.q_slices, robot.v_slices))
+    if what == "positions":
+        turn = 1e-5 * np.array([[0.0, 1.0], [-1.0, 0.0]]) + np.eye(2)
+        q[:, at_q] = q[:, at_q] @ turn if kind == "continuous" else q[:, at_q] + 1e-5
+    else:
+        (v if what == "rates" else a)[:, at_v] += 1e-5
+    with pytest.raises(AssemblyError, match=f"the {what} do not close the loops"):
+        hybridyn.idm(robot, q, v, a)
+    assert (library.batch("idm", q, v, a)[1] > TRUSTED).all()
+    if what != "accelerations":
+        assert (library.batch("ddm", q, v, tau)[1] > TRUSTED).all()
+
+
+@pytest.mark.parametrize("turns", [1, -3])
+def test_whole_turns_of_one_endless_joint_open_no_coupling(turns: int) -> None:
+    """Cosine and sine do not count them: the residual is known modulo a turn of the last joint."""
+    robot = geared("continuous")
+    q = hybridyn.assemble(robot, motors={"a": 2 * np.pi * turns + 0.3})[0][None]
+    ratio = np.zeros((1, 2))
+    for joint, rate in {"a": 2.37, "b": 1.0}.items():
+        ratio[:, robot.v_slices[robot.joint_index[joint]]] = rate
+    v, a = 0.4 * ratio, -0.2 * ratio
+    (tau,), guard = Interpreted(robot, ("idm",)).batch("idm", q, v, a)
+    wanted = hybridyn.idm(robot, q, v, a)
+    assert guard[0] <= TRUSTED
+    assert tau == pytest.approx(wanted, rel=MODEL_AGREES["float64"])
+
+
 # -------------------------------------------------------------------- one freedom
 
 
@@ -311,6 +368,17 @@ def test_the_reason_is_the_files_rounding() -> None:
     robot = rounded_bars()
     with pytest.raises(CompileError, match=r"loops of module .* agree with each other to .*e-0[67] only"):
         verify(Interpreted(robot), robot, choose(robot, None))
+
+
+def test_models_that_trust_themselves_nowhere_are_not_exported(tmp_path: Path) -> None:
+    """In C there is no general path: a guard above 1 at every state is of no use."""
+    robot = rounded_bars()
+    with pytest.raises(CompileError) as compiled:
+        verify(Interpreted(robot), robot, choose(robot, None))
+    with pytest.raises(CompileError) as exported:
+        export(robot, tmp_path / "bars")
+    assert str(exported.value) == str(compiled.value)
+    assert not [*tmp_path.iterdir()]
 
 
 @pytest.mark.parametrize("name", ["ddm", "idm"])

@@ -83,7 +83,9 @@ def _loop_pivots(parts: Parts, postures: Array, rows: Array, cols: Array) -> Piv
         placed[i] = Placed(quaternion_matrix(at[3:]), at[:3], zeros(6), zeros(6))
     chain = sweep(list(parts.links), q, zeros(nv), zeros(6), placed=placed)
     positions = split_positions(list(parts.links), q)
-    written = write_rows(chain, parts.closures, parts.couplings, positions, Scale(1.0, 1.0), 1.0)
+    written = write_rows(
+        chain, parts.closures, parts.couplings, positions, zeros(nv), None, Scale(1.0, 1.0), 1.0
+    )
     function = ca.Function("K", [column], [pack(written.K[:, 6:])])
     shape = written.K[:, 6:].shape
     samples = np.array([np.array(function(x[parts.tree_q])).reshape(shape) for x in postures])
@@ -151,15 +153,13 @@ def write_core(
             placed[i] = Placed(R, p, V, zeros(6) if a is None else chain.c[-1])
             platforms[i] = PlatformMotion(R, p, motion_to_parent(R, p, V))
     tree_q, tree_v = _pick(q, parts.q), _pick(v, parts.v)
-    chain = sweep(
-        list(parts.links), tree_q, tree_v, V_base, None if a is None else _pick(a, parts.v), A_base, placed
-    )
+    tree_a = None if a is None else _pick(a, parts.v)
+    chain = sweep(list(parts.links), tree_q, tree_v, V_base, tree_a, A_base, placed)
     length = plan.mechanism.length
     units = np.concatenate([np.zeros(0), *(units_of(link, length) for link in parts.links)])
     speed = size_of(tree_v, units, [V_base, *(p.V for p in platforms.values())], length)
-    rows = write_rows(
-        chain, parts.closures, parts.couplings, split_positions(list(parts.links), tree_q), plan.scale, speed
-    )
+    positions = split_positions(list(parts.links), tree_q)
+    rows = write_rows(chain, parts.closures, parts.couplings, positions, tree_v, tree_a, plan.scale, speed)
     if plan.mechanism.reduction.rounded:  # the choice of dependent rows differs from posture to posture
         rows.guard = ca.SX(np.inf)
     outputs = [parts.bodies.index(o) for o in plan.mechanism.spec.outputs]

@@ -12,6 +12,8 @@ from ...linkage.closures import TreeClosure, TreeCoupling
 from .chains import Chain, motion_map, numbers, point_acceleration, point_velocity
 from .expressions import Expression, cross, dot, zeros
 from .guards import Scale, loops_closed
+from .links import units_of
+from .residuals import coupling_row
 from .rigid import to_parent
 
 
@@ -22,8 +24,9 @@ class Rows:
     Attributes:
         K: Shape (rows, 6 + nv): K s + gamma = 0.
         gamma: Shape (rows,).
-        apart: gamma without units (lengths over the module's length).
-        guard: Guard of the closures' positions and rates.
+        apart: Accelerations that open the loops, without units (lengths over the module's length): gamma, and
+            those of couplings if accelerations are given.
+        guard: Guard of the positions and rates of closures and couplings.
     """
 
     K: Expression
@@ -64,6 +67,8 @@ def write_rows(
     closures: tuple[TreeClosure, ...],
     couplings: tuple[TreeCoupling, ...],
     q: list[Expression],
+    rates: Expression,
+    accelerations: Expression | None,
     scale: Scale,
     speed: Any,
 ) -> Rows:
@@ -74,6 +79,8 @@ def write_rows(
         closures: The closures.
         couplings: The couplings.
         q: Positions of each joint.
+        rates: Rates of the joints.
+        accelerations: Accelerations of the joints, for the inverse model.
         scale: Scales of closure residuals.
         speed: Size of the module's rates.
     """
@@ -88,12 +95,20 @@ def write_rows(
         apart = [*apart, drift / unit]
         guard = ca.fmax(guard, measure)
     for coupling in couplings:
-        row = zeros(1, 6 + chain.nv)
-        for joint, coefficient in coupling.terms:
-            at = 6 + chain.v_slices[joint].start
-            row[0, at] = row[0, at] + coefficient
-        K, gamma = [*K, row], [*gamma, zeros(1)]
+        opened, row = coupling_row(chain, coupling, q, coupling.offset)
+        size = _unit_of(chain, coupling, scale.length)
+        K, gamma = [*K, np.concatenate([zeros(6), row])[None]], [*gamma, zeros(1)]
+        positions = [(np.array([opened], dtype=object), size)]
+        measure = loops_closed(positions, [(dot(row[None], rates), size)], speed, scale.closed)
+        guard = ca.fmax(guard, measure)
+        if accelerations is not None:
+            apart = [*apart, dot(row[None], accelerations) / size]
     return Rows(np.concatenate(K), np.concatenate(gamma), np.concatenate(apart), guard)
+
+
+def _unit_of(chain: Chain, coupling: TreeCoupling, length: float) -> float:
+    """Return the unit of a coupling's residual: the largest of a radian, or the length, in its terms."""
+    return max(abs(k) * float(units_of(chain.links[joint], length)[0]) for joint, k in coupling.terms)
 
 
 def _closure(
