@@ -38,12 +38,33 @@ TREE = f"""
   </joint>"""
 """A planar four-bar, open: base 1.5, crank 1, coupler 1.5, rocker 1; `LOOP` closes it."""
 
+#: A door about the horizontal y, so that it swings, with one hinge; `SECOND_HINGE` closes a loop over it.
+DOOR = f"""
+  <link name="wall"/>
+  <link name="leaf">{INERTIAL}</link>
+  <joint name="hinge" type="revolute">
+    <parent link="wall"/><child link="leaf"/><axis xyz="0 1 0"/>
+    <limit lower="-3" upper="3" velocity="20" effort="50"/>
+  </joint>
+  <transmission name="drive"><joint name="hinge"/><actuator name="motor"/></transmission>"""
+SECOND_HINGE = """
+  <loop name="second" type="revolute">
+    <predecessor link="wall"><origin xyz="0 1.5 0"/></predecessor>
+    <successor link="leaf"><origin xyz="0 1.5 0"/></successor>
+    <axis xyz="0 1 0"/>
+  </loop>"""
+
 FOUR_BAR = f'<robot name="four_bar">{TREE}{LOOP}\n</robot>\n'
 
 
 def robot(*parts: str) -> str:
     """Return the open four-bar with other elements below `<robot>`."""
     return f'<robot name="four_bar" xmlns:drake="http://drake">{TREE}\n' + "\n".join(parts) + "\n</robot>\n"
+
+
+def door(hinges: int) -> str:
+    """Return the door with one hinge or with two."""
+    return f'<robot name="door">{DOOR}{SECOND_HINGE if hinges == 2 else ""}\n</robot>\n'
 
 
 def save(folder: Path, text: str | bytes, name: str = "four_bar.urdf") -> Path:

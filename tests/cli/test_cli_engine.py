@@ -13,7 +13,8 @@ import hybridyn.cli.common.engine as engine
 import hybridyn.streams.blocks as blocks
 from hybridyn.cli import main
 from hybridyn.description.shipped import shipped_robots
-from tests.command_line import table_text
+from tests.command_line import read_table, table_text
+from tests.robot_texts import door, save
 
 #: Both engines are exact to rounding; the table's numbers have 17 digits.
 AGREE = 1e-10
@@ -36,6 +37,11 @@ def run(capsys: pytest.CaptureFixture[str], *words: str) -> str:
 
 def numbers(path: Path) -> Any:
     return np.loadtxt(path, delimiter=",", skiprows=1)
+
+
+def plain(path: Path) -> str:
+    """Return a table without the remarks before its header."""
+    return "\n".join(line for line in path.read_text().splitlines() if not line.startswith("#"))
 
 
 def same(one: Path, other: Path) -> bool:
@@ -140,6 +146,47 @@ def test_large_tables_are(tmp_path: Path, capsys: Any, monkeypatch: pytest.Monke
     reactions = str(tmp_path / "reactions.csv")
     said = run(capsys, "idm", "five_bar", "-o", str(tmp_path / "efforts.csv"), "--reactions", reactions)
     assert "engine: general (compiled models cannot do: --reactions)" in said
+
+
+@pytest.mark.parametrize("command", ["idm", "ddm", "simulate"])
+def test_a_looped_module_of_one_freedom_is_compiled_of_its_own_accord(
+    command: str, tmp_path: Path, capsys: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A door with two hinges: a long table crashed where a short one worked."""
+    robot, table = str(save(tmp_path, door(2), "door.urdf")), tmp_path / "table.csv"
+    t = np.linspace(0.0, 1.0, 40)
+    x = 0.4 * np.sin(3 * t)
+    columns = {"time": t, "hinge/position": x, "hinge/velocity": 1.2 * np.cos(3 * t)}
+    columns |= {"hinge/effort": x} if command == "ddm" else {"hinge/acceleration": -9.0 * x}
+    table.write_text(table_text([*columns], np.column_stack([*columns.values()])))
+    scene = tmp_path / "fall.toml"
+    scene.write_text(f'duration = 0.2\n[robot]\nfile = "{robot}"\n[solver]\nmethod = "rk4"\nstep = 5e-3\n')
+    words = ["simulate", str(scene)] if command == "simulate" else [command, robot, str(table)]
+    tables = {name: tmp_path / f"{name}.csv" for name in ("general", "compiled")}
+    assert "engine: general (" in run(capsys, *words, "-o", str(tables["general"]))
+    monkeypatch.setattr(engine, "WORTH", 20)
+    monkeypatch.setattr("hybridyn.cli.simulate.WORTH_IN_TIME", 20)
+    assert "engine: compiled (" in run(capsys, *words, "-o", str(tables["compiled"]))
+    a, b = (np.array([*read_table(plain(name)).values()]) for name in tables.values())
+    assert np.abs(a - b).max() <= (METHOD if command == "simulate" else AGREE) * np.abs(a).max()
+
+
+@pytest.mark.parametrize("asked", [[], ["--engine", "compiled"]])
+def test_what_goes_wrong_inside_leaves_the_general_path(
+    asked: list[str], tmp_path: Path, capsys: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """An exception that is not ours: the summary says so; where the models were asked for, it is an error."""
+
+    def broken(*_: Any, **__: Any) -> Any:
+        raise ZeroDivisionError("float division by zero")
+
+    monkeypatch.setattr("hybridyn.compiled.compiling.built_library", broken)
+    monkeypatch.setattr(engine, "WORTH", 2_000)
+    status = main(["idm", "five_bar", *asked, "-o", str(tmp_path / "efforts.csv")])
+    said = capsys.readouterr().err
+    assert "the models of the robot 'five_bar' cannot be compiled (ZeroDivisionError" in said
+    assert status == (1 if asked else 0)
+    assert ("engine: general (not compiled: " in said) == (not asked)
 
 
 def test_what_compiled_models_cannot_do_is_refused(tmp_path: Path, capsys: Any) -> None:

@@ -21,7 +21,7 @@ from hybridyn.compiled.equations.static_elimination import Pivots, solve_definit
 from hybridyn.compiled.programs.interpreter import function_of
 from hybridyn.compiled.programs.whole_robot import programs
 from hybridyn.description import read
-from hybridyn.errors import CompileError, HybridynError
+from hybridyn.errors import CompileError, HybridynError, install_advice
 from hybridyn.oracle import Base, Oracle
 from hybridyn.structure.building import build_robot
 from hybridyn.structure.robot import HybridRobot
@@ -255,7 +255,7 @@ def test_a_key_that_is_no_text_is_made_anew(monkeypatch: pytest.MonkeyPatch, tmp
         hybridyn.compile(robot)
 
 
-def test_without_casadi() -> None:
+def test_without_casadi(tmp_path: Path) -> None:
     """In a process that cannot import it: what to install, for models and for their derivatives."""
     code = (
         "import sys; sys.modules['casadi'] = None\n"
@@ -264,9 +264,19 @@ def test_without_casadi() -> None:
         "for what in (lambda: hybridyn.compile(robot), lambda: hybridyn.ddm_jacobian):\n"
         "    try: what()\n"
         "    except hybridyn.CompileError as error: print(error)\n"
+        "try: import hybridyn.compiled.export\n"
+        "except hybridyn.CompileError as error: print(error)\n"
+        "from hybridyn.cli import main\n"
+        "for words in (['-o', 'made'], ['--stats']): print(main(['export', 'five_bar', *words]))\n"
     )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.count("pip install casadi") == 2
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=tmp_path
+    )
+    assert done.stdout.count("pip install casadi") == 3
+    assert done.stdout.splitlines()[3:] == ["1", "1"]
+    assert done.stderr.count(f"error: compiling a model needs CasADi: {install_advice('compiled')}") == 2
+    assert len(done.stderr.splitlines()) == 2
+    assert not [*tmp_path.iterdir()]
 
 
 def test_a_compiler_that_makes_nothing(tmp_path: Path) -> None:

@@ -18,12 +18,14 @@ from hybridyn.simulation.result import Result
 from hybridyn.simulation.solver import Solver
 from hybridyn.structure.building import build_robot
 from hybridyn.structure.robot import HybridRobot
+from tests.robot_texts import door, save
 from tests.swings import chain, hinge, rod, swing
 
 REFERENCE = {"method": "DOP853", "rtol": 1e-12, "atol": 1e-13}  # of the motions derived by hand
 TIGHT = {"rtol": 1e-11, "atol": 1e-12}  # asked of simulate
 MINIMAL = 1e-8  # what it then reaches over a second
 CLOSED = 1e-10  # the project's claim on closures
+SAME_STEPS = 1e-10  # of equal motions by equal steps: rounding, and iterations that end there
 BITS = ("t", "q", "v", "a", "tau", "kinetic", "potential", "residual", "pivot")
 G = 9.81
 
@@ -246,6 +248,26 @@ def test_a_prescribed_base_carries_the_robot() -> None:
     assert by_effect.q[-1, 2] == pytest.approx(0.05 * 0.1, rel=1e-6)
     with pytest.raises(TrajectoryError, match="is 'moving', and 0 motions"):
         simulate(robot, q0, v0, (0, 0.1))
+
+
+@pytest.mark.parametrize("options", [
+    {}, {"method": "rk4", "step": 0.01}, {"method": "conserving", "step": 0.01},
+    {"method": "implicit", "rtol": 1e-6},
+], ids=["dopri5", "rk4", "conserving", "implicit"])  # fmt: skip
+def test_a_door_with_two_hinges_swings_as_with_one(options: dict[str, object], tmp_path: Path) -> None:
+    """A loop over a tree of one freedom, all rows of which say the same."""
+    two, one = (
+        simulate(
+            hybridyn.load(save(tmp_path, door(count))), np.array([0.3]), np.array([-1.0]), (0, 0.3), **options
+        )  # type: ignore[arg-type]
+        for count in (2, 1)
+    )
+    assert two.status == "finished"
+    assert (two.t == one.t).all()
+    assert two.q == pytest.approx(one.q, abs=SAME_STEPS)
+    assert two.v == pytest.approx(one.v, abs=SAME_STEPS)
+    assert two.residual.max() <= CLOSED
+    assert np.ptp(two.q) > 0.3
 
 
 # -------------------------------------------------------------------- events
