@@ -78,7 +78,7 @@ CASES = {
     "huge": (mjcf(world=hinge('pos="0 1e200 1"')), "too large"),
     "many": (
         mjcf(world=f"{MANY * 2}<body>{BAR.format(x=0, m=1)}</body></replicate></replicate>"),
-        "replicas make more than",
+        "with its replicas, the file has more than 50,000",
     ),
     "no mass": (
         mjcf(world='<body name="a"><joint name="j"/></body>'),

@@ -97,7 +97,7 @@ def driven_joint(compiled: Compiled, actuator: int) -> tuple[str, float] | str:
         if len(terms) == 1:
             ((joint, coefficient),) = terms.items()
             return joint, gear * coefficient
-        return f"{label} pulls a tendon over {len(terms) or 'other than'} joints; {MEND}"
+        return f"{label} pulls a tendon that is not fixed to one joint; {MEND}"
     if kind not in (compiled.code("mjTRN_JOINT"), compiled.code("mjTRN_JOINTINPARENT")):
         return f"{label} drives no joint; {MEND}"
     single = (compiled.code("mjJNT_HINGE"), compiled.code("mjJNT_SLIDE"))
