@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import pydoc
 import re
 import tomllib
 
@@ -73,6 +74,22 @@ def test_every_public_name_is_there_and_no_file() -> None:
         assert getattr(hybridyn, name) is not None
         assert not (PACKAGE / f"{name}.py").exists()
         assert not (PACKAGE / name).exists()
+
+
+def test_dir_and_help_show_the_public_names() -> None:
+    assert set(hybridyn.__all__) - {"__version__"} <= set(dir(hybridyn))
+    text = pydoc.render_doc(hybridyn, renderer=pydoc.plaintext)
+    assert "hybridyn.assemble(robot, motors=" in text
+    for name in ("idm", "mass_matrix", "joint_map", "simulate"):
+        assert f"    {name}(robot: " in text, name
+
+
+def test_a_robot_is_printed_in_two_lines() -> None:
+    assert repr(hybridyn.load("lx4")) == (
+        "HybridRobot 'lx4' on a fixed base: 4 modules, 84 joints, 24 freedoms, 24 motors\n"
+        "q has 84 coordinates, v has 84, tau has 24: "
+        "m1_leg1_slide, m1_leg2_slide, m1_leg3_slide, m1_leg4_slide, ..."
+    )
 
 
 def test_messages_name_extras_that_exist() -> None:

@@ -25,6 +25,8 @@ if TYPE_CHECKING:
     from .payload import Payload
 
 Base = Literal["fixed", "moving", "floating"]
+#: Motors that the printed robot names.
+SHOWN_MOTORS = 4
 
 
 @dataclass(frozen=True)
@@ -64,6 +66,17 @@ class HybridRobot:
     rank_tolerance: float | None = None
     held: frozenset[str] = frozenset()
     payloads: tuple[Payload, ...] = ()
+
+    def __repr__(self) -> str:
+        """Describe the robot in two lines: its structure, and its coordinates."""
+        shown = ", ".join(self.motors[:SHOWN_MOTORS]) + (", ..." if len(self.motors) > SHOWN_MOTORS else "")
+        return (
+            f"HybridRobot '{self.name}' on a {self.base} base: {_counted(len(self.modules), 'module')}, "
+            f"{_counted(len(self.joints), 'joint')}, {_counted(self.mobility, 'freedom')}, "
+            f"{_counted(len(self.motors), 'motor')}\n"
+            f"q has {self.nq} coordinates, v has {self.nv}, tau has {len(self.motors)}"
+            + (f": {shown}" if shown else "")
+        )
 
     @property
     def name(self) -> str:
@@ -157,3 +170,8 @@ class HybridRobot:
         from .pinocchio_model import build_model
 
         return build_model(self.bodies, self.joints, self.base, self.gravity, self.name)
+
+
+def _counted(number: int, thing: str) -> str:
+    """Format a count: "1 motor", "2 motors"."""
+    return f"{number:,} {thing}" + ("" if number == 1 else "s")
