@@ -87,9 +87,12 @@ class ModuleRequest:
 
     def give_platform(self, joint: int, body: RigidMotion) -> None:
         """Set a platform's pose as the coordinates of its `floating` joint."""
-        tree = self.mechanism.tree
-        at, to, record = tree.q_slices[joint], tree.v_slices[joint], tree.joints[joint]
-        inner = body.seen_from(RigidMotion.at_rest(len(body.p), record.R, record.p))
+        record = self.mechanism.tree.joints[joint]
+        self.give_floating(joint, body.seen_from(RigidMotion.at_rest(len(body.p), record.R, record.p)))
+
+    def give_floating(self, joint: int, inner: RigidMotion) -> None:
+        """Set the coordinates of a `floating` joint: its child's motion in its own frame on the parent."""
+        at, to = self.mechanism.tree.q_slices[joint], self.mechanism.tree.v_slices[joint]
         self.known[:, at.start : at.start + 3] = inner.p
         self.known[:, at.start + 3 : at.stop] = quaternion_from_rotation(inner.R)
         R = inner.R

@@ -79,6 +79,7 @@ def command(
             ),
             columns,
             summary,
+            assemble=chosen_engine.model.assemble if chosen_engine.model else None,
         )
 
     run(tables, load, plan, efforts=True)

@@ -106,7 +106,8 @@ def command(
             remarks=[*effects_line(chosen), *not_computed(robot, chosen)],
             engine=chosen_engine,
         )
-        return Plan(model, [f"{name}/effort" for name in robot.motors], summary)
+        assemble = chosen_engine.model.assemble if chosen_engine.model else None
+        return Plan(model, [f"{name}/effort" for name in robot.motors], summary, assemble=assemble)
 
     run(tables, load, plan)
 
@@ -142,7 +143,8 @@ def efforts(
         before = compiled.recomputed
         tau = compiled.idm(block.q, block.v, block.a)
         left = departures(robot, block.q, block.v, tau)
-        return Rows(tau, handed_over=compiled.recomputed - before, left=left)
+        again = compiled.recomputed - before
+        return Rows(tau, handed_over=again, left=left, residual=compiled.closure_residual(block.q))
     found = inverse_model(
         robot,
         block.q,

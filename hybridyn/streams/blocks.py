@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 from ..errors import HybridynError, TrajectoryError
-from .postures import Postures, postures, rows_named
+from .postures import Assemble, Postures, postures, rows_named
 from .workers import Failure, Workers
 
 if TYPE_CHECKING:
@@ -104,11 +104,13 @@ class Work:
         robot: The robot.
         layout: The meaning of the table's columns.
         model: The model to evaluate.
+        assemble: Assembles the rows; None for the general path.
     """
 
     robot: HybridRobot
     layout: Layout
     model: Model
+    assemble: Assemble | None = None
 
     def __call__(self, block: Block, guess: Array | None) -> Done:
         """Compute a block.
@@ -125,7 +127,7 @@ class Work:
         from ..assembly.residual import closure_residual
 
         with np.errstate(all="ignore"):  # overflow shows in the results, which are checked
-            whole = postures(self.robot, block.motion, self.layout, guess)
+            whole = postures(self.robot, block.motion, self.layout, guess, self.assemble)
             own = whole.after(block.lead) if block.lead else whole
             with rows_named(self.layout, own.motion):
                 made = self.model(self.robot, own)

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import contextlib
+import functools
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 from ..errors import AssemblyError, HybridynError
@@ -19,6 +20,10 @@ HISTORY = (
     "The motion of joints without a motor depends on what came before: give the position and velocity of "
     "every joint, or let 'hybridyn simulate' compute them"
 )
+
+
+#: Assembles rows like `hybridyn.assemble`, but for the robot: `CompiledRobot.assemble`.
+Assemble = Callable[..., tuple["Array", "Array", "Array"]]
 
 
 class Postures(NamedTuple):
@@ -42,7 +47,13 @@ class Postures(NamedTuple):
         return Postures(rest, self.q[lead:], self.v[lead:], self.a[lead:])
 
 
-def postures(robot: HybridRobot, motion: Motion, layout: Layout, guess: Array | None) -> Postures:
+def postures(
+    robot: HybridRobot,
+    motion: Motion,
+    layout: Layout,
+    guess: Array | None,
+    assemble: Assemble | None = None,
+) -> Postures:
     """Compute the robot's postures: read them where the table names every joint, else assemble them.
 
     Args:
@@ -51,13 +62,14 @@ def postures(robot: HybridRobot, motion: Motion, layout: Layout, guess: Array | 
         layout: The meaning of the table's columns.
         guess: Posture near the first row, shape (nq,); None means the home posture. Rows without time are
             each assembled from the home posture.
+        assemble: Assembles the rows; None for the general path.
 
     Raises:
         HybridynError: As in `hybridyn.assemble`; the message names file, row and time.
     """
     if not layout.full_state:
         with rows_named(layout, motion):
-            return Postures(motion, *_assembled(robot, motion, guess))
+            return Postures(motion, *_assembled(robot, motion, guess, assemble))
     from ..tables.trajectory import full_state
 
     root = robot.description.root if robot.base != "fixed" else None
@@ -101,22 +113,25 @@ def all_postures(
     return layout, found
 
 
-def _assembled(robot: HybridRobot, motion: Motion, guess: Array | None) -> tuple[Array, Array, Array]:
+def _assembled(
+    robot: HybridRobot, motion: Motion, guess: Array | None, assemble: Assemble | None
+) -> tuple[Array, Array, Array]:
     """Assemble rows: with time as one motion, without as independent samples."""
     import numpy as np
 
     import hybridyn
 
+    assemble = assemble or functools.partial(hybridyn.assemble, robot)
     if motion.time is not None:
         from ..assembly.wrapped_angles import check_unwrapped
 
         check_unwrapped(robot, motion.time, motion.joints)
-        return hybridyn.assemble(robot, motors=motion.joints, platforms=motion.platforms, guess=guess)
+        return assemble(motors=motion.joints, platforms=motion.platforms, guess=guess)
     rows = []
     for index in range(motion.size):
         row = motion.part(index, index + 1)
         try:
-            rows.append(hybridyn.assemble(robot, motors=row.joints, platforms=row.platforms))
+            rows.append(assemble(motors=row.joints, platforms=row.platforms))
         except AssemblyError as error:
             error.sample = index
             raise

@@ -10,6 +10,7 @@ import pytest
 
 import hybridyn
 import hybridyn.cli.common.engine as engine
+import hybridyn.compiled.programs.closing.assembling as assembling
 import hybridyn.streams.blocks as blocks
 from hybridyn.cli import main
 from hybridyn.description.shipped import shipped_robots
@@ -57,6 +58,15 @@ def test_both_engines_give_the_same_tables(tmp_path: Path, capsys: Any) -> None:
         said = run(capsys, "idm", "five_bar", "--engine", name, "-o", str(tables[name]))
         assert f"engine: {name} (as asked)" in said
     assert same(tables["general"], tables["compiled"])
+
+
+def test_compiled_engines_close_the_loops_of_a_table(tmp_path: Path, capsys: Any, monkeypatch: Any) -> None:
+    def refuse(*_: object) -> None:
+        raise AssertionError("the general path assembled a row")
+
+    monkeypatch.setattr(assembling, "assemble_requests", refuse)
+    said = run(capsys, "idm", "five_bar", "--engine", "compiled", "-o", str(tmp_path / "efforts.csv"))
+    assert "worst closure residual: " in said
 
 
 def test_several_processes_share_what_was_built(tmp_path: Path, capsys: Any) -> None:

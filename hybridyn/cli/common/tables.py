@@ -14,6 +14,7 @@ import click
 
 from ...streams.blocks import LONG_TABLE, Model, Work, blocks, in_order, rows_at_once
 from ...streams.memory import keep_freed_memory
+from ...streams.postures import Assemble
 from ...streams.workers import Workers
 from .figures import Drawing, takes_plot
 from .options import complete_data, existing_file, result_file
@@ -50,12 +51,14 @@ class Plan:
         columns: Columns of the result after the time.
         summary: The summary of the results.
         written: Whether the rows are written.
+        assemble: Assembles the rows; None for the general path.
     """
 
     model: Model
     columns: Sequence[str]
     summary: Gathered
     written: bool = True
+    assemble: Assemble | None = None
 
 
 @dataclass(frozen=True)
@@ -210,7 +213,7 @@ def run(
             efforts=efforts,
         )
         planned = plan(robot, layout, table.rows)
-        work = Work(robot, layout, planned.model)
+        work = Work(robot, layout, planned.model, planned.assemble)
         workers.prepare(work)
         rows = rows_at_once(robot)
         connected = layout.time is not None and not layout.full_state

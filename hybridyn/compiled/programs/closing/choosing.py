@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -55,6 +56,7 @@ def module_requests(robot: HybridRobot, requests: Requests) -> list[ModuleReques
         HybridynError: As in `assembly.module_request`.
     """
     placed, out = Placed(requests.samples), []
+    far = any(_base_of(robot, p.link) != robot.bodies.place[p.other][0] for p in requests.poses)
     for k, module in modules_of(robot):
         base = robot.bodies.place[module.base][0]
         poses = [p for p in requests.poses if robot.body_owner[robot.bodies.place[p.link][0]][0] == k]
@@ -62,11 +64,42 @@ def module_requests(robot: HybridRobot, requests: Requests) -> list[ModuleReques
             other = robot.bodies.place[pose.other][0]
             if other != base and other in placed and not {other, base} <= placed.known.keys():
                 return None
-        out.append(module_request(requests, robot, k, base, placed))
-        for pose in poses:
+        plain = [pose for pose in poses if _is_plain(robot, pose, base)]
+        others = tuple(pose for pose in poses if pose not in plain)
+        request = module_request(replace(requests, poses=others), robot, k, base, placed)
+        for pose in plain:
+            assert pose.motion is not None
+            body = robot.body_owner[robot.bodies.place[pose.link][0]][1]
+            request.give_floating(module.mechanism.cut.tree_body(body) - 1, pose.motion)
+        out.append(request)
+        for pose in poses if far else ():
             _place(robot, placed, pose)
         placed.reached |= {robot.body_of_joint[joint] for joint in module.joints}
     return out
+
+
+def _base_of(robot: HybridRobot, link: str) -> int:
+    """Return the body that the module of a link stands on."""
+    owner = robot.body_owner[robot.bodies.place[link][0]][0]
+    return robot.bodies.place[robot.modules[owner].base][0]
+
+
+def _is_plain(robot: HybridRobot, pose: PoseRequest, base: int) -> bool:
+    """Return whether a pose is that of a platform's own frame in the frame of its module's base."""
+    body, R, p = robot.bodies.place[pose.link]
+    other, R_other, p_other = robot.bodies.place[pose.other]
+    owner, local = robot.body_owner[body]
+    m = robot.modules[owner].mechanism
+    joint = m.tree.joints[m.cut.tree_body(local) - 1]
+    turns = (R, R_other, joint.R)
+    return bool(
+        pose.motion is not None
+        and other == base
+        and joint.kind == "floating"
+        and joint.parent == 0
+        and all((turn == np.eye(3)).all() for turn in turns)
+        and not any(shift.any() for shift in (p, p_other, joint.p))
+    )
 
 
 def _place(robot: HybridRobot, placed: Placed, pose: PoseRequest) -> None:
