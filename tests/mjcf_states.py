@@ -97,7 +97,10 @@ class Pair:
     def mass_matrix(self) -> np.ndarray:
         """Return MuJoCo's mass matrix."""
         M = np.zeros((self.model.nv, self.model.nv))
-        mujoco.mj_fullM(self.model, self.data, M)
+        try:
+            mujoco.mj_fullM(self.model, self.data, M)
+        except TypeError:  # before MuJoCo 4
+            mujoco.mj_fullM(self.model, M, self.data.qM)
         return M
 
     def our_mass_matrix(self, q: np.ndarray) -> np.ndarray:

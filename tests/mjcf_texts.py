@@ -43,7 +43,7 @@ BALLS = (
     """<body name="a" pos="0 0 1"><joint name="a1" type="ball" pos=".1 0 0" damping=".3"/>"""
     + BAR.format(x=0.2, m=2)
     + """
-<body name="b" pos=".3 0 0"><joint name="b0" axis="0 0 1"/><joint name="b1" type="ball"/>"""
+<body name="b" pos=".3 0 0"><joint name="b0" axis="0 0 1" pos="0 .4 0"/><joint name="b1" type="ball"/>"""
     + BAR.format(x=0.1, m=1)
     + """
 </body></body>"""

@@ -1,7 +1,7 @@
 """No mutation of an MJCF file ends in a traceback, a hang or a robot that lost a body, a joint or a loop.
 
-Each mutated file is read, or refused with a `ModelError` of one line. A robot that is read has the masses, the
-joints and the equalities of MuJoCo's own model of the same file.
+Each mutated file is read, or refused with a `ModelError` of one line. A robot that is read has the masses,
+the joints and the equalities of MuJoCo's own model of the same file.
 """
 
 from __future__ import annotations

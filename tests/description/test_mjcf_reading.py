@@ -139,7 +139,9 @@ def test_what_ties_it_to_the_world_keeps_the_world(tmp_path: Path) -> None:
 
 def test_what_has_no_name_gets_one(tmp_path: Path) -> None:
     world = (
-        "<body><joint/>" + BAR.format(x=0, m=1) + '<body name="body1"><joint/><joint name="body1_joint2"/>'
+        "<body><joint/>"
+        + BAR.format(x=0, m=1)
+        + '<body name="body1"><joint/><joint name="body1_joint2" axis="1 0 0"/>'
     )
     found = read(text(tmp_path, mjcf(world=world + BAR.format(x=0, m=1) + "</body></body>")))
     names = [joint.name for joint in found.joints if joint.kind != "fixed"]

@@ -30,6 +30,9 @@ ENUMERATIONS = {
     "mjGAIN": "mjtGain", "mjBIAS": "mjtBias", "mjDYN": "mjtDyn", "mjDSBL": "mjtDisableBit",
 }  # fmt: skip
 
+#: Oldest version of MuJoCo whose MjSpec knows the numbers of its elements, as `mj_version` counts.
+OLDEST = 333
+
 _LINE = re.compile(r"\bline (\d+)")
 _NAME = re.compile(r"Element name '([^']+)'")
 
@@ -182,8 +185,10 @@ def _module(file: str) -> Any:
         raise ModelError(
             f"this is MJCF, for which hybridyn needs the package mujoco; {advice}", file=file
         ) from None
-    if not hasattr(mujoco, "MjSpec"):
-        raise ModelError(f"MuJoCo {mujoco.__version__} has no MjSpec; {install_advice('mjcf')}", file=file)
+    if mujoco.mj_version() < OLDEST:
+        raise ModelError(
+            f"MuJoCo {mujoco.__version__} is too old for MJCF; {install_advice('mjcf')}", file=file
+        )
     return mujoco
 
 
