@@ -48,7 +48,7 @@ def judged(claim: Claim, case: str, robot: HybridRobot, result: Result, drift: f
 @pytest.mark.parametrize(
     ("method", "end"),
     [
-        ("conserving", 0.1),
+        ("conserving", 0.08),
         ("dopri5", 0.004),
         pytest.param("conserving", 100.0, marks=pytest.mark.slow),
         pytest.param("dopri5", 0.2, marks=pytest.mark.slow),

@@ -13,12 +13,13 @@ from hybridyn.studies.check.check import CODES
 from tests import ROOT
 from tests.extras import needs
 from tests.pages.test_readme import same_line
+from tests.samples import slow
 from tests.snippets import blocks, stand_where_a_user_does
 
 PAGES = ("check.md", "workspace-and-sizing.md")
 
 
-@pytest.mark.parametrize("page", PAGES)
+@pytest.mark.parametrize("page", [slow(page) if page.startswith("workspace") else page for page in PAGES])
 def test_commands_print_what_is_shown(
     page: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -23,7 +23,10 @@ CLOSED = 1e-5  # of the module's size: the home posture is printed with six digi
 
 TOLD_IN_ORDER = {"tutorial.md"}  # its commands and its Python need each other: test_tutorial.py
 #: Pages whose Python takes long; `.ci/run` runs them too.
-LONG = {"cost.md", "scenes.md"}
+LONG = {
+    "cost.md", "scenes.md", "compiled.md", "view-and-plot.md", "units-and-conventions.md", "tables.md",
+    "quantities.md",
+}  # fmt: skip
 RUN = [page for page in PAGES[1:] if page.name not in TOLD_IN_ORDER and blocks(page, "python")]
 
 

@@ -54,6 +54,7 @@ def text_of(page: Path) -> str:
     return unescape(re.sub(r"<[^>]+>", "", page.read_text()))
 
 
+@pytest.mark.slow
 def test_every_command_and_option_has_its_place(built: Path) -> None:
     page = text_of(built / "commands.html")
     for name in COMMANDS:
@@ -65,6 +66,7 @@ def test_every_command_and_option_has_its_place(built: Path) -> None:
                 assert parameter.opts[-1] in page, (name, parameter.opts)
 
 
+@pytest.mark.slow
 def test_every_public_name_has_its_place(built: Path) -> None:
     page = (built / "python.html").read_text()
     for name in set(hybridyn.__all__) - {"__version__"}:

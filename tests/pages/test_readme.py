@@ -30,6 +30,7 @@ def as_a_user(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     stand_where_a_user_does(tmp_path, monkeypatch)
 
 
+@pytest.mark.slow
 def test_python_runs(capsys: pytest.CaptureFixture[str]) -> None:
     run_python(README)
     assert "84 24 [6, 6, 6, 6]\n" in capsys.readouterr().out  # as the comment beside it says
@@ -61,6 +62,7 @@ def same_line(line: str, expected: str) -> bool:
     return len(found) == len(wanted) and all(map(same_word, found, wanted))
 
 
+@pytest.mark.slow
 def test_commands_print_what_is_shown(capsys: pytest.CaptureFixture[str]) -> None:
     """In the order of the page: a later command reads what an earlier one wrote."""
     for command, expected in shown():

@@ -98,6 +98,7 @@ def motion(robot: HybridRobot, rows: int = 130) -> Trajectory:
     return Trajectory(*hybridyn.assemble(robot, motors=motors), time)
 
 
+@pytest.mark.slow
 def test_models_of_a_small_robot() -> None:
     robot = hybridyn.load("five_bar")
     some = motion(robot)

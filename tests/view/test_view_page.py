@@ -165,6 +165,7 @@ def test_a_drag_moves_its_motor_and_keeps_the_loops_closed(
     assert tab.get_attribute("#hybridyn-status", "data-stopped") == "0"
 
 
+@pytest.mark.slow
 def test_a_drag_out_of_reach_stops_at_the_last_closed_posture_with_a_message(
     tab: Any, page: Page, robot: hybridyn.HybridRobot
 ) -> None:
@@ -175,6 +176,7 @@ def test_a_drag_out_of_reach_stops_at_the_last_closed_posture_with_a_message(
     assert hybridyn.closure_residual(robot, page.q) < CLOSED
 
 
+@pytest.mark.slow
 def test_play_runs_the_motion_and_scrub_stops_it_somewhere(tab: Any, page: Page, swing: Run) -> None:
     tab.get_by_role("button", name="Play").click()
     until(tab, lambda: page.playing and float(np.abs(page.q - swing.q[0]).max()) > 0.02)
