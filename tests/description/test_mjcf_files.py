@@ -98,7 +98,7 @@ def test_meshes_are_not_read_where_inertia_is_stated(tmp_path: Path) -> None:
     """Neither a missing nor a broken mesh matters, nor textures, terrains and skins."""
     visuals = (
         '<asset><texture name="t" type="2d" file="none.png"/><material name="m" texture="t"/>'
-        '<hfield name="h" file="none.png" size="1 1 1 1"/><mesh file="part.obj" scale="2 2 2"/></asset>'
+        '<hfield file="h.png" size="1 1 1 1"/><mesh file="part.obj" scale="2 2 2"/></asset>'
     )
     world = SHAPE.format(BAR.format(x=0.1, m=1)).replace("<geom", '<geom material="m"')
     world = '<geom type="hfield" hfield="h"/><geom type="plane" size="1 1 1" material="m"/>' + world

@@ -160,6 +160,14 @@ def test_inactive_equalities_contacts_and_flags_are_remarks(tmp_path: Path) -> N
         assert any(words in note for note in found.notes), words
 
 
+def test_a_file_without_joints_is_read(tmp_path: Path) -> None:
+    found = read(
+        text(tmp_path, mjcf(world='<body name="a"><geom size="1"/></body><body name="m" mocap="true"/>'))
+    )
+    assert [joint.kind for joint in found.joints] == ["fixed", "fixed"]
+    assert any("mocap bodies stand still here: 'm'" in note for note in found.notes)
+
+
 def test_couplings_hold_where_mujoco_says(tmp_path: Path) -> None:
     """A posture that satisfies MuJoCo's equality satisfies ours, references included."""
     file = text(

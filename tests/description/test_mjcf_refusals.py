@@ -25,6 +25,7 @@ def hinge(joint: str = "", body: str = "") -> str:
     return GROUND + HINGE.format(joint, body)
 
 
+MOCAP = '<body name="m" mocap="true"/>'
 MANY = '<replicate count="1000">'
 THRUSTER = '<actuator><motor name="m" site="s"/></actuator>'
 
@@ -58,7 +59,10 @@ CASES = {
         "actuator 'm' pulls a tendon",
     ),
     "gravcomp": (mjcf(world=hinge(body='gravcomp="1"')), "body 'a': gravcomp"),
-    "mocap": (mjcf(world=hinge() + '<body name="m" mocap="true"/>'), "body 'm': a mocap body"),
+    "mocap": (
+        mjcf('<equality><weld body1="a" body2="m"/></equality>', world=hinge() + MOCAP),
+        "body 'm': a mocap body",
+    ),
     "fluid": (mjcf(world=hinge(), head='<option density="1.2"/>'), "<option density>"),
     "free damping": (
         mjcf(world=FLOATING.replace("<freejoint", '<joint type="free" damping="1"')),

@@ -30,14 +30,15 @@ def add_actuators(robot: RobotFile, compiled: Compiled) -> None:
         ModelError: A motor's damping depends on its speed.
     """
     names: list[str] = []
-    problem = ""
+    problem, line = "", None
     limits: dict[str, float] = {}
     extra: dict[str, tuple[float, float]] = {}
     servos: list[str] = []
     for actuator in range(count(compiled)):
         driven = driven_joint(compiled, actuator)
         if isinstance(driven, str):
-            problem = problem or driven
+            if not problem:
+                problem, line = driven, compiled.line("actuator", actuator)
             continue
         joint, gear = driven
         if nonzero(compiled.model, "actuator_dampingpoly", actuator):
@@ -60,7 +61,7 @@ def add_actuators(robot: RobotFile, compiled: Compiled) -> None:
             "read: the motors give the efforts that the models compute"
         )
     if names or problem:
-        robot.motors.append(MotorStatement("actuator", WHERE, tuple(names), robot.file, refusal=problem))
+        robot.motors.append(MotorStatement("actuator", WHERE, tuple(names), robot.file, line, problem))
     robot.joints = [
         replace(
             joint,

@@ -221,7 +221,7 @@ def _refuse_unbounded(compiled: Compiled) -> None:
     }  # fmt: skip
     for kind, table in (("body", of_body), ("joint", of_joint)):
         for what, values in table.items():
-            rows = np.asarray(values, dtype=float).reshape(len(values), -1)
+            rows = np.atleast_2d(np.asarray(values, dtype=float).T).T
             with np.errstate(invalid="ignore"):
                 wrong = np.flatnonzero(~(np.abs(rows) <= LARGEST_NUMBER).all(axis=1))
             if wrong.size:

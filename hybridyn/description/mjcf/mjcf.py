@@ -24,7 +24,7 @@ from .roots import find_root
 from .screening import screen
 
 #: Parts of dynamics that `<flag>` can disable; hybridyn takes them by `effects=` instead.
-FLAGS = ("spring", "damper", "frictionloss", "limit", "actuation")
+FLAGS = ("passive", "spring", "damper", "frictionloss", "limit", "actuation")
 
 
 def read_mjcf(root: Node, package_dirs: Sequence[str | os.PathLike[str]] = ()) -> RobotFile:

@@ -8,11 +8,12 @@ from typing import Any
 import numpy as np
 
 from ...errors import ModelError
+from ..names import listed
 from ..records import Joint
 from ..robot_file import FREEDOMS, RobotFile
 from .compiling import Compiled
 from .fields import nonzero, number
-from .roots import Root
+from .roots import Root, tied_bodies
 from .tendons import limited, refuse_forces
 
 #: What a joint may not have, by the name of MuJoCo's array: the word of the file, and the mend.
@@ -65,8 +66,10 @@ def add_passive(robot: RobotFile, compiled: Compiled, root: Root) -> None:
     robot.joints = joints
     if stiffness:
         robot.effects += (("spring", {"stiffness": stiffness, "rest": rest}),)
+    if still := [compiled.bodies[body] for body in np.flatnonzero(np.asarray(model.body_mocapid) >= 0)]:
+        robot.notes.append(f"mocap bodies stand still here: {listed(still)}")
     if tendons := limited(compiled):
-        robot.notes.append(f"limits of tendons are not read: {', '.join(tendons[:8])}")
+        robot.notes.append(f"limits of tendons are not read: {listed(tendons)}")
 
 
 def _effort(model: Any, joint: int) -> float:
@@ -89,11 +92,12 @@ def _refuse_others(compiled: Compiled) -> None:
         if model.body_gravcomp[body]:
             raise compiled.error("body", body, "gravcomp is not read; remove it, or state it as a wrench")
     refuse_forces(compiled)
-    tied = {int(body) for body in np.flatnonzero(np.asarray(model.body_mocapid) >= 0)}
-    for body in tied:
-        raise compiled.error(
-            "body", body, "a mocap body moves as a program tells it; remove mocap, or give it joints"
-        )
+    tied = {body for pair in tied_bodies(compiled).values() for body in pair}
+    for body in sorted(tied):
+        if model.body_mocapid[body] >= 0:
+            raise compiled.error(
+                "body", body, "a mocap body moves as a program tells it; remove mocap, or give it joints"
+            )
 
 
 def _refuse_on_base(compiled: Compiled, joint: int) -> None:

@@ -6,6 +6,7 @@ asks for no memory but that of the robot.
 
 from __future__ import annotations
 
+import os
 import re
 
 from ..urdf.xml_node import LARGEST_NUMBER, Node
@@ -92,6 +93,8 @@ def _number(word: str) -> float:
 
 def _flatten(node: Node) -> None:
     """Replace a terrain by a flat one of the same size: it has no mass, and may be large."""
+    file = os.path.basename(str(node.xml.get("file", "")))
+    node.xml.set("name", str(node.xml.get("name") or os.path.splitext(file)[0]))
     for name in ("file", "content_type", "elevation"):
         node.xml.attrib.pop(name, "")
     node.xml.set("nrow", "2")
