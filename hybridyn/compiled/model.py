@@ -55,7 +55,8 @@ class CompiledRobot:
         self.robot, self.effects, self.threads = robot, effects, threads
         self.library, self.dtype = library, library.dtype
         self.recomputed = 0
-        self._assembler = Assembler(robot)
+        self._assembler, self._close_at_once = Assembler(robot), _refuse
+        self._motors_still = np.zeros(len(robot.motors))
         self._idm, self._ddm = library.programs["idm"], library.programs["ddm"]
         self._moving = robot.base == "moving"
         self._still = np.zeros(6, self.dtype)
@@ -142,6 +143,55 @@ class CompiledRobot:
         q, v, a = self._assembler.assemble(requests, first_guess(self.robot, guess))
         self.recomputed += self._assembler.recomputed - before
         return (q[0], v[0], a[0]) if requests.single else (q, v, a)
+
+    def close(
+        self,
+        position: ArrayLike,
+        rate: ArrayLike | None = None,
+        acceleration: ArrayLike | None = None,
+        *,
+        last: Array | None = None,
+    ) -> tuple[Array, Array, Array]:
+        """Compute the motion of all joints from the motors', as a controller needs it at every tick.
+
+        Args:
+            position: Positions in the order of `robot.motors`, shape (motors,) or (T, motors), [m or rad].
+            rate: Their rates, of the same shape; zero by default.
+            acceleration: Their accelerations, of the same shape; zero by default.
+            last: Posture of the last tick, shape (nq,), as this function returned it; the home posture by
+                default. A row from another posture takes longer.
+
+        Returns:
+            q, v, a on the spanning tree, on the assembly branch of `last`; a base keeps its pose.
+
+        Raises:
+            HybridynError: The same errors with the same messages as `hybridyn.assemble`.
+        """
+        nq, nv = self.robot.nq, self.robot.nv
+        out = np.empty(nq + 2 * nv)
+        speed = self._motors_still if rate is None else rate
+        change = self._motors_still if acceleration is None else acceleration
+        if self._close_at_once(last, position, speed, change, out) == 0:
+            return out[:nq], out[nq : nq + nv], out[nq + nv :]
+        return self._close(position, (rate, acceleration), last)
+
+    def _close(
+        self, position: ArrayLike, rates: tuple[ArrayLike | None, ...], last: Array | None
+    ) -> tuple[Array, Array, Array]:
+        """Close rows from motors of which no fast call is certain."""
+        count = len(self.robot.motors)
+        first, single = as_batch(position, count, "position of the motors")
+        levels = [first]
+        for x in rates:
+            levels.append(np.zeros_like(first) if x is None else as_batch(x, count, "rate of the motors")[0])
+        same_samples(**dict(zip(("position", "rate", "acceleration"), levels, strict=True)))
+        each = [x[0] if single else x for x in levels]
+        motors = {name: tuple(x[..., i] for x in each) for i, name in enumerate(self.robot.motors)}
+        requests = gather_requests(self.robot, motors, {})
+        q, v, a = self.assemble(motors=motors, guess=last)
+        follow = self._assembler.follow_motors(requests, np.atleast_2d(q)[-1])
+        self._close_at_once = follow or _refuse
+        return q, v, a
 
     def accelerations(self, q: Array, v: Array, tau: Array, base: Array) -> Array | None:
         """Compute accelerations for `simulate`, whose states are closed and whose efforts are within limits.

@@ -11,6 +11,7 @@ import hybridyn
 from hybridyn import AssemblyError, HybridRobot, closure_residual
 from hybridyn.assembly.assemble import first_guess
 from hybridyn.assembly.requests import gather_requests
+from hybridyn.compiled.model import CompiledRobot
 from hybridyn.compiled.programs.closing.assembling import Assembler
 from hybridyn.oracle import Base
 from hybridyn.spatial import Array
@@ -141,7 +142,8 @@ def rows_towards(robot: HybridRobot, first: float, last: float, parts: list[floa
 )
 def test_rows_that_cannot_be_reached_are_refused_in_the_same_words(rows: Any) -> None:
     robot = build_robot(symmetric_five_bar())
-    motors = rows_towards(robot, *rows[0], rows[1])
+    (first, last), parts = rows
+    motors = rows_towards(robot, first, last, parts)
     with pytest.raises(AssemblyError) as right:
         hybridyn.assemble(robot, motors=motors)
     with pytest.raises(AssemblyError) as said:
@@ -212,3 +214,53 @@ def test_compiled_robots_assemble() -> None:
     assert np.abs(compiled.idm(q, v, a) - hybridyn.idm(robot, q, v, a)).max() < 1e-9
     with pytest.raises(AssemblyError, match="guess has 3 entries"):
         compiled.assemble(motors=motors, guess=np.zeros(3))
+
+
+@pytest.fixture(scope="module")
+def ticks() -> tuple[CompiledRobot, States]:
+    """Return a compiled robot, and positions, rates and accelerations of its motors at every tick."""
+    robot = build_robot(shipped("five_bar"))
+    moved = waves(robot, np.linspace(0, 0.2, 40), 0.3)
+    levels = [np.stack([moved[m][i] for m in robot.motors], axis=1) for i in range(3)]
+    return hybridyn.compile(robot), (levels[0], levels[1], levels[2])
+
+
+def test_a_controller_closes_the_loops_at_every_tick(ticks: Any) -> None:
+    """Ticks one after the other give the rows of a table, and so does the whole table at once."""
+    compiled, motors = ticks
+    robot = compiled.robot
+    right = hybridyn.assemble(
+        robot, motors={m: tuple(x[:, i] for x in motors) for i, m in enumerate(robot.motors)}
+    )
+    rows, q = [], None
+    for tick in zip(*motors, strict=True):
+        rows.append(compiled.close(*tick, last=q))
+        q = rows[-1][0]
+    each = [np.array(level) for level in zip(*rows, strict=True)]
+    for got in (each, compiled.close(*motors)):
+        for x, y in zip(got, right, strict=True):
+            assert np.abs(x - y).max() <= SAME * (1.0 + np.abs(y).max())
+    assert compiled.recomputed == 0
+
+
+def test_a_tick_from_any_other_posture_is_closed_too(ticks: Any) -> None:
+    compiled, motors = ticks
+    first = compiled.close(motors[0][0])[0]
+    compiled.close(motors[0][10], last=first)
+    again = compiled.close(motors[0][5], motors[1][5], last=first)
+    right = compiled.close(motors[0][:6], motors[1][:6])
+    assert np.abs(again[0] - right[0][5]).max() <= SAME * 10
+    assert np.abs(again[1] - right[1][5]).max() <= SAME * 100
+
+
+def test_a_tick_that_cannot_be_reached_is_refused(ticks: Any) -> None:
+    compiled, motors = ticks
+    q, _, _ = compiled.close(motors[0][0])
+    for _ in range(2):
+        with pytest.raises(AssemblyError, match="out of reach"):
+            compiled.close(motors[0][0] + 1e5, last=q)
+        q, _, _ = compiled.close(motors[0][1], last=q)
+    with pytest.raises(hybridyn.TrajectoryError, match="position of the motors has shape"):
+        compiled.close(np.zeros(3))
+    with pytest.raises(hybridyn.TrajectoryError, match="not finite"):
+        compiled.close(np.full(2, np.nan), last=q)

@@ -148,3 +148,41 @@ EXPORT Long closed_rows(Long rows, int first, const S *g, const S *g_dot, const 
     }
     return rows;
 }
+
+#ifdef MOTORS
+/* One row from the motors (MOTORS: the motor of each prescribed number), from the posture that the last call gave,
+   whose platforms are kept. */
+static struct {
+    S q[NQ], p[NP], g[NG];
+} kept;
+
+EXPORT void keep_place(const S *q, const S *p, const S *g) {
+    memcpy(kept.q, q, sizeof(kept.q));
+    memcpy(kept.p, p, sizeof(kept.p));
+    memcpy(kept.g, g, sizeof(kept.g));
+}
+
+/* A function of Python, METH_FASTCALL: (last q, positions, rates, accelerations of the motors, result). */
+EXPORT const void *close_call(const void *self, const Array *const *a, Long count) {
+    static const int motors[NG] = {MOTORS};
+    static S given[3][NG];
+    static Closed out;
+    (void)self;
+    if (count != 5) return answered(1);
+    const S *last = numbers(a[0], NQ);
+    S *result = numbers(a[4], NQ + 2 * NV);
+    if (!last || !result || memcmp(last, kept.q, sizeof(kept.q))) return answered(1);
+    for (int n = 0; n < 3; n++) {
+        const S *own = numbers(a[n + 1], NG);
+        if (!own) return answered(1);
+        for (int i = 0; i < NG; i++) given[n][i] = own[motors[i]];
+    }
+    const S *in[3] = {given[0], given[1], given[2]};
+    if (advanced(kept.q, kept.p, in, &out) && walked(kept.q, kept.p, kept.g, in, &out)) return answered(2);
+    keep_place(out.q, out.p, given[0]);
+    memcpy(result, out.q, sizeof(out.q));
+    memcpy(result + NQ, out.v, sizeof(out.v));
+    memcpy(result + NQ + NV, out.a, sizeof(out.a));
+    return answered(0);
+}
+#endif

@@ -72,7 +72,7 @@ class Library:
         held = ctypes.PyDLL(str(built.path))  # holds it: releasing does not pay for a microsecond
         alone = getattr(sys, "_is_gil_enabled", lambda: True)()  # single calls share one workspace
         cpython = sys.implementation.name == "cpython"
-        plain = alone and cpython and built.about["lanes"] > 1 and _knows_arrays(held, self.dtype)
+        plain = alone and cpython and built.about["lanes"] > 1 and knows_arrays(held, self.dtype)
         self.programs = {
             name: Calls(name, about, built.about["number"], built.about["lanes"], free, held, plain)
             for name, about in built.about["programs"].items()
@@ -263,7 +263,7 @@ if hasattr(os, "register_at_fork"):  # a forked child has none of the threads an
     os.register_at_fork(after_in_child=pool.cache_clear)
 
 
-def _knows_arrays(held: ctypes.PyDLL, dtype: np.dtype[Any]) -> bool:
+def knows_arrays(held: ctypes.PyDLL, dtype: np.dtype[Any]) -> bool:
     """Set up the reading of NumPy arrays in C, and return whether C sees their layout correctly."""
     held.hybridyn_setup.argtypes = [ctypes.c_void_p] * 4
     held.hybridyn_setup.restype = None

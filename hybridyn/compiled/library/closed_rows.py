@@ -3,12 +3,18 @@
 from __future__ import annotations
 
 import ctypes
+import sys
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
 from ...spatial import Array
 from .cache import Built
+from .calls import METH_FASTCALL, REFUSED, Method, knows_arrays
+
+#: Type of all arrays: loops are closed in double precision for models in single precision, too.
+DOUBLE = np.dtype(np.float64)
 
 
 @dataclass
@@ -31,14 +37,30 @@ class ClosedRows:
 
     Attributes:
         built: The library's file.
+        from_motors: Closes one row from the posture that the last call gave. Takes that posture, positions,
+            rates and accelerations of the motors, and room for q, v and a; gives 0 where that is certain.
     """
 
     def __init__(self, built: Built) -> None:
         """Load a library."""
         self.built = built
-        self._rows = ctypes.PyDLL(str(built.path)).closed_rows
+        held = ctypes.PyDLL(str(built.path))
+        self._rows = held.closed_rows
         self._rows.restype = ctypes.c_longlong
         self._rows.argtypes = [ctypes.c_longlong, ctypes.c_int, *[ctypes.c_void_p] * 9]
+        self.from_motors: Callable[..., int] = _refuse
+        motors = getattr(held, "close_call", None)
+        if motors is not None and sys.implementation.name == "cpython" and knows_arrays(held, DOUBLE):
+            address = ctypes.cast(motors, ctypes.c_void_p)
+            self._method = Method(b"close", address, METH_FASTCALL)
+            self.from_motors = self._method.function()
+            self._keep = held.keep_place
+            self._keep.argtypes, self._keep.restype = [ctypes.c_void_p] * 3, None
+
+    def keep(self, at: Place) -> None:
+        """Keep a posture from which `from_motors` starts if it is given as the last one."""
+        if self.from_motors is not _refuse:
+            self._keep(at.q.ctypes.data, at.p.ctypes.data, at.g.ctypes.data)
 
     def follow(
         self,
@@ -60,3 +82,8 @@ class ClosedRows:
         """
         arrays = (*(np.ascontiguousarray(x, dtype=float) for x in given), at.q, at.p, at.g, *out)
         return int(self._rows(len(out[0]), first, *(x.ctypes.data for x in arrays)))
+
+
+def _refuse(*_: object) -> int:
+    """Refuse every row; stands for the C call of a library that closes no rows from motors."""
+    return REFUSED

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -67,6 +67,20 @@ class Assembler:
         self.robot, self.recomputed = robot, 0
         self._known: dict[tuple[object, ...], Closing | None] = {}
         self._home: dict[tuple[object, ...], Place | None] = {}
+
+    def follow_motors(self, requests: Requests, q: Array) -> Callable[..., int] | None:
+        """Return the call that closes a row from motors after a posture, see `ClosedRows.from_motors`.
+
+        Args:
+            requests: The requests for the posture, which has been assembled: positions of all motors.
+            q: The posture, shape (nq,).
+        """
+        closing = self._known.get(structure_of(requests))
+        place = None if closing is None else place_of(self.robot, closing.parts, q)
+        if closing is None or place is None:
+            return None
+        closing.rows.keep(place)
+        return closing.rows.from_motors
 
     def assemble(self, requests: Requests, guess: Array) -> Rows:
         """Compute the postures of `assembly.assemble_requests`, with its results, errors and warnings."""

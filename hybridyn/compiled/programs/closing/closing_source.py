@@ -10,7 +10,7 @@ from ....structure.robot import HybridRobot
 from ...code.library_source import Source, library_source
 from ...code.scalars import Scalar, text_of
 from .closing_programs import closing_programs
-from .part import CLOSED_TO_ROUNDING, Part
+from .part import CLOSED_TO_ROUNDING, Part, motors_given
 
 #: Newton steps below this (rad, module lengths) are followed by the rates: the next step is its square.
 QUADRATIC = 1e-6
@@ -41,5 +41,8 @@ def closing_source(robot: HybridRobot, parts: Sequence[Part], scalar: Scalar) ->
         "SAME_BRANCH": SAME_BRANCH, "SMALL_STEP": SMALL_STEP, "MOST_TURNING": MOST_TURNING,
     }  # fmt: skip
     lines = [f"#define {name} {value!r}" for name, value in names.items()]
+    order = motors_given(robot, parts)
+    if order:
+        lines.append(f"#define MOTORS {', '.join(map(str, order))}")
     lines += [f"static const int KINDS[] = {{{', '.join([*kinds, '-1'])}}};", text_of("closing.h")]
     return library_source(list(programs.values()), scalar, "\n".join(lines))

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from ....linkage.reduction import Block
 from ....structure.module import Module
+from ....structure.robot import HybridRobot
 from .given import Given
 
 #: Largest residual of closed loops, without units: rounding. Rows that contradict each other by more are for
@@ -37,3 +38,15 @@ class Part:
     def platforms(self) -> int:
         """Number of the platforms' coordinates."""
         return 7 * len(self.module.mechanism.spec.platforms)
+
+
+def motors_given(robot: HybridRobot, parts: Sequence[Part]) -> list[int]:
+    """Return the motor of each prescribed number; empty if other numbers than the motors' are prescribed."""
+    number = {name: i for i, name in enumerate(robot.motors)}
+    order = []
+    for part in parts:
+        source = part.module.mechanism.spec.tree_joint
+        joints = [source[joint] for joint in part.given.joints]
+        order += [number.get(part.module.joints[i], -1) if i is not None else -1 for i in joints]
+        order += [-1] * len(part.given.bodies)
+    return order if sorted(order) == list(range(len(robot.motors))) else []
