@@ -1,4 +1,4 @@
-"""Find the name that a misspelt one probably means, and list names in messages."""
+"""Find the name that a misspelt one probably means, and count and list things in messages."""
 
 from __future__ import annotations
 
@@ -32,6 +32,11 @@ def did_you_mean(name: str, known: Iterable[str]) -> str:
     """Return " (did you mean 'x'?)" if a known name is similar, else an empty string."""
     best = closest(name, known)
     return f" (did you mean '{best}'?)" if best else ""
+
+
+def counted(number: int, thing: str) -> str:
+    """Format a count: "1 motor", "1,000 motors"."""
+    return f"{number:,} {thing}" + ("" if number == 1 else "s")
 
 
 def listed(names: Iterable[str]) -> str:

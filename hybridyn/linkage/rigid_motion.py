@@ -40,7 +40,9 @@ class RigidMotion:
         """Build a frame at rest at a placement (identity by default)."""
         zero = np.zeros((samples, 3))
         axes = np.broadcast_to(np.eye(3) if R is None else R, (samples, 3, 3))
-        return cls(axes, np.broadcast_to(zero[0] if p is None else p, (samples, 3)), zero, zero, zero, zero)
+        return cls(
+            axes, np.broadcast_to(np.zeros(3) if p is None else p, (samples, 3)), zero, zero, zero, zero
+        )
 
     @classmethod
     def of_body(cls, motion: Motion, body: int) -> RigidMotion:

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..description.names import did_you_mean
+from ..description.names import counted, did_you_mean
 from ..errors import SingularityError, TrajectoryError
 from ..linkage.joints import NV, ROOT_JOINT
 from ..spatial import Index
@@ -123,7 +123,8 @@ def check_count(module: Module, count: int, u: Coordinates) -> None:
     if count <= module.mobility:
         return
     raise SingularityError(
-        f"module '{module.name}': {count} {u.words} for {module.mobility} freedoms cannot be independent. "
+        f"module '{module.name}': {count} {u.words} for {counted(module.mobility, 'freedom')} cannot be "
+        f"independent. "
         f"Choose {module.mobility} of its joints with joints=[...]",
         module=module.name,
         what="independent coordinates",

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..assembly.free_motions import are_idle
+from ..description.names import counted
 from ..dynamics.actuation import SINGULAR_MOTOR_MAP
 from ..dynamics.lost_rank import check_closure_rank
 from ..errors import SingularityError
@@ -205,8 +206,9 @@ def _refuse_open_motions(s: ModuleState, motions: Array, u: Coordinates) -> None
     t = int(open_at[0])
     freedom = module.freedom_names()[int(np.argmax(np.abs(motions[t]).max(axis=1)))]
     raise SingularityError(
-        f"module '{module.name}': {module.mobility - motions.shape[2]} {u.words} for {module.mobility} "
-        f"freedoms leave the motion of {freedom} open at sample {t}. Choose {module.mobility} independent "
+        f"module '{module.name}': {module.mobility - motions.shape[2]} {u.words} for "
+        f"{counted(module.mobility, 'freedom')} leave the motion of {freedom} open at "
+        f"sample {t}. Choose {module.mobility} independent "
         "joints with joints=[...]",
         module=module.name,
         what="independent coordinates",

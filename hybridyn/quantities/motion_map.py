@@ -8,6 +8,7 @@ from typing import overload
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..description.names import counted
 from ..dynamics.forward import forward
 from ..dynamics.state_checks import check_closed
 from ..errors import SingularityError
@@ -98,8 +99,8 @@ def refuse_idle(robot: HybridRobot, u: Coordinates, what: str) -> None:
     for module, own in zip(robot.modules, u.own, strict=True):
         if len(own) < module.mobility:
             raise SingularityError(
-                f"module '{module.name}': {len(own)} {u.words} for {module.mobility} freedoms leave idle "
-                f"motions open, and {what} is not defined. Choose {module.mobility} independent joints with "
+                f"module '{module.name}': {len(own)} {u.words} for "
+                f"{counted(module.mobility, 'freedom')} leave idle motions open, and {what} is not defined. Choose {module.mobility} independent joints with "
                 "joints=[...]",
                 module=module.name,
                 what="independent coordinates",

@@ -33,7 +33,7 @@ def polar_form(robot: HybridRobot, f: Callable[[Array, Array], Array], q: Array,
         w = np.swapaxes(scaled[:, :, first : first + at_once], 1, 2)
         moved = np.concatenate([v[:, None] + w, v[:, None] - w], axis=1)
         values = f(np.repeat(q, moved.shape[1], axis=0), moved.reshape(-1, robot.nv))
-        both = values.reshape(T, 2, w.shape[1], -1)
+        both = values.reshape(T, 2, w.shape[1], values.shape[1])
         parts.append((both[:, 0] - both[:, 1]) / (4 * factor[:, first : first + at_once, None]))
     return np.swapaxes(np.concatenate(parts, axis=1), 1, 2) if parts else np.zeros((T, 0, 0))
 

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
+from ..description.names import counted
 from ..description.records import Description
 from ..linkage.joints import ROOT_JOINT
 from ..spatial import Array, Index, spatial_inertia
@@ -71,9 +72,9 @@ class HybridRobot:
         """Describe the robot in two lines: its structure, and its coordinates."""
         shown = ", ".join(self.motors[:SHOWN_MOTORS]) + (", ..." if len(self.motors) > SHOWN_MOTORS else "")
         return (
-            f"HybridRobot '{self.name}' on a {self.base} base: {_counted(len(self.modules), 'module')}, "
-            f"{_counted(len(self.joints), 'joint')}, {_counted(self.mobility, 'freedom')}, "
-            f"{_counted(len(self.motors), 'motor')}\n"
+            f"HybridRobot '{self.name}' on a {self.base} base: {counted(len(self.modules), 'module')}, "
+            f"{counted(len(self.joints), 'joint')}, {counted(self.mobility, 'freedom')}, "
+            f"{counted(len(self.motors), 'motor')}\n"
             f"q has {self.nq} coordinates, v has {self.nv}, tau has {len(self.motors)}"
             + (f": {shown}" if shown else "")
         )
@@ -170,8 +171,3 @@ class HybridRobot:
         from .pinocchio_model import build_model
 
         return build_model(self.bodies, self.joints, self.base, self.gravity, self.name)
-
-
-def _counted(number: int, thing: str) -> str:
-    """Format a count: "1 motor", "2 motors"."""
-    return f"{number:,} {thing}" + ("" if number == 1 else "s")

@@ -155,6 +155,17 @@ def test_one_sample_or_many() -> None:
         np.testing.assert_array_equal(compute(q[1], v[1]), compute(q, v)[1], err_msg=name)
 
 
+def test_no_sample_at_all() -> None:
+    robot = build_robot(shipped("five_bar"))
+    none = np.zeros((0, 4))
+    E, E_dot = hybridyn.motion_map(robot, none, none)
+    assert E.shape == E_dot.shape == (0, 4, 2)
+    assert hybridyn.mass_matrix(robot, none).shape == (0, 2, 2)
+    assert hybridyn.coriolis_matrix(robot, none, none).shape == (0, 2, 2)
+    assert hybridyn.bias(robot, none, none).shape == (0, 2)
+    assert hybridyn.delassus(robot, none, robot.description.root).shape == (0, 6, 6)
+
+
 def test_a_parallel_singularity_is_refused_in_the_words_of_idm() -> None:
     robot, q = flat_five_bar()
     for compute in (hybridyn.mass_matrix, hybridyn.motion_map, hybridyn.gravity):

@@ -171,7 +171,7 @@ def test_bad_coordinates_are_refused() -> None:
     with pytest.raises(SingularityError, match=r"1 chosen joints for 2 freedoms leave the motion of"):
         hybridyn.mass_matrix(robot, robot.home, joints=[second])
     redundant = build_robot(random_mechanism(0, kind="four_bar_two_motors"))
-    with pytest.raises(SingularityError, match=r"2 motors for 1 freedoms cannot be independent"):
+    with pytest.raises(SingularityError, match=r"2 motors for 1 freedom cannot be independent"):
         hybridyn.mass_matrix(redundant, redundant.home)
     ball = build_robot(random_mechanism(0, kind="serial_all"))
     name = next(j for j, kind in zip(ball.joints, ball.kinds, strict=True) if kind == "spherical")

@@ -4,6 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from ...description.names import counted
+
+__all__ = ["aligned_rows", "counted"]
+
 
 def aligned_rows(rows: Sequence[Sequence[str]], right: Sequence[int] = ()) -> list[str]:
     """Align cells in columns.
@@ -24,8 +28,3 @@ def aligned_rows(rows: Sequence[Sequence[str]], right: Sequence[int] = ()) -> li
         ]
         lines.append("  ".join(cells).rstrip())
     return lines
-
-
-def counted(number: int, thing: str) -> str:
-    """Format a count: "1 motor", "1,000 motors"."""
-    return f"{number:,} {thing}" + ("" if number == 1 else "s")
