@@ -99,9 +99,9 @@ def refuse_idle(robot: HybridRobot, u: Coordinates, what: str) -> None:
     for module, own in zip(robot.modules, u.own, strict=True):
         if len(own) < module.mobility:
             raise SingularityError(
-                f"module '{module.name}': {len(own)} {u.words} for {counted(module.mobility, 'freedom')} leave "
-                f"idle motions open, and {what} is not defined. Choose {module.mobility} independent joints "
-                "with joints=[...]",
+                f"module '{module.name}': {len(own)} {u.words} for "
+                f"{counted(module.mobility, 'freedom')} leave idle motions open, and {what} is not defined. "
+                f"Choose {module.mobility} independent joints with joints=[...]",
                 module=module.name,
                 what="independent coordinates",
                 condition=np.inf,
