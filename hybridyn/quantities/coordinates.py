@@ -29,6 +29,7 @@ class Coordinates:
         own: For each module its entries of u, shape (m,).
         freedoms: For each module the freedoms of its spanning tree that they are, shape (m,).
         chosen: Whether the caller chose the joints; else they are the motors.
+        mend: What messages advise where the joints do not fit.
     """
 
     joints: tuple[str, ...]
@@ -36,6 +37,7 @@ class Coordinates:
     own: tuple[Index, ...]
     freedoms: tuple[Index, ...]
     chosen: bool
+    mend: str = "Name the independent joints with joints=[...]"
 
     @property
     def size(self) -> int:
@@ -125,7 +127,7 @@ def check_count(module: Module, count: int, u: Coordinates) -> None:
     raise SingularityError(
         f"module '{module.name}': {count} {u.words} for {counted(module.mobility, 'freedom')} cannot be "
         f"independent. "
-        f"Choose {module.mobility} of its joints with joints=[...]",
+        f"{u.mend}, {module.mobility} in this module",
         module=module.name,
         what="independent coordinates",
         condition=np.inf,

@@ -207,8 +207,8 @@ def _refuse_open_motions(s: ModuleState, motions: Array, u: Coordinates) -> None
     freedom = module.freedom_names()[int(np.argmax(np.abs(motions[t]).max(axis=1)))]
     raise SingularityError(
         f"module '{module.name}': {module.mobility - motions.shape[2]} {u.words} for "
-        f"{counted(module.mobility, 'freedom')} leave the motion of {freedom} open at sample {t}. Choose "
-        f"{module.mobility} independent joints with joints=[...]",
+        f"{counted(module.mobility, 'freedom')} leave the motion of {freedom} open at sample {t}. "
+        f"{u.mend}, {module.mobility} in this module",
         module=module.name,
         what="independent coordinates",
         condition=np.inf,

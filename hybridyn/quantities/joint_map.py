@@ -12,7 +12,7 @@ Only the modules that hold the joints take part.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -44,7 +44,7 @@ class JointMap:
         joints_per_motors: G, rates of the joints over those of the motors, shape (T, k, m).
     """
 
-    robot: HybridRobot
+    robot: HybridRobot = field(repr=False)
     joints: tuple[str, ...]
     motors: tuple[str, ...]
     q: Array
@@ -160,7 +160,8 @@ def joint_map(robot: HybridRobot, q: ArrayLike | Mapping[str, ArrayLike], joints
     check_joints(robot, names)
     modules, motors = modules_of(robot, names), motors_beside(robot, names)
     q, single = as_positions(robot, posture_at(holding(robot, q), q) if isinstance(q, Mapping) else q)
-    outputs, driven = located(robot, names, chosen=True), located(robot, motors, chosen=False)
+    outputs = located(robot, names, chosen=True)
+    driven = replace(located(robot, motors, chosen=False), mend="Load the robot with motors=[...]")
     for side in (outputs, driven):
         for k in modules:
             check_count(robot.modules[k], len(side.own[k]), side)

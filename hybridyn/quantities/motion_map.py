@@ -101,7 +101,7 @@ def refuse_idle(robot: HybridRobot, u: Coordinates, what: str) -> None:
             raise SingularityError(
                 f"module '{module.name}': {len(own)} {u.words} for "
                 f"{counted(module.mobility, 'freedom')} leave idle motions open, and {what} is not defined. "
-                f"Choose {module.mobility} independent joints with joints=[...]",
+                f"{u.mend}, {module.mobility} in this module",
                 module=module.name,
                 what="independent coordinates",
                 condition=np.inf,

@@ -146,7 +146,9 @@ def test_bad_questions_are_refused(tmp_path: Path) -> None:
     description = random_mechanism(0, kind="four_bar_two_motors")
     redundant = hybridyn.structure.building.build_robot(description)
     q, _, _ = random_states(description, "fixed", 0, 1)
-    with pytest.raises(SingularityError, match=r"2 motors for 1 freedom cannot be independent"):
+    with pytest.raises(
+        SingularityError, match=r"2 motors for 1 freedom cannot .*with motors=\[...\], 1 in this"
+    ):
         hybridyn.joint_map(redundant, q, [redundant.joints[-1]])
 
 
