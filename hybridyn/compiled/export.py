@@ -15,8 +15,10 @@ from .verifying import check_trusted
 
 try:
     from .code.plain_c import REAL, WRITTEN, plain_source, prototype, work_type
+    from .equations.request import request
     from .export_reference import SAMPLES, guards_of, test_text
     from .program import Program
+    from .programs.closing.platform_program import close_platforms_program, posed_modules
     from .programs.whole_robot import programs
 except ModuleNotFoundError as error:
     raise CompileError(WITHOUT_CASADI) from error
@@ -30,6 +32,10 @@ WHAT = {
     "motors are where they are and the others where they were, and all joints' rates and accelerations; of v "
     "and a the motors' entries are read, a free base's, and those of joints that no motor moves. Call it "
     "again with its q until the guard is at most 1: three or four times from the last tick's posture.",
+    "close_platforms": "Loops closed from where the platforms are: `pose` (x, y, z, qx, qy, qz, qw) of each "
+    "platform in the base of its module, `twist` (velocity of its origin, angular velocity) and `twist_dot` "
+    "(their time derivatives, classical) in the axes of that base. Other modules follow their motors as in "
+    "`close`. Call it again with its q until the guard is at most 1.",
 }
 
 
@@ -72,7 +78,10 @@ def export(
             "the effect 'limits' is not exported: clip the efforts before the call", element="limits"
         )
     with as_compile_error(robot):
-        models = list(programs(robot, on, models=tuple(WHAT), dtype=dtype).values())
+        names = tuple(name for name in WHAT if name != "close_platforms")
+        models = list(programs(robot, on, models=names, dtype=dtype).values())
+        posed = close_platforms_program(request(robot, on, dtype=dtype))
+        models += [] if posed is None else [posed]
         check_trusted(guards_of(models), robot, on)
         contents = {
             f"{name}.h": _header(robot, models, name, dtype),
@@ -139,6 +148,7 @@ def _header(robot: HybridRobot, programs: list[Program], name: str, dtype: str) 
         "   v, a", *_places(robot.joints, robot.v_slices),
         "   tau", *motors,
         "   bodies", *bodies,
+        *(["   pose, twist, twist_dot", *_posed(robot)] if posed_modules(robot) else []),
         "",
         "   Each function gives a guard: use the results where `guard <= 1`, and nowhere else. Above 1,",
         "   positions, rates or accelerations do not close the loops (to "
@@ -153,6 +163,19 @@ def _header(robot: HybridRobot, programs: list[Program], name: str, dtype: str) 
         lines.append(work_type(program, name, dtype))
         lines.append(f"/* {WHAT[program.name]} */\n{prototype(program, name, dtype)};")
     return "\n\n".join([*lines, "#ifdef __cplusplus\n}\n#endif", "#endif"]) + "\n"
+
+
+def _posed(robot: HybridRobot) -> list[str]:
+    """Return lines that list the platforms of the function `close_platforms` with their bases."""
+    names = _body_names(robot)
+    out = []
+    for i, k in enumerate(posed_modules(robot)):
+        module = robot.modules[k]
+        m = module.mechanism
+        joint = module.joints[int(m.cut.bodies[m.spec.platforms[0] + 1]) - 1]
+        platform, base = names[robot.body_of_joint[joint]], names[robot.bodies.place[module.base][0]]
+        out.append(f"     {7 * i}..{7 * i + 6}, {6 * i}..{6 * i + 5}  {platform} in {base}")
+    return out
 
 
 def _makefile(name: str) -> str:

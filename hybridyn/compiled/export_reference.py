@@ -17,6 +17,7 @@ from .code.kernels import literal
 from .code.plain_c import REAL, WRITTEN
 from .program import Program
 from .programs.body_rows import body_rows
+from .programs.closing.platform_program import platform_motions
 
 #: Number of reference states in the test.
 SAMPLES = 5
@@ -112,6 +113,12 @@ def _references(robot: HybridRobot, effects: Effects, programs: list[Program]) -
         elif program.name == "close":
             read = rates_read(program)
             values = {"near": q, "v": v * read, "a": a * read, "q": q, "v_closed": v, "a_closed": a}
+        elif program.name == "close_platforms":
+            read = np.zeros(robot.nv)
+            read[[robot.v_slices[robot.joint_index[motor]].start for motor in robot.motors]] = 1.0
+            read[: 0 if robot.base == "fixed" else 6] = 1.0
+            values = {"near": q, "v": v * read, "a": a * read, "q": q, "v_closed": v, "a_closed": a}
+            values |= platform_motions(robot, q, v, a)
         elif robot.base == "moving":
             values["a"] = ddm(robot, q, v, tau, effects=effects, base_acceleration=a[:, :6])
         out.append(values)

@@ -5,8 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from hybridyn.compiled.equations.request import request
 from hybridyn.compiled.equations.states import random_states
 from hybridyn.compiled.export_reference import rates_read
+from hybridyn.compiled.programs.closing.platform_program import (
+    close_platforms_program,
+    platform_motions,
+    posed_modules,
+)
 from hybridyn.compiled.programs.interpreter import function_of
 from hybridyn.compiled.programs.whole_robot import programs
 from hybridyn.dynamics.inverse import idm
@@ -72,3 +78,30 @@ def test_motors_tell_what_all_joints_do(kind: str, base: Base) -> None:
 @pytest.mark.parametrize("kind", sorted(KINDS))
 def test_motors_tell_what_all_joints_do_in_every_kind(kind: str, base: Base) -> None:
     assert closed(kind, base) <= 1.0
+
+
+@pytest.mark.parametrize(("kind", "base"), [("gough", "fixed"), ("stack", "moving")])
+def test_poses_tell_what_all_joints_do(kind: str, base: Base) -> None:
+    """Newton's method from a posture nearby, by poses of the platforms and by the other modules' motors."""
+    robot = build_robot(random_mechanism(1, kind=kind, base=base), base=base)
+    program = close_platforms_program(request(robot, None))
+    assert program is not None
+    function, manifold = function_of(program), Manifold(robot)
+    q, v, a, _ = random_states(robot, 1, seed=2)
+    told = platform_motions(robot, q, v, a)
+    posed = {i for k in posed_modules(robot) for i in robot.modules[k].v_index.tolist()}
+    driven = {robot.v_slices[robot.joint_index[motor]].start for motor in robot.motors} - posed
+    driven |= set(range(0 if base == "fixed" else 6))
+    read = np.array([i in driven for i in range(robot.nv)])
+    xi = AWAY * manifold.unit * np.random.default_rng(3).choice([-1.0, 1.0], size=robot.nv)
+    near = manifold.retraction.move(q[0], np.where(read, 0.0, xi))
+    given = [x[0] for x in told.values()] + [np.where(read, x[0], 99.0) for x in (v, a)]
+    for _ in range(CALLS):
+        near, rates, accelerations, guard = (np.array(x).ravel() for x in function(near, *given))
+        if guard <= 1:
+            break
+    assert guard <= 1
+    assert manifold.residual(near) <= CLOSED
+    assert np.abs(manifold.retraction.difference(q[0], near)).max() <= CLOSED
+    assert np.abs(rates - v[0]).max() <= AGREE * np.abs(v).max()
+    assert np.abs(accelerations - a[0]).max() <= AGREE * np.abs(a).max()
