@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import os
 import struct
+import tokenize
 import zipfile
 import zlib
 from collections.abc import Mapping
@@ -167,8 +168,8 @@ class Result:
             if checksum != _checksum(data):
                 raise TrajectoryError("was changed after it was written, or is damaged", file=str(path))
             out = Result._from(data)
-        except (ValueError, TypeError, OSError, EOFError, LookupError, NotImplementedError, struct.error,
-                zipfile.BadZipFile, zlib.error) as error:  # fmt: skip
+        except (ValueError, TypeError, OSError, EOFError, LookupError, SyntaxError, MemoryError, RuntimeError,
+                tokenize.TokenError, struct.error, zipfile.BadZipFile, zlib.error) as error:  # fmt: skip
             raise TrajectoryError(
                 f"not a result of a simulation, or cut short: {error}", file=str(path)
             ) from None
