@@ -9,7 +9,6 @@ import numpy as np
 
 from ..description.names import listed
 from ..linkage.elimination import pivoted_qr
-from ..linkage.joints import ROOT_JOINT
 from ..linkage.tree import Motion
 from ..spatial import Array, Mask
 from ..structure.mechanism import Mechanism
@@ -65,9 +64,7 @@ def free_motions_of(robot: HybridRobot) -> list[str]:
         robot: The robot; the motion of its free base is left out.
     """
     found: dict[str, list[str]] = {"uncontrolled": [], "idle": [], "massless": []}
-    for module in robot.modules:
-        if module.joints == (ROOT_JOINT,):
-            continue
+    for module in robot.modules[robot.base == "floating" :]:
         free = free_motions(module)
         for kind, names in found.items():
             names += getattr(free, kind)

@@ -16,6 +16,7 @@ import hybridyn
 from hybridyn.cli import main
 from hybridyn.compiled.code.operations import Counts, operations, operations_table
 from hybridyn.compiled.code.plain_c import plain_source
+from hybridyn.compiled.equations.states import moving_states
 from hybridyn.compiled.export import _comment, c_name, export
 from hybridyn.compiled.library.compilers import find_compiler
 from hybridyn.compiled.programs.whole_robot import programs
@@ -269,3 +270,17 @@ def test_the_command_line_exports(tmp_path: Path, capsys: pytest.CaptureFixture[
     assert "float numbers[" in (tmp_path / "single" / "five_bar.h").read_text()
     assert main(["export", file]) == 2
     assert "-o DIR" in capsys.readouterr().err
+
+
+def test_a_root_link_may_be_called_world(tmp_path: Path) -> None:
+    """A free base stands on the world, which has no link; a link of that name is one like any other."""
+    urdf = (
+        '<robot name="r"><link name="world"/><link name="bar"><inertial><mass value="1"/>'
+        '<origin xyz="0.1 0 0"/><inertia ixx="1" iyy="1" izz="1"/></inertial></link>'
+        '<joint name="turn" type="revolute"><parent link="world"/><child link="bar"/></joint></robot>'
+    )
+    (tmp_path / "r.urdf").write_text(urdf)
+    robot = hybridyn.load(tmp_path / "r.urdf")
+    _, v, _ = moving_states(robot, 2)
+    assert v.all()
+    assert export(robot, tmp_path / "c", name="bar")

@@ -53,10 +53,8 @@ def moving_states(robot: HybridRobot, count: int, seed: int = 0) -> tuple[Array,
         turn = rng.normal(size=(count, 4))
         q[:, :3], q[:, 3:7] = rng.normal(size=(count, 3)), turn / np.linalg.norm(turn, axis=1, keepdims=True)
         v[:, :6] = rng.normal(size=(count, 6))
-    for module in robot.modules:
+    for module in robot.modules[robot.base == "floating" :]:
         m = module.mechanism
-        if module.base == "world":
-            continue
         own = generic_positions(module)[-len(m.postures) :][rng.integers(len(m.postures), size=count)]
         q[:, module.q_index] = own
         x = m.cut.positions(own)

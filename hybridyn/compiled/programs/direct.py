@@ -36,6 +36,7 @@ class _DirectCalls(ModuleCalls):
     Attributes:
         articulated: Articulated inertia and bias of its outputs that carry modules, by output.
         legs: Its groups of legs, with their calls and their own numbers.
+        efforts: Source of its efforts; empty without any.
     """
 
     options: DirectOptions
@@ -43,6 +44,7 @@ class _DirectCalls(ModuleCalls):
     below: _DirectCalls | None
     articulated: dict[int, tuple[Add, Add]] = field(default_factory=dict)
     legs: list[tuple[tuple[Leg, ...], Stages, Constants]] = field(default_factory=list)
+    efforts: dict[str, Source] = field(default_factory=dict)
 
 
 def direct_program(request: Request) -> Program:
@@ -99,7 +101,8 @@ class _Sweeps:
         for o, (inertia, bias) in calls.articulated.items():
             sources |= {f"I {o}": read(inertia), f"beta {o}": read(bias)}
         if len(calls.written.tau):
-            sources["tau"] = self.efforts.of(calls.k, calls.written.tau[None])
+            calls.efforts = {"tau": self.efforts.of(calls.k, calls.written.tau[None])}
+        sources |= calls.efforts
         targets: dict[str, Target] = {"guard": Worst()}
         if calls.below is not None:
             inertia, bias = calls.below.articulated[calls.module.parent_output]
@@ -115,7 +118,7 @@ class _Sweeps:
         calls.A = {o: w.shared(6) for o in calls.V}
         targets: dict[str, Target] = {f"delta {i}": place for i, place in deltas.items()}
         targets |= {f"A {o}": place for o, place in calls.A.items()}
-        sources = calls.sources()
+        sources = calls.sources() | calls.efforts
         calls.stages.call(2, sources, targets | {"a_core": w.result("a", v_index[written.joints])})
         for group, legs, numbers in calls.legs:
             at = v_index[np.array([leg.v for leg in group])]

@@ -28,9 +28,7 @@ def kinematics_program(request: Request) -> Program:
     w = Writer("kinematics", inputs, [("bodies", WIDTH * len(robot.bodies.bodies))])
     states: dict[int, Source] = {0: _root(request, w)}
     kernels: dict[int, ca.Function] = {}
-    for module in robot.modules:
-        if module.base == "world":
-            continue
+    for module in robot.modules[robot.base == "floating" :]:
         m = module.mechanism
         if id(m) not in kernels:
             kernels[id(m)] = _module(module)
