@@ -43,13 +43,13 @@ def close_program(request: Request) -> Program:
     shapes: dict[Any, list[Module]] = {}
     driven = {robot.v_slices[robot.joint_index[motor]].start for motor in robot.motors}
     for module in robot.modules:
-        shapes.setdefault(shape_of(module, _motors(module, driven)), []).append(module)
+        shapes.setdefault(shape_of(module, motor_freedoms(module, driven)), []).append(module)
     inputs = [("near", robot.nq), ("v", robot.nv), ("a", robot.nv)]
     w = Writer("close", inputs, [("q", robot.nq), ("v_closed", robot.nv), ("a_closed", robot.nv)])
     if robot.base == "moving":
         _keep_base(w)
     for shape, modules in shapes.items():
-        function, table = _write(modules, _motors(modules[0], driven), GUARD_CLOSED[request.dtype])
+        function, table = by_motors(modules, motor_freedoms(modules[0], driven), GUARD_CLOSED[request.dtype])
         q, v = (np.array([getattr(m, index) for m in modules]) for index in ("q_index", "v_index"))
         sources: list[Source] = [
             w.from_given("near", q),
@@ -72,12 +72,12 @@ def _keep_base(w: Writer) -> None:
     w.call(kernel, 1, sources, targets)
 
 
-def _motors(module: Module, driven: set[int]) -> tuple[int, ...]:
+def motor_freedoms(module: Module, driven: set[int]) -> tuple[int, ...]:
     """Return the freedoms of a module's spanning tree that have motors."""
     return tuple(k for k, column in enumerate(module.v_index.tolist()) if column in driven)
 
 
-def _write(modules: list[Module], motors: tuple[int, ...], closed: float) -> tuple[ca.Function, Array]:
+def by_motors(modules: list[Module], motors: tuple[int, ...], closed: float) -> tuple[ca.Function, Array]:
     """Return the closing kernel of modules of one shape, and the table of numbers in which they differ."""
     m, folding = modules[0].mechanism, Folding()
     tree = m.spanning

@@ -16,11 +16,13 @@ from ...equations.expressions import Expression, cross, dot, pack, symbols
 from ...equations.guards import GUARD_CLOSED
 from ...equations.request import Request
 from ...equations.rigid import quaternion_matrix
+from ...equations.spanning import shape_of
 from ...program import Constants, Program, Source, Target, Worst
+from ..close import by_motors, motor_freedoms
 from ..writer import Writer
 from .choosing import modules_of
 from .extended import extended
-from .given import ANGLE, NUMBER, POSE, Given
+from .given import POSE, Given
 from .kernels import ModuleKernels
 from .part import CONTRADICTING_FILE, MOST_FREEDOMS
 
@@ -41,28 +43,30 @@ def close_platforms_program(request: Request) -> Program | None:
     """
     robot = request.robot
     posed = posed_modules(robot)
-    found = {k: _by_pose(module) or _by_motors(module) for k, module in modules_of(robot)}
-    given = {k: own for k, own in found.items() if own is not None}
-    if not posed or len(given) < len(found):
+    if not posed:
         return None
-    count = len(posed)
+    count, driven = len(posed), {robot.v_slices[robot.joint_index[motor]].start for motor in robot.motors}
     inputs = [("near", robot.nq), ("pose", 7 * count), ("twist", 6 * count), ("twist_dot", 6 * count)]
     inputs += [("v", robot.nv), ("a", robot.nv)]
     w = Writer("close_platforms", inputs, [("q", robot.nq), ("v_closed", robot.nv), ("a_closed", robot.nv)])
     if robot.base != "fixed":
         _keep_base(w)
     shapes: dict[Any, list[int]] = {}
-    for k, own in given.items():
-        module = robot.modules[k]
-        shapes.setdefault((extended(module.mechanism).shape, own, module.mobility), []).append(k)
+    for k, module in modules_of(robot):
+        own = extended(module.mechanism).shape, module.mobility
+        key = own if k in posed else shape_of(module, motor_freedoms(module, driven))
+        shapes.setdefault((k in posed, key), []).append(k)
     for shape, numbers in shapes.items():
-        modules, own = [robot.modules[k] for k in numbers], given[numbers[0]]
-        function, table = _write(modules, own, GUARD_CLOSED[request.dtype])
+        modules, closed = [robot.modules[k] for k in numbers], GUARD_CLOSED[request.dtype]
+        if shape[0]:
+            function, table = _by_poses(modules, closed)
+        else:
+            function, table = by_motors(modules, motor_freedoms(modules[0], driven), closed)
         q, v = (np.array([getattr(m, index) for m in modules]) for index in ("q_index", "v_index"))
         sources: list[Source] = [w.from_given("near", q), w.from_given("v", v), w.from_given("a", v)]
-        if POSE in own.kinds:
+        if shape[0]:
             at = np.array([posed.index(k) for k in numbers])[:, None]
-            sources += [
+            sources[1:] = [
                 w.from_given("pose", 7 * at + np.arange(7)),
                 w.from_given("twist", 6 * at + np.arange(6)),
                 w.from_given("twist_dot", 6 * at + np.arange(6)),
@@ -95,16 +99,6 @@ def _by_pose(module: Module) -> Given | None:
     return given if whole and _determined(module, given) else None
 
 
-def _by_motors(module: Module) -> Given | None:
-    """Return what prescribes a module by its motors; None if they do not determine it."""
-    m = module.mechanism
-    place = {source: i for i, source in enumerate(m.spec.tree_joint) if source is not None}
-    joints = tuple(place[module.joints.index(name)] for name in module.motors)
-    kinds = tuple(ANGLE if m.tree.joints[j].kind == "continuous" else NUMBER for j in joints)
-    given = Given(joints, kinds, ())
-    return given if _determined(module, given) else None
-
-
 def _determined(module: Module, given: Given) -> bool:
     """Return whether what is given determines all freedoms, by rows that do not contradict each other."""
     m = module.mechanism
@@ -130,34 +124,19 @@ def _keep_base(w: Writer) -> None:
     w.call(kernel, 1, sources, targets)
 
 
-def _write(modules: list[Module], given: Given, closed: float) -> tuple[ca.Function, Array]:
-    """Return the kernel of modules of one shape, and the table of numbers in which they differ."""
+def _by_poses(modules: list[Module], closed: float) -> tuple[ca.Function, Array]:
+    """Return the kernel of modules of one shape with posed platforms, and the table of their numbers."""
     m = modules[0].mechanism
-    written = ModuleKernels(modules, given, ()).write()
-    (q_col, q), (v_col, v), (a_col, a) = (
-        symbols(name, size)
-        for name, size in (("q", m.spanning.nq), ("v", m.spanning.nv), ("a", m.spanning.nv))
-    )
-    inputs, prescribed = [q_col, v_col, a_col], [[], [], []]  # type: ignore[var-annotated]
-    for joint, kind in zip(given.joints, given.kinds, strict=True):
-        source = m.spec.tree_joint[joint]
-        if source is None:
-            columns = [symbols(name, size) for name, size in (("pose", 7), ("twist", 6), ("twist_dot", 6))]
-            inputs += [column for column, _ in columns]
-            own = [columns[0][1], *_in_own_axes(*(values for _, values in columns))]
-        else:
-            at, to = m.spanning.q_slices[source], m.spanning.v_slices[source]
-            x = q[at]
-            angle = np.array([ca.atan2(x[1], x[0])], dtype=object) if kind == ANGLE else x
-            own = [angle, v[to], a[to]]
-        for level, values in zip(prescribed, own, strict=True):
-            level.append(values)
-    table = ca.SX.sym("numbers", written.table.shape[1])
-    nothing = ca.SX.zeros(7 * len(m.spec.platforms), 1)  # the pose is given, not taken from here
-    results = written.settle.call([q_col, nothing, *(pack(*level) for level in prescribed), table])
-    moved, _, rate, acceleration, step, _, guard = results
+    written = ModuleKernels(modules, Given(m.spec.platforms, (POSE,), ()), ()).write()
+    near, table = ca.SX.sym("near", m.spanning.nq), ca.SX.sym("numbers", written.table.shape[1])
+    columns = [symbols(name, size) for name, size in (("pose", 7), ("twist", 6), ("twist_dot", 6))]
+    rates = _in_own_axes(*(values for _, values in columns))
+    posed = [columns[0][0], *map(pack, rates)]
+    unread = ca.SX.zeros(7, 1)  # the pose is given, not that of a last posture
+    moved, _, rate, acceleration, step, _, guard = written.settle.call([near, unread, *posed, table])
     guard = ca.fmax(guard, step / closed)
-    return ca.Function("close_platforms", [*inputs, table], [moved, rate, acceleration, guard]), written.table
+    inputs = [near, *(column for column, _ in columns), table]
+    return ca.Function("close_platforms", inputs, [moved, rate, acceleration, guard]), written.table
 
 
 def _in_own_axes(pose: Expression, twist: Expression, change: Expression) -> tuple[Expression, Expression]:
