@@ -23,7 +23,7 @@ from .inertia_solve import EPS, InertiaFactor, factor_inertia
 from .loads import Loads, ModuleLoad
 from .lost_digits import warn_of_lost_accelerations
 from .lost_rank import check_closure_rank, check_motor_map
-from .massless import check_massless_forces, choose_least_norm
+from .massless import FORCED, check_massless_forces, choose_least_norm
 
 
 @dataclass(frozen=True)
@@ -148,13 +148,47 @@ def _articulate_module(
         x.add_output(a_map, X, I_star[:, o], b, rounding[:, o])
         a_maps, cs, Xs = [*a_maps, a_map], [*cs, c], [*Xs, X]
     noise = 4 * s.mechanism.tree.nv * EPS * x.noise + x.carried
-    inertia = factor_inertia(x.A_t, np.diagonal(noise, axis1=1, axis2=2))
+    slips = _slips(s, basis)
+    rounded = np.diagonal(noise, axis1=1, axis2=2) + _inertia_of_slips(s, legs, slips, I_star)
+    inertia = factor_inertia(x.A_t, rounded)
     solved, left = inertia.solve(np.concatenate([x.E, x.Q_0[..., None]], axis=-1))
-    check_massless_forces(s.module, basis, left[..., 6], x.size)
+    slipping = _force_of_slips(s, legs, slips, tau, beta_star)
+    check_massless_forces(s.module, basis, left[..., 6], np.maximum(x.size, slipping / FORCED))
     G, y = solved[..., :6], solved[..., 6]
     return ArticulatedModule(
         s, basis, unforced, a_maps, cs, Xs, G, x.Q_0, y, inertia, size_of_solution(x, inertia, y)
     )
+
+
+def _slips(s: ModuleState, basis: Basis) -> Array:
+    """Compute the rates of rounding in each motion, without units, shape (T, N).
+
+    A joint that a motion leaves at rest has such a rate in it, and moves what it carries. That is all the
+    inertia of a motion that moves no mass, and all the force on it.
+    """
+    m = s.mechanism
+    if not m.closures.rows:
+        return np.zeros(basis.Psi.shape[::2])
+    largest_rate = np.abs(basis.Psi / m.reduction.col_scale[:, None]).max(axis=1, initial=0.0)
+    out: Array = 4 * m.tree.nv * EPS / m.reduction.report.kept * largest_rate
+    return out
+
+
+def _inertia_of_slips(s: ModuleState, legs: LegTerms, slips: Array, I_star: Array) -> Array:
+    """Compute the inertia that rates of rounding bring into each motion, shape (T, N)."""
+    joints = np.einsum("tii,i->t", legs.M[:, 6:, 6:], s.mechanism.reduction.col_scale**2)
+    outputs = np.einsum("toii,i->t", I_star, np.repeat([s.mechanism.length**2, 1.0], 3))
+    out: Array = np.square(slips) * (joints + outputs)[:, None]
+    return out
+
+
+def _force_of_slips(s: ModuleState, legs: LegTerms, slips: Array, tau: Array, beta_star: Array) -> Array:
+    """Compute the largest force that rates of rounding bring onto a motion, shape (T,)."""
+    unit = s.mechanism.reduction.col_scale
+    joints = (np.abs(legs.f) + np.abs(legs.h)) @ unit + np.abs(tau) @ unit[s.module.motor_columns]
+    outputs = np.abs(beta_star).sum(axis=1) @ np.repeat([s.mechanism.length, 1.0], 3)
+    out: Array = slips.max(axis=1, initial=0.0) * (joints + outputs)
+    return out
 
 
 def _onto_base(

@@ -80,6 +80,10 @@ def direct_options(request: Request, k: int) -> DirectOptions:
     )
 
 
+#: Inertia along a motion over that of all joints that is rounding of the motion itself, squared.
+ROUNDED_MOTION = 1e-24
+
+
 def _massless(request: Request, k: int) -> bool:
     """Return whether a motion of module k has no inertia; modules on an output add inertia to its motions.
 
@@ -97,7 +101,8 @@ def _massless(request: Request, k: int) -> bool:
             a_map = m.jacobian(motion, body)[0] @ motions
             inertia = inertia + max(float(np.trace(inertia)), 1.0) * a_map.T @ a_map
     values = np.linalg.eigvalsh(inertia)
-    return bool(values[0] <= MASSLESS_MOTION * values[-1])
+    free = own_inertia(m, np.diag(m.reduction.col_scale)) + np.diag(rotor * m.reduction.col_scale**2)
+    return bool(values[0] <= max(MASSLESS_MOTION * values[-1], ROUNDED_MOTION * float(np.trace(free))))
 
 
 def inverse_options(request: Request, k: int) -> InverseOptions:

@@ -1,0 +1,141 @@
+"""Generated mechanisms go the whole way: models, compiled models and simulation, with any base.
+
+The oracle judges what the dynamics compute, the general path what is compiled. A refusal is one line.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+
+import numpy as np
+import pytest
+
+import hybridyn
+from hybridyn.compiled.equations.states import moving_states
+from hybridyn.compiled.verifying import BUG, verify
+from hybridyn.effects.choice import choose
+from hybridyn.errors import HybridynError
+from hybridyn.linkage.closures import common_measure
+from hybridyn.oracle import Oracle
+from hybridyn.structure.building import build_robot
+from hybridyn.structure.robot import HybridRobot
+from tests.any_mechanism import any_mechanism
+from tests.waiting import must_end
+from tests.written_out import Interpreted
+
+CLOSED = 1e-9  # of states that the library draws or reaches, relative to its size
+WORK = 1e-7  # of the largest term
+ROUNDING = 1e-12  # of rows, whose factors are lengths below a metre
+FASTEST = 1e12  # accelerations that only a quotient of roundings reaches
+STEP, STEPS = 1e-3, 2
+
+
+def refusal(error: HybridynError, case: str) -> str:
+    """Check that a refusal is one line without a bug; give its first words."""
+    said = str(error)
+    assert said.strip(), case
+    assert "\n" not in said, (case, said)
+    assert BUG not in said, (case, said)
+    assert "This is a bug" not in said, (case, said)
+    return type(error).__name__
+
+
+def went_through(seed: int, what: str) -> str:
+    """Send a mechanism so far; say how far it came."""
+    description, base = any_mechanism(seed)
+    case = f"seed {seed}, base {base}"
+    with must_end(case), np.errstate(all="ignore"):  # as the command line does
+        try:
+            robot = build_robot(description, base=base)
+            states = moving_states(robot, 2, seed)
+            if what == "compile":
+                verify(Interpreted(robot), robot, choose(robot, None))
+            elif what == "simulate":
+                simulated(robot, *states, case)
+            else:
+                judged(robot, *states, case)
+        except HybridynError as error:
+            return refusal(error, case)
+    return "through"
+
+
+def judged(robot: HybridRobot, q: np.ndarray, v: np.ndarray, tau: np.ndarray, case: str) -> None:
+    """Compare both models with the oracle: loops, accelerations that keep them closed, and work."""
+    oracle = Oracle(robot.description, robot.base)
+    a = hybridyn.ddm(robot, q, v, tau)
+    assert np.isfinite(a).all(), case
+    efforts = None
+    if robot.base != "floating" or len(robot.motors):
+        try:
+            efforts = hybridyn.idm(robot, q, v, a)
+        except HybridynError as error:
+            refusal(error, case)
+    for t in range(len(q)):
+        posture = oracle.posture(q[t])
+        assert np.abs(residual(oracle, q[t])).max(initial=0.0) <= CLOSED * oracle.unit.max(), case
+        if len(posture.K) and np.abs(posture.K).max() <= ROUNDING:
+            continue  # rows that no freedom moves: the oracle counts the largest of them as one
+        again = oracle.consistent_acceleration(q[t], v[t], a[t])
+        size = np.abs(a[t]).max(initial=0.0) + np.abs(v[t]).max(initial=0.0) ** 2
+        assert size < FASTEST, (case, "accelerations of rounding")
+        assert np.abs(again - a[t]).max(initial=0.0) <= WORK * max(size, 1.0), (case, "accelerations")
+        if efforts is None:
+            continue
+        expected, _ = oracle.idm_and_missing(q[t], v[t], a[t])
+        B = oracle.motor_map(posture)
+        terms = np.abs(B) @ (np.abs(expected) + np.abs(efforts[t]) + np.abs(tau[t]))
+        for found in (expected, tau[t]):
+            off = np.abs(B @ (efforts[t] - found)).max(initial=0.0)
+            assert off <= WORK * max(terms.max(initial=0.0), 1.0), (case, "efforts", off)
+
+
+def residual(oracle: Oracle, q: np.ndarray) -> np.ndarray:
+    """Return the oracle's residual, that of a gear modulo the turns that its endless joints do not count."""
+    out = oracle.residual(q)
+    couplings = oracle.description.couplings
+    first = len(oracle.rows(q)) - len(couplings)
+    for row, coupling in enumerate(couplings, first):
+        endless = [c for name, c in coupling.terms if oracle.coordinates[name][0] == "continuous"]
+        if period := 2 * np.pi * common_measure(endless):
+            out[row] -= period * np.round(out[row] / period)
+    return out
+
+
+def simulated(robot: HybridRobot, q: np.ndarray, v: np.ndarray, tau: np.ndarray, case: str) -> None:
+    """Take some steps; loops stay closed."""
+    moving = {"base_motion": at_rest} if robot.base == "moving" else {}
+    if robot.base == "moving":
+        q, v = q.copy(), v.copy()
+        q[:, :7], v[:, :6] = [0, 0, 0, 0, 0, 0, 1], 0.0
+    result = hybridyn.simulate(
+        robot, q[0], v[0], (0, STEPS * STEP), method="rk4", step=STEP, initial_velocity="project", **moving
+    )
+    assert np.isfinite(result.q).all(), case
+    assert result.residual.max() <= CLOSED, case
+    if result.status == "finished":
+        assert len(result.t) == STEPS + 1, case
+
+
+def at_rest(t: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    return np.array([0.0, 0, 0, 0, 0, 0, 1]), np.zeros(6), np.zeros(6)
+
+
+@pytest.mark.parametrize("what", ["models", "compile"])
+def test_a_motion_without_inertia_is_no_rounding_over_rounding(what: str) -> None:
+    """Two massless slides, geared so that one goes as the other comes: accelerations were 1e19."""
+    assert went_through(53, what) == "through"
+
+
+@pytest.mark.parametrize(("what", "count"), [("models", 60), ("compile", 3), ("simulate", 12)])
+def test_generated_mechanisms(what: str, count: int) -> None:
+    came = Counter(went_through(seed, what) for seed in range(count))
+    assert came["through"] > count / 4, came
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("part", range(100))
+@pytest.mark.parametrize(("what", "count"), [("models", 700), ("compile", 100), ("simulate", 200)])
+def test_many_generated_mechanisms(what: str, count: int, part: int) -> None:
+    first = 1000 * (part + 1)
+    came = Counter(went_through(seed, what) for seed in range(first, first + count))
+    assert came["through"] > count / 4, came
