@@ -75,7 +75,7 @@ def _at_home(module: Module, robot: HybridRobot, open_by: float) -> list[str]:
     if open_by > robot.closure_tolerance:
         return [
             f"its loops are open at the home posture by {open_by:.2g} of its size; "
-            "state a home posture that closes them ([home] in model.toml)"
+            "state a closed home posture ([home] in model.toml; 'hybridyn home --write' finds one)"
         ]
     lost = "" if architecturally_singular(module) else singular_at_home(module, robot)
     return [f"the home posture is singular: {lost}"] if lost else []

@@ -21,11 +21,19 @@ def find_model_file(file: str) -> Path | None:
     `models/group/X/model.toml` for `urdf/group/X.urdf`.
     """
     path = Path(file)
-    name = re.sub(r"(\.urdf|\.xml)?(\.xacro)?$", "", path.name)
+    beside = own_model_file(file)
+    name = beside.name.removesuffix(".model.toml")
     group = path.absolute().parent.name
     candidates = [
-        path.with_name(f"{name}.model.toml"),
+        beside,
         path.parent / ".." / "models" / name / "model.toml",
         path.parent / ".." / ".." / "models" / group / name / "model.toml",
     ]
     return next((candidate for candidate in candidates if candidate.is_file()), None)
+
+
+def own_model_file(file: str) -> Path:
+    """Return the path of the model file beside a robot file, whether or not it exists."""
+    path = Path(file)
+    name = re.sub(r"(\.urdf|\.xml)?(\.xacro)?$", "", path.name)
+    return path.with_name(f"{name}.model.toml")

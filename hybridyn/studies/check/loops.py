@@ -95,7 +95,7 @@ class _ModuleCheck:
                 "open-at-home",
                 f"its loops are open by {self.open_by:.2g} of its size ({m.length:g} m) at the home posture",
                 "a motion that starts at home must assemble first, perhaps on another branch than intended",
-                "state a home posture that closes them ([home] in model.toml); 'hybridyn idm' finds one",
+                "state a closed home posture ([home] in model.toml; 'hybridyn home --write' finds one)",
             )
         if not module.mobility:
             yield self._about(

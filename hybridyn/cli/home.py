@@ -1,0 +1,105 @@
+"""`hybridyn home`: find closed home postures, and write one to model.toml."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING
+
+import click
+
+from .common.options import RobotCommand, takes_robot
+from .common.text import aligned_rows, counted
+
+if TYPE_CHECKING:
+    from ..structure.robot import HybridRobot
+    from ..studies.home import Homes
+
+#: Distance of a posture that is home itself [m or rad]: rounding of Newton's method.
+AT_HOME = 1e-9
+
+
+def _positions(ctx: click.Context, param: click.Parameter, values: tuple[str, ...]) -> dict[str, float]:
+    """Parse each name=value."""
+    out = {}
+    for value in values:
+        name, _, number = value.rpartition("=")
+        try:
+            out[name] = float(number)
+        except ValueError:
+            name = ""
+        if not name:
+            raise click.BadParameter(f"'{value}' is not of the form NAME=NUMBER", ctx, param)
+    return out
+
+
+@click.command("home", cls=RobotCommand, short_help="Closed home postures; write one to model.toml.")
+@takes_robot
+@click.option(
+    "--at",
+    metavar="NAME=NUMBER",
+    multiple=True,
+    callback=_positions,
+    help="Position of a motor [m or rad]; the others stay at home. May be repeated.",
+)
+@click.option("--all", "everything", is_flag=True, help="List all postures that are found.")
+@click.option(
+    "--starts", type=click.IntRange(1), default=200, show_default=True, help="Random starts per module."
+)
+@click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="Seed of the starts.")
+@click.option(
+    "--choose",
+    type=click.IntRange(1),
+    default=1,
+    metavar="NUMBER",
+    help="The posture that is shown or written, as --all numbers them.  [default: the nearest to home]",
+)
+@click.option("--write", is_flag=True, help="Write the posture to the robot's model.toml.")
+def command(
+    load: Callable[[], HybridRobot],
+    at: dict[str, float],
+    everything: bool,
+    starts: int,
+    seed: int,
+    choose: int,
+    write: bool,
+) -> None:
+    """Find postures of ROBOT (URDF, xacro or MJCF) that close its loops with its motors at home.
+
+    The search starts from random postures, so --all may still miss one. The chosen posture is printed as the
+    table [home] of model.toml; --write writes it there and keeps everything else in that file.
+    """
+    from ..description.side_cars.home_table import home_table, write_home
+    from ..errors import ModelError
+    from ..studies.home import homes, positions
+
+    robot = load()
+    found = homes(robot, at, starts=starts, seed=seed)
+    if choose > len(found.postures):
+        raise ModelError(f"there is no posture {choose}: {counted(len(found.postures), 'posture')} found")
+    for line in _lines(found, everything, choose):
+        click.echo(line, err=not everything)
+    home = positions(robot, found.postures[choose - 1].q)
+    if write:
+        click.echo(f"written to {write_home(str(robot.description.source), home)}", err=True)
+    elif not everything:
+        click.echo(home_table(home), nl=False)
+
+
+def _lines(found: Homes, everything: bool, choose: int) -> Iterator[str]:
+    """Yield the postures, one per line."""
+    shown = [(number, posture) for number, posture in enumerate(found.postures, 1)]
+    rows = [
+        (
+            f"{number}",
+            "home" if posture.distance < AT_HOME else f"{posture.joint} {posture.distance:.3g} from home",
+            "within limits" if posture.within_limits else "beyond limits",
+            f"closed to {posture.residual:.1e}",
+        )
+        for number, posture in shown
+        if everything or number == choose
+    ]
+    yield from aligned_rows(rows)
+    left = (
+        "" if found.unseen < 0.01 else f"; one more start finds another with probability {found.unseen:.2g}"
+    )
+    yield f"{counted(len(found.postures), 'posture')} with the motors there{left}"

@@ -1,0 +1,117 @@
+"""Find home postures: the postures that close every loop with the motors at given positions."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..assembly.assemblies import assemblies
+from ..description.names import did_you_mean
+from ..errors import ModelError
+from ..spatial import Array
+from ..structure.robot import HybridRobot
+
+
+@dataclass(frozen=True)
+class HomePosture:
+    """A closed posture.
+
+    Attributes:
+        q: Positions on the spanning tree, shape (nq,).
+        residual: Largest closure residual, relative to its module's length.
+        within_limits: Whether all joints are within their position limits.
+        joint: The joint that is farthest from the present home posture.
+        distance: Its distance [m or rad].
+        count: Number of random starts that led to the posture.
+    """
+
+    q: Array
+    residual: float
+    within_limits: bool
+    joint: str
+    distance: float
+    count: int
+
+
+@dataclass(frozen=True)
+class Homes:
+    """Closed postures with the same positions of the motors.
+
+    Attributes:
+        postures: The postures, the nearest to the present home posture first.
+        unseen: Estimated probability that one more start finds another posture.
+    """
+
+    postures: tuple[HomePosture, ...]
+    unseen: float
+
+
+def homes(
+    robot: HybridRobot, motors: Mapping[str, float] | None = None, *, starts: int = 200, seed: int = 0
+) -> Homes:
+    """Find the closed postures of a robot with its motors at given positions.
+
+    Args:
+        robot: The robot.
+        motors: Positions of motors [m or rad]; motors left out stay at home.
+        starts: Number of random starts per module with loops.
+        seed: Seed of the starts.
+
+    Raises:
+        ModelError: A name is no motor.
+        AssemblyError: No posture closes the loops, or the motors do not determine it.
+    """
+    given = dict(motors or {})
+    for name in given:
+        if name not in robot.motors:
+            raise ModelError(f"no such motor '{name}'{did_you_mean(name, robot.motors)}", element=name)
+    home = {name: values[0] for name, values in positions(robot, robot.home).items() if name in robot.motors}
+    found = assemblies(robot, motors={**home, **given}, starts=starts, seed=seed)
+    out = []
+    for q, count, residual, within in zip(
+        found.q, found.counts, found.residual, found.within_limits, strict=True
+    ):
+        distances = _distances(robot, q)
+        joint = max(distances, key=lambda name: distances[name], default="")
+        out.append(
+            HomePosture(q, float(residual), bool(within), joint, distances.get(joint, 0.0), int(count))
+        )
+    return Homes(tuple(out), found.unseen)
+
+
+def positions(robot: HybridRobot, q: Array) -> dict[str, tuple[float, ...]]:
+    """Return the position of each joint of a posture as `model.toml` states it; a free base is left out.
+
+    Args:
+        robot: The robot.
+        q: Positions on the spanning tree, shape (nq,).
+
+    Returns:
+        By joint one number (an angle for a continuous joint), or Pinocchio's coordinates.
+    """
+    out: dict[str, tuple[float, ...]] = {}
+    for name, kind, at in zip(robot.joints, robot.kinds, robot.q_slices, strict=True):
+        x = q[at]
+        if kind == "continuous":
+            out[name] = (float(np.arctan2(x[1], x[0])),)
+        elif robot.base == "fixed" or name != robot.joints[0]:
+            out[name] = tuple(float(value) for value in x)
+    return out
+
+
+def _distances(robot: HybridRobot, q: Array) -> dict[str, float]:
+    """Return how far each joint of a posture is from home [m or rad]."""
+    here, home = positions(robot, q), positions(robot, robot.home)
+    kinds = dict(zip(robot.joints, robot.kinds, strict=True))
+    out = {}
+    for name, values in here.items():
+        a, b = np.array(values), np.array(home[name])
+        if kinds[name] == "spherical":
+            out[name] = 2 * float(np.arccos(min(1.0, abs(float(a @ b)))))
+        elif kinds[name] == "continuous":
+            out[name] = abs(float(np.angle(np.exp(1j * (a[0] - b[0])))))
+        else:
+            out[name] = float(np.abs(a - b).max())
+    return out

@@ -1,0 +1,119 @@
+"""Closed home postures: all that exist are found, and the chosen one is what the next load starts from."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import hybridyn
+from hybridyn.errors import ModelError
+from hybridyn.studies.home import homes, positions
+from tests.command_line import call
+from tests.robot_texts import save
+
+#: Closed to rounding, relative to the module's length.
+CLOSED = 1e-12
+#: A posture against its own triangle [rad].
+EXACT = 1e-9
+
+#: Two bars of lengths 3 and 4 (dm) whose tips meet at a distance of 5; open at zero.
+TRIANGLE = """<robot name="triangle"><link name="ground"/>
+<link name="left">
+<inertial><mass value="1"/><origin xyz="0.1 0 0"/><inertia ixx="1" iyy="1" izz="1"/></inertial></link>
+<link name="right">
+<inertial><mass value="1"/><origin xyz="0.1 0 0"/><inertia ixx="1" iyy="1" izz="1"/></inertial></link>
+<joint name="drive" type="prismatic"><parent link="ground"/><child link="rail"/><axis xyz="1 0 0"/>
+<limit lower="-1" upper="1" effort="9" velocity="1"/></joint><link name="rail"/>
+<joint name="a" type="continuous"><parent link="rail"/><child link="left"/><axis xyz="0 0 1"/></joint>
+<joint name="b" type="revolute"><parent link="ground"/><child link="right"/>
+<origin xyz="0.5 0 0"/><axis xyz="0 0 1"/>
+<limit lower="-3.2" upper="0" effort="0" velocity="1"/></joint>
+<loop name="tip" type="revolute"><predecessor link="left"><origin xyz="0.3 0 0"/></predecessor>
+<successor link="right"><origin xyz="0.4 0 0"/></successor><axis xyz="0 0 1"/></loop>
+<transmission name="t"><joint name="drive"/></transmission></robot>"""
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    return save(tmp_path, TRIANGLE, "triangle.urdf")
+
+
+def test_both_triangles_are_found(file: Path) -> None:
+    robot = hybridyn.load(file)
+    assert hybridyn.closure_residual(robot, robot.home) > 0.1
+    found = homes(robot)
+    assert len(found.postures) == 2
+    for posture in found.postures:
+        at = positions(robot, posture.q)
+        assert at["drive"] == (0.0,)
+        assert abs(abs(at["a"][0]) - np.arccos((9 + 25 - 16) / 30)) < EXACT
+        assert posture.residual < CLOSED
+        assert posture.within_limits == (at["b"][0] < 0)
+        assert posture.distance == pytest.approx(max(abs(at["a"][0]), abs(at["b"][0])))
+
+
+def test_motors_may_stand_elsewhere(file: Path) -> None:
+    robot = hybridyn.load(file)
+    (first, _) = homes(robot, {"drive": 0.1}).postures
+    assert abs(abs(positions(robot, first.q)["a"][0]) - np.arccos((9 + 16 - 16) / 24)) < EXACT
+    with pytest.raises(ModelError, match=r"no such motor 'driwe' \(did you mean 'drive'\?\)"):
+        homes(robot, {"driwe": 0.1})
+
+
+def test_a_written_posture_is_the_next_home(file: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    listed = call(capsys, "home", file, "--all")
+    assert listed.status == 0
+    assert re.match(r"1  . \d.* from home  (within|beyond) limits +closed to .*\n2  ", listed.out)
+    model = file.with_name("triangle.model.toml")
+    model.write_text(
+        'motors = ["drive"]\n\n[home]\ndrive = 0.05  # old\n\n# rotors\n[joints.drive]\ndamping = 0.1\n'
+    )
+    for number in (1, 2):
+        shown = call(capsys, "home", file, "--choose", number)
+        written = call(capsys, "home", file, "--choose", number, "--write")
+        assert (written.status, written.out) == (0, "")
+        text = model.read_text()
+        assert shown.out in text
+        assert text.startswith('motors = ["drive"]\n\n[home]\n')
+        assert text.endswith("\n\n# rotors\n[joints.drive]\ndamping = 0.1\n")
+        robot = hybridyn.load(file)
+        assert hybridyn.closure_residual(robot, robot.home) < CLOSED
+
+
+def test_a_model_file_is_made_where_there_is_none(file: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert call(capsys, "home", file, "--write", "--at", "drive=0.1").status == 0
+    robot = hybridyn.load(file)
+    assert robot.description.home["drive"] == (0.1,)
+    assert hybridyn.closure_residual(robot, robot.home) < CLOSED
+
+
+@pytest.mark.parametrize("text", ["home.drive = 0.1\n", "home = { drive = 0.1 }\n"])
+def test_another_way_of_writing_home_is_not_replaced(
+    text: str, file: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    model = file.with_name("triangle.model.toml")
+    model.write_text(text)
+    said = call(capsys, "home", file, "--write")
+    assert said.status == 1
+    assert "cannot be replaced" in said.err
+    assert model.read_text() == text
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["--choose", "3"], "there is no posture 3: 2 postures found"),
+        (["--at", "drive"], "is not of the form NAME=NUMBER"),
+        (["--at", "drive=9"], "the loops do not close"),
+    ],
+)
+def test_requests_that_cannot_be_met(
+    words: list[str], told: str, file: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    said = call(capsys, "home", file, *words)
+    assert said.status != 0
+    assert told in said.err
+    assert not file.with_name("triangle.model.toml").exists()
