@@ -84,6 +84,7 @@ CASES = {
         mjcf(world=f"{MANY * 2}<body>{BAR.format(x=0, m=1)}</body></replicate></replicate>"),
         "with its replicas, the file has more than 50,000",
     ),
+    "no body": (mjcf(), "no <body> stands in <worldbody>"),
     "no mass": (
         mjcf(world='<body name="a"><joint name="j"/></body>'),
         "element 'a': MuJoCo: mass and inertia.*give every moving body",

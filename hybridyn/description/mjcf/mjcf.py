@@ -41,6 +41,8 @@ def read_mjcf(root: Node, package_dirs: Sequence[str | os.PathLike[str]] = ()) -
     pairs = any(node.tag == "pair" for node in document.nodes())
     screen(document)
     compiled = compile_text(document, take_meshes(document))
+    if compiled.model.nbody == 1:
+        raise root.error("no <body> stands in <worldbody>; a robot has at least one")
     start = find_root(compiled)
     robot = RobotFile(str(root.xml.get("model", "")).strip() or "robot", root.file)
     robot.base = "fixed" if start.joint is None else "floating"
