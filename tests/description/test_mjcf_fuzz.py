@@ -81,7 +81,7 @@ def check(description: Description, path: Path, text: bytes) -> bool:
     floating = description.base == "floating"
     assert len(movable) + floating == model.njnt, text
     masses = sorted(link.mass for link in description.links if link.mass)
-    static = {"stand still" in note for note in description.notes}
+    static = {"do not move" in note for note in description.notes}
     if True not in static:
         np.testing.assert_allclose(
             masses, sorted(mass for mass in model.body_mass if mass), err_msg=str(text)

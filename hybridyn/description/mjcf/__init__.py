@@ -1,6 +1,7 @@
-"""MJCF, the robot files of MuJoCo, to plain records.
+"""Read MJCF, the robot files of MuJoCo, into plain records.
 
-Read `mjcf` (the order of the steps), then `document` (one text of all included files), `screening` (what is
-refused and what is left out before MuJoCo sees the text), `compiling` (MuJoCo's own compiler and its model),
-then what is taken from the compiled model: `bodies`, `equalities`, `actuators`, `passive`, `keyframes`.
+Start with `mjcf` (the order of the steps), then `document` (the file with its includes), `screening`
+(elements that are refused or removed before compilation), `meshes`, `compiling` (MuJoCo's compiler), and
+the modules that read the compiled model: `roots`, `bodies`, `passive`, `equalities`, `actuators`,
+`keyframes`.
 """

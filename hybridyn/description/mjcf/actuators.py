@@ -1,6 +1,7 @@
 """`<actuator>` of a compiled MJCF model: driven joints, their effort limits, inertia and damping of motors.
 
-The effort of a motor is that at its joint, whatever servo stands before it: gear x force of the actuator.
+The effort of a motor is the effort at its joint, the gear times the force of the actuator. Servo laws are not
+read.
 """
 
 from __future__ import annotations

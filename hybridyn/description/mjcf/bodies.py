@@ -1,8 +1,8 @@
 """Bodies and joints of a compiled MJCF model as links and one-axis joints.
 
-A body's link has MuJoCo's frame of the body. Between it and its parent stand its joints in the order of the
-file, each about axes that the ones before have turned, with links without mass between them. A joint's
-position is MuJoCo's `qpos`: `ref` turns the placement.
+The frame of a body's link is MuJoCo's frame of the body. Its joints follow one another from the parent's
+link in the order of the file, with massless links between them; each joint moves the axes of the joints
+after it. The position of a joint is MuJoCo's `qpos`; `ref` is part of the placement.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""MuJoCo's own compiler: the text of a robot to a compiled model, with errors that name file and line."""
+"""Compile an MJCF text with MuJoCo; errors name the author's file and line."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ from ..urdf.xml_node import LARGEST_NUMBER
 from .document import Document, Place
 from .naming import names_of
 
-#: Advice for what MuJoCo refuses most often.
-MENDS = {
+#: Corrections of frequent errors, by a part of MuJoCo's message.
+CORRECTIONS = {
     "mass and inertia of moving bodies": "give every moving body an <inertial> or a geom with mass",
 }
 
@@ -39,7 +39,7 @@ _NAME = re.compile(r"Element name '([^']+)'")
 
 @dataclass(frozen=True)
 class Compiled:
-    """A compiled model, and where its elements stand.
+    """A compiled model, and the places of its elements in the files.
 
     Attributes:
         mujoco: The module.
@@ -78,17 +78,17 @@ class Compiled:
         return self.mujoco.mj_id2name(self.model, of_kind, number) or ""
 
     def code(self, word: str) -> int:
-        """Return the number that stands for one of MuJoCo's words in the arrays of a model, -1 for none.
+        """Return the value of one of MuJoCo's enumerators, -1 if this version has none of the name.
 
         Args:
-            word: The word, "mjJNT_HINGE"; its group is that before the underscore.
+            word: Name of the enumerator, such as "mjJNT_HINGE".
         """
         group, _, _ = word.partition("_")
         value = getattr(getattr(self.mujoco, ENUMERATIONS[group]), word, None)
         return -1 if value is None else int(value)
 
     def line(self, kind: str, number: int) -> int | None:
-        """Return the line of an element in the robot's own file, or None where it stands in another.
+        """Return the line of an element in the robot's own file, or None if it is in an included file.
 
         Args:
             kind: "body", "joint", "equality", "tendon" or "actuator".
@@ -103,7 +103,7 @@ class Compiled:
         Args:
             kind: As for `line`.
             number: Its number in the compiled model.
-            message: What is wrong, and the mend.
+            message: The problem, and its correction.
         """
         name = self.name(kind, number)
         if kind in ("body", "joint"):
@@ -120,7 +120,7 @@ class Compiled:
 
     @cached_property
     def _info(self) -> dict[tuple[str, int], str]:
-        """Where each element stands in the compiled text, in MuJoCo's words."""
+        """MuJoCo's note of the line of each element in the compiled text."""
         groups = {
             "body": self.spec.bodies, "joint": self.spec.joints, "equality": self.spec.equalities,
             "tendon": self.spec.tendons, "actuator": self.spec.actuators, "key": self.spec.keys,
@@ -146,10 +146,10 @@ def compile_text(document: Document, meshes: dict[str, bytes]) -> Compiled:
         with _silent(mujoco):
             spec = mujoco.MjSpec.from_string(text, assets=meshes)
             spec.compiler.fusestatic = False
-            spec.compiler.LRopt.mode = mujoco.mjtLRMode.mjLRMODE_NONE  # simulates muscles, for long
+            spec.compiler.LRopt.mode = mujoco.mjtLRMode.mjLRMODE_NONE  # it would simulate muscles
             model = spec.compile()
     except refusals as error:
-        raise _told(str(error), file, places) from None
+        raise _refusal(str(error), file, places) from None
     compiled = Compiled(mujoco, spec, model, file, places)
     _refuse_unbounded(compiled)
     return compiled
@@ -157,7 +157,7 @@ def compile_text(document: Document, meshes: dict[str, bytes]) -> Compiled:
 
 @contextlib.contextmanager
 def _silent(mujoco: Any) -> Iterator[None]:
-    """Keep MuJoCo's remarks on numerics from the console and from a file in the working directory."""
+    """Suppress MuJoCo's warnings, which it also writes to a file in the working directory."""
     settings = getattr(mujoco, "MjLogConfig", None)
     if settings is not None:
         before, quiet = settings.get(), settings.get()
@@ -192,15 +192,17 @@ def _module(file: str) -> Any:
     return mujoco
 
 
-def _told(text: str, file: str, places: list[Place]) -> ModelError:
+def _refusal(text: str, file: str, places: list[Place]) -> ModelError:
     """Return MuJoCo's refusal in one line, with the line of the author's file."""
     first = text.strip().split("\n", 1)[0].removeprefix("XML ").removeprefix("Error: ")
     place = _place_in(text, places) or Place(file, None)
     name = _NAME.search(text)
-    mend = next((f"; {advice}" for words, advice in MENDS.items() if words in first), "")
+    correction = next((f"; {advice}" for words, advice in CORRECTIONS.items() if words in first), "")
     label = f"element '{name[1]}': " if name else ""
     element = name[1] if name else None
-    return ModelError(f"{label}MuJoCo: {first}{mend}", file=place.file, line=place.line, element=element)
+    return ModelError(
+        f"{label}MuJoCo: {first}{correction}", file=place.file, line=place.line, element=element
+    )
 
 
 def _place_in(text: str, places: list[Place]) -> Place | None:

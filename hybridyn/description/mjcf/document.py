@@ -1,6 +1,6 @@
-"""An MJCF file with all that it includes: one tree of elements, and one text of which every line is known.
+"""Merge an MJCF file with the files that it includes.
 
-Files are opened here and never by MuJoCo: only in the robot's folders, and with the limits of any robot file.
+hybridyn opens these files, not MuJoCo: only in the robot's folders, and with the limits of all robot files.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ INCLUDED_ROOTS = ("mujoco", "mujocoinclude")
 
 
 class Place(NamedTuple):
-    """Where an element stands.
+    """The place of an element.
 
     Attributes:
         file: Path of its file.
@@ -43,16 +43,16 @@ class Place(NamedTuple):
 
 
 class Document:
-    """An MJCF file and what it includes.
+    """An MJCF file merged with its includes.
 
     Attributes:
-        root: Root element; included elements stand in place of `<include>`.
+        root: Root element; included elements replace their `<include>`.
         folders: The folders that it may read.
         files: Paths of the files, the robot's own first.
     """
 
     def __init__(self, root: Node, package_dirs: list[str]) -> None:
-        """Include everything.
+        """Merge all included files.
 
         Args:
             root: Root element; it is changed.

@@ -1,4 +1,4 @@
-"""Meshes: read where a body's inertia comes from them, else replaced by a tetrahedron of the same name."""
+"""Read the meshes that inertias are computed from; replace all others by a tetrahedron of the same name."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from ...errors import ModelError
 from ..urdf.xml_node import Node
 from .document import Document
 
-#: Corners of the mesh that stands for one that is not needed.
+#: Corners of the mesh that replaces a mesh that is not needed.
 TETRAHEDRON = "0 0 0 1 0 0 0 1 0 0 0 1"
 
 #: What MuJoCo reads.

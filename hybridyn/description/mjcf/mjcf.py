@@ -1,6 +1,6 @@
-"""The MJCF reader: MuJoCo compiles the file, and what bears on dynamics becomes records.
+"""Read an MJCF file: MuJoCo compiles it, and the compiled model becomes records.
 
-What hybridyn cannot say is refused by name, or noted where the robot is right without it (contacts, servos).
+Forces and constraints that hybridyn does not have are errors. Contacts and servos are noted.
 """
 
 from __future__ import annotations
@@ -35,7 +35,8 @@ def read_mjcf(root: Node, package_dirs: Sequence[str | os.PathLike[str]] = ()) -
         package_dirs: Folders, beside the robot's own, from which includes and meshes may be read.
 
     Raises:
-        ModelError: MuJoCo is not installed or refuses the file, or hybridyn cannot say what it states.
+        ModelError: MuJoCo is not installed, MuJoCo refuses the file, or the file states something that
+            hybridyn does not have.
     """
     document = Document(root, [os.fspath(folder) for folder in package_dirs])
     pairs = any(node.tag == "pair" for node in document.nodes())

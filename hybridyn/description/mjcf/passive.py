@@ -16,7 +16,7 @@ from .fields import nonzero, number
 from .roots import Root, tied_bodies
 from .tendons import limited, refuse_forces
 
-#: What a joint may not have, by the name of MuJoCo's array: the word of the file, and the mend.
+#: What a joint may not have, by the name of MuJoCo's array: its name in the file, and the correction.
 JOINT_FORCES = {
     "jnt_stiffnesspoly": ("stiffness that depends on the position", "keep its first number"),
     "jnt_springyield": ("springyield", "remove it"),
@@ -67,7 +67,7 @@ def add_passive(robot: RobotFile, compiled: Compiled, root: Root) -> None:
     if stiffness:
         robot.effects += (("spring", {"stiffness": stiffness, "rest": rest}),)
     if still := [compiled.bodies[body] for body in np.flatnonzero(np.asarray(model.body_mocapid) >= 0)]:
-        robot.notes.append(f"mocap bodies stand still here: {listed(still)}")
+        robot.notes.append(f"mocap bodies do not move here: {listed(still)}")
     if tendons := limited(compiled):
         robot.notes.append(f"limits of tendons are not read: {listed(tendons)}")
 
@@ -96,7 +96,7 @@ def _refuse_others(compiled: Compiled) -> None:
     for body in sorted(tied):
         if model.body_mocapid[body] >= 0:
             raise compiled.error(
-                "body", body, "a mocap body moves as a program tells it; remove mocap, or give it joints"
+                "body", body, "a program moves a mocap body; remove mocap, or give it joints"
             )
 
 
@@ -116,9 +116,9 @@ def _refuse_on_joint(compiled: Compiled, joint: int, dof: int, freedoms: int) ->
     """Refuse what a joint may not have."""
     model = compiled.model
     for row, table in ((joint, JOINT_FORCES), (dof, DOF_FORCES)):
-        for field, (word, mend) in table.items():
+        for field, (word, correction) in table.items():
             if nonzero(model, field, row):
-                raise compiled.error("joint", joint, f"{word} is not read; {mend}")
+                raise compiled.error("joint", joint, f"{word} is not read; {correction}")
     if freedoms == 1:
         return
     present = {

@@ -16,7 +16,7 @@ class Root:
     Attributes:
         body: Number of the root body; 0 is the world.
         joint: Number of the free joint that carries it, or None.
-        left_out: Numbers of bodies that stand apart and are left out.
+        left_out: Numbers of motionless bodies that are left out.
         note: What was left out, in words, or "".
     """
 
@@ -46,7 +46,11 @@ def find_root(compiled: Compiled) -> Root:
     if moving or tied & {0, *others}:
         return Root()
     names = listed(compiled.bodies[number] for number in others)
-    note = f"bodies {names} stand still and touch no joint: left out, since the base floats" if others else ""
+    note = (
+        f"bodies {names} do not move and have no joint; they are left out, because the base floats"
+        if others
+        else ""
+    )
     return Root(body, free[0], frozenset(others), note)
 
 

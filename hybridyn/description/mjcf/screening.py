@@ -1,7 +1,7 @@
-"""What is refused, and what is left out, before MuJoCo reads the text.
+"""Refuse or remove elements before MuJoCo compiles the file.
 
-Left out is what no joint moves by: visuals, sensors, cameras, lights, contacts. So MuJoCo opens no file, and
-asks for no memory but that of the robot.
+Visuals, sensors, cameras, lights and contacts are removed: they do not change the dynamics that hybridyn computes.
+MuJoCo then opens no files, and allocates memory for the robot only.
 """
 
 from __future__ import annotations
@@ -12,13 +12,13 @@ import re
 from ..urdf.xml_node import LARGEST_NUMBER, Node
 from .document import Document
 
-#: Sections and elements that bear on no dynamics that hybridyn computes.
+#: Elements that do not change the dynamics that hybridyn computes.
 LEFT_OUT = {
     "visual", "statistic", "size", "sensor", "custom", "contact", "camera", "light", "texture", "material",
     "skin", "pair", "exclude",
 }  # fmt: skip
 
-#: Elements that are refused, with what they are and the mend.
+#: Elements that are refused, with a description and the correction.
 REFUSED = {
     "flexcomp": "a deformable body; hybridyn's bodies are rigid: describe it by rigid bodies and springs",
     "flex": "a deformable body; hybridyn's bodies are rigid: describe it by rigid bodies and springs",
@@ -44,7 +44,7 @@ _NUMERAL = re.compile(r"[+-]?\.?\d")
 
 
 def screen(document: Document) -> None:
-    """Refuse what cannot be read, and take out what does not bear on dynamics.
+    """Refuse what cannot be read, and remove what does not change the dynamics.
 
     Args:
         document: The file; its tree is changed.

@@ -33,7 +33,7 @@ def home_table(home: Mapping[str, tuple[float, ...]]) -> str:
 
 
 def write_home(robot_file: str, home: Mapping[str, tuple[float, ...]]) -> Path:
-    """Write a home posture into the model file of a robot; what else stands in the file stays.
+    """Write a home posture into the model file of a robot; keep all other content of the file.
 
     Args:
         robot_file: The robot's file.
