@@ -61,7 +61,7 @@ CASES = {
     "gravcomp": (mjcf(world=hinge(body='gravcomp="1"')), "body 'a': gravcomp"),
     "mocap": (
         mjcf('<equality><weld body1="a" body2="m"/></equality>', world=hinge() + MOCAP),
-        "body 'm': a mocap body",
+        "body 'm': a program moves a mocap body",
     ),
     "fluid": (mjcf(world=hinge(), head='<option density="1.2"/>'), "<option density>"),
     "free damping": (

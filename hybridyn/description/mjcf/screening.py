@@ -1,7 +1,7 @@
 """Refuse or remove elements before MuJoCo compiles the file.
 
-Visuals, sensors, cameras, lights and contacts are removed: they do not change the dynamics that hybridyn computes.
-MuJoCo then opens no files, and allocates memory for the robot only.
+Visuals, sensors, cameras, lights and contacts are removed: they do not change the dynamics that hybridyn
+computes. MuJoCo then opens no files, and allocates memory for the robot only.
 """
 
 from __future__ import annotations
