@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from ..assembly.assemble import assemble
@@ -15,9 +17,17 @@ from ..spatial import Array
 from ..structure.robot import HybridRobot
 from .references import Reference
 
+if TYPE_CHECKING:
+    from ..compiled.model import CompiledRobot
+
 
 def follow_motion(
-    robot: HybridRobot, reference: Reference, times: Array, effects: Effects, guess: Array
+    robot: HybridRobot,
+    reference: Reference,
+    times: Array,
+    effects: Effects,
+    guess: Array,
+    compiled: CompiledRobot | None = None,
 ) -> Result:
     """Compute the motion of a robot whose motors follow a reference exactly, and the efforts for it.
 
@@ -27,6 +37,7 @@ def follow_motion(
         times: Times of the samples, shape (T,), [s].
         effects: The effects that are computed.
         guess: Posture near the start, shape (nq,).
+        compiled: The robot's compiled models, which close the loops; None for the general path.
 
     Raises:
         AssemblyError: A posture is out of reach, or motors do not determine the motion.
@@ -34,7 +45,10 @@ def follow_motion(
     """
     x = np.array([reference.at(float(t)) for t in times])
     motors = {name: tuple(x[:, level, i] for level in range(3)) for i, name in enumerate(robot.motors)}
-    q, v, a = assemble(robot, motors=motors, guess=guess)
+    if compiled is None:
+        q, v, a = assemble(robot, motors=motors, guess=guess)
+    else:
+        q, v, a = compiled.assemble(motors=motors, guess=guess)
     if effects.base is not None:
         q, v, a = effects.base.into(robot, times, q, v, a)
     tau = idm(robot, q, v, a, effects=effects, time=times)

@@ -127,7 +127,7 @@ def play(
             raise source.error(("motion",), "nothing is integrated, so there is nothing to resume")
         times = np.array([0.0, scene.duration]) if ready.output_times is None else ready.output_times
         with naming(source, ("motion",)):
-            return follow_motion(ready.robot, ready.motion, times, ready.effects, ready.q0)
+            return follow_motion(ready.robot, ready.motion, times, ready.effects, ready.q0, compiled)
     with naming(source, ("solver",)):
         return simulate(
             ready.robot, ready.q0, ready.v0, (0.0, scene.duration), effort=ready.effort,

@@ -1,0 +1,112 @@
+"""Loops closed in C: one control step, and rows of a table, beside the inverse model of the same robot.
+
+Run `python -m benchmarks.closing [robots]`. A step closes the loops from the motors' positions, rates and
+accelerations and the posture before, and computes the efforts; all calls are made from Python. Rows are those
+of a table of motors and, for robots whose platforms have six freedoms, of poses. Ratios are to a single call
+of `idm` of the same compiled model.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable, Iterator
+
+import numpy as np
+
+import hybridyn
+from benchmarks.timing import interleaved, one_thread
+from hybridyn import HybridRobot
+from hybridyn.compiled.model import CompiledRobot
+from hybridyn.compiled.programs.closing.platform_program import platform_motions, posed_modules
+from hybridyn.spatial import Array
+
+ROBOTS = ("five_bar", "gough_stewart", "lx4")
+#: Time between two ticks [s], amplitude [rad, m] and number of steps, of which percentiles are given.
+TICK, SIZE, STEPS = 1e-3, 0.03, 100_000
+#: Rows of a table, and how often they are measured.
+ROWS, ROUNDS = 2_000, 5
+
+
+def main() -> int:
+    """Measure the robots that are named, and print a table."""
+    one_thread()
+    print(f"{'robot':<15}{'what':<26}{'us':>9}{'idm':>7}{'median':>9}{'90 %':>9}{'99 %':>9}")
+    for name in sys.argv[1:] or ROBOTS:
+        compiled = hybridyn.compile(hybridyn.load(name))
+        once: float | None = None
+        for what, times in measured(compiled):
+            once = times[0] if once is None else once
+            shown = "".join(f"{x:9.2f}" for x in times[1:])
+            print(f"{name:<15}{what:<26}{times[0]:9.2f}{times[0] / once:7.1f}{shown}", flush=True)
+    return 0
+
+
+def measured(compiled: CompiledRobot) -> Iterator[tuple[str, list[float]]]:
+    """Yield what was measured, with the least time and percentiles [us]; a single call of `idm` first."""
+    motors = ticks(compiled.robot)
+    yield from steps(compiled, motors)
+    for what, call in tables(compiled, motors):
+        call()
+        least = interleaved([call], ROUNDS)[0].least
+        yield what, [1e6 * least / ROWS]
+
+
+def ticks(robot: HybridRobot) -> tuple[Array, Array, Array]:
+    """Return positions, rates and accelerations of the motors at `ROWS` ticks."""
+    at = [robot.q_slices[robot.joint_index[motor]] for motor in robot.motors]
+    home: Array = np.array(
+        [np.arctan2(*x[::-1]) if len(x) > 1 else x[0] for x in (robot.home[s] for s in at)]
+    )
+    w: Array = 2.0 + 0.1 * np.arange(len(home), dtype=float)
+    phase: Array = np.outer(TICK * np.arange(ROWS), w)
+    sine: Array = np.sin(phase)
+    cosine: Array = np.cos(phase)
+    return home + SIZE * sine, SIZE * w * cosine, -SIZE * w * w * sine
+
+
+def steps(compiled: CompiledRobot, motors: tuple[Array, Array, Array]) -> Iterator[tuple[str, list[float]]]:
+    """Yield the times of `idm`, of closing the loops, and of both."""
+    there = [[x[i] for i in [*range(ROWS), *reversed(range(ROWS))]] for x in motors]
+    q = compiled.close(*(x[0] for x in there))[0]
+    closing, inverse = np.empty(STEPS), np.empty(STEPS)
+    for i in range(STEPS):
+        position, rate, acceleration = (x[i % (2 * ROWS)] for x in there)
+        start = time.perf_counter()
+        q, v, a = compiled.close(position, rate, acceleration, last=q)
+        between = time.perf_counter()
+        compiled.idm(q, v, a)
+        end = time.perf_counter()
+        closing[i], inverse[i] = 1e6 * (between - start), 1e6 * (end - between)
+    for what, x in (("idm", inverse), ("close", closing), ("close, then idm", closing + inverse)):
+        yield what, [float(x.min()), *np.percentile(x, [50, 90, 99]).tolist()]
+    if compiled.recomputed:
+        print(f"{compiled.recomputed} ticks were computed by the general path")
+
+
+def tables(
+    compiled: CompiledRobot, motors: tuple[Array, Array, Array]
+) -> Iterator[tuple[str, Callable[[], object]]]:
+    """Yield calls that assemble `ROWS` rows, from motors and from poses, in C and by the general path."""
+    robot = compiled.robot
+    named = {name: tuple(x[:, i] for x in motors) for i, name in enumerate(robot.motors)}
+    yield "row of motors, in C", lambda: compiled.assemble(motors=named)
+    yield "row of motors, general", lambda: hybridyn.assemble(robot, motors=named)
+    posed = posed_modules(robot)
+    if len(posed) < len(robot.modules):
+        return
+    pose, twist, change = platform_motions(robot, *compiled.assemble(motors=named)).values()
+    poses = {
+        f"{robot.modules[k].outputs[0]}@{robot.modules[k].base}": (
+            pose[:, 7 * i : 7 * i + 7],
+            twist[:, 6 * i : 6 * i + 6],
+            change[:, 6 * i : 6 * i + 6],
+        )
+        for i, k in enumerate(posed)
+    }
+    yield "row of poses, in C", lambda: compiled.assemble(platforms=poses)
+    yield "row of poses, general", lambda: hybridyn.assemble(robot, platforms=poses)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
