@@ -142,6 +142,18 @@ class Pair:
             out.append(own)
         return np.vstack(out)
 
+    def poses(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the poses of all bodies that have a name, ours and MuJoCo's, shape (bodies, 4, 3)."""
+        pin.computeJointJacobians(self.robot.model, self.pin_data, q)
+        links = {link.name for link in self.description.links}
+        bodies = [self.model.body(number) for number in range(1, self.model.nbody)]
+        found = [body for body in bodies if body.name in links]
+        ours = [self._frame(body.name, np.eye(4))[0].homogeneous[:3].T for body in found]
+        theirs = [
+            np.vstack([self.data.xmat[body.id].reshape(3, 3).T, self.data.xpos[body.id]]) for body in found
+        ]
+        return np.array(ours), np.array(theirs)
+
     def _closure_rows(self, closure: Closure) -> np.ndarray:
         (A, J_a), (B, J_b) = (
             self._frame(link, frame)

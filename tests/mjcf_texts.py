@@ -161,7 +161,9 @@ def random_tree(seed: int) -> str:
             ]
         )
         below = "".join(body(depth + 1) for _ in range(draw.choice([0, 1, 2]) if depth < 3 else 0))
-        return f'<body pos="{numbers(3)}" quat="{numbers(4)}">{"".join(joints)}{shape}{below}</body>\n'
+        name = f"b{draw.getrandbits(40)}"
+        inside = "".join([*joints, shape, below])
+        return f'<body name="{name}" pos="{numbers(3)}" quat="{numbers(4)}">{inside}</body>\n'
 
     text = body(0)
-    return mjcf(world=f'<body pos="{numbers(3)}">{joint()}{BAR.format(x=0.1, m=1)}{text}</body>')
+    return mjcf(world=f'<body name="first" pos="{numbers(3)}">{joint()}{BAR.format(x=0.1, m=1)}{text}</body>')

@@ -19,9 +19,10 @@ def assert_close(ours: np.ndarray, theirs: np.ndarray, what: str) -> None:
 
 
 def compare(pair: Pair, draw: np.random.Generator) -> None:
-    """Compare mass matrix, bias and equality rows at random states, which close no loop."""
+    """Compare poses, mass matrix, bias and equality rows at random states, which close no loop."""
     for _ in range(3):
         q, v = pair.place(draw)
+        assert_close(*pair.poses(q), "poses of bodies")
         assert_close(pair.our_mass_matrix(q), pair.mass_matrix(), "mass matrix")
         assert_close(pair.our_bias(q, v), pair.data.qfrc_bias, "bias")
         if pair.data.ne:
