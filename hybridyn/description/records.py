@@ -29,6 +29,7 @@ class Link:
         com: Centre of mass, shape (3,), [m], link frame.
         inertia: Inertia about the centre of mass, shape (3, 3), [kg m^2], link axes.
         line: Line in the file, or None.
+        between_joints: Whether the reader made it as a frame between the joints of one body.
     """
 
     name: str
@@ -36,6 +37,7 @@ class Link:
     com: Array
     inertia: Array
     line: int | None = None
+    between_joints: bool = False
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ def weightless(description: Description, shaped: Container[str] = ()) -> list[Jo
 
     A body is a link with all links that fixed joints weld to it. It is only a frame, not a part, if
     everything that it carries is placed at its own joint: the crosses of universal and ball joints, the
-    stages of a virtual leg.
+    stages of a virtual leg. Links that a reader made between the joints of one body are frames, too.
 
     Args:
         description: The description of the robot.
@@ -27,7 +27,8 @@ def weightless(description: Description, shaped: Container[str] = ()) -> list[Jo
         Joints in file order.
     """
     bodies = Bodies(description)
-    heavy = {bodies.of[link.name] for link in description.links if link.mass or link.inertia.any()}
+    exempt = {bodies.of[link.name] for link in description.links if link.mass or link.inertia.any()}
+    exempt |= {link.name for link in description.links if link.between_joints}
     meeting = MEETING * max((float(np.abs(p).max()) for p in bodies.points()), default=0.0)
     carries: dict[str, list[Array]] = {}
     for body, point in bodies.carried():
@@ -40,7 +41,7 @@ def weightless(description: Description, shaped: Container[str] = ()) -> list[Jo
         joint
         for joint in description.joints
         if joint.kind != "fixed"
-        and joint.child not in heavy
+        and joint.child not in exempt
         and (joint.child in shaped or farthest(joint.child) > meeting)
     ]
 

@@ -5,12 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 import hybridyn
 from hybridyn.description import Description, read
 from tests.comparing import close_to
 from tests.extras import needs
-from tests.mjcf_texts import BAR, FLOATING, HEAD, LOOPS, TENDONS, loops, mjcf
+from tests.mjcf_texts import BAR, FLOATING, HEAD, LOOPS, ROBOTS, TENDONS, loops, mjcf
 
 mujoco = needs("mjcf")
 
@@ -158,6 +159,15 @@ def test_inactive_equalities_contacts_and_flags_are_remarks(tmp_path: Path) -> N
     assert found.closures == ()
     for words in ("'x' has active=\"false\"", "contacts", "disables spring"):
         assert any(words in note for note in found.notes), words
+
+
+def test_frames_between_joints_are_no_parts_without_mass(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    file = text(tmp_path, ROBOTS["chain"])  # joints of one body at different places
+    hybridyn.load(file)
+    assert not caplog.records
+    assert {finding.code for finding in hybridyn.check(file)} == {"limits-missing"}
 
 
 def test_a_file_without_joints_is_read(tmp_path: Path) -> None:

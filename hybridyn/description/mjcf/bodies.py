@@ -59,7 +59,7 @@ def add_bodies(robot: RobotFile, compiled: Compiled, root: Root) -> None:
         chain = _chain(compiled, body, links, joints)
         robot.joints += chain
         for joint in chain[:-1]:
-            robot.links.append(Link(joint.child, 0.0, np.zeros(3), np.zeros((3, 3)), joint.line))
+            robot.links.append(Link(joint.child, 0.0, np.zeros(3), np.zeros((3, 3)), joint.line, True))
         robot.links.append(link)
 
 
@@ -86,7 +86,7 @@ def _chain(compiled: Compiled, body: int, links: set[str], joints: set[str]) -> 
     at = pose(model.body_pos[body], model.body_quat[body])
     line = compiled.line("body", body)
     if not numbers:
-        return [_weld(unique(name, joints), parent, name, at, line, joints)]
+        return [_weld(unique(f"{name}_fixed", joints), parent, name, at, line, joints)]
     origins = _origins(compiled, numbers)
     out: list[Joint] = []
     before = np.zeros(3)
@@ -102,7 +102,7 @@ def _chain(compiled: Compiled, body: int, links: set[str], joints: set[str]) -> 
         parent, at, before = child, np.eye(4), origin
     if before.any():
         back = placement_from(np.eye(3), -before)
-        out.append(_weld(unique(name, joints), parent, name, back, line, joints))
+        out.append(_weld(unique(f"{name}_fixed", joints), parent, name, back, line, joints))
     else:
         out[-1] = replace(out[-1], child=name)
     return out
