@@ -11,7 +11,7 @@ from ....assembly.assemble import module_task
 from ....assembly.module_request import ModuleRequest, module_request
 from ....assembly.requests import PoseRequest, Requests
 from ....linkage.rigid_motion import RigidMotion
-from ....spatial import Array
+from ....spatial import Array, cross
 from ....structure.module import Module
 from ....structure.robot import HybridRobot
 from .given import given_of, numbers_of
@@ -64,13 +64,12 @@ def module_requests(robot: HybridRobot, requests: Requests) -> list[ModuleReques
             other = robot.bodies.place[pose.other][0]
             if other != base and other in placed and not {other, base} <= placed.known.keys():
                 return None
-        plain = [pose for pose in poses if _is_plain(robot, pose, base)]
-        others = tuple(pose for pose in poses if pose not in plain)
+        own = [pose for pose in poses if _is_own(robot, pose, base)]
+        others = tuple(pose for pose in poses if pose not in own)
         request = module_request(replace(requests, poses=others), robot, k, base, placed)
-        for pose in plain:
-            assert pose.motion is not None
+        for pose in own:
             body = robot.body_owner[robot.bodies.place[pose.link][0]][1]
-            request.give_floating(module.mechanism.cut.tree_body(body) - 1, pose.motion)
+            request.give_floating(module.mechanism.cut.tree_body(body) - 1, _of_platform(robot, pose))
         out.append(request)
         for pose in poses if far else ():
             _place(robot, placed, pose)
@@ -84,22 +83,30 @@ def _base_of(robot: HybridRobot, link: str) -> int:
     return robot.bodies.place[robot.modules[owner].base][0]
 
 
-def _is_plain(robot: HybridRobot, pose: PoseRequest, base: int) -> bool:
-    """Return whether a pose is that of a platform's own frame in the frame of its module's base."""
-    body, R, p = robot.bodies.place[pose.link]
-    other, R_other, p_other = robot.bodies.place[pose.other]
+def _is_own(robot: HybridRobot, pose: PoseRequest, base: int) -> bool:
+    """Return whether a pose is the whole pose of a platform in the base of its own module."""
+    body, other = (robot.bodies.place[link][0] for link in (pose.link, pose.other))
     owner, local = robot.body_owner[body]
     m = robot.modules[owner].mechanism
-    joint = m.tree.joints[m.cut.tree_body(local) - 1]
-    turns = (R, R_other, joint.R)
-    return bool(
-        pose.motion is not None
-        and other == base
-        and joint.kind == "floating"
-        and joint.parent == 0
-        and all((turn == np.eye(3)).all() for turn in turns)
-        and not any(shift.any() for shift in (p, p_other, joint.p))
-    )
+    joint = m.cut.tree_body(local) - 1
+    return pose.motion is not None and other == base and joint in m.spec.platforms
+
+
+def _of_platform(robot: HybridRobot, pose: PoseRequest) -> RigidMotion:
+    """Compute the motion of a platform's body in its base from that of a link of it in a link of the base."""
+    _, R_link, p_link = robot.bodies.place[pose.link]
+    _, R_other, p_other = robot.bodies.place[pose.other]
+    m = pose.motion
+    assert m is not None
+    arm = m.R @ (-R_link.T @ p_link)  # from the link's origin to the body's, axes of the other link
+    swing = cross(m.w, arm)
+    p_dot = m.p_dot + swing
+    p_ddot = m.p_ddot + cross(m.w_dot, arm) + cross(m.w, swing)
+    back = R_other.T
+    return RigidMotion(
+        R_other @ (m.R @ R_link.T), (m.p + arm) @ back + p_other, m.w @ back, p_dot @ back,
+        m.w_dot @ back, p_ddot @ back,
+    )  # fmt: skip
 
 
 def _place(robot: HybridRobot, placed: Placed, pose: PoseRequest) -> None:
