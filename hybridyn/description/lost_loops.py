@@ -61,7 +61,9 @@ def lost_loops(description: Description) -> list[Sign]:
     """
     out = [*_paired_frames(description)]
     if not description.closures:
-        out += [*_passive_joints(description), *_files_beside(description)]
+        if description.format == "URDF":  # MJCF states passive joints and loops itself
+            out += _passive_joints(description)
+        out += _files_beside(description)
     return out
 
 

@@ -78,6 +78,7 @@ def read(
         base=robot.base,
         base_home=robot.base_home,
         gravity=robot.gravity,
+        format=robot.format,
     )
 
 

@@ -16,6 +16,7 @@ Array = NDArray[np.float64]
 
 JointKind = Literal["fixed", "revolute", "continuous", "prismatic", "spherical", "planar", "floating"]
 StatedBase = Literal["fixed", "floating"]
+Format = Literal["URDF", "MJCF"]
 RotationKind = Literal["free", "perpendicular", "parallel", "fixed"]
 
 
@@ -162,6 +163,7 @@ class Description:
         base_home: Pose of a floating root link in the home posture, shape (7,): x, y, z [m], quaternion x, y,
             z, w; None is identity.
         gravity: Acceleration of gravity that the file states [m/s^2], or None.
+        format: Format of the robot file.
     """
 
     name: str
@@ -178,6 +180,7 @@ class Description:
     base: StatedBase = "fixed"
     base_home: tuple[float, ...] | None = None
     gravity: tuple[float, float, float] | None = None
+    format: Format = "URDF"
 
     @property
     def root(self) -> str:

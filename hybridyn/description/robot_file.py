@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-from .records import Closure, Coupling, Joint, JointKind, Link, StatedBase
+from .records import Closure, Coupling, Format, Joint, JointKind, Link, StatedBase
 
 MotorSource = Literal["side-car", "model file", "actuator", "transmission", "independent", "names"]
 
@@ -61,6 +61,7 @@ class RobotFile:
         base: As in `Description`.
         base_home: As in `Description`.
         gravity: As in `Description`.
+        format: As in `Description`.
     """
 
     name: str
@@ -76,3 +77,4 @@ class RobotFile:
     base: StatedBase = "fixed"
     base_home: tuple[float, ...] | None = None
     gravity: tuple[float, float, float] | None = None
+    format: Format = "URDF"

@@ -161,6 +161,15 @@ def test_inactive_equalities_contacts_and_flags_are_remarks(tmp_path: Path) -> N
         assert any(words in note for note in found.notes), words
 
 
+def test_joints_without_actuators_are_no_sign_of_lost_loops(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    one = '<actuator><motor joint="j"/></actuator>'
+    for sections in ((), (one,)):
+        hybridyn.load(text(tmp_path, mjcf(*sections, world=ARM.format(j="", k=""))))
+        assert not caplog.records
+
+
 def test_frames_between_joints_are_no_parts_without_mass(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:

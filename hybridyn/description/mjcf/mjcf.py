@@ -45,7 +45,7 @@ def read_mjcf(root: Node, package_dirs: Sequence[str | os.PathLike[str]] = ()) -
     if compiled.model.nbody == 1:
         raise root.error("no <body> stands in <worldbody>; a robot has at least one")
     start = find_root(compiled)
-    robot = RobotFile(str(root.xml.get("model", "")).strip() or "robot", root.file)
+    robot = RobotFile(str(root.xml.get("model", "")).strip() or "robot", root.file, format="MJCF")
     robot.base = "fixed" if start.joint is None else "floating"
     add_bodies(robot, compiled, start)
     add_passive(robot, compiled, start)
