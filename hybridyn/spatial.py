@@ -25,6 +25,8 @@ Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 #: Boolean mask of rows, columns or samples, True where selected.
 Mask = NDArray[np.bool_]
+#: Largest number accepted in states and loads: the sixth power is finite, so no product of them overflows.
+LARGEST = 1e50
 
 
 def slices(lengths: Iterable[int]) -> list[slice]:

@@ -203,15 +203,34 @@ def _onto_base(
     Psi, drift, G = item.basis.Psi, item.basis.drift, item.G
     T = len(G)
     with_base = np.concatenate([np.tile(np.eye(6), (T, 1, 1)), -np.matmul(Psi, G)], axis=1)
-    inertia, handed = congruence(with_base, legs.M), np.zeros((T, 6, 6))
+    inertia = congruence(with_base, legs.M)
+    handed = _slip(legs.M[:, 6:, 6:], np.abs(Psi) @ np.abs(G), Psi.shape[2])
     beta = np.einsum("tij,ti->tj", legs.M[:, 6:, :6], drift) + legs.p + np.einsum("tij,ti->tj", G, item.Q_0)
     for o, (X, a_map, c) in enumerate(zip(item.X, item.a_maps, item.c, strict=True)):
         follows = X - np.matmul(a_map, G)
         inertia += congruence(follows, I_star[:, o])
         handed += congruence(follows, rounding[:, o])
+        handed += _slip(I_star[:, o], np.abs(X) + np.abs(a_map) @ np.abs(G), Psi.shape[2])
         b = np.einsum("tij,tj->ti", I_star[:, o], c) + beta_star[:, o]
         beta += np.einsum("tij,ti->tj", X, b)
     return inertia, beta, handed
+
+
+def _slip(inertia: Array, terms: Array, freedoms: int) -> Array:
+    """Compute the inertia that the rounding of a motion feigns, as a matrix of shape (T, 6, 6).
+
+    A motion in which a body does not take part is a difference of equal terms: its rounding d gives d^T I d.
+    Without mass of its own, the base would seem to have this inertia.
+
+    Args:
+        inertia: Inertia of what moves, shape (T, n, n).
+        terms: Magnitudes of the terms of its motion per motion of the base, shape (T, n, 6).
+        freedoms: Number of freedoms of the module.
+    """
+    root = np.sqrt(np.abs(np.diagonal(inertia, axis1=1, axis2=2)))
+    slip = (freedoms + 2) * EPS * np.einsum("ti,tij->tj", root, terms)
+    out: Array = np.square(slip)[:, :, None] * np.eye(6)
+    return out
 
 
 def _rounding(inertia: Array) -> Array:

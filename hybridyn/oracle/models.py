@@ -172,7 +172,8 @@ class Oracle:
         w = self.arithmetic.array(np.ones(len(self.motors)) if weights is None else weights)
         w = self.arithmetic.array([1 / self.arithmetic.sqrt(x) for x in w])
         B, needed = self.motor_map(posture), posture.Z.T @ (self.unit * Q)
-        tau = w * self.arithmetic.factor(B * w, self.rank_tolerance).least_norm(needed)
+        size = largest(w * self.unit[self.motors])  # a map that is zero to rounding has no direction
+        tau = w * self.arithmetic.factor(B * w, self.rank_tolerance, size).least_norm(needed)
         return tau, posture.Z @ (needed - B @ tau) / self.unit
 
     def support(self, q: Numbers, v: Numbers, a: Numbers, wrenches: Wrenches | None = None) -> Numbers:

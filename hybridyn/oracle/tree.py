@@ -32,6 +32,16 @@ SLIDES: dict[JointKind, int] = {
 }  # velocity coordinates in m/s, first
 
 
+#: Size of a scaled row: where all rows are zero to rounding, none is independent.
+ROW = 1.0
+#: Whole turns of a continuous joint that a coupling may have made, for two such joints; fewer for more.
+MOST_TURNS = 60
+#: Combinations of turns that are tried.
+COMBINATIONS = 4000
+#: Residuals that differ by less than this for each turn count as equal: the fewest turns are taken [rad].
+SAME_RESIDUAL = 1e-12
+
+
 def quaternion_matrix(xyzw: Numbers) -> Numbers:
     """Build the rotation of a quaternion (x, y, z, w) of any norm."""
     u, w = xyzw[:3], xyzw[3]
@@ -222,7 +232,8 @@ class Tree:
             for c, ends in zip(self.description.closures, self._ends, strict=True)
         ]
         K, scale = self._closure_rows(closures, G)
-        factor = self.arithmetic.factor((K * self.unit / scale[:, None])[:, self.free], self.rank_tolerance)
+        scaled = (K * self.unit / scale[:, None])[:, self.free]
+        factor = self.arithmetic.factor(scaled, self.rank_tolerance, ROW)
         Z = self.arithmetic.array(np.zeros((self.nv, factor.Z.shape[1])))
         Z[self.free] = factor.Z
         return Posture(links, joints, closures, np.concatenate(G), K, scale, factor, Z)
@@ -299,9 +310,7 @@ class Tree:
                     value += coefficient * self.arithmetic.atan2(q[at][1], q[at][0])
                 else:
                     value += coefficient * q[at][0]
-            for turn in turns:  # the angle of a continuous joint is determined up to whole turns
-                value -= turn * round(float(value / turn))
-            values.append(value)
+            values.append(value - _nearest_turns(float(value), turns))
         return self.arithmetic.array(values)
 
     def turned(self, posture: Posture) -> Numbers:
@@ -313,6 +322,30 @@ class Tree:
             for i in axes.get(closure.rotation, [])
         ]
         return self.arithmetic.array([c for c in cosines if c < 0])
+
+
+def _nearest_turns(value: float, turns: list[Any]) -> Any:
+    """Return the sum of whole turns that is nearest to a coupling's value.
+
+    The angle of a continuous joint is determined up to whole turns. All joints but the last are turned by
+    every number in a range, the last by the number that brings the sum nearest.
+
+    Args:
+        value: The coupling's value for angles within half a turn.
+        turns: Change of the value by one turn of each continuous joint.
+    """
+    if not turns:
+        return 0.0
+    others, last = turns[:-1], float(turns[-1])
+    most = min(MOST_TURNS, int(COMBINATIONS ** (1 / len(others)) / 2)) if others else 0
+    ranges = [np.arange(-most, most + 1)] * len(others)
+    counts = np.array(np.meshgrid(*ranges)).reshape(len(others), (2 * most + 1) ** len(others))
+    left = value - np.array([float(x) for x in others]) @ counts
+    final = np.round(left / last)
+    best = int(np.argmin(np.abs(left - final * last) + SAME_RESIDUAL * np.abs(counts).sum(axis=0)))
+    return sum(x * int(n) for x, n in zip(others, counts[:, best], strict=True)) + turns[-1] * int(
+        final[best]
+    )
 
 
 def _attach(link: Frame, R: Numbers, t: Numbers) -> Frame:

@@ -166,7 +166,10 @@ class Run:
         robot, spent = law.robot, law.evaluations
         t, q, v = self._samples.arrays(robot)
         self._samples = Samples()
-        a = law.accelerations(t, q, v) if len(t) else np.zeros((0, robot.nv))
+        # One sample alone is evaluated twice: NumPy adds its terms in another order than those of several,
+        # and a run that stopped and went on must have the bits of one run.
+        twice = [np.repeat(x, 2, axis=0) if len(t) == 1 else x for x in (t, q, v)]
+        a = law.accelerations(*twice)[: len(t)] if len(t) else np.zeros((0, robot.nv))
         tau = np.array([law.effort(*s) for s in zip(t, q, v, strict=True)]).reshape(len(t), len(robot.motors))
         if law.on.limits is not None:
             tau = law.on.limits.clip(robot, tau)
@@ -174,7 +177,9 @@ class Run:
         residual = np.zeros(0)
         if len(t):
             closed = self._system.bound
-            residual = law.closure_residual(q) if closed else np.asarray(closure_residual(robot, q))
+            x = twice[1]
+            residual = law.closure_residual(x) if closed else np.asarray(closure_residual(robot, x))
+            residual = residual[: len(t)]
         stored = energy(robot, q, v, effects=law.on) if len(t) else Energy(np.zeros(0), np.zeros(0))
         self._parts.append({
             "t": t, "q": q, "v": v, "a": a, "tau": tau, "kinetic": stored.kinetic,

@@ -167,16 +167,22 @@ def _times(times: Sequence[float] | Array, name: str) -> Array:
     return out
 
 
-def _check_projected_rates(manifold: Manifold, given: Array, v: Array) -> None:
+def _check_projected_rates(manifold: Manifold, given: Array, v: Array, rest: float) -> None:
     """Check that projection left the initial rates unchanged.
 
     If closures lose rank nearby, rates may close the loops to first order without being on any branch.
+
+    Args:
+        manifold: The closed postures.
+        given: Initial rates, shape (nv,).
+        v: Projected rates, shape (nv,).
+        rest: Rates up to this are rounding [rad/s], as in a module that its loops lock.
 
     Raises:
         SingularityError: Projection changed them.
     """
     change, size = (float(np.abs(x / manifold.unit).max(initial=0.0)) for x in (v - given, given))
-    if change > MOST_RATE_CHANGE * size:
+    if change > max(MOST_RATE_CHANGE * size, rest):
         raise SingularityError(
             f"v0 differs by {change / size:.2g} of its size from rates that the loops allow: closures lose "
             "rank next to q0, and these rates are on none of the branches that meet there. Take them from "
@@ -206,8 +212,8 @@ def _start(system: System, q0: Array | None, v0: Array | None, t: float, initial
             f"(limit {STATE_CLOSED + rounding:.0e}). Take it from hybridyn.assemble",
             module=name, residual=residual,
         )  # fmt: skip
-    least = REST / STATE_CLOSED * float(NaturalSizes.of(robot, v[None]).rate(robot.bodies.size)[0])
-    opening, name = manifold.opening(q, v, least=least)
+    rest = REST * float(NaturalSizes.of(robot, v[None]).rate(robot.bodies.size)[0])
+    opening, name = manifold.opening(q, v, least=rest / STATE_CLOSED)
     if opening > STATE_CLOSED + rounding and initial_velocity == "refuse":
         raise AssemblyError(
             f"module '{name}': v0 does not keep the loops closed: they open at {opening:.2g} of the largest "
@@ -219,5 +225,5 @@ def _start(system: System, q0: Array | None, v0: Array | None, t: float, initial
         given = v
         q, v = manifold.project(q, v)
         if initial_velocity == "refuse":
-            _check_projected_rates(manifold, given, v)
+            _check_projected_rates(manifold, given, v, rest)
     return State(t, q, v, system.acceleration(t, q, v))

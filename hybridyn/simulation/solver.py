@@ -8,6 +8,7 @@ from typing import TypedDict, Unpack
 import numpy as np
 
 from ..errors import TrajectoryError
+from ..spatial import LARGEST
 
 METHODS = ("rk4", "dopri5", "implicit", "conserving")
 PROJECTIONS = ("stages", "steps", "never")
@@ -51,9 +52,12 @@ class Solver:
             raise TrajectoryError(
                 f"projection must be one of {', '.join(PROJECTIONS)}, not {self.projection!r}"
             )
-        for name, x in (("step", self.step), ("rtol", self.rtol), ("atol", self.atol)):
+        for name in ("step", "rtol", "atol", "baumgarte"):
+            x = getattr(self, name)
             if x is not None and not (np.isfinite(x) and x > 0):
                 raise TrajectoryError(f"{name} must be positive, not {x}")
+        if self.baumgarte is not None and self.baumgarte > LARGEST:
+            raise TrajectoryError(f"baumgarte must be at most {LARGEST:.0e}, not {self.baumgarte:g}")
         if self.method in ("rk4", "conserving") and self.step is None:
             raise TrajectoryError(f"method '{self.method}' takes fixed steps: give step [s]")
         if self.method in ("conserving", "implicit") and self.projection != "stages":

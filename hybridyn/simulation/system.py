@@ -12,7 +12,7 @@ import numpy as np
 from ..errors import HybridynError
 from ..manifold.chart import AmbiguousBranchError, Chart, Posture
 from ..manifold.manifold import Manifold
-from ..spatial import Array
+from ..spatial import LARGEST, Array
 from .motion_law import MotionLaw
 
 if TYPE_CHECKING:
@@ -118,8 +118,15 @@ class System:
         return out
 
     def accelerations(self, t: Array, q: Array, v: Array) -> Array:
-        """Compute the accelerations at many states, with Baumgarte's stabilisation if set, shape (T, nv)."""
+        """Compute the accelerations at many states, with Baumgarte's stabilisation if set, shape (T, nv).
+
+        Raises:
+            StepError: They are not finite, or so large that their squares overflow.
+        """
         a = self.law.accelerations(t, q, v)
+        far = np.flatnonzero(~(np.abs(a) <= LARGEST).all(axis=1))
+        if len(far):
+            raise StepError(f"at t = {t[far[0]]:g} s the accelerations exceed {LARGEST:.0e}")
         if self.baumgarte is not None:
             a += np.array([self.manifold.pull_back(*s, self.baumgarte) for s in zip(q, v, strict=True)])
         return a
@@ -151,7 +158,10 @@ class System:
         Raises:
             AssemblyError: The loops do not close there.
             AmbiguousBranchError: Another branch is too near, or reached.
+            StepError: The coordinates are not finite.
         """
+        if not (np.isfinite(y).all() and np.isfinite(u).all()):
+            raise StepError(f"at t = {t:g} s the motion is not finite")
         if start is None:
             p = chart.lift(y, u)
         else:

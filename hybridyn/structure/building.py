@@ -13,7 +13,7 @@ from ..errors import ModelError
 from ..linkage.joints import NQ, NV, ROOT_JOINT, TreeJoint
 from ..linkage.reduction import ROUNDED_ROWS
 from ..linkage.threads import one_thread
-from ..spatial import Array, slices
+from ..spatial import LARGEST, Array, slices
 from .bodies import Bodies
 from .graph import ModuleGraph, find_modules, undo_cuts
 from .mechanism import Mechanism, Tolerances
@@ -224,6 +224,9 @@ def build_robot(
     gravity = description.gravity or EARTH if gravity is None else gravity
     if base not in ("fixed", "moving", "floating"):
         raise ModelError(f"base must be 'fixed', 'moving' or 'floating', not {base!r}")
+    gravity = np.asarray(gravity, dtype=float)
+    if gravity.shape != (3,) or not (np.abs(gravity) <= LARGEST).all():
+        raise ModelError(f"gravity must be three finite numbers of at most {LARGEST:.0e}, not {gravity}")
     kept = _held(description, held)
     bodies, graphs = find_modules(description, kept)
     joints = [j.joint.name for j in bodies.joints]
@@ -241,7 +244,7 @@ def build_robot(
     return HybridRobot(
         description=description,
         base=base,
-        gravity=np.asarray(gravity, dtype=float),
+        gravity=gravity,
         modules=tuple(build.modules),
         joints=tuple(joints),
         kinds=tuple(kinds),

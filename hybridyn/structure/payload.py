@@ -10,6 +10,7 @@ import numpy as np
 from ..description.names import did_you_mean
 from ..description.records import Description, Link
 from ..errors import ModelError
+from ..spatial import LARGEST
 from .bodies import Body
 
 
@@ -40,8 +41,13 @@ class Payload:
             raise ModelError(f"payload on '{self.link}': com has 3 numbers, inertia 3 x 3", element=self.link)
         object.__setattr__(self, "com", tuple(com.tolist()))
         object.__setattr__(self, "inertia", tuple(tuple(row) for row in inertia.tolist()))
-        finite = np.isfinite([self.mass, *com, *inertia.ravel()]).all()
-        if not finite or self.mass < 0 or not np.array_equal(inertia, inertia.T):
+        numbers = np.array([self.mass, *com, *inertia.ravel()])
+        if not (np.abs(numbers) <= LARGEST).all():  # not a number, too
+            raise ModelError(
+                f"payload on '{self.link}': numbers must be finite, and at most {LARGEST:.0e}",
+                element=self.link,
+            )
+        if self.mass < 0 or not np.array_equal(inertia, inertia.T):
             raise ModelError(
                 f"payload on '{self.link}': mass must not be negative, inertia symmetric", element=self.link
             )

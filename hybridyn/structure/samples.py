@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike
 
 from ..errors import TrajectoryError
 from ..linkage.joints import NQ
-from ..spatial import Array
+from ..spatial import LARGEST, Array
 from .robot import HybridRobot
 
 #: Largest deviation of the length of a quaternion, or of a cosine and sine, from one. It accepts files with
@@ -19,7 +19,8 @@ def as_batch(array: ArrayLike, width: int, name: str) -> tuple[Array, bool]:
     """Return samples as an array of shape (T, width), and whether the input was a single sample.
 
     Raises:
-        TrajectoryError: Wrong shape, a table with named columns, or a number that is not finite.
+        TrajectoryError: Wrong shape, a table with named columns, or a number that is not finite or
+            larger than `LARGEST`.
     """
     if hasattr(array, "columns"):
         raise TrajectoryError(
@@ -38,6 +39,12 @@ def as_batch(array: ArrayLike, width: int, name: str) -> tuple[Array, bool]:
     bad = np.flatnonzero(~np.isfinite(out).all(axis=1))
     if len(bad):
         raise TrajectoryError(f"{name} is not finite at sample {bad[0]}", row=int(bad[0]) + 1)
+    large = np.argwhere(np.abs(out) > LARGEST)
+    if len(large):
+        t, i = large[0]
+        raise TrajectoryError(
+            f"{name} has the number {out[t, i]:g} at sample {t} (at most {LARGEST:.0e})", row=int(t) + 1
+        )
     return out, single
 
 

@@ -1,0 +1,168 @@
+"""What holds at every state of a generated mechanism, by the oracle, Pinocchio's `rnea` and energy.
+
+A refusal is judged too: its reason must be one that the oracle finds.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+
+import hybridyn
+from hybridyn.assembly.residual import closure_residual
+from hybridyn.errors import ActuationError, HybridynError, ModelError, SingularityError
+from hybridyn.structure.building import build_robot
+from hybridyn.structure.robot import HybridRobot
+from tests.generated import Case, State
+from tests.mechanisms import home_posture
+
+EPS = float(np.finfo(float).eps)
+CLOSED = 1e-12  # the draws are closed to 1e-12 in metres and cosines
+BACKWARD = 1e-12  # of the largest term: both models are backward stable
+FORWARD = 1e3 * EPS  # of the condition number: products of some hundred terms on both sides
+LOST = 1e-6  # of the largest singular value of the motors' map: below it a refusal is right
+DOUBTED = 3e-2  # of the largest singular value of closure rows: below it a row may be taken for rounding
+MISSING = 1e-9  # of the largest effort: an effort that no motor can produce, which must be refused above it
+
+
+@dataclass(frozen=True)
+class Found:
+    """What the core gave for all states of a case."""
+
+    robot: HybridRobot
+    q: np.ndarray
+    v: np.ndarray
+    tau: np.ndarray
+    a: np.ndarray
+
+
+def judge(case: Case, states: list[State]) -> None:
+    """Compare both models with the oracle at every state."""
+    refused = None
+    try:
+        robot = build_robot(case.description, base=case.base)
+    except ModelError as error:
+        refused = str(error)
+    if refused:  # rounding and a weak row look alike where nothing moves
+        assert "rank of its closures is in doubt" in refused, refused
+        assert weakest_row(case) < DOUBTED, f"no row is weak: {refused}"
+        return
+    assert robot.mobility == case.mobility
+    q, v, a, tau = states_of(states)
+    assert closure_residual(robot, q).max(initial=0.0) <= CLOSED
+    rng = np.random.default_rng([case.seed, 2])
+    names = [link.name for link in case.description.links]
+    wrenches = {
+        str(name): 5 * rng.normal(size=6) for name in rng.choice(names, min(2, len(names)), replace=False)
+    }
+    given = a[:, :6] if case.base == "moving" else None
+    found = hybridyn.ddm(robot, q, v, tau, base_acceleration=given, wrenches=wrenches)
+    judge_direct(case, Found(robot, q, v, tau, found), wrenches)
+    judge_inverse(case, Found(robot, q, v, tau, found), wrenches, needs=False)
+    if case.base != "floating":
+        judge_inverse(case, Found(robot, q, v, tau, a), wrenches, needs=True)
+
+
+def weakest_row(case: Case) -> float:
+    """Return the least singular value at home of the rows of closures, relative to the largest."""
+    posture = case.oracle.posture(home_posture(case.description, case.base))
+    s = 1 / np.diag(posture.factor.inverse)
+    return float(s.min(initial=1.0) / s.max(initial=1.0))
+
+
+def states_of(states: list[State]) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Return q, v, a and efforts of all states as arrays."""
+    q, v, a, tau = (np.array([getattr(state, name) for state in states]) for name in ("q", "v", "a", "tau"))
+    return q, v, a, tau
+
+
+def judge_direct(case: Case, found: Found, wrenches: dict[str, np.ndarray]) -> None:
+    """Compare accelerations with the oracle's; check the loops and the balance of power."""
+    oracle = case.oracle
+    power = hybridyn.power(found.robot, found.q, found.v, found.tau, wrenches=wrenches)
+    data = found.robot.model.createData()
+    for t, (q, v, tau, a) in enumerate(zip(found.q, found.v, found.tau, found.a, strict=True)):
+        wanted = oracle.ddm(q, v, tau, a[:6] if case.base == "moving" else None, wrenches)
+        posture = oracle.posture(q)
+        size = float(np.abs(wanted / oracle.unit).max(initial=0.0) + natural_acceleration(case, v[None])[0])
+        off = np.abs((a - wanted) / oracle.unit).max(initial=0.0)
+        assert off <= FORWARD * condition(case, q) * size, f"ddm differs by {off / size:.1e}"
+        k = oracle.tree.drifts(posture, v)[2]
+        opening = np.abs((posture.K @ a + k) / posture.scale).max(initial=0.0)
+        assert opening <= BACKWARD * max(1.0, np.abs(a / oracle.unit).max(initial=0.0) + size), "loops open"
+        force = pin.rnea(found.robot.model, data, q, v, a)
+        skip = 6 if case.base == "moving" else 0
+        rate = force[skip:] @ v[skip:]
+        if not skip:
+            terms = np.abs(force * v).sum() + abs(power.wrenches[t]) + abs(power.motors[t])
+            # the forces of the loops do no work, up to the rounding of rates that the loops allow
+            off = abs(rate - power.motors[t] - power.wrenches[t])
+            assert off <= FORWARD * condition(case, q) * max(terms, 1.0), (
+                f"power differs by {off / terms:.1e}"
+            )
+
+
+def judge_inverse(case: Case, found: Found, wrenches: dict[str, np.ndarray], needs: bool) -> None:
+    """Compare efforts with the oracle's along the motions that the loops allow."""
+    oracle, weights = case.oracle, np.ones(len(found.robot.motors))
+    answers = [
+        oracle.idm_and_missing(q, v, a, wrenches) for q, v, a in zip(found.q, found.v, found.a, strict=True)
+    ]
+    maps = [oracle.motor_map(oracle.posture(q)) for q in found.q]
+    largest = [
+        np.abs(tau).max(initial=0.0) + np.abs(missing).max(initial=0.0) + needed(case, v, a)
+        for (tau, missing), q, v, a in zip(answers, found.q, found.v, found.a, strict=True)
+    ]
+    lacking = [
+        np.abs(missing).max(initial=0.0) / size for (_, missing), size in zip(answers, largest, strict=True)
+    ]
+    refused: HybridynError | None = None
+    try:
+        tau = hybridyn.idm(found.robot, found.q, found.v, found.a, wrenches=wrenches, weights=weights)
+    except (ActuationError, SingularityError) as error:
+        refused = error
+    if isinstance(refused, ActuationError):
+        assert needs, f"ddm's own accelerations are refused: {refused}"
+        assert max(lacking) > BACKWARD, f"nothing is missing: {refused}"
+    elif refused:
+        assert min(map(clearness, maps)) < LOST, f"no direction is lost: {refused}"
+    if refused:
+        return
+    assert max(lacking, default=0.0) <= MISSING, "efforts that no motor can produce were not refused"
+    for B, (wanted, _), got, size in zip(maps, answers, tau, largest, strict=True):
+        off = np.abs(B @ (got - wanted)).max(initial=0.0)
+        assert off <= BACKWARD * max(size, 1.0) * 10, f"idm differs by {off / size:.1e}"
+
+
+def clearness(B: np.ndarray) -> float:
+    """Return the least singular value of a motors' map, relative to the largest; 1 for none."""
+    s = np.linalg.svd(B, compute_uv=False) if B.size else np.ones(1)
+    return float(s[-1] / max(s[0], EPS))
+
+
+def natural_acceleration(case: Case, v: np.ndarray) -> np.ndarray:
+    """Return the size of scaled accelerations by gravity and rates v, (T, nv); shape (T,)."""
+    rates: np.ndarray = np.abs(v / case.oracle.unit).max(axis=1, initial=0.0) ** 2
+    return rates + 9.81 / case.oracle.tree.length
+
+
+def needed(case: Case, v: np.ndarray, a: np.ndarray) -> float:
+    """Return the size of the forces of weights and motion [N or N m, scaled]."""
+    bodies, length = case.oracle.bodies, case.oracle.tree.length
+    mass = bodies.mass * length + bodies.inertia / length
+    size = np.abs(a / case.oracle.unit).max(initial=0.0) + natural_acceleration(case, v[None])[0]
+    return float(mass * max(length, 1.0) * size * length)
+
+
+def condition(case: Case, q: np.ndarray) -> float:
+    """Return the condition number of the direct model: of the closure rows times that of the inertia."""
+    oracle, posture = case.oracle, case.oracle.posture(q)
+    inverse = posture.factor.inverse
+    rows = float(np.abs(inverse).max(initial=1.0)) * max(
+        1.0, 1 / float(np.abs(inverse[inverse > 0]).min(initial=1.0))
+    )
+    C = oracle.bodies.inertia_root(posture, oracle.unit[:, None] * posture.Z)
+    s = np.linalg.svd(C, compute_uv=False) if C.size else np.ones(1)
+    return rows * rows * float(s[0] / s[-1]) ** 2
