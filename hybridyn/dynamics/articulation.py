@@ -204,19 +204,19 @@ def _onto_base(
     T = len(G)
     with_base = np.concatenate([np.tile(np.eye(6), (T, 1, 1)), -np.matmul(Psi, G)], axis=1)
     inertia = congruence(with_base, legs.M)
-    handed = _slip(legs.M[:, 6:, 6:], np.abs(Psi) @ np.abs(G), Psi.shape[2])
+    handed = _cancelled_inertia(legs.M[:, 6:, 6:], np.abs(Psi) @ np.abs(G), Psi.shape[2])
     beta = np.einsum("tij,ti->tj", legs.M[:, 6:, :6], drift) + legs.p + np.einsum("tij,ti->tj", G, item.Q_0)
     for o, (X, a_map, c) in enumerate(zip(item.X, item.a_maps, item.c, strict=True)):
         follows = X - np.matmul(a_map, G)
         inertia += congruence(follows, I_star[:, o])
         handed += congruence(follows, rounding[:, o])
-        handed += _slip(I_star[:, o], np.abs(X) + np.abs(a_map) @ np.abs(G), Psi.shape[2])
+        handed += _cancelled_inertia(I_star[:, o], np.abs(X) + np.abs(a_map) @ np.abs(G), Psi.shape[2])
         b = np.einsum("tij,tj->ti", I_star[:, o], c) + beta_star[:, o]
         beta += np.einsum("tij,ti->tj", X, b)
     return inertia, beta, handed
 
 
-def _slip(inertia: Array, terms: Array, freedoms: int) -> Array:
+def _cancelled_inertia(inertia: Array, terms: Array, freedoms: int) -> Array:
     """Compute the inertia that the rounding of a motion feigns, as a matrix of shape (T, 6, 6).
 
     A motion in which a body does not take part is a difference of equal terms: its rounding d gives d^T I d.
