@@ -17,6 +17,7 @@ from hybridyn.errors import ModelError
 from tests.extras import needs
 from tests.mjcf_texts import BAR, mjcf
 from tests.mutations import TREE
+from tests.samples import slow
 from tests.waiting import must_end
 
 mujoco = needs("mjcf")
@@ -110,7 +111,7 @@ def test_the_file_is_good_as_it_stands(folder: Path) -> None:
 
 
 @pytest.mark.filterwarnings("ignore")  # MuJoCo's own, of masses that differ by 20 digits
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", [0, 1, 2, *(slow(seed) for seed in range(3, 30))])
 def test_mutations(folder: Path, seed: int) -> None:
     draw = random.Random(seed)
     read_well = refused = 0
