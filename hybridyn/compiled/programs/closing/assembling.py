@@ -25,7 +25,7 @@ from ...needs import needs_casadi
 from ..sources import robot_key
 from .checking import check_rows
 from .choosing import module_requests, numbers, parts_of, structure_of
-from .part import Part
+from .part import Part, lanes_for
 from .starting import place_of
 
 if TYPE_CHECKING:
@@ -116,7 +116,7 @@ class Assembler:
         alone = getattr(sys, "_is_gil_enabled", lambda: True)()  # rows share one workspace
         if parts is None or lanes == 1 or not alone:
             return None
-        scalar, robot = Scalar("float64", lanes), self.robot
+        scalar, robot = Scalar("float64", min(lanes, lanes_for(parts))), self.robot
 
         def source() -> Source:
             needs_casadi()

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 from ....linkage.reduction import Block
 from ....structure.module import Module
 from ....structure.robot import HybridRobot
+from .extended import extended
 from .given import Given
 
 #: Largest residual of closed loops, without units: rounding. Rows that contradict each other by more are for
@@ -38,6 +40,15 @@ class Part:
     def platforms(self) -> int:
         """Number of the platforms' coordinates."""
         return 7 * len(self.module.mechanism.spec.platforms)
+
+
+def lanes_for(parts: Sequence[Part]) -> int:
+    """Return the lanes that equal modules fill, at least 2: rows come one by one, so more would be idle."""
+    equal = Counter((extended(part.module.mechanism).shape, part.given) for part in parts)
+    lanes = 2
+    while lanes < max(equal.values()):
+        lanes *= 2
+    return lanes
 
 
 def motors_given(robot: HybridRobot, parts: Sequence[Part]) -> list[int]:
