@@ -62,7 +62,7 @@ def judge_written_out(first: int, count: int, freedoms: int) -> int:
 
 @pytest.mark.parametrize("block", range(4))
 def test_models(block: int) -> None:
-    judge_all(10 * block, 10, SMALL)
+    judge_all(8 * block, 8, SMALL)
 
 
 @pytest.mark.slow

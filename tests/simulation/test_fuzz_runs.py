@@ -1,13 +1,8 @@
-"""Runs of generated mechanisms: accelerations, energy, stopped and resumed runs, changed state files.
-
-A case is one run, or one mutated state file. A state file that was changed is refused in one line.
-"""
+"""Runs of generated mechanisms: accelerations, energy, and runs that stop and go on. A case is one run."""
 
 from __future__ import annotations
 
-import random
 from functools import lru_cache
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -90,69 +85,3 @@ def test_runs() -> None:
 @pytest.mark.parametrize("block", range(20))
 def test_many_runs(block: int) -> None:
     judge_runs(1000 + 50 * block, 50, 9)
-
-
-# -------------------------------------------------------------------- state files
-
-
-def mutated(data: bytes, draw: random.Random) -> bytes:
-    """Change a file's bytes: one, some, cut, doubled, zeroed, or moved."""
-    raw = bytearray(data)
-    start, size = draw.randrange(len(raw)), draw.choice([1, 2, 8, 64, 1000])
-    kind = draw.randrange(6)
-    if kind == 0:
-        raw[start] ^= 1 << draw.randrange(8)
-    elif kind == 1:
-        raw[start : start + size] = draw.randbytes(len(raw[start : start + size]))
-    elif kind == 2:
-        del raw[start : start + size]
-    elif kind == 3:
-        raw[start:start] = raw[start : start + size]
-    elif kind == 4:
-        raw[start : start + size] = bytes(len(raw[start : start + size]))
-    else:
-        return bytes(raw[:start])
-    return bytes(raw)
-
-
-def read_or_refused(path: Path) -> Result | str:
-    """Return a result, or why its file is refused."""
-    try:
-        return Result.load(path)
-    except HybridynError as error:
-        return str(error)
-
-
-def judge_state_files(folder: Path, first: int, count: int) -> int:
-    """Resume from mutated state files; return how many were refused."""
-    case, state, robot, _ = run_of(3, 4)
-    whole = moved(case, state, robot, 1)
-    path, refused = folder / "run.state", 0
-    whole.save(path)
-    data = path.read_bytes()
-    for number in range(first, first + count):
-        draw = random.Random(f"state {number}")
-        changed = mutated(data, draw)
-        path.write_bytes(changed)
-        with must_end(f"state file {number}"):
-            found = read_or_refused(path)
-        if isinstance(found, str):
-            assert "\n" not in found, number
-            assert str(path) in found, number
-            assert path.read_bytes() == changed
-            refused += 1
-            continue
-        # bytes that hold no content, such as dates in the archive
-        assert all(getattr(found, name).tobytes() == getattr(whole, name).tobytes() for name in BITS), number
-        assert found.state.v.tobytes() == whole.state.v.tobytes(), number
-    return refused
-
-
-def test_changed_state_files(tmp_path: Path) -> None:
-    assert judge_state_files(tmp_path, 0, 480) > 360
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("block", range(4))
-def test_many_changed_state_files(tmp_path: Path, block: int) -> None:
-    assert judge_state_files(tmp_path, 1000 + 2500 * block, 2500) > 2000
