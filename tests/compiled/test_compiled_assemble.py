@@ -13,6 +13,7 @@ from hybridyn import AssemblyError, HybridRobot, closure_residual
 from hybridyn.assembly.assemble import first_guess
 from hybridyn.assembly.requests import gather_requests
 from hybridyn.compiled.model import CompiledRobot
+from hybridyn.compiled.programs.closing import assembling
 from hybridyn.compiled.programs.closing.assembling import Assembler
 from hybridyn.oracle import Base
 from hybridyn.spatial import Array
@@ -171,6 +172,24 @@ def test_what_leaves_freedoms_open_is_refused_in_the_same_words() -> None:
         with pytest.raises(type(right.value)) as said:
             in_c(Assembler(robot), motors=motors)
         assert str(said.value) == str(right.value)
+
+
+def test_the_general_path_closes_loops_that_no_program_can(caplog: Any, monkeypatch: Any) -> None:
+    """What goes wrong while a program is built or checked is said, and costs no result."""
+
+    def fail(*_: object) -> None:
+        raise ValueError("a wrong program")
+
+    monkeypatch.setattr(assembling, "check_rows", fail)
+    monkeypatch.setattr(assembling, "robot_key", lambda *_: "not built yet")
+    robot = build_robot(symmetric_five_bar())
+    assembler = Assembler(robot)
+    for _ in range(2):
+        compare(assembler, 0.0, motors=waves(robot, np.linspace(0, 0.1, 3), 0.04))
+    assert assembler.recomputed == 6
+    said = [record.message for record in caplog.records if "a wrong program" in record.message]
+    assert len(said) == 1
+    assert "the general path closes the loops" in said[0]
 
 
 # -------------------------------------------------------------------- generated mechanisms

@@ -13,7 +13,7 @@ import numpy as np
 
 from ....assembly.assemble import assemble_requests, place_base
 from ....assembly.requests import Requests
-from ....errors import CompileError, HybridynError
+from ....errors import HybridynError
 from ....spatial import Array
 from ....structure.robot import HybridRobot
 from ...code.scalars import Scalar
@@ -126,12 +126,13 @@ class Assembler:
                 return closing_source(robot, parts, scalar)
 
         def accept(built: Built) -> None:
-            check_rows(ClosedRows(built), robot, parts)
+            with as_compile_error(robot):
+                check_rows(ClosedRows(built), robot, parts)
 
         try:
             name = f"closing {key!r} {robot_key(robot, None)} {scalar!r}"
             return Closing(parts, ClosedRows(cached(name, source, accept=accept)))
-        except (CompileError, OSError) as error:
+        except (HybridynError, OSError) as error:
             log.warning("assemble: the general path closes the loops (%s)", error)
             return None
 
