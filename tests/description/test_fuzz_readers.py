@@ -158,10 +158,10 @@ def test_files_beside(tmp_path: Path, name: str) -> None:
 
 
 def test_xacro(tmp_path: Path) -> None:
-    draw = random.Random(0)
+    draw = random.Random(2)
     refused = 0
-    for _ in range(16):
+    for _ in range(10):
         text = draw.choice(TREE)(XACRO, draw)
         description = outcome(save(tmp_path, text, "r.urdf.xacro"), text)
         refused += description is None
-    assert 0 < refused < 16
+    assert 0 < refused < 10
