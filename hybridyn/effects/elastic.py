@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from ..errors import ModelError
-from ..spatial import Array
+from ..spatial import LARGEST, Array
 from .joints import Numbers, Numerals, given
 
 if TYPE_CHECKING:
@@ -64,6 +64,13 @@ class Spring:
         odd = sorted(set(self.rest) - set(self.stiffness))
         if odd:
             raise ModelError(f"{self.name}: 'rest' names '{odd[0]}', 'stiffness' does not", element=odd[0])
+        far = next((name for name, x in self.rest.items() if not abs(x) <= LARGEST), None)
+        if far is not None:
+            raise ModelError(
+                f"{self.name}: joint '{far}' has the rest position {self.rest[far]:g}; it must be "
+                f"finite, and at most {LARGEST:.0e}",
+                element=far,
+            )
         endless = {name for name, kind in zip(robot.joints, robot.kinds, strict=True) if kind == "continuous"}
         known = given(self.name, self.stiffness)
         return {n: (k, float(self.rest.get(n, 0.0)), float(n in endless)) for n, (k,) in known.items()}

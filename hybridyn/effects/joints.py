@@ -15,7 +15,7 @@ import numpy as np
 
 from ..description.names import did_you_mean, listed
 from ..errors import ModelError
-from ..spatial import Array, Index, Mask
+from ..spatial import LARGEST, Array, Index, Mask
 
 if TYPE_CHECKING:
     from ..structure.robot import HybridRobot
@@ -156,7 +156,7 @@ def given(effect: str, *tables: Numbers) -> dict[str, tuple[float, ...]]:
             raise ModelError(f"{effect}: {listed(odd)} lack one of the law's numbers", element=odd[0])
     out = {name: tuple(float(table[name]) for table in tables) for name in tables[0]}
     for name, values in out.items():
-        if not all(np.isfinite(x) and x >= 0 for x in values):
+        if not all(0 <= x <= LARGEST for x in values):
             raise ModelError(
                 f"{effect}: joint '{name}' has {values}; numbers must be finite and not negative",
                 element=name,

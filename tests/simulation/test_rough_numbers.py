@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import hybridyn
-from hybridyn.effects import Payload
+from hybridyn.effects import Payload, Spring
 from hybridyn.errors import ModelError, SingularityError, TrajectoryError
 from tests.robot_texts import door, save
 from tests.swings import chain, hinge, rod
@@ -56,6 +56,9 @@ def test_numbers_that_no_robot_has(tmp_path: Path, size: float) -> None:
         hybridyn.ddm(robot, np.zeros(1), np.array([size]), np.zeros(0))
     with pytest.raises(ModelError, match="at most 1e\\+50"):
         Payload("arm", size, (1.0, 0.0, 0.0))
+    for spring in (Spring({"q1": size}), Spring({"q1": 1.0}, {"q1": size})):
+        with pytest.raises(ModelError, match="spring: joint 'q1' has"):
+            hybridyn.energy(robot, np.zeros(1), np.zeros(1), effects=[spring])
     with pytest.raises(TrajectoryError, match="baumgarte must be"):
         hybridyn.simulate(robot, np.zeros(1), np.zeros(1), (0, 1), projection="never", baumgarte=size)
     with pytest.raises(ModelError, match="gravity must be three finite numbers"):
