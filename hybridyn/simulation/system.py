@@ -124,7 +124,7 @@ class System:
             StepError: They are not finite, or so large that their squares overflow.
         """
         a = self.law.accelerations(t, q, v)
-        far = np.flatnonzero(~(np.abs(a) <= LARGEST).all(axis=1))
+        far = np.flatnonzero(~(np.abs(a.astype(float)) <= LARGEST).all(axis=1))
         if len(far):
             raise StepError(f"at t = {t[far[0]]:g} s the accelerations exceed {LARGEST:.0e}")
         if self.baumgarte is not None:

@@ -401,6 +401,7 @@ def test_counts_stand_beside_times() -> None:
     assert "| lx4 | ddm | hybridyn, compiled | 200 | 16,000 | 14,000 | 0.8 |" in said
 
 
+@pytest.mark.slow
 def test_the_peak_is_out_of_reach_and_said_beside_it() -> None:
     rows = peak.measure("five_bar")
     assert [row.model for row in rows] == ["ddm", "idm"]

@@ -127,6 +127,7 @@ assert works(cached("a robot", source))
 """
 
 
+@pytest.mark.slow
 def test_processes_may_build_at_the_same_time(empty_cache: Path) -> None:
     environment = os.environ | {"PYTHONPATH": str(ROOT)}
     running = [subprocess.Popen([sys.executable, "-c", BUILDER], env=environment) for _ in range(3)]

@@ -129,6 +129,7 @@ def test_a_law_of_efforts_goes_the_way_of_constant_ones(five_bar: CompiledRobot,
     assert law.counters == constant.counters
 
 
+@pytest.mark.slow
 def test_adaptive_steps_meet_their_tolerance(gough: CompiledRobot) -> None:
     exact = flown(gough, compiled=False, method="dopri5", rtol=1e-12, atol=1e-14)
     ours = flown(gough, method="dopri5", rtol=1e-8, atol=1e-10)
@@ -136,6 +137,7 @@ def test_adaptive_steps_meet_their_tolerance(gough: CompiledRobot) -> None:
     assert 1 < ours.counters.steps < exact.counters.steps
 
 
+@pytest.mark.slow
 def test_implicit_steps_are_those_of_the_general_path_but_for_its_error(gough: CompiledRobot) -> None:
     exact = flown(gough, compiled=False, method="dopri5", rtol=1e-12, atol=1e-14)
     ours, theirs = (flown(gough, x, method="implicit", step=5e-3) for x in (True, False))

@@ -156,6 +156,7 @@ def test_a_platform_pose_leaves_elbows_in_or_out() -> None:
     assert len(np.unique(np.round(arms, 6), axis=0)) == 2**3
 
 
+@pytest.mark.slow
 def test_stacked_modules_multiply() -> None:
     """The two modules of Tanev's robot have 16 and 2 postures: 32 together."""
     tanev = build_robot(shipped("tanev"))
@@ -173,6 +174,7 @@ def test_too_many_stacked_postures_are_refused() -> None:
         hybridyn.assemblies(lx4, motors=at_home(lx4), starts=400)
 
 
+@pytest.mark.slow
 def test_what_is_out_of_reach_has_no_posture() -> None:
     lengths = dietmaier.LENGTHS * np.array([1, 9, 1, 1, 1, 1])
     with pytest.raises(AssemblyError, match="do not close at sample 0"):

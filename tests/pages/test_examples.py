@@ -27,7 +27,7 @@ def is_a_picture(path: Path) -> bool:
         return picture.width > 600 and len(picture.convert("RGB").getcolors(2**24) or []) > 20
 
 
-@pytest.mark.parametrize("name", some(SCRIPTS, ("singularity",)))
+@pytest.mark.parametrize("name", some(SCRIPTS, ()))
 def test_example_runs(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     run(name, ["--short", "--to", str(tmp_path)], monkeypatch)
     assert is_a_picture(tmp_path / f"{name}.png")

@@ -70,6 +70,7 @@ def test_the_same_numbers_as_one_process(run, tmp_path: Path, small_blocks) -> N
     assert found[0] == found[1]
 
 
+@pytest.mark.slow
 def test_the_same_bits_for_a_robot_of_many_modules(run, tmp_path: Path, monkeypatch) -> None:
     """Its first block begins at home in both, but travels to another process packed."""
     monkeypatch.setattr(blocks_file, "MOST_ROWS", 10)
@@ -81,6 +82,7 @@ def test_the_same_bits_for_a_robot_of_many_modules(run, tmp_path: Path, monkeypa
     assert one == two
 
 
+@pytest.mark.slow
 def test_fitted_rates_and_efforts_too(run, tmp_path: Path, small_blocks) -> None:
     path = tmp_path / "states.csv"
     rows = long_table(path, 1)

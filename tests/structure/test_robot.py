@@ -181,6 +181,7 @@ def long_chain(joints: int) -> HybridRobot:
     return build_robot(Description("comb", links, records))
 
 
+@pytest.mark.slow
 def test_pinocchio_model_of_a_huge_robot_is_refused_and_names_the_way_out() -> None:
     robot = long_chain(10_001)
     assert robot.nv == 10_001

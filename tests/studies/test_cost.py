@@ -135,6 +135,7 @@ def test_models_of_a_small_robot() -> None:
     assert any(setting.startswith("all but") and "," in setting for _, setting in found)
 
 
+@pytest.mark.slow
 def test_loops_left_open_are_for_public_calls_too() -> None:
     robot = hybridyn.load("five_bar")
     some, on = motion(robot, 40), choose(robot, "model")
@@ -320,6 +321,7 @@ def test_wrong_use_is_refused(
     assert message in out.err
 
 
+@pytest.mark.slow
 def test_one_row_is_enough(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     rows = (ROOT / "models/five_bar/traj.csv").read_text().splitlines()
     table = tmp_path / "one.csv"

@@ -134,6 +134,7 @@ def at(robot: hybridyn.HybridRobot, q: np.ndarray, joint: str) -> float:
     return float(q[robot.q_slices[robot.joint_index[joint]].start])
 
 
+@pytest.mark.slow
 def test_the_page_shows_robot_motors_efforts_and_distances(
     tab: Any, page: Page, robot: hybridyn.HybridRobot
 ) -> None:
@@ -151,6 +152,7 @@ def test_the_page_shows_robot_motors_efforts_and_distances(
     assert foreign == []  # it works without a network
 
 
+@pytest.mark.slow
 def test_a_drag_moves_its_motor_and_keeps_the_loops_closed(
     tab: Any, page: Page, robot: hybridyn.HybridRobot
 ) -> None:
