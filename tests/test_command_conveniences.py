@@ -76,6 +76,7 @@ def test_no_error_is_longer_than_a_few_lines(tmp_path: Path, capsys: pytest.Capt
     assert len(call(capsys, "info", "x" * 5000).err) < LONGEST + 20
 
 
+@pytest.mark.slow
 def test_maps_of_a_workspace_have_units() -> None:
     from hybridyn.figures.workspace import figure_of_workspace
     from hybridyn.studies.workspace.workspace import workspace

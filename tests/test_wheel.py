@@ -83,6 +83,7 @@ def test_the_wheel_holds_robots_types_and_licence(wheel: Path) -> None:
     assert not [name for name in names if name.startswith(("tests/", "benchmarks/")) or ".pyc" in name]
 
 
+@pytest.mark.slow
 def test_the_sdist_holds_what_a_clone_has(tmp_path: Path) -> None:
     with tarfile.open(build("sdist", tmp_path)) as archive:
         names = {name.partition("/")[2] for name in archive.getnames()}

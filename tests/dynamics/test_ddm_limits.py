@@ -100,6 +100,7 @@ def test_light_legs_cost_no_digits(ratio: float, base: Base) -> None:
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("ratio", "light_base"), [(1e-12, False), (1e-6, True), pytest.param(1e-6, False, marks=pytest.mark.slow)]
 )
@@ -240,9 +241,9 @@ def test_a_forced_motion_without_mass_is_named() -> None:
 # -------------------------------------------------------------------- memory
 
 
-@pytest.mark.parametrize("modules", [64, pytest.param(256, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("modules", [24, pytest.param(256, marks=pytest.mark.slow)])
 def test_a_long_chain_fits_in_little_memory(modules: int) -> None:
-    """64 modules, nv = 1344: the Data of one Pinocchio model would take tensors of nv^3, 20 GB each."""
+    """24 modules, nv = 504: the Data of one Pinocchio model would take tensors of nv^3, 1 GB each."""
     done = subprocess.run(
         [sys.executable, "-m", "tests.long_chain", str(modules)],
         cwd=ROOT,

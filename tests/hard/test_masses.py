@@ -106,6 +106,7 @@ def test_masses_twelve_digits_apart_on_a_floating_base(masses: str, claim: Claim
     claim(f"floating rps3, {masses}", "forward error of ddm", error, FORWARD)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "ratio", [1e-9, *(pytest.param(ratio, marks=pytest.mark.slow) for ratio in (1e-3, 1e-6, 1e-12))]
 )

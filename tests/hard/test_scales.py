@@ -157,6 +157,7 @@ def postures(description: Description, scale: Scale, base: Base = "fixed") -> Re
     return out
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["rps3", slow("tanev")])
 def test_scaled_robots_are_assembled_and_followed_alike(name: str, claim: Claim) -> None:
     """Motors along a path, a whole pose, too small a part of one, motors out of reach: same words too."""

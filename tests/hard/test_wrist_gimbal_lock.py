@@ -79,6 +79,7 @@ def quaternion(R: Any) -> list[float]:
     ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("distance", [d if d in FEW else slow(d) for d in DISTANCES])
 def test_a_carrying_ball_in_gimbal_lock(
     distance: float, claim: Claim, caplog: pytest.LogCaptureFixture

@@ -7,11 +7,8 @@ from collections import Counter
 from docs.extensions.tolerances import PAGE, page, tolerances
 
 
-def test_the_page_is_that_of_the_code() -> None:
+def test_the_page_names_each_tolerance_of_the_code_once_and_gives_a_reason() -> None:
     assert PAGE.read_text() == page(), "run `python docs/extensions/tolerances.py`"
-
-
-def test_each_tolerance_has_a_name_of_its_own_and_a_reason() -> None:
     found = list(tolerances())
     assert len(found) > 100
     assert [name for name, count in Counter(t.name for t in found).items() if count > 1] == []

@@ -55,7 +55,7 @@ def test_energy_over_thousands_of_steps(name: str, steps: int) -> None:
     assert result.status == "finished", result.message
     assert drift(result) <= SHORT
     assert result.residual.max() <= 1e-10
-    assert drift(swung(name, "rk4", 100)) > LOST
+    assert drift(swung(name, "rk4", 200)) > LOST
 
 
 @pytest.mark.slow

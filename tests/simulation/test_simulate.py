@@ -128,6 +128,7 @@ def five_bar_rates(robot: HybridRobot) -> object:
     return turn, equations, dependent
 
 
+@pytest.mark.slow
 def test_five_bar_in_two_angles() -> None:
     robot, q, v = swing("five_bar")
     turn, equations, dependent = five_bar_rates(robot)  # type: ignore[misc]

@@ -57,6 +57,7 @@ def test_all_robots_of_others(file: str) -> None:
     check_findings(file)
 
 
+@pytest.mark.slow
 def test_no_mutation_of_a_file_ends_in_a_traceback(tmp_path: Path) -> None:
     """Seeded mutations of robots that are wrong already; warnings of numpy are errors here."""
     texts = [text for text, _ in WRONG_ROBOTS.values() if text and "xacro" not in text]

@@ -158,6 +158,7 @@ def test_mistakes_are_one_line(words: list[str], message: str, capsys: pytest.Ca
     assert err.count("\n") == 1
 
 
+@pytest.mark.slow
 def test_effects_of_idm_and_ddm(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     out = tmp_path / "tau.csv"
     assert main(["idm", *FIVE_BAR, "--effects", "model", "-o", str(out)]) == 0

@@ -211,6 +211,7 @@ def measured(swing: Study, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(runs, "study_runs", lambda *_: swing)
 
 
+@pytest.mark.slow
 def test_a_scene_on_the_command_line(
     tmp_path: Path, measured: None, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -233,6 +234,7 @@ def test_a_scene_on_the_command_line(
     assert figure.read_text().startswith("<?xml")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("target", [1e-3, 1e-8])
 def test_the_lines_of_a_target_run_and_reach_it(
     target: float, tmp_path: Path, measured: None, capsys: pytest.CaptureFixture[str]
@@ -254,6 +256,7 @@ def test_the_lines_of_a_target_run_and_reach_it(
     assert call(capsys, "simulate", mine, "-o", tmp_path / "run.csv").status == 0
 
 
+@pytest.mark.slow
 def test_a_target_out_of_reach_prints_nothing_to_paste(
     measured: None, capsys: pytest.CaptureFixture[str]
 ) -> None:

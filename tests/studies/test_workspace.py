@@ -161,6 +161,7 @@ def test_other_coordinates_can_be_swept_and_held() -> None:
     assert len(np.unique(found.index[:, 1])) > 5
 
 
+@pytest.mark.slow
 def test_the_lattice_is_symmetric_where_the_robot_is() -> None:
     """The five-bar is symmetric in x except for its tool, which changes the efforts but not the reach."""
     found = workspace(hybridyn.load("five_bar"), link="m1_tool", steps={"x": 0.04, "z": 0.04})
@@ -227,6 +228,7 @@ def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None
     assert figure.stat().st_size > 20_000
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [slow("delta"), "rps3", slow("gough_stewart")])
 def test_a_figure_of_slices(name: str, tmp_path: Path) -> None:
     from hybridyn.figures.workspace import figure_of_workspace

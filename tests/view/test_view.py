@@ -234,6 +234,7 @@ def test_a_jump_ends_where_small_steps_end() -> None:
     assert poser.move(robot.home, motor, start + 0.2).q == pytest.approx(q, abs=CLOSED)
 
 
+@pytest.mark.slow
 def test_out_of_reach_stops_at_a_closed_posture_near_the_end_with_a_message() -> None:
     robot = without_limits("rps3")
     poser, motor = Poser(robot), robot.motors[0]
@@ -292,6 +293,7 @@ def test_a_run_shows_the_nearest_sample() -> None:
     assert [run.index(t) for t in (-1.0, 0.4, 0.6, 1.9, 2.1, 9.0)] == [0, 0, 1, 1, 2, 2]
 
 
+@pytest.mark.slow
 def test_the_command_writes_a_picture_of_any_time(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     needs("view", "yourdfpy")
     from PIL import Image
@@ -306,6 +308,7 @@ def test_the_command_writes_a_picture_of_any_time(tmp_path: Path, capsys: pytest
     assert sorted(p.name for p in tmp_path.iterdir()) == ["a.png", "b.png"]
 
 
+@pytest.mark.slow
 def test_the_command_writes_a_film(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     imageio_ffmpeg = needs("view", "imageio_ffmpeg")
     table = tmp_path / "short.csv"

@@ -192,6 +192,7 @@ def test_play_runs_the_motion_and_scrub_stops_it_somewhere(tab: Any, page: Page,
     until(tab, lambda: expected in tab.inner_text("#hybridyn-efforts"))
 
 
+@pytest.mark.slow
 def test_the_command_serves_until_it_is_interrupted() -> None:
     chromium()  # the same conditions as its neighbours
     process = program("view", "five_bar", "--no-browser", "--port", 0)
