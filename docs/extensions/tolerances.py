@@ -49,9 +49,13 @@ def tolerances() -> Iterator[Tolerance]:
             target = node.targets[0] if isinstance(node, ast.Assign) else getattr(node, "target", None)
             if not isinstance(node, ast.Assign | ast.AnnAssign) or node.value is None:
                 continue
-            value = ast.get_source_segment(text, node.value) or ""
             name = ast.unparse(target) if target is not None else ""
-            if name.isupper() and SMALL.search(value) and len(value) < 60:
+            if not name.isupper():
+                continue
+            if node.value.lineno != node.value.end_lineno:
+                continue
+            value = lines[node.value.lineno - 1][node.value.col_offset : node.value.end_col_offset]
+            if SMALL.search(value) and len(value) < 60:
                 file = path.relative_to(PACKAGE).as_posix()
                 yield Tolerance(name.strip("()"), value.strip("()"), file, _comment(lines, node.lineno - 1))
 
