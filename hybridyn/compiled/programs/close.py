@@ -47,7 +47,7 @@ def close_program(request: Request) -> Program:
     inputs = [("near", robot.nq), ("v", robot.nv), ("a", robot.nv)]
     w = Writer("close", inputs, [("q", robot.nq), ("v_closed", robot.nv), ("a_closed", robot.nv)])
     if robot.base == "moving":
-        _keep_base(w)
+        keep_base(w)
     for shape, modules in shapes.items():
         function, table = by_motors(modules, motor_freedoms(modules[0], driven), GUARD_CLOSED[request.dtype])
         q, v = (np.array([getattr(m, index) for m in modules]) for index in ("q_index", "v_index"))
@@ -62,7 +62,7 @@ def close_program(request: Request) -> Program:
     return w.program()
 
 
-def _keep_base(w: Writer) -> None:
+def keep_base(w: Writer) -> None:
     """Copy the prescribed motion of a moving base to the outputs."""
     columns = [ca.SX.sym("base", size) for size in (7, 6, 6)]
     kernel = w.kernel("base", ca.Function("base", columns, columns), "closures")

@@ -18,7 +18,7 @@ from ...equations.request import Request
 from ...equations.rigid import quaternion_matrix
 from ...equations.spanning import shape_of
 from ...program import Constants, Program, Source, Target, Worst
-from ..close import by_motors, motor_freedoms
+from ..close import by_motors, keep_base, motor_freedoms
 from ..writer import Writer
 from .choosing import modules_of
 from .extended import extended
@@ -50,7 +50,7 @@ def close_platforms_program(request: Request) -> Program | None:
     inputs += [("v", robot.nv), ("a", robot.nv)]
     w = Writer("close_platforms", inputs, [("q", robot.nq), ("v_closed", robot.nv), ("a_closed", robot.nv)])
     if robot.base != "fixed":
-        _keep_base(w)
+        keep_base(w)
     shapes: dict[Any, list[int]] = {}
     for k, module in modules_of(robot):
         own = extended(module.mechanism).shape, module.mobility
@@ -112,16 +112,6 @@ def _determined(module: Module, given: Given) -> bool:
     s = np.linalg.svd(K[:, :, free], compute_uv=False) if free.any() else np.ones((1, 1))
     enough = not free.any() or (K.shape[1] >= free.sum())
     return bool(enough and np.median(s[:, -1] / s[:, 0]) > m.rank_tolerance)
-
-
-def _keep_base(w: Writer) -> None:
-    """Copy the prescribed motion of a base to the outputs."""
-    columns = [ca.SX.sym("base", size) for size in (7, 6, 6)]
-    kernel = w.kernel("base", ca.Function("base", columns, columns), "closures")
-    pairs = (("near", "q", 7), ("v", "v_closed", 6), ("a", "a_closed", 6))
-    sources: list[Source] = [w.from_given(name, np.arange(size)) for name, _, size in pairs]
-    targets: list[Target] = [w.result(name, np.arange(size)) for _, name, size in pairs]
-    w.call(kernel, 1, sources, targets)
 
 
 def _by_poses(modules: list[Module], closed: float) -> tuple[ca.Function, Array]:
