@@ -15,7 +15,7 @@ from typing import Any
 import pytest
 
 from tests import ROOT, once
-from tests.extras import robots_of_others, skip
+from tests.extras import all_installed, robots_of_others, skip
 
 # The matrices of the tests are small: threads of BLAS gain nothing, and two pytest workers fight over cores.
 # Before anything imports numpy.
@@ -50,7 +50,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
 
 def mark_slow_cases(items: list[pytest.Item], whole: bool) -> None:
-    """Add the mark `slow` to listed cases; where all tests are collected, check the list.
+    """Add the mark `slow` to listed cases; where all tests of all extras are collected, check the list.
 
     Raises:
         UsageError: A listed case does not exist, or its test has no case left that runs by default.
@@ -60,7 +60,7 @@ def mark_slow_cases(items: list[pytest.Item], whole: bool) -> None:
     for item in items:
         if item.nodeid in listed:
             item.add_marker(pytest.mark.slow)
-    if whole:
+    if whole and all_installed():
         default = {name_of_test(item.nodeid) for item in items if not item.get_closest_marker("slow")}
         unknown = listed - {item.nodeid for item in items}
         wrong = unknown | {case for case in listed if name_of_test(case) not in default}

@@ -38,6 +38,11 @@ def skip(extra: str) -> None:
     pytest.skip(f"needs the extra '{extra}': pip install -e '.[{extra}]'", allow_module_level=True)
 
 
+def all_installed() -> bool:
+    """Return whether every extra is installed, so that no test is skipped for one."""
+    return all(find_spec(module) is not None for module in MODULES.values()) and bool(robots_of_others())
+
+
 def robots_of_others() -> list[Path]:
     """Return the files of the extra "robots" (example-robot-data), none where it is not installed."""
     try:
