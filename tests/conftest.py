@@ -14,7 +14,7 @@ from typing import Any
 
 import pytest
 
-from tests import ROOT, once
+from tests import ROOT, missed, once
 from tests.extras import all_installed, robots_of_others, skip
 
 # The matrices of the tests are small: threads of BLAS gain nothing, and two pytest workers fight over cores.
@@ -33,17 +33,22 @@ def pytest_configure(config: pytest.Config) -> None:
         config.add_cleanup(lambda: os.environ.pop(once.VARIABLE))
         quick_compiler(once.folder() / "cc")
     os.environ["HYBRIDYN_CACHE"] = str(once.folder() / "compiled")
+    if not hasattr(config, "workerinput") and not config.getoption("missed"):
+        config.pluginmanager.register(missed.Missed())
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    """Add `--part 3/20`: the tests whose names fall into one of so many parts."""
+    """Add `--part 3/20`, the tests whose names fall into one of so many parts, and `--missed`."""
     parser.addoption("--part", default="0/1", metavar="K/N", help="run part K of N of the tests, K from 0")
+    parser.addoption("--missed", action="store_true", help="what the last run skipped for an absent extra")
 
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Mark the cases that `slow_cases.txt` lists, and leave the tests of other parts out."""
     mark_slow_cases(items, whole=config.args_source is pytest.Config.ArgsSource.TESTPATHS)
+    if config.getoption("missed"):
+        missed.select(config, items)
     part, parts = map(int, config.getoption("part").split("/"))
     if parts > 1:
         items[:] = [item for item in items if zlib.crc32(item.nodeid.encode()) % parts == part]

@@ -32,6 +32,7 @@ def open_table(path: str | Path, *, block_rows: int = BLOCK_ROWS) -> Table:
         )
     try:
         if file.lower().endswith(".parquet"):
+            os.stat(file)  # a file that is missing is said before polars is asked for
             from .parquet import open_parquet  # polars is an extra
 
             return open_parquet(file, block_rows)

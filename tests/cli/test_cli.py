@@ -119,11 +119,10 @@ def test_quiet_says_nothing(run, arm, motion) -> None:
 
 @pytest.mark.parametrize("ending", ["csv", "parquet"])
 def test_writes_a_file(run, arm, motion, tmp_path: Path, ending: str) -> None:
+    pl = needs("io")
     target = tmp_path / f"out.{ending}"
     status, out, _ = run("idm", arm, motion, "-o", target)
     assert (status, out) == (0, "")
-    pl = needs("io")
-
     frame = pl.read_csv(target) if ending == "csv" else pl.read_parquet(target)
     assert np.array_equal(frame.to_numpy()[:, 1:], expected_efforts(arm))
 

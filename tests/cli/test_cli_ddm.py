@@ -230,6 +230,7 @@ def wrench(table: dict[str, np.ndarray], prefix: str) -> np.ndarray:
 @pytest.mark.parametrize("command", ["idm", "ddm"])
 @pytest.mark.parametrize("ending", ["csv", "parquet"])
 def test_reactions_are_a_second_table(run, tmp_path: Path, five_bar: FiveBar, command, ending) -> None:
+    pl = needs("io")
     header, rows = five_bar.columns(five_bar.robot.joints)
     if command == "idm":
         header = [
@@ -241,8 +242,6 @@ def test_reactions_are_a_second_table(run, tmp_path: Path, five_bar: FiveBar, co
     path.write_text(table_text(header, rows))
     said = run(command, FIVE_BAR, path, "--reactions", target)
     assert said.status == 0, said.err
-    pl = needs("io")
-
     frame = pl.read_csv(target) if ending == "csv" else pl.read_parquet(target)
     table = {name: frame[name].to_numpy() for name in frame.columns}
     robot = five_bar.robot

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from importlib.metadata import files
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +14,7 @@ from hybridyn.description.records import Description, Joint, Link
 from hybridyn.oracle import Base, Oracle
 from hybridyn.structure.building import build_robot
 from tests.comparing import ROUNDING, close_to
+from tests.extras import robots_of_others, skip
 from tests.mechanisms import KINDS, home_posture, random_mechanism
 from tests.oracle.test_oracle import SHUFFLED
 from tests.samples import in_turn, some
@@ -40,7 +40,9 @@ def urdf_file(name: str, folder: Path) -> Path:
         path = folder / "shuffled.urdf"
         path.write_text(SHUFFLED)
         return path
-    return Path(next(str(f.locate()) for f in files("example-robot-data") or [] if f.name == name))
+    if not robots_of_others():
+        skip("robots")
+    return next(path for path in robots_of_others() if path.name == name)
 
 
 def from_pinocchio(path: Path, base: Base) -> pin.Model:

@@ -360,7 +360,6 @@ def test_all_duplicated_names_are_reported_at_once(tmp_path: Path) -> None:
     [
         ("", None),
         ("<robot", 1),
-        ("<mujoco/>", 1),
         (arm().replace('mass value="2"', 'mass value="1,5"'), 1),
         ("<robot name='r'>\n<link name='a'/>\n<joint name='j' type='wobbly'/></robot>", 3),
         (robot('<weld link1="crank" link2="rocker"/>'), 19),
@@ -370,6 +369,12 @@ def test_what_cannot_be_read_is_one_finding(text: str, line: int | None, tmp_pat
     (finding,) = found(tmp_path, text)
     assert (finding.code, finding.line) == ("unreadable", line)
     assert str(tmp_path) not in finding.message
+
+
+def test_mjcf_that_cannot_be_read_is_one_finding(tmp_path: Path) -> None:
+    needs("mjcf")
+    (finding,) = found(tmp_path, "<mujoco/>")
+    assert (finding.code, finding.line) == ("unreadable", 1)
 
 
 def test_meshes_can_be_left_alone(tmp_path: Path) -> None:

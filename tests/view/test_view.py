@@ -363,6 +363,7 @@ def test_what_is_missing_is_said_before_any_work(
 def test_shapes_need_the_extra_too(
     package: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    needs("view", "yourdfpy")
     monkeypatch.setitem(sys.modules, package, None)
     answer = call(capsys, "view", "delta", "--png", "a.png")
     assert answer.status == 2

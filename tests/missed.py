@@ -1,0 +1,40 @@
+"""The tests that the last run skipped for an extra that was not installed: `pytest --missed` runs them."""
+
+from __future__ import annotations
+
+import pytest
+
+#: The words of `extras.skip` by which a skipped test is known.
+NEEDS = "needs the extra"
+#: Name of the list in pytest's cache.
+CACHE = "hybridyn/missed"
+
+
+class Missed:
+    """Collects the names of skipped tests and files, and keeps them in pytest's cache at the end."""
+
+    def __init__(self) -> None:
+        self.names: set[str] = set()
+
+    def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
+        """Note a skipped test."""
+        self._add(report)
+
+    def pytest_collectreport(self, report: pytest.CollectReport) -> None:
+        """Note a skipped file."""
+        self._add(report)
+
+    def pytest_sessionfinish(self, session: pytest.Session) -> None:
+        """Keep the names for the next run."""
+        if session.config.cache is not None:
+            session.config.cache.set(CACHE, sorted(self.names))
+
+    def _add(self, report: pytest.TestReport | pytest.CollectReport) -> None:
+        if report.skipped and NEEDS in str(report.longrepr):
+            self.names.add(report.nodeid)
+
+
+def select(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Keep the tests that the last run skipped, by their own names or their files'."""
+    names = set(config.cache.get(CACHE, []) if config.cache else [])
+    items[:] = [item for item in items if item.nodeid in names or item.nodeid.split("::", 1)[0] in names]
