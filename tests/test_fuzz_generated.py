@@ -22,6 +22,9 @@ from tests.written_out import Interpreted
 SMALL, LARGE = 5, 9  # freedoms of the tree, at most: by default, and in the slow suite
 TRUSTED = 1.0  # guards of written-out models above this hand a state to the general path
 STATES = 10  # of each mechanism
+#: Found by the slow suite: gears of odd ratio, and weak rows, that lock a module.
+FOUND = (2259, 5266)
+FOUND_TOO = (1809, 2389, 2470, 2639, 2813, 3018, 3034, 3135)
 WRITTEN_OUT = 4  # states of each mechanism whose models are written out
 
 
@@ -63,6 +66,17 @@ def judge_written_out(first: int, count: int, freedoms: int) -> int:
 @pytest.mark.parametrize("block", range(4))
 def test_models(block: int) -> None:
     judge_all(8 * block, 8, SMALL)
+
+
+@pytest.mark.parametrize("seed", FOUND)
+def test_models_that_were_refused(seed: int) -> None:
+    judge_all(seed, 1, LARGE)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", FOUND_TOO)
+def test_more_models_that_were_refused(seed: int) -> None:
+    judge_all(seed, 1, LARGE)
 
 
 @pytest.mark.slow

@@ -18,8 +18,8 @@ import numpy as np
 
 from ..linkage.closures import Closures
 from ..linkage.elimination import least_squares
+from ..linkage.generic_postures import generic_postures
 from ..linkage.gimbal_lock import GIMBAL_LOCK
-from ..linkage.newton import generic_postures
 from ..linkage.reduction import RANK_TOLERANCE, Basis
 from ..linkage.tree import Motion
 from ..spatial import Array, Index, Mask, spatial_inertia, to_body_axes

@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from ..linkage.closures import Closures
-from ..linkage.newton import generic_postures
+from ..linkage.generic_postures import generic_postures
 from ..linkage.reduction import ROUNDED_ROWS, RankReport, Reduction, decide_rank
 from ..spatial import Array
 
@@ -17,6 +17,9 @@ from ..spatial import Array
 EVIDENT = 1e3
 #: Rounding to five digits. Home may not show it, since closure frames may be computed from the rounded tree.
 FINEST = 1e-5
+#: Rounding to three digits. Doubtful rows that leave a module no freedom count as independent only above
+#: this: at its only posture, rows that rounding made independent close as well as others.
+FINEST_LOCK = 1e-3
 #: Loops with a residual below this are closed to the last digit.
 CLOSED = 1e-11
 #: Number of postures that must close with the doubtful rows; with fewer, these rows contradict the others.
@@ -31,11 +34,13 @@ class RankEvidence:
         postures: Generic postures that close with these rows, shape (samples, nq).
         tolerance: Relative singular value above which rows count as independent.
         counted: Smallest relative singular value of the rows that count as independent.
+        locks: Whether these rows leave the module no freedom.
     """
 
     postures: Array
     tolerance: float
     counted: float
+    locks: bool
 
 
 def rank_by_home(
@@ -43,7 +48,8 @@ def rank_by_home(
 ) -> RankEvidence | None:
     """Find out whether doubtful rows are independent because home closes too well for them to be rounding.
 
-    The rows must also close at other postures, and the module must keep at least one freedom.
+    The rows must also close from other starts. Rows that leave the module no freedom close at isolated
+    postures only, whatever their cause, so these must be above `FINEST_LOCK`.
 
     Args:
         closures: The module's closures, on its tree after the cuts.
@@ -64,9 +70,10 @@ def rank_by_home(
         return None
     K = reduction.scaled(closures.matrix(closures.tree.sweep(postures)))
     report = decide_rank(K, tolerance)
-    if not report.clear or report.rank == reduction.n:
+    locks = report.rank == reduction.n
+    if not report.clear or (locks and report.kept < FINEST_LOCK):
         return None
-    return RankEvidence(postures, tolerance, report.kept)
+    return RankEvidence(postures, tolerance, report.kept, locks)
 
 
 def _in_doubt(report: RankReport) -> float:
@@ -86,9 +93,11 @@ def rank_decision(report: RankReport, evidence: RankEvidence | None, open_by: fl
     """
     closes = f"its loops are closed to {open_by:.1e} of its size at home"
     if evidence:
+        locks = " and lock it" if evidence.locks else ""
         return (
-            f"closure rows of relative singular values down to {evidence.counted:.1e} count as independent: "
-            f"{closes}, so the file is not rounded that much (rank_tolerance overrides this)"
+            f"closure rows of relative singular values down to {evidence.counted:.1e} count as "
+            f"independent{locks}: {closes}, so the file is not rounded that much "
+            "(rank_tolerance overrides this)"
         )
     if report.dropped > ROUNDED_ROWS:
         so = "" if report.dropped <= max(EVIDENT * open_by, ROUNDED_ROWS) else ", though "

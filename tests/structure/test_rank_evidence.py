@@ -10,6 +10,7 @@ import pytest
 
 import hybridyn
 from hybridyn import HybridRobot
+from hybridyn.errors import ModelError
 from hybridyn.spatial import Array
 from tests.command_line import call
 
@@ -80,6 +81,40 @@ def test_a_row_is_rounding_where_home_is_open_by_its_share(
         robot = hybridyn.load(pinned(tmp_path, 8e-5, off=1e-6), motors=["drive"])
     assert robot.mobility == 2
     assert "count as dependent, as rounding in the file" in caplog.text
+
+
+def skewed_slides(folder: Path, skew: float) -> Path:
+    """Write two slides in a row that are closed in a plane; they are locked if their axes are skew."""
+    slide = (
+        '<joint name="{name}" type="prismatic"><parent link="{parent}"/><child link="{child}"/>'
+        '<axis xyz="1 {y} 0"/><limit lower="-1" upper="1" effort="9" velocity="9"/></joint>'
+    )
+    parts = [
+        '<link name="ground"/>',
+        *(f'<link name="{name}">{MASS.format(x=0.3)}</link>' for name in ("lower", "upper")),
+        slide.format(name="one", parent="ground", child="lower", y=0),
+        slide.format(name="two", parent="lower", child="upper", y=skew),
+        ROWS.format(name="tie", rows="tx ty", a="ground", pa="0.5 0 0", b="upper", pb="0.5 0 0"),
+    ]
+    path = folder / "slides.urdf"
+    path.write_text(f'<robot name="slides">{"".join(parts)}</robot>')
+    return path
+
+
+def test_rows_may_lock_a_module_where_home_closes_to_the_last_digit(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    with caplog.at_level(logging.WARNING, "hybridyn"):
+        robot = hybridyn.load(skewed_slides(tmp_path, 5e-3), motors=["one"])
+    assert robot.mobility == 0
+    assert "count as independent and lock it: its loops are closed to" in caplog.text
+    assert hybridyn.load(skewed_slides(tmp_path, 5e-3), motors=["one"], rank_tolerance=0.1).mobility == 1
+    assert hybridyn.load(skewed_slides(tmp_path, 0.0), motors=["one"]).mobility == 1
+
+
+def test_rows_that_may_be_rounding_and_would_lock_a_module_are_asked_for(tmp_path: Path) -> None:
+    with pytest.raises(ModelError, match="rank of its closures is in doubt"):
+        hybridyn.load(skewed_slides(tmp_path, 5e-4), motors=["one"])
 
 
 def test_the_users_word_goes_before_the_evidence(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:

@@ -1,0 +1,121 @@
+"""Draw assembled postures of one module at random; rank and mobility are determined from them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from ..spatial import Array
+from .closures import Closures
+from .newton import Closed, LoopProblem, close
+from .reduction import RANK_TOLERANCE
+from .winding import winding_of
+
+#: Scatter of starts about the home posture, increasing [rad, module lengths], and starts per posture wanted.
+SPREADS = ((0.15, 2), (0.5, 4), (1.5, 8), (3.0, 16))
+
+
+def generic_postures(
+    closures: Closures,
+    home: Array,
+    row_scale: Array,
+    col_scale: Array,
+    tolerance: float,
+    *,
+    count: int = 24,
+    rank_tolerance: float = RANK_TOLERANCE,
+) -> tuple[Array, float]:
+    """Draw assembled postures about a home posture, from which rank and mobility are determined.
+
+    The scatter of the starts (seeded, so that results are reproducible) increases until some of them close.
+    The remaining postures are then drawn near those found.
+
+    A coupling of endless joints with an odd ratio is closed on sheets next to one another, one per turn of a
+    joint. If it locks a module, Newton's method jumps between them and no start closes. The search is then
+    repeated on the sheet of the home posture.
+
+    Args:
+        closures: The module's closures.
+        home: Centre of the starts, shape (nq,).
+        row_scale: Factor of each row.
+        col_scale: Unit of each freedom.
+        tolerance: Largest scaled residual of a closed posture (rounding of the file).
+        count: Number of postures wanted.
+        rank_tolerance: Relative singular value from which on rows count as independent.
+
+    Returns:
+        Postures, shape (at most count, nq), empty if none closed, and the smallest residual reached.
+    """
+    tree = closures.tree
+    every = np.ones(tree.nv, dtype=bool)
+    problem = LoopProblem(closures, row_scale, col_scale, every, rank_tolerance=rank_tolerance)
+    found, best = _search(problem, home, tolerance, count)
+    if len(found):
+        return found, best
+    sheets = winding_of(closures, home[None], (), {})
+    if sheets is None or not sheets.ambiguous:
+        return found, best
+    found, nearest = _search(replace(problem, winding=sheets.near(home)), home, tolerance, count)
+    return found, min(best, nearest)
+
+
+def _search(problem: LoopProblem, home: Array, tolerance: float, count: int) -> tuple[Array, float]:
+    """Search for up to `count` postures about a home posture; return them and the smallest residual."""
+    search, size = _Search(problem, tolerance), problem.tree.nv
+    rng = np.random.default_rng(2010)
+    for spread, share in SPREADS:
+        search.about(home[None], rng.uniform(-spread, spread, (share * count, size)), count)
+        if len(search.found):
+            break
+    else:
+        search.resume(count)
+    for share in (2, 4):
+        if 0 < len(search.found) < count:
+            near = search.found.copy()
+            search.about(near, rng.uniform(-SPREADS[0][0], SPREADS[0][0], (share * count, size)), count)
+    return search.found[:count], search.best
+
+
+class _Search:
+    """Search for postures that close a problem's loops.
+
+    Attributes:
+        found: The postures so far, shape (found, nq).
+        best: Smallest residual reached.
+    """
+
+    def __init__(self, problem: LoopProblem, tolerance: float) -> None:
+        self._problem, self._tolerance = problem, tolerance
+        self.found, self.best = np.zeros((0, problem.tree.nq)), np.inf
+        self._left: list[tuple[float, Array]] = []
+
+    def about(self, centres: Array, scatter: Array, count: int) -> None:
+        """Start near each posture in turn until `count` are found; drop starts that stall.
+
+        Args:
+            centres: The postures, shape (centres, nq).
+            scatter: Steps away from them, shape (starts, nv), scaled.
+            count: Number of postures wanted; starts run in batches of twice as many.
+        """
+        q = centres[np.arange(len(scatter)) % len(centres)]
+        starts = self._problem.tree.integrate(q, scatter * self._problem.col_scale)
+        for first in range(0, len(starts), 2 * count):
+            some = starts[first : first + 2 * count]
+            closed = self._keep(close(self._problem, some, least=True, impatient=True))
+            self._left += zip(closed.residual.tolist(), closed.q, strict=True)
+            self._left = sorted(self._left, key=lambda pair: pair[0])[:count]
+            if len(self.found) >= count:
+                return
+
+    def resume(self, count: int) -> None:
+        """Resume the `count` dropped starts with the smallest residuals, without dropping any."""
+        q = np.array([q for _, q in self._left[:count]]).reshape(-1, self._problem.tree.nq)
+        self._keep(close(self._problem, q, least=True))
+
+    def _keep(self, closed: Closed) -> Closed:
+        """Add the postures that closed to `found`, and update `best`."""
+        good = (closed.residual <= self._tolerance) & (closed.step < 1e-6)
+        self.found = np.concatenate([self.found, closed.q[good]])
+        self.best = min(self.best, float(closed.residual.min(initial=np.inf)))
+        return closed
