@@ -22,6 +22,7 @@ from ..linkage.threads import one_thread
 from ..linkage.tree import Motion, Tree
 from ..linkage.winding import winding_of
 from ..spatial import Array, cross
+from ..structure.joint_position import joint_position
 from ..structure.mechanism import Mechanism
 from ..structure.module import Module
 from ..structure.robot import HybridRobot
@@ -289,15 +290,9 @@ def move_module(robot: HybridRobot, number: int, joints: Mapping[str, float], gu
     """
     module = robot.modules[number]
     q = np.tile(np.asarray(guess, dtype=float), (2, 1))
-    path = {name: np.array([_position(robot, q[0], name), value]) for name, value in joints.items()}
+    path = {name: np.array([joint_position(robot, q[0], name), value]) for name, value in joints.items()}
     requests = gather_requests(robot, path, {})
     request = module_request(requests, robot, number, robot.bodies.place[module.base][0], {})
     _assemble_module(robot, module, request, q, *np.zeros((2, 2, robot.nv)), anchored=True)
     posture: Array = q[1]
     return posture
-
-
-def _position(robot: HybridRobot, q: Array, joint: str) -> float:
-    """Return the position of a joint with one freedom at a posture, shape (nq,)."""
-    at = q[robot.q_slices[robot.joint_index[joint]]]
-    return float(at[0] if len(at) == 1 else np.arctan2(at[1], at[0]))

@@ -17,6 +17,7 @@ from ..linkage.newton import SMALLEST_STEP
 from ..linkage.rigid_motion import RigidMotion
 from ..linkage.threads import one_thread
 from ..spatial import Array, Index, Mask
+from ..structure.joint_position import joint_position
 from ..structure.module import Module
 from ..structure.robot import HybridRobot
 from .assemble import module_task, place_base, settled, spanning_positions
@@ -125,10 +126,8 @@ def postures_at_home(robot: HybridRobot, number: int, starts: int, seed: int = 0
     Raises:
         AssemblyError: The motors do not determine its posture.
     """
-    module, joints = robot.modules[number], {}
-    for motor in module.motors:
-        x = robot.home[robot.q_slices[robot.joint_index[motor]]]
-        joints[motor] = float(np.arctan2(x[1], x[0]) if len(x) == 2 else x[0])
+    module = robot.modules[number]
+    joints = {motor: float(joint_position(robot, robot.home, motor)) for motor in module.motors}
     requests = gather_requests(robot, joints, {})
     base = robot.bodies.place[module.base][0]
     task = module_task(robot, module, module_request(requests, robot, number, base, {}))

@@ -13,6 +13,7 @@ from ..errors import AssemblyError, HybridynError, TrajectoryError
 from ..linkage.joints import NV
 from ..spatial import Array
 from ..structure.building import build_robot
+from ..structure.joint_position import joint_position
 from ..structure.module import Module
 from ..structure.robot import HybridRobot
 from .coordinates import check_joints
@@ -37,8 +38,7 @@ def positions_of(robot: HybridRobot, q: Array, joints: Sequence[str]) -> Array:
     """
     out = np.zeros((len(q), len(joints)))
     for i, name in enumerate(joints):
-        at = q[:, robot.q_slices[robot.joint_index[name]]]
-        out[:, i] = at[:, 0] if at.shape[1] == 1 else np.arctan2(at[:, 1], at[:, 0])
+        out[:, i] = joint_position(robot, q, name)
     return out
 
 

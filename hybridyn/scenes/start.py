@@ -6,7 +6,9 @@ import numpy as np
 
 from ..assembly.assemble import assemble
 from ..description.names import did_you_mean
+from ..linkage.joints import NV
 from ..spatial import Array
+from ..structure.joint_position import joint_position
 from ..structure.robot import HybridRobot
 from .references import Reference
 from .scene_file import SceneFile, naming
@@ -66,11 +68,8 @@ def _positions(source: SceneFile, robot: HybridRobot) -> dict[str, float]:
     placed = [key for key in initial.platforms if key.partition("@")[0] != root]
     wanted = {*initial.rates.joints} if placed else {*initial.rates.joints, *robot.motors}
     for name in robot.joints:
-        if name in wanted and name not in joints:
-            i = robot.joint_index[name]
-            q = robot.home[robot.q_slices[i]]
-            if robot.kinds[i] in ("revolute", "prismatic", "continuous"):
-                joints[name] = float(np.arctan2(q[1], q[0]) if robot.kinds[i] == "continuous" else q[0])
+        if name in wanted and name not in joints and NV[robot.kinds[robot.joint_index[name]]] == 1:
+            joints[name] = float(joint_position(robot, robot.home, name))
     return joints
 
 

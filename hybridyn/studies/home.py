@@ -11,6 +11,7 @@ from ..assembly.assemblies import assemblies
 from ..description.names import did_you_mean
 from ..errors import ModelError
 from ..spatial import Array
+from ..structure.joint_position import joint_position
 from ..structure.robot import HybridRobot
 
 
@@ -93,11 +94,10 @@ def positions(robot: HybridRobot, q: Array) -> dict[str, tuple[float, ...]]:
     """
     out: dict[str, tuple[float, ...]] = {}
     for name, kind, at in zip(robot.joints, robot.kinds, robot.q_slices, strict=True):
-        x = q[at]
         if kind == "continuous":
-            out[name] = (float(np.arctan2(x[1], x[0])),)
+            out[name] = (float(joint_position(robot, q, name)),)
         elif robot.base == "fixed" or name != robot.joints[0]:
-            out[name] = tuple(float(value) for value in x)
+            out[name] = tuple(float(value) for value in q[at])
     return out
 
 

@@ -14,6 +14,7 @@ import numpy as np
 from ..assembly.assemble import move_module
 from ..errors import AssemblyError, HybridynError
 from ..spatial import Array
+from ..structure.joint_position import joint_position
 from ..structure.module import Module
 from ..structure.robot import HybridRobot
 
@@ -81,11 +82,8 @@ class Poser:
         self._others: dict[str, tuple[str, ...]] = {}
 
     def value(self, q: Array, joint: str) -> float:
-        """Return the position of a joint [m or rad]; for a continuous joint the angle in (-pi, pi]."""
-        at = self.robot.q_slices[self.robot.joint_index[joint]]
-        if self._kind(joint) == "continuous":
-            return float(np.arctan2(q[at.start + 1], q[at.start]))
-        return float(q[at.start])
+        """Return the position of a joint [m or rad]; for a continuous joint the angle in [-pi, pi]."""
+        return float(joint_position(self.robot, q, joint))
 
     def move(self, q: Array, joint: str, value: float) -> Moved:
         """Move one joint towards a position, as far as the loops close.

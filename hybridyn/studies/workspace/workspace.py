@@ -20,6 +20,7 @@ from ...errors import AssemblyError, ModelError, TrajectoryError
 from ...linkage.targets import COORDINATES
 from ...linkage.threads import one_thread
 from ...spatial import Array, Index
+from ...structure.joint_position import joint_position
 from ...structure.robot import HybridRobot
 from .flood import CHUNK, Flood, Spread, Work, in_this_process
 from .measures import Measures
@@ -178,11 +179,7 @@ def _closed_home(robot: HybridRobot) -> Array:
     """Return the home posture; if its loops are open, assemble it at the home positions of the motors."""
     if not robot.description.closures or closure_residual(robot, robot.home) <= robot.closure_tolerance:
         return robot.home
-    motors = {}
-    for name in robot.motors:
-        joint = robot.joint_index[name]
-        at = robot.home[robot.q_slices[joint]]
-        motors[name] = float(at[0]) if len(at) == 1 else float(np.arctan2(at[1], at[0]))
+    motors = {name: float(joint_position(robot, robot.home, name)) for name in robot.motors}
     return assemble(robot, motors=motors)[0]
 
 
