@@ -15,14 +15,14 @@ from ..dynamics.direct import acceleration_of_base
 from ..dynamics.forward import forward
 from ..dynamics.inverse_recursion import module_forces
 from ..dynamics.loads import all_loads
-from ..dynamics.state_checks import check_closed
 from ..effects.choice import Choice, Effects, choose, times
 from ..errors import ModelError
 from ..spatial import Array
 from ..structure.robot import HybridRobot
-from ..structure.samples import as_batch, as_positions, same_samples
 from .coordinates import Coordinates, independent_coordinates
 from .independent import independent_motions
+from .motion_map import whole_drift
+from .states import checked_state, closed_states
 
 #: Effects that c is made of: what is quadratic in the rates.
 QUADRATIC = ("inertia", "leg_inertia", "velocity", "rotor_inertia")
@@ -116,17 +116,9 @@ def gravity(
         AssemblyError, SingularityError, ModelError, TrajectoryError: As `bias`.
     """
     u, on = independent_coordinates(robot, joints), chosen_effects(robot, effects).only(WEIGHTS)
-    q, single = as_positions(robot, q)
-    out = forces_at_rest(robot, q, np.zeros((len(q), robot.nv)), u, on)
+    q, rest, single = checked_state(robot, q, None)
+    out = forces_at_rest(robot, q, rest, u, on)
     return out[0] if single else out
-
-
-def checked_state(robot: HybridRobot, q: ArrayLike, v: ArrayLike) -> tuple[Array, Array, bool]:
-    """Return positions and rates as batches of equal size, and whether one single sample came in."""
-    q, single = as_positions(robot, q)
-    v = as_batch(v, robot.nv, "v")[0]
-    same_samples(q=q, v=v)
-    return q, v, single
 
 
 def chosen_effects(robot: HybridRobot, effects: Choice) -> Effects:
@@ -170,12 +162,8 @@ def forces_at_rest(
     """
     loads = all_loads(robot, on, q, v, time, None)
     v = v if on.inertia else np.zeros_like(v)
-    states = forward(robot, q, v, None, None)
-    check_closed(robot, states, q, v)
-    motions = independent_motions(states, q, v, u)
-    a = np.zeros_like(v)
-    for module, found in zip(robot.modules, motions, strict=True):
-        a[:, module.v_index] = found.E_drift
+    motions = independent_motions(closed_states(robot, q, v), q, v, u)
+    a = whole_drift(robot, motions, len(q))
     if base is not None:
         a[:, :6] = base
     states = forward(robot, q, v, a, on.gravity, classical=on.velocity is not None)

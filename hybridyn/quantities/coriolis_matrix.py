@@ -21,12 +21,13 @@ from ..effects.choice import Choice
 from ..errors import TrajectoryError
 from ..spatial import Array, crm
 from ..structure.robot import HybridRobot
-from .bias import QUADRATIC, checked_state, chosen_effects, forces_at_rest
+from .bias import QUADRATIC, chosen_effects, forces_at_rest
 from .coordinates import independent_coordinates
 from .independent import independent_motions
 from .mass_matrix import composite_inertia
 from .motion_map import refuse_idle, whole_map
 from .polar import polar_form
+from .states import checked_state
 
 
 def coriolis_matrix(

@@ -18,8 +18,6 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..dynamics.forward import forward
-from ..dynamics.state_checks import check_closed
 from ..spatial import Array
 from ..structure.robot import HybridRobot
 from ..structure.samples import as_positions
@@ -27,6 +25,7 @@ from .coordinates import Coordinates, check_count, check_joints, located
 from .independent import module_motions
 from .polar import polar_form
 from .posture import holding, modules_of, positions_of, posture_at
+from .states import closed_states
 
 
 @dataclass(frozen=True)
@@ -180,10 +179,8 @@ def motors_beside(robot: HybridRobot, joints: Sequence[str]) -> tuple[str, ...]:
 
 def _motions(robot: HybridRobot, q: Array, v: Array, side: Coordinates) -> tuple[Array, Array]:
     """Compute dv/d(side), shape (T, nv, N), and accelerations at rest of that side, shape (T, nv)."""
-    states = forward(robot, q, v, None, None)
-    check_closed(robot, states, q, v)
     E, drift = np.zeros((len(q), robot.nv, side.size)), np.zeros_like(v)
-    for s, own, freedoms in zip(states, side.own, side.freedoms, strict=True):
+    for s, own, freedoms in zip(closed_states(robot, q, v), side.own, side.freedoms, strict=True):
         if len(own):
             found = module_motions(s, q, v, freedoms, side)
             E[:, s.module.v_index[:, None], own], drift[:, s.module.v_index] = found.E, found.E_drift

@@ -12,9 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..dynamics.forward import forward
 from ..dynamics.link_motion import named_links
-from ..dynamics.state_checks import check_closed
 from ..errors import TrajectoryError
 from ..spatial import Array, motion_matrix, rotation_from_quaternion, to_body_axes
 from ..structure.robot import HybridRobot
@@ -23,6 +21,7 @@ from ..structure.state import ModuleState
 from .coordinates import Coordinates, independent_coordinates
 from .independent import ModuleMotions, independent_motions
 from .mass_matrix import output_maps
+from .states import closed_states
 
 
 def link_jacobian(
@@ -58,9 +57,7 @@ def link_jacobian(
     if axes not in ("world", "link"):
         raise TrajectoryError(f"axes must be 'world' or 'link', not {axes!r}")
     q, single = as_positions(robot, q)
-    rest = np.zeros((len(q), robot.nv))
-    states = forward(robot, q, rest, None, None)
-    check_closed(robot, states, q, rest)
+    states = closed_states(robot, q)
     J, R = _walk(robot, states, independent_motions(states, q, None, u), u, link, len(q))
     if axes == "world":
         if robot.base == "moving":

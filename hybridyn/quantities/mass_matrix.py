@@ -17,10 +17,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..dynamics.balance import congruence
-from ..dynamics.forward import forward
 from ..dynamics.loads import Loads
 from ..dynamics.passive import needs_inertia
-from ..dynamics.state_checks import check_closed
 from ..effects.choice import Choice, Effects, choose
 from ..spatial import Array, motion_matrix
 from ..structure.robot import HybridRobot
@@ -28,6 +26,7 @@ from ..structure.samples import as_positions
 from ..structure.state import ModuleState
 from .coordinates import Coordinates, independent_coordinates
 from .independent import ModuleMotions, independent_motions
+from .states import closed_states
 
 
 def mass_matrix(
@@ -56,9 +55,7 @@ def mass_matrix(
     u, on = independent_coordinates(robot, joints), choose(robot, effects)
     needs_inertia(on)
     q, single = as_positions(robot, q)
-    rest = np.zeros((len(q), robot.nv))
-    states = forward(robot, q, rest, None, None)
-    check_closed(robot, states, q, rest)
+    states = closed_states(robot, q)
     motions = independent_motions(states, q, None, u)
     M = composite_inertia(robot, states, motions, u, on, len(q))
     return M[0] if single else M

@@ -10,15 +10,14 @@ from numpy.typing import ArrayLike
 
 from ..description.names import counted
 from ..dynamics.forward import forward
-from ..dynamics.state_checks import check_closed
 from ..errors import SingularityError
 from ..linkage.joints import NV
 from ..spatial import Array, crm
 from ..structure.robot import HybridRobot
-from ..structure.samples import as_batch, as_positions, same_samples
 from .coordinates import Coordinates, independent_coordinates
 from .independent import ModuleMotions, independent_motions
 from .polar import polar_form
+from .states import checked_state, closed_states
 
 
 @overload
@@ -53,12 +52,8 @@ def motion_map(
         TrajectoryError: Arrays of the wrong shape, or not finite; a joint that cannot be a coordinate.
     """
     u = independent_coordinates(robot, joints)
-    q, single = as_positions(robot, q)
-    rates = np.zeros((len(q), robot.nv)) if v is None else as_batch(v, robot.nv, "v")[0]
-    same_samples(q=q, v=rates)
-    states = forward(robot, q, rates, None, None)
-    check_closed(robot, states, q, rates)
-    motions = independent_motions(states, q, None, u)
+    q, rates, single = checked_state(robot, q, v)
+    motions = independent_motions(closed_states(robot, q, rates), q, None, u)
     E = whole_map(robot, motions, u, len(q))
     if v is None:
         return E[0] if single else E
@@ -83,8 +78,13 @@ def drift(robot: HybridRobot, q: Array, v: Array, u: Coordinates) -> Array:
         v: Rates, shape (T, nv).
         u: The independent coordinates.
     """
-    out = np.zeros_like(v)
     motions = independent_motions(forward(robot, q, v, None, None), q, v, u)
+    return whole_drift(robot, motions, len(q))
+
+
+def whole_drift(robot: HybridRobot, motions: list[ModuleMotions], samples: int) -> Array:
+    """Return the drift of the whole robot from its modules' parts, shape (samples, nv)."""
+    out = np.zeros((samples, robot.nv))
     for module, found in zip(robot.modules, motions, strict=True):
         out[:, module.v_index] = found.E_drift
     return out

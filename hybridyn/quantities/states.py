@@ -1,0 +1,42 @@
+"""The states that every quantity begins with: arguments as batches, and modules whose loops are closed."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..dynamics.forward import forward
+from ..dynamics.state_checks import check_closed
+from ..spatial import Array
+from ..structure.robot import HybridRobot
+from ..structure.samples import as_batch, as_positions, same_samples
+from ..structure.state import ModuleState
+
+
+def checked_state(robot: HybridRobot, q: ArrayLike, v: ArrayLike | None) -> tuple[Array, Array, bool]:
+    """Return positions and rates (None: zero) as batches of equal size, and whether q was a single sample.
+
+    Raises:
+        TrajectoryError: Arrays of the wrong shape, or not finite.
+    """
+    q, single = as_positions(robot, q)
+    rates = np.zeros((len(q), robot.nv)) if v is None else as_batch(v, robot.nv, "v")[0]
+    same_samples(q=q, v=rates)
+    return q, rates, single
+
+
+def closed_states(robot: HybridRobot, q: Array, v: Array | None = None) -> list[ModuleState]:
+    """Compute the states of the modules, without weights and accelerations.
+
+    Args:
+        robot: The robot.
+        q: Positions, shape (T, nq).
+        v: Rates, shape (T, nv); zero where left out.
+
+    Raises:
+        AssemblyError: Positions or rates do not close the loops.
+    """
+    rates = np.zeros((len(q), robot.nv)) if v is None else v
+    states = forward(robot, q, rates, None, None)
+    check_closed(robot, states, q, rates)
+    return states
