@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..effects.choice import Choice, choose, times
-from ..errors import ActuationError, TrajectoryError
+from ..errors import ActuationError
 from ..spatial import Array
 from ..structure.robot import HybridRobot
-from ..structure.samples import as_batch, as_positions, same_samples
+from ..structure.samples import as_batch, as_positions, one_of, same_samples
 from ..structure.state import RobotMotion
 from .actuation import Sharing
 from .backward import backward
@@ -137,8 +137,8 @@ def inverse_model(
     q = as_positions(robot, q, base_given=on.base is None)[0]
     v, a = as_batch(v, robot.nv, "v")[0], as_batch(a, robot.nv, "a")[0]
     same_samples(q=q, v=v, a=a)
-    _one_of("on_singular", on_singular, "raise", "least-norm")
-    _one_of("passive", passive, "given", "solved")
+    one_of("on_singular", on_singular, "raise", "least-norm")
+    one_of("passive", passive, "given", "solved")
     time = times(time, len(q))
     if on.base is not None:
         q, v, a = on.base.into(robot, time, q, v, a)
@@ -158,16 +158,6 @@ def inverse_model(
     if on.limits is not None:
         on.limits.check(robot, tau)
     return InverseResult(tau, residual, result)
-
-
-def _one_of(name: str, value: str, *allowed: str) -> None:
-    """Raise if an argument does not have an allowed value.
-
-    Raises:
-        TrajectoryError: The message lists the allowed values.
-    """
-    if value not in allowed:
-        raise TrajectoryError(f"{name} must be {' or '.join(map(repr, allowed))}, not {value!r}")
 
 
 def _weights(robot: HybridRobot, weights: Mapping[str, float] | Array | None) -> Array | None:

@@ -13,10 +13,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..dynamics.link_motion import named_links
-from ..errors import TrajectoryError
 from ..spatial import Array, motion_matrix, rotation_from_quaternion, to_body_axes
 from ..structure.robot import HybridRobot
-from ..structure.samples import as_positions
+from ..structure.samples import as_positions, one_of
 from ..structure.state import ModuleState
 from .coordinates import Coordinates, independent_coordinates
 from .independent import ModuleMotions, independent_motions
@@ -54,8 +53,7 @@ def link_jacobian(
     """
     u = independent_coordinates(robot, joints)
     named_links(robot, [link])
-    if axes not in ("world", "link"):
-        raise TrajectoryError(f"axes must be 'world' or 'link', not {axes!r}")
+    one_of("axes", axes, "world", "link")
     q, single = as_positions(robot, q)
     states = closed_states(robot, q)
     J, R = _walk(robot, states, independent_motions(states, q, None, u), u, link, len(q))

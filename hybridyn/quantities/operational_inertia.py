@@ -14,12 +14,12 @@ from numpy.typing import ArrayLike
 from ..dynamics.direct import direct_model
 from ..dynamics.link_motion import link_motions, named_links
 from ..effects.choice import Choice
-from ..errors import SingularityError, TrajectoryError
+from ..errors import SingularityError
 from ..linkage.elimination import back_substitute, pivot_ratio, pivoted_qr
 from ..linkage.rigid_motion import RigidMotion
 from ..spatial import Array, rotate_back
 from ..structure.robot import HybridRobot
-from ..structure.samples import as_positions
+from ..structure.samples import as_positions, one_of
 from .bias import chosen_effects
 
 #: Links whose Delassus matrix has a smaller reciprocal condition cannot be moved in some direction.
@@ -58,8 +58,7 @@ def delassus(
     """
     names = [links] if isinstance(links, str) else list(links)
     named_links(robot, names)
-    if axes not in ("world", "link"):
-        raise TrajectoryError(f"axes must be 'world' or 'link', not {axes!r}")
+    one_of("axes", axes, "world", "link")
     on = chosen_effects(robot, effects).only(INERTIAL)
     q, single = as_positions(robot, q)
     T, rows = len(q), 6 * len(names)

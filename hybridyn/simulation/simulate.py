@@ -16,7 +16,7 @@ from ..linkage.threads import one_thread
 from ..manifold.manifold import Manifold
 from ..spatial import Array
 from ..structure.robot import HybridRobot
-from ..structure.samples import as_batch, as_positions
+from ..structure.samples import as_batch, as_positions, one_of
 from .events import Event
 from .motion_law import BaseMotion, Effort, MotionLaw, Wrenches
 from .result import Origin, Result, digest
@@ -102,8 +102,7 @@ def simulate(
         ModelError: The method does not support this robot.
     """
     solver = choose_solver(solver, **options)
-    if initial_velocity not in ("refuse", "project"):
-        raise TrajectoryError(f"initial_velocity must be 'refuse' or 'project', not {initial_velocity!r}")
+    one_of("initial_velocity", initial_velocity, "refuse", "project")
     times = _times(times, "times")
     wanted = None if output_times is None else _times(output_times, "output_times")
     if wanted is None and len(times) > 2:

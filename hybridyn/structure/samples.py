@@ -1,4 +1,4 @@
-"""Check arrays of samples, a single one or a batch, before anything is computed."""
+"""Check arguments before anything is computed: arrays of samples, a single one or a batch, and choices."""
 
 from __future__ import annotations
 
@@ -90,3 +90,13 @@ def same_samples(**arrays: Array) -> None:
     sizes = [len(x) for x in arrays.values()]
     if len(set(sizes)) > 1:
         raise TrajectoryError(f"{', '.join(arrays)} have {', '.join(map(str, sizes))} samples")
+
+
+def one_of(name: str, value: str, *allowed: str) -> None:
+    """Raise if an argument does not have an allowed value.
+
+    Raises:
+        TrajectoryError: The message lists the allowed values.
+    """
+    if value not in allowed:
+        raise TrajectoryError(f"{name} must be {' or '.join(map(repr, allowed))}, not {value!r}")
