@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..assembly.assemble import by_name, first_guess
-from ..assembly.requests import gather_requests
+from ..assembly.requests import Requests, gather_requests
 from ..dynamics.direct import ddm
 from ..dynamics.inverse import idm
 from ..dynamics.link_motion import LinkMotion, motions_of, named_links
@@ -138,7 +138,10 @@ class CompiledRobot:
         Raises:
             HybridynError: The same errors with the same messages as `hybridyn.assemble`.
         """
-        requests = gather_requests(self.robot, by_name(motors), by_name(platforms))
+        return self._assemble(gather_requests(self.robot, by_name(motors), by_name(platforms)), guess)
+
+    def _assemble(self, requests: Requests, guess: Array | None) -> tuple[Array, Array, Array]:
+        """Assemble postures for requests that have been gathered."""
         before = self._assembler.recomputed
         q, v, a = self._assembler.assemble(requests, first_guess(self.robot, guess))
         self.recomputed += self._assembler.recomputed - before
@@ -188,7 +191,7 @@ class CompiledRobot:
         each = [x[0] if single else x for x in levels]
         motors = {name: tuple(x[..., i] for x in each) for i, name in enumerate(self.robot.motors)}
         requests = gather_requests(self.robot, motors, {})
-        q, v, a = self.assemble(motors=motors, guess=last)
+        q, v, a = self._assemble(requests, last)
         follow = self._assembler.follow_motors(requests, np.atleast_2d(q)[-1])
         self._close_at_once = follow or _refuse
         return q, v, a
