@@ -84,15 +84,30 @@ def regular_map(robot: HybridRobot, q: Array, joints: Sequence[str]) -> tuple[Jo
     Raises:
         SingularityError: The joints do not fit the modules, whatever the posture.
     """
-    kept = list(range(len(q)))
-    while kept:
-        try:
-            return joint_map(robot, q[kept], joints), kept
-        except SingularityError as error:
-            if error.sample is None or error.what == "independent coordinates":
-                raise
-            del kept[error.sample]
-    return None, kept
+    found, kept = _regular(robot, q, joints, list(range(len(q))))
+    if found is None and kept:
+        found = joint_map(robot, q[kept], joints)
+    return found, kept
+
+
+def _regular(
+    robot: HybridRobot, q: Array, joints: Sequence[str], samples: list[int]
+) -> tuple[JointMap | None, list[int]]:
+    """Return those of some samples that are not singular, and their map if it is all of them.
+
+    An error names one singular sample: it is dropped, and the halves of the others are computed apart. The
+    work grows with T log T at most, whatever the number of singular samples.
+    """
+    if not samples:
+        return None, []
+    try:
+        return joint_map(robot, q[samples], joints), samples
+    except SingularityError as error:
+        if error.sample is None or error.what == "independent coordinates":
+            raise
+        rest = samples[: error.sample] + samples[error.sample + 1 :]
+    half = len(rest) // 2
+    return None, [i for part in (rest[:half], rest[half:]) for i in _regular(robot, q, joints, part)[1]]
 
 
 def _named(names: Sequence[str], quantity: str, values: Array) -> dict[str, Array]:

@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import hybridyn
+from hybridyn import HybridRobot
 from hybridyn.errors import SingularityError, TrajectoryError
+from hybridyn.quantities import map_table
+from hybridyn.quantities.joint_map import JointMap
 from hybridyn.quantities.posture import holding, postures_on_grid
 from tests.comparing import ROUNDING, SOLVED, close_to
+from tests.dynamics.test_idm import flat_five_bar
 from tests.mechanisms import random_mechanism, random_states
 from tests.quantities.ankle import JOINTS, MOTORS, ankle, closed_form, leg
 
@@ -162,3 +167,24 @@ def test_a_grid_keeps_to_the_branch_of_home(tmp_path: Path) -> None:
         there = hybridyn.joint_map(robot, q, JOINTS)
         close_to(there.joint_positions, at, SOLVED)
         assert np.abs(closed_form(*at, there.motor_positions)[0]).max() < ROUNDING
+
+
+def test_singular_samples_are_left_out_without_quadratic_work(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every second posture is singular: the rows computed in all are T log T, not T^2 / 4."""
+    robot, flat = flat_five_bar()
+    q = np.tile(flat, (64, 1))
+    q[1::2] = robot.home
+    assert np.abs(flat - robot.home).max() > 0.1
+    rows = []
+
+    def counted(of: HybridRobot, some: np.ndarray, names: Sequence[str]) -> JointMap:
+        rows.append(len(some))
+        return hybridyn.joint_map(of, some, names)
+
+    monkeypatch.setattr(map_table, "joint_map", counted)
+    found, kept = map_table.regular_map(robot, q, robot.motors)
+    assert found is not None
+    assert kept == list(range(1, 64, 2))
+    close_to(found.motors_per_joints, np.tile(np.eye(2), (32, 1, 1)), ROUNDING)
+    assert sum(rows) <= 64 * 7  # 64 log2(64), and once more for the result
+    assert map_table.regular_map(robot, q[::2], robot.motors) == (None, [])
