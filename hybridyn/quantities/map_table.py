@@ -14,6 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..effects.elastic import RotorInertia
 from ..errors import SingularityError
 from ..spatial import Array
 from ..structure.robot import HybridRobot
@@ -51,7 +52,8 @@ def map_table(
     for i, motor in enumerate(found.motors):
         for j, joint in enumerate(found.joints):
             out[f"{motor}/per/{joint}"] = H[:, i, j]
-    rotors = _rotors(found)
+    stated = RotorInertia().numbers(found.robot)
+    rotors = np.array([stated.get(motor, (0.0,))[0] for motor in found.motors])
     if rotors.any():
         inertia = found.at_joints(rotors)
         for i, joint in enumerate(found.joints):
@@ -118,9 +120,3 @@ def _named(names: Sequence[str], quantity: str, values: Array) -> dict[str, Arra
 def _columns(robot: HybridRobot, joints: Sequence[str]) -> list[int]:
     """Return the entries of v of joints with one freedom."""
     return [robot.v_slices[robot.joint_index[name]].start for name in joints]
-
-
-def _rotors(found: JointMap) -> Array:
-    """Return the inertia of each motor's rotor at its joint, as the robot's files state it, shape (m,)."""
-    record = {joint.name: joint for joint in found.robot.description.joints}
-    return np.array([record[m].rotor_inertia * record[m].gear_ratio ** 2 for m in found.motors])
