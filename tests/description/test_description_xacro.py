@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 
 import pytest
@@ -112,6 +113,16 @@ def test_time_is_limited(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Non
     monkeypatch.setattr(xacro_files, "SECONDS", 1)
     with pytest.raises(ModelError, match="more than 1 s of processor time"):
         xacro(tmp_path, """<link name="${xacro.tokenize('a' * 60 + '!', 'x]|(a+)+$|[y')}"/>""")
+
+
+def test_no_bytecode_is_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """On a full disk it would be truncated, and no later expansion would start."""
+    own = Path(xacro_files.__file__)
+    ignored = shutil.ignore_patterns("__pycache__")
+    copy = shutil.copytree(own.with_name("xacro_child"), tmp_path / "xacro_child", ignore=ignored)
+    monkeypatch.setattr(xacro_files, "__file__", str(tmp_path / own.name))
+    assert xacro(tmp_path, '<link name="a"/>') == ["a"]
+    assert not list(copy.glob("__pycache__"))
 
 
 def test_what_is_expanded_is_checked_like_any_urdf(tmp_path: Path) -> None:

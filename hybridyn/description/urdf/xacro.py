@@ -103,8 +103,12 @@ def _extra_for(error: str) -> str:
 
 @contextlib.contextmanager
 def _child(file: str) -> Iterator[subprocess.Popen[bytes]]:
-    """Start the child process; kill it on leaving the context, at the latest after `PATIENCE`."""
-    command = [sys.executable, "-I", "-S", "-X", "utf8", "-c", START, str(Path(__file__).parent)]
+    """Start the child process; kill it on leaving the context, at the latest after `PATIENCE`.
+
+    It writes no bytecode (-B): on a full disk, or under a limit on file sizes, Python leaves truncated files
+    behind, and every later expansion would fail.
+    """
+    command = [sys.executable, "-B", "-I", "-S", "-X", "utf8", "-c", START, str(Path(__file__).parent)]
     try:
         child = subprocess.Popen(
             command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, env={}
