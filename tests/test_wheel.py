@@ -93,6 +93,7 @@ def test_the_sdist_holds_what_a_clone_has(tmp_path: Path) -> None:
     assert wanted <= names
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("command", "told"),
     [

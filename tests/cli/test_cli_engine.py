@@ -105,7 +105,7 @@ def near_singular() -> Motion:
     """
     robot = hybridyn.load("five_bar")
     upper, spacing, home = 0.25, 0.12, 0.436332  # [m, m, rad from the vertical], as the file has them
-    t = np.linspace(0.0, 2.0, 121)
+    t = np.linspace(0.0, 1.0, 61)
     cos, sin = np.cos(np.pi * t), np.sin(np.pi * t)
     turn = np.arcsin(spacing / upper) + home - GAP
     rates = (

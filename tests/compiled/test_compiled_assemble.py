@@ -57,7 +57,7 @@ def test_motors_give_the_rows_of_the_general_path(name: str) -> None:
     assert assembler.recomputed == 0
 
 
-@pytest.mark.parametrize("name", ["gough_stewart", slow("lx4")])
+@pytest.mark.parametrize("name", ["rps3", slow("gough_stewart"), slow("lx4")])
 def test_poses_give_the_rows_of_the_general_path(name: str) -> None:
     """Relative poses, absolute ones, and one row alone."""
     robot = build_robot(shipped(name))

@@ -231,6 +231,7 @@ def test_what_is_not_finite_is_handed_over() -> None:
     assert np.isnan(model.library.batch("ddm", q, v, tau)[1]).all()
 
 
+@pytest.mark.slow
 def test_motions_without_motors_do_not_hand_floats_over() -> None:
     robot = build_robot(shipped("five_bar"), base="floating")
     model = hybridyn.compile(robot, dtype="float32")

@@ -18,6 +18,7 @@ from hybridyn.compiled.programs.sources import robot_key
 from hybridyn.compiled.verifying import MODEL_AGREES, difference, verify
 from hybridyn.description.shipped import shipped_robots
 from hybridyn.errors import AssemblyError, CompileError, HybridynError, ModelError, TrajectoryError
+from tests.samples import slow
 
 Arrays = tuple[Any, Any, Any, Any]
 
@@ -26,44 +27,46 @@ def shipped(name: str, **options: Any) -> hybridyn.HybridRobot:
     return hybridyn.load(str(shipped_robots()[name].file), **options)
 
 
-@pytest.fixture(scope="module")
-def lx4() -> CompiledRobot:
-    return hybridyn.compile(shipped("lx4"))
+@pytest.fixture(scope="module", params=["rps3", slow("lx4")])
+def model(request: pytest.FixtureRequest) -> CompiledRobot:
+    return hybridyn.compile(shipped(request.param))
 
 
 @pytest.fixture(scope="module")
-def states(lx4: CompiledRobot) -> Arrays:
-    return random_states(lx4.robot, 40, seed=5)
+def states(model: CompiledRobot) -> Arrays:
+    return random_states(model.robot, 40, seed=5)
 
 
-def test_models_are_those_of_the_general_path(lx4: CompiledRobot, states: Arrays) -> None:
+def test_models_are_those_of_the_general_path(model: CompiledRobot, states: Arrays) -> None:
     q, v, a, tau = states
-    assert (difference(lx4.ddm(q, v, tau), a) <= MODEL_AGREES["float64"]).all()
-    assert (difference(lx4.idm(q, v, a), hybridyn.idm(lx4.robot, q, v, a)) <= MODEL_AGREES["float64"]).all()
-    assert lx4.recomputed == 0
+    assert (difference(model.ddm(q, v, tau), a) <= MODEL_AGREES["float64"]).all()
+    assert (
+        difference(model.idm(q, v, a), hybridyn.idm(model.robot, q, v, a)) <= MODEL_AGREES["float64"]
+    ).all()
+    assert model.recomputed == 0
 
 
-def test_one_sample_has_the_bits_of_the_batch(lx4: CompiledRobot, states: Arrays) -> None:
+def test_one_sample_has_the_bits_of_the_batch(model: CompiledRobot, states: Arrays) -> None:
     q, v, a, tau = states
-    efforts, accelerations = lx4.idm(q, v, a), lx4.ddm(q, v, tau)
-    lx4.threads = 2
-    assert lx4.library.programs["ddm"].block == BLOCK < 30 * len(q)
-    many = [np.tile(x, (30, 1)) for x in states]
-    assert (lx4.ddm(many[0], many[1], many[3]) == np.tile(accelerations, (30, 1))).all()
-    lx4.threads = 1
+    efforts, accelerations = model.idm(q, v, a), model.ddm(q, v, tau)
+    model.threads = 2
+    times = 2 * model.library.programs["ddm"].block // len(q)  # more than one block
+    many = [np.tile(x, (times, 1)) for x in states]
+    assert (model.ddm(many[0], many[1], many[3]) == np.tile(accelerations, (times, 1))).all()
+    model.threads = 1
     for t in range(10):
-        assert (lx4.idm(q[t], v[t], a[t]) == efforts[t]).all()
-        assert (lx4.ddm(q[t], v[t], tau[t]) == accelerations[t]).all()
-        assert (lx4.ddm(q[t].tolist(), v[t], tau[t]) == accelerations[t]).all()
+        assert (model.idm(q[t], v[t], a[t]) == efforts[t]).all()
+        assert (model.ddm(q[t], v[t], tau[t]) == accelerations[t]).all()
+        assert (model.ddm(q[t].tolist(), v[t], tau[t]) == accelerations[t]).all()
 
 
 def test_small_models_wake_threads_for_many_samples_only() -> None:
     assert hybridyn.compile(shipped("five_bar")).library.programs["ddm"].block > 8 * BLOCK
 
 
-def test_kinematics_are_the_general_paths(lx4: CompiledRobot, states: Arrays) -> None:
+def test_kinematics_are_the_general_paths(model: CompiledRobot, states: Arrays) -> None:
     q, v, a, _ = states
-    ours, theirs = lx4.kinematics(q, v, a), hybridyn.kinematics(lx4.robot, q, v, a)
+    ours, theirs = model.kinematics(q, v, a), hybridyn.kinematics(model.robot, q, v, a)
     assert list(ours) == list(theirs)
     for link, motion in theirs.items():
         for name in ("pose", "twist", "acceleration"):
@@ -71,13 +74,13 @@ def test_kinematics_are_the_general_paths(lx4: CompiledRobot, states: Arrays) ->
             np.testing.assert_allclose(
                 result, reference, rtol=0, atol=1e-12 * max(1.0, np.abs(reference).max())
             )
-    one = lx4.kinematics(q[3], v[3], links=[link])[link]
+    one = model.kinematics(q[3], v[3], links=[link])[link]
     assert one.pose.shape == (7,)
     assert (one.pose == ours[link].pose[3]).all()
     with pytest.raises(TrajectoryError, match="unknown link"):
-        lx4.kinematics(q, v, a, ["none"])
+        model.kinematics(q, v, a, ["none"])
     with pytest.raises(TrajectoryError, match="v is not finite at sample 3"):
-        lx4.kinematics(*spoiled(states, "nan")[:2])
+        model.kinematics(*spoiled(states, "nan")[:2])
 
 
 def spoiled(states: Arrays, kind: str) -> list[Any]:
@@ -115,26 +118,26 @@ def spoiled(states: Arrays, kind: str) -> list[Any]:
         ("text", TrajectoryError),
     ],
 )
-def test_errors_are_the_general_paths(lx4: CompiledRobot, states: Arrays, kind: str, error: type) -> None:
+def test_errors_are_the_general_paths(model: CompiledRobot, states: Arrays, kind: str, error: type) -> None:
     given = spoiled(states, kind)
     with pytest.raises(error) as theirs:
-        hybridyn.ddm(lx4.robot, *given)
+        hybridyn.ddm(model.robot, *given)
     with pytest.raises(error) as ours:
-        lx4.ddm(*given)
+        model.ddm(*given)
     assert str(ours.value) == str(theirs.value)
     one = [x if isinstance(x, str) else x[-1 if kind == "open" else min(3, len(x) - 1)] for x in given]
     if kind in ("nan", "width", "rank", "text", "open"):
         with pytest.raises(error) as theirs:
-            hybridyn.ddm(lx4.robot, *one)
+            hybridyn.ddm(model.robot, *one)
         with pytest.raises(error) as ours:
-            lx4.ddm(*one)
+            model.ddm(*one)
         assert str(ours.value) == str(theirs.value)
 
 
-def test_a_base_acceleration_needs_a_moving_base(lx4: CompiledRobot, states: Arrays) -> None:
+def test_a_base_acceleration_needs_a_moving_base(model: CompiledRobot, states: Arrays) -> None:
     q, v, _, tau = states
     with pytest.raises(TrajectoryError, match="base_acceleration is for base='moving'"):
-        lx4.ddm(q, v, tau, base_acceleration=np.zeros(6))
+        model.ddm(q, v, tau, base_acceleration=np.zeros(6))
 
 
 @pytest.mark.parametrize("base", ["moving", "floating"])
@@ -157,36 +160,36 @@ def test_other_bases(base: Any) -> None:
 
 
 def test_only_doubtful_samples_are_computed_again(
-    lx4: CompiledRobot, states: Arrays, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+    model: CompiledRobot, states: Arrays, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     q, v, _, tau = states
-    before = lx4.recomputed
-    _, guard = lx4.library.batch("ddm", q, v, tau)
+    before = model.recomputed
+    _, guard = model.library.batch("ddm", q, v, tau)
     doubtful = np.flatnonzero(guard > np.median(guard))
-    monkeypatch.setattr(lx4.library.programs["ddm"], "trusted", float(np.median(guard)))
+    monkeypatch.setattr(model.library.programs["ddm"], "trusted", float(np.median(guard)))
     with caplog.at_level(logging.INFO, logger="hybridyn.compiled"):
-        mixed = lx4.ddm(q, v, tau)
+        mixed = model.ddm(q, v, tau)
     assert 0 < len(doubtful) < len(q)
-    assert lx4.recomputed == before + len(doubtful)
+    assert model.recomputed == before + len(doubtful)
     assert f"{len(doubtful)} of {len(q)} samples computed by the general path" in caplog.text
-    assert (mixed[doubtful] == hybridyn.ddm(lx4.robot, q[doubtful], v[doubtful], tau[doubtful])).all()
+    assert (mixed[doubtful] == hybridyn.ddm(model.robot, q[doubtful], v[doubtful], tau[doubtful])).all()
 
 
-def test_a_sample_past_the_guard_is_the_general_paths_alone_too(lx4: CompiledRobot, states: Arrays) -> None:
+def test_a_sample_past_the_guard_is_the_general_paths_alone_too(model: CompiledRobot, states: Arrays) -> None:
     """Closures open by more than rounding, and less than the general path refuses."""
     q, v, _, tau = (x[:3].copy() for x in states)
     q[1, 8] += 1e-9
-    before = lx4.recomputed
-    one, many = lx4.ddm(q[1], v[1], tau[1]), lx4.ddm(q, v, tau)
-    assert lx4.recomputed == before + 2
+    before = model.recomputed
+    one, many = model.ddm(q[1], v[1], tau[1]), model.ddm(q, v, tau)
+    assert model.recomputed == before + 2
     assert (one == many[1]).all()
-    assert (one == hybridyn.ddm(lx4.robot, q[1], v[1], tau[1])).all()
+    assert (one == hybridyn.ddm(model.robot, q[1], v[1], tau[1])).all()
 
 
-def test_a_model_that_differs_is_refused(lx4: CompiledRobot, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_model_that_differs_is_refused(model: CompiledRobot, monkeypatch: pytest.MonkeyPatch) -> None:
     """One part in 1e9 too much in one entry, and nobody gets the model."""
-    verify(lx4.library, lx4.robot, lx4.effects)
-    right, factor = lx4.library.batch, 1 + 1e-9
+    verify(model.library, model.robot, model.effects)
+    right, factor = model.library.batch, 1 + 1e-9
 
     def wrong(name: str, *given: Any) -> Any:
         (out, *more), guard = right(name, *given)
@@ -195,12 +198,14 @@ def test_a_model_that_differs_is_refused(lx4: CompiledRobot, monkeypatch: pytest
             out[worst] *= factor
         return (out, *more), guard
 
-    monkeypatch.setattr(lx4.library, "batch", wrong)
-    with pytest.raises(CompileError, match="'ddm' of the robot 'lx4' differs from the general path by 1e-09"):
-        verify(lx4.library, lx4.robot, lx4.effects)
+    monkeypatch.setattr(model.library, "batch", wrong)
+    with pytest.raises(
+        CompileError, match="'ddm' of the robot .* differs from the general path by 1e-09"
+    ):
+        verify(model.library, model.robot, model.effects)
     factor = np.nan
     with pytest.raises(CompileError, match="differs"):
-        verify(lx4.library, lx4.robot, lx4.effects)
+        verify(model.library, model.robot, model.effects)
 
 
 def test_a_wrong_program_never_reaches_the_user(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -262,7 +267,7 @@ def test_keys_tell_robots_apart() -> None:
             on,
             shipped("five_bar", gravity=(0, 0, -9.8)),
             shipped("five_bar", base="floating"),
-            shipped("lx4"),
+            shipped("delta"),
         )
     }
     assert len(keys) == 4
@@ -277,11 +282,11 @@ def test_without_casadi_the_message_says_what_to_install(monkeypatch: pytest.Mon
         hybridyn.compile(robot)
 
 
-def test_a_cached_model_needs_no_source(lx4: CompiledRobot, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_cached_model_needs_no_source(model: CompiledRobot, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(
         "hybridyn.compiled.library.cache._build", lambda *_: pytest.fail("it is built already")
     )
-    again = hybridyn.compile(lx4.robot)
+    again = hybridyn.compile(model.robot)
     assert isinstance(again.library, Library)
 
 
@@ -302,27 +307,27 @@ def test_effort_limits_hold() -> None:
     assert type(ours.value) is type(theirs.value)
 
 
-def test_a_model_travels_to_another_process(lx4: CompiledRobot, states: Arrays) -> None:
+def test_a_model_travels_to_another_process(model: CompiledRobot, states: Arrays) -> None:
     import pickle
 
     q, v, _, tau = states
-    again = pickle.loads(pickle.dumps(lx4))
-    assert (again.ddm(q, v, tau) == lx4.ddm(q, v, tau)).all()
+    again = pickle.loads(pickle.dumps(model))
+    assert (again.ddm(q, v, tau) == model.ddm(q, v, tau)).all()
 
 
-def test_simulations_use_the_models(lx4: CompiledRobot, states: Arrays) -> None:
+def test_simulations_use_the_models(model: CompiledRobot, states: Arrays) -> None:
     q, v, _, tau = states
     options = {"effort": tau[0] * 0.1, "method": "rk4", "step": 1e-3}
-    ours = hybridyn.simulate(lx4.robot, q[0], 0 * v[0], [0, 3e-3], compiled=lx4, **options)
-    theirs = hybridyn.simulate(lx4.robot, q[0], 0 * v[0], [0, 3e-3], **options)
+    ours = hybridyn.simulate(model.robot, q[0], 0 * v[0], [0, 3e-3], compiled=model, **options)
+    theirs = hybridyn.simulate(model.robot, q[0], 0 * v[0], [0, 3e-3], **options)
     np.testing.assert_allclose(ours.q, theirs.q, rtol=0, atol=1e-9)  # other charts: the method's own error
-    a = hybridyn.ddm(lx4.robot, ours.q, ours.v, ours.tau)
+    a = hybridyn.ddm(model.robot, ours.q, ours.v, ours.tau)
     np.testing.assert_allclose(ours.a, a, rtol=0, atol=MODEL_AGREES["float64"] * np.abs(a).max())
     for other, words in (
         ({"effects": "model"}, "other effects"),
         ({"wrenches": {"m4_platform": np.zeros(6)}}, "take no wrenches"),
     ):
         with pytest.raises(ModelError, match=words):
-            hybridyn.simulate(lx4.robot, q[0], v[0], [0, 1e-3], compiled=lx4, **options, **other)
+            hybridyn.simulate(model.robot, q[0], v[0], [0, 1e-3], compiled=model, **options, **other)
     with pytest.raises(ModelError, match="another robot"):
-        hybridyn.simulate(shipped("lx4"), q[0], v[0], [0, 1e-3], compiled=lx4, **options)
+        hybridyn.simulate(shipped("delta"), q[0], v[0], [0, 1e-3], compiled=model, **options)

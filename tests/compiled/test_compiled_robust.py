@@ -88,6 +88,7 @@ def test_a_home_with_open_loops_chooses_no_pivots() -> None:
     assert (difference(result, a)[guard <= TRUSTED] <= MODEL_AGREES["float64"]).all()
 
 
+@pytest.mark.slow
 def test_motions_without_inertia_are_the_general_paths() -> None:
     """Rods between balls spin idly, without inertia: what a pivot of rounding gives is no acceleration."""
     robot = build_robot(replace(dietmaier.robot("S").description, home={}))

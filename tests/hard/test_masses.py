@@ -97,6 +97,7 @@ def exactly(description: Description, base: Base) -> tuple[np.ndarray, np.ndarra
         return q.astype(float), v.astype(float), tau, exact.ddm(q, v, tau).astype(float)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("masses", ["legs of 1e-12 of their mass", "legs of 1e12 times their mass"])
 def test_masses_twelve_digits_apart_on_a_floating_base(masses: str, claim: Claim) -> None:
     """A base of its own weight: as on the ground."""

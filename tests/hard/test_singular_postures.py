@@ -37,9 +37,9 @@ BACKWARD = 1e-13
 FORWARD = 100 * EPS
 DISTANCES = [1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10, 1e-11, 1e-12, 0.0]
 FEW = {
-    "": {1e-3, 1e-9, 0.0},
+    "": {1e-9, 0.0},
     "gough_stewart": {1e-8, 0.0},
-    "delta": {1e-3, 1e-8, 0.0},
+    "delta": {1e-8},
     "lx4": set(),
 }
 STACKED = (1e-3, 1e-12, 0.0)  # of two modules: distances at which both are refused, or none

@@ -13,6 +13,7 @@ from tests import ROOT
 from tests.snippets import blocks, stand_where_a_user_does
 
 
+@pytest.mark.slow
 def test_commands_run(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -82,6 +82,7 @@ CART_POLE = """<robot name="cart_pole"><link name="rail"/><link name="cart"><ine
 <parent link="cart"/><child link="pole"/><axis xyz="0 1 0"/></joint></robot>"""
 
 
+@pytest.mark.slow
 def test_compiled_models_too_say_what_a_passive_motion_needs(tmp_path: Path) -> None:
     """Gravity, inertia and velocity together determine the pole's motion; the robot has no legs."""
     (tmp_path / "cart_pole.urdf").write_text(CART_POLE)

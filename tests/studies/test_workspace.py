@@ -212,7 +212,7 @@ def test_an_origin_outside_the_limits_is_refused(tmp_path: Path) -> None:
 def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """The table, the summary and the figure; several processes give the same bytes as one."""
     one, two, figure = (tmp_path / name for name in ("one.csv", "two.csv", "maps.png"))
-    words = ["workspace", "five_bar", "--link", "m1_tool", "--step", "x=0.2,z=0.2"]
+    words = ["workspace", "five_bar", "--link", "m1_tool", "--step", "x=0.25,z=0.25"]
     said = call(capsys, *words, "-o", one, "--plot", figure)
     assert (said.status, said.out) == (0, "")
     assert call(capsys, *words, "-o", two, "--jobs", "2").status == 0
