@@ -200,7 +200,7 @@ def test_a_model_that_differs_is_refused(model: CompiledRobot, monkeypatch: pyte
 
     monkeypatch.setattr(model.library, "batch", wrong)
     with pytest.raises(
-        CompileError, match="'ddm' of the robot .* differs from the general path by 1e-09"
+        CompileError, match=r"'ddm' of the robot .* differs from the general path by 1e-09"
     ):
         verify(model.library, model.robot, model.effects)
     factor = np.nan
