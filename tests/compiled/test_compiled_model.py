@@ -199,9 +199,7 @@ def test_a_model_that_differs_is_refused(model: CompiledRobot, monkeypatch: pyte
         return (out, *more), guard
 
     monkeypatch.setattr(model.library, "batch", wrong)
-    with pytest.raises(
-        CompileError, match=r"'ddm' of the robot .* differs from the general path by 1e-09"
-    ):
+    with pytest.raises(CompileError, match=r"'ddm' of the robot .* differs from the general path by 1e-09"):
         verify(model.library, model.robot, model.effects)
     factor = np.nan
     with pytest.raises(CompileError, match="differs"):
