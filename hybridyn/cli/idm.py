@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from ..streams.reaction_columns import reaction_rows
-from .common.engine import choose_engine, takes_engine
+from .common.engine import choose_engine, takes_engine, worth_of
 from .common.options import RobotCommand, takes_effects, takes_robot
 from .common.summary import Summary, effects_line, not_computed
 from .common.tables import Plan, Tables, run, takes_table
@@ -85,7 +85,7 @@ def command(
             "--weights": shares is not None,
             "wrenches in the table": bool(layout.wrenches),
         }
-        chosen_engine = choose_engine(engine, robot, chosen, rows, obstacles)
+        chosen_engine = choose_engine(engine, robot, chosen, rows, obstacles, worth_of(layout))
         model = functools.partial(
             efforts,
             passive=passive,

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from .common.engine import choose_engine, takes_engine, worth_of
 from .common.figures import save_sizing, takes_plot
 from .common.options import RobotCommand, takes_effects, takes_robot
 from .common.report import report_file, write_report
@@ -20,12 +21,14 @@ from .common.text import aligned_rows, counted
 from .idm import check_has_mass, efforts, takes_passive
 
 if TYPE_CHECKING:
+    from ..compiled.model import CompiledRobot
     from ..effects import Effects
     from ..streams.blocks import Done, Rows
     from ..streams.postures import Postures
     from ..structure.robot import HybridRobot
     from ..studies.sizing import MotorLoad
     from ..tables.columns import Layout
+    from .common.engine import Engine
 
 #: Exit status.
 EXCEEDED = 1
@@ -47,6 +50,7 @@ EXCEEDED = 1
     show_default=True,
     help="Exit with status 1 where a motor exceeds a limit of effort or speed, or a joint leaves its range.",
 )
+@takes_engine("rows")
 @takes_jobs
 def command(
     load: Callable[[], HybridRobot],
@@ -56,6 +60,7 @@ def command(
     effects: tuple[str, ...],
     passive: str,
     fail_on: str,
+    engine: str | None,
     jobs: int | None,
 ) -> int:
     """Compute what moving ROBOT along TRAJECTORY requires of each motor, for choosing motors.
@@ -77,15 +82,26 @@ def command(
         chosen = choose(robot, effects)
         chosen = chosen.only([name for name in chosen.names if name != "limits"])  # they are reported here
         check_has_mass(robot, chosen, layout)
-        model = functools.partial(motor_states, passive=passive, effects=chosen)
-        reports.append(_Report(robot, source, output, plot, chosen))
-        return Plan(model, [], reports[0], written=False)
+        obstacles = {"--passive solved": passive != "given", "wrenches in the table": bool(layout.wrenches)}
+        chosen_engine = choose_engine(engine, robot, chosen, rows, obstacles, worth_of(layout))
+        compiled = chosen_engine.model
+        model = functools.partial(motor_states, passive=passive, effects=chosen, compiled=compiled)
+        reports.append(_Report(robot, source, output, plot, chosen, chosen_engine))
+        assemble = compiled.assemble if compiled else None
+        return Plan(model, [], reports[0], written=False, assemble=assemble)
 
     run(Tables(source, None, None, jobs, quiet=False), load, plan)
     return EXCEEDED if reports[0].violations and fail_on == "limit" else 0
 
 
-def motor_states(robot: HybridRobot, block: Postures, *, passive: str, effects: Effects) -> Rows:
+def motor_states(
+    robot: HybridRobot,
+    block: Postures,
+    *,
+    passive: str,
+    effects: Effects,
+    compiled: CompiledRobot | None = None,
+) -> Rows:
     """Compute rates, efforts and positions of the motors, shape (T, 3 motors).
 
     The positions of continuous joints are 0.
@@ -95,30 +111,36 @@ def motor_states(robot: HybridRobot, block: Postures, *, passive: str, effects: 
         block: The motion.
         passive: As in `hybridyn.idm`.
         effects: The effects that are computed.
+        compiled: The robot's compiled models, or None for the general path.
     """
     import numpy as np
 
-    from ..streams.blocks import Rows
     from ..studies.sizing import motor_rows
 
-    made = efforts(robot, block, passive=passive, effects=effects)
+    made = efforts(robot, block, passive=passive, effects=effects, compiled=compiled)
     position, speed = motor_rows(robot, block.q, block.v)
     rows = np.concatenate([speed, made.result, np.nan_to_num(position)], axis=1)
-    return Rows(rows, left=made.left, residual=made.residual)
+    return made._replace(result=rows)
 
 
 class _Report:
     """The loads of the motors, collected block by block, and their report."""
 
     def __init__(
-        self, robot: HybridRobot, source: str, output: str | None, plot: str | None, effects: Effects
+        self,
+        robot: HybridRobot,
+        source: str,
+        output: str | None,
+        plot: str | None,
+        effects: Effects,
+        engine: Engine,
     ) -> None:
         from ..structure.departures import Departures
         from ..studies.sizing import Sizing
 
         self.left = Departures()
         self.robot, self.source, self.output, self.plot = robot, source, output, plot
-        self.effects = effects
+        self.effects, self.engine = effects, engine
         self.sizing = Sizing(robot)
         self.samples = 0
         self.violations: list[str] = []
@@ -128,6 +150,7 @@ class _Report:
         import numpy as np
 
         self.samples += len(done.rows)
+        self.engine.add(done.handed_over)
         self.left.add(done.left, done.first_row, done.time)
         speed, effort, position = np.split(done.rows, 3, axis=1)
         turning = [joint.kind == "continuous" for joint in self.sizing.joints]
@@ -151,7 +174,7 @@ class _Report:
         self.violations = [*violations(loads), *self._left()]
         for line in self.violations or ["no effort, speed or position is over a limit of the robot's file"]:
             click.echo(line)
-        for line in (*fitted_rates(layout), *effects_line(self.effects)):
+        for line in (*fitted_rates(layout), *effects_line(self.effects), str(self.engine)):
             click.echo(line, err=True)
 
     def _left(self) -> list[str]:

@@ -14,9 +14,12 @@ if TYPE_CHECKING:
     from ...compiled.model import CompiledRobot
     from ...effects import Effects
     from ...structure.robot import HybridRobot
+    from ...tables.columns import Layout
 
 #: Samples times freedoms above which building a model pays: about seven seconds on the general path.
 WORTH = 3_000_000
+#: The same where rows are assembled from motors or poses, which takes longer than the models.
+WORTH_OF_POSTURES = 1_000_000
 #: The same for `simulate`, where samples come one after the other: the general path is slow without batches.
 WORTH_IN_TIME = 40_000
 #: The same for `effects`, which builds a model for each set of effects: for the LX4 with friction this takes
@@ -34,13 +37,19 @@ def takes_engine(samples: str, worth: int = WORTH) -> Callable[[Callable[..., An
         samples: Name of the samples in the help.
         worth: Samples times freedoms above which building a model pays.
     """
+    less = f" ({WORTH_OF_POSTURES:,} where postures are assembled)" if worth == WORTH else ""
     return click.option(
         "--engine",
         type=click.Choice(ENGINES),
         help="'general', or 'compiled': the robot's models as C, built once and kept; results agree to "
         f"rounding.  [default: compiled where {samples} times freedoms of the robot's joints are {worth:,} "
-        "or more, and the compiled models support the options]",
+        f"or more{less}, and the compiled models support the options]",
     )
+
+
+def worth_of(layout: Layout) -> int:
+    """Return the samples times freedoms above which building a model pays for a table."""
+    return WORTH if layout.full_state else WORTH_OF_POSTURES
 
 
 class Engine:
