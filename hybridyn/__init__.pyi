@@ -22,7 +22,7 @@ from .errors import (
     SingularityError,
     TrajectoryError,
 )
-from .loading import load
+from .loading import from_pinocchio, load
 from .quantities.bias import bias, coriolis, gravity
 from .quantities.coriolis_matrix import coriolis_matrix
 from .quantities.joint_map import JointMap, joint_map
@@ -69,6 +69,7 @@ __all__ = [
     "ddm_jacobian",
     "delassus",
     "energy",
+    "from_pinocchio",
     "gravity",
     "idm",
     "idm_jacobian",

@@ -1,13 +1,18 @@
-"""`load`: build a `HybridRobot` from a robot's files."""
+"""`load` and `from_pinocchio`: build a `HybridRobot` from a robot's files, or from a Pinocchio model."""
 
 from __future__ import annotations
 
 import logging
 from collections.abc import Mapping, Sequence
 from os import PathLike
+from typing import TYPE_CHECKING
 
+from .spatial import Array
 from .structure.building import build_robot
 from .structure.robot import Base, HybridRobot
+
+if TYPE_CHECKING:
+    import pinocchio as pin
 
 _log = logging.getLogger("hybridyn")
 
@@ -57,6 +62,65 @@ def load(
     description = read(find_robot(path), motors=motors, xacro_args=xacro_args, package_dirs=package_dirs)
     robot = build_robot(
         description,
+        base=base,
+        gravity=gravity,
+        rank_tolerance=rank_tolerance,
+        closure_tolerance=closure_tolerance,
+        held=held,
+    )
+    _warn(robot)
+    return robot
+
+
+def from_pinocchio(
+    model: pin.Model,
+    constraint_models: object = (),
+    *,
+    kinds: Mapping[str | int, str] | None = None,
+    home: str | Sequence[float] | Array | None = None,
+    base: Base | None = None,
+    motors: Sequence[str] | None = None,
+    gravity: tuple[float, float, float] | None = None,
+    rank_tolerance: float | None = None,
+    closure_tolerance: float = 1e-4,
+    held: Sequence[str] = (),
+) -> HybridRobot:
+    """Build a robot from a Pinocchio model and the constraint models that close its loops.
+
+    The robot's q and v have the order and the coordinates of the model; only a mimicking joint, which has no
+    coordinate in Pinocchio, has its own here, and a coupling ties it to its leader. A composite joint becomes
+    a chain of joints ("name_1", "name_2", ...). Body and operational frames are links.
+
+    Args:
+        model: The model.
+        constraint_models: `RigidConstraintModel`s (CONTACT_3D, CONTACT_6D) or Pinocchio 4's point and frame
+            anchors, in a list of any kind.
+        kinds: Kinds of closure that replace those of the constraints, by constraint name or number:
+            "revolute", "prismatic", "cylindrical", "planar", "spherical" or "fixed". The axis is the third
+            axis of the constraint's frames.
+        home: The home posture: a configuration of the model, shape (nq,), or the name of one of its reference
+            configurations. None takes "home", else the first of them, else `pin.neutral`.
+        base: As in `load`; None gives "floating" to a model on a free-flyer that no constraint ties to the
+            world, else "fixed".
+        motors: Names of the driven joints. None takes every joint of a tree; in a robot with loops, the
+            joints with an effort limit, if not all have one.
+        gravity: Acceleration of gravity in the world, shape (3,), [m/s^2]; None takes that of the model.
+        rank_tolerance: As in `load`.
+        closure_tolerance: As in `load`.
+        held: As in `load`.
+
+    Raises:
+        ModelError: The model or a constraint has something that hybridyn does not have; the message names it.
+        AssemblyError: No posture closes a module's loops.
+    """
+    from .description.pin_model.model import read_model
+    from .description.reading import complete
+    from .description.validate import validate
+
+    read = read_model(model, constraint_models, kinds=kinds, home=home)
+    validate(read)
+    robot = build_robot(
+        complete(read, motors=motors),
         base=base,
         gravity=gravity,
         rank_tolerance=rank_tolerance,

@@ -61,7 +61,7 @@ def lost_loops(description: Description) -> list[Sign]:
     """
     out = [*_paired_frames(description)]
     if not description.closures:
-        if description.format == "URDF":  # MJCF states passive joints and loops itself
+        if description.format == "URDF":  # the others state passive joints and loops themselves
             out += _passive_joints(description)
         out += _files_beside(description)
     return out

@@ -62,6 +62,27 @@ def read(
     home = _read_model_file(robot, file)
     validate(robot)
     refuse_unclosed_frames(robot)
+    return complete(robot, motors=motors, home=home, source=file)
+
+
+def complete(
+    robot: RobotFile,
+    *,
+    motors: Sequence[str] | None = None,
+    home: Mapping[str, tuple[float, ...]] | None = None,
+    source: str | None = None,
+) -> Description:
+    """Choose the motors of a valid robot and return its description.
+
+    Args:
+        robot: The robot.
+        motors: As in `read`.
+        home: Home posture; None takes that of the robot.
+        source: Path of its file, or None.
+
+    Raises:
+        ModelError: A motor is wrong.
+    """
     chosen, rule = choose_motors(robot, motors)
     return Description(
         name=robot.name,
@@ -71,9 +92,9 @@ def read(
         couplings=tuple(robot.couplings),
         motors=chosen,
         motors_from=rule,
-        home=home,
+        home=dict(robot.home if home is None else home),
         notes=tuple(robot.notes),
-        source=file,
+        source=source,
         effects=robot.effects,
         base=robot.base,
         base_home=robot.base_home,

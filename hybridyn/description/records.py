@@ -6,6 +6,7 @@ homogeneous matrix, "frame B in A": it holds the coordinates of B's axes and ori
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
@@ -16,7 +17,7 @@ Array = NDArray[np.float64]
 
 JointKind = Literal["fixed", "revolute", "continuous", "prismatic", "spherical", "planar", "floating"]
 StatedBase = Literal["fixed", "floating"]
-Format = Literal["URDF", "MJCF"]
+Format = Literal["URDF", "MJCF", "Pinocchio"]
 RotationKind = Literal["free", "perpendicular", "parallel", "fixed"]
 
 
@@ -163,7 +164,7 @@ class Description:
         base_home: Pose of a floating root link in the home posture, shape (7,): x, y, z [m], quaternion x, y,
             z, w; None is identity.
         gravity: Acceleration of gravity that the file states [m/s^2], or None.
-        format: Format of the robot file.
+        format: Format of the robot file; "Pinocchio" for a model in memory, whose order of joints is kept.
     """
 
     name: str
@@ -187,3 +188,13 @@ class Description:
         """Name of the root link: it is not the child of any joint."""
         children = {joint.child for joint in self.joints}
         return next(link.name for link in self.links if link.name not in children)
+
+    def siblings(self, joints: Sequence[Joint]) -> list[Joint]:
+        """Order the joints of one parent link as q and v have them: by name, as `pin.buildModelFromXML` does.
+
+        Joints of a Pinocchio model keep its order.
+
+        Args:
+            joints: The joints, in file order.
+        """
+        return list(joints) if self.format == "Pinocchio" else sorted(joints, key=lambda joint: joint.name)

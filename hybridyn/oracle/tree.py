@@ -119,7 +119,7 @@ class Posture:
 
 
 def depth_first(description: Description, base: Base) -> list[Joint]:
-    """Order the joints depth-first, siblings by name, fixed joints included, the base's joint first."""
+    """Order the joints depth-first, siblings as in q, fixed joints included, the base's joint first."""
     children: dict[str, list[Joint]] = {}
     for joint in description.joints:
         children.setdefault(joint.parent, []).append(joint)
@@ -131,7 +131,7 @@ def depth_first(description: Description, base: Base) -> list[Joint]:
     while stack:
         joint = stack.pop()
         ordered.append(joint)
-        stack += sorted(children.get(joint.child, []), key=lambda j: j.name, reverse=True)
+        stack += reversed(description.siblings(children.get(joint.child, [])))
     return ordered
 
 

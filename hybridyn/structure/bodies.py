@@ -1,7 +1,8 @@
 """Rigid bodies of a robot: links that are connected by fixed joints form one body.
 
 A body's frame is the frame of its topmost link. This is the child frame of the joint that moves the body,
-and Pinocchio's joint frame. Joints are numbered as in `pin.buildModelFromXML`: depth-first, siblings by name.
+and Pinocchio's joint frame. Joints are numbered as in `pin.buildModelFromXML`: depth-first, siblings by name
+(`Description.siblings`).
 """
 
 from __future__ import annotations
@@ -138,7 +139,7 @@ def merge_fixed_joints(description: Description) -> Bodies:
                 R, p = identity
         out.place[name] = (body, R, p)
         out.bodies[body].add(link, R, p)
-        stack.extend((j.child, j) for j in sorted(children.get(name, []), key=lambda j: j.name, reverse=True))
+        stack.extend((j.child, j) for j in reversed(description.siblings(children.get(name, []))))
     if len(out.place) != len(links):
         lost = sorted(set(links) - set(out.place))
         raise ModelError(f"links {lost} are not connected to the root link", file=description.source)

@@ -25,7 +25,7 @@ TOLD_IN_ORDER = {"tutorial.md"}  # its commands and its Python need each other: 
 #: Pages whose Python takes long; `.ci/run` runs them too.
 LONG = {
     "cost.md", "scenes.md", "compiled.md", "view-and-plot.md", "units-and-conventions.md", "tables.md",
-    "quantities.md",
+    "quantities.md", "pinocchio.md",
 }  # fmt: skip
 RUN = [page for page in PAGES[1:] if page.name not in TOLD_IN_ORDER and blocks(page, "python")]
 

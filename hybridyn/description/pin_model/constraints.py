@@ -1,0 +1,129 @@
+"""Closures from Pinocchio's constraint models.
+
+`RigidConstraintModel` and the point and frame anchors of Pinocchio 4 state that frame 1 on joint 1 and
+frame 2 on joint 2 coincide, in their origins (3 rows) or altogether (6 rows). The reference frame is
+where Pinocchio expresses the forces of a constraint; the constraint itself is the same in each.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from ...errors import ModelError
+from ..closure_forms import FORMS
+from ..names import did_you_mean, listed
+from ..records import Closure
+
+#: Kinds of closure by the names of Pinocchio's classes, those of its development branch included.
+ANCHORS = {
+    "PointAnchorConstraintModel": "point",
+    "FrameAnchorConstraintModel": "fixed",
+    "BilateralPointConstraintModel": "point",
+    "WeldConstraintModel": "fixed",
+}
+#: What must be zero in a constraint that closes a loop for good.
+OFFSETS = (
+    "desired_contact_velocity", "desired_contact_acceleration", "desired_constraint_offset",
+    "desired_constraint_velocity", "desired_constraint_acceleration",
+)  # fmt: skip
+
+
+def plain_constraints(constraints: Any) -> list[Any]:
+    """Return the constraint models of a list, a single one or lists in a tuple, taken out of their variants.
+
+    Args:
+        constraints: What the caller passed.
+    """
+    word = type(constraints).__name__
+    if word.endswith("ConstraintModel") and not word.startswith("StdVec"):
+        one = constraints.extract() if hasattr(constraints, "extract") else constraints
+        return [one]
+    if constraints is None:
+        return []
+    if not isinstance(constraints, Iterable):
+        raise ModelError(f"constraint_models holds a {word}, which is not a constraint of Pinocchio")
+    return [one for item in constraints for one in plain_constraints(item)]
+
+
+def closures_of(
+    model: pin.Model, constraints: Sequence[Any], links: Sequence[str], kinds: Mapping[str | int, str]
+) -> list[Closure]:
+    """Return a closure for each constraint model.
+
+    Args:
+        model: The model.
+        constraints: The constraint models.
+        links: Name of the link of each joint of the model.
+        kinds: Kinds of closure that replace those of the constraints, by the constraint's name or number;
+            their axis is the third axis of the constraint's frames.
+
+    Raises:
+        ModelError: A constraint is soft, moves, is not a closure, or `kinds` names what does not exist.
+    """
+    names: list[str] = []
+    for number, constraint in enumerate(constraints):
+        stated = str(getattr(constraint, "name", ""))
+        names.append(stated if stated and stated not in names else f"constraint{number}")
+    for key, kind in kinds.items():
+        if key not in names and not (isinstance(key, int) and 0 <= key < len(names)):
+            raise ModelError(
+                f"kinds: no constraint is called {key!r}{did_you_mean(str(key), names)}; "
+                f"they are {listed(names)}"
+            )
+        if kind not in FORMS or kind == "universal":
+            known = [form for form in FORMS if form != "universal"]
+            raise ModelError(
+                f"kinds: unknown kind {kind!r}{did_you_mean(kind, known)}; known: {listed(known)}"
+            )
+    return [
+        _closure(model, constraint, name, links, kinds.get(name, kinds.get(number)))
+        for number, (constraint, name) in enumerate(zip(constraints, names, strict=True))
+    ]
+
+
+def _closure(model: pin.Model, constraint: Any, name: str, links: Sequence[str], kind: str | None) -> Closure:
+    word = type(constraint).__name__
+    if isinstance(constraint, pin.RigidConstraintModel):
+        own = {pin.ContactType.CONTACT_3D: "point", pin.ContactType.CONTACT_6D: "fixed"}.get(constraint.type)
+    else:
+        own = ANCHORS.get(word)
+    if own is None:
+        raise ModelError(
+            f"constraint '{name}' is a {word}, which closes no loop; pass the point and frame constraints "
+            "alone (limits and friction are taken from the model)",
+            element=name,
+        )
+    _refuse_moving(constraint, name)
+    for joint in (constraint.joint1_id, constraint.joint2_id):
+        if not 0 <= joint < model.njoints:
+            raise ModelError(
+                f"constraint '{name}': joint {joint} does not exist; the model has {model.njoints}",
+                element=name,
+            )
+    form = FORMS[kind or own]
+    frames = (constraint.joint1_placement, constraint.joint2_placement)
+    frame_a, frame_b = (np.array(frame.homogeneous) for frame in frames)
+    return Closure(
+        name, kind or own, links[constraint.joint1_id], frame_a, links[constraint.joint2_id], frame_b,
+        form.translations, form.rotation,
+    )  # fmt: skip
+
+
+def _refuse_moving(constraint: Any, name: str) -> None:
+    """Raise for constraints whose frames are not to coincide, or whose distance is to change."""
+    placement = getattr(constraint, "desired_contact_placement", None)
+    moved = ["desired_contact_placement"] if placement is not None and not placement.isIdentity(1e-12) else []
+    for word in OFFSETS:
+        value = getattr(constraint, word, None)
+        if value is not None and np.any(np.asarray(getattr(value, "vector", value))):
+            moved.append(word)
+    if moved:
+        raise ModelError(
+            f"constraint '{name}': {listed(moved)} is not zero, so its frames do not coincide; set it to "
+            "zero and put the offset into joint1_placement",
+            element=name,
+        )

@@ -1,0 +1,198 @@
+"""Read a Pinocchio model: links for its bodies and frames, joints, closures, home posture."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from ...errors import ModelError
+from ..mjcf.naming import unique
+from ..names import counted, listed
+from ..records import Array, Joint, Link
+from ..robot_file import RobotFile
+from .constraints import closures_of, plain_constraints
+from .joints import coupling_of, joints_of, pieces_of
+
+#: Frames that become links; frames of joints and of welds are not links.
+LINKS = (pin.FrameType.BODY, pin.FrameType.OP_FRAME, pin.FrameType.SENSOR)
+
+
+def read_model(
+    model: pin.Model,
+    constraint_models: Any = (),
+    *,
+    kinds: Mapping[str | int, str] | None = None,
+    home: str | Sequence[float] | Array | None = None,
+) -> RobotFile:
+    """Read a Pinocchio model and its constraints.
+
+    Args:
+        model: The model.
+        constraint_models: Its constraint models.
+        kinds: Kinds of closure by constraint, as in `constraints.closures_of`.
+        home: The home posture: a configuration of the model, shape (nq,), or the name of one of its reference
+            configurations; None takes "home", else the first one, else the neutral one.
+
+    Raises:
+        ModelError: The model or a constraint has something that hybridyn does not have.
+    """
+    if not isinstance(model, pin.Model):
+        raise ModelError(f"the model is a {type(model).__name__}, not a pinocchio.Model")
+    robot = RobotFile(str(model.name) or "robot", f"Pinocchio model '{model.name}'", format="Pinocchio")
+    constraints = plain_constraints(constraint_models)
+    tied = {
+        int(joint)
+        for c in constraints
+        for joint in (getattr(c, "joint1_id", -1), getattr(c, "joint2_id", -1))
+    }
+    first = 1 if _floats(model, tied) else 0
+    robot.base = "floating" if first else "fixed"
+    names = _link_names(model)
+    taken = {*names, *(str(frame.name) for frame in model.frames if frame.type in LINKS)}
+    chains: dict[int, list[Joint]] = {}
+    robot.links.append(_link(names[first], model.inertias[first]))
+    for number in range(first + 1, model.njoints):
+        chains[number] = _chain(robot, model, number, names, taken)
+        if coupling := coupling_of(model, number, chains):
+            robot.couplings.append(coupling)
+    _add_frames(robot, model, names, first)
+    robot.closures = closures_of(model, constraints, names, kinds or {})
+    x, y, z = (float(g) for g in model.gravity.linear)
+    robot.gravity = (x, y, z)
+    _add_home(robot, model, chains, _posture(model, home, robot.notes), first)
+    if not model.check(model.createData()):
+        robot.notes.append(
+            "the joints of the Pinocchio model are not numbered depth-first (Model.check is False): "
+            "pinocchio.crba and constraintDynamics are wrong for it; q and v here are ordered depth-first"
+        )
+    return robot
+
+
+def _floats(model: pin.Model, tied: set[int]) -> bool:
+    """Check whether the model is a robot on a free base that no constraint ties to the world."""
+    if model.njoints < 2 or model.joints[1].shortname() != "JointModelFreeFlyer" or 0 in tied:
+        return False
+    on_world = [number for number in range(1, model.njoints) if model.parents[number] == 0]
+    numbers = (model.armature, model.damping, model.friction, model.rotorInertia)
+    return (
+        on_world == [1]
+        and model.jointPlacements[1].isIdentity(0.0)
+        and not any(np.any(values[:6]) for values in numbers)
+    )
+
+
+def _link_names(model: pin.Model) -> list[str]:
+    """Return the name of the link of each joint: that of the body frame at its origin, else the joint's."""
+    out = [""] * model.njoints
+    for frame in model.frames:
+        if (
+            frame.type == pin.FrameType.BODY
+            and not out[frame.parentJoint]
+            and frame.placement.isIdentity(0.0)
+        ):
+            out[frame.parentJoint] = str(frame.name)
+    taken = {str(frame.name) for frame in model.frames if frame.type in LINKS}
+    for number, name in enumerate(out):
+        if not name:
+            out[number] = unique(str(model.names[number]), taken)
+        taken.add(out[number])
+    return out
+
+
+def _link(name: str, inertia: pin.Inertia) -> Link:
+    return Link(name, float(inertia.mass), np.array(inertia.lever), np.array(inertia.inertia))
+
+
+def _chain(
+    robot: RobotFile, model: pin.Model, number: int, names: Sequence[str], taken: set[str]
+) -> list[Joint]:
+    """Add the joints and links from a joint's parent to its body, and return the joints."""
+    parent = names[model.parents[number]]
+    chain = joints_of(model, number, pieces_of(model, number))
+    for place, joint in enumerate(chain):
+        last = place == len(chain) - 1
+        child = names[number] if last else unique(f"{names[number]}_{place + 1}", taken)
+        chain[place] = replace(joint, parent=parent, child=child)
+        if not last:
+            robot.links.append(Link(child, 0.0, np.zeros(3), np.zeros((3, 3)), None, True))
+            taken.add(child)
+        parent = child
+    robot.links.append(_link(names[number], model.inertias[number]))
+    robot.joints += chain
+    return chain
+
+
+def _add_frames(robot: RobotFile, model: pin.Model, names: Sequence[str], first: int) -> None:
+    """Add a massless link for every other body, operational and sensor frame."""
+    links = {link.name for link in robot.links}
+    joints = {joint.name for joint in robot.joints}
+    left_out = []
+    for frame in model.frames:
+        name = str(frame.name)
+        if frame.type not in LINKS or name == names[frame.parentJoint]:
+            continue
+        if frame.parentJoint < first:
+            left_out.append(name)
+            continue
+        name = unique(name, links)
+        joint = unique(f"{name}_frame", joints)
+        links.add(name)
+        joints.add(joint)
+        robot.links.append(Link(name, 0.0, np.zeros(3), np.zeros((3, 3))))
+        at = np.array(frame.placement.homogeneous)
+        robot.joints.append(Joint(joint, "fixed", names[frame.parentJoint], name, at, np.array([1.0, 0, 0])))
+    if left_out:
+        robot.notes.append(f"frames {listed(left_out)} stand in the world and are left out: the base floats")
+
+
+def _posture(model: pin.Model, home: Any, notes: list[str]) -> Array:
+    """Return the configuration of the home posture, shape (nq,).
+
+    Raises:
+        ModelError: There is no such reference configuration, or its length is not nq.
+    """
+    stated = {str(item.key()): np.array(item.data()) for item in model.referenceConfigurations}
+    if home is None:
+        if not stated:
+            return np.array(pin.neutral(model))
+        name = "home" if "home" in stated else next(iter(stated))
+        notes.append(f"home is the reference configuration '{name}' of the Pinocchio model")
+        return stated[name]
+    if isinstance(home, str):
+        if home not in stated:
+            raise ModelError(
+                f"home: the model has no reference configuration {home!r}; it has {listed(stated) or 'none'}"
+            )
+        return stated[home]
+    q = np.asarray(home, dtype=float)
+    if q.shape != (model.nq,) or not np.isfinite(q).all():
+        raise ModelError(
+            f"home must have {counted(model.nq, 'finite coordinate')} of the model, not {q.shape}"
+        )
+    return q
+
+
+def _add_home(
+    robot: RobotFile, model: pin.Model, chains: Mapping[int, list[Joint]], q: Array, first: int
+) -> None:
+    """Set the home posture from a configuration of the model."""
+    counts = {"spherical": 4, "planar": 4, "floating": 7, "continuous": 2}
+    if first:
+        robot.base_home = tuple(float(x) for x in q[:7])
+    for number, chain in chains.items():
+        at = int(model.idx_qs[number])
+        if model.nqs[number] == 0:
+            continue
+        for joint in chain:
+            count = counts.get(joint.kind, 1)
+            robot.home[joint.name] = tuple(float(x) for x in q[at : at + count])
+            at += count
+    for coupling in robot.couplings:
+        (follower, _), (leader, weight) = coupling.terms
+        value = robot.home[leader]
+        angle = value[0] if len(value) == 1 else float(np.arctan2(value[1], value[0]))
+        robot.home[follower] = (coupling.offset - weight * angle,)

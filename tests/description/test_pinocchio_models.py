@@ -1,0 +1,273 @@
+"""`from_pinocchio` against Pinocchio: the numbers of trees and of closed loops, and what is refused."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import hybridyn
+from hybridyn import HybridRobot
+from hybridyn.errors import ModelError
+from hybridyn.structure.building import build_robot
+from tests import ROOT
+from tests.pin_models import JOINTS, Drawn, drawn
+from tests.robot_texts import FOUR_BAR, read_text
+from tests.samples import slow
+from tests.snippets import blocks
+
+#: Largest relative difference of two exact computations of an acceleration or an effort.
+EQUAL = 1e-11
+ROTORS = ("default", "rotor_inertia")
+
+#: Chains, closures, whether the base floats, joints of the second chain: all kinds of joint and constraint.
+CLOSED = {
+    "3D": (["RX", "R", "P", "RUBZ", "R", "RX"], ["3D"], False, 3),
+    "6D": (["R", "U", "R", "S", "RX", "RUB"], ["6D"], False, 2),
+    "two points": (["S", "R", "C", "R", "T"], ["point", "3D"], False, 2),
+    "world": (["RX", "R", "PZ", "R", "S", "E"], ["6D"], False, 0),
+    "floating": (["R", "RX", "ZYX", "R", "P"], ["frame"], True, 2),
+    "foot on the ground": (["R", "RX", "R", "R"], ["3D"], True, 0),
+}
+
+
+def columns(robot: HybridRobot) -> list[int]:
+    """Return the column in v of each motor."""
+    return [robot.v_slices[robot.joint_index[name]].start for name in robot.motors]
+
+
+def close(a: np.ndarray, b: np.ndarray) -> bool:
+    """Compare relative to the largest entry."""
+    return bool(np.abs(a - b).max() <= EQUAL * max(1.0, np.abs(b).max()))
+
+
+def compare(case: Drawn, rng: np.random.Generator) -> None:
+    """Compare efforts and accelerations, closure rows and residual with Pinocchio's."""
+    robot = hybridyn.from_pinocchio(case.model, case.constraints, home=case.q, motors=single(case))
+    assert robot.nq == case.model.nq
+    assert robot.nv == case.model.nv
+    assert np.allclose(robot.home, case.q, atol=1e-15)
+    v = case.velocity(rng)
+    at = columns(robot)
+    tau = np.zeros(case.model.nv)
+    tau[at] = rng.normal(size=len(at))
+    theirs = case.acceleration(v, tau)
+    assert close(hybridyn.ddm(robot, case.q, v, tau[at], effects=ROTORS), theirs)
+    assert np.abs(hybridyn.closure_residual(robot, case.q)).max(initial=0.0) < 1e-12
+    assert robot.mobility == case.model.nv - np.linalg.matrix_rank(case.rows(), tol=1e-9)
+
+
+def single(case: Drawn) -> list[str]:
+    """Return the names of the joints with one freedom that may be motors."""
+    robot = hybridyn.from_pinocchio(case.model, home=case.q)
+    return [
+        n
+        for n, kind in zip(robot.joints, robot.kinds, strict=True)
+        if kind in "revolute continuous prismatic"
+    ]
+
+
+@pytest.mark.parametrize("floating", [slow(False), True])
+def test_every_joint_of_a_tree(floating: bool) -> None:
+    rng = np.random.default_rng(1)
+    pin.seed(1)
+    case = drawn(rng, [*JOINTS], branch=5, floating=floating)
+    model = case.model
+    robot = hybridyn.from_pinocchio(model)
+    assert robot.base == ("floating" if floating else "fixed")
+    at, v = columns(robot), rng.normal(size=model.nv)
+    tau = np.zeros(model.nv)
+    tau[at] = rng.normal(size=len(at))
+    data = model.createData()
+    a = pin.aba(model, data, case.q, v, tau)
+    assert close(hybridyn.ddm(robot, case.q, v, tau[at]), a)
+    assert close(hybridyn.idm(robot, case.q, v, a), tau[at])
+    own = robot.model.createData()
+    assert close(pin.rnea(robot.model, own, case.q, v, v), pin.rnea(model, data, case.q, v, v))
+    assert close(pin.crba(robot.model, own, case.q), pin.crba(model, data, case.q))
+    pin.framesForwardKinematics(model, data, case.q)
+    motion = hybridyn.kinematics(robot, case.q, v, links=["body1", "body4"])
+    for name in ("body1", "body4"):
+        at_frame = data.oMf[model.getFrameId(name)].translation
+        assert np.allclose(motion[name].pose[:3], at_frame, atol=1e-12)
+
+
+@pytest.mark.parametrize("name", [*CLOSED])
+def test_closed_loops(name: str) -> None:
+    rng = np.random.default_rng(3)
+    pin.seed(3)
+    joints, closures, floating, branch = CLOSED[name]
+    case = drawn(rng, joints, closures, floating=floating, branch=branch, armature=0.1)
+    compare(case, rng)
+
+
+def test_efforts_of_a_closed_loop_give_back_its_accelerations() -> None:
+    rng = np.random.default_rng(5)
+    pin.seed(5)
+    case = drawn(rng, ["RX", "R", "P", "RUBZ", "R", "RX", "R"], ["3D"], branch=3)
+    robot = hybridyn.from_pinocchio(case.model, case.constraints, home=case.q, motors=single(case)[:4])
+    v = case.velocity(rng)
+    tau = np.zeros(case.model.nv)
+    at = columns(robot)
+    tau[at] = rng.normal(size=len(at))
+    a = case.acceleration(v, tau)
+    assert close(hybridyn.idm(robot, case.q, v, a), tau[at])
+
+
+MIMIC = """<robot name="mimic"><link name="a"/><link name="b">{0}</link><link name="c">{0}</link>
+  <joint name="j" type="revolute"><parent link="a"/><child link="b"/><axis xyz="1 2 0"/>
+    <limit lower="-1" upper="1" effort="3" velocity="2"/></joint>
+  <joint name="k" type="revolute"><parent link="b"/><child link="c"/><origin xyz="0 0 1" rpy="0.3 0 0"/>
+    <axis xyz="1 0 2"/><limit lower="-1" upper="1" effort="3" velocity="2"/>
+    <mimic joint="j" multiplier="-2" offset="0.3"/></joint></robot>""".format(
+    '<inertial><origin xyz="0.1 0.2 0"/><mass value="1"/>'
+    '<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>'
+)
+
+
+def test_a_mimicking_joint_is_coupled() -> None:
+    model = pin.buildModelFromXML(MIMIC, mimic=True)
+    robot = hybridyn.from_pinocchio(model)
+    assert robot.motors == ("j",)
+    assert robot.mobility == model.nv == 1
+    q = np.array([0.4, 0.3 - 2 * 0.4])
+    tau = hybridyn.idm(robot, q, np.array([0.5, -1.0]), np.array([2.0, -4.0]))
+    theirs = pin.rnea(model, model.createData(), q[:1], np.array([0.5]), np.array([2.0]))
+    assert close(tau, theirs)
+    assert np.allclose(robot.home, [0.0, 0.3])
+    own = hybridyn.from_pinocchio(pin.buildModelFromXML(MIMIC))  # Pinocchio drops <mimic> by default
+    assert own.mobility == 2
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["delta", "lx4"])
+def test_a_shipped_robot_goes_there_and_back(name: str) -> None:
+    robot = hybridyn.load(name)
+    model, place = robot.model, robot.bodies.place
+    constraints = []
+    for closure in robot.description.closures:
+        ends = []
+        for link, frame in ((closure.link_a, closure.frame_a), (closure.link_b, closure.frame_b)):
+            body, R, p = place[link]
+            joint = model.getJointId(robot.bodies.joints[body - 1].joint.name) if body else 0
+            ends += [joint, pin.SE3(R, p) * pin.SE3(frame)]
+        constraints.append(pin.RigidConstraintModel(pin.ContactType.CONTACT_3D, model, *ends))
+    again = hybridyn.from_pinocchio(model, constraints, home=robot.home, motors=robot.motors)
+    assert again.joints == robot.joints
+    rng = np.random.default_rng(1)
+    wanted = {motor: (0.01, *rng.normal(size=2)) for motor in robot.motors}
+    q, v, a = hybridyn.assemble(robot, motors=wanted, guess=robot.home)
+    assert close(hybridyn.idm(again, q, v, a), hybridyn.idm(robot, q, v, a))
+    tau = rng.normal(size=len(robot.motors))
+    assert close(hybridyn.ddm(again, q, v, tau), hybridyn.ddm(robot, q, v, tau))
+
+
+def test_mjcf_by_way_of_pinocchio(tmp_path: Path) -> None:
+    path = tmp_path / "five_bar.xml"
+    text = next(block.text for block in blocks(ROOT / "docs" / "mjcf.md", "xml"))
+    text = text.replace("<worldbody>", '<worldbody><body name="frame">')  # Pinocchio reads one tree
+    path.write_text(text.replace("</worldbody>", "</body></worldbody>"))
+    model, *constraints = pin.buildModelAndConstraintsFromMJCF(str(path))
+    robot = hybridyn.from_pinocchio(model, constraints, motors=["motor_left", "motor_right"])
+    assert robot.mobility == 2
+    assert len(robot.description.closures) == 1
+
+
+@pytest.mark.slow
+def test_the_frame_of_a_hinge(tmp_path: Path) -> None:
+    """A weld with `kinds` is the hinge about the third axis of its frames."""
+    text = FOUR_BAR.replace("</robot>", '<transmission name="t"><joint name="drive"/></transmission></robot>')
+    description = read_text(tmp_path, text)
+    ours = build_robot(description)
+    model = ours.model
+    (pin_closure,) = description.closures
+    joints = [model.getJointId(name) for name in ("elbow", "swing")]
+    frames = (pin.SE3(pin_closure.frame_a), pin.SE3(pin_closure.frame_b))
+    weld = pin.RigidConstraintModel(
+        pin.ContactType.CONTACT_6D, model, joints[0], frames[0], joints[1], frames[1]
+    )
+    weld.name = "knee"
+    for key in ("knee", 0):
+        robot = hybridyn.from_pinocchio(model, weld, kinds={key: "revolute"}, motors=["drive"])
+        q, v, a = hybridyn.assemble(ours, motors={"drive": (0.3, 1.0, 2.0)}, guess=ours.home)
+        assert close(hybridyn.idm(robot, q, v, a), hybridyn.idm(ours, q, v, a))
+        assert close(hybridyn.closure_residual(robot, q), hybridyn.closure_residual(ours, q))
+
+
+def test_notes_and_homes() -> None:
+    pin.seed(0)
+    model = drawn(np.random.default_rng(0), ["RX", "RY"]).model
+    model.addJoint(1, pin.JointModelRX(), pin.SE3.Identity(), "late")
+    model.addJoint(0, pin.JointModelRX(), pin.SE3.Identity(), "other")
+    model.addJoint(3, pin.JointModelRX(), pin.SE3.Identity(), "out_of_order")
+    model.referenceConfigurations["folded"] = np.arange(5.0)
+    robot = hybridyn.from_pinocchio(model)
+    assert any("not numbered depth-first" in note for note in robot.notes)
+    assert any("'folded'" in note for note in robot.notes)
+    assert robot.joints == ("j2_RX", "j1_RY", "late", "out_of_order", "other")
+    assert list(robot.home) == [0, 1, 2, 4, 3]
+    assert not hybridyn.from_pinocchio(model, home=np.zeros(5)).home.any()
+
+
+def changed(**values: object) -> pin.Model:
+    """Return a model of a hinge and a ball, with numbers of its freedoms changed."""
+    pin.seed(0)
+    model = drawn(np.random.default_rng(0), ["RX", "S"]).model
+    for name, value in values.items():
+        getattr(model, name)[:] = value
+    return model
+
+
+def moving(word: str) -> pin.RigidConstraintModel:
+    """Return a constraint that asks for a motion between its frames."""
+    constraint = pin.RigidConstraintModel(pin.ContactType.CONTACT_6D, changed(), 2)
+    motion = word != "desired_contact_placement"
+    setattr(constraint, word, pin.Motion.Random() if motion else pin.SE3.Random())
+    return constraint
+
+
+def alone(joint: object) -> pin.Model:
+    """Return a model of one joint."""
+    model = pin.Model()
+    model.addJoint(0, joint, pin.SE3.Identity(), "alone")
+    return model
+
+
+@pytest.mark.parametrize(
+    ("make", "options", "message"),
+    [
+        (lambda: alone(pin.JointModelHX(0.1)), {}, "joint 'alone': JointModelHX is a screw"),
+        (lambda: alone(pin.JointModelEllipsoid(1.0, 2.0, 3.0)), {}, "moves on an ellipsoid"),
+        (lambda: changed(armature=0.1), {}, "armature of a joint with several freedoms"),
+        (lambda: changed(friction=0.1), {}, "friction of a joint with several freedoms"),
+        (lambda: changed(damping=np.arange(4.0)), {}, "different damping"),
+        (lambda: changed(damping=-1.0), {}, "negative damping"),
+        (lambda: "robot.urdf", {}, "the model is a str, not a pinocchio.Model"),
+        (changed, {"home": "folded"}, "no reference configuration 'folded'"),
+        (changed, {"home": [0.0]}, "5 finite coordinates"),
+        (changed, {"kinds": {"knee": "revolute"}}, "no constraint is called 'knee'"),
+        (changed, {"constraint_models": [3]}, "holds a int"),
+        (changed, {"constraint_models": moving("desired_contact_velocity")}, "is not zero"),
+        (changed, {"constraint_models": moving("desired_contact_placement")}, "is not zero"),
+        (
+            changed,
+            {"constraint_models": [pin.JointLimitConstraintModel(changed())]},
+            "JointLimitConstraintModel, which closes no loop",
+        ),
+        (
+            changed,
+            {
+                "constraint_models": pin.RigidConstraintModel(pin.ContactType.CONTACT_6D, changed(), 2),
+                "kinds": {0: "hinge"},
+            },
+            "unknown kind 'hinge'",
+        ),
+    ],
+)
+def test_is_refused_by_name(make: Callable[[], object], options: dict[str, object], message: str) -> None:
+    with pytest.raises(ModelError) as caught:
+        hybridyn.from_pinocchio(make(), **options)  # type: ignore[arg-type]
+    assert message in str(caught.value)
