@@ -154,6 +154,10 @@ class MotionLaw:
         Raises:
             SingularityError: A force acts on a motion without inertia, or closures lose rank.
         """
+        return self.driven(t, q, v)[0]
+
+    def driven(self, t: Array, q: Array, v: Array) -> tuple[Array, Array]:
+        """Compute what `accelerations` does, and the efforts within their limits, shape (T, motors)."""
         base = np.array([self.place_base(*s) for s in zip(t, q, v, strict=True)])
         tau = np.array([self.effort(*s) for s in zip(t, q, v, strict=True)]).reshape(len(t), -1)
         if self.on.limits is not None:
@@ -162,7 +166,7 @@ class MotionLaw:
         if self._compiled is not None:
             quick = self._compiled.accelerations(q, v, tau, base)
             if quick is not None:
-                return quick
+                return quick, tau
         loads = all_loads(self.robot, self.on, q, v, t, self._gather(t, q, v))
         a = np.zeros_like(v)
         if self.robot.base == "moving":
@@ -172,7 +176,7 @@ class MotionLaw:
         modules = articulate(self.robot, states, loads, tau, None, passing=True)
         root = base_of(self.robot, q, v, a, self.on.gravity, classical=whole)[1]
         accelerate(self.robot, modules, root, q, v, a)
-        return a
+        return a, tau
 
     def _gather(self, t: Array, q: Array, v: Array) -> Mapping[str, Array] | None:
         """Return the wrenches of a batch by link, shape (T, 6) or (6,) each."""

@@ -21,8 +21,8 @@ from .system import State, StepError, System
 
 #: Number of steps between two checkpoints.
 CHECKPOINT_STEPS = 1000
-#: Number of output samples that are evaluated in one batch of the direct model.
-BLOCK = 512
+#: Number of output samples that are evaluated in one batch of the direct model. An interrupt waits for it.
+BLOCK = 128
 
 Progress = Callable[[float, float], None]
 
@@ -169,10 +169,9 @@ class Run:
         # One sample alone is evaluated twice: NumPy adds its terms in another order than those of several,
         # and a run that stopped and went on must have the bits of one run.
         twice = [np.repeat(x, 2, axis=0) if len(t) == 1 else x for x in (t, q, v)]
-        a = law.accelerations(*twice)[: len(t)] if len(t) else np.zeros((0, robot.nv))
-        tau = np.array([law.effort(*s) for s in zip(t, q, v, strict=True)]).reshape(len(t), len(robot.motors))
-        if law.on.limits is not None:
-            tau = law.on.limits.clip(robot, tau)
+        a, tau = np.zeros((0, robot.nv)), np.zeros((0, len(robot.motors)))
+        if len(t):
+            a, tau = (x[: len(t)] for x in law.driven(*twice))
         law.evaluations = spent
         residual = np.zeros(0)
         if len(t):

@@ -232,6 +232,19 @@ def test_results_are_states_of_the_direct_model() -> None:
     assert np.abs(result.a - expected).max() < 1e-9 * np.abs(expected).max()
 
 
+def test_rows_of_the_output_call_the_controller_once() -> None:
+    robot, q, v = swing("five_bar")
+    asked: list[float] = []
+
+    def effort(t: float, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+        asked.append(t)
+        return np.array([t, -t])
+
+    times = np.linspace(1e-3, 9e-3, 7)
+    simulate(robot, q, v, (0, 0.01), effort=effort, method="rk4", step=0.01, output_times=times)
+    assert [asked.count(t) for t in np.delete(times, 3)] == 6 * [1]  # the middle is a stage of the step
+
+
 def test_a_prescribed_base_carries_the_robot() -> None:
     robot = build_robot(swing("five_bar")[0].description, base="moving")
     t = np.linspace(0, 0.5, 30)
