@@ -6,6 +6,7 @@ from .assembly.residual import closure_residual
 from .compiled.compiling import compile
 from .compiled.derivatives import ddm_jacobian, idm_jacobian
 from .compiled.model import CompiledRobot
+from .conversion.convert import Conversion, convert
 from .dynamics.direct import ddm
 from .dynamics.energy import Energy, Power, centre_of_mass, energy, momentum, power
 from .dynamics.inverse import idm
@@ -43,6 +44,7 @@ __all__ = [
     "AssemblyError",
     "CompileError",
     "CompiledRobot",
+    "Conversion",
     "Energy",
     "Event",
     "HybridRobot",
@@ -63,6 +65,7 @@ __all__ = [
     "check",
     "closure_residual",
     "compile",
+    "convert",
     "coriolis",
     "coriolis_matrix",
     "ddm",

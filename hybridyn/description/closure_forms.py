@@ -39,6 +39,8 @@ FORMS: dict[str, Form] = {
 
 #: Rows of a general closure: translations along and rotations about the axes of the predecessor frame.
 ROWS = ("tx", "ty", "tz", "rx", "ry", "rz")
+#: The rotation row of a universal joint: the third axes of both frames stay perpendicular.
+PERPENDICULAR = "perpendicular"
 
 SINGLE_ROTATION = (
     "a single rotation row is not holonomic, so it closes no loop by itself; "
@@ -72,14 +74,18 @@ def form_of_rows(text: str) -> RowsForm:
     """
     words = text.split()
     for word in words:
-        if word not in ROWS:
-            raise ValueError(f"unknown row '{word}'; rows are {' '.join(ROWS)}")
+        if word not in (*ROWS, PERPENDICULAR):
+            raise ValueError(f"unknown row '{word}'; rows are {' '.join((*ROWS, PERPENDICULAR))}")
     if len(set(words)) != len(words):
         raise ValueError("a row is stated twice")
     if not words:
         raise ValueError("no row is stated, so nothing is closed")
     locked = [axis for axis in range(3) if ROWS[axis] in words]
     turns = [axis for axis in range(3) if ROWS[3 + axis] in words]
+    if PERPENDICULAR in words:
+        if turns:
+            raise ValueError(f"'{PERPENDICULAR}' is the only rotation row that may be stated with itself")
+        return RowsForm(tuple(locked), "perpendicular", np.eye(3))
     if len(turns) == 1:
         raise ValueError(SINGLE_ROTATION)
     if len(turns) != 2:

@@ -149,3 +149,27 @@ def test_wrong_effects_name_their_line(tmp_path: Path, text: str, line: int, mes
     with pytest.raises(ModelError, match=message) as caught:
         load(tmp_path, text)
     assert caught.value.line == line
+
+
+def test_a_coupling(tmp_path: Path) -> None:
+    text = "[couplings.gear]\nterms = { drive = 2.0, elbow = -1.0 }\noffset = 0.5"
+    (coupling,) = load(tmp_path, text).couplings
+    assert (coupling.name, coupling.terms, coupling.offset) == (
+        "gear",
+        (("drive", 2.0), ("elbow", -1.0)),
+        0.5,
+    )
+    assert coupling.line == 1
+
+
+@pytest.mark.parametrize(
+    ("terms", "message"),
+    [
+        ("drve = 1.0", "'drve' is no movable joint .*did you mean 'drive'"),
+        ("drive = 0.0", "with a coeff"),
+        ("", "terms"),
+    ],
+)
+def test_a_coupling_of_nothing_is_refused(terms: str, message: str, tmp_path: Path) -> None:
+    with pytest.raises(ModelError, match=message):
+        load(tmp_path, f"[couplings.gear]\nterms = {{ {terms} }}")

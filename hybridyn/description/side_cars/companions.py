@@ -35,5 +35,5 @@ def find_model_file(file: str) -> Path | None:
 def own_model_file(file: str) -> Path:
     """Return the path of the model file beside a robot file, whether or not it exists."""
     path = Path(file)
-    name = re.sub(r"(\.urdf|\.xml)?(\.xacro)?$", "", path.name)
+    name = re.sub(r"(\.urdf|\.xml|\.sdf|\.usd[acz]?)?(\.xacro)?$", "", path.name)
     return path.with_name(f"{name}.model.toml")

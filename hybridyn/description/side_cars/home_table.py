@@ -2,20 +2,31 @@
 
 from __future__ import annotations
 
-import os
 import re
-import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 
 from ...errors import ModelError
-from ..writing import naming
+from ..writing import write_text
 from .companions import find_model_file, own_model_file
 from .toml_file import parse_toml
 
 _TABLE = re.compile(r"^[ \t]*\[[ \t]*home[ \t]*\][^\n]*\n?", re.MULTILINE)
 _NEXT = re.compile(r"^[ \t]*\[", re.MULTILINE)
 _BARE = re.compile(r"[A-Za-z0-9_-]+")
+
+
+def key_of(name: str, *, bare: bool = True) -> str:
+    """Return a name as a key or a string of TOML.
+
+    Args:
+        name: The name.
+        bare: Whether it may stand without quotes, as a key may.
+    """
+    if bare and _BARE.fullmatch(name):
+        return name
+    quoted = name.replace("\\", "\\\\").replace('"', '\\"')
+    return '"' + "".join(c if c.isprintable() else f"\\U{ord(c):08X}" for c in quoted) + '"'
 
 
 def home_table(home: Mapping[str, tuple[float, ...]]) -> str:
@@ -26,7 +37,7 @@ def home_table(home: Mapping[str, tuple[float, ...]]) -> str:
     """
     lines = ["[home]"]
     for name, values in home.items():
-        key = name if _BARE.fullmatch(name) else '"' + name.replace("\\", "\\\\").replace('"', '\\"') + '"'
+        key = key_of(name)
         numbers = ", ".join(repr(float(value)) for value in values)
         lines.append(f"{key} = {numbers if len(values) == 1 else f'[{numbers}]'}")
     return "\n".join(lines) + "\n"
@@ -50,16 +61,7 @@ def write_home(robot_file: str, home: Mapping[str, tuple[float, ...]]) -> Path:
     before = path.read_bytes().decode("utf-8") if path.exists() else ""
     after = _with_table(before, home_table(home))
     _check(before, after, home, str(path))
-    with naming(path):
-        handle, new = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
-        try:
-            with os.fdopen(handle, "w", encoding="utf-8", newline="") as file:
-                file.write(after)
-            os.chmod(new, path.stat().st_mode & 0o777 if path.exists() else 0o644)
-            os.replace(new, path)
-        except BaseException:
-            os.unlink(new)
-            raise
+    write_text(path, after)
     return path
 
 

@@ -10,6 +10,9 @@ For `X.urdf`, `X.urdf.xacro` or `X.xml`, the file is `X.model.toml` beside it, e
     rotor_inertia = 3e-5            # and gear_ratio, damping, friction
     [effects.spring]                # see `effect_tables`
     stiffness = { slide1 = 40.0 }
+    [couplings.differential]        # sum of coefficient x position = offset
+    terms = { left = 1.0, right = 1.0, wrist = -2.0 }
+    offset = 0.1
 """
 
 from __future__ import annotations
@@ -22,7 +25,7 @@ from pydantic import Field, FiniteFloat, ValidationError
 
 from ...errors import ModelError
 from ..names import did_you_mean
-from ..records import Joint
+from ..records import Coupling, Joint
 from ..robot_file import MotorStatement, RobotFile
 from .effect_tables import EffectTables, known_keys
 from .schema import Schema, first_problem
@@ -56,12 +59,20 @@ class JointNumbers(Schema):
     friction: NotNegative | None = None
 
 
+class CouplingTable(Schema):
+    """A linear relation between joint positions; see `records.Coupling`."""
+
+    terms: Annotated[dict[str, FiniteFloat], Field(min_length=1)]
+    offset: FiniteFloat = 0.0
+
+
 class ModelFile(Schema):
     """The tables of model.toml; a new table is a new field."""
 
     motors: list[str] | None = None
     home: dict[str, FiniteFloat | list[FiniteFloat]] = Field(default_factory=dict)
     joints: dict[str, JointNumbers] = Field(default_factory=dict)
+    couplings: dict[str, CouplingTable] = Field(default_factory=dict)
     effects: EffectTables = Field(default_factory=EffectTables)
 
 
@@ -78,6 +89,8 @@ def read_model_file(text: bytes, file: str) -> ModelFile:
         known = [*ModelFile.model_fields]
         if error.errors()[0]["loc"][:1] == ("joints",):
             known = [*JointNumbers.model_fields]
+        if error.errors()[0]["loc"][:1] == ("couplings",):
+            known = [*CouplingTable.model_fields]
         if error.errors()[0]["loc"][:1] == ("effects",):
             known = known_keys(error.errors()[0]["loc"])
         place, message = first_problem(error, known)
@@ -115,6 +128,13 @@ def apply_model_file(
     for name, numbers in model.joints.items():
         if numbers.gear_ratio == 0:
             raise wrong("joints", name, "a gear ratio of 0 moves nothing")
+    for name, coupling in model.couplings.items():
+        for joint, factor in coupling.terms.items():
+            if joint not in by_name or by_name[joint].kind == "fixed" or not factor:
+                hint = did_you_mean(joint, by_name) if joint not in by_name else ""
+                raise wrong("couplings", name, f"'{joint}' is no movable joint with a coefficient{hint}")
+        line = line_of(text, ("couplings", name))
+        robot.couplings.append(Coupling(name, tuple(coupling.terms.items()), coupling.offset, line))
     _apply_effects(robot, model, text, file)
     robot.joints = [_with_numbers(joint, model.joints.get(joint.name)) for joint in robot.joints]
     if model.motors is not None:

@@ -25,6 +25,9 @@ URDF_KINDS = [kind for kind in get_args(JointKind) if kind != "spherical"]
 #: Most links read; a file with more links is a mistake.
 MOST_LINKS = 300_000
 
+#: Limits of this size are none. URDF has no word for infinity that every program reads.
+UNLIMITED = 1e30
+
 CLOSURE_READERS = {"loop": read_loop, "constraint": read_constraint, "loop_joint": read_loop_joint}
 
 INERTIA_ATTRIBUTES = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
@@ -172,10 +175,8 @@ def _with_limits(joint: Joint, node: Node | None, notes: list[str]) -> Joint:
     if node is None:
         return joint
     node.refuse_misspelt(["lower", "upper", "velocity", "effort"], [])
-    lower = node.number("lower", -math.inf, infinite=True)
-    upper = node.number("upper", math.inf, infinite=True)
-    velocity = node.number("velocity", math.inf, infinite=True)
-    effort = node.number("effort", math.inf, infinite=True)
+    lower = _limit(node, "lower", -math.inf)
+    upper, velocity, effort = (_limit(node, name, math.inf) for name in ("upper", "velocity", "effort"))
     if joint.kind not in ("revolute", "prismatic"):
         lower, upper = -math.inf, math.inf
     if lower > upper:
@@ -194,6 +195,12 @@ def _with_limits(joint: Joint, node: Node | None, notes: list[str]) -> Joint:
         velocity=velocity if velocity >= 0 else math.inf,
         effort=effort if effort >= 0 else math.inf,
     )
+
+
+def _limit(node: Node, name: str, default: float) -> float:
+    """Return a limit; infinity where it is as large as `UNLIMITED`."""
+    value = node.number(name, default, infinite=True)
+    return math.copysign(math.inf, value) if abs(value) >= UNLIMITED else value
 
 
 def _with_dynamics(joint: Joint, node: Node | None) -> Joint:

@@ -1,0 +1,57 @@
+"""`hybridyn convert`: write a robot in another format."""
+
+from __future__ import annotations
+
+import click
+
+from .common.options import RobotCommand, complete_robot, robot_file, takes_packages, takes_xacro_arguments
+
+#: Exit status of --strict where something was lost.
+LOST = 1
+
+
+@click.command("convert", cls=RobotCommand, short_help="The robot in another format: MJCF, URDF.")
+@click.argument("robot", callback=robot_file, shell_complete=complete_robot)
+@click.option(
+    "-o",
+    "--output",
+    metavar="FILE",
+    required=True,
+    help="The file to write; its ending names the format: .urdf, .xml (MJCF).",
+)
+@click.option("--strict", is_flag=True, help="Exit with status 1 if the format cannot say something.")
+@click.option(
+    "--tightness",
+    type=click.FloatRange(0, min_open=True),
+    default=1e-4,
+    show_default=True,
+    help="Distance by which closures may open in a simulator that holds them with springs [m].",
+)
+@takes_xacro_arguments
+@takes_packages
+def command(
+    robot: str,
+    output: str,
+    strict: bool,
+    tightness: float,
+    xacro_args: dict[str, str],
+    package_dirs: tuple[str, ...],
+) -> int:
+    """Write ROBOT (URDF, xacro or MJCF) in another format.
+
+    Tree, closures, inertias, limits, motors, effects and home are written as far as the format can say them.
+    Each line 'lost: ...' names what it cannot. A file FILE.model.toml beside the output holds what only
+    hybridyn reads. ROBOT may be the name of a shipped robot ('hybridyn robots').
+    """
+    from ..conversion.convert import convert
+
+    done = convert(
+        robot, output, tightness=tightness, xacro_args=xacro_args or None, package_dirs=package_dirs
+    )
+    for line in done.losses:
+        click.echo(f"lost: {line}", err=True)
+    for line in done.notes:
+        click.echo(f"note: {line}", err=True)
+    for file in done.files:
+        click.echo(str(file), err=True)
+    return LOST if strict and done.losses else 0

@@ -1,0 +1,29 @@
+"""Collect what a format cannot say: one line for each reason, with all names that it concerns."""
+
+from __future__ import annotations
+
+from ..description.names import listed
+
+
+class Losses:
+    """Reasons in the order in which they occur, each with its names."""
+
+    def __init__(self) -> None:
+        self._names: dict[str, dict[str, None]] = {}
+
+    def add(self, reason: str, name: str = "") -> None:
+        """Add a loss.
+
+        Args:
+            reason: What is lost and what is written in its place, in words that fit several names.
+            name: Name of the joint, link or closure; "" if it concerns the whole robot.
+        """
+        names = self._names.setdefault(reason, {})
+        if name:
+            names[name] = None
+
+    def lines(self) -> tuple[str, ...]:
+        """Return one line for each reason: "speed limits of joints: 'elbow', 'wrist'"."""
+        return tuple(
+            f"{reason}: {listed(names)}" if names else reason for reason, names in self._names.items()
+        )

@@ -1,0 +1,42 @@
+"""Choose the writer of a file by its ending.
+
+A new format is one entry of `WRITERS`: a function from a `Request` to a `Written`. Writers are imported when
+they are used.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+from ..description.names import did_you_mean
+from ..errors import ModelError
+from .request import Request, Written
+
+
+def _urdf(request: Request) -> Written:
+    from .urdf.urdf import write_urdf
+
+    return write_urdf(request)
+
+
+#: Writers by the ending of the file.
+WRITERS: dict[str, Callable[[Request], Written]] = {".urdf": _urdf}
+
+
+def writer_of(target: Path) -> Callable[[Request], Written]:
+    """Return the writer of a file.
+
+    Args:
+        target: The file to be written.
+
+    Raises:
+        ModelError: No writer has this ending.
+    """
+    ending = target.suffix.lower()
+    if ending in WRITERS:
+        return WRITERS[ending]
+    raise ModelError(
+        f"unknown ending '{ending}'{did_you_mean(ending, WRITERS)}; known: {', '.join(WRITERS)}",
+        file=str(target),
+    )

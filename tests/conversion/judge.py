@@ -1,0 +1,186 @@
+"""Judge a robot that was written in another format and read back: the same motion, efforts and closures.
+
+    folder, file -> read_back(description, folder / "robot.xml")
+    same_robot(description, other, states)
+
+Joints are known by their names. Poses of closure frames come from Pinocchio's tree of each robot, at open
+postures too, so that every row is compared and not only those that hold.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+
+from hybridyn import HybridRobot, assemble, ddm, idm
+from hybridyn.assembly.residual import closure_residual
+from hybridyn.conversion.convert import MODEL
+from hybridyn.conversion.request import Request, Written
+from hybridyn.conversion.writers import writer_of
+from hybridyn.description import Closure, Description, read
+from hybridyn.errors import HybridynError
+from hybridyn.structure.building import build_robot
+from tests.comparing import close_to
+
+#: The claim of a round trip: each rotation passes through angles or a quaternion once.
+SAME = 1e-12
+#: The same after solving with matrices of condition up to some hundreds, relative to the largest entry.
+SOLVED = 1e-11
+
+States = tuple[np.ndarray, np.ndarray, np.ndarray]
+
+
+def states(description: Description, seed: int = 5, count: int = 2) -> States:
+    """Assemble a robot with its motors near home, at random rates and accelerations."""
+    robot, draw = build_robot(description), np.random.default_rng(seed)
+    at = {name: robot.home[robot.q_slices[robot.joints.index(name)]] for name in robot.motors}
+    asked = {}
+    for name, x in at.items():
+        here = np.arctan2(x[1], x[0]) if len(x) == 2 else x[0]
+        asked[name] = (
+            here + 0.002 * draw.normal(size=count),
+            draw.normal(size=count),
+            draw.normal(size=count),
+        )
+    return assemble(robot, motors=asked)
+
+
+def written(description: Description, target: Path) -> Written:
+    """Write a robot, and the files beside it."""
+    out = writer_of(target)(Request(description, target))
+    target.write_text(out.text)
+    for ending, text in out.beside.items():
+        target.with_name(target.stem + ending).write_text(text)
+    assert set(out.beside) <= {MODEL, ".yaml"}
+    return out
+
+
+def read_back(description: Description, target: Path) -> tuple[Description, Written]:
+    """Write a robot and read the file."""
+    out = written(description, target)
+    return read(target), out
+
+
+def mapped(a: HybridRobot, b: HybridRobot, q: np.ndarray) -> np.ndarray:
+    """Return positions of one robot as those of another with joints of the same names, shape (T, nq)."""
+    out = np.zeros((len(q), b.model.nq))
+    for name, kind, at in zip(a.joints, a.kinds, a.q_slices, strict=True):
+        number = b.joints.index(name)
+        part, other = q[:, at], b.kinds[number]
+        if kind == "continuous" and other != "continuous":
+            part = np.arctan2(part[:, 1:], part[:, :1])
+        elif other == "continuous" and kind != "continuous":
+            part = np.hstack([np.cos(part), np.sin(part)])
+        out[:, b.q_slices[number]] = part
+    return out
+
+
+def order(a: HybridRobot, b: HybridRobot) -> list[int]:
+    """Return where each rate of the second robot stands in the first."""
+    return [
+        column
+        for name in b.joints
+        for at in [a.v_slices[a.joints.index(name)]]
+        for column in range(at.start, at.stop)
+    ]
+
+
+def same_robot(a: Description, b: Description, states: States) -> None:
+    """Compare two robots whose joints have the same names.
+
+    Args:
+        a: A robot.
+        b: The robot as read back.
+        states: Closed positions, rates and accelerations of the first, shapes (T, nq), (T, nv), (T, nv).
+    """
+    one, two = build_robot(a), build_robot(b)
+    assert sorted(one.joints) == sorted(two.joints)
+    assert two.motors == one.motors
+    q, v, acc = states
+    theirs, columns = mapped(one, two, q), order(one, two)
+    assert closure_residual(two, theirs).max(initial=0.0) < 10 * max(
+        closure_residual(one, q).max(initial=0.0), 1e-13
+    )
+    mine = answer(idm, one, q, v, acc)
+    same_answer(answer(idm, two, theirs, v[:, columns], acc[:, columns]), mine)
+    tau = np.random.default_rng(7).normal(size=(len(q), len(a.motors)))
+    tau *= max(np.abs(mine).max(initial=0.0), 1.0) if isinstance(mine, np.ndarray) else 1.0
+    mine = answer(ddm, one, q, v, tau)
+    mine = mine[:, columns] if isinstance(mine, np.ndarray) else mine
+    same_answer(answer(ddm, two, theirs, v[:, columns], tau), mine)
+    same_closures(one, two, open_postures(one, 3))
+    same_couplings(one, two)
+    close_to(mapped(one, two, one.home[None]), two.home[None], SAME)
+
+
+def answer(model: Callable[..., np.ndarray], *given: object) -> np.ndarray | type:
+    """Return what a model answers, or the type of its error."""
+    asked = {"weights": np.ones(len(given[0].motors)), "passive": "solved"} if model is idm else {}  # type: ignore[attr-defined]
+    try:
+        return model(*given, **asked)
+    except HybridynError as error:
+        return type(error)
+
+
+def same_answer(theirs: np.ndarray | type, ours: np.ndarray | type) -> None:
+    """Compare two answers."""
+    if isinstance(ours, np.ndarray) and isinstance(theirs, np.ndarray):
+        close_to(theirs, ours, SOLVED)
+    else:
+        assert theirs is ours
+
+
+def open_postures(robot: HybridRobot, count: int) -> np.ndarray:
+    """Draw postures whose loops are open, shape (count, nq)."""
+    draw = np.random.default_rng(11)
+    return np.array(
+        [
+            pin.integrate(robot.model, pin.neutral(robot.model), draw.normal(size=robot.nv))
+            for _ in range(count)
+        ]
+    )
+
+
+def same_closures(a: HybridRobot, b: HybridRobot, q: np.ndarray) -> None:
+    """Compare rows and frames of the closures, by name, at open postures."""
+    ours, theirs = ({c.name: c for c in robot.description.closures} for robot in (a, b))
+    assert [(c.name, c.translations, c.rotation) for c in theirs.values()] == [
+        (c.name, c.translations, c.rotation) for c in ours.values()
+    ]
+    for x, y in zip(q, mapped(a, b, q), strict=True):
+        for name, closure in ours.items():
+            for end, other in zip(ends(a, closure, x), ends(b, theirs[name], y), strict=True):
+                np.testing.assert_allclose(other[:3, 3], end[:3, 3], rtol=0, atol=SAME * 10)
+                axes = {"free": 0, "perpendicular": 1, "parallel": 1, "fixed": 3}[closure.rotation]
+                axes = 3 if closure.translations not in ((), (0, 1, 2)) else axes
+                np.testing.assert_allclose(
+                    other[:3, 3 - axes : 3], end[:3, 3 - axes : 3], rtol=0, atol=SAME * 10
+                )
+
+
+def ends(robot: HybridRobot, closure: Closure, q: np.ndarray) -> Sequence[np.ndarray]:
+    """Return both frames of a closure in the world, each (4, 4)."""
+    data = robot.model.createData()
+    pin.framesForwardKinematics(robot.model, data, q)
+    sides = ((closure.link_a, closure.frame_a), (closure.link_b, closure.frame_b))
+    return [data.oMf[robot.model.getFrameId(link, pin.BODY)].homogeneous @ frame for link, frame in sides]
+
+
+def same_couplings(a: HybridRobot, b: HybridRobot) -> None:
+    """Compare couplings, each divided by its largest coefficient, in any order and by any name."""
+
+    def plain(robot: HybridRobot) -> list[dict[str, float]]:
+        out = []
+        for coupling in robot.description.couplings:
+            largest = max((factor for _, factor in coupling.terms), key=abs)
+            out.append(
+                {name: factor / largest for name, factor in coupling.terms} | {"": coupling.offset / largest}
+            )
+        return sorted(out, key=lambda terms: sorted(terms))
+
+    for ours, theirs in zip(plain(a), plain(b), strict=True):
+        assert ours.keys() == theirs.keys()
+        close_to(np.array([theirs[name] for name in ours]), np.array([*ours.values()]), SAME)

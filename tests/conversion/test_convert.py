@@ -1,0 +1,88 @@
+"""The command and the function: which files are written, which are never replaced, what exit status says."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+import hybridyn
+from hybridyn import ModelError, convert
+from tests.command_line import call
+from tests.robot_texts import FOUR_BAR, save
+
+
+def test_the_command_writes_a_robot(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "out" / "robot.urdf"
+    out.parent.mkdir()
+    said = call(capsys, "convert", save(tmp_path, FOUR_BAR), "-o", out, "--strict")
+    assert (said.status, said.out) == (0, "")
+    assert str(out) in said.err
+    assert [path.name for path in out.parent.iterdir()] == ["robot.urdf"]
+    assert hybridyn.load(out).motors == ("drive",)
+
+
+def test_losses_are_listed(tmp_path: Path) -> None:
+    robot = hybridyn.load(save(tmp_path, FOUR_BAR), base="floating", gravity=(0, 0, -1.62))
+    done = convert(robot, tmp_path / "moon.urdf")
+    assert [line.partition(",")[0] for line in done.losses] == [
+        "the base floats",
+        "gravity of 0 0 -1.62 m/s^2",
+    ]
+
+
+def test_its_own_file_is_never_replaced(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = save(tmp_path, FOUR_BAR)
+    said = call(capsys, "convert", file, "-o", tmp_path / "." / file.name)
+    assert said.status == 1
+    assert "is the robot's own file" in said.err
+    assert file.read_text() == FOUR_BAR
+    with pytest.raises(ModelError, match="own file"):
+        convert(hybridyn.load(file), file)
+
+
+@pytest.mark.parametrize(
+    ("target", "message"),
+    [
+        ("robot.udrf", "unknown ending '.udrf' .did you mean '.urdf'"),
+        ("robot", "unknown ending ''"),
+        ("none/robot.urdf", "the folder .* does not exist"),
+        ("folder.urdf", "is a folder"),
+    ],
+)
+def test_a_wrong_target_is_refused(target: str, message: str, tmp_path: Path) -> None:
+    (tmp_path / "folder.urdf").mkdir()
+    with pytest.raises(ModelError, match=message):
+        convert(save(tmp_path, FOUR_BAR), tmp_path / target)
+
+
+def test_model_files_of_others_stay(tmp_path: Path) -> None:
+    file, out = save(tmp_path, FOUR_BAR), tmp_path / "other.urdf"
+    save(tmp_path, "[home]\ndrive = 0.5\n", "four_bar.model.toml")
+    (beside,) = convert(file, out).files[1:]
+    assert beside.name == "other.model.toml"
+    assert convert(file, out).files[1:] == (beside,)  # its own are replaced
+    (tmp_path / "four_bar.model.toml").unlink()
+    assert convert(file, out).files == (out,)
+    assert not beside.exists()  # and removed, since they would be read with the new robot
+    beside.write_text("[home]\ndrive = 1\n")
+    assert "ranks above it" in convert(file, out).notes[-1]
+    save(tmp_path, "[home]\ndrive = 0.5\n", "four_bar.model.toml")
+    with pytest.raises(ModelError, match="is not from convert"):
+        convert(file, out)
+    assert beside.read_text() == "[home]\ndrive = 1\n"
+
+
+def test_the_same_model_file_serves_two_formats(tmp_path: Path) -> None:
+    file = save(tmp_path, FOUR_BAR, "four_bar.urdf.xacro")
+    model = save(tmp_path, "[home]\ndrive = 0.5\n", "four_bar.model.toml")
+    done = convert(file, tmp_path / "four_bar.urdf")
+    assert done.files == (tmp_path / "four_bar.urdf",)
+    assert "belongs to the robot that was converted" in done.notes[-1]
+    assert model.read_text() == "[home]\ndrive = 0.5\n"
+
+
+@pytest.mark.parametrize("tightness", [0.0, -1.0, float("nan"), float("inf")])
+def test_tightness_is_a_length(tightness: float, tmp_path: Path) -> None:
+    with pytest.raises(ModelError, match="tightness"):
+        convert(save(tmp_path, FOUR_BAR), tmp_path / "out.urdf", tightness=tightness)
