@@ -99,6 +99,7 @@ def effective_model(robot: HybridRobot, on: Effects) -> pin.Model:
 
     Callers must not change the model: it may be that of the robot.
     """
+    robot.check_model()
     if on.gravity is not None and on.leg_inertia is not None:
         return robot.model
     model = pin.Model(robot.model)

@@ -161,13 +161,30 @@ class HybridRobot:
         root = self.bodies.bodies[0]
         return spatial_inertia(root.mass, root.com, root.inertia)
 
-    @cached_property
+    @property
     def model(self) -> pin.Model:
-        """Pinocchio model of the spanning tree, built on first use.
+        """Pinocchio model of the spanning tree, built on first use; change a copy of it only.
 
         Raises:
             ModelError: The robot has more than 10,000 joints, which Pinocchio cannot hold.
         """
+        return self._models[0]
+
+    @cached_property
+    def _models(self) -> tuple[pin.Model, pin.Model]:
+        """The model that callers may read, and a copy that shows whether they changed it."""
         from .pinocchio_model import build_model
 
-        return build_model(self.bodies, self.joints, self.base, self.gravity, self.name)
+        model = build_model(self.bodies, self.joints, self.base, self.gravity, self.name)
+        return model, model.copy()
+
+    def check_model(self) -> None:
+        """Check that nobody changed `model`, whose changes hybridyn's own functions would not read.
+
+        Raises:
+            ModelError: It was changed; the message names the parts.
+        """
+        if "_models" in self.__dict__ and self._models[0] != self._models[1]:
+            from .pinocchio_model import refuse_changes
+
+            refuse_changes(*self._models)
