@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING
 import click
 
 from ..errors import install_advice
-from .common.figures import appearing
 from .common.options import RobotChoice, RobotCommand, existing_file, takes_effects, takes_robot
 from .common.progress import Progress
 
@@ -173,6 +172,7 @@ def _write_png(
     own_colours: bool,
     target: str,
 ) -> None:
+    from ..description.writing import appearing
     from ..view.camera import camera_around
     from ..view.placing import extent, place_bodies
     from ..view.render import labelled, render, save_png
@@ -187,8 +187,8 @@ def _write_png(
         picture, placement, camera_around(extent(picture, placement), *size), own_colours=own_colours
     )
     when = f"   {run.time[number]:.2f} s" if run is not None and run.timed else ""
-    with appearing(target) as partial:
-        save_png(labelled(image, f"{robot.name}{when}"), partial)
+    with appearing(target) as draft:
+        save_png(labelled(image, f"{robot.name}{when}"), str(draft))
 
 
 def _write_mp4(
@@ -199,6 +199,7 @@ def _write_mp4(
     own_colours: bool,
     target: str,
 ) -> None:
+    from ..description.writing import appearing
     from ..view.film import frames_around, frames_of_run, pictures_of, save_mp4
 
     if run is None:
@@ -206,14 +207,14 @@ def _write_mp4(
     else:
         frames = frames_of_run(robot, picture, run, size, own_colours=own_colours)
     whole, _ = pictures_of(run)
-    with appearing(target) as partial, Progress("pictures") as progress:
+    with appearing(target) as draft, Progress("pictures") as progress:
 
         def told() -> Iterator[Image]:
             for count, frame in enumerate(frames):
                 progress.show(count + 1, (count + 1) / whole)
                 yield frame
 
-        save_mp4(told(), size, partial)
+        save_mp4(told(), size, str(draft))
 
 
 def _serve(

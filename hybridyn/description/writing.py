@@ -1,16 +1,42 @@
-"""Write a file that appears when it is complete; name it in the errors of a full disk."""
+"""Write files that appear complete or not at all, and name the file in the errors of a full disk."""
 
 from __future__ import annotations
 
 import contextlib
 import errno
 import os
-import tempfile
+import secrets
 from collections.abc import Iterator
 from pathlib import Path
 
 #: Errors that only writing causes, and that the system reports without the name of the file.
 FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
+
+
+@contextlib.contextmanager
+def appearing(target: str | os.PathLike[str]) -> Iterator[Path]:
+    """Yield the path of a draft that replaces a file at the end, or is removed on any error.
+
+    The draft is beside the file and has its ending. If the target is a link, the file behind it is replaced.
+
+    Args:
+        target: The file to write.
+
+    Raises:
+        OSError: The file cannot be written; the error names the target and not the draft.
+    """
+    file = Path(os.path.realpath(target))
+    draft = file.with_name(f".{file.name}.{secrets.token_hex(4)}{file.suffix}")
+    try:
+        with naming(target):
+            yield draft
+            os.replace(draft, file)
+    except OSError as error:
+        if str(error.filename) == str(draft):
+            raise OSError(error.errno, error.strerror, os.fspath(target)) from None
+        raise
+    finally:
+        draft.unlink(missing_ok=True)
 
 
 @contextlib.contextmanager
@@ -31,23 +57,17 @@ def naming(target: str | os.PathLike[str]) -> Iterator[None]:
         raise
 
 
-def write_text(path: Path, text: str) -> None:
-    """Write a text file, which replaces an existing one when it is complete and keeps its permissions.
+def write_text(target: str | os.PathLike[str], text: str) -> None:
+    """Write a text file, which appears when it is complete; a file that it replaces keeps its permissions.
 
     Args:
-        path: The file.
+        target: The file.
         text: Its content.
 
     Raises:
-        OSError: The file cannot be written.
+        OSError: The file cannot be written; the error names it.
     """
-    with naming(path):
-        handle, new = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
-        try:
-            with os.fdopen(handle, "w", encoding="utf-8", newline="") as file:
-                file.write(text)
-            os.chmod(new, path.stat().st_mode & 0o777 if path.exists() else 0o644)
-            os.replace(new, path)
-        except BaseException:
-            os.unlink(new)
-            raise
+    with appearing(target) as draft:
+        draft.write_text(text, encoding="utf-8", newline="")
+        if os.path.exists(target):
+            draft.chmod(os.stat(target).st_mode & 0o777)

@@ -11,12 +11,11 @@ import zlib
 from collections.abc import Mapping
 from dataclasses import asdict, astuple, dataclass, field, fields, is_dataclass, replace
 from os import PathLike
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from ..description.writing import naming
+from ..description.writing import appearing
 from ..errors import TrajectoryError
 from ..spatial import Array
 from ..structure.robot import HybridRobot
@@ -142,13 +141,8 @@ class Result:
         data["event_q"] = np.array([e.q for e in self.events]).reshape(-1, self.q.shape[1])
         data["event_v"] = np.array([e.v for e in self.events]).reshape(-1, self.v.shape[1])
         data["checksum"] = np.array(_checksum(data))
-        part = Path(f"{os.fspath(path)}.part")
-        try:
-            with naming(path), part.open("wb") as file:
-                np.savez(file, **data)
-            part.replace(path)
-        finally:
-            part.unlink(missing_ok=True)
+        with appearing(path) as draft, draft.open("wb") as file:
+            np.savez(file, **data)
 
     @staticmethod
     def load(path: str | PathLike[str]) -> Result:

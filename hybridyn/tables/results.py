@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import TextIO
 
 from ..description.records import Array
-from ..description.writing import naming
+from ..description.writing import appearing, naming
 from ..errors import TrajectoryError
 from .parquet import load_polars, parquet_writer
 
@@ -54,13 +54,13 @@ def _opened(target: str | Path, columns: Sequence[str], remarks: Sequence[str]) 
     file = Path(os.path.realpath(target))  # the target of a link is replaced, not the link
     check_target(target)
     if file.suffix.lower() == ".parquet":
-        with _replacing(file) as draft, parquet_writer(draft, columns, remarks, str(target)) as write:
+        with appearing(file) as draft, parquet_writer(draft, columns, remarks, str(target)) as write:
             yield write
     elif file.exists() and not file.is_file():  # a device or a pipe is written to, never replaced
         with open(file, "w", encoding="utf-8", newline="") as text:
             yield _csv_writer(text, columns, remarks)
     else:
-        with _replacing(file) as draft, open(draft, "x", encoding="utf-8", newline="") as text:
+        with appearing(file) as draft, open(draft, "x", encoding="utf-8", newline="") as text:
             yield _csv_writer(text, columns, remarks)
 
 
@@ -85,18 +85,6 @@ def check_target(target: str | Path) -> None:
         raise TrajectoryError(f"the folder '{file.parent}' cannot be written to", file=str(target))
     if file.suffix.lower() == ".parquet":
         load_polars(str(target))
-
-
-@contextlib.contextmanager
-def _replacing(file: Path) -> Iterator[Path]:
-    """Yield the name of a draft beside `file`; rename it to `file` at the end, remove it on any error."""
-    draft = file.with_name(f".{file.name}.{os.getpid()}.tmp")
-    draft.unlink(missing_ok=True)  # left by a killed process with the same id
-    try:
-        yield draft
-        os.replace(draft, file)
-    finally:
-        draft.unlink(missing_ok=True)
 
 
 def _csv_writer(text: TextIO, columns: Sequence[str], remarks: Sequence[str]) -> Write:

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import contextlib
 import importlib.util
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -82,6 +81,8 @@ def save(figure: Figure, target: str) -> None:
     """
     import matplotlib
 
+    from ...description.writing import appearing
+
     # Text stays text in SVG: it can be searched, and the file is small.
     with appearing(target) as partial, matplotlib.rc_context({"svg.fonttype": "none"}):
         figure.savefig(partial, dpi=DPI)
@@ -95,9 +96,10 @@ def save_chart(chart: Chart, target: str) -> None:
         target: Its file.
     """
     if target.lower().endswith(PAGE):
+        from ...description.writing import write_text
         from ...figures.as_page import page_of_chart
 
-        _save_text(page_of_chart(chart), target)
+        write_text(target, page_of_chart(chart))
         return
     from ...figures.as_matplotlib import figure_of_chart
 
@@ -111,6 +113,7 @@ def save_structure(robot: HybridRobot, target: str) -> None:
         robot: The robot.
         target: The drawing's file.
     """
+    from ...description.writing import write_text
     from ...figures.structure_cards import cards, dot_of_cards
 
     if not target.lower().endswith(GRAPH):
@@ -118,7 +121,7 @@ def save_structure(robot: HybridRobot, target: str) -> None:
 
         save(figure_of_cards(cards(robot)), target)
         return
-    _save_text(dot_of_cards(cards(robot)), target)
+    write_text(target, dot_of_cards(cards(robot)))
 
 
 def save_sizing(sizing: Sizing, title: str, target: str) -> None:
@@ -130,18 +133,14 @@ def save_sizing(sizing: Sizing, title: str, target: str) -> None:
         target: Its file.
     """
     if target.lower().endswith(PAGE):
+        from ...description.writing import write_text
         from ...figures.sizing_page import page_of_sizing
 
-        _save_text(page_of_sizing(sizing, title=title), target)
+        write_text(target, page_of_sizing(sizing, title=title))
         return
     from ...figures.sizing import figure_of_sizing
 
     save(figure_of_sizing(sizing, title=title), target)
-
-
-def _save_text(text: str, target: str) -> None:
-    with appearing(target) as partial, open(partial, "w", encoding="utf-8") as file:
-        file.write(text)
 
 
 class Drawing:
@@ -166,18 +165,3 @@ class Drawing:
 
         x, rows = self.rows.lines()
         save_chart(chart_of_rows(robot, columns, x, rows, timed=self.timed, title=title), self.target)
-
-
-@contextlib.contextmanager
-def appearing(target: str) -> Iterator[str]:
-    """Yield the path of a partial file, which is renamed to `target` when it is complete."""
-    from ...description.writing import naming
-
-    partial = f"{target}.part{os.path.splitext(target)[1]}"
-    try:
-        with naming(target):
-            yield partial
-        os.replace(partial, target)
-    finally:
-        if os.path.exists(partial):
-            os.unlink(partial)

@@ -7,7 +7,6 @@ import io
 import json
 import os
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
 import click
@@ -32,16 +31,9 @@ def write_report(target: str, rows: Sequence[dict[str, Any]]) -> None:
         target: The file, .csv or .json.
         rows: Names and values, None for unknown ones.
     """
-    from ...description.writing import naming
+    from ...description.writing import write_text
 
-    draft = Path(f"{target}.part")
-    try:
-        with naming(target):
-            text = _json(rows) if target.lower().endswith(".json") else _csv(rows)
-            draft.write_text(text, encoding="utf-8")
-        os.replace(draft, target)
-    finally:
-        draft.unlink(missing_ok=True)
+    write_text(target, _json(rows) if target.lower().endswith(".json") else _csv(rows))
 
 
 def _json(rows: Sequence[dict[str, Any]]) -> str:

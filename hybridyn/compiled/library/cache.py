@@ -23,6 +23,7 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ...description.writing import appearing
 from ...errors import CompileError
 from .building import NATIVE, build
 from .compilers import FLAGS, find_compiler, machine
@@ -161,10 +162,9 @@ def _build(at: Path, name: str, source: Source, libraries: tuple[str, ...]) -> B
 def _write(path: Path, content: bytes) -> None:
     """Write a file beside its place and move it there."""
     path.parent.mkdir(exist_ok=True, mode=0o700)
-    handle, temporary = tempfile.mkstemp(dir=path.parent)
-    with os.fdopen(handle, "wb") as file:
-        file.write(content)
-    os.replace(temporary, path)
+    with appearing(path) as draft:
+        draft.touch(0o600)
+        draft.write_bytes(content)
 
 
 @cache

@@ -1,0 +1,43 @@
+"""Files that appear complete or not at all."""
+
+from __future__ import annotations
+
+import errno
+from pathlib import Path
+
+import pytest
+
+from hybridyn.description.writing import appearing
+
+
+def test_a_file_is_replaced_behind_its_link_and_only_when_it_is_complete(tmp_path: Path) -> None:
+    file, link = tmp_path / "table.csv", tmp_path / "link.csv"
+    file.write_text("old")
+    link.symlink_to(file)
+    with appearing(link) as draft:
+        draft.write_text("new")
+        assert draft.suffix == ".csv"
+        assert file.read_text() == "old"
+    assert (file.read_text(), link.is_symlink()) == ("new", True)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["link.csv", "table.csv"]
+
+
+@pytest.mark.parametrize("error", [ValueError("wrong"), KeyboardInterrupt(), OSError(errno.ENOSPC, "full")])
+def test_no_draft_is_left_by_an_error(tmp_path: Path, error: BaseException) -> None:
+    file = tmp_path / "table.csv"
+
+    def fail(draft: Path) -> None:
+        draft.write_text("half")
+        raise error
+
+    with pytest.raises(type(error)) as caught, appearing(file) as draft:
+        fail(draft)
+    assert list(tmp_path.iterdir()) == []
+    assert getattr(caught.value, "filename", str(file)) == str(file)
+
+
+def test_errors_name_the_target(tmp_path: Path) -> None:
+    file = tmp_path / "missing" / "table.csv"
+    with pytest.raises(FileNotFoundError) as caught, appearing(file) as draft:
+        draft.write_text("text")
+    assert caught.value.filename == str(file)
