@@ -112,10 +112,10 @@ def command(
     with Progress("configurations") as bar:
         done = [0]
 
-        def progress(what: str) -> None:
+        def progress(_: str) -> None:
+            """Count one more configuration."""
             done[0] += 1
             bar.show(done[0], None)
-            del what
 
         if scene:
             study = _scene(source, until, limit, allow_python, progress)

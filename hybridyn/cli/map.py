@@ -105,6 +105,7 @@ def command(
     import numpy as np
 
     from ..quantities.coordinates import check_joints
+    from ..quantities.joint_map import motors_beside
     from ..tables.results import open_results
 
     if (source is None) == (grid is None):
@@ -125,7 +126,7 @@ def command(
     rows = table.rows if time is None else np.column_stack([time, table.rows])
     with open_results(output, [*timed, *table.columns]) as write:
         write(rows)
-    motors = list(dict.fromkeys(name.split("/")[0] for name in table.columns if "/per/" in name))
+    motors = motors_beside(robot, joints)
     low, high = table.condition.min(), table.condition.max()
     lines = [
         f"{robot.name}: {', '.join(joints)} of {', '.join(motors)}; {counted(len(rows), 'posture')}, "

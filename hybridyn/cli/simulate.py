@@ -87,6 +87,7 @@ def command(
         steps, reached = 0, 0.0
 
         def after_step(t: float, end: float) -> None:
+            """Show how far the run is, and stop it on Ctrl-C and at `until`."""
             nonlocal steps, reached
             steps, reached = steps + (t != reached), t
             bar.show(steps, t / end)
@@ -131,6 +132,7 @@ def _evaluations(ready: Stage) -> int:
     taken = 0
 
     def stop(t: float, end: float) -> None:
+        """End the trial run after its steps."""
         nonlocal taken
         taken += 1
         if taken == TRIAL:
@@ -166,6 +168,7 @@ def _between_steps() -> Iterator[list[int]]:
     marks: list[int] = []
 
     def mark(number: int, frame: object) -> None:
+        """Note the first Ctrl-C; end the program at the second."""
         if marks:
             raise KeyboardInterrupt
         marks.append(number)

@@ -298,6 +298,7 @@ def takes_robot(function: Callable[..., Any]) -> Callable[..., Any]:
 
     @functools.wraps(function)
     def body(**words: Any) -> Any:
+        """Collect the robot's options in a `RobotChoice`, and call the function with it."""
         own = {field.name: words.pop(field.name) for field in dataclasses.fields(RobotChoice)}
         return function(load=RobotChoice(**own), **words)
 

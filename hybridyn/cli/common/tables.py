@@ -157,6 +157,8 @@ def takes_table(
     )
 
     def decorate(function: Callable[..., Any]) -> Callable[..., Any]:
+        """Add the options to a function that takes `tables`."""
+
         @functools.wraps(function)
         def body(
             source: str,
@@ -167,6 +169,7 @@ def takes_table(
             quiet: bool,
             **rest: Any,
         ) -> Any:
+            """Check the files, and call the function with them."""
             _check_targets(source, output, reactions)
             return function(tables=Tables(source, output, reactions, jobs, quiet, plot), **rest)
 
@@ -269,6 +272,7 @@ def _writer(tables: Tables, robot: HybridRobot, plan: Plan, timed: bool) -> Any:
             inner = files.enter_context(open_results(tables.reactions, columns))
 
         def write(done: Any) -> None:
+            """Write the rows of a block."""
             for rows, to in ((done.rows, result), (done.reactions, inner)):
                 if to is not None:
                     to(rows if done.time is None else np.column_stack([done.time, rows]))
