@@ -11,7 +11,8 @@ from .failures import as_compile_error
 from .library.cache import Built
 from .library.calls import Library, loaded
 from .library.compilers import best_lanes, find_compiler
-from .model import CompiledRobot, built_library
+from .model import CompiledRobot
+from .programs.sources import built_library
 from .verifying import verify
 
 

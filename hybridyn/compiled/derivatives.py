@@ -8,13 +8,9 @@ Single columns also depend on the choice of eliminated closure rows.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..dynamics.direct import ddm
-from ..dynamics.inverse import idm
 from ..effects.choice import Choice, choose
 from ..errors import CompileError, ModelError, SingularityError, TrajectoryError
 from ..linkage.joints import NV
@@ -25,6 +21,7 @@ from ..structure.samples import as_batch, same_samples
 from .code.scalars import GUARD_LIMIT
 from .failures import as_compile_error
 from .needs import WITHOUT_CASADI
+from .programs.general import GENERAL, general
 
 try:
     import casadi as ca
@@ -38,7 +35,6 @@ except ModuleNotFoundError as error:
 
 Jacobians = dict[str, Array]
 
-GENERAL: dict[str, Callable[..., Array]] = {"idm": idm, "ddm": ddm}
 
 #: Largest allowed difference from the general path of a model whose guard is above its limit, relative to the
 #: largest entry.
@@ -181,12 +177,10 @@ class Derivatives:
         Raises:
             HybridynError: The general path cannot compute them either, or the model differs from it there.
         """
-        more = dict(arrays)
-        base = {"base_acceleration": more.pop("base_acceleration")} if len(more) == 4 else {}
-        general = GENERAL[self._model](self._robot, *more.values(), effects=self._effects, **base)
+        wanted = general(self._robot, self._effects, self._model, arrays)
         for t in doubtful:
             value = self._value.call([*(x[t] for x in arrays.values()), self._parameters])[0]
-            off = np.abs(np.array(value).ravel() - general[t]).max() / np.abs(general[t]).max(initial=1e-300)
+            off = np.abs(np.array(value).ravel() - wanted[t]).max() / np.abs(wanted[t]).max(initial=1e-300)
             if not off <= DERIVATIVE_AGREES:
                 raise SingularityError(
                     f"derivatives of '{self._model}' are not to be trusted at sample {t}: the pivots of the "

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,21 +11,20 @@ from numpy.typing import ArrayLike
 
 from ..assembly.assemble import by_name, first_guess
 from ..assembly.requests import Requests, gather_requests
-from ..dynamics.direct import ddm
-from ..dynamics.inverse import idm
 from ..dynamics.link_motion import LinkMotion, motions_of, named_links
 from ..effects.choice import Effects
-from ..errors import HybridynError, ModelError
+from ..errors import ModelError
 from ..spatial import Array
 from ..structure.robot import HybridRobot
-from ..structure.samples import as_batch, as_positions, same_samples
 from .code.scalars import Scalar
-from .library.cache import Built, cached
+from .library.cache import Built
 from .library.calls import REFUSED, Library, Numbers
 from .library.compilers import best_lanes
-from .programs.body_rows import body_motion, body_rows
+from .programs.body_rows import body_motion
 from .programs.closing.assembling import Assembler
-from .programs.sources import robot_key, source_of, write_programs
+from .programs.closing.given import requests_of_motors
+from .programs.general import as_batches, check_batches, everywhere, general, general_rows
+from .programs.sources import built_library, write_programs
 
 if TYPE_CHECKING:
     import casadi as ca
@@ -33,8 +32,6 @@ if TYPE_CHECKING:
     from .program import Program
 
 log = logging.getLogger("hybridyn.compiled")
-
-GENERAL: dict[str, Callable[..., Any]] = {"idm": idm, "ddm": ddm}
 
 
 class CompiledRobot:
@@ -59,7 +56,6 @@ class CompiledRobot:
         self._motors_still = np.zeros(len(robot.motors))
         self._idm, self._ddm = library.programs["idm"], library.programs["ddm"]
         self._moving = robot.base == "moving"
-        self._still = np.zeros(6, self.dtype)
         plain = effects.limits is None
         self._idm_at_once = self._idm.at_once if self._idm.at_once and plain else _refuse
         self._ddm_at_once = self._ddm.at_once if self._ddm.at_once and plain and not self._moving else _refuse
@@ -111,7 +107,7 @@ class CompiledRobot:
                 return out
         given = {"q": q, "v": v, "tau": tau}
         if self._moving or base_acceleration is not None:
-            given["base_acceleration"] = self._base(base_acceleration, np.shape(q)[:-1])
+            given["base_acceleration"] = everywhere(base_acceleration, np.shape(q)[:-1], self.dtype)
         return self._run("ddm", given)
 
     def assemble(
@@ -176,24 +172,9 @@ class CompiledRobot:
         change = self._motors_still if acceleration is None else acceleration
         if self._close_at_once(last, position, speed, change, out) == 0:
             return out[:nq], out[nq : nq + nv], out[nq + nv :]
-        return self._close(position, (rate, acceleration), last)
-
-    def _close(
-        self, position: ArrayLike, rates: tuple[ArrayLike | None, ...], last: Array | None
-    ) -> tuple[Array, Array, Array]:
-        """Close rows from motors of which no fast call is certain."""
-        count = len(self.robot.motors)
-        first, single = as_batch(position, count, "position of the motors")
-        levels = [first]
-        for x in rates:
-            levels.append(np.zeros_like(first) if x is None else as_batch(x, count, "rate of the motors")[0])
-        same_samples(**dict(zip(("position", "rate", "acceleration"), levels, strict=True)))
-        each = [x[0] if single else x for x in levels]
-        motors = {name: tuple(x[..., i] for x in each) for i, name in enumerate(self.robot.motors)}
-        requests = gather_requests(self.robot, motors, {})
+        requests = requests_of_motors(self.robot, position, (rate, acceleration))
         q, v, a = self._assemble(requests, last)
-        follow = self._assembler.follow_motors(requests, np.atleast_2d(q)[-1])
-        self._close_at_once = follow or _refuse
+        self._close_at_once = self._assembler.follow_motors(requests, np.atleast_2d(q)[-1]) or _refuse
         return q, v, a
 
     def accelerations(self, q: Array, v: Array, tau: Array, base: Array) -> Array | None:
@@ -269,70 +250,30 @@ class CompiledRobot:
         """The models as programs."""
         return write_programs(self.robot, self.effects)
 
-    def _base(self, acceleration: ArrayLike | None, samples: tuple[int, ...]) -> ArrayLike:
-        """Return the acceleration of a moving base at every sample."""
-        if acceleration is None:
-            return self._still if not samples else np.zeros((*samples, 6), self.dtype)
-        if np.shape(acceleration) == (6,) and samples:
-            return np.tile(np.asarray(acceleration), (*samples, 1))
-        return acceleration
-
     def _run(self, name: str, given: dict[str, ArrayLike]) -> Numbers:
         """Run a model for one sample or many."""
         calls = self.library.programs[name]
         sizes = dict(calls.inputs)
         if given.keys() != sizes.keys():  # a base_acceleration for a base that does not move
-            return self._general(name, given)
-        if any(hasattr(value, "columns") for value in given.values()):
-            check_batches(given, sizes)
-        try:
-            arrays = {key: np.asarray(value, dtype=float) for key, value in given.items()}
-        except (TypeError, ValueError):
-            check_batches(given, sizes)
-            raise
-        ranks = {array.ndim for array in arrays.values()}
-        if ranks - {1, 2}:
-            check_batches(arrays, sizes)
-        many = {key: array if array.ndim == 2 else array[None] for key, array in arrays.items()}
-        if any(array.shape[1] != sizes[key] for key, array in many.items()):
-            check_batches(arrays, sizes)
-        same_samples(**many)
+            return general(self.robot, self.effects, name, given)
+        batches = many = as_batches(given, sizes)
         limits = self.effects.limits
         if limits is not None and name == "ddm":
-            many["tau"] = limits.clip(self.robot, many["tau"])
+            many = batches | {"tau": limits.clip(self.robot, batches["tau"])}
         outputs, guard = calls.batch(list(many.values()), self.threads)
         doubtful = np.flatnonzero(~(guard <= calls.trusted))
         result = outputs[0]
         if len(doubtful):
-            check_batches(arrays, sizes)
-            result[doubtful] = self._recompute(name, many, doubtful)
+            check_batches(batches, sizes)
+            self.recomputed += len(doubtful)
+            log.info(
+                "%s: %d of %d samples computed by the general path (first: %d)",
+                name, len(doubtful), len(result), doubtful[0],
+            )  # fmt: skip
+            result[doubtful] = general_rows(self.robot, self.effects, name, many, doubtful)
         if limits is not None and name == "idm":
             limits.check(self.robot, result)
-        return result[0] if arrays["q"].ndim == 1 else result
-
-    def _recompute(self, name: str, given: dict[str, Array], doubtful: np.ndarray[Any, Any]) -> Array:
-        """Compute doubtful samples by the general path."""
-        self.recomputed += len(doubtful)
-        log.info(
-            "%s: %d of %d samples computed by the general path (first: %d)",
-            name, len(doubtful), len(given["q"]), doubtful[0],
-        )  # fmt: skip
-        try:
-            return self._general(name, {key: array[doubtful] for key, array in given.items()})
-        except HybridynError:
-            if len(doubtful) == len(given["q"]):
-                raise
-            return np.asarray(self._general(name, given)[doubtful])  # the error names the sample's own number
-
-    def _general(self, name: str, given: dict[str, Any]) -> Array:
-        """Call the general path."""
-        inputs = dict(given)
-        more = {"base_acceleration": inputs.pop("base_acceleration")} if "base_acceleration" in inputs else {}
-        if name == "kinematics":
-            as_positions(self.robot, inputs["q"])
-            return body_rows(self.robot, *inputs.values())
-        general: Callable[..., Array] = GENERAL[name]
-        return general(self.robot, *inputs.values(), effects=self.effects, **more)
+        return result[0] if np.ndim(given["q"]) == 1 else result
 
 
 def _restored(robot: HybridRobot, effects: Effects, built: Built, threads: int) -> CompiledRobot:
@@ -351,31 +292,3 @@ def _restored(robot: HybridRobot, effects: Effects, built: Built, threads: int) 
 def _refuse(*_: object) -> int:
     """Refuse every single call; stands for the fast C call of a program that has none."""
     return REFUSED
-
-
-def check_batches(arrays: Mapping[str, ArrayLike], sizes: dict[str, int]) -> None:
-    """Check arrays as the general path does, with its error messages.
-
-    Raises:
-        TrajectoryError: An array has a wrong shape or a number that is not finite.
-    """
-    for key, array in arrays.items():
-        as_batch(array, sizes[key], key)
-
-
-def built_library(
-    robot: HybridRobot, effects: Effects, scalar: Scalar, accept: Callable[[Built], None] = lambda built: None
-) -> Built:
-    """Return the library of a robot's models from the cache, or build it.
-
-    Args:
-        robot: The robot.
-        effects: Effects in the models.
-        scalar: Scalar type and number of lanes.
-        accept: Checks a new library and raises if it is wrong.
-
-    Raises:
-        CompileError: There is no compiler, the compiler fails, or casadi is not installed.
-    """
-    key = robot_key(robot, effects) + repr(scalar)
-    return cached(key, lambda: source_of(robot, effects, scalar), accept=accept)

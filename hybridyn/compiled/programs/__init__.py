@@ -2,7 +2,7 @@
 
 Read `writer` (collects kernels and calls), `module_calls`, `inverse`, `direct`, `kinematics`, `close`,
 `lift`, then `whole_robot` and `sources`. `interpreter` runs a program in CasADi. `statistics` counts its
-operations.
+operations. `general` is the general path behind the programs.
 
 May import: `equations`, `code`, `program`, and what `compiled` may.
 """

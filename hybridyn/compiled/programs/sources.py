@@ -1,9 +1,10 @@
-"""Generate the programs of a robot's models and their C source."""
+"""Generate the programs of a robot's models, their C source, and the built library."""
 
 from __future__ import annotations
 
 import hashlib
 import pickle
+from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -11,6 +12,7 @@ from ...effects.choice import Effects
 from ...structure.robot import HybridRobot
 from ..code.scalars import Scalar
 from ..failures import as_compile_error
+from ..library.cache import Built, cached
 
 if TYPE_CHECKING:
     from ..code.library_source import Source
@@ -24,6 +26,24 @@ def robot_key(robot: HybridRobot, effects: Effects | None) -> str:
         robot.rank_tolerance, sorted(robot.held), robot.payloads, effects,
     )  # fmt: skip
     return hashlib.sha256(pickle.dumps(facts)).hexdigest()
+
+
+def built_library(
+    robot: HybridRobot, effects: Effects, scalar: Scalar, accept: Callable[[Built], None] = lambda built: None
+) -> Built:
+    """Return the library of a robot's models from the cache, or build it.
+
+    Args:
+        robot: The robot.
+        effects: Effects in the models.
+        scalar: Scalar type and number of lanes.
+        accept: Checks a new library and raises if it is wrong.
+
+    Raises:
+        CompileError: There is no compiler, the compiler fails, or casadi is not installed.
+    """
+    key = robot_key(robot, effects) + repr(scalar)
+    return cached(key, lambda: source_of(robot, effects, scalar), accept=accept)
 
 
 def source_of(robot: HybridRobot, effects: Effects, scalar: Scalar) -> Source:

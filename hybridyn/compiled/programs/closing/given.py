@@ -5,11 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ....assembly.module_request import ModuleRequest
+from ....assembly.requests import Requests, gather_requests
 from ....linkage.targets import PoseTarget
 from ....linkage.tree import Tree
 from ....spatial import Array, Index, quaternion_from_rotation
+from ....structure.robot import HybridRobot
+from ....structure.samples import as_batch, same_samples
 
 #: Kinds of prescribed numbers: a length or an angle, an angle up to whole turns, a pose (7 numbers).
 NUMBER, ANGLE, POSE = 0, 1, 2
@@ -62,6 +66,30 @@ class Given:
             assert motion is not None
             parts += [motion.p[:, body], quaternion_from_rotation(motion.R[:, body])]
         return np.concatenate(parts, axis=1)
+
+
+def requests_of_motors(
+    robot: HybridRobot, position: ArrayLike, rates: tuple[ArrayLike | None, ArrayLike | None]
+) -> Requests:
+    """Return the requests that prescribe all motors.
+
+    Args:
+        robot: The robot.
+        position: Positions in the order of `robot.motors`, shape (motors,) or (T, motors), [m or rad].
+        rates: Their rates and accelerations, of the same shape; zero where left out.
+
+    Raises:
+        TrajectoryError: An array has a wrong shape, or is not finite.
+    """
+    count = len(robot.motors)
+    first, single = as_batch(position, count, "position of the motors")
+    levels = [first]
+    for x in rates:
+        levels.append(np.zeros_like(first) if x is None else as_batch(x, count, "rate of the motors")[0])
+    same_samples(**dict(zip(("position", "rate", "acceleration"), levels, strict=True)))
+    each = [x[0] if single else x for x in levels]
+    motors = {name: tuple(x[..., i] for x in each) for i, name in enumerate(robot.motors)}
+    return gather_requests(robot, motors, {})
 
 
 def given_of(request: ModuleRequest) -> Given | None:

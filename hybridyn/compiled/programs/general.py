@@ -1,0 +1,99 @@
+"""The general path behind the models: it computes samples in doubt, and says what is wrong with arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ...dynamics.direct import ddm
+from ...dynamics.inverse import idm
+from ...effects.choice import Effects
+from ...errors import HybridynError
+from ...spatial import Array, Index
+from ...structure.robot import HybridRobot
+from ...structure.samples import as_batch, as_positions, same_samples
+from .body_rows import body_rows
+
+GENERAL: dict[str, Callable[..., Any]] = {"idm": idm, "ddm": ddm}
+
+
+def as_batches(given: Mapping[str, ArrayLike], sizes: dict[str, int]) -> dict[str, Array]:
+    """Return the arguments of a model as batches of equal size; their numbers are not checked.
+
+    Args:
+        given: Arguments by name, shape (width,) or (T, width).
+        sizes: Width of each.
+
+    Raises:
+        TrajectoryError: An array has a wrong shape, or is no array of numbers.
+    """
+    if any(hasattr(value, "columns") for value in given.values()):
+        check_batches(given, sizes)
+    try:
+        arrays = {key: np.asarray(value, dtype=float) for key, value in given.items()}
+    except (TypeError, ValueError):
+        check_batches(given, sizes)
+        raise
+    if {array.ndim for array in arrays.values()} - {1, 2}:
+        check_batches(arrays, sizes)
+    many = {key: array if array.ndim == 2 else array[None] for key, array in arrays.items()}
+    if any(array.shape[1] != sizes[key] for key, array in many.items()):
+        check_batches(arrays, sizes)
+    same_samples(**many)
+    return many
+
+
+def check_batches(arrays: Mapping[str, ArrayLike], sizes: dict[str, int]) -> None:
+    """Check arrays as the general path does, with its error messages.
+
+    Raises:
+        TrajectoryError: An array has a wrong shape or a number that is not finite.
+    """
+    for key, array in arrays.items():
+        as_batch(array, sizes[key], key)
+
+
+def everywhere(acceleration: ArrayLike | None, samples: tuple[int, ...], dtype: np.dtype[Any]) -> ArrayLike:
+    """Return the acceleration of a moving base at every sample, shape (*samples, 6); zero where left out."""
+    if acceleration is None:
+        return np.zeros((*samples, 6), dtype)
+    if np.shape(acceleration) == (6,) and samples:
+        return np.tile(np.asarray(acceleration), (*samples, 1))
+    return acceleration
+
+
+def general_rows(
+    robot: HybridRobot, effects: Effects, name: str, given: dict[str, Array], rows: Index
+) -> Array:
+    """Compute some samples of a batch by the general path.
+
+    Args:
+        robot: The robot.
+        effects: The effects.
+        name: Name of the model.
+        given: Its arguments, shape (T, width) each.
+        rows: Numbers of the samples.
+
+    Raises:
+        HybridynError: A sample is wrong; the message has its number in the batch.
+    """
+    try:
+        return general(robot, effects, name, {key: array[rows] for key, array in given.items()})
+    except HybridynError:
+        if len(rows) == len(given["q"]):
+            raise
+        return np.asarray(general(robot, effects, name, given)[rows])
+
+
+def general(robot: HybridRobot, effects: Effects, name: str, given: Mapping[str, Any]) -> Array:
+    """Compute a model by the general path; arguments are those of `CompiledRobot`."""
+    inputs = dict(given)
+    more = {"base_acceleration": inputs.pop("base_acceleration")} if "base_acceleration" in inputs else {}
+    if name == "kinematics":
+        as_positions(robot, inputs["q"])
+        return body_rows(robot, *inputs.values())
+    found: Array = GENERAL[name](robot, *inputs.values(), effects=effects, **more)
+    return found
