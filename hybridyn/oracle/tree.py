@@ -4,55 +4,22 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 
 from ..description.records import Closure, Description, Joint, JointKind
-from .arithmetic import Arithmetic, Factor, Numbers, cross
+from .arithmetic import Arithmetic, Factor, Numbers
+from .joints import FREEDOMS, SLIDES, displacement, moved, triad
 from .rows import ROWS, Frame, Row, constraint_rows, coordinate_rows
+from .turns import nearest_turns
 
 Base = Literal["fixed", "moving", "floating"]
 
 ROOT_JOINT = "root_joint"
 WORLD = "(world)"
-FREEDOMS: dict[JointKind, tuple[int, int]] = {
-    "fixed": (0, 0),
-    "revolute": (1, 1),
-    "continuous": (2, 1),
-    "prismatic": (1, 1),
-    "spherical": (4, 3),
-    "planar": (4, 3),
-    "floating": (7, 6),
-}
-SLIDES: dict[JointKind, int] = {
-    "prismatic": 1,
-    "planar": 2,
-    "floating": 3,
-}  # velocity coordinates in m/s, first
-
-
 #: Size of a scaled row: where all rows are zero to rounding, none is independent.
 ROW = 1.0
-#: Whole turns of a continuous joint that a coupling may have made, for two such joints; fewer for more.
-MOST_TURNS = 60
-#: Combinations of turns that are tried.
-COMBINATIONS = 4000
-#: Residuals that differ by less than this for each turn count as equal: the fewest turns are taken [rad].
-SAME_RESIDUAL = 1e-12
-
-
-def quaternion_matrix(xyzw: Numbers) -> Numbers:
-    """Build the rotation of a quaternion (x, y, z, w) of any norm."""
-    u, w = xyzw[:3], xyzw[3]
-    skew = np.array([cross(u, e) for e in np.eye(3)]).T
-    R: Numbers = ((w * w - u @ u) * np.eye(3) + 2 * np.outer(u, u) + 2 * w * skew) / (xyzw @ xyzw)
-    return R
-
-
-def rotation_about_z(c: Any, s: Any) -> Numbers:
-    """Build the rotation about z with the given cosine and sine."""
-    return np.array([[c, -s, 0 * c], [s, c, 0 * c], [0 * c, 0 * c, 1 + 0 * c]])
 
 
 class TreeJoint(NamedTuple):
@@ -157,7 +124,7 @@ class Tree:
             nq, nv = self.nq + FREEDOMS[joint.kind][0], self.nv + FREEDOMS[joint.kind][1]
             at_q, at_v = slice(self.nq, nq), slice(self.nv, nv)
             self.joints.append(
-                TreeJoint(joint, at_q, at_v, *self._placement(joint.placement), self._triad(joint))
+                TreeJoint(joint, at_q, at_v, *self._placement(joint.placement), triad(arithmetic, joint))
             )
             if joint.kind != "fixed":
                 self.coordinates[joint.name] = (joint.kind, at_q, at_v)
@@ -180,47 +147,20 @@ class Tree:
             R = R @ (3 * np.eye(3) - R.T @ R) / 2
         return R, M[:3, 3]
 
-    def _triad(self, joint: Joint) -> Numbers:
-        """Compute axes (columns) in the child frame, the third of which is the axis of a joint with one."""
-        if joint.kind not in ("revolute", "continuous", "prismatic"):
-            return self.arithmetic.array(np.eye(3))
-        z = self.arithmetic.array(joint.axis)
-        z = z / self.arithmetic.sqrt(z @ z)
-        x = cross(np.eye(3)[int(np.argmin(np.abs(joint.axis)))], z)
-        x = x / self.arithmetic.sqrt(x @ x)
-        return np.array([x, cross(z, x), z]).T
-
-    def _displacement(self, kind: JointKind, q: Numbers) -> tuple[Numbers, Numbers]:
-        """Compute rotation and position of B in A from a joint's coordinates."""
-        R, t = self.arithmetic.array(np.eye(3)), self.arithmetic.array(np.zeros(3))
-        if kind == "revolute":
-            R = rotation_about_z(self.arithmetic.cos(q[0]), self.arithmetic.sin(q[0]))
-        elif kind in ("continuous", "planar"):
-            R = rotation_about_z(*(q[-2:] / self.arithmetic.sqrt(q[-2:] @ q[-2:])))
-        elif kind in ("spherical", "floating"):
-            R = quaternion_matrix(q[-4:])
-        if kind == "prismatic":
-            t[2] = q[0]
-        elif kind == "planar":
-            t[:2] = q[:2]
-        elif kind == "floating":
-            t = q[:3]
-        return R, t
-
     def posture(self, q: Numbers) -> Posture:
         """Compute the placement of every link and every row at q, shape (nq,)."""
         q = self.arithmetic.array(q)
         zero, eye = self.arithmetic.array(np.zeros(3)), self.arithmetic.array(np.eye(3))
         links, joints = {WORLD: Frame(zero, eye, zero, 0)}, []
         G = [self.arithmetic.array(np.zeros((6, self.nv)))]
-        for joint, at_q, at_v, R_P, t_P, triad in self.joints:
-            A = _attach(links[joint.parent], R_P @ triad, t_P)
+        for joint, at_q, at_v, R_P, t_P, axes in self.joints:
+            A = _attach(links[joint.parent], R_P @ axes, t_P)
             if joint.kind == "fixed":
                 links[joint.child] = A
                 continue
-            R, t = self._displacement(joint.kind, q[at_q])
+            R, t = displacement(self.arithmetic, joint.kind, q[at_q])
             B = Frame(A.x + A.E @ t, A.E @ R, zero, len(G))
-            links[joint.child] = B._replace(E=B.E @ triad.T)
+            links[joint.child] = B._replace(E=B.E @ axes.T)
             loop = Loop(A, B, constraint_rows(A, B, *ROWS[joint.kind]) + coordinate_rows(A, B, joint.kind))
             rates = self.arithmetic.array(np.zeros((6, self.nv)))
             freedoms = at_v.stop - at_v.start
@@ -261,20 +201,7 @@ class Tree:
         """Integrate a step of tree velocity x time from q (first order in each joint, on its manifold)."""
         q, step = self.arithmetic.array(q), self.arithmetic.array(step)
         for kind, at, at_v in self.coordinates.values():
-            x, d = q[at], step[at_v]
-            if kind in ("revolute", "prismatic"):
-                q[at] = x + d
-            if kind == "planar":
-                q[at][:2] = x[:2] + rotation_about_z(x[2], x[3])[:2, :2] @ d[:2]
-            if kind == "floating":
-                q[at][:3] = x[:3] + quaternion_matrix(x[3:]) @ d[:3]
-            if kind in ("continuous", "planar"):
-                c, s = self.arithmetic.cos(d[-1]), self.arithmetic.sin(d[-1])
-                q[at][-2:] = np.array([c * x[-2] - s * x[-1], s * x[-2] + c * x[-1]])
-            if kind in ("spherical", "floating"):
-                u, w, half = x[-4:-1].copy(), x[-1], d[-3:] / 2
-                q[at][-4:] = np.concatenate([u + w * half + cross(u, half), [w - u @ half]])
-                q[at][-4:] = q[at][-4:] / self.arithmetic.sqrt(q[at][-4:] @ q[at][-4:])
+            q[at] = moved(self.arithmetic, kind, q[at], step[at_v])
         return q
 
     def drifts(self, posture: Posture, v: Numbers) -> tuple[Numbers, Numbers, Numbers]:
@@ -310,7 +237,7 @@ class Tree:
                     value += coefficient * self.arithmetic.atan2(q[at][1], q[at][0])
                 else:
                     value += coefficient * q[at][0]
-            values.append(value - _nearest_turns(float(value), turns))
+            values.append(value - nearest_turns(float(value), turns))
         return self.arithmetic.array(values)
 
     def turned(self, posture: Posture) -> Numbers:
@@ -322,30 +249,6 @@ class Tree:
             for i in axes.get(closure.rotation, [])
         ]
         return self.arithmetic.array([c for c in cosines if c < 0])
-
-
-def _nearest_turns(value: float, turns: list[Any]) -> Any:
-    """Return the sum of whole turns that is nearest to a coupling's value.
-
-    The angle of a continuous joint is determined up to whole turns. All joints but the last are turned by
-    every number in a range, the last by the number that brings the sum nearest.
-
-    Args:
-        value: The coupling's value for angles within half a turn.
-        turns: Change of the value by one turn of each continuous joint.
-    """
-    if not turns:
-        return 0.0
-    others, last = turns[:-1], float(turns[-1])
-    most = min(MOST_TURNS, int(COMBINATIONS ** (1 / len(others)) / 2)) if others else 0
-    ranges = [np.arange(-most, most + 1)] * len(others)
-    counts = np.array(np.meshgrid(*ranges)).reshape(len(others), (2 * most + 1) ** len(others))
-    left = value - np.array([float(x) for x in others]) @ counts
-    final = np.round(left / last)
-    best = int(np.argmin(np.abs(left - final * last) + SAME_RESIDUAL * np.abs(counts).sum(axis=0)))
-    return sum(x * int(n) for x, n in zip(others, counts[:, best], strict=True)) + turns[-1] * int(
-        final[best]
-    )
 
 
 def _attach(link: Frame, R: Numbers, t: Numbers) -> Frame:
