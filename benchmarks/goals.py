@@ -1,4 +1,4 @@
-"""The speed goals of the compiled path, measured: ratios in one run, the same states, everybody at 1e-10."""
+"""The speed goals of the compiled path: ratios of times in one run, on the same states, at 1e-10."""
 
 from __future__ import annotations
 
@@ -84,8 +84,8 @@ def _threads(points: Sequence[Point], machine: float) -> Goal:
     most = max(times, default=1)
     value = times[1] / (most * times[most]) if most > 1 and 1 in times else math.nan
     title = f"ddm, LX4, batch of {BATCH:,}, {most if most > 1 else 'all'} threads"
-    said = f"rate over that of one thread, by the threads; the machine's own cores: {machine:.2f}"
-    return Goal(title, "itself, one thread", 0.8, (value, math.nan), said, at_least=True)
+    said = f"rate over threads times that of one thread; the machine's own: {machine:.2f}"
+    return Goal(title, "one thread", 0.8, (value, math.nan), said, at_least=True)
 
 
 def _simulation(flights: Sequence[Flight]) -> Goal:
@@ -94,6 +94,6 @@ def _simulation(flights: Sequence[Flight]) -> Goal:
     times = {f.method: f.seconds for f in flights if (f.case, f.setting) == (case, setting)}
     peer = times.get(method, math.nan)
     ratios = tuple(times.get(f"{name}, rk4, closed in stages", math.nan) / peer for name in OURS)
-    said = "not measured" if math.isnan(peer) else f"{peer:.3g} s, closures left to drift"
+    said = "not measured" if math.isnan(peer) else f"{peer:.3g} s, closures not closed"
     title = "simulate, LX4, RK4, 10,000 steps"
     return Goal(title, "the same on pin.constraintDynamics", 1 / 8, ratios, said)

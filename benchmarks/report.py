@@ -60,7 +60,7 @@ def report(results: Results, machines: dict[str, dict[str, str]], drawn: Sequenc
         ("throughput", "Throughput", _throughput),
         ("singular", "Close to singular postures", _singular),
         ("callgrind", "Instructions", _callgrind),
-        ("peak", "How much room is left", _peak),
+        ("peak", "Share of the peak rate", _peak),
         ("job", "The main job", _job),
     ]
     parts = [HEAD, *standing(results), *losses(results), *_goals(results), METHODS]
@@ -76,9 +76,9 @@ def report(results: Results, machines: dict[str, dict[str, str]], drawn: Sequenc
 
 def _goals(results: Results) -> Iterator[str]:
     yield "## Speed goals of the compiled path\n"
-    yield "Ratios of times, hybridyn over the other; the general path stands beside it for comparison.\n"
+    yield "Ratios of times, hybridyn over the peer; those of the general path are shown for comparison.\n"
     rows = [_goal(goal) for goal in goals(results)]
-    yield table(["case", "against", "goal", "compiled", "", "general", "the other"], rows)
+    yield table(["case", "against", "goal", "compiled", "", "general", "peer"], rows)
 
 
 def _goal(goal: Goal) -> list[str]:
@@ -88,7 +88,7 @@ def _goal(goal: Goal) -> list[str]:
 
 
 def _models(results: Results, model: str) -> Iterator[str]:
-    yield "Time per sample [us] at an error of 1e-10 or better, else at the least error, beside it.\n"
+    yield "Time per sample [us]: the fastest setting with an error of at most 1e-10, or the most exact.\n"
     own = [p for p in results[model] if math.isfinite(p.us)]
     columns = list(grouped(own, "method"))
     head = ["robot"]
@@ -223,8 +223,8 @@ def _job(results: Results) -> Iterator[str]:
 
 
 def _gate(results: Results) -> Iterator[str]:
-    yield "## Gate: are models and references right?\n"
-    yield "Largest difference, relative to the largest entry. Beyond its limit nothing is timed.\n"
+    yield "## Checks of models and references\n"
+    yield "Largest difference, relative to the largest entry. If it exceeds its limit, no time is measured.\n"
     rows = [
         [c.case, c.what, number(c.error), "" if math.isnan(c.limit) else number(c.limit)]
         for c in results["gate"]

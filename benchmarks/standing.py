@@ -1,4 +1,4 @@
-"""Who is faster, said plainly: where hybridyn stands, and where it loses."""
+"""Compare hybridyn's times with those of the fastest peer, and list where hybridyn is slower."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ WANTED = (1e-3, 1e-6, 1e-9)
 
 
 def standing(results: Results) -> Iterator[str]:
-    """Say case by case who is faster, at an error of 1e-10 or better."""
-    yield "## Where hybridyn stands\n"
+    """Write the table of times of hybridyn and the fastest peer for each robot."""
+    yield "## hybridyn against the fastest peer\n"
     yield STANDING
     rows = []
     for model, case, peer, own in _compared(results):
@@ -38,7 +38,7 @@ def standing(results: Results) -> Iterator[str]:
 
 
 def losses(results: Results) -> Iterator[str]:
-    """Say how often, where and by how much each engine is slower than the fastest peer."""
+    """Write on which robots, and by how much, each engine is slower than the fastest peer."""
     rows = []
     for engine in ENGINES:
         for model in ("ddm", "idm"):
@@ -51,13 +51,13 @@ def losses(results: Results) -> Iterator[str]:
                 if ratios:
                     rows.append([engine, model, words, *_lost(ratios)])
     if rows:
-        yield "## Where hybridyn loses\n"
+        yield "## Where hybridyn is slower\n"
         yield LOSSES
-        yield table(["engine", "model", "", "slower than the fastest peer", "at worst, times as long"], rows)
+        yield table(["engine", "model", "", "slower than the fastest peer", "largest ratio of times"], rows)
 
 
 def flown(flights: Sequence[Flight]) -> Iterator[str]:
-    """Say who reaches an error of the final state first."""
+    """Write the fastest runs that reach each error of the final state."""
     rows = []
     for wanted in WANTED:
         good = [f for f in flights if f.state <= wanted and math.isfinite(f.seconds)]
@@ -84,7 +84,7 @@ def _ours(points: Sequence[Point], engine: str, batch: bool) -> Point | None:
 
 
 def _lost(ratios: dict[str, float]) -> list[str]:
-    """Say on how many robots, and the worst."""
+    """Return the robots on which an engine is slower, and the largest ratio of times."""
     worst = max(ratios, key=ratios.__getitem__)
     lost = [case for case, ratio in ratios.items() if ratio > 1]
     won = [case for case in ratios if case not in lost]
@@ -100,12 +100,12 @@ def _lost(ratios: dict[str, float]) -> list[str]:
 
 
 def _ratio(ratio: float) -> str:
-    """Write a ratio of times, where hybridyn loses in bold."""
+    """Write a ratio of times; bold if hybridyn is slower."""
     return f"**{ratio:.3g}**" if ratio > 1 else f"{ratio:.3g}"
 
 
 def _flight(flight: Flight | None) -> list[str]:
-    """Write who, and how long."""
+    """Return method and setting of a run, and its time."""
     if flight is None:
-        return ["nobody", ""]
+        return ["none", ""]
     return [f"{flight.method}, {flight.setting}", number(flight.seconds)]

@@ -189,7 +189,7 @@ def _table(loads: Sequence[MotorLoad], timed: bool) -> list[str]:
     """Return the printed table: one line per motor."""
     at = "at [s]" if timed else "row"
     rows = [["motor", "peak effort", at, "RMS", "peak speed", at, "peak power", at, "braking"]]
-    rows[0] += ["mean power", "energy given", "taken"] if timed else []
+    rows[0] += ["mean power", "positive work", "negative work"] if timed else []
     for load in loads:
         force, speed = ("N", "m/s") if load.linear else ("N m", "rad/s")
         cells = [

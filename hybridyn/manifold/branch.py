@@ -7,6 +7,8 @@ and after the posture, so its derivatives determine what K itself does not:
     N^T K' x = 0                                tangents x, K' the derivative of K along the velocity v
     N^T (K' a + gamma_v[a] + gamma') = 0        accelerations a, from the derivative of K a + gamma = 0
 
+Here gamma(q, v) = K' v is quadratic in v; gamma_v[a] is its derivative by v along a, and gamma' its
+derivative by q along v. The term K a_dot of the derivative vanishes, since N^T K = 0.
 These are the limits of the weak rows divided by their size. A nearby posture is treated in the same way if
 its weak rows are rounding, or if its deviation from the branch exceeds their resolution. At a distance d, a
 position across the branch is known to 1e-16 / d, a tangent to 1e-16 / d^2, an acceleration to 1e-16 / d^3.

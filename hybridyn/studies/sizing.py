@@ -117,7 +117,7 @@ class Sizing:
         count = len(self.joints)
         self.samples, self.duration = 0, 0.0
         self._peaks = {name: _Peaks(count) for name in ("effort", "speed", "power", "braking")}
-        self._integrals = np.zeros((5, count))  # of effort^2, speed^2, power, power given, power taken
+        self._integrals = np.zeros((5, count))  # of effort^2, speed^2, power, positive power, negative power
         self._sums = np.zeros((5, count))  # the same over samples, for tables without time
         self._lower, self._upper = np.full(count, np.inf), np.full(count, -np.inf)
         self._over = np.zeros((3, count), dtype=int)
