@@ -1,6 +1,8 @@
-"""Mechanisms that no recipe foresees: any joints, closures, gears and motors, closed where they are drawn.
+"""Mechanisms of any rank, also ones that must be refused: joints, closures, gears and motors drawn at will.
 
-Nothing is known of their mobility: closures may lock them, hold their motors, or say the same twice.
+No draw is thrown away: rows may nearly depend on others, lock the mechanism or hold its motors, and bodies
+may have no mass. The oracle may therefore be of no use, and a refusal is a right answer. `tests.generated`
+draws mechanisms of clear rank, at states of the oracle, where every answer is known.
 """
 
 from __future__ import annotations

@@ -1,7 +1,8 @@
-"""Seeded mechanisms without a recipe: random trees, loops of all rows, gears of any ratio, any motors.
+"""Mechanisms of clear rank, of which the oracle knows everything: random trees, loops, gears and motors.
 
-Unlike those of `tests.mechanisms`, their mobility is not known beforehand: the oracle finds it. Motors may be
-too many, too few, or held by loops. Every mechanism is drawn assembled, in a posture stored as `home`.
+Unlike those of `tests.mechanisms`, their mobility is not known beforehand: the oracle finds it, and draws of
+unclear rank are thrown away (`tests.any_mechanism` keeps them). Motors may be too many, too few, or held by
+loops. Every mechanism is drawn assembled, in a posture stored as `home`; states are drawn by the oracle.
 
     case = generated(seed)
     case.description, case.base, case.oracle, case.states(5)

@@ -1,4 +1,4 @@
-"""What holds at every state of a generated mechanism, by the oracle, Pinocchio's `rnea` and energy.
+"""What holds to rounding at every state of a mechanism of clear rank: the oracle, Pinocchio's `rnea`, energy.
 
 A refusal is judged too: its reason must be one that the oracle finds.
 """

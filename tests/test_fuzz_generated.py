@@ -1,4 +1,4 @@
-"""Both models against the oracle at states of generated mechanisms, or a refusal with the right reason.
+"""Both models to rounding at states of mechanisms of clear rank, or a refusal whose reason the oracle finds.
 
 Blocks of seeds are the tests, so that `--part` spreads them. A case is one state of one mechanism.
 """

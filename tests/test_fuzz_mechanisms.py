@@ -1,6 +1,8 @@
-"""Generated mechanisms go the whole way: models, compiled models and simulation, with any base.
+"""Mechanisms of any rank go the whole way: models, compiled models and simulation, or a refusal of one line.
 
-The oracle judges what the dynamics compute, the general path what is compiled. A refusal is one line.
+The states are those that the library draws for itself. What it computes is judged as `tests.any_mechanism`
+allows: accelerations and efforts by the oracle to 1e-7, compiled models by the general path. The exact
+judgement, to rounding, is that of mechanisms of clear rank in `tests.test_fuzz_generated`.
 """
 
 from __future__ import annotations
