@@ -13,7 +13,7 @@ from ..losses import Losses
 from ..numerals import angles_of, numerals
 
 #: Difference of two rotations that is rounding.
-ROUNDING = 1e-14
+SAME_ROTATION = 1e-14
 
 #: Words of the rows that lock rotations.
 TURNS = {"free": (), "perpendicular": (PERPENDICULAR,), "parallel": ROWS[3:5], "fixed": ROWS[3:]}
@@ -33,7 +33,7 @@ def add_closure(root: ET.Element, closure: Closure, losses: Losses) -> None:
         return
     turn = closure.turn
     stated = kind != "rows" and FORMS[kind].has_axis
-    if not stated or np.abs(rotation_to_axis(turn[:, 2]) - turn).max() > ROUNDING:
+    if not stated or np.abs(rotation_to_axis(turn[:, 2]) - turn).max() > SAME_ROTATION:
         turn = np.eye(3)
     other = np.eye(3) if kind == "universal" else turn
     element = ET.SubElement(root, "loop", name=closure.name, type=kind)
