@@ -12,7 +12,7 @@ import pytest
 
 #: A module of each extra by which it is known to be installed.
 MODULES = {
-    "io": "polars", "mjcf": "mujoco", "view": "viser", "bench": "mujoco", "docs": "sphinx",
+    "io": "polars", "mjcf": "mujoco", "usd": "pxr", "view": "viser", "bench": "mujoco", "docs": "sphinx",
     "plot": "matplotlib", "compiled": "casadi",
 }  # fmt: skip
 

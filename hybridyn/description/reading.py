@@ -29,6 +29,9 @@ FORMATS: dict[str, Callable[[Node, Sequence[str | os.PathLike[str]]], RobotFile]
     "mujoco": lambda root, package_dirs: _read_mjcf(root, package_dirs),
 }
 
+#: First bytes of USD files: text, binary, package.
+USD_STARTS = (b"#usda", b"#sdf", b"PXR-USDC", b"PK\x03\x04")
+
 
 def read(
     path: str | os.PathLike[str],
@@ -54,11 +57,13 @@ def read(
         ModelError: A file is invalid; the message names the file, the line and the correction.
     """
     file = os.fspath(path)
-    root, notes = _open(file, xacro_args or {}, package_dirs)
-    robot = _reader(root)(root, package_dirs)
-    robot.notes += notes
-    if root.tag == "robot":
-        _read_side_cars(robot, file)
+    robot = _read_usd(file, xacro_args or {}, package_dirs)
+    if robot is None:
+        root, notes = _open(file, xacro_args or {}, package_dirs)
+        robot = _reader(root)(root, package_dirs)
+        robot.notes += notes
+        if root.tag == "robot":
+            _read_side_cars(robot, file)
     home = _read_model_file(robot, file)
     validate(robot)
     refuse_unclosed_frames(robot)
@@ -203,6 +208,20 @@ def _read_mjcf(root: Node, package_dirs: Sequence[str | os.PathLike[str]]) -> Ro
     from .mjcf.mjcf import read_mjcf
 
     return read_mjcf(root, package_dirs)
+
+
+def _read_usd(
+    file: str, xacro_args: Mapping[str, object], package_dirs: Sequence[str | os.PathLike[str]]
+) -> RobotFile | None:
+    """Read a file if its content is USD, else return None."""
+    text = read_bytes(file)
+    if not text.startswith(USD_STARTS):
+        return None
+    if xacro_args:
+        raise ModelError(f"is not a xacro file, so it takes no arguments ({listed(xacro_args)})", file=file)
+    from .usd.usd import read_usd  # NumPy and subprocesses, which other formats do not need
+
+    return read_usd(file, package_dirs)
 
 
 def _reader(root: Node) -> Callable[[Node, Sequence[str | os.PathLike[str]]], RobotFile]:

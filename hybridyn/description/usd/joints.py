@@ -1,0 +1,206 @@
+"""Joints of a USD stage in one form: two bodies, a frame in each, and the axes along which they may move.
+
+Position zero of a joint is where its frames coincide. Axes are those of the first frame for translations;
+a position of a revolute joint turns the second frame about an axis in the first.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..placement import placement_from
+from ..records import Array
+from .bodies import Bodies, inverse
+from .stage import Prim
+
+#: Axes of a generic joint, in the order in which a chain of joints moves along them.
+AXES = ("transX", "transY", "transZ", "rotX", "rotY", "rotZ")
+
+TYPES = (
+    "PhysicsRevoluteJoint", "PhysicsPrismaticJoint", "PhysicsSphericalJoint", "PhysicsFixedJoint",
+    "PhysicsJoint",
+)  # fmt: skip
+
+#: Angles between the unit of a file and radians.
+DEGREES = np.pi / 180
+
+
+@dataclass(frozen=True, eq=False)
+class UsdJoint:
+    """A joint.
+
+    Attributes:
+        prim: Its prim.
+        bodies: The two bodies that it joins; None is the world.
+        frames: Its frame in each of them, shape (4, 4), [m].
+        free: The axes along which it moves, a subset of `AXES` in their order.
+        limits: Limits by axis [m or rad].
+        excluded: Whether the file excludes it from the articulation.
+    """
+
+    prim: Prim
+    bodies: tuple[Prim | None, Prim | None]
+    frames: tuple[Array, Array]
+    free: tuple[str, ...]
+    limits: dict[str, tuple[float, float]]
+    excluded: bool
+
+    @property
+    def ends(self) -> tuple[str, str]:
+        """Paths of its bodies, "" for the world."""
+        first, second = (body.path if body else "" for body in self.bodies)
+        return first, second
+
+    @property
+    def is_ball(self) -> bool:
+        """Whether it turns freely about a point."""
+        return self.free == AXES[3:]
+
+    def instance(self, axis: str) -> str:
+        """Return the name under which schemas of several axes know an axis ("angular")."""
+        if self.prim.kind == "PhysicsRevoluteJoint":
+            return "angular"
+        return "linear" if self.prim.kind == "PhysicsPrismaticJoint" else axis
+
+    def chain(self) -> list[str]:
+        """Return its axes as joints one after the other: "ball" and "all" have several freedoms."""
+        if len(self.free) == 6:
+            return ["all"]
+        if self.free[-3:] == AXES[3:]:
+            return [*self.free[:-3], "ball"]
+        return list(self.free)
+
+
+def read_joints(bodies: Bodies, notes: list[str]) -> list[UsdJoint]:
+    """Return the joints of a stage in file order.
+
+    Args:
+        bodies: The bodies.
+        notes: Remarks for the user, to which the disabled joints are added.
+
+    Raises:
+        ModelError: A joint is of a kind that records do not have, or is wrong.
+    """
+    out = []
+    for prim in bodies.stage.prims.values():
+        if prim.kind == "PhysicsDistanceJoint":
+            raise prim.error(
+                "a distance joint is an inequality, and with equal distances a rod without mass; write the "
+                "rod as a body with two spherical joints"
+            )
+        if prim.kind not in TYPES:
+            continue
+        if not prim.flag("physics:jointEnabled", True):
+            notes.append(f"<{prim.path}> has physics:jointEnabled = false: it is not read")
+            continue
+        joint = _joint(bodies, prim)
+        if len(joint.free) == 6 and prim.word("hybridyn:kind", "") != "floating":
+            notes.append(f"<{prim.path}> locks no axis: it is not read")
+            continue
+        out.append(joint)
+    return out
+
+
+def _joint(bodies: Bodies, prim: Prim) -> UsdJoint:
+    """Return a joint prim in the common form."""
+    for name in ("physics:breakForce", "physics:breakTorque"):
+        if np.isfinite(prim.any_number(name, np.inf)):
+            raise prim.error(f"'{name}' is finite, but joints do not break here; remove it")
+    ends = [_end(bodies, prim, side) for side in (0, 1)]
+    (first, _), (second, _) = ends
+    if first is second:
+        what = f"<{first.path}> to itself" if first else "two parts of the world, or bodies that do not move"
+        raise prim.error(f"joins {what}; correct physics:body0 and physics:body1, or remove it")
+    free, limits = _freedoms(prim)
+    return UsdJoint(
+        prim, (first, second), (ends[0][1], ends[1][1]), free, limits,
+        prim.flag("physics:excludeFromArticulation", False),
+    )  # fmt: skip
+
+
+def _end(bodies: Bodies, prim: Prim, side: int) -> tuple[Prim | None, Array]:
+    """Return the body at an end of a joint, and the joint's frame in it, shape (4, 4), [m]."""
+    targets = prim.targets.get(f"physics:body{side}", [])
+    turn, place = prim.rotation(f"physics:localRot{side}"), prim.vector(f"physics:localPos{side}", (0.0,) * 3)
+    if not targets:
+        return None, placement_from(turn, place * bodies.stage.meters)
+    if len(targets) > 1:
+        raise prim.error(f"physics:body{side} names {len(targets)} prims; name one")
+    target = bodies.stage.prims.get(targets[0])
+    if target is None:
+        raise prim.error(f"physics:body{side} names <{targets[0]}>, which the stage does not have")
+    frame = placement_from(turn, bodies.pose(target).point(place, bodies.stage.meters))
+    body = bodies.body_of(target)
+    return body, frame if body is target else bodies.in_body(target) @ frame
+
+
+def _freedoms(prim: Prim) -> tuple[tuple[str, ...], dict[str, tuple[float, float]]]:
+    """Return the free axes of a joint and their limits."""
+    if prim.kind == "PhysicsFixedJoint":
+        return (), {}
+    if prim.kind == "PhysicsSphericalJoint":
+        return AXES[3:], {}
+    if prim.kind == "PhysicsJoint":
+        return _generic_freedoms(prim)
+    axis = prim.word("physics:axis", "X")
+    if axis not in ("X", "Y", "Z"):
+        raise prim.error(f"physics:axis '{axis}' is none of X, Y, Z")
+    name = ("rot" if prim.kind == "PhysicsRevoluteJoint" else "trans") + axis
+    unit = _unit(prim, name)
+    lower = prim.any_number("physics:lowerLimit", -np.inf) * unit
+    upper = prim.any_number("physics:upperLimit", np.inf) * unit
+    if lower > upper:
+        raise prim.error("physics:lowerLimit is above physics:upperLimit; exchange them")
+    return (name,), {name: (lower, upper)}
+
+
+def _generic_freedoms(prim: Prim) -> tuple[tuple[str, ...], dict[str, tuple[float, float]]]:
+    """Return the free axes of a generic joint: an axis is locked where low is above high."""
+    free, limits = [], {}
+    for name in prim.instances("PhysicsLimitAPI"):
+        if name not in AXES:
+            raise prim.error(f"a limit of '{name}' is not read; hybridyn has limits of {', '.join(AXES)}")
+    for axis in AXES:
+        low, high = -np.inf, np.inf
+        if axis in prim.instances("PhysicsLimitAPI"):
+            low = prim.any_number(f"limit:{axis}:physics:low", -np.inf)
+            high = prim.any_number(f"limit:{axis}:physics:high", np.inf)
+        if low > high or (low == 0 and high == 0):
+            continue
+        if low == high:
+            raise prim.error(
+                f"axis {axis} is locked at {low:g}; lock it at 0 (low above high), and put the offset into "
+                "localPos0 and localRot0"
+            )
+        free.append(axis)
+        limits[axis] = (low * _unit(prim, axis), high * _unit(prim, axis))
+    turns = sum(axis.startswith("rot") for axis in free)
+    if turns == 2 and prim.word("hybridyn:rotation", "") != "perpendicular":
+        raise prim.error(
+            "one rotation is locked and two are free, which is no universal joint in USD (the twist is "
+            "locked) and no joint here; write two revolute joints with a small body between them"
+        )
+    return tuple(free), limits
+
+
+def _unit(prim: Prim, axis: str) -> float:
+    """Return the unit of positions along an axis [m or rad]."""
+    return DEGREES if axis.startswith("rot") else prim.stage.meters
+
+
+def direction(axis: str) -> Array:
+    """Return the unit vector of an axis, shape (3,)."""
+    out: Array = np.eye(3)["XYZ".index(axis[-1])]
+    return out
+
+
+def relative(bodies: Bodies, joint: UsdJoint) -> Array:
+    """Return the second frame of a joint in the first, where the bodies stand in the file, shape (4, 4)."""
+    first, second = (
+        (np.eye(4) if body is None else bodies.pose(body).frame) @ frame
+        for body, frame in zip(joint.bodies, joint.frames, strict=True)
+    )
+    out: Array = inverse(first) @ second
+    return out

@@ -1,0 +1,140 @@
+"""Refuse what changes the motion of a USD robot and has no place in the records; note what does not.
+
+Schemas and types of physics that are not known here are refused: nothing is dropped in silence.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..names import listed
+from .stage import Prim, Stage
+
+#: Beginnings of names of schemas and types of physics: of USD, PhysX, Newton and MuJoCo.
+PHYSICS = ("Physics", "Physx", "Newton", "Mjc")
+
+#: Types that are read.
+TYPES = {
+    "PhysicsScene", "PhysicsCollisionGroup", "PhysicsJoint", "PhysicsFixedJoint", "PhysicsRevoluteJoint",
+    "PhysicsPrismaticJoint", "PhysicsSphericalJoint", "PhysicsDistanceJoint",
+}  # fmt: skip
+
+#: Schemas that are read, or that concern contacts, drawing and solvers alone.
+SCHEMAS = {
+    "PhysicsRigidBodyAPI", "PhysicsMassAPI", "PhysicsArticulationRootAPI", "PhysicsDriveAPI",
+    "PhysicsLimitAPI", "PhysicsFilteredPairsAPI", "PhysicsJointStateAPI", "PhysxJointStateAPI",
+    "PhysxRigidBodyAPI", "PhysxArticulationAPI", "PhysxJointAPI", "PhysxJointAxisAPI", "PhysxLimitAPI",
+    "PhysxMimicJointAPI", "NewtonMimicAPI", "NewtonArticulationRootAPI", "NewtonMassAPI", "NewtonJointAPI",
+    "NewtonSiteAPI", "MjcJointAPI", "MjcSiteAPI", "MjcImageableAPI", "PhysxPhysicsDistanceJointAPI",
+}  # fmt: skip
+
+#: Parts of the names of schemas that concern contacts and solvers.
+OF_CONTACTS = ("Collision", "Scene", "Material", "Report", "Trigger", "Cooked")
+
+#: Attributes that change the motion, with the value that does not, and the correction.
+NEUTRAL: dict[str, tuple[float, str]] = {
+    "physxRigidBody:disableGravity": (0, "set it to false, or set gravity of the whole robot"),
+    "physxRigidBody:linearDamping": (0, "set it to 0, or put friction on the joints"),
+    "physxRigidBody:angularDamping": (0, "set it to 0, or put friction on the joints"),
+    "physxRigidBody:enableGyroscopicForces": (1, "set it to true"),
+    "physxRigidBody:lockedPosAxis": (0, "set it to 0, and write a joint"),
+    "physxRigidBody:lockedRotAxis": (0, "set it to 0, and write a joint"),
+    "newton:jointsAddMobility": (0, "set it to false, and write bodies between the joints"),
+    **dict.fromkeys(
+        (
+            "newton:armature", "newton:friction", "newton:damping", "newton:springStiffness",
+            "newton:springDamping", "newton:stiffness", "mjc:armature", "mjc:damping", "mjc:frictionloss",
+            "mjc:stiffness", "mjc:gravcomp",
+        ),
+        (0, "set it to 0; physxJoint:armature and physxJoint:jointFriction are read"),
+    ),
+}  # fmt: skip
+
+#: Attributes of joints and bodies that are read, or that concern contacts, solvers and drawing alone.
+READ = (
+    "physics:body", "physics:local", "physics:axis", "physics:lowerLimit", "physics:upperLimit",
+    "physics:jointEnabled", "physics:collisionEnabled", "physics:excludeFromArticulation", "physics:break",
+    "physics:mass", "physics:density", "physics:centerOfMass", "physics:diagonalInertia",
+    "physics:principalAxes", "physics:rigidBodyEnabled", "physics:kinematicEnabled",
+    "physics:simulationOwner", "physics:startsAsleep", "physics:approximation", "physics:coneAngle",
+    "physics:velocity", "physics:angularVelocity", "physxJoint:", "physxJointAxis:", "physxMimicJoint:",
+    "newton:mimic", "newton:selfCollision", "physxArticulation:", "physxCollision", "physxConvex",
+    "physxTriangle", "physxSDF", "physxLimit:", "physxRigidBody:sleep", "physxRigidBody:solver",
+    "physxRigidBody:max", "physxRigidBody:stabilization", "physxRigidBody:enable", "physxRigidBody:cfm",
+)  # fmt: skip
+
+#: Attributes that make a joint one of the tree rather than one that closes a loop.
+WEIGHTS = ("armature", "jointFriction", "dynamicFrictionEffort", "viscousFrictionCoefficient")
+
+
+def screen(stage: Stage, notes: list[str]) -> None:
+    """Refuse what cannot be read.
+
+    Args:
+        stage: The stage.
+        notes: Remarks for the user, to which unread attributes are added.
+
+    Raises:
+        ModelError: A prim has a type, a schema or an attribute that changes the motion and is not read.
+    """
+    unread: dict[str, None] = {}
+    for prim in stage.prims.values():
+        if prim.kind.startswith(PHYSICS) and prim.kind not in TYPES:
+            raise prim.error(_advice(f"a {prim.kind}"))
+        for schema in prim.schemas:
+            name = schema.partition(":")[0]
+            if name.startswith(PHYSICS) and name not in SCHEMAS and not _of_contacts(name):
+                raise prim.error(_advice(f"schema {schema}"))
+        for name, (neutral, correction) in NEUTRAL.items():
+            if prim.states(name) and prim.values[name] != neutral:
+                raise prim.error(f"'{name}' = {prim.values[name]} is not read; {correction}")
+        unread |= dict.fromkeys(_unread(prim))
+    if unread:
+        notes.append(f"attributes that other engines may use are not read: {listed(unread)}")
+
+
+def weighs(prim: Prim, limits: bool = True) -> bool:
+    """Return whether a joint has armature or friction, or limits if these count too.
+
+    Args:
+        prim: Its prim.
+        limits: Whether limits count.
+    """
+    for name, value in prim.values.items():
+        if name.startswith(("physxJoint:", "physxJointAxis:")) and name.endswith(WEIGHTS) and value:
+            return True
+        is_limit = limits and name in ("physics:lowerLimit", "physics:upperLimit")
+        if is_limit and isinstance(value, int | float) and np.isfinite(value):
+            return True
+    return False
+
+
+def _of_contacts(schema: str) -> bool:
+    return any(word in schema for word in OF_CONTACTS)
+
+
+def _advice(what: str) -> str:
+    mend = {
+        "Mimic": "PhysxMimicJointAPI and NewtonMimicAPI are read",
+        "Gear": "couple the two joints by PhysxMimicJointAPI",
+        "RackAndPinion": "couple the two joints by PhysxMimicJointAPI",
+        "Tendon": "couple the joints by PhysxMimicJointAPI",
+        "Actuator": "drive joints by PhysicsDriveAPI, or name them in model.toml, and remove it",
+    }
+    advice = next(
+        (text for word, text in mend.items() if word in what), "remove it if the motion needs it not"
+    )
+    return f"{what} is not read; {advice}"
+
+
+def _unread(prim: Prim) -> list[str]:
+    """Return the names of attributes of joints and bodies that are neither read nor known to be harmless."""
+    if not (
+        prim.has("PhysicsRigidBodyAPI") or prim.kind in TYPES - {"PhysicsScene", "PhysicsCollisionGroup"}
+    ):
+        return []
+    spaces = ("physics:", "physx", "newton:", "mjc:")
+    return [
+        name for name in (*prim.values, *prim.animated)
+        if name.startswith(spaces) and not name.startswith(READ) and name not in NEUTRAL
+    ]  # fmt: skip
