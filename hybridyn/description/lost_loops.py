@@ -20,6 +20,7 @@ from .names import listed
 from .records import Array, Description, Joint
 from .robot_file import FREEDOMS
 from .weightless import Bodies
+from .zero_posture import poses_at_zero
 
 #: Frames coincide if they are closer than this fraction of the robot's size: CAD closes loops to 1e-4 of it.
 TOGETHER = 1e-3
@@ -195,9 +196,7 @@ class _Places:
     def __init__(self, description: Description, bodies: Bodies) -> None:
         self._bodies = bodies
         self._above = {joint.child: joint for joint in description.joints}
-        self._frames: dict[str, Array] = {description.root: np.eye(4)}
-        for joint in _outwards(description):
-            self._frames[joint.child] = self._frames[joint.parent] @ joint.placement
+        self._frames: dict[str, Array] = {description.root: np.eye(4)} | poses_at_zero(description.joints)
         points = np.array([frame[:3, 3] for frame in self._frames.values()])
         self._size = float(np.linalg.norm(np.ptp(points, axis=0)))
 
@@ -215,15 +214,3 @@ class _Places:
 
     def _near(self, a: Array, b: Array) -> bool:
         return bool(np.linalg.norm(a - b) <= TOGETHER * self._size)
-
-
-def _outwards(description: Description) -> Iterator[Joint]:
-    """Yield the joints from the root outwards, each after the joint that carries it."""
-    below: dict[str, list[Joint]] = {}
-    for joint in description.joints:
-        below.setdefault(joint.parent, []).append(joint)
-    waiting = [description.root]
-    while waiting:
-        for joint in below.get(waiting.pop(), ()):
-            yield joint
-            waiting.append(joint.child)

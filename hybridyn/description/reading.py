@@ -10,12 +10,13 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 from ..errors import ModelError
+from .closing_frames import apply_closing_frames
 from .frame_names import apply_frame_names
 from .motors import choose_motors
 from .names import listed
 from .records import Description
 from .robot_file import RobotFile
-from .side_cars.companions import find_model_file, find_side_car
+from .side_cars.companions import find_model_file, find_side_car, find_submechanisms
 from .unread_forms import unread_form, unread_format
 from .urdf.foreign import refuse_unclosed_frames, refuse_unread_side_cars
 from .urdf.urdf import read_urdf
@@ -160,13 +161,19 @@ def _parsed(text: bytes, file: str) -> Node:
 def _read_side_cars(robot: RobotFile, file: str) -> None:
     """Add the closures and motors of a side-car; if there is none, add those that frame names state."""
     folder = Path(file).parent
-    side_car = find_side_car(file)
+    side_car, mechanisms = find_side_car(file), find_submechanisms(file)
     if side_car is not None:
         from .side_cars.gepetto import read_side_car  # imports pydantic and yaml: 0.1 s
 
         read_side_car(robot, read_bytes(str(side_car)), str(side_car))
+    elif mechanisms is not None:
+        from .side_cars.hyrodyn import apply_submechanisms
+        from .side_cars.yaml_file import read_yaml
+
+        apply_submechanisms(robot, read_yaml(read_bytes(str(mechanisms)), str(mechanisms)))
     else:
         apply_frame_names(robot)
+    apply_closing_frames(robot)
     refuse_unread_side_cars(robot, folder)
 
 

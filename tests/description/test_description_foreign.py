@@ -17,24 +17,16 @@ ENDS = '<predecessor link="coupler"/><successor link="rocker"/>'
     ("element", "message"),
     [
         (
-            '<gazebo><joint name="E" type="revolute">'
-            "<parent>coupler</parent><child>rocker</child></joint></gazebo>",
-            "an SDF joint inside <gazebo> (Gazebo)",
-        ),
-        (
             "<gazebo><plugin><x><joint name='E'>"
             "<child>rocker</child><parent>coupler</parent></joint></x></plugin></gazebo>",
             "an SDF joint inside <gazebo> (Gazebo)",
         ),
-        (
-            '<drake:ball_constraint><drake:ball_constraint_body_A name="a"/></drake:ball_constraint>',
-            "a Drake constraint",
-        ),
+        ('<drake:distance_constraint name="a"/>', "a Drake distance"),
         (
             '<drake:linear_bushing_rpy><drake:bushing_frameA name="a"/></drake:linear_bushing_rpy>',
             "a Drake bushing",
         ),
-        ('<drake:weld_constraint body="a"/>', "an unknown form"),
+        ('<drake:weld_constraint body="a"/>', "a Drake weld"),
         ('<drake:joint name="j" type="ball"/>', "a Drake joint"),
         (
             '<loop_constraint name="l"><parent link="a"/><child link="b"/></loop_constraint>',
@@ -107,16 +99,6 @@ def frames(*names: str) -> str:
     )
 
 
-def test_closing_frames_of_onshape_to_robot(tmp_path: Path) -> None:
-    element = frames("closing_pin_1", "closing_pin_2")
-    with pytest.raises(ModelError, match="onshape-to-robot") as caught:
-        read_text(tmp_path, robot(element))
-    assert caught.value.line is not None
-    used = LOOP.replace('"coupler"', '"closing_pin_1"').replace('"rocker"', '"closing_pin_2"')
-    assert len(read_text(tmp_path, robot(element, used)).closures) == 1
-    assert read_text(tmp_path, robot(frames("closing_soon"))).closures == ()
-
-
 def test_frames_named_for_a_loop_that_nothing_closes(tmp_path: Path) -> None:
     with pytest.raises(ModelError, match="nothing says which frames close it"):
         read_text(tmp_path, robot(frames("fermeture_a", "fermeture_b")))
@@ -124,7 +106,7 @@ def test_frames_named_for_a_loop_that_nothing_closes(tmp_path: Path) -> None:
     assert any("named for closing a loop" in note for note in description.notes)
 
 
-@pytest.mark.parametrize("name", ["submechanisms.yml", "loop_closures.yaml"])
+@pytest.mark.parametrize("name", ["loop_closures.yml", "loop_closures.yaml"])
 def test_side_cars_that_are_not_read(tmp_path: Path, name: str) -> None:
     path = save(tmp_path, robot())
     save(tmp_path, "closures: []", name)

@@ -47,6 +47,35 @@ URDF = robot(
     "<mechanicalReduction>50</mechanicalReduction></actuator></transmission>",
     '<gazebo reference="drive"><provideFeedback>true</provideFeedback></gazebo>',
 )
+MATES = "".join(
+    f'<link name="closing_tip_{end}"/><joint name="closing_tip_{end}_frame" type="fixed">'
+    f'<parent link="{link}"/><child link="closing_tip_{end}"/><origin xyz="1 0 {z}"/></joint>\n'
+    for end, link, z in (
+        ("1", "coupler", 0),
+        ("2", "rocker", 0),
+        ("1_z", "coupler", 0.1),
+        ("2_z", "rocker", 0.1),
+    )
+)
+DIALECTS = robot(
+    MATES,
+    '<drake:ball_constraint><drake:ball_constraint_body_A name="coupler"/>'
+    '<drake:ball_constraint_body_B name="rocker"/><drake:ball_constraint_p_AP value="1.5 0 0"/>'
+    '<drake:ball_constraint_p_BQ value="1 0 0"/></drake:ball_constraint>',
+    '<gazebo><joint name="E" type="universal"><parent>coupler</parent><child>rocker</child>'
+    '<pose relative_to="crank">1 0 0 0 0.1 0</pose><axis><xyz expressed_in="__model__">0 0 1</xyz></axis>'
+    "<axis2><xyz>1 0 0</xyz></axis2></joint></gazebo>",
+)
+SUBMECHANISMS = """submechanisms:
+- type: NUMERICAL
+  jointnames_active: [drive]
+  jointnames_spanningtree: [drive, elbow, swing]
+  loop_constraints:
+  - cut_joint: elbow
+    predecessor_body: coupler
+    successor_body: rocker
+    constraint_axes: [{axis: [0., 0., 0., 1., 0., 0.]}, {axis: [0, 0, 0, 0, 1, 0]}]
+"""
 SIDE_CAR = """closed_loop: [[end_a, end_b]]
 type: ['6d']
 name_mot: [drive]
@@ -165,3 +194,33 @@ def test_xacro(tmp_path: Path) -> None:
         description = outcome(save(tmp_path, text, "r.urdf.xacro"), text)
         refused += description is None
     assert 0 < refused < 10
+
+
+def test_dialects(tmp_path: Path) -> None:
+    draw = random.Random(4)
+    refused = 0
+    for _ in range(CASES * 2):
+        text = draw.choice(TREE)(DIALECTS, draw)
+        description = outcome(save(tmp_path, text, "r.urdf"), text)
+        refused += description is None
+        if description is not None:
+            plain = re.sub(rb"<!--.*?-->", b"", text, flags=re.DOTALL)
+            stated = len(re.findall(rb"<drake:ball_constraint\b", plain))
+            stated += len(re.findall(rb'<joint name="[^"]*" type="universal"', plain))
+            stated += all(b'"closing_tip_%d"' % end in plain for end in (1, 2))
+            assert len(description.closures) >= stated, text
+    assert 0 < refused < CASES * 2
+
+
+def test_submechanisms(tmp_path: Path) -> None:
+    draw = random.Random(5)
+    path = save(tmp_path, robot(), "r.urdf")
+    refused = 0
+    for _ in range(CASES):
+        text = draw.choice(FLAT)(SUBMECHANISMS, draw)
+        save(tmp_path, text, "submechanisms.yml")
+        description = outcome(path, text)
+        refused += description is None
+        if description is not None and re.search(rb"^  - cut_joint", text, re.MULTILINE):
+            assert len(description.closures) == 1, text
+    assert 0 < refused < CASES

@@ -50,7 +50,7 @@ def load(folder: Path, example: Block) -> hybridyn.HybridRobot:
     path.write_text(robot.text.replace("<!-- the loop -->", closure))
     if example.language != "xml":
         name = {"yaml": "robot.yaml", "toml": "four_bar.model.toml"}[example.language]
-        (folder / name).write_text(example.text)
+        (folder / example.facts.get("file", name)).write_text(example.text)
     return hybridyn.load(path)
 
 

@@ -14,6 +14,13 @@ def find_side_car(file: str) -> Path | None:
     return next((candidate for candidate in candidates if candidate.is_file()), None)
 
 
+def find_submechanisms(file: str) -> Path | None:
+    """Return the file `submechanisms.yml` of Phobos and HyRoDyn in a robot file's folder, or None."""
+    folder = Path(file).parent
+    candidates = [folder / f"submechanisms{ending}" for ending in (".yml", ".yaml")]
+    return next((candidate for candidate in candidates if candidate.is_file()), None)
+
+
 def find_model_file(file: str) -> Path | None:
     """Return the path of the model file that belongs to a robot file, or None.
 

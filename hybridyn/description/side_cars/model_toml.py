@@ -6,6 +6,8 @@ For `X.urdf`, `X.urdf.xacro` or `X.xml`, the file is `X.model.toml` beside it, e
     motors = ["slide1", "slide2"]
     [home]
     slide1 = 0.1                    # one number, or the joint's Pinocchio coordinates as a list
+    [closures]
+    closing_tip = "fixed"           # kind of a closure that frames state: fixed, revolute, spherical
     [joints.slide1]
     rotor_inertia = 3e-5            # and gear_ratio, damping, friction
     [effects.spring]                # see `effect_tables`
@@ -19,13 +21,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import Field, FiniteFloat, ValidationError
 
 from ...errors import ModelError
+from ..closure_forms import FORMS
 from ..names import did_you_mean
-from ..records import Coupling, Joint
+from ..records import Closure, Coupling, Joint
 from ..robot_file import MotorStatement, RobotFile
 from .effect_tables import EffectTables, known_keys
 from .schema import Schema, first_problem
@@ -73,6 +76,7 @@ class ModelFile(Schema):
     home: dict[str, FiniteFloat | list[FiniteFloat]] = Field(default_factory=dict)
     joints: dict[str, JointNumbers] = Field(default_factory=dict)
     couplings: dict[str, CouplingTable] = Field(default_factory=dict)
+    closures: dict[str, Literal["fixed", "revolute", "spherical"]] = Field(default_factory=dict)
     effects: EffectTables = Field(default_factory=EffectTables)
 
 
@@ -105,7 +109,7 @@ def apply_model_file(
     """Apply a model file to the robot, and return the home posture by joint name.
 
     Raises:
-        ModelError: A joint is unknown, or a home position does not fit its joint.
+        ModelError: A joint or closure is unknown, or a home position does not fit its joint.
     """
     by_name = {joint.name: joint for joint in robot.joints}
 
@@ -135,6 +139,11 @@ def apply_model_file(
                 raise wrong("couplings", name, f"'{joint}' is no movable joint with a coefficient{hint}")
         line = line_of(text, ("couplings", name))
         robot.couplings.append(Coupling(name, tuple(coupling.terms.items()), coupling.offset, line))
+    names = [closure.name for closure in robot.closures]
+    for name in model.closures:
+        if name not in names:
+            raise wrong("closures", name, f"no such closure{did_you_mean(name, names)}")
+    robot.closures = [_with_kind(closure, model.closures.get(closure.name)) for closure in robot.closures]
     _apply_effects(robot, model, text, file)
     robot.joints = [_with_numbers(joint, model.joints.get(joint.name)) for joint in robot.joints]
     if model.motors is not None:
@@ -188,3 +197,10 @@ def home_position(joint: Joint, values: list[float]) -> tuple[float, ...]:
 def _with_numbers(joint: Joint, numbers: JointNumbers | None) -> Joint:
     stated = numbers.model_dump(exclude_none=True) if numbers else {}
     return replace(joint, **stated) if stated else joint
+
+
+def _with_kind(closure: Closure, kind: str | None) -> Closure:
+    """Return a closure with the kind that model.toml states for its frames."""
+    if kind is None:
+        return closure
+    return replace(closure, kind=kind, translations=FORMS[kind].translations, rotation=FORMS[kind].rotation)

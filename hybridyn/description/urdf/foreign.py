@@ -16,11 +16,14 @@ from .xml_node import Node
 
 ACCEPTED_FORMS = (
     "accepted forms: <loop>, <coupling> (URDF+), <mimic>, <loop_joint>, <constraint> (urdfdom proposal), "
-    "or a side-car robot.yaml (closed_loop: pairs of frames)"
+    "<drake:ball_constraint>, an SDF joint directly in <gazebo>, frames closing_x_1 and closing_x_2, or a "
+    "side-car robot.yaml (closed_loop: pairs of frames)"
 )
 
 #: Elements that are read below `<robot>`.
-READ_TAGS = ("link", "joint", "transmission", "loop", "constraint", "loop_joint", "coupling")
+READ_TAGS = (
+    "link", "joint", "transmission", "loop", "constraint", "loop_joint", "coupling", "drake:ball_constraint",
+)  # fmt: skip
 
 #: Elements below `<robot>` that do not affect the dynamics, unless they contain loops.
 HARMLESS_TAGS = (
@@ -51,17 +54,17 @@ LEGACY_FORMS = {
     "loop_constraint": 'an early form of URDF+; write <loop type="..."> with <predecessor> and <successor>',
     "joint_constraint": "an early form of URDF+; write <coupling> with <predecessor>, <successor>, <ratio>",
     "loopconstraint": "a form of biorbd; write it as <loop>",
-    "drake:ball_constraint": 'a Drake constraint; write it as <loop type="spherical">',
     "drake:linear_bushing_rpy": 'a Drake bushing (soft closure); write it as a rigid <loop type="revolute">',
-    "drake:mimic": "Drake's mimic; write it as <mimic> in the joint",
+    "drake:weld_constraint": 'a Drake weld; write it as <loop type="fixed">',
+    "drake:distance_constraint": "a Drake distance; write a rod without mass between two balls",
+    "drake:tendon_constraint": "a Drake tendon; hybridyn has no cables, write <coupling> or <mimic>",
+    "drake:linear_spring_damper": "a Drake spring between two points; hybridyn has springs in joints",
     "drake:joint": "a Drake joint; write it as one-freedom joints with massless links between them",
     "cable": "a cable of old Drake; hybridyn has no cables",
 }
 
 #: Files beside a robot that state closures in forms that are not read, and the tools that write them.
 UNREAD_SIDE_CARS = {
-    "submechanisms.yml": "Phobos and HyRoDyn",
-    "submechanisms.yaml": "Phobos and HyRoDyn",
     "loop_closures.yaml": "scikit-robot",
     "loop_closures.yml": "scikit-robot",
 }
@@ -81,7 +84,6 @@ _END_WORDS = {
     "joint1",
     "joint2",
 }
-_CLOSING_FRAME = re.compile(r"closing_(.+)_[12](_z)?")
 _NAMED_FRAME = re.compile(r"closed_?loop|fermeture|loop_?closure", re.IGNORECASE)
 
 
@@ -113,7 +115,7 @@ def refuse_unread_loops(root: Node, notes: list[str]) -> None:
 
 
 def refuse_unclosed_frames(robot: RobotFile) -> None:
-    """Raise for frames that no closure uses, but whose names state one (`closing_x_1`, `closedloop1_A`).
+    """Raise for frames that no closure uses, but whose names state one (`closedloop1_A`).
 
     If the robot states other closures, frames such as `closedloop1_A` are noted.
 
@@ -124,19 +126,6 @@ def refuse_unclosed_frames(robot: RobotFile) -> None:
     lines = {link.name: link.line for link in robot.links}
     lines |= {joint.name: joint.line for joint in robot.joints if joint.child not in used}
     free = [name for name in lines if name not in used]
-    mates = [
-        name
-        for name in free
-        if (match := _CLOSING_FRAME.fullmatch(name)) and f"closing_{match[1]}_2" in lines
-    ]
-    if mates:
-        raise ModelError(
-            f"frames {listed(mates)} close a loop in the form of onshape-to-robot, which is not read; "
-            f'write it as <loop> (a revolute mate: <axis xyz="0 0 1"/>). {_capital(ACCEPTED_FORMS)}',
-            file=robot.file,
-            line=lines[mates[0]],
-            element=mates[0],
-        )
     named = [name for name in free if _NAMED_FRAME.search(name)]
     if named and robot.closures:
         robot.notes.append(f"frames {listed(named)} are named for closing a loop, but no closure uses them")
@@ -193,7 +182,7 @@ def _refuse_if_suspicious(node: Node) -> None:
     if intended:
         raise node.error(f"unknown element; did you mean <{intended}>?")
     words = _words_of(node)
-    if node.tag in _END_WORDS | {"parent", "child", "mimic", "inertial"}:
+    if node.tag in _END_WORDS | {"parent", "child", "mimic", "drake:mimic", "inertial"}:
         raise node.error(f"is not read directly below <robot>; {ACCEPTED_FORMS}")
     if _LOOP_WORDS.search(node.tag) or _END_WORDS & words or {"parent", "child"} <= words:
         raise _refusal(node, "an unknown form")
@@ -206,10 +195,16 @@ def _refuse_if_suspicious(node: Node) -> None:
 def _refuse_inside(node: Node, outer: Node) -> None:
     """Raise for loops inside an element that is skipped otherwise, such as `<gazebo>`."""
     tags = {child.tag for child in node.children()}
-    if node.tag == "joint" and {"parent", "child"} <= tags:
+    if node.tag == "joint" and {"parent", "child"} <= tags and not _is_read(node, outer):
         raise _refusal(node, f"an SDF joint inside <{outer.tag}> (Gazebo)")
     if node.tag in READ_TAGS[3:] or node.tag in LEGACY_FORMS:
         raise _refusal(node, f"inside <{outer.tag}>")
+
+
+def _is_read(joint: Node, outer: Node) -> bool:
+    """Check whether `gazebo.py` reads an SDF joint: it stands directly in a `<gazebo>` of the whole robot."""
+    direct = joint.xml.getparent() is outer.xml
+    return outer.tag == "gazebo" and direct and "reference" not in outer.attributes()
 
 
 def _refuse_misplaced(root: Node) -> None:
@@ -219,7 +214,7 @@ def _refuse_misplaced(root: Node) -> None:
             lost = node.tag in (*READ_TAGS[3:], *LEGACY_FORMS)
             if top.tag in ("link", "joint"):
                 lost = lost or node.tag in ("link", "joint")
-            if node.tag == "mimic":
+            if node.tag in ("mimic", "drake:mimic"):
                 lost = top.tag != "joint" or node.xml.getparent() is not top.xml
             if lost:
                 above = next(node.xml.iterancestors())

@@ -14,7 +14,9 @@ import numpy as np
 from ..names import did_you_mean, listed
 from ..records import Array, Joint, JointKind, Link
 from ..robot_file import FREEDOMS, MotorStatement, RobotFile
+from .drake import read_ball_constraints
 from .foreign import note_mimic_plugins, refuse_unread_loops
+from .gazebo import read_gazebo_joints
 from .loops import read_constraint, read_coupling, read_loop, read_loop_joint, read_mimic
 from .placement import axis_of, origin_of
 from .transmissions import Rotor, read_rotor, read_transmissions
@@ -29,6 +31,10 @@ MOST_LINKS = 300_000
 UNLIMITED = 1e30
 
 CLOSURE_READERS = {"loop": read_loop, "constraint": read_constraint, "loop_joint": read_loop_joint}
+
+#: Children of `<joint>` that are read.
+JOINT_PARTS = ("origin", "parent", "child", "axis", "limit", "dynamics", "mimic", "drake:mimic")
+ROTOR_PARTS = ("rotor_inertia", "gear_ratio")
 
 INERTIA_ATTRIBUTES = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 
@@ -56,6 +62,8 @@ def read_urdf(root: Node) -> RobotFile:
         robot.closures.append(CLOSURE_READERS[node.tag](node))
         if node.child("dynamics") is not None:
             robot.notes.append(f"closure '{robot.closures[-1].name}': damping of the cut joint is not read")
+    robot.closures += read_ball_constraints(root)
+    read_gazebo_joints(root, robot)
     parents: dict[str, Joint | None] = {link.name: None for link in robot.links}
     parents |= {joint.child: joint for joint in robot.joints}
     robot.couplings += [read_coupling(node, parents) for node in root.children("coupling")]
@@ -113,7 +121,7 @@ def _pose(node: Node | None) -> Array:
 def _read_joint(node: Node, robot: RobotFile) -> Joint:
     node.refuse_misspelt(
         ["name", "type", "independent"],
-        ["origin", "parent", "child", "axis", "limit", "dynamics", "mimic", "rotor_inertia", "gear_ratio"],
+        [*JOINT_PARTS, *ROTOR_PARTS],
     )
     name, kind = node.text("name"), _joint_kind(node)
     axis = node.child("axis")
@@ -129,7 +137,10 @@ def _read_joint(node: Node, robot: RobotFile) -> Joint:
         line=node.line,
     )
     joint = read_rotor(node).put_into(joint)
-    mimic = node.child("mimic")
+    mimic, of_drake = node.child("mimic"), node.child("drake:mimic")
+    if mimic is not None and of_drake is not None:
+        raise of_drake.error("the joint states <mimic> too; keep one")
+    mimic = mimic if of_drake is None else of_drake
     if mimic is not None:
         coupling = read_mimic(mimic, name)
         if kind == "fixed":

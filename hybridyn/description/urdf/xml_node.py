@@ -190,6 +190,13 @@ class Node:
         """Return the element's text as a number (`<mechanicalReduction>50</mechanicalReduction>`)."""
         return self._number((self.xml.text or "").strip(), "text", False)
 
+    def content_numbers(self, count: int) -> Array:
+        """Return the element's text as `count` numbers separated by blanks, shape (count,)."""
+        words = (self.xml.text or "").split()
+        if len(words) != count:
+            raise self.error(f"text has {len(words)} numbers instead of {count}")
+        return np.array([self._number(word, "text", False) for word in words])
+
     def flag(self, attribute: str, default: bool) -> bool:
         """Return an attribute as true or false."""
         word = str(self.xml.get(attribute, str(default))).strip().lower()

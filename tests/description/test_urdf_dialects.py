@@ -1,0 +1,331 @@
+"""Loops as other tools write them in URDF: each gives the robot that the same loop as `<loop>` gives."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import hybridyn
+from hybridyn.errors import ModelError
+from tests.robot_texts import INERTIAL, robot, save
+
+#: Largest relative difference of two robots that say the same in other words.
+EQUAL = 1e-11
+MOTOR = '<transmission name="t"><joint name="drive"/></transmission>'
+
+
+def loop(kind: str, axis: str = '<axis xyz="0 0 1"/>') -> str:
+    """Return the loop of the four-bar as `<loop>`."""
+    return (
+        f'<loop name="pin" type="{kind}"><predecessor link="coupler"><origin xyz="1.5 0 0"/></predecessor>'
+        f'<successor link="rocker"><origin xyz="1 0 0"/></successor>{axis}</loop>'
+    )
+
+
+def frame(name: str, link: str, xyz: str, rpy: str = "0 0 0") -> str:
+    """Return a frame as onshape-to-robot writes it: a link of 1e-9 kg on a fixed joint."""
+    return (
+        f'<link name="{name}"><inertial><mass value="1e-9"/><inertia ixx="0" iyy="0" izz="0"/></inertial>'
+        "</link>"
+        f'<joint name="{name}_frame" type="fixed"><parent link="{link}"/><child link="{name}"/>'
+        f'<origin xyz="{xyz}" rpy="{rpy}"/></joint>'
+    )
+
+
+def mates(*points: str, rpy: str = "0 0 0") -> str:
+    """Return the closing frames of the four-bar's tip; each point is an ending and its height."""
+    parts = []
+    for point in points:
+        ending, height = point.split("@") if "@" in point else (point, "0")
+        link, x = ("coupler", 1.5) if ending.startswith("1") else ("rocker", 1)
+        parts.append(frame(f"closing_tip_{ending}", link, f"{x} 0 {height}", rpy))
+    return "".join(parts)
+
+
+def compare(theirs: Path, ours: Path) -> None:
+    """Compare the dynamics and residuals of two robots at states that both close."""
+    a, b = hybridyn.load(theirs), hybridyn.load(ours)
+    assert a.mobility == b.mobility
+    assert a.motors == b.motors
+    q, v, acc = hybridyn.assemble(b, motors={"drive": (0.2, 0.7, 1.3)}, guess=b.home)
+    assert np.allclose(hybridyn.closure_residual(a, q), hybridyn.closure_residual(b, q), atol=1e-12)
+    tau = hybridyn.idm(b, q, v, acc)
+    assert np.abs(hybridyn.idm(a, q, v, acc) - tau).max() < EQUAL * np.abs(tau).max()
+    theirs_, ours_ = (hybridyn.ddm(r, q, v, np.array([1.5])) for r in (a, b))
+    assert np.abs(theirs_ - ours_).max() < EQUAL * np.abs(ours_).max()
+    off = q + np.array([0.1, 0, 0, 0, 0])
+    assert min(hybridyn.closure_residual(a, off), hybridyn.closure_residual(b, off)) > 0.01
+
+
+def test_closing_frames_of_a_hinge(tmp_path: Path) -> None:
+    """The witness points stand 0.1 m from the frames along the axis."""
+    theirs = robot(MOTOR, mates("1", "2", "1_z@0.1", "2_z@0.1"))
+    ours = robot(MOTOR, mates("1", "2", "1_z@0.1", "2_z@0.1").replace("closing", "frame"), loop("revolute"))
+    compare(save(tmp_path / "a", theirs), save(tmp_path / "b", ours))
+
+
+def test_closing_frames_whose_axis_is_not_z(tmp_path: Path) -> None:
+    turned = mates("1", "2", "1_z@0.1", "2_z@0.1", rpy="0.5 0.2 0")
+    theirs = hybridyn.load(save(tmp_path, robot(MOTOR, turned)))
+    (closure,) = theirs.description.closures
+    bodies = [theirs.bodies.place[link][1] for link in (closure.link_a, closure.link_b)]
+    for R, frame_ in zip(bodies, (closure.frame_a, closure.frame_b), strict=True):
+        assert np.allclose(R @ frame_[:3, 2], [0, 0, 1])
+    assert theirs.mobility == 1
+
+
+def test_closing_frames_of_a_ball(tmp_path: Path) -> None:
+    theirs = robot(MOTOR, mates("1", "2"))
+    ours = robot(
+        MOTOR, frame("x1", "coupler", "1 0 0"), frame("x2", "rocker", "1 0 0"), loop("spherical", "")
+    )
+    first, second = save(tmp_path / "a", theirs), save(tmp_path / "b", ours)
+    compare(first, second)
+    assert any("are read as balls" in note for note in hybridyn.load(first).notes)
+
+
+def test_closing_frames_that_are_fastened(tmp_path: Path) -> None:
+    """Only model.toml can say so; the weld locks the four-bar."""
+    path = save(tmp_path, robot(MOTOR, mates("1", "2")))
+    save(tmp_path, '[closures]\nclosing_tip = "fixed"\n', "four_bar.model.toml")
+    read = hybridyn.description.read(path)
+    (closure,) = read.closures
+    assert (closure.rotation, closure.translations) == ("fixed", (0, 1, 2))
+    save(tmp_path, '[closures]\nclosing_tpi = "fixed"\n', "four_bar.model.toml")
+    with pytest.raises(ModelError, match=r"no such closure \(did you mean 'closing_tip'"):
+        hybridyn.description.read(path)
+    save(tmp_path, '[closures]\nclosing_tip = "welded"\n', "four_bar.model.toml")
+    with pytest.raises(ModelError, match="closing_tip"):
+        hybridyn.description.read(path)
+
+
+def test_closing_frames_beside_another_closure(tmp_path: Path) -> None:
+    """Each mate counts, whatever else closes loops; frames that a loop uses do not count twice."""
+    used = loop("revolute").replace('"coupler"', '"closing_tip_1"').replace('"rocker"', '"closing_tip_2"')
+    text = robot(mates("1", "2"), used)
+    assert len(hybridyn.description.read(save(tmp_path, text)).closures) == 1
+    text = robot(mates("1", "2"), loop("revolute"))
+    assert len(hybridyn.description.read(save(tmp_path, text)).closures) == 2
+
+
+def test_ball_constraint_of_drake(tmp_path: Path) -> None:
+    ball = """<drake:ball_constraint>
+      <drake:ball_constraint_body_A name="coupler"/><drake:ball_constraint_body_B name="rocker"/>
+      <drake:ball_constraint_p_AP value="1.5 0 0"/><drake:ball_constraint_p_BQ value="1 0 0"/>
+    </drake:ball_constraint>"""
+    compare(
+        save(tmp_path / "a", robot(MOTOR, ball)), save(tmp_path / "b", robot(MOTOR, loop("spherical", "")))
+    )
+
+
+def test_mimic_and_rotor_of_drake(tmp_path: Path) -> None:
+    follower = (
+        '<link name="wheel">'
+        + INERTIAL
+        + '</link><joint name="roll" type="continuous"><parent link="ground"/>'
+        '<child link="wheel"/><axis xyz="0 1 0"/><{0} joint="drive" multiplier="-3" offset="0.5"/></joint>'
+    )
+    rotor = (
+        '<transmission name="t"><type>transmission_interface/SimpleTransmission</type><joint name="drive"/>'
+        '<actuator name="m"><drake:rotor_inertia value="2e-4"/><drake:gear_ratio value="30"/></actuator>'
+        "</transmission>"
+    )
+    both = [
+        hybridyn.description.read(save(tmp_path, robot(rotor, follower.format(word), loop("revolute"))))
+        for word in ("drake:mimic", "mimic")
+    ]
+    assert both[0].couplings[0].terms == both[1].couplings[0].terms == (("roll", 1.0), ("drive", 3.0))
+    assert both[0].couplings[0].offset == 0.5
+    drive = both[0].joints[0]
+    assert (drive.rotor_inertia, drive.gear_ratio) == (2e-4, 30.0)
+
+
+GAZEBO = """<gazebo><joint name="pin" type="{0}"><parent>coupler</parent><child>rocker</child>
+  <pose>1 0 0 {1}</pose>{2}</joint></gazebo>"""
+AXIS = "<axis><xyz>0 0 1</xyz></axis>"
+
+
+@pytest.mark.parametrize(
+    ("theirs", "ours"),
+    [
+        (GAZEBO.format("revolute", "0 0 0", AXIS), loop("revolute")),
+        pytest.param(GAZEBO.format("ball", "0 0 0", ""), loop("spherical", ""), marks=pytest.mark.slow),
+        pytest.param(
+            GAZEBO.format(
+                "continuous", "0.4 0.1 0", '<axis><xyz expressed_in="__model__">0 0 1</xyz></axis>'
+            ),
+            loop("revolute"),
+            marks=pytest.mark.slow,
+        ),
+        pytest.param(
+            GAZEBO.format("revolute", "0.4 0 0", '<axis><xyz expressed_in="rocker">0 0 1</xyz></axis>'),
+            loop("revolute"),
+            marks=pytest.mark.slow,
+        ),
+    ],
+)
+def test_sdf_joint_in_gazebo(tmp_path: Path, theirs: str, ours: str) -> None:
+    """SDF closes its loop where all joints are at zero, so the four-bar is bent to be closed there."""
+    compare(save(tmp_path / "a", closed(MOTOR, theirs)), save(tmp_path / "b", closed(MOTOR, ours)))
+
+
+def test_sdf_joint_whose_zero_is_its_closed_posture(tmp_path: Path) -> None:
+    """Like Gazebo, the joint takes the zero posture as closed, wherever the tips are."""
+    read = hybridyn.description.read(save(tmp_path, robot(MOTOR, GAZEBO.format("fixed", "0 0 0", ""))))
+    (closure,) = read.closures
+    assert closure.rotation == "fixed"
+    loaded = hybridyn.load(save(tmp_path, robot(MOTOR, GAZEBO.format("revolute", "0 0 0", AXIS))))
+    assert float(hybridyn.closure_residual(loaded, loaded.home)) < 1e-14
+
+
+def closed(*parts: str) -> str:
+    """Return the four-bar bent so that its loop is closed where all joints are at zero."""
+    elbow, swing = angles()
+    text = robot(*parts)
+    text = text.replace('<origin xyz="1 0 0"/><parent', f'<origin xyz="1 0 0" rpy="0 0 {elbow!r}"/><parent')
+    return text.replace(
+        '<origin xyz="1.5 0 0"/><parent', f'<origin xyz="1.5 0 0" rpy="0 0 {swing!r}"/><parent'
+    )
+
+
+def angles() -> tuple[float, float]:
+    """Return the angles of elbow and swing that close the four-bar whose crank stands at 0.4 rad."""
+    tip = np.array([np.cos(0.4), np.sin(0.4)])
+    to = np.array([1.5, 0.0]) - tip
+    d = float(np.linalg.norm(to))
+    at_crank = np.arccos((1.5**2 + d**2 - 1) / (2 * 1.5 * d))
+    coupler = float(np.arctan2(to[1], to[0]) + at_crank)
+    end = tip + 1.5 * np.array([np.cos(coupler), np.sin(coupler)]) - [1.5, 0.0]
+    return coupler - 0.4, float(np.arctan2(end[1], end[0]))
+
+
+SUBMECHANISM = """submechanisms:
+- contextual_name: arm
+  type: NUMERICAL
+  jointnames_active: [drive]
+  jointnames_independent: [drive]
+  jointnames_spanningtree: [drive, elbow, swing]
+  loop_constraints:
+  - cut_joint: elbow
+    predecessor_body: tip
+    successor_body: rocker
+    constraint_axes:
+"""
+ROWS = {
+    "tx": "[0., 0., 0., 1., 0., 0.]", "ty": "[0, 0, 0, 0, 1, 0]", "tz": "[0, 0, 0, 0, 0, 1]",
+    "rx": "[1, 0, 0, 0, 0, 0]", "ry": "[0, -2, 0, 0, 0, 0]", "rz": "[0, 0, 1, 0, 0, 0]",
+}  # fmt: skip
+TIP = frame("tip", "coupler", "1.5 0 0")
+
+
+@pytest.mark.parametrize("rows", ["tx ty", pytest.param("tx ty tz rx ry", marks=pytest.mark.slow)])
+def test_submechanisms_of_hyrodyn(tmp_path: Path, rows: str) -> None:
+    """The constraint's frame is the predecessor's body, and stands at zero where the successor meets it."""
+    axes = "".join(f"    - {{name: {row}, axis: {ROWS[row]}}}\n" for row in rows.split())
+    theirs = save(tmp_path / "a", closed(TIP))
+    save(tmp_path / "a", SUBMECHANISM + axes, "submechanisms.yml")
+    elbow, swing = angles()
+    kind = f'<loop name="pin" type="rows" rows="{rows}"><predecessor link="tip"/>'
+    turn = (
+        f'<successor link="rocker"><origin xyz="1 0 0" rpy="0 0 {0.4 + elbow - swing!r}"/></successor></loop>'
+    )
+    compare(theirs, save(tmp_path / "b", closed(MOTOR, TIP, kind + turn)))
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (
+            lambda text: text.replace("NUMERICAL", "2SPU+1U").split("  loop")[0],
+            "type '2SPU+1U' states no geometry",
+        ),
+        (lambda text: text.split("  loop")[0], "loop_constraints is missing"),
+        (lambda text: text.replace("NUMERICAL", "TRANSMISSION").split("  loop")[0], "mimic no other joint"),
+        (
+            lambda text: text.replace("predecessor_body: tip", "predecessor_body: tap"),
+            "no link is called 'tap'",
+        ),
+        (lambda text: text.replace("    predecessor_body: tip\n", ""), "predecessor_body is missing"),
+        (lambda text: text.replace("[drive, elbow", "[drive, elbwo"), "no joint is called 'elbwo'"),
+        (lambda text: text + "    - axis: [1, 0, 0, 0, 0, 0]\n", "a single rotation row"),
+        (lambda text: text + "    - axis: [0, 0, 0, 1, 1, 0]\n", "one number that is not zero"),
+        (lambda text: text + "    - axis: [0, 0, 0, 0, 0, 0]\n", "one number that is not zero"),
+        (lambda text: text + "    - axis: [0, 0, 1]\n", "needs axis: six numbers"),
+        (lambda text: text + "    - axis: [0, 0, .nan, 0, 0, 0]\n", "needs axis: six numbers"),
+        (lambda text: text, "needs a list 'constraint_axes'"),
+        (lambda _: "submechanisms: []", "needs a list 'submechanisms'"),
+        (lambda _: "submechanisms: 3", "needs a list 'submechanisms'"),
+        (lambda _: "submechanisms:\n- 3", "is a table of keys"),
+        (lambda _: "[1, 2]", "needs a list 'submechanisms'"),
+        (lambda _: "", "needs a list 'submechanisms'"),
+        (
+            lambda text: text.replace("[drive]\n  jointnames_i", "drive\n  jointnames_i"),
+            "a list of joint names",
+        ),
+    ],
+)
+def test_wrong_submechanisms(tmp_path: Path, change: Callable[[str], str], message: str) -> None:
+    path = save(tmp_path, closed(TIP))
+    save(tmp_path, change(SUBMECHANISM), "submechanisms.yml")
+    with pytest.raises(ModelError) as caught:
+        hybridyn.description.read(path)
+    assert message in str(caught.value)
+    assert "submechanisms.yml" in str(caught.value)
+
+
+def test_serial_submechanisms_name_the_motors(tmp_path: Path) -> None:
+    path = save(tmp_path, robot(TIP))
+    serial = "submechanisms:\n- type: 3R\n  jointnames_active: [drive, elbow, swing]\n"
+    free = "- type: 6DOF\n  jointnames_active: []\n  jointnames_spanningtree: [free_flyer]\n"
+    save(tmp_path, serial + free, "submechanisms.yml")
+    read = hybridyn.description.read(path)
+    assert read.motors == ("drive", "elbow", "swing")
+    assert "submechanisms.yml" in read.motors_from
+    loop_too = save(tmp_path, robot(MOTOR, loop("revolute")))
+    assert any("was not read" in note for note in hybridyn.description.read(loop_too).notes)
+
+
+@pytest.mark.parametrize(
+    ("element", "message"),
+    [
+        (mates("1", "2", "1_z@0.1"), "states the axis of closing_tip on one side only"),
+        (mates("1", "2", "1_z@0.1", "2_z@0.2"), "cannot both coincide"),
+        (mates("1", "2", "1_z", "2_z@0.1"), "coincide, so they state no axis"),
+        (
+            mates("1", "2", "2_z@0.1") + frame("closing_tip_1_z", "rocker", "1 0 0.1"),
+            "stand on two bodies",
+        ),
+        (
+            '<drake:ball_constraint><drake:ball_constraint_body_A name="a"/></drake:ball_constraint>',
+            "<drake:ball_constraint_p_AP> is missing",
+        ),
+        ('<link name="x"><drake:ball_constraint/></link>', "is not read inside <link>"),
+        (GAZEBO.format("screw", "0 0 0", AXIS), "type 'screw' closes no loop"),
+        (GAZEBO.format("revolute", "0 0 0", ""), "<axis> is missing"),
+        (GAZEBO.format("revolute", "0 0 0", "<axis><xyz>0 0 0</xyz></axis>"), "the axis is zero"),
+        (GAZEBO.format("revolute", "0 0", AXIS), "text has 5 numbers instead of 6"),
+        (GAZEBO.format("revolute", "0 0 0", AXIS).replace(">rocker<", ">rokcer<"), "unknown link 'rokcer'"),
+        (GAZEBO.format("revolute", "0 0 0", AXIS).replace(">coupler<", ">world<"), "a joint to the world"),
+        (
+            GAZEBO.format("revolute", "0 0 0", '<axis><xyz expressed_in="tool">0 0 1</xyz></axis>'),
+            "unknown frame 'tool'",
+        ),
+        (
+            GAZEBO.format("revolute", "0 0 0", AXIS).replace("<gazebo>", '<gazebo reference="rocker">'),
+            "an SDF joint inside <gazebo>",
+        ),
+        (
+            '<joint name="x" type="fixed"><parent link="ground"/><child link="y"/><mimic joint="drive"/>'
+            '<drake:mimic joint="drive"/></joint>',
+            "states <mimic> too",
+        ),
+    ],
+)
+def test_is_refused_by_name(tmp_path: Path, element: str, message: str) -> None:
+    with pytest.raises(ModelError) as caught:
+        hybridyn.description.read(save(tmp_path, robot(element)))
+    assert message in str(caught.value)
+    assert caught.value.line is not None
