@@ -42,6 +42,9 @@ from .tree import Motion, Tree
 #: the file's decimals. With a denominator of more than `DIGITS` digits, neighbouring phases of a gear could
 #: not be told apart.
 FRACTION, DIGITS = 1e-13, 6
+#: Largest relative error of a fraction with such a denominator: after a thousand turns it opens a coupling by
+#: less than what counts as closed. Ratios such as 0.3333333 need larger denominators.
+FRACTION_AT_MOST = 1e-10
 ROTATION_ROWS = {"free": 0, "perpendicular": 1, "parallel": 2, "fixed": 3}
 
 
@@ -219,12 +222,14 @@ def _measure(numbers: tuple[float, ...]) -> float:
 
 
 def _fraction(x: float) -> Fraction:
-    """Return the simplest fraction within `FRACTION` of x."""
-    exact = Fraction(x)
-    rough = (exact.limit_denominator(10**digits) for digits in range(1, DIGITS))
-    return next(
-        (f for f in rough if abs(f - exact) <= FRACTION * abs(exact)), exact.limit_denominator(10**DIGITS)
-    )
+    """Return the simplest fraction within `FRACTION` of x, or `FRACTION_AT_MOST` for large denominators."""
+    exact, digits = Fraction(x), 1
+    while True:
+        rough = exact.limit_denominator(10**digits)
+        within = FRACTION if digits < DIGITS else FRACTION_AT_MOST
+        if abs(rough - exact) <= within * abs(exact):
+            return rough
+        digits += 1
 
 
 def involved(tree: Tree, closure: TreeClosure) -> Mask:

@@ -13,7 +13,7 @@ from hybridyn.streams import blocks as blocks_file
 from hybridyn.structure.robot import HybridRobot
 from tests.command_line import call, read_table, table_text
 
-RATIOS = (3.14, 2.37, 1.234, 0.558, -3.0, 1 / 3, 0.55834)
+RATIOS = (3.14, 2.37, 1.234, 0.558, -3.0, 1 / 3, 0.55834, 0.3333333)
 OFFSET = 0.2
 ROUNDING = 1e-11  # an angle of some hundred turns has lost two digits or three
 
@@ -112,7 +112,7 @@ def test_gears_in_a_row(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("motor", ["slide", "crank", "follower"])
-@pytest.mark.parametrize("ratio", [3.14, 0.558])
+@pytest.mark.parametrize("ratio", [3.14, 0.558, 0.3333333])
 def test_a_gear_on_a_joint_that_a_loop_moves(tmp_path: Path, ratio: float, motor: str) -> None:
     geared = crank(tmp_path, ratio, motor)
     turn = 0.3 + 0.8 * np.linspace(0, 1, 8)
