@@ -35,6 +35,7 @@ from .simulation.events import Event, near_singularity
 from .simulation.simulate import simulate
 from .structure.robot import HybridRobot
 from .studies.check.check import check
+from .view.geometry_model import geometry_model
 
 __version__: str
 
@@ -73,6 +74,7 @@ __all__ = [
     "delassus",
     "energy",
     "from_pinocchio",
+    "geometry_model",
     "gravity",
     "idm",
     "idm_jacobian",

@@ -13,11 +13,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
-from urllib.parse import unquote
 
 import numpy as np
 
 from ..spatial import Array, Index
+from .shape_files import MeshFiles, MissingMeshError, urdf_root
 
 #: Sides of a cylinder.
 ROUND = 24
@@ -59,28 +59,25 @@ def read_visuals(
     Returns:
         The shapes, and notes on those that are missing.
     """
-    from ..description.reading import read_bytes
-    from ..description.urdf.xacro import expand
-    from ..description.urdf.xml_node import parse
-
-    text = read_bytes(file)
-    if file.endswith(".xacro") or b"<xacro:" in text:
-        text = expand(file, xacro_args, package_dirs)[0]
-    if b"<visual" not in text or parse(text, file).tag != "robot":  # MJCF has a <visual> of its own
+    root = urdf_root(file, xacro_args, package_dirs)
+    if root is None or root.find(".//visual") is None:
         return [], []
     import yourdfpy
+    from lxml import etree
 
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # it warns of closures, which it does not know
-        robot = yourdfpy.URDF.load(io.BytesIO(text), build_scene_graph=False, load_meshes=False).robot
+        robot = yourdfpy.URDF.load(
+            io.BytesIO(etree.tostring(root)), build_scene_graph=False, load_meshes=False
+        ).robot
     colours = {m.name: _colour(m.color) for m in robot.materials if m.color is not None}
-    find = _Files(Path(file).parent, package_dirs)
+    find = MeshFiles(Path(file).parent, package_dirs)
     found, missing = [], []
     for link in robot.links:
         for visual in link.visuals:
             try:
                 mesh = _mesh(visual.geometry, find)
-            except _MissingError as error:
+            except MissingMeshError as error:
                 missing.append(str(error))
                 continue
             placement = np.eye(4) if visual.origin is None else visual.origin
@@ -92,52 +89,11 @@ def read_visuals(
     return found, [f"shapes not drawn: {', '.join(unique[:NAMED])}{more}"] if unique else []
 
 
-class _MissingError(Exception):
-    """A shape cannot be loaded."""
-
-
-class _Files:
-    """Finds the files of meshes."""
-
-    def __init__(self, folder: Path, package_dirs: Sequence[str | os.PathLike[str]]) -> None:
-        from ..description.urdf.xacro import _share_dirs
-
-        self.folder = folder
-        shares = [Path(place) for place in _share_dirs()]
-        examples = [place / "example-robot-data" / "robots" for place in shares]
-        above = [folder.resolve(), *folder.resolve().parents][:4]
-        self.roots = [*(Path(place) for place in package_dirs), *shares, *examples, *above]
-
-    def __call__(self, name: str) -> Path:
-        """Find the file of a mesh.
-
-        Args:
-            name: A path, or a `package://`, `model://` or `file://` address.
-
-        Raises:
-            _MissingError: There is no such file.
-        """
-        name = unquote(name)
-        for prefix in ("package://", "model://"):
-            if name.startswith(prefix):
-                inside = name.removeprefix(prefix)
-                places = [root / inside for root in self.roots]
-                # The root may be the package's own folder, or hold its files without the package's name.
-                places += [root / inside.partition("/")[2] for root in self.roots]
-                break
-        else:
-            places = [self.folder / name.removeprefix("file://")]
-        for place in places:
-            if place.is_file():
-                return place
-        raise _MissingError(f"no file '{name}'")
-
-
-def _mesh(geometry: Any, find: _Files) -> Any:
+def _mesh(geometry: Any, find: MeshFiles) -> Any:
     """Build the triangles of a shape.
 
     Raises:
-        _MissingError: The shape cannot be loaded.
+        MissingMeshError: The shape cannot be loaded.
     """
     import trimesh
 
@@ -149,15 +105,15 @@ def _mesh(geometry: Any, find: _Files) -> Any:
     if geometry.sphere is not None:
         return trimesh.creation.icosphere(subdivisions=2, radius=geometry.sphere.radius)
     if geometry.mesh is None:
-        raise _MissingError("a shape without geometry")
+        raise MissingMeshError("a shape without geometry")
     file = find(geometry.mesh.filename)
     try:
         mesh: Any = trimesh.load(file, force="mesh")
     except Exception as error:  # about twenty formats: on any error the shape is missing
-        raise _MissingError(f"'{file}' ({type(error).__name__})") from error
+        raise MissingMeshError(f"'{file}' ({type(error).__name__})") from error
     faces = getattr(mesh, "faces", ())
     if not len(faces) or len(faces) > LARGEST_MESH or not np.isfinite(mesh.vertices).all():
-        raise _MissingError(f"'{file}' ({len(faces):,} triangles)")
+        raise MissingMeshError(f"'{file}' ({len(faces):,} triangles)")
     scale = geometry.mesh.scale
     if scale is not None:
         mesh.apply_scale(scale)

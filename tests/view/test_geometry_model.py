@@ -1,0 +1,77 @@
+"""The shapes of the links as Pinocchio's GeometryModel: where the links' own poses put them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import hybridyn
+from hybridyn.errors import ModelError
+from tests.comparing import ROUNDING
+from tests.extras import needs, robots_of_others, skip
+from tests.robot_texts import FOUR_BAR, save
+
+BOX = '<visual><origin xyz="0.1 0.2 0.3"/><geometry><box size="1 2 3"/></geometry></visual>'
+
+
+def test_shapes_move_with_their_links() -> None:
+    """Placements are the pose of the link times the placement that the file states, loops closed."""
+    robot = hybridyn.load("delta")
+    geometry = hybridyn.geometry_model(robot)
+    q, v, _ = hybridyn.assemble(robot, motors={m: 0.1 * i for i, m in enumerate(robot.motors)})
+    model, shapes = robot.model, geometry.createData()
+    data = model.createData()
+    pin.updateGeometryPlacements(model, data, geometry, shapes, q)
+    poses = hybridyn.kinematics(robot, q, v, 0 * v)
+    assert len(geometry.geometryObjects) == 11
+    for number, shape in enumerate(geometry.geometryObjects):
+        frame = model.frames[shape.parentFrame]
+        link = pin.XYZQUATToSE3(poses[frame.name].pose)
+        stated = frame.placement.actInv(shape.placement)
+        assert (link * stated).isApprox(shapes.oMg[number], ROUNDING)
+
+
+def test_a_stated_origin_is_read(tmp_path: Path) -> None:
+    path = save(tmp_path, FOUR_BAR.replace('<link name="crank">', f'<link name="crank">{BOX}', 1))
+    robot = hybridyn.load(path)
+    (shape,) = hybridyn.geometry_model(robot).geometryObjects
+    frame = robot.model.frames[robot.model.getFrameId("crank")]
+    assert frame.placement.actInv(shape.placement).translation == pytest.approx([0.1, 0.2, 0.3])
+    assert (2 * shape.geometry.halfSide == np.array([1, 2, 3])).all()
+    assert not len(hybridyn.geometry_model(robot, "collision").geometryObjects)
+
+
+def test_meshes_are_found() -> None:
+    if not robots_of_others():
+        skip("robots")
+    robot = hybridyn.load("stewart_ur5")
+    shapes = hybridyn.geometry_model(robot).geometryObjects
+    meshes = [Path(shape.meshPath) for shape in shapes if shape.meshPath and "/" in shape.meshPath]
+    assert meshes
+    assert all(path.is_file() for path in meshes)
+
+
+def test_a_missing_mesh_is_named_with_its_line(tmp_path: Path) -> None:
+    mesh = '<visual><geometry>\n<mesh filename="package://nowhere/part.stl"/></geometry></visual>'
+    text = FOUR_BAR.replace('<link name="crank">', f'<link name="crank">{mesh}', 1)
+    line = text[: text.index("<mesh")].count("\n") + 1
+    robot = hybridyn.load(save(tmp_path, text))
+    with pytest.raises(ModelError, match=r"package://nowhere/part.stl.*package_dirs") as error:
+        hybridyn.geometry_model(robot)
+    assert error.value.line == line
+
+
+def test_other_kinds_and_formats_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(hybridyn.TrajectoryError, match="kind must be 'visual' or 'collision'"):
+        hybridyn.geometry_model(hybridyn.load("five_bar"), "mesh")
+    needs("mjcf")
+    path = tmp_path / "arm.xml"
+    path.write_text(
+        '<mujoco model="arm"><worldbody><body name="a"><joint name="j"/><geom size="0.1"/></body></worldbody>'
+        "</mujoco>"
+    )
+    with pytest.raises(ModelError, match="URDF and xacro files only"):
+        hybridyn.geometry_model(hybridyn.load(path))
