@@ -61,7 +61,7 @@ def test_a_full_device_is_named(capsys: pytest.CaptureFixture[str]) -> None:
     [
         (
             '<sdf version="1.7"><model name="a"><link name="b"></model></sdf>',
-            "SDF (Gazebo), which is not read yet",
+            "this is SDF (Gazebo)",
         ),
         ('<!-- <robot> --><mujoco model="a"><worldbody></mujoco>', "this is MJCF (MuJoCo)"),
         (

@@ -16,6 +16,7 @@ from .motors import choose_motors
 from .names import listed
 from .records import Description
 from .robot_file import RobotFile
+from .sdf.sdf import read_sdf
 from .side_cars.companions import find_model_file, find_side_car, find_submechanisms
 from .unread_forms import unread_form, unread_format
 from .urdf.foreign import refuse_unclosed_frames, refuse_unread_side_cars
@@ -28,6 +29,7 @@ from .validate import validate
 FORMATS: dict[str, Callable[[Node, Sequence[str | os.PathLike[str]]], RobotFile]] = {
     "robot": lambda root, _: read_urdf(root),
     "mujoco": lambda root, package_dirs: _read_mjcf(root, package_dirs),
+    "sdf": read_sdf,
 }
 
 #: First bytes of USD files: text, binary, package.
@@ -44,12 +46,12 @@ def read(
     """Read a robot file and the files beside it.
 
     Args:
-        path: A URDF, xacro (`.xacro`) or MJCF file.
+        path: A URDF, xacro (`.xacro`), MJCF or SDF file.
         motors: Names of the driven joints, in order; None takes them from the files
             (see `motors.choose_motors`).
         xacro_args: Arguments of a xacro file by name.
         package_dirs: Folders that hold packages, for `$(find package)` in xacro, and for files that MJCF
-            includes.
+            or SDF includes.
 
     Returns:
         The description of the robot.
@@ -236,4 +238,6 @@ def _reader(root: Node) -> Callable[[Node, Sequence[str | os.PathLike[str]]], Ro
         return FORMATS[root.tag]
     if message := unread_format(root.tag):
         raise root.error(message)
-    raise root.error("not a robot file; the root element of a URDF is <robot>, of MJCF <mujoco>")
+    raise root.error(
+        "not a robot file; the root element of a URDF is <robot>, of MJCF <mujoco>, of SDF <sdf>"
+    )

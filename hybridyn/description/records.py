@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 
 JointKind = Literal["fixed", "revolute", "continuous", "prismatic", "spherical", "planar", "floating"]
 StatedBase = Literal["fixed", "floating"]
-Format = Literal["URDF", "MJCF", "Pinocchio", "USD"]
+Format = Literal["URDF", "MJCF", "Pinocchio", "USD", "SDF"]
 RotationKind = Literal["free", "perpendicular", "parallel", "fixed"]
 
 

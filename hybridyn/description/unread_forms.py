@@ -8,9 +8,11 @@ from .urdf.foreign import LEGACY_FORMS
 
 #: Messages for files that are recognised but not read by themselves, by the name of the root element.
 UNREAD_FORMATS = {
-    "sdf": "this is SDF (Gazebo), which is not read yet; convert the robot to URDF with <loop> closures",
     "mujocoinclude": "this is a part of an MJCF file (MuJoCo); name the file that includes it",
 }
+
+#: Formats that are read, beside URDF.
+READ_FORMATS = {"mujoco": "MJCF (MuJoCo)", "sdf": "SDF (Gazebo)"}
 
 COMMENT = re.compile(rb"<!--.*?(?:-->|\Z)", re.DOTALL)
 ELEMENT = re.compile(rb"<([A-Za-z_][\w:.-]*)")
@@ -33,8 +35,8 @@ def unread_form(text: bytes) -> str:
     """
     tags = dict.fromkeys(tag.decode("ascii", "replace") for tag in ELEMENT.findall(COMMENT.sub(b"", text)))
     root = next(iter(tags), "")
-    if root == "mujoco":
-        return "this is MJCF (MuJoCo)"
+    if root in READ_FORMATS:
+        return f"this is {READ_FORMATS[root]}"
     if message := unread_format(root):
         return message
     found = [tag for tag in tags if tag in LEGACY_FORMS]

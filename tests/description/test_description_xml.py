@@ -33,7 +33,7 @@ BOMB = (
         ('<?xml version="1.0" encoding="nonsense"?><robot/>', "save the file as UTF-8"),
         ("<robot>" * 2000 + "</robot>" * 2000, "not well-formed XML"),
         ("<mujocoinclude><worldbody/></mujocoinclude>", "this is a part of an MJCF file (MuJoCo)"),
-        ('<sdf version="1.9"><model name="a"/></sdf>', "this is SDF (Gazebo), which is not read yet"),
+        ('<sdf version="1.9"><model name="a"/></sdf>', "the model has no <link>"),
         ("<html/>", "not a robot file"),
         ('<robot name="a"><drake:frame/></robot>', "not well-formed XML"),
     ],

@@ -1,4 +1,4 @@
-"""Read files for a xacro or MJCF file, restricted to the robot's folders.
+"""Read files for a xacro, MJCF or SDF file, restricted to the robot's folders.
 
 These are the robot's own folder (that of the package around its file, else the file's folder), the packages
 that `$(find ...)` names, and the folders that the user names. A symbolic link counts as the file to which it
@@ -17,8 +17,8 @@ from pathlib import Path
 
 from ...errors import ModelError
 
-#: Entries that mark the folder of a package: its package file, or a folder of robot files.
-MARKS = ("package.xml", "urdf", "xacro", "robots", "meshes")
+#: Entries that mark the folder of a package: its package file, a folder of robot files, `model.config`.
+MARKS = ("package.xml", "urdf", "xacro", "robots", "meshes", "model.config")
 
 #: Most folders and files that a glob pattern may examine.
 MOST_LOOKED_AT = 10_000

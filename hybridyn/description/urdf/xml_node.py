@@ -186,9 +186,20 @@ class Node:
             raise self.error(f"attribute '{attribute}' has {len(words)} numbers instead of {count}")
         return np.array([self._number(word, attribute, False) for word in words])
 
-    def content_number(self) -> float:
+    def content(self) -> str:
+        """Return the element's text without surrounding blanks; raise ModelError if it is too long."""
+        value = str(self.xml.text or "").strip()
+        if len(value) > LONGEST_TEXT:
+            raise self.error(f"its text has {len(value)} characters, limit {LONGEST_TEXT}")
+        return value
+
+    def content_number(self, *, infinite: bool = False) -> float:
         """Return the element's text as a number (`<mechanicalReduction>50</mechanicalReduction>`)."""
-        return self._number((self.xml.text or "").strip(), "text", False)
+        return self._number(self.content(), "text", infinite)
+
+    def content_numbers(self) -> Array:
+        """Return the element's text as numbers separated by blanks, shape (count,)."""
+        return np.array([self._number(word, "text", False) for word in self.content().split()])
 
     def content_numbers(self, count: int) -> Array:
         """Return the element's text as `count` numbers separated by blanks, shape (count,)."""

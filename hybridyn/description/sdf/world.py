@@ -1,0 +1,126 @@
+"""Which model of an SDF file is the robot, and the gravity of its world."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from ...errors import ModelError
+from ..names import listed
+from ..robot_file import RobotFile
+from ..urdf.xml_node import Node
+from . import fields
+from .library import Library, Source
+
+#: Models of Gazebo that are only scenery; a file may include them without having them.
+SCENERY = ("sun", "ground_plane")
+
+#: Gravity of a world that states none [m/s^2].
+GRAVITY = (0.0, 0.0, -9.8)
+
+ONE_ROBOT = "hybridyn reads one robot: keep one of them in the file, or nest them in one <model>"
+
+STATIC = (
+    "a static model does not move at all, nor do its joints; to hold only its base, remove <static> and "
+    "write a fixed joint with <parent>world</parent>"
+)
+
+
+class Chosen(NamedTuple):
+    """The model that is the robot.
+
+    Attributes:
+        world: The world in which it stands, or None.
+        model: The element `<model>`.
+        source: The file in which it stands.
+        own: The element that places it: `<include>`, or the model itself.
+    """
+
+    world: Node | None
+    model: Node
+    source: Source
+    own: Node
+
+
+def choose_model(root: Node, library: Library, robot: RobotFile) -> Chosen:
+    """Return the only model that can move; note the static ones.
+
+    Args:
+        root: Root element `<sdf>`.
+        library: Opens included files.
+        robot: Takes the notes.
+
+    Raises:
+        ModelError: There is no such model, or there are several.
+    """
+    worlds, models = root.children("world"), root.children("model")
+    if len(worlds) > 1 or (worlds and models):
+        names = listed(node.text("name") for node in (*worlds, *models))
+        raise root.error(f"{len(worlds) + len(models)} worlds and models: {names}; {ONE_ROBOT}")
+    world = worlds[0] if worlds else None
+    found: list[Chosen] = []
+    still: list[str] = []
+    for own in models if world is None else world.children("model", "include"):
+        model, source = own, library.source
+        if own.tag == "include":
+            opened = _included(own, library, still)
+            if opened is None:
+                continue
+            model, source = opened
+        name = (fields.word(own, "name") if own.tag == "include" else "") or model.text("name")
+        if fields.flag(own, "static", fields.flag(model, "static")):
+            still.append(name)
+        else:
+            found.append(Chosen(world, model, source, own))
+    if len(found) != 1:
+        raise _refusal(root, found, still)
+    if still:
+        robot.notes.append(f"static models are left out: {listed(still)}")
+    if world is not None and world.child("state") is not None:
+        robot.notes.append("the <state> of the world is not read: poses are those of the models")
+    return found[0]
+
+
+def gravity_of(world: Node | None) -> tuple[float, float, float] | None:
+    """Return the acceleration of gravity of a world [m/s^2], None without a world.
+
+    Args:
+        world: The element `<world>`, or None.
+
+    Raises:
+        ModelError: It is no vector.
+    """
+    if world is None:
+        return None
+    node = world.child("gravity")
+    for physics in world.children("physics"):  # SDFormat 1.4
+        node = node or physics.child("gravity")
+    if node is None:
+        return GRAVITY
+    x, y, z = (float(number) for number in fields.vector(node))
+    return x, y, z
+
+
+def _included(own: Node, library: Library, still: list[str]) -> tuple[Node, Source] | None:
+    """Open an included model of a world, or None for scenery that the robot's folders do not have."""
+    if own.flag("merge", False):
+        raise own.error('merge="true" in a world is not read; remove it')
+    try:
+        return library.open(own, library.source)
+    except ModelError:
+        name = own.required_child("uri").content().rstrip("/").rpartition("/")[2]
+        if name.lower().replace(" ", "_") not in SCENERY:
+            raise
+        still.append(name)
+        return None
+
+
+def _refusal(root: Node, found: list[Chosen], still: list[str]) -> ModelError:
+    if found:
+        names = listed(
+            (fields.word(one.own, "name") if one.own.tag == "include" else "") or one.model.text("name")
+            for one in found
+        )
+        return root.error(f"{len(found)} models that move: {names}; {ONE_ROBOT}")
+    if still:
+        return root.error(f"no model that moves, only {listed(still)}; {STATIC}")
+    return root.error("no <model>; a robot is one")
