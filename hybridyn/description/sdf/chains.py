@@ -23,7 +23,7 @@ from .scopes import Item
 
 #: Largest distance at which an axis still passes through an origin, and largest part of a unit axis that is
 #: rounding, relative to the coordinates: poses are products of a few matrices.
-ROUNDING = 16 * np.finfo(float).eps
+POSE_ROUNDING = 16 * np.finfo(float).eps
 
 
 @dataclass(frozen=True)
@@ -127,7 +127,7 @@ def tidy(axis: Array) -> Array:
     Args:
         axis: A vector of length 1 within rounding.
     """
-    kept = np.where(np.abs(axis) <= ROUNDING, 0.0, axis)
+    kept = np.where(np.abs(axis) <= POSE_ROUNDING, 0.0, axis)
     return np.sign(kept) if np.count_nonzero(kept) == 1 else kept / np.linalg.norm(kept)
 
 
@@ -170,7 +170,7 @@ def _origin(stated: Stated, start: Array, end: Array) -> Array:
     if stated.kind in ("revolute", "continuous", "screw"):
         axis = end[:3, :3].T @ stated.axes[0].direction
         across = origin - axis * (axis @ origin)
-    return np.zeros(3) if np.abs(across).max() <= ROUNDING * size else origin
+    return np.zeros(3) if np.abs(across).max() <= POSE_ROUNDING * size else origin
 
 
 def _joint(part: Part, stated: Stated, turn: Array, forward: bool, line: int | None) -> Joint:

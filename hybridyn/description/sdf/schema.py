@@ -29,7 +29,7 @@ ATTRIBUTES: dict[str, tuple[str, ...]] = {
 READ: dict[str, tuple[str, ...]] = {
     "sdf": ("model", "world"),
     "world": ("model", "include", "joint", "frame", "gravity", "physics"),
-    "model": ("static", "pose", "frame", "link", "joint", "include", "model", "hybridyn:motor"),
+    "model": ("static", "pose", "frame", "link", "joint", "include", "model"),
     "include": ("uri", "name", "pose", "static", "placement_frame"),
     "frame": ("pose",),
     "link": ("pose", "inertial", "gravity", "kinematic", "velocity_decay"),
@@ -52,7 +52,7 @@ READ: dict[str, tuple[str, ...]] = {
     "initial_position": (), "damping": (), "friction": (), "spring_reference": (), "spring_stiffness": (),
     "lower": (), "upper": (), "effort": (), "velocity": (), "stiffness": (), "dissipation": (),
     "multiplier": (), "offset": (), "reference": (), "drake:rotor_inertia": (), "drake:gear_ratio": (),
-    "hybridyn:position": (), "hybridyn:parent_pose": (), "hybridyn:motor": (),
+    "hybridyn:position": (), "hybridyn:parent_pose": (),
 }  # fmt: skip
 
 #: Children of each element that do not change the dynamics, or that others read or note.

@@ -12,7 +12,7 @@ import numpy as np
 
 from ..mjcf.naming import unique
 from ..records import Joint, Link
-from ..robot_file import MotorStatement, RobotFile
+from ..robot_file import RobotFile
 from ..urdf.xml_node import Node
 from .axes import Remarks
 from .chains import Names, add_branch, home_pose
@@ -23,7 +23,7 @@ from .library import Library
 from .links import add_links
 from .loops import add_loops
 from .poses import Poses
-from .scopes import MODEL, Item, Scope, add_model, resolve
+from .scopes import MODEL, Item, Scope, add_model
 from .world import choose_model, gravity_of
 
 
@@ -60,14 +60,10 @@ def read_sdf(root: Node, package_dirs: Sequence[str | os.PathLike[str]] = ()) ->
 
 
 def _add_joints(robot: RobotFile, world: Scope, joints: list[Stated], poses: Poses) -> None:
-    """Add the tree, closures, couplings and motors."""
-    driven = _motors(world)
-    named = {
-        *driven,
-        *(axis.mimic.joint for joint in joints for axis in joint.axes if axis.mimic is not None),
-    }
-    connecting = [joint for joint in joints if joint.kind != "gearbox"]
+    """Add the tree, closures, couplings and springs."""
+    named = {axis.mimic.joint for joint in joints for axis in joint.axes if axis.mimic is not None}
     named |= _geared(joints, poses)
+    connecting = [joint for joint in joints if joint.kind != "gearbox"]
     tree = span(world.everything("link"), connecting, named, _canonical(world, poses))
     names = Names({link.name for link in robot.links}, {joint.name for joint in joints})
     branches = _root(robot, tree, poses, names)
@@ -76,10 +72,6 @@ def _add_joints(robot: RobotFile, world: Scope, joints: list[Stated], poses: Pos
     add_loops(robot, [(joint, importance(joint, named)) for joint in tree.cut], poses, names)
     add_couplings(robot, joints, branches, poses, names)
     _add_springs(robot, names)
-    if driven:
-        motors = tuple(part.name for item in driven for part in names.parts.get(item, []) if part.axis)
-        line = next(iter(driven.values())).line
-        robot.motors.append(MotorStatement("actuator", "SDF <hybridyn:motor>", motors, robot.file, line))
 
 
 def _add_springs(robot: RobotFile, names: Names) -> None:
@@ -124,18 +116,6 @@ def _root(robot: RobotFile, tree: Tree, poses: Poses, names: Names) -> list[Bran
 def _is_the_world(branch: Branch, poses: Poses) -> bool:
     """Check whether a joint to the world welds a link whose frame is that of the world."""
     return branch.joint.kind == "fixed" and np.array_equal(poses.world(branch.below), np.eye(4))
-
-
-def _motors(world: Scope) -> dict[Item, Node]:
-    """Return the joints that hybridyn's own element names as motors, in order."""
-    driven: dict[Item, Node] = {}
-    for scope in world.models():
-        for node in scope.node.children("hybridyn:motor"):
-            found = resolve(scope, node.content(), node)
-            if found is None or found.kind != "joint" or found in driven:
-                raise node.error(f"'{node.content()[:80]}' is no joint, or is named twice")
-            driven[found] = node
-    return driven
 
 
 def _geared(joints: list[Stated], poses: Poses) -> set[Item]:
