@@ -63,29 +63,13 @@ def flag(node: Node, tag: str, default: bool = False) -> bool:
     return text in ("true", "1")
 
 
-def vector(node: Node, count: int = 3) -> Array:
-    """Return the numbers of an element, shape (count,).
-
-    Args:
-        node: The element.
-        count: How many numbers there must be.
-
-    Raises:
-        ModelError: There are more or fewer, or one is no number.
-    """
-    numbers = node.content_numbers()
-    if len(numbers) != count:
-        raise node.error(f"has {len(numbers)} numbers instead of {count}")
-    return numbers
-
-
 def direction(node: Node) -> Array:
     """Return the unit vector that an element states, shape (3,).
 
     Raises:
         ModelError: A number does not parse, or the vector is zero.
     """
-    axis = vector(node)
+    axis = node.content_numbers(3)
     norm = float(np.linalg.norm(axis))
     if norm < SMALLEST_AXIS:
         raise node.error("the axis is zero; give a direction such as <xyz>0 0 1</xyz>")
@@ -105,14 +89,14 @@ def pose(node: Node | None) -> Array:
     if form == "quat_xyzw":
         if degrees:
             raise node.error("states both degrees and a quaternion; keep one")
-        numbers = vector(node, 7)
+        numbers = node.content_numbers(7)
         norm = float(np.linalg.norm(numbers[3:]))
         if norm < SMALLEST_AXIS:
             raise node.error("its quaternion is zero; a unit quaternion is needed")
         return placement_from(rotation_from_quaternion(*(numbers[3:] / norm)), numbers[:3])
     if form != "euler_rpy":
         raise node.error(f"rotation_format '{form}' instead of 'euler_rpy' or 'quat_xyzw'")
-    numbers = vector(node, 6)
+    numbers = node.content_numbers(6)
     angles = np.radians(numbers[3:]) if degrees else numbers[3:]
     return placement_from(rotation_from_rpy(*angles), numbers[:3])
 

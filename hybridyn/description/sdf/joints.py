@@ -153,7 +153,7 @@ def _position(node: Node, kind: str) -> tuple[float, ...]:
     if stated is None:
         return ()
     count = {"ball": 4, "fixed": 0}.get(kind, AXES[kind])
-    numbers = fields.vector(stated, count)
+    numbers = stated.content_numbers(count)
     if kind == "ball":
         norm = float(np.linalg.norm(numbers))
         if abs(norm - 1) > 1e-6:

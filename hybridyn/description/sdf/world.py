@@ -96,7 +96,7 @@ def gravity_of(world: Node | None) -> tuple[float, float, float] | None:
         node = node or physics.child("gravity")
     if node is None:
         return GRAVITY
-    x, y, z = (float(number) for number in fields.vector(node))
+    x, y, z = (float(number) for number in node.content_numbers(3))
     return x, y, z
 
 

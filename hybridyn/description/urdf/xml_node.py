@@ -197,10 +197,6 @@ class Node:
         """Return the element's text as a number (`<mechanicalReduction>50</mechanicalReduction>`)."""
         return self._number(self.content(), "text", infinite)
 
-    def content_numbers(self) -> Array:
-        """Return the element's text as numbers separated by blanks, shape (count,)."""
-        return np.array([self._number(word, "text", False) for word in self.content().split()])
-
     def content_numbers(self, count: int) -> Array:
         """Return the element's text as `count` numbers separated by blanks, shape (count,)."""
         words = (self.xml.text or "").split()
