@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..mjcf.naming import unique
 from ..records import Array, Coupling
 from ..robot_file import RobotFile
 from ..urdf.xml_node import Node
@@ -42,9 +41,7 @@ def add_couplings(
         line = stated.item.node.line if stated.item.node.file == robot.file else None
         if stated.kind == "gearbox":
             terms, constant = _gearbox(stated, above, poses, names)
-            coupling = Coupling(unique(stated.name, names.joints), tuple(terms.items()), -constant, line)
-            names.joints.add(coupling.name)
-            robot.couplings.append(coupling)
+            robot.couplings.append(Coupling(stated.name, tuple(terms.items()), -constant, line))
             continue
         parts = names.parts.get(stated.item, [])
         if stated.kind == "screw":

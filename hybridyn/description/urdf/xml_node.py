@@ -187,8 +187,8 @@ class Node:
         return np.array([self._number(word, attribute, False) for word in words])
 
     def content(self) -> str:
-        """Return the element's text without surrounding blanks; raise ModelError if it is too long."""
-        value = str(self.xml.text or "").strip()
+        """Return the element's text in one line, without surrounding blanks; ModelError if it is too long."""
+        value = " ".join(str(self.xml.text or "").split())
         if len(value) > LONGEST_TEXT:
             raise self.error(f"its text has {len(value)} characters, limit {LONGEST_TEXT}")
         return value
