@@ -20,8 +20,14 @@ def _urdf(request: Request) -> Written:
     return write_urdf(request)
 
 
+def _usd(request: Request) -> Written:
+    from .usd.usd import write_usd
+
+    return write_usd(request)
+
+
 #: Writers by the ending of the file.
-WRITERS: dict[str, Callable[[Request], Written]] = {".urdf": _urdf}
+WRITERS: dict[str, Callable[[Request], Written]] = {".urdf": _urdf, ".usda": _usd}
 
 
 def writer_of(target: Path) -> Callable[[Request], Written]:

@@ -11,7 +11,7 @@ from tests.mechanisms import KINDS, random_mechanism, random_states
 from tests.samples import some
 from tests.shipped import ROBOTS, shipped
 
-ENDINGS = (".urdf",)
+ENDINGS = (".urdf", ".usda")
 QUICK = ("five_bar",)
 
 

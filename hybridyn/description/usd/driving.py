@@ -17,9 +17,6 @@ from .stage import Prim
 
 WHERE = "USD PhysicsDriveAPI"
 
-#: Relation on the default prim by which hybridyn writes the order of the motors.
-ORDER = "hybridyn:motors"
-
 
 @dataclass
 class Driving:
@@ -61,7 +58,7 @@ def with_properties(joint: UsdJoint, axis: str, record: Joint, driving: Driving)
         ModelError: A number is negative, or a joint of several freedoms states friction or armature.
     """
     prim, stage = joint.prim, joint.prim.stage
-    if axis in ("ball", "all", ""):
+    if axis in ("ball", "all", "plane", ""):
         _refuse_on_several(joint, axis, driving)
         return record
     name, angular = joint.instance(axis), axis.startswith("rot")
@@ -70,7 +67,6 @@ def with_properties(joint: UsdJoint, axis: str, record: Joint, driving: Driving)
     inertia = stage.kilograms * (stage.meters**2 if angular else 1.0)
     lower, upper = joint.limits.get(axis, (-np.inf, np.inf))
     per_axis = f"physxJointAxis:{name}"
-    armature, gear = _rotor(prim, (_first(prim, (f"{per_axis}:armature", "physxJoint:armature"))) * inertia)
     record = replace(
         record,
         lower=lower,
@@ -78,29 +74,25 @@ def with_properties(joint: UsdJoint, axis: str, record: Joint, driving: Driving)
         velocity=_limit(prim, (f"{per_axis}:maxJointVelocity", "physxJoint:maxJointVelocity")) * speed,
         friction=_first(prim, (f"{per_axis}:dynamicFrictionEffort", "physxJoint:jointFriction")) * effort,
         damping=_first(prim, (f"{per_axis}:viscousFrictionCoefficient",)) * effort / speed,
-        rotor_inertia=armature,
-        gear_ratio=gear,
+        rotor_inertia=_first(prim, (f"{per_axis}:armature", "physxJoint:armature")) * inertia,
     )
     return _driven(joint, name, record, effort, driving)
 
 
-def add_motors(robot: RobotFile, driving: Driving, default: Prim | None) -> None:
-    """Add the list of motors to the robot.
+def add_motors(robot: RobotFile, driving: Driving) -> None:
+    """Add the list of motors to the robot, in the order of the file.
 
     Args:
         robot: The robot.
         driving: The motors.
-        default: The default prim, which may state their order.
     """
     if driving.servos:
         robot.notes.append(
             f"drives of {listed(driving.servos)} have stiffness or damping, which are not read: the motors "
             "give the efforts that the models compute"
         )
-    order = default.targets.get(ORDER, []) if default is not None else []
-    paths = [*(path for path in order if path in driving.motors), *driving.motors]
-    names = tuple(dict.fromkeys(name for path in paths for name in driving.motors[path]))
-    if names or driving.problem or (default is not None and ORDER in default.targets):
+    names = tuple(dict.fromkeys(name for of_joint in driving.motors.values() for name in of_joint))
+    if names or driving.problem:
         robot.motors.append(MotorStatement("actuator", WHERE, names, robot.file, None, driving.problem))
 
 
@@ -128,14 +120,6 @@ def _refuse_on_several(joint: UsdJoint, axis: str, driving: Driving) -> None:
             f"<{prim.path}> is driven, but has several freedoms; name the driven joints: motors=[..], "
             "--motors, or motors = [..] in model.toml"
         )
-
-
-def _rotor(prim: Prim, armature: float) -> tuple[float, float]:
-    """Return the inertia of the rotor and the gear, from hybridyn's own numbers if they give the armature."""
-    rotor, gear = prim.number("hybridyn:rotorInertia", 0.0), prim.number("hybridyn:gearRatio", 1.0)
-    if rotor and np.float32(rotor * gear**2) == np.float32(armature):
-        return rotor, gear
-    return armature, 1.0
 
 
 def _first(prim: Prim, names: tuple[str, ...]) -> float:

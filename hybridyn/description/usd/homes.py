@@ -45,7 +45,7 @@ def add_home(
             value = _stated(joint, axis)
             if value is None:
                 value = _placed(axis, positions, size)
-            if value is None and axis in ("ball", "all"):
+            if value is None and axis in ("ball", "all", "plane"):
                 value = _several_coordinates(joint, forward, found)
             if value is not None:
                 robot.home[name] = value
@@ -124,10 +124,19 @@ def _several_coordinates(joint: UsdJoint, forward: bool, found: Array) -> tuple[
     turn = placement_from(far[:3, :3] if ends_in_child else np.eye(3), np.zeros(3))
     if joint.chain()[-1] == "ball":
         moved = placement_from(moved[:3, :3], np.zeros(3))
+    if joint.chain()[-1] == "plane":
+        return _planar(moved)
     seen = turn @ moved @ inverse(turn)
     if np.abs(seen - np.eye(4)).max() <= ROUNDING:
         return None
     return _quaternion(seen[:3, :3]) if joint.chain()[-1] == "ball" else pose_coordinates(seen)
+
+
+def _planar(moved: Array) -> tuple[float, ...] | None:
+    """Return x, y [m], cosine and sine of a motion in the plane, None for zero."""
+    if np.abs(moved - np.eye(4)).max() <= ROUNDING:
+        return None
+    return tuple(float(x) for x in (moved[0, 3], moved[1, 3], moved[0, 0], moved[1, 0]))
 
 
 def _quaternion(rotation: Array) -> tuple[float, float, float, float]:

@@ -18,6 +18,9 @@ from .stage import Prim
 #: Axes of a generic joint, in the order in which a chain of joints moves along them.
 AXES = ("transX", "transY", "transZ", "rotX", "rotY", "rotZ")
 
+#: Axes of a planar joint.
+PLANE = ("transX", "transY", "rotZ")
+
 TYPES = (
     "PhysicsRevoluteJoint", "PhysicsPrismaticJoint", "PhysicsSphericalJoint", "PhysicsFixedJoint",
     "PhysicsJoint",
@@ -65,9 +68,11 @@ class UsdJoint:
         return "linear" if self.prim.kind == "PhysicsPrismaticJoint" else axis
 
     def chain(self) -> list[str]:
-        """Return its axes as joints one after the other: "ball" and "all" have several freedoms."""
+        """Return its axes as joints one after the other: "ball", "all" and "plane" have several freedoms."""
         if len(self.free) == 6:
             return ["all"]
+        if self.free == PLANE and self.prim.word("hybridyn:kind", "") == "planar":
+            return ["plane"]
         if self.free[-3:] == AXES[3:]:
             return [*self.free[:-3], "ball"]
         return list(self.free)

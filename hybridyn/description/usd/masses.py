@@ -22,6 +22,9 @@ DENSITY = 1000.0
 MASS, CENTRE = "physics:mass", "physics:centerOfMass"
 INERTIA, AXES, PER_VOLUME = "physics:diagonalInertia", "physics:principalAxes", "physics:density"
 
+#: Flag by which hybridyn writes that a body has no inertia: USD takes zeros for nothing stated.
+POINT = "hybridyn:pointMass"
+
 
 @dataclass(frozen=True)
 class Mass:
@@ -67,6 +70,8 @@ def _mass(bodies: Bodies, body: Prim, colliders: list[Prim]) -> Mass:
         raise body.error("newton:inertia and newton:massModel are not read; author physics:diagonalInertia")
     mass = _stated(body, MASS) * stage.kilograms
     com, inertia = _centre(bodies, body), _inertia(body)
+    if body.flag(POINT, False) and inertia is None:
+        inertia = np.zeros((3, 3))
     if mass and com is not None and inertia is not None:
         return Mass(mass, com, inertia)
     if not colliders:

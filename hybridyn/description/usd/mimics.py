@@ -1,4 +1,4 @@
-"""Couplings of a USD robot: PhysX's and Newton's mimic joints, and the sums that hybridyn itself writes."""
+"""Couplings of a USD robot: PhysX's and Newton's mimic joints."""
 
 from __future__ import annotations
 
@@ -10,9 +10,6 @@ from .joints import DEGREES, UsdJoint
 from .stage import Prim, Stage
 
 PHYSX, NEWTON = "PhysxMimicJointAPI", "NewtonMimicAPI"
-
-#: Relation of a coupling's prim to its joints, which are those of hybridyn's own couplings.
-JOINTS = "hybridyn:joints"
 
 #: Names of joints by path and axis.
 Names = Mapping[str, Mapping[str, str]]
@@ -30,7 +27,6 @@ def bound_joints(stage: Stage) -> set[str]:
         followers += ["newton:mimicJoint"] if prim.has(NEWTON) else []
         if followers:
             out |= {prim.path, *(path for name in followers for path in prim.targets.get(name, ()))}
-        out |= {*prim.targets.get(JOINTS, ())}
     return out
 
 
@@ -56,8 +52,6 @@ def couplings(stage: Stage, joints: Mapping[str, UsdJoint], names: Names, notes:
                 notes.append(
                     f"<{prim.path}> mimics softly in PhysX (naturalFrequency); here it follows exactly"
                 )
-        if JOINTS in prim.targets:
-            out.append(_own(prim, joints, names))
     return out
 
 
@@ -79,22 +73,6 @@ def _physx(prim: Prim, axis: str, joints: Mapping[str, UsdJoint], names: Names) 
     other, its_unit = _axis(prim, leader, reference, joints, names)
     factor = prim.number(f"{space}:gearing", 1.0) * unit / its_unit
     return Coupling(own, ((own, 1.0), (other, factor)), -prim.number(f"{space}:offset", 0.0) * unit)
-
-
-def _own(prim: Prim, joints: Mapping[str, UsdJoint], names: Names) -> Coupling:
-    """Return a sum of positions [m or rad] that hybridyn wrote."""
-    paths, factors = prim.targets[JOINTS], prim.values.get("hybridyn:coefficients")
-    if not isinstance(factors, list) or len(factors) != len(paths) or not paths:
-        raise prim.error("hybridyn:coefficients does not have one number for each of hybridyn:joints")
-    terms = [
-        (
-            _axis(prim, path, "", joints, names)[0],
-            prim.vector("hybridyn:coefficients", (0.0,) * len(paths))[i],
-        )
-        for i, path in enumerate(paths)
-    ]
-    name = prim.word("hybridyn:name", prim.name)
-    return Coupling(name, tuple((joint, float(c)) for joint, c in terms), prim.number("hybridyn:offset", 0.0))
 
 
 def _target(prim: Prim, name: str) -> str:

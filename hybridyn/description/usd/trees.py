@@ -26,8 +26,12 @@ ON_AXIS = 4 * np.finfo(float).eps
 #: Largest deviation of a rotation matrix that hybridyn wrote in double precision.
 ORTHONORMAL = 1e-12
 
+#: Axes of the second frame of a universal joint as hybridyn writes it: its own axis z is y there, so that the
+#: frames coincide and the twist about x is locked.
+SECOND_AXIS = np.eye(3)[:, [1, 2, 0]]
+
 #: Kinds of the joints of a chain that have several freedoms.
-SEVERAL: dict[str, JointKind] = {"ball": "spherical", "all": "floating"}
+SEVERAL: dict[str, JointKind] = {"ball": "spherical", "all": "floating", "plane": "planar"}
 
 
 def add_joint(
@@ -91,6 +95,7 @@ def _record(
     along = np.array([1.0, 0.0, 0.0])
     if axis in SEVERAL:
         kind = SEVERAL[axis]
+        along = np.array([0.0, 0.0, 1.0]) if axis == "plane" else along
     elif axis:
         kind = "revolute" if axis.startswith("rot") else "prismatic"
         if kind == "revolute" and joint.prim.word("hybridyn:kind", "") == "continuous":
@@ -135,8 +140,8 @@ def closure_of(joint: UsdJoint, name: str, ends: tuple[str, str]) -> Closure:
     if prim.word("hybridyn:rotation", "") == "perpendicular":
         locked = tuple(i for i in range(3) if AXES[i] not in joint.free)
         return Closure(
-            name, _kind(joint), ends[0], joint.frames[0], ends[1], joint.frames[1], locked, "perpendicular",
-            None, _turn(joint, np.eye(3)),
+            name, _kind(joint), ends[0], joint.frames[0], ends[1], turned(joint.frames[1], SECOND_AXIS.T),
+            locked, "perpendicular", None, _turn(joint, np.eye(3)),
         )  # fmt: skip
     rows = [row for row, axis in zip(ROWS, AXES, strict=True) if axis not in joint.free]
     try:

@@ -84,7 +84,10 @@ def _build(robot: RobotFile, bodies: Bodies, joints: list[UsdJoint], tree: Tree)
     own_names = names_of([joint.prim for joint in joints], set())
     taken = {*links.values()}, {*own_names.values()}
     found = masses(bodies)
-    robot.links += [_link(links[path], found[path]) for path in bodies.moving]
+    robot.links += [
+        _link(links[path], found[path], prim.flag("hybridyn:betweenJoints", False))
+        for path, prim in bodies.moving.items()
+    ]
     driving = Driving()
     names: dict[str, dict[str, str]] = {}
     kept = [
@@ -101,7 +104,7 @@ def _build(robot: RobotFile, bodies: Bodies, joints: list[UsdJoint], tree: Tree)
         robot.closures.append(closure_of(joint, own_names[joint.prim.path], ends))
     by_path = {joint.prim.path: joint for joint in joints}
     robot.couplings += couplings(stage, by_path, names, robot.notes)
-    add_motors(robot, driving, stage.default)
+    add_motors(robot, driving)
     add_home(robot, bodies, kept, names)
 
 
@@ -128,8 +131,8 @@ def _holds_base(joint: UsdJoint, base: str) -> bool:
     return {*joint.ends} == {WORLD, base}
 
 
-def _link(name: str, mass: Mass) -> Link:
-    return Link(name, mass.mass, mass.com, mass.inertia)
+def _link(name: str, mass: Mass, between: bool) -> Link:
+    return Link(name, mass.mass, mass.com, mass.inertia, None, between)
 
 
 def _float(

@@ -1,0 +1,73 @@
+"""Links as rigid bodies: transform, mass properties, shapes."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...description.records import Array, Link
+from ...description.usd.masses import POINT
+from ..losses import Losses
+from ..numerals import numeral
+from ..request import Shape
+from .prims import Prim, turned_quaternion
+
+
+def add_body(parent: Prim, link: Link, placement: Array) -> Prim:
+    """Add a rigid body.
+
+    Args:
+        parent: The prim above.
+        link: The link.
+        placement: Its placement in the world, shape (4, 4).
+    """
+    body = parent.child("Xform", link.name)
+    body.apply("PhysicsRigidBodyAPI")
+    body.apply("PhysicsMassAPI")
+    body.place(placement)
+    if link.between_joints:
+        body.line("custom bool hybridyn:betweenJoints = true")
+    if not link.mass and not link.inertia.any():
+        return body
+    body.single("float", "physics:mass", link.mass)
+    body.single("point3f", "physics:centerOfMass", link.com)
+    if not link.inertia.any():
+        body.line(f"custom bool {POINT} = true")
+        return body
+    moments, axes = principal(link.inertia)
+    body.single("float3", "physics:diagonalInertia", moments)
+    if not np.array_equal(axes, np.eye(3)):
+        body.single("quatf", "physics:principalAxes", turned_quaternion(axes))
+    return body
+
+
+def principal(inertia: Array) -> tuple[Array, Array]:
+    """Return the principal moments, shape (3,), and axes as columns of a rotation, shape (3, 3)."""
+    if not np.any(inertia - np.diag(np.diag(inertia))):
+        return np.diag(inertia), np.eye(3)
+    moments, axes = np.linalg.eigh(inertia)
+    return moments, axes * np.array([1.0, 1.0, np.linalg.det(axes)]).round()
+
+
+def add_shape(body: Prim, shape: Shape, losses: Losses) -> None:
+    """Add a visual shape.
+
+    Args:
+        body: The prim of its link.
+        shape: The shape.
+        losses: Receives meshes, which are not written.
+    """
+    if shape.kind == "mesh":
+        losses.add("meshes of links are not written", shape.link)
+        return
+    out = body.child({"box": "Cube", "cylinder": "Cylinder", "sphere": "Sphere"}[shape.kind], "visual")
+    out.place(shape.placement, shape.size if shape.kind == "box" else ())
+    if shape.kind == "box":
+        out.line("double size = 1")
+    else:
+        out.line(f"double radius = {numeral(shape.size[0])}")
+    if shape.kind == "cylinder":
+        out.line(f"double height = {numeral(shape.size[1])}")
+    if shape.colour is not None:
+        red, green, blue, opacity = (numeral(part) for part in shape.colour)
+        out.line(f"color3f[] primvars:displayColor = [({red}, {green}, {blue})]")
+        out.line(f"float[] primvars:displayOpacity = [{opacity}]")

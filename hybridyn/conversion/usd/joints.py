@@ -1,0 +1,131 @@
+"""Joints of the tree as UsdPhysics joints: frames, limits, drives, armature, friction, states."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...description.placement import rotation_to_axis
+from ...description.records import Array, Joint
+from ...description.usd.joints import AXES, DEGREES, PLANE
+from ..numerals import numeral
+from .posing import angle_of
+from .prims import Prim, turned_quaternion
+
+#: Types of prims by kind of joint.
+TYPES = {
+    "fixed": "Fixed", "revolute": "Revolute", "continuous": "Revolute", "prismatic": "Prismatic",
+    "spherical": "Spherical", "planar": "", "floating": "",
+}  # fmt: skip
+
+
+def add_joint(
+    parent: Prim, joint: Joint, bodies: tuple[Prim, Prim], driven: bool, home: tuple[float, ...] | None
+) -> Prim:
+    """Add a joint.
+
+    Args:
+        parent: The prim above.
+        joint: The joint.
+        bodies: Its parent and child.
+        driven: Whether it is a motor.
+        home: Its position at home, None for zero.
+    """
+    out = parent.child(f"Physics{TYPES[joint.kind]}Joint", joint.name)
+    single = joint.kind in ("revolute", "continuous", "prismatic")
+    token, turn = axis_of(joint.axis) if single else ("", np.eye(3))
+    at = joint.placement.copy()
+    at[:3, :3] = at[:3, :3] @ turn
+    far = np.eye(4)
+    far[:3, :3] = turn
+    add_ends(out, bodies, (at, far))
+    if joint.kind in ("continuous", "planar", "floating"):
+        out.text("hybridyn:kind", joint.kind)
+    if joint.kind == "planar":
+        lock(out, [axis for axis in AXES if axis not in PLANE])
+    if single:
+        out.line(f'uniform token physics:axis = "{token}"')
+        _add_numbers(out, joint, driven)
+        if home is not None:
+            _add_state(out, joint, angle_of(home))
+    return out
+
+
+def add_ends(prim: Prim, bodies: tuple[Prim | None, Prim], frames: tuple[Array, Array]) -> None:
+    """Add the bodies of a joint and its frames in them.
+
+    Args:
+        prim: The joint.
+        bodies: The bodies; None is the world.
+        frames: The joint's frame in each, shape (4, 4).
+    """
+    for side, (body, frame) in enumerate(zip(bodies, frames, strict=True)):
+        if body is not None:
+            prim.line(f"rel physics:body{side} = <{body.path}>")
+        if frame[:3, 3].any():
+            prim.single("point3f", f"physics:localPos{side}", frame[:3, 3])
+        if not np.array_equal(frame[:3, :3], np.eye(3)):
+            prim.single("quatf", f"physics:localRot{side}", turned_quaternion(frame[:3, :3]))
+
+
+def axis_of(axis: Array) -> tuple[str, Array]:
+    """Return the name of the axis of a joint's frame that is the joint's, and this frame, shape (3, 3)."""
+    along = [i for i in range(3) if abs(axis[i]) == 1]
+    if not along:
+        return "Z", rotation_to_axis(axis)
+    turn = np.eye(3)
+    if axis[along[0]] < 0:  # half a turn about the next axis
+        turn = -turn
+        turn[(along[0] + 1) % 3] *= -1
+    return "XYZ"[along[0]], turn
+
+
+def lock(prim: Prim, axes: list[str]) -> None:
+    """Lock axes of a generic joint: the lower limit is above the upper one."""
+    for axis in axes:
+        prim.apply(f"PhysicsLimitAPI:{axis}")
+        prim.line(f"float limit:{axis}:physics:low = 1")
+        prim.line(f"float limit:{axis}:physics:high = -1")
+
+
+def _add_numbers(prim: Prim, joint: Joint, driven: bool) -> None:
+    """Add limits, drive, armature and friction of a joint with one freedom."""
+    angular = joint.kind != "prismatic"
+    name, unit = ("angular", DEGREES) if angular else ("linear", 1.0)
+    for word, bound in (("lower", joint.lower), ("upper", joint.upper)):
+        if np.isfinite(bound):
+            prim.single("float", f"physics:{word}Limit", bound / unit)
+    if driven:
+        prim.apply(f"PhysicsDriveAPI:{name}")
+        prim.line(f'uniform token drive:{name}:physics:type = "force"')
+        for word in ("stiffness", "damping"):
+            prim.line(f"float drive:{name}:physics:{word} = 0")
+    if np.isfinite(joint.effort) and driven:
+        prim.single("float", f"drive:{name}:physics:maxForce", joint.effort)
+    elif np.isfinite(joint.effort):
+        prim.line(f"custom double hybridyn:maxForce = {numeral(joint.effort)}")
+    armature = joint.rotor_inertia * joint.gear_ratio**2
+    if armature or np.isfinite(joint.velocity):
+        prim.apply("PhysxJointAPI")
+    if np.isfinite(joint.velocity):
+        prim.single("float", "physxJoint:maxJointVelocity", joint.velocity / unit)
+    if armature:
+        prim.single("float", "physxJoint:armature", armature)
+    _add_friction(prim, joint, name, unit)
+
+
+def _add_friction(prim: Prim, joint: Joint, name: str, unit: float) -> None:
+    if not (joint.friction or joint.damping):
+        return
+    prim.apply(f"PhysxJointAxisAPI:{name}")
+    if joint.friction:
+        for word in ("static", "dynamic"):
+            prim.single("float", f"physxJointAxis:{name}:{word}FrictionEffort", joint.friction)
+    if joint.damping:
+        prim.single("float", f"physxJointAxis:{name}:viscousFrictionCoefficient", joint.damping * unit)
+
+
+def _add_state(prim: Prim, joint: Joint, position: float) -> None:
+    """Add the position at home as the state of a joint."""
+    name, unit = ("linear", 1.0) if joint.kind == "prismatic" else ("angular", DEGREES)
+    prim.apply(f"PhysicsJointStateAPI:{name}")
+    prim.single("float", f"state:{name}:physics:position", position / unit)

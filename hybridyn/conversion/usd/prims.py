@@ -1,0 +1,132 @@
+"""Prims of a USD text: schemas, attributes, relationships, children."""
+
+from __future__ import annotations
+
+import re
+import struct
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+
+from ...description.mjcf.naming import unique
+from ...description.records import Array
+from ...description.usd.naming import NAME
+from ...description.usd.stage import EXACT
+from ..numerals import numeral, quaternion_of
+
+#: Largest single-precision number.
+LARGEST = float(np.finfo(np.float32).max)
+
+#: Double-precision types of the exact copies, by single-precision type.
+DOUBLES = {
+    "float": "double", "float3": "double3", "point3f": "double3", "vector3f": "double3", "quatf": "quatd",
+}  # fmt: skip
+
+_INVALID = re.compile(r"[^A-Za-z0-9_]")
+
+
+class Prim:
+    """A prim.
+
+    Args:
+        kind: Its type, "" for none.
+        name: Its name, valid as an identifier.
+        path: Its path.
+    """
+
+    def __init__(self, kind: str, name: str, path: str) -> None:
+        self.kind, self.name, self.path = kind, name, path
+        self.schemas: list[str] = []
+        self._lines: list[str] = []
+        self.children: list[Prim] = []
+        self._taken: set[str] = set()
+
+    def child(self, kind: str, name: str) -> Prim:
+        """Add a prim below; its name in the file is valid, and `hybridyn:name` holds another one."""
+        valid = _INVALID.sub("_", name)
+        valid = unique(valid if valid[:1].isalpha() or valid[:1] == "_" else f"_{valid}", self._taken)
+        self._taken.add(valid)
+        out = Prim(kind, valid, f"{self.path}/{valid}")
+        if valid != name:
+            out.text(NAME, name)
+        self.children.append(out)
+        return out
+
+    def apply(self, schema: str) -> None:
+        """Apply a schema, once."""
+        if schema not in self.schemas:
+            self.schemas.append(schema)
+
+    def line(self, text: str) -> None:
+        """Add an attribute or relationship as text."""
+        self._lines.append(text)
+
+    def text(self, name: str, value: str) -> None:
+        """Add a custom text."""
+        self.line(f"custom string {name} = {quoted(value)}")
+
+    def single(self, kind: str, name: str, values: float | Sequence[float] | Array) -> None:
+        """Add a single-precision attribute, and its exact copy where rounding changes it."""
+        numbers = [float(x) for x in np.ravel(values)]
+        self.line(f"{kind} {name} = {_tuple(numbers)}")
+        if any(rounded(x) != x for x in numbers):
+            self.line(f"custom {DOUBLES[kind]} {EXACT}{name} = {_tuple(numbers)}")
+
+    def place(self, placement: Array, scale: Sequence[float] = ()) -> None:
+        """Add the transform of the prim in its parent, and factors along its axes."""
+        order = []
+        if not np.array_equal(placement, np.eye(4)):
+            self.line(f"double3 xformOp:translate = {_tuple(placement[:3, 3])}")
+            self.line(f"quatd xformOp:orient = {_tuple(turned_quaternion(placement[:3, :3]))}")
+            order = ["xformOp:translate", "xformOp:orient"]
+        if scale:
+            self.line(f"double3 xformOp:scale = {_tuple(scale)}")
+            order.append("xformOp:scale")
+        if order:
+            words = ", ".join(f'"{word}"' for word in order)
+            self.line(f"uniform token[] xformOpOrder = [{words}]")
+
+    def lines(self, indent: str = "") -> Iterable[str]:
+        """Yield the lines of the prim and of those below."""
+        kind = f"{self.kind} " if self.kind else ""
+        applied = ", ".join(f'"{schema}"' for schema in self.schemas)
+        yield f'{indent}def {kind}"{self.name}"' + (
+            f" (\n{indent}    prepend apiSchemas = [{applied}]\n{indent})" if applied else ""
+        )
+        yield indent + "{"
+        for line in self._lines:
+            yield f"{indent}    {line}"
+        for child in self.children:
+            yield ""
+            yield from child.lines(indent + "    ")
+        yield indent + "}"
+
+
+def turned_quaternion(rotation: Array) -> list[float]:
+    """Return the quaternion w, x, y, z of a rotation matrix, shape (3, 3)."""
+    x, y, z, w = (float(part) for part in quaternion_of(rotation))
+    return [w, x, y, z]
+
+
+def quoted(text: str) -> str:
+    """Return a text between quotation marks."""
+    plain = text.replace("\\", "\\\\").replace('"', '\\"').replace("\n", "\\n")
+    return f'"{plain}"'
+
+
+def rounded(value: float) -> float:
+    """Return what the reader takes for a single-precision number: the shortest decimal that rounds to it."""
+    try:
+        single = struct.pack("f", value)
+    except OverflowError:
+        return float(np.copysign(np.inf, value))
+    for digits in range(6, 9):
+        number = float(f"{struct.unpack('f', single)[0]:.{digits}g}")
+        if abs(number) <= LARGEST and struct.pack("f", number) == single:
+            return number
+    return float(struct.unpack("f", single)[0])
+
+
+def _tuple(numbers: Iterable[float]) -> str:
+    parts = [numeral(number) for number in numbers]
+    return parts[0] if len(parts) == 1 else f"({', '.join(parts)})"

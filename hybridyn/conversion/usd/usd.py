@@ -1,0 +1,153 @@
+"""Write USD as text: one Xform with a rigid body for each link, joints, closures, and the scene's gravity.
+
+Lengths are metres, z points up. What USD cannot say goes to the model file beside.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...description.records import Coupling, Description, Joint
+from ...description.robot_file import FREEDOMS
+from ...description.usd.joints import DEGREES
+from ..losses import Losses
+from ..model_file import model_file
+from ..request import Request, Written
+from .bodies import add_body, add_shape
+from .closures import add_closure
+from .joints import add_ends, add_joint, axis_of
+from .posing import home_poses
+from .prims import Prim, quoted
+
+#: Gravity of a robot whose file states none [m/s^2].
+USUAL_GRAVITY = (0.0, 0.0, -9.81)
+
+
+def write_usd(request: Request) -> Written:
+    """Write a robot as USD.
+
+    Args:
+        request: The robot.
+    """
+    d, losses = request.description, Losses()
+    top = Prim("", "", "")
+    robot = top.child("Xform", d.name or "robot")
+    poses = home_poses(d)
+    bodies = {link.name: add_body(robot, link, poses[link.name]) for link in d.links}
+    for shape in request.shapes:
+        add_shape(bodies[shape.link], shape, losses)
+    held = robot.child("Scope", "joints")
+    if d.base == "floating":
+        bodies[d.root].apply("PhysicsArticulationRootAPI")
+    else:
+        weld = held.child("PhysicsFixedJoint", "root_joint")
+        weld.apply("PhysicsArticulationRootAPI")
+        add_ends(weld, (None, bodies[d.root]), (np.eye(4), np.eye(4)))
+    joints = {
+        joint.name: add_joint(
+            held, joint, (bodies[joint.parent], bodies[joint.child]), joint.name in d.motors,
+            d.home.get(joint.name),
+        )
+        for joint in d.joints
+    }  # fmt: skip
+    closing = robot.child("Scope", "closures") if d.closures else robot
+    for closure in d.closures:
+        add_closure(closing, closure, (bodies[closure.link_a], bodies[closure.link_b]), losses)
+    left = [coupling for coupling in d.couplings if not _add_mimic(coupling, d, joints)]
+    _add_scene(top, d)
+    _add_losses(d, losses)
+    model = _model_file(d, left)
+    beside = {".model.toml": model} if model else {}
+    return Written(_text(robot, top), losses.lines(), tuple(_notes(d)), beside)
+
+
+def _text(robot: Prim, top: Prim) -> str:
+    head = [
+        "#usda 1.0",
+        "(",
+        f"    defaultPrim = {quoted(robot.name)}",
+        "    metersPerUnit = 1",
+        "    kilogramsPerUnit = 1",
+        '    upAxis = "Z"',
+        ")",
+    ]
+    for prim in top.children:
+        head += ["", *prim.lines()]
+    return "\n".join(head) + "\n"
+
+
+def _add_mimic(coupling: Coupling, d: Description, joints: dict[str, Prim]) -> bool:
+    """Add a coupling of two joints as a mimic joint of PhysX; return False if it is none."""
+    follower = coupling.terms[0][0]
+    if len(coupling.terms) != 2 or coupling.name != follower or not coupling.terms[0][1]:
+        return False
+    own, leader = (_joint(d, name) for name, _ in coupling.terms)
+    prim, axis = joints[follower], f"rot{axis_of(own.axis)[0]}"
+    if f"PhysxMimicJointAPI:{axis}" in prim.schemas:
+        return False
+    factor = coupling.terms[1][1] / coupling.terms[0][1]
+    prim.apply(f"PhysxMimicJointAPI:{axis}")
+    prim.line(f"rel physxMimicJoint:{axis}:referenceJoint = <{joints[leader.name].path}>")
+    prim.line(f'uniform token physxMimicJoint:{axis}:referenceJointAxis = "rot{axis_of(leader.axis)[0]}"')
+    prim.single("float", f"physxMimicJoint:{axis}:gearing", factor * _unit(leader) / _unit(own))
+    offset = -coupling.offset / coupling.terms[0][1] / _unit(own)
+    if offset:
+        prim.single("float", f"physxMimicJoint:{axis}:offset", offset)
+    return True
+
+
+def _joint(d: Description, name: str) -> Joint:
+    return next(joint for joint in d.joints if joint.name == name)
+
+
+def _unit(joint: Joint) -> float:
+    """Return the unit of positions of a joint in USD [m or rad]."""
+    return 1.0 if joint.kind == "prismatic" else DEGREES
+
+
+def _add_scene(top: Prim, d: Description) -> None:
+    scene = top.child("PhysicsScene", "physics_scene")
+    gravity = np.array(d.gravity or USUAL_GRAVITY)
+    size = float(np.linalg.norm(gravity))
+    scene.single("vector3f", "physics:gravityDirection", gravity / size if size else (0.0, 0.0, -1.0))
+    scene.single("float", "physics:gravityMagnitude", size)
+
+
+def _model_file(d: Description, couplings: list[Coupling]) -> str:
+    """Return the model file: effects, other couplings, gears, and motors that drives do not state."""
+    driven = [joint.name for joint in d.joints if joint.name in d.motors and joint.effort != 0]
+    numbers = {joint.name: _numbers(joint) for joint in d.joints if FREEDOMS[joint.kind]}
+    return model_file(
+        d,
+        motors=not d.motors or tuple(driven) != d.motors,
+        joints={name: table for name, table in numbers.items() if table},
+        couplings=couplings,
+        effects=[name for name, _ in d.effects],
+    )
+
+
+def _numbers(joint: Joint) -> dict[str, float]:
+    """Return the numbers of a joint that its prim does not hold."""
+    several = FREEDOMS[joint.kind] > 1
+    out = {}
+    if joint.gear_ratio != 1 or (several and joint.rotor_inertia):
+        out = {"rotor_inertia": joint.rotor_inertia, "gear_ratio": joint.gear_ratio}
+    if several:
+        out |= {word: getattr(joint, word) for word in ("damping", "friction") if getattr(joint, word)}
+    return out
+
+
+def _add_losses(d: Description, losses: Losses) -> None:
+    for joint in d.joints:
+        limits = joint.lower, joint.upper, joint.velocity, joint.effort
+        if FREEDOMS[joint.kind] > 1 and np.isfinite(limits).any():
+            losses.add("limits of joints with several freedoms", joint.name)
+
+
+def _notes(d: Description) -> list[str]:
+    out = []
+    if any(closure.rotation == "perpendicular" for closure in d.closures):
+        out.append("universal closures lock the twist in other programs, which is not quite the same joint")
+    if any(not link.mass for link in d.links):
+        out.append("links without mass have none in hybridyn; PhysX takes 1 kg for each, Newton refuses some")
+    return out
