@@ -1,0 +1,220 @@
+"""What hybridyn cannot say of a USD file is refused by name, with the prim's path and the mend."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from hybridyn.description import read
+from hybridyn.errors import ModelError
+from tests.extras import needs
+from tests.usd_texts import BODY, DRIVE, at, body, joint, prim, usda
+
+needs("usd")
+
+A, B = body("a"), body("b", at="1, 0, 0")
+HELD = joint("Revolute", "j", "", "a")
+
+
+def d6(*locked: str, extra: str = "") -> str:
+    limits = [f"float limit:{axis}:physics:low = 1\nfloat limit:{axis}:physics:high = -1" for axis in locked]
+    schemas = tuple(f"PhysicsLimitAPI:{axis}" for axis in locked)
+    return joint("", "g", "a", "b", *limits, extra, schemas=schemas)
+
+
+def hinged(*content: str, schemas: tuple[str, ...] = ()) -> str:
+    return usda(A, joint("Revolute", "j", "", "a", *content, schemas=schemas))
+
+
+TRANS = ("transX", "transY", "transZ")
+
+
+def placed(*ops: str) -> str:
+    names = ", ".join(f'"{op.split()[1]}"' for op in ops)
+    return "\n".join(ops) + f"\nuniform token[] xformOpOrder = [{names}]"
+
+
+def collider(kind: str, *content: str) -> str:
+    return prim(kind, "shape", *content, schemas=("PhysicsCollisionAPI",))
+
+
+SCENE = prim("PhysicsScene", "t", "float physics:gravityMagnitude = 1")
+
+CASES = {
+    "no body": (usda(prim("Xform", "x")), "no prim has PhysicsRigidBodyAPI"),
+    "distance": (
+        usda(A, joint("Distance", "j", "", "a")),
+        "</robot/j>: a distance joint .* two spherical joints",
+    ),
+    "universal": (
+        usda(A, B, HELD, d6(*TRANS, "rotX")),
+        "</robot/g>: one rotation is locked and two are free",
+    ),
+    "distance axis": (usda(A, B, HELD, d6("distance")), "a limit of 'distance' is not read"),
+    "locked away from zero": (
+        usda(A, B, HELD, d6(*TRANS, "rotX", "rotY").replace("= 1", "= 2").replace("= -1", "= 2")),
+        "locked at 2; lock it at 0",
+    ),
+    "itself": (usda(A, HELD, joint("Revolute", "k", "a", "a")), "joins </robot/a> to itself"),
+    "nothing": (usda(A, HELD, joint("Revolute", "k", "", "")), "two parts of the world"),
+    "missing body": (
+        usda(A, joint("Revolute", "j", "", "b")),
+        "physics:body1 names </robot/b>, which the stage",
+    ),
+    "limits": (
+        hinged("float physics:lowerLimit = 2\nfloat physics:upperLimit = 1"),
+        "exchange them",
+    ),
+    "axis": (hinged('token physics:axis = "W"'), "'W' is none of X, Y, Z"),
+    "breaks": (hinged("float physics:breakForce = 3"), "joints do not break"),
+    "zero quaternion": (hinged(at(0, "0,0,0", "0,0,0,0")), "zero quaternion"),
+    "word for a number": (
+        hinged('string physics:lowerLimit = "x"'),
+        "is not a number",
+    ),
+    "not finite": (hinged(at(0, "nan, 0, 0")), "localPos0' is not finite"),
+    "animated": (
+        hinged("point3f physics:localPos0.timeSamples = {0: (1,0,0)}"),
+        "localPos0' is animated .time samples.; give it one default",
+    ),
+    "animated transform": (
+        usda(
+            body(
+                "a",
+                "double3 xformOp:translate.timeSamples = {0: (1,0,0)}\n"
+                'uniform token[] xformOpOrder = ["xformOp:translate"]',
+            ),
+            HELD,
+        ),
+        "its transform is animated",
+    ),
+    "mirrored": (usda(body("a", placed("float3 xformOp:scale = (1, -1, 1)")), HELD), "its transform mirrors"),
+    "flat": (usda(body("a", placed("float3 xformOp:scale = (1, 0, 1)")), HELD), "has no inverse"),
+    "sheared": (
+        usda(
+            prim(
+                "Xform",
+                "up",
+                placed("float3 xformOp:scale = (1, 2, 1)"),
+                body("a", placed("float xformOp:rotateZ = 30")),
+            ),
+            joint("Fixed", "j", "", "up/a"),
+        ),
+        "</robot/up/a>: its transform shears",
+    ),
+    "negative mass": (usda(body("a", m=-1), HELD), "physics:mass' is negative"),
+    "mass without inertia": (
+        usda(body("a", "float physics:mass = 2", bar=False), HELD),
+        "a mass but no inertia, and has no collider",
+    ),
+    "density without shape": (
+        usda(body("a", "float physics:density = 2", bar=False), HELD),
+        "a density but has no collider",
+    ),
+    "mesh": (
+        usda(body("a", collider("Mesh"), bar=False), HELD),
+        "</robot/a/shape>: the mass of </robot/a> would follow from this Mesh",
+    ),
+    "stretched": (
+        usda(body("a", collider("Sphere", placed("float3 xformOp:scale = (1, 2, 1)")), bar=False), HELD),
+        "make this sphere another shape",
+    ),
+    "mass of no body": (
+        usda(body("a", prim("Xform", "m", schemas=("PhysicsMassAPI",))), HELD),
+        "neither a body",
+    ),
+    "driven ball": (
+        usda(A, joint("Spherical", "j", "", "a", schemas=("PhysicsDriveAPI:rotX",))),
+        "</robot/j> is driven, but has several freedoms; name the driven joints",
+    ),
+    "driven loop": (
+        usda(A, *(joint("Revolute", n, "", "a", schemas=(DRIVE,)) for n in "jk")),
+        "</robot/k>: a drive acts on a joint that closes a loop",
+    ),
+    "heavy loop": (
+        usda(A, *(joint("Revolute", n, "", "a", "float physxJoint:armature = 1") for n in "jk")),
+        "armature and friction of a joint that closes a loop",
+    ),
+    "gravity": (
+        usda(A, HELD, prim("PhysicsScene", "s"), SCENE),
+        "</robot/t>: states another gravity than </robot/s>",
+    ),
+    "weightless": (
+        usda(body("a", "bool physxRigidBody:disableGravity = true"), HELD),
+        "disableGravity' = True",
+    ),
+    "drag": (
+        usda(body("a", "float physxRigidBody:angularDamping = .05"), HELD),
+        "put friction on the joints",
+    ),
+    "muscle of MuJoCo": (hinged("double mjc:stiffness = 3"), "mjc:stiffness' = 3"),
+    "gear": (usda(A, HELD, prim("PhysxPhysicsGearJoint", "g")), "PhysxPhysicsGearJoint is not read; couple"),
+    "tendon": (
+        hinged(schemas=("PhysxTendonAxisAPI:t",)),
+        "PhysxTendonAxisAPI:t is not",
+    ),
+    "soft body": (
+        usda(A, HELD, prim("Xform", "s", schemas=("PhysxDeformableBodyAPI",))),
+        "if the motion needs it",
+    ),
+    "mimic of nothing": (
+        hinged(schemas=("NewtonMimicAPI",)),
+        "names 0 joints; name one",
+    ),
+    "mimic of a body": (
+        hinged("rel newton:mimicJoint = </robot/a>", schemas=("NewtonMimicAPI",)),
+        "couples </robot/a>, which is no joint",
+    ),
+    "mimic of a ball": (
+        usda(
+            A,
+            B,
+            HELD,
+            joint(
+                "Spherical", "k", "a", "b", "rel newton:mimicJoint = </robot/j>", schemas=("NewtonMimicAPI",)
+            ),
+        ),
+        "couples </robot/k>, which does not have one freedom",
+    ),
+    "units": (usda(A, HELD, meters=0), "must be positive"),
+    "clips": (usda('def "x" (clips = {dictionary default = {}}) {}', A, HELD), "value clips"),
+}
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_it_is_refused_by_name(case: str, tmp_path: Path) -> None:
+    text, message = CASES[case]
+    file = tmp_path / "robot.usda"
+    file.write_text(text)
+    with pytest.raises(ModelError, match=message) as caught:
+        read(file)
+    assert "\n" not in str(caught.value)
+    assert str(file) in str(caught.value)
+
+
+def test_xacro_arguments_are_refused(tmp_path: Path) -> None:
+    (tmp_path / "robot.usda").write_text(usda(A, HELD))
+    with pytest.raises(ModelError, match="takes no arguments"):
+        read(tmp_path / "robot.usda", xacro_args={"n": 1})
+
+
+def test_without_usd_core_the_extra_is_named(tmp_path: Path) -> None:
+    (tmp_path / "robot.usda").write_text(usda(A, HELD))
+    code = "import sys; sys.modules['pxr'] = None\nfrom hybridyn.description import read\nread(sys.argv[1])"
+    done = subprocess.run(
+        [sys.executable, "-c", code, str(tmp_path / "robot.usda")],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert "usd-core; install it with `pip install -e '.[usd]'`" in done.stderr.splitlines()[-1]
+
+
+@pytest.mark.parametrize("schema", BODY)
+def test_a_name_of_a_schema_that_is_misspelt_is_refused(schema: str, tmp_path: Path) -> None:
+    (tmp_path / "robot.usda").write_text(usda(A, HELD, B.replace(schema, schema.replace("API", "Api"))))
+    with pytest.raises(ModelError, match=f"{schema[:-3]}Api is not read"):
+        read(tmp_path / "robot.usda")
