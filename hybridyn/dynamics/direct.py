@@ -17,7 +17,7 @@ from ..effects.choice import Choice, choose, times
 from ..errors import TrajectoryError
 from ..spatial import Array
 from ..structure.robot import HybridRobot
-from ..structure.samples import as_batch, as_positions, same_samples
+from ..structure.samples import as_batch, as_efforts, as_positions, as_rates, same_samples
 from ..structure.state import RobotMotion
 from .articulation import accelerate, articulate
 from .backward import reactions_of
@@ -122,7 +122,7 @@ def direct_model(
     """Compute the result of `ddm` as a batch, together with the closure residuals of the states."""
     on = choose(robot, effects)
     q = as_positions(robot, q, base_given=on.base is None)[0]
-    v, tau = as_batch(v, robot.nv, "v")[0], as_batch(tau, len(robot.motors), "tau")[0]
+    v, tau = as_rates(robot, v)[0], as_efforts(robot, tau)[0]
     same_samples(q=q, v=v, tau=tau)
     time = times(time, len(q))
     needs_inertia(on)

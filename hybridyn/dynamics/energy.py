@@ -16,7 +16,7 @@ from ..linkage.rigid_motion import RigidMotion
 from ..spatial import Array, cross, rotate, rotate_back
 from ..structure.bodies import Body
 from ..structure.robot import HybridRobot
-from ..structure.samples import as_batch, as_positions
+from ..structure.samples import as_efforts, as_positions, as_rates
 from .link_motion import body_motions, link_motions, observed_motions
 from .loads import gather_loads
 
@@ -134,7 +134,7 @@ def power(
             short.
     """
     q, v, single = _state(robot, q, v)
-    tau = as_batch(tau, len(robot.motors), "tau")[0]
+    tau = as_efforts(robot, tau)[0]
     on, clock = choose(robot, effects), times(time, len(q))
     if on.limits is not None:
         tau = on.limits.clip(robot, tau)
@@ -205,7 +205,7 @@ def _centre(robot: HybridRobot, q: Array) -> Array:
 
 def _state(robot: HybridRobot, q: Array, v: Array) -> tuple[Array, Array, bool]:
     q, single = as_positions(robot, q)
-    v = as_batch(v, robot.nv, "v")[0]
+    v = as_rates(robot, v)[0]
     if len(q) != len(v):
         raise TrajectoryError(f"q, v have {len(q)}, {len(v)} samples")
     return q, v, single

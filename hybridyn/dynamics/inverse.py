@@ -13,7 +13,7 @@ from ..effects.choice import Choice, choose, times
 from ..errors import ActuationError
 from ..spatial import Array
 from ..structure.robot import HybridRobot
-from ..structure.samples import as_batch, as_positions, one_of, same_samples
+from ..structure.samples import as_positions, as_rates, one_of, same_samples
 from ..structure.state import RobotMotion
 from .actuation import Sharing
 from .backward import backward
@@ -135,7 +135,7 @@ def inverse_model(
     """Compute the result of `idm` as a batch, together with the closure residuals of the states."""
     on = choose(robot, effects)
     q = as_positions(robot, q, base_given=on.base is None)[0]
-    v, a = as_batch(v, robot.nv, "v")[0], as_batch(a, robot.nv, "a")[0]
+    v, a = as_rates(robot, v)[0], as_rates(robot, a, "a", "acceleration")[0]
     same_samples(q=q, v=v, a=a)
     one_of("on_singular", on_singular, "raise", "least-norm")
     one_of("passive", passive, "given", "solved")

@@ -13,7 +13,7 @@ from ..errors import TrajectoryError
 from ..linkage.rigid_motion import RigidMotion
 from ..spatial import Array, cross, quaternion_from_rotation, rotate, rotation_from_quaternion
 from ..structure.robot import HybridRobot
-from ..structure.samples import as_batch, as_positions
+from ..structure.samples import as_positions, as_rates
 
 
 @dataclass(frozen=True)
@@ -51,8 +51,8 @@ def kinematics(
         TrajectoryError: An array has the wrong shape or is not finite, or a link is unknown.
     """
     q, single = as_positions(robot, q)
-    v = as_batch(v, robot.nv, "v")[0]
-    a = np.zeros_like(v) if a is None else as_batch(a, robot.nv, "a")[0]
+    v = as_rates(robot, v)[0]
+    a = np.zeros_like(v) if a is None else as_rates(robot, a, "a", "acceleration")[0]
     wanted = named_links(robot, links)
     return motions_of(robot, body_motions(robot, q, v, a), wanted, single)
 

@@ -9,7 +9,7 @@ from ..dynamics.forward import forward
 from ..dynamics.state_checks import check_closed
 from ..spatial import Array
 from ..structure.robot import HybridRobot
-from ..structure.samples import as_batch, as_positions, same_samples
+from ..structure.samples import as_positions, as_rates, same_samples
 from ..structure.state import ModuleState
 
 
@@ -20,7 +20,7 @@ def checked_state(robot: HybridRobot, q: ArrayLike, v: ArrayLike | None) -> tupl
         TrajectoryError: Arrays of the wrong shape, or not finite.
     """
     q, single = as_positions(robot, q)
-    rates = np.zeros((len(q), robot.nv)) if v is None else as_batch(v, robot.nv, "v")[0]
+    rates = np.zeros((len(q), robot.nv)) if v is None else as_rates(robot, v)[0]
     same_samples(q=q, v=rates)
     return q, rates, single
 

@@ -16,7 +16,7 @@ from ..linkage.threads import one_thread
 from ..manifold.manifold import Manifold
 from ..spatial import Array
 from ..structure.robot import HybridRobot
-from ..structure.samples import as_batch, as_positions, one_of
+from ..structure.samples import as_positions, as_rates, one_of
 from .events import Event
 from .motion_law import BaseMotion, Effort, MotionLaw, Wrenches
 from .result import Origin, Result, digest
@@ -201,7 +201,7 @@ def _start(system: System, q0: Array | None, v0: Array | None, t: float, initial
     robot = manifold.robot
     if q0 is None or v0 is None:
         raise TrajectoryError("q0 and v0 are needed where nothing is resumed")
-    q, v = as_positions(robot, q0, "q0")[0][0].copy(), as_batch(v0, robot.nv, "v0")[0][0].copy()
+    q, v = as_positions(robot, q0, "q0")[0][0].copy(), as_rates(robot, v0, "v0")[0][0].copy()
     law.place_base(t, q, v)
     rounding = max((m.module.mechanism.rounding for m in manifold.looped), default=0.0)
     residual, name = manifold.worst(q)

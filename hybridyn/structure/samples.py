@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike
 from ..errors import TrajectoryError
 from ..linkage.joints import NQ
 from ..spatial import LARGEST, Array
+from .named_columns import is_table, of_joints, of_motors
 from .robot import HybridRobot
 
 #: Largest deviation of the length of a quaternion, or of a cosine and sine, from one. It accepts files with
@@ -22,10 +23,10 @@ def as_batch(array: ArrayLike, width: int, name: str) -> tuple[Array, bool]:
         TrajectoryError: Wrong shape, a table with named columns, or a number that is not finite or
             larger than `LARGEST`.
     """
-    if hasattr(array, "columns"):
+    if is_table(array):
         raise TrajectoryError(
-            f"{name} is a table with named columns (a DataFrame), whose order may differ from the robot's: "
-            "give an array in the robot's order, table[names].to_numpy()"
+            f"{name} is a table with named columns (a DataFrame), which is not read here: give an array in "
+            "the robot's order, table[names].to_numpy()"
         )
     try:
         out = np.asarray(array, dtype=float)
@@ -55,7 +56,7 @@ def as_positions(
 
     Args:
         robot: The robot.
-        array: Positions, shape (nq,) or (T, nq).
+        array: Positions, shape (nq,) or (T, nq), or a table with named columns (`named_columns.py`).
         name: Name of the array in error messages.
         base_given: False if the pose of the base is not read, because an effect prescribes it.
 
@@ -63,7 +64,8 @@ def as_positions(
         TrajectoryError: Wrong shape, a number that is not finite, or a quaternion or a cosine and sine
             whose length is not one.
     """
-    out, single = as_batch(array, robot.nq, name)
+    given = of_joints(robot, array, "position") if is_table(array) else array
+    out, single = as_batch(given, robot.nq, name)
     for columns in robot.unit_coordinates:
         if not base_given:
             columns = columns[columns[:, 0] >= NQ["floating"]]
@@ -79,6 +81,32 @@ def as_positions(
                 row=int(t) + 1,
             )
     return out, single
+
+
+def as_rates(
+    robot: HybridRobot, array: ArrayLike, name: str = "v", quantity: str = "velocity"
+) -> tuple[Array, bool]:
+    """Return rates or accelerations as an array of shape (T, nv), and whether the input was a single sample.
+
+    Args:
+        robot: The robot.
+        array: Rates, shape (nv,) or (T, nv), or a table with named columns (`named_columns.py`).
+        name: Name of the array in error messages.
+        quantity: "velocity" or "acceleration": the columns of a table.
+
+    Raises:
+        TrajectoryError: As for `as_batch`, or columns of a table are missing or unknown.
+    """
+    return as_batch(of_joints(robot, array, quantity) if is_table(array) else array, robot.nv, name)
+
+
+def as_efforts(robot: HybridRobot, array: ArrayLike) -> tuple[Array, bool]:
+    """Return efforts as an array of shape (T, motors), and whether the input was a single sample.
+
+    Raises:
+        TrajectoryError: As for `as_rates`.
+    """
+    return as_batch(of_motors(robot, array) if is_table(array) else array, len(robot.motors), "tau")
 
 
 def same_samples(**arrays: Array) -> None:

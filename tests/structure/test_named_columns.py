@@ -1,0 +1,106 @@
+"""Tables with named columns stand for arrays, whatever the order of their columns."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import hybridyn
+from hybridyn import HybridRobot, TrajectoryError
+from hybridyn.compiled.equations.states import random_states
+from hybridyn.structure.building import build_robot
+from hybridyn.tables.signals import JOINT_COMPONENTS
+from tests.comparing import ROUNDING, close_to
+from tests.extras import needs
+from tests.mechanisms import random_mechanism
+
+SAMPLES = 4
+State = tuple[np.ndarray, np.ndarray, np.ndarray]
+
+
+class Table(dict[str, np.ndarray]):
+    """What pandas' and polars' frames have in common."""
+
+    @property
+    def columns(self) -> list[str]:
+        return list(self)
+
+
+@pytest.fixture(scope="module")
+def robot() -> HybridRobot:
+    return hybridyn.load("five_bar")
+
+
+@pytest.fixture(scope="module")
+def state(robot: HybridRobot) -> State:
+    wave = 0.1 * np.sin(np.arange(SAMPLES))
+    return hybridyn.assemble(robot, motors=dict.fromkeys(robot.motors, (wave, 0.2, 0.3)))
+
+
+def table_of(robot: HybridRobot, state: State) -> Table:
+    """Write a motion of joints with one coordinate as a table, last joint first."""
+    out = Table(time=np.arange(float(len(state[0]))))
+    for quantity, values in zip(("position", "velocity", "acceleration"), state, strict=True):
+        out |= {f"{j}/{quantity}": values[:, i] for i, j in reversed(list(enumerate(robot.joints)))}
+    return out
+
+
+def test_one_table_is_position_rate_and_acceleration(robot: HybridRobot, state: State) -> None:
+    table = table_of(robot, state)
+    tau = hybridyn.idm(robot, *state)
+    assert (hybridyn.idm(robot, table, table, table) == tau).all()
+    table |= {f"{motor}/effort": tau[:, i] for i, motor in enumerate(robot.motors)}
+    assert (hybridyn.ddm(robot, table, table, table) == hybridyn.ddm(robot, *state[:2], tau)).all()
+    assert (hybridyn.mass_matrix(robot, table) == hybridyn.mass_matrix(robot, state[0])).all()
+    ours, theirs = (hybridyn.energy(robot, *x) for x in ((table, table), state[:2]))
+    assert (ours.kinetic == theirs.kinetic).all()
+
+
+def test_frames_of_polars(robot: HybridRobot, state: State) -> None:
+    """Each array a frame of its own, its columns named by the joints alone."""
+    polars = needs("io")
+    frames = [
+        polars.DataFrame({j: x[:, i] for i, j in reversed(list(enumerate(robot.joints)))}) for x in state
+    ]
+    assert (hybridyn.idm(robot, *frames) == hybridyn.idm(robot, *state)).all()
+
+
+def test_every_kind_of_joint_has_its_components() -> None:
+    """Positions, rates and accelerations of a chain with each kind of joint, written by their components."""
+    robot = build_robot(random_mechanism(3, kind="serial_all"))
+    assert {"continuous", "planar", "spherical", "floating"} <= set(robot.kinds)
+    q, v, a, _ = random_states(robot, 3)
+    table = Table()
+    for joint, kind, at_q, at_v in zip(
+        robot.joints, robot.kinds, robot.q_slices, robot.v_slices, strict=True
+    ):
+        x, (places, rates) = q[:, at_q], JOINT_COMPONENTS.get(kind, (("",), ("",)))
+        if kind in ("continuous", "planar"):
+            x = np.column_stack([x[:, :-2], np.arctan2(x[:, -1], x[:, -2])])
+        table |= {f"{joint}/position/{n}".rstrip("/"): x[:, i] for i, n in enumerate(places)}
+        for quantity, y in (("velocity", v[:, at_v]), ("acceleration", a[:, at_v])):
+            table |= {f"{joint}/{quantity}/{n}".rstrip("/"): y[:, i] for i, n in enumerate(rates)}
+    close_to(hybridyn.idm(robot, table, table, table), hybridyn.idm(robot, q, v, a), ROUNDING)
+
+
+def test_what_is_missing_or_unknown_is_named(robot: HybridRobot, state: State) -> None:
+    table = table_of(robot, state)
+    for name, wrong in (("lacks", "{joint}"), ("unknown", "time2")):
+        broken = Table(table)
+        joint = f"{robot.joints[2]}/position"
+        if name == "lacks":
+            del broken[joint]
+        else:
+            broken["time2"] = table["time"]
+        with pytest.raises(TrajectoryError, match=f"{name}.*'{wrong.format(joint=joint)}'"):
+            hybridyn.mass_matrix(robot, broken)
+    words = Table(table)
+    words[f"{robot.joints[0]}/position"] = np.array(["a"] * SAMPLES)
+    with pytest.raises(TrajectoryError, match="does not hold numbers"):
+        hybridyn.mass_matrix(robot, words)
+
+
+def test_a_base_that_moves_needs_arrays(state: State) -> None:
+    robot = hybridyn.load("five_bar", base="floating")
+    with pytest.raises(TrajectoryError, match="fixed base; give arrays"):
+        hybridyn.mass_matrix(robot, table_of(hybridyn.load("five_bar"), state))
