@@ -23,6 +23,7 @@ class Table(dict[str, np.ndarray]):
 
     @property
     def columns(self) -> list[str]:
+        """Names of the columns."""
         return list(self)
 
 
