@@ -139,10 +139,10 @@ def apply_model_file(
                 raise wrong("couplings", name, f"'{joint}' is no movable joint with a coefficient{hint}")
         line = line_of(text, ("couplings", name))
         robot.couplings.append(Coupling(name, tuple(coupling.terms.items()), coupling.offset, line))
-    names = [closure.name for closure in robot.closures]
+    stated = [closure.name for closure in robot.closures]
     for name in model.closures:
-        if name not in names:
-            raise wrong("closures", name, f"no such closure{did_you_mean(name, names)}")
+        if name not in stated:
+            raise wrong("closures", name, f"no such closure{did_you_mean(name, stated)}")
     robot.closures = [_with_kind(closure, model.closures.get(closure.name)) for closure in robot.closures]
     _apply_effects(robot, model, text, file)
     robot.joints = [_with_numbers(joint, model.joints.get(joint.name)) for joint in robot.joints]
