@@ -20,6 +20,12 @@ def _urdf(request: Request) -> Written:
     return write_urdf(request)
 
 
+def _mjcf(request: Request) -> Written:
+    from .mjcf.mjcf import write_mjcf
+
+    return write_mjcf(request)
+
+
 def _usd(request: Request) -> Written:
     from .usd.usd import write_usd
 
@@ -27,7 +33,7 @@ def _usd(request: Request) -> Written:
 
 
 #: Writers by the ending of the file.
-WRITERS: dict[str, Callable[[Request], Written]] = {".urdf": _urdf, ".usda": _usd}
+WRITERS: dict[str, Callable[[Request], Written]] = {".urdf": _urdf, ".xml": _mjcf, ".usda": _usd}
 
 
 def writer_of(target: Path) -> Callable[[Request], Written]:

@@ -41,6 +41,8 @@ FORMS: dict[str, Form] = {
 ROWS = ("tx", "ty", "tz", "rx", "ry", "rz")
 #: The rotation row of a universal joint: the third axes of both frames stay perpendicular.
 PERPENDICULAR = "perpendicular"
+#: Axes of the second frame in the first one where a follower of MJCF has a universal closure at zero.
+SIDEWAYS = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 
 SINGLE_ROTATION = (
     "a single rotation row is not holonomic, so it closes no loop by itself; "
@@ -94,3 +96,14 @@ def form_of_rows(text: str) -> RowsForm:
     order = [(z + 1) % 3, (z + 2) % 3, z]
     translations = tuple(sorted(order.index(axis) for axis in locked))
     return RowsForm(translations, "parallel", np.eye(3)[:, order])
+
+
+def words_of_rows(translations: tuple[int, ...], rotation: RotationKind) -> list[str]:
+    """Return the rows of a closure in canonical form, the inverse of `form_of_rows`.
+
+    Args:
+        translations: As in `records.Closure`.
+        rotation: As in `records.Closure`.
+    """
+    turns = {"free": (), "perpendicular": (PERPENDICULAR,), "parallel": ROWS[3:5], "fixed": ROWS[3:]}
+    return [ROWS[axis] for axis in translations] + [*turns[rotation]]

@@ -10,6 +10,7 @@ postures too, so that every row is compared and not only those that hold.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -46,6 +47,18 @@ def states(description: Description, seed: int = 5, count: int = 2) -> States:
             draw.normal(size=count),
         )
     return assemble(robot, motors=asked)
+
+
+def bodily(description: Description) -> Description:
+    """Return a robot with inertias that bodies can have: drawn ones may lack a part about some axis."""
+
+    def with_more(inertia: np.ndarray) -> np.ndarray:
+        moments = np.linalg.eigvalsh(inertia)
+        lack = float(2 * moments[2] - moments.sum())
+        return np.asarray(inertia + max(lack, 0.0) * 1.01 * np.eye(3))
+
+    links = tuple(replace(link, inertia=with_more(link.inertia)) for link in description.links)
+    return replace(description, links=links)
 
 
 def written(description: Description, target: Path) -> Written:
@@ -97,8 +110,6 @@ def same_robot(a: Description, b: Description, states: States) -> None:
         states: Closed positions, rates and accelerations of the first, shapes (T, nq), (T, nv), (T, nv).
     """
     one, two = build_robot(a), build_robot(b)
-    assert sorted(one.joints) == sorted(two.joints)
-    assert two.motors == one.motors
     q, v, acc = states
     theirs, columns = mapped(one, two, q), order(one, two)
     assert closure_residual(two, theirs).max(initial=0.0) < 10 * max(
@@ -111,6 +122,13 @@ def same_robot(a: Description, b: Description, states: States) -> None:
     mine = answer(ddm, one, q, v, tau)
     mine = mine[:, columns] if isinstance(mine, np.ndarray) else mine
     same_answer(answer(ddm, two, theirs, v[:, columns], tau), mine)
+    same_structure(one, two)
+
+
+def same_structure(one: HybridRobot, two: HybridRobot) -> None:
+    """Compare joints, motors, closures, couplings and home."""
+    assert sorted(one.joints) == sorted(two.joints)
+    assert two.motors == one.motors
     same_closures(one, two, open_postures(one, 3))
     same_couplings(one, two)
     close_to(mapped(one, two, one.home[None]), two.home[None], SAME)

@@ -31,6 +31,16 @@ def test_losses_are_listed(tmp_path: Path) -> None:
     ]
 
 
+def test_strict_has_an_exit_status(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file, out = save(tmp_path, FOUR_BAR), tmp_path / "out.xml"
+    for words, status in (((), 0), (("--strict",), 1)):
+        said = call(capsys, "convert", file, "-o", out, *words)
+        assert said.status == status
+        assert "lost: speed limits, which MuJoCo does not have: 'drive'" in said.err
+        assert "closures stay within 0.0001 m" in said.err
+    assert out.read_text().startswith("<mujoco")
+
+
 def test_its_own_file_is_never_replaced(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file = save(tmp_path, FOUR_BAR)
     said = call(capsys, "convert", file, "-o", tmp_path / "." / file.name)

@@ -6,7 +6,7 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 
-from ...description.closure_forms import FORMS, PERPENDICULAR, ROWS
+from ...description.closure_forms import FORMS, words_of_rows
 from ...description.placement import rotation_to_axis, turned
 from ...description.records import Array, Closure
 from ..losses import Losses
@@ -14,9 +14,6 @@ from ..numerals import angles_of, numerals
 
 #: Difference of two rotations that is rounding.
 SAME_ROTATION = 1e-14
-
-#: Words of the rows that lock rotations.
-TURNS = {"free": (), "perpendicular": (PERPENDICULAR,), "parallel": ROWS[3:5], "fixed": ROWS[3:]}
 
 
 def add_closure(root: ET.Element, closure: Closure, losses: Losses) -> None:
@@ -38,7 +35,7 @@ def add_closure(root: ET.Element, closure: Closure, losses: Losses) -> None:
     other = np.eye(3) if kind == "universal" else turn
     element = ET.SubElement(root, "loop", name=closure.name, type=kind)
     if kind == "rows":
-        element.set("rows", " ".join(_rows(closure)))
+        element.set("rows", " ".join(words_of_rows(closure.translations, closure.rotation)))
     _add_end(element, "predecessor", closure.link_a, turned(closure.frame_a, turn.T))
     _add_end(element, "successor", closure.link_b, turned(closure.frame_b, other.T))
     if stated:
@@ -59,11 +56,7 @@ def kind_of(closure: Closure) -> str | None:
     for kind, form in FORMS.items():
         if (form.translations, form.rotation) == (closure.translations, closure.rotation):
             return kind
-    return "rows" if _rows(closure) else None
-
-
-def _rows(closure: Closure) -> list[str]:
-    return [ROWS[axis] for axis in closure.translations] + list(TURNS[closure.rotation])
+    return "rows" if words_of_rows(closure.translations, closure.rotation) else None
 
 
 def _add_end(element: ET.Element, tag: str, link: str, frame: Array) -> None:

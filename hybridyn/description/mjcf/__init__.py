@@ -3,5 +3,5 @@
 Start with `mjcf` (the order of the steps), then `document` (the file with its includes), `screening`
 (elements that are refused or removed before compilation), `meshes`, `compiling` (MuJoCo's compiler), and
 the modules that read the compiled model: `roots`, `bodies`, `passive`, `equalities`, `actuators`,
-`keyframes`.
+`keyframes`. `marks` restores the closures that `hybridyn convert` wrote for MuJoCo.
 """

@@ -1,0 +1,233 @@
+"""Write links and joints as nested bodies.
+
+A massless link that only carries one joint has no body: its joint stands in the body of the next link, before
+that link's own, as MuJoCo writes universal joints. Positions and axes of joints are those at joint positions
+zero, in the frame of their body.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from typing import NamedTuple
+from xml.etree import ElementTree as ET
+
+import numpy as np
+
+from ...description.records import Array, Description, Joint
+from ..home import home_of
+from ..losses import Losses
+from ..numerals import inverse, numerals, quaternion_of
+from .followers import Follower
+from .inertias import Inertias, add_inertial
+
+#: Name of MuJoCo's own body, which does not move.
+WORLD = "world"
+#: The three numbers of a planar joint.
+PLANAR = ("_x", "_y", "_turn")
+AXES = np.eye(3)
+
+
+@dataclass
+class Tree:
+    """The bodies as they are written.
+
+    Attributes:
+        worldbody: The element of the world.
+        bodies: Element of each link that has a body, by the link's name.
+        joints: Elements of the joints with one freedom, by the joint's name.
+        balls: Elements of the joints that turn about three axes.
+        qpos: Home positions of all joints, in MuJoCo's order.
+    """
+
+    worldbody: ET.Element
+    bodies: dict[str, ET.Element] = field(default_factory=dict)
+    joints: dict[str, ET.Element] = field(default_factory=dict)
+    balls: dict[str, ET.Element] = field(default_factory=dict)
+    qpos: list[float] = field(default_factory=list)
+
+
+class _Carried(NamedTuple):
+    """A joint whose body is still to come: the joint, and the body's frame at zero in the joint's frame."""
+
+    joint: Joint
+    frame: Array
+
+
+class Builder:
+    """Builds the tree of bodies.
+
+    Args:
+        d: The robot.
+        inertias: Inertias of its links, less the shares of followers.
+        followers: Bodies that follow links.
+        losses: Receives what is changed.
+    """
+
+    def __init__(
+        self, d: Description, inertias: Inertias, followers: Iterable[Follower], losses: Losses
+    ) -> None:
+        self._d, self._inertias, self._losses = d, inertias, losses
+        self._children: dict[str, list[Joint]] = {}
+        for joint in d.joints:
+            self._children.setdefault(joint.parent, []).append(joint)
+        self._followers: dict[str, list[Follower]] = {}
+        for follower in followers:
+            self._followers.setdefault(follower.on, []).append(follower)
+        self._closed = {end for c in d.closures for end in (c.link_a, c.link_b)}
+        self.tree = Tree(ET.Element("worldbody"))
+
+    def build(self) -> Tree:
+        """Return the tree of all bodies."""
+        root, world = self._d.root, self.tree.worldbody
+        if self._d.base == "floating":
+            element = ET.SubElement(world, "body", name=self._named(root))
+            ET.SubElement(element, "freejoint", name=f"{root}:free")
+            x = self._d.base_home or (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
+            self.tree.qpos += [*x[:3], x[6], *x[3:6]]
+            add_inertial(element, self._inertias.links[root], self._inertias, True, self._losses)
+        elif root == WORLD:
+            element = world
+        else:
+            element = ET.SubElement(world, "body", name=root)
+            add_inertial(element, self._inertias.links[root], self._inertias, False, self._losses)
+        self.tree.bodies[root] = element
+        todo: list[tuple[ET.Element, Joint, Array, tuple[_Carried, ...]]]
+        below = sorted(self._below(root, element), key=lambda joint: joint.kind == "floating")
+        todo = [(element, joint, np.eye(4), ()) for joint in reversed(below)]
+        while todo:  # depth first, which is the order of MuJoCo's qpos
+            element, joint, M, carried = todo.pop()
+            at, here = (
+                M @ joint.placement,
+                tuple(_Carried(j, frame @ joint.placement) for j, frame in carried),
+            )
+            if joint.kind != "fixed":
+                here = (*here, _Carried(joint, np.eye(4)))
+            if here and self._only_carries(joint.child):
+                (only,) = self._children[joint.child]
+                todo.append((element, only, at, here))
+                continue
+            parent = world if self._floats(joint, here) else element
+            body = self._add_body(parent, joint.child, at, here)
+            below = self._below(joint.child, body)
+            todo += [(body, child, np.eye(4), ()) for child in reversed(below)]
+        return self.tree
+
+    def _below(self, link: str, element: ET.Element) -> list[Joint]:
+        """Add the followers that hang on a link; return the joints that do."""
+        for follower in self._followers.get(link, []):
+            self._add_follower(element, follower)
+        return self._children.get(link, [])
+
+    def _named(self, link: str) -> str:
+        if link != WORLD:
+            return link
+        self._losses.add("names that MuJoCo keeps for itself: written with an underscore", link)
+        return f"{WORLD}_"
+
+    def _only_carries(self, link: str) -> bool:
+        """Say whether a link has no inertia, carries one joint, and closes nothing."""
+        record = self._inertias.links[link]
+        weightless = record.mass == 0 and not record.inertia.any()
+        children = self._children.get(link, [])
+        return weightless and len(children) == 1 and link not in self._closed
+
+    def _floats(self, joint: Joint, carried: tuple[_Carried, ...]) -> bool:
+        """Say whether a joint can be a free joint of MuJoCo: it hangs on a root at rest, at its origin."""
+        return (
+            joint.kind == "floating"
+            and len(carried) == 1
+            and joint.parent == self._d.root
+            and self._d.base == "fixed"
+            and np.array_equal(joint.placement, np.eye(4))
+        )
+
+    def _add_body(
+        self, parent: ET.Element, link: str, at: Array, carried: tuple[_Carried, ...]
+    ) -> ET.Element:
+        body = ET.SubElement(parent, "body", {"name": self._named(link)} | pose(at))
+        for joint, frame in carried:
+            if parent is self.tree.worldbody and self._floats(joint, carried):
+                ET.SubElement(body, "freejoint", name=joint.name)
+                x = home_of(self._d, joint)
+                self.tree.qpos += [*x[:3], x[6], *x[3:6]]
+            else:
+                self._add_joint(body, joint, inverse(frame))
+        moving = bool(carried) and not any(
+            child.kind == "fixed" and self._inertias.is_solid(child.child)
+            for child in self._children.get(link, [])
+        )
+        add_inertial(body, self._inertias.links[link], self._inertias, moving, self._losses)
+        self.tree.bodies[link] = body
+        return body
+
+    def _add_joint(self, body: ET.Element, joint: Joint, frame: Array) -> None:
+        """Add a joint of the tree; `frame` is its frame in the body at zero."""
+        home = home_of(self._d, joint)
+        if joint.kind in ("revolute", "continuous", "prismatic"):
+            kind = "slide" if joint.kind == "prismatic" else "hinge"
+            self.tree.joints[joint.name] = self._add(body, joint.name, kind, frame, joint.axis, home)
+        elif joint.kind == "spherical":
+            self.tree.balls[joint.name] = self._add(body, joint.name, "ball", frame, AXES[2], home)
+        elif joint.kind == "planar":
+            self._losses.add(
+                f"planar joints, which MuJoCo does not have: written as {_three(PLANAR)}", joint.name
+            )
+            for i, ending in enumerate(PLANAR):
+                kind = "hinge" if i == 2 else "slide"
+                element = self._add(body, joint.name + ending, kind, frame, AXES[i], home[i : i + 1])
+                self.tree.joints[joint.name + ending] = element
+        else:
+            self._losses.add(
+                "floating joints that do not hang on the world's origin: written as three slides and a ball",
+                joint.name,
+            )
+            for i, ending in enumerate(("_x", "_y", "_z")):
+                self._add(body, joint.name + ending, "slide", frame, AXES[i], home[i : i + 1])
+            self._add(body, joint.name + "_turn", "ball", frame, AXES[2], home[3:])
+
+    def _add(
+        self, body: ET.Element, name: str, kind: str, frame: Array, axis: Array, home: tuple[float, ...]
+    ) -> ET.Element:
+        """Add a joint of MuJoCo, and its home position."""
+        element = ET.SubElement(body, "joint", name=name, type=kind)
+        if kind != "slide" and frame[:3, 3].any():
+            element.set("pos", numerals(frame[:3, 3]))
+        if kind == "ball":
+            turn = frame[:3, :3]
+            if not np.array_equal(turn, np.eye(3)):
+                self._losses.add("coordinates of ball joints: MuJoCo turns them about other axes", name)
+            x, y, z = turn @ np.array(home[:3])
+            self.tree.qpos += [home[3], x, y, z]
+        else:
+            element.set("axis", numerals(frame[:3, :3] @ axis))
+            self.tree.qpos += home
+        return element
+
+    def _add_follower(self, parent: ET.Element, follower: Follower) -> None:
+        """Add a body that follows a link."""
+        name = f"{follower.name}:follower"
+        body = ET.SubElement(parent, "body", {"name": name} | pose(follower.frame))
+        for number, joint in enumerate(follower.joints, 1):
+            self._add(body, f"{follower.name}:{number}", joint.kind, np.eye(4), joint.axis, joint.home)
+        add_inertial(body, follower.body, self._inertias, True, self._losses)
+        self.tree.bodies[name] = body
+
+
+def pose(at: Array) -> dict[str, str]:
+    """Return `pos` and `quat` of a placement, none where it is the identity.
+
+    Args:
+        at: The placement, shape (4, 4).
+    """
+    out = {}
+    if at[:3, 3].any():
+        out["pos"] = numerals(at[:3, 3])
+    if not np.array_equal(at[:3, :3], np.eye(3)):
+        x, y, z, w = quaternion_of(at[:3, :3])
+        out["quat"] = numerals((w, x, y, z))
+    return out
+
+
+def _three(endings: Iterable[str]) -> str:
+    return "joints that end in " + ", ".join(f"'{ending}'" for ending in endings)

@@ -1,0 +1,80 @@
+"""Write closures as equalities between sites, with a mark in `<custom>` where one equality does not say them.
+
+a point                one connect
+fixed                  one weld
+revolute               two connects, at two points of the axis
+any other              a follower (see `followers`), welded to the other link
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from xml.etree import ElementTree as ET
+
+import numpy as np
+
+from ...description.closure_forms import words_of_rows
+from ...description.mjcf.marks import MARK
+from ...description.placement import placement_from
+from ...description.records import Array, Closure
+from .bodies import Tree, pose
+from .followers import Follower
+
+FULL = (0, 1, 2)
+
+
+def needs_follower(closure: Closure) -> bool:
+    """Say whether MuJoCo has no equality with the rows of a closure.
+
+    Args:
+        closure: The closure.
+    """
+    return closure.translations != FULL or closure.rotation == "perpendicular"
+
+
+def add_closures(
+    root: ET.Element,
+    equality: ET.Element,
+    closures: tuple[Closure, ...],
+    followers: Mapping[str, Follower],
+    tree: Tree,
+    arm: float,
+) -> None:
+    """Add sites, equalities and marks.
+
+    Args:
+        root: The root element, which receives `<custom>`.
+        equality: The element `<equality>`.
+        closures: The closures.
+        followers: The follower of each closure that needs one, by its name.
+        tree: The bodies, which receive sites.
+        arm: Distance of the two points that hold an axis [m].
+    """
+    for closure in closures:
+        ends = {"a": (closure.link_a, closure.frame_a), "b": (closure.link_b, closure.frame_b)}
+        word = "weld" if closure.rotation == "fixed" else "connect"
+        if follower := followers.get(closure.name):
+            ends["a" if follower.first else "b"] = (f"{closure.name}:follower", np.eye(4))
+            word = "weld"
+        _equate(equality, word, closure.name, f"{closure.name}:", ends, tree)
+        if word == "connect" and closure.rotation == "parallel":
+            ahead = placement_from(np.eye(3), np.array([0.0, 0.0, arm]))
+            second = {end: (link, frame @ ahead) for end, (link, frame) in ends.items()}
+            _equate(equality, word, f"{closure.name}:axis", f"{closure.name}:axis_", second, tree)
+        if follower or (word, closure.rotation) not in (("weld", "fixed"), ("connect", "free")):
+            custom = root.find("custom")
+            custom = ET.SubElement(root, "custom") if custom is None else custom
+            rows = " ".join(words_of_rows(closure.translations, closure.rotation))
+            ET.SubElement(custom, "text", name=MARK + closure.name, data=rows)
+
+
+def _equate(
+    equality: ET.Element, word: str, name: str, stem: str, ends: dict[str, tuple[str, Array]], tree: Tree
+) -> None:
+    """Add an equality between two sites; their names end in a and b."""
+    between = {}
+    for number, (end, (link, frame)) in enumerate(ends.items(), 1):
+        site = stem + end
+        ET.SubElement(tree.bodies[link], "site", {"name": site} | pose(frame))
+        between[f"site{number}"] = site
+    ET.SubElement(equality, word, {"name": name} | between)

@@ -1,0 +1,93 @@
+"""Write limits, damping, friction, rotors, springs and motors of joints."""
+
+from __future__ import annotations
+
+from typing import Any
+from xml.etree import ElementTree as ET
+
+import numpy as np
+
+from ...description.records import Description, Joint
+from ..losses import Losses
+from ..numerals import numeral, numerals
+from .bodies import PLANAR, Tree
+
+#: Effects that stand in the file itself; the others go to model.toml.
+SAID = ("spring", "damper")
+
+
+def add_forces(d: Description, tree: Tree, losses: Losses) -> None:
+    """Add to each joint its limits and the forces that act in it.
+
+    Args:
+        d: The robot.
+        tree: The bodies.
+        losses: Receives what MuJoCo cannot say.
+    """
+    effects = dict(d.effects)
+    driven = set(d.motors)
+    for joint in d.joints:
+        if joint.kind == "fixed":
+            continue
+        names = [joint.name + ending for ending in PLANAR] if joint.kind == "planar" else [joint.name]
+        damping = joint.damping + effects.get("damper", {}).get("coefficient", {}).get(joint.name, 0.0)
+        for name in names:
+            element = tree.joints.get(name, tree.balls.get(name))
+            if damping and element is not None:
+                element.set("damping", numeral(damping))
+        if damping and joint.kind == "floating":
+            losses.add("damping of floating joints", joint.name)
+        if np.isfinite(joint.velocity):
+            losses.add("speed limits, which MuJoCo does not have", joint.name)
+        if joint.name in tree.joints:
+            _add_to_single(joint, tree.joints[joint.name], effects, joint.name in driven, losses)
+
+
+def _add_to_single(
+    joint: Joint, element: ET.Element, effects: dict[str, dict[str, Any]], driven: bool, losses: Losses
+) -> None:
+    """Add limits, friction, rotor and spring to a joint with one freedom."""
+    if np.isfinite(joint.lower) or np.isfinite(joint.upper):
+        if joint.lower < joint.upper:
+            bounds = (joint.lower, joint.upper)
+            element.set("range", " ".join(numeral(x) if np.isfinite(x) else str(x) for x in bounds))
+            element.set("limited", "true")
+        else:
+            losses.add("position limits without room between them, which MuJoCo refuses", joint.name)
+    friction = effects.get("coulomb_friction", {}).get("level", {}).get(joint.name, joint.friction)
+    armature = joint.rotor_inertia * joint.gear_ratio**2
+    for word, value in (("frictionloss", friction), ("armature", armature)):
+        if value:
+            element.set(word, numeral(value))
+    if joint.gear_ratio != 1 and joint.rotor_inertia:
+        losses.add("gear ratios: the rotor's inertia is written as that at the joint", joint.name)
+    if not driven and 0 < joint.effort < np.inf:
+        element.set("actuatorfrcrange", numerals((-joint.effort, joint.effort)))
+        element.set("actuatorfrclimited", "true")
+    spring = effects.get("spring", {})
+    if stiffness := spring.get("stiffness", {}).get(joint.name):
+        element.set("stiffness", numeral(stiffness))
+        element.set("springref", numeral((spring.get("rest") or {}).get(joint.name, 0.0)))
+        if joint.kind == "continuous":
+            losses.add("springs of continuous joints: MuJoCo counts whole turns", joint.name)
+
+
+def add_motors(root: ET.Element, d: Description, losses: Losses) -> None:
+    """Add a motor without gear for each driven joint: its control is the effort at the joint.
+
+    Args:
+        root: The root element.
+        d: The robot.
+        losses: Receives effort limits of zero.
+    """
+    if not d.motors:
+        return
+    actuator = ET.SubElement(root, "actuator")
+    limits = {joint.name: joint.effort for joint in d.joints}
+    for motor in d.motors:
+        element = ET.SubElement(actuator, "motor", name=motor, joint=motor)
+        if 0 < limits[motor] < np.inf:
+            element.set("ctrlrange", numerals((-limits[motor], limits[motor])))
+            element.set("ctrllimited", "true")
+        elif not limits[motor]:
+            losses.add("effort limits of zero, which MuJoCo refuses", motor)

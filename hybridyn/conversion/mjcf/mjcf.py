@@ -1,0 +1,97 @@
+"""Write an MJCF file: bodies, closures, couplings, forces, motors, home."""
+
+from __future__ import annotations
+
+from xml.etree import ElementTree as ET
+
+from ...description.mjcf.marks import BASE
+from ...description.records import Description
+from ..home import home_poses
+from ..losses import Losses
+from ..model_file import model_file
+from ..numerals import numeral, numerals
+from ..request import Request, Written
+from .bodies import Builder, Tree
+from .closures import add_closures, needs_follower
+from .couplings import add_couplings
+from .followers import follower_of
+from .forces import SAID, add_forces, add_motors
+from .inertias import inertias_of
+from .softness import acceleration, add_softness, softness
+
+#: Gravity of a robot whose file states none [m/s^2].
+USUAL_GRAVITY = (0.0, 0.0, -9.81)
+
+
+def write_mjcf(request: Request) -> Written:
+    """Write a robot as MJCF.
+
+    Args:
+        request: The robot.
+    """
+    d, losses = request.description, Losses()
+    root = ET.Element("mujoco", model=d.name)
+    ET.SubElement(root, "compiler", angle="radian", autolimits="false", inertiafromgeom="false")
+    option = ET.SubElement(root, "option", gravity=numerals(d.gravity or USUAL_GRAVITY))
+    option.set("integrator", "implicitfast")
+    chosen = softness(d, request.tightness)
+    if d.closures or d.couplings:
+        add_softness(root, option, chosen)
+    tree = _add_robot(root, d, losses)
+    add_motors(root, d, losses)
+    if tree.qpos:
+        keyframe = ET.SubElement(root, "keyframe")
+        ET.SubElement(keyframe, "key", name="home", qpos=numerals(tree.qpos))
+    ET.indent(root)
+    beside = [name for name, _ in d.effects if name not in SAID]
+    notes = []
+    if d.closures or d.couplings:
+        tight = (
+            f"closures stay within {numeral(request.tightness)} m up to accelerations of "
+            f"{acceleration(d):.3g} m/s^2: time step {chosen.step:.2g} s, solref {chosen.constant:.2g} s"
+        )
+        notes.append(tight)
+        root.insert(0, ET.Comment(f" {tight} "))
+    if beside:
+        notes.append(f"MuJoCo does not see these effects, which the .model.toml holds: {', '.join(beside)}")
+    model = model_file(d, motors=not d.motors, effects=beside)
+    text = ET.tostring(root, encoding="unicode") + "\n"
+    return Written(text, losses.lines(), tuple(notes), {".model.toml": model} if model else {})
+
+
+def _add_robot(root: ET.Element, d: Description, losses: Losses) -> Tree:
+    """Add bodies, closures, couplings and forces."""
+    inertias, poses, still = inertias_of(d), home_poses(d), _still(d)
+    followers = {
+        closure.name: follower_of(closure, inertias, poses, still, losses)
+        for closure in d.closures
+        if needs_follower(closure)
+    }
+    tree = Builder(d, inertias, followers.values(), losses).build()
+    root.append(tree.worldbody)
+    add_forces(d, tree, losses)
+    if d.closures or d.couplings:
+        equality = ET.SubElement(root, "equality")
+        add_closures(root, equality, d.closures, followers, tree, inertias.size)
+        add_couplings(root, equality, d.couplings)
+    if d.base == "fixed" and any(joint.kind == "floating" for joint in d.joints):
+        custom = root.find("custom")
+        custom = ET.SubElement(root, "custom") if custom is None else custom
+        ET.SubElement(custom, "text", name=BASE, data="fixed")
+    return tree
+
+
+def _still(d: Description) -> set[str]:
+    """Return the names of the links that do not move."""
+    if d.base == "floating":
+        return set()
+    above = {joint.child: joint for joint in d.joints}
+    out = {d.root}
+    for link in d.links:
+        path, name = [link.name], link.name
+        while name not in out and above[name].kind == "fixed":
+            name = above[name].parent
+            path.append(name)
+        if name in out:
+            out.update(path)
+    return out

@@ -1,0 +1,141 @@
+"""Closures of MJCF files that `hybridyn convert` wrote, as they were before.
+
+MuJoCo holds a hinge by two connects, and other closures by a body that follows one link and is welded to the
+other. A text in `<custom>` names such a closure and its rows:
+
+    <custom><text name="hybridyn:slider" data="tx ty rx ry rz"/></custom>
+
+The equality "slider" then holds the frames. Other equalities, bodies and joints whose names start with
+"slider:" belong to it; the mass of such a body is the other half of the link that it is welded to. The text
+"hybridyn base" says that a free body hangs on the world by a joint and is not the base.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from ...errors import ModelError
+from ..closure_forms import FORMS, SIDEWAYS, RowsForm, form_of_rows
+from ..names import did_you_mean
+from ..placement import placement_from
+from ..records import Array, Closure, Joint
+from ..robot_file import RobotFile
+from .document import Document
+
+#: What the name of a text starts with, before the closure's name.
+MARK = "hybridyn:"
+#: Name of the text that says that the base is fixed.
+BASE = "hybridyn base"
+
+
+def read_marks(document: Document) -> tuple[dict[str, RowsForm], bool]:
+    """Return the rows of the closures that texts name, and whether a text says that the base is fixed.
+
+    Args:
+        document: The file.
+
+    Raises:
+        ModelError: A text holds no rows.
+    """
+    marks: dict[str, RowsForm] = {}
+    fixed = False
+    for node in document.nodes():
+        name = str(node.xml.get("name", ""))
+        if node.tag != "text":
+            continue
+        fixed = fixed or (name == BASE and node.xml.get("data") == "fixed")
+        if name.startswith(MARK):
+            try:
+                marks[name.removeprefix(MARK)] = form_of_rows(str(node.xml.get("data", "")))
+            except ValueError as error:
+                raise node.error(
+                    f"text '{name}': {error}; remove it to read the equalities by themselves"
+                ) from None
+    return marks, fixed
+
+
+def apply_marks(robot: RobotFile, marks: dict[str, RowsForm]) -> None:
+    """Turn the equalities and bodies of marked closures into these closures.
+
+    Args:
+        robot: The robot, with its links, joints, closures and home.
+        marks: Rows of the closures by name.
+
+    Raises:
+        ModelError: There is no equality of this name.
+    """
+    names = [closure.name for closure in robot.closures]
+    for name, rows in marks.items():
+        if name not in names:
+            raise ModelError(
+                f"<custom> marks the closure '{name}', but no connect or weld has this name"
+                f"{did_you_mean(name, names)}; rename the text '{MARK}{name}', or remove it",
+                file=robot.file, element=name,
+            )  # fmt: skip
+        closure = robot.closures[names.index(name)]
+        prefix = f"{name}:"
+        own = {joint.child: joint for joint in robot.joints if joint.child.startswith(prefix)}
+        closure, follower = _unfollowed(closure, own, rows)
+        if follower is not None:
+            _join(robot, *follower)
+        kinds = [
+            kind
+            for kind, form in FORMS.items()
+            if (form.translations, form.rotation) == (rows.translations, rows.rotation)
+        ]
+        kind = kinds[0] if kinds else "rows"
+        robot.closures[names.index(name)] = replace(
+            closure, kind=kind, translations=rows.translations, rotation=rows.rotation
+        )
+        _remove(robot, prefix)
+        names = [closure.name for closure in robot.closures]
+
+
+def _unfollowed(
+    closure: Closure, own: dict[str, Joint], rows: RowsForm
+) -> tuple[Closure, tuple[str, str, Array] | None]:
+    """Return the closure between its two links, and its follower: name, welded link, frame in that link."""
+    sideways = placement_from(SIDEWAYS, np.zeros(3)) if rows.rotation == "perpendicular" else np.eye(4)
+    if closure.link_a in own:
+        link, frame = _hung(closure.link_a, closure.frame_a, own)
+        follower = closure.link_a, closure.link_b, closure.frame_b
+        return replace(closure, link_a=link, frame_a=frame @ sideways.T), follower
+    if closure.link_b in own:
+        link, frame = _hung(closure.link_b, closure.frame_b, own)
+        follower = closure.link_b, closure.link_a, closure.frame_a
+        return replace(closure, link_b=link, frame_b=frame @ sideways), follower
+    return closure, None
+
+
+def _hung(link: str, frame: Array, own: dict[str, Joint]) -> tuple[str, Array]:
+    """Return the link that a follower hangs on, and a frame of the follower in it at joint positions zero."""
+    while link in own:
+        frame, link = own[link].placement @ frame, own[link].parent
+    return link, frame
+
+
+def _join(robot: RobotFile, name: str, welded: str, at: Array) -> None:
+    """Add the inertia of a follower to the link that it is welded to, in which its frame is `at`."""
+    by_name = {link.name: link for link in robot.links}
+    share, link = by_name[name], by_name[welded]
+    turn = at[:3, :3]
+    moved = turn @ share.com + at[:3, 3]
+    mass = share.mass + link.mass
+    com = (share.mass * moved + link.mass * link.com) / mass if mass else link.com
+    inertia = link.inertia + turn @ share.inertia @ turn.T
+    for part, place in ((share, moved), (link, link.com)):
+        d = place - com
+        inertia = inertia + part.mass * ((d @ d) * np.eye(3) - np.outer(d, d))
+    index = robot.links.index(link)
+    robot.links[index] = replace(link, mass=mass, com=com, inertia=(inertia + inertia.T) / 2)
+
+
+def _remove(robot: RobotFile, prefix: str) -> None:
+    """Remove what belongs to a closure: its follower, and its further equalities."""
+    gone = {joint.name for joint in robot.joints if joint.child.startswith(prefix)}
+    robot.joints = [joint for joint in robot.joints if joint.name not in gone]
+    robot.links = [link for link in robot.links if not link.name.startswith(prefix)]
+    robot.closures = [closure for closure in robot.closures if not closure.name.startswith(prefix)]
+    robot.home = {name: at for name, at in robot.home.items() if name not in gone}

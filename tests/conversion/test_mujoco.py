@@ -1,0 +1,151 @@
+"""MuJoCo's own model of the written file: mass matrix, bias, closed dynamics, and how tight closures stay."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from hybridyn import HybridRobot, ddm
+from hybridyn.conversion.request import Request
+from hybridyn.conversion.writers import writer_of
+from hybridyn.description import Description
+from hybridyn.structure.building import build_robot
+from tests.comparing import close_to
+from tests.conversion.judge import bodily, open_postures
+from tests.extras import needs
+from tests.mechanisms import KINDS, random_mechanism
+from tests.samples import slow, some
+from tests.shipped import ROBOTS, shipped
+
+mujoco = needs("mjcf")
+
+#: MuJoCo and Pinocchio on the same numbers, each rotation through a quaternion.
+SAME = 1e-10
+
+
+class Model:
+    """MuJoCo's model of a description, with coordinates by joint."""
+
+    def __init__(self, description: Description, tightness: float = 1e-4) -> None:
+        target = Path("robot.xml")
+        self.out = writer_of(target)(Request(description, target, tightness=tightness))
+        self.robot = build_robot(description)
+        self.model = mujoco.MjModel.from_xml_string(self.out.text)
+        self.model.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
+        self.data = mujoco.MjData(self.model)
+        self.columns = [
+            self.model.jnt_dofadr[self.model.joint(name).id] + i
+            for name, at in zip(self.robot.joints, self.robot.v_slices, strict=True)
+            for i in range(at.stop - at.start)
+        ]
+
+    def place(self, q: np.ndarray, v: np.ndarray) -> None:
+        """Set the joints of the robot; followers are where the keyframe has them."""
+        mujoco.mj_resetDataKeyframe(self.model, self.data, 0)
+        for name, kind, at in zip(self.robot.joints, self.robot.kinds, self.robot.q_slices, strict=True):
+            start, x = self.model.jnt_qposadr[self.model.joint(name).id], q[at]
+            if kind == "continuous":
+                x = np.array([np.arctan2(x[1], x[0])])
+            elif kind == "spherical":
+                x = x[[3, 0, 1, 2]]
+            self.data.qpos[start : start + len(x)] = x
+        self.data.qvel[self.columns] = v
+        mujoco.mj_forward(self.model, self.data)
+
+    def mass_matrix(self) -> np.ndarray:
+        """Return MuJoCo's mass matrix."""
+        M = np.zeros((self.model.nv, self.model.nv))
+        try:
+            mujoco.mj_fullM(self.model, self.data, M)
+        except TypeError:  # before MuJoCo 4
+            mujoco.mj_fullM(self.model, M, self.data.qM)
+        return M
+
+
+@pytest.mark.parametrize("name", some(ROBOTS, ("gough_stewart",)))
+def test_the_open_tree_is_that_of_pinocchio(name: str) -> None:
+    tree = replace(shipped(name), closures=(), couplings=())
+    written, robot = Model(tree), build_robot(tree)
+    for q in open_postures(robot, 2):
+        v = np.random.default_rng(3).normal(size=robot.nv)
+        written.place(q, v)
+        M = pin.crba(robot.model, robot.model.createData(), q)
+        M = np.triu(M) + np.triu(M, 1).T
+        for joint in tree.joints:
+            if joint.rotor_inertia:
+                at = robot.v_slices[robot.joints.index(joint.name)].start
+                M[at, at] += joint.rotor_inertia * joint.gear_ratio**2
+        close_to(written.mass_matrix()[np.ix_(written.columns, written.columns)], M, SAME)
+        bias = pin.rnea(robot.model, robot.model.createData(), q, v, np.zeros(robot.nv))
+        close_to(written.data.qfrc_bias[written.columns], bias, SAME)
+
+
+def accelerations(written: Model, tau: np.ndarray) -> np.ndarray:
+    """Return the accelerations at rest that MuJoCo's matrices give with rigid equalities."""
+    m, d = written.model, written.data
+    rows = d.efc_J.reshape(-1, m.nv)[d.efc_type == mujoco.mjtConstraint.mjCNSTR_EQUALITY]
+    force = -d.qfrc_bias
+    for motor, effort in zip(written.robot.motors, tau, strict=True):
+        force[m.jnt_dofadr[m.joint(motor).id]] += effort
+    _, s, Vt = np.linalg.svd(rows)
+    free = Vt[int((s > 1e-8 * s[0]).sum()) :].T
+    M = written.mass_matrix()
+    return (free @ np.linalg.solve(free.T @ M @ free, free.T @ force))[written.columns]
+
+
+LOOPS = ("loop_revolute", "loop_prismatic", "loop_rows_y_perpendicular")
+
+
+@pytest.mark.parametrize("kind", some([k for k in KINDS if k.startswith(("loop", "four_bar"))], LOOPS))
+def test_closed_robots_accelerate_as_ours(kind: str) -> None:
+    description = bodily(random_mechanism(3, kind=kind))
+    written = Model(without_rotors(description))
+    robot = written.robot
+    rest = np.zeros(robot.nv)
+    written.place(robot.home, rest)
+    tau = np.random.default_rng(1).normal(size=len(robot.motors))
+    close_to(accelerations(written, tau), ddm(robot, robot.home, rest, tau), 1e-9)
+
+
+def without_rotors(description: Description) -> Description:
+    """Return a robot without rotors, friction and springs: `ddm` computes them only where asked."""
+    joints = tuple(
+        replace(joint, rotor_inertia=0.0, damping=0.0, friction=0.0, lower=-np.inf, upper=np.inf)
+        for joint in description.joints
+    )
+    return replace(description, joints=joints, effects=())
+
+
+def opening(written: Model, robot: HybridRobot, seconds: float) -> float:
+    """Return the largest distance by which closures open in a run from home without motors [m]."""
+    m, d = written.model, written.data
+    written.place(robot.home, np.zeros(robot.nv))
+    largest = 0.0
+    for _ in range(int(seconds / m.opt.timestep)):
+        mujoco.mj_step(m, d)
+        for number in range(m.neq):
+            if m.eq_type[number] in (int(mujoco.mjtEq.mjEQ_CONNECT), int(mujoco.mjtEq.mjEQ_WELD)):
+                first, second = (d.site_xpos[x[number]] for x in (m.eq_obj1id, m.eq_obj2id))
+                largest = max(largest, float(np.linalg.norm(first - second)))
+    return largest
+
+
+@pytest.mark.parametrize(
+    ("name", "tightness"),
+    [
+        ("five_bar", 1e-4),
+        slow("five_bar", 1e-6),
+        slow("delta", 1e-4),
+        slow("gough_stewart", 1e-4),
+        slow("gough_stewart", 1e-6),
+    ],
+)
+def test_closures_stay_as_tight_as_asked(name: str, tightness: float) -> None:
+    description = without_rotors(shipped(name))
+    written = Model(description, tightness)
+    found = opening(written, written.robot, 0.3)
+    assert 0 < found <= tightness
