@@ -91,6 +91,10 @@ CASES = {
         ),
         "its transform is animated",
     ),
+    "step of a transform": (
+        usda(body("a", 'uniform token[] xformOpOrder = ["xformOp:translate"]'), HELD),
+        "xformOpOrder names 'xformOp:translate', which the prim does not state",
+    ),
     "mirrored": (usda(body("a", placed("float3 xformOp:scale = (1, -1, 1)")), HELD), "its transform mirrors"),
     "flat": (usda(body("a", placed("float3 xformOp:scale = (1, 0, 1)")), HELD), "has no inverse"),
     "sheared": (

@@ -114,12 +114,22 @@ class Bodies:
         if found is None:
             if any(name.startswith("xformOp") for name in prim.animated):
                 raise prim.error("its transform is animated (time samples); give it one default value")
+            _check_order(prim)
             found = np.eye(4) if prim.matrix is None else prim.matrix
             if prim.parent is not None and not prim.resets:
                 with np.errstate(over="ignore", invalid="ignore"):
                     found = found @ self._matrix(prim.parent)
             self._matrices[prim.path] = found
         return found
+
+
+def _check_order(prim: Prim) -> None:
+    """Refuse steps of a transform that the prim does not have; OpenUSD leaves them out."""
+    order = prim.values.get("xformOpOrder") or []
+    for step in order if isinstance(order, list) else [order]:
+        name = str(step).removeprefix("!invert!")
+        if name != "!resetXformStack!" and (not name.startswith("xformOp:") or name not in prim.values):
+            raise prim.error(f"xformOpOrder names '{name}', which the prim does not state; state or remove it")
 
 
 def inverse(frame: Array) -> Array:

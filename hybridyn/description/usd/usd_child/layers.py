@@ -56,7 +56,7 @@ def open_stage(file: str, folders: Sequence[str], largest: int) -> Any:
     try:
         stage = Usd.Stage.Open(root)
     except Tf.ErrorException as error:
-        raise _refusal(error) from None
+        raise refusal(error) from None
     for problem in stage.GetCompositionErrors():
         raise RefusedError(f"OpenUSD: {' '.join(str(problem).split())}")
     return stage
@@ -82,10 +82,10 @@ def _root_layer(file: str) -> Any:
         with open(file, encoding="utf-8") as text:
             done = layer.ImportFromString(text.read())
     except (Tf.ErrorException, UnicodeDecodeError) as error:
-        raise _refusal(error) from None
+        raise refusal(error) from None
     if not done:
         raise RefusedError("OpenUSD cannot read it")
-    if layer.GetCompositionAssetDependencies():
+    if any(layer.GetCompositionAssetDependencies()):
         raise RefusedError(f"it names other layers, but its own name does not end in .usda; {advice}")
     return layer
 
@@ -96,8 +96,8 @@ def _check_layers(root: Any, folders: Sequence[str], largest: int) -> None:
     while waiting:
         layer = waiting.pop()
         for asset in layer.GetCompositionAssetDependencies():
-            path = _path_of(layer, asset)
-            if path in seen:
+            path = _path_of(layer, asset) if asset else ""  # one prim of a layer may name another
+            if not path or path in seen:
                 continue
             seen.add(path)
             if len(seen) > MOST_LAYERS:
@@ -152,7 +152,7 @@ def _opened(path: str, asset: str | None = None) -> Any:
     try:
         layer = Sdf.Layer.FindOrOpen(path)
     except Tf.ErrorException as error:
-        raise _refusal(error) from None
+        raise refusal(error) from None
     if layer is None:
         raise RefusedError(f"OpenUSD cannot read layer '{asset}'" if asset else "OpenUSD cannot read it")
     return layer
@@ -162,7 +162,7 @@ def _place(layer: Any) -> str | None:
     return str(layer.realPath) or None
 
 
-def _refusal(error: Exception) -> RefusedError:
+def refusal(error: Exception) -> RefusedError:
     """Return the refusal with OpenUSD's reason, file and line."""
     text = str(error)
     if place := _PLACE.search(text):

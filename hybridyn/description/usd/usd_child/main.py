@@ -14,7 +14,7 @@ import sys
 from typing import Any, BinaryIO
 
 from .dumping import dump, warm_up
-from .layers import RefusedError, open_stage
+from .layers import RefusedError, open_stage, refusal
 
 #: Time without a request after which the server ends [s].
 IDLE = 30
@@ -62,7 +62,7 @@ def _answer(request: dict[str, Any], pipe: BinaryIO) -> None:
     except MemoryError:
         answer = {"error": "needs too much memory", "file": None, "line": None}
     except Exception as error:
-        answer = {"error": f"OpenUSD: {type(error).__name__}: {error}", "file": None, "line": None}
+        answer = {"error": str(refusal(error)), "file": None, "line": None}
     pipe.write(json.dumps(answer).encode())
 
 
