@@ -129,7 +129,9 @@ def _check_order(prim: Prim) -> None:
     for step in order if isinstance(order, list) else [order]:
         name = str(step).removeprefix("!invert!")
         if name != "!resetXformStack!" and (not name.startswith("xformOp:") or name not in prim.values):
-            raise prim.error(f"xformOpOrder names '{name}', which the prim does not state; state or remove it")
+            raise prim.error(
+                f"xformOpOrder names '{name}', which the prim does not state; state or remove it"
+            )
 
 
 def inverse(frame: Array) -> Array:
