@@ -11,7 +11,7 @@ import click
 from ..streams.reaction_columns import reaction_rows
 from .common.engine import choose_engine, takes_engine, worth_of
 from .common.options import RobotCommand, takes_effects, takes_robot
-from .common.summary import Summary, effects_line, not_computed
+from .common.summary import Summary, branch_line, effects_line, not_computed
 from .common.tables import Plan, Tables, run, takes_table
 
 if TYPE_CHECKING:
@@ -56,7 +56,7 @@ def command(
             "--reactions": tables.reactions is not None,
             "wrenches in the table": bool(layout.wrenches),
         }
-        chosen_engine = choose_engine(engine, robot, chosen, rows, obstacles, worth_of(layout))
+        chosen_engine = choose_engine(engine, robot, chosen, rows, obstacles, worth_of(layout, robot))
         columns = acceleration_columns(robot.description, robot.joints, robot.base)
         kinds = {joint.name: joint.kind for joint in robot.description.joints}
         units = ["m/s^2" if kinds[name] == "prismatic" else "rad/s^2" for name in robot.motors]
@@ -68,7 +68,12 @@ def command(
             units,
             at,
             columns,
-            remarks=[*effects_line(chosen), *not_computed(robot, chosen), *free_motions_of(robot)],
+            remarks=[
+                *branch_line(robot, layout),
+                *effects_line(chosen),
+                *not_computed(robot, chosen),
+                *free_motions_of(robot),
+            ],
             engine=chosen_engine,
         )
         return Plan(

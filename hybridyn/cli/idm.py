@@ -11,7 +11,7 @@ import click
 from ..streams.reaction_columns import reaction_rows
 from .common.engine import choose_engine, takes_engine, worth_of
 from .common.options import RobotCommand, takes_effects, takes_robot
-from .common.summary import Summary, effects_line, not_computed
+from .common.summary import Summary, branch_line, effects_line, not_computed
 from .common.tables import Plan, Tables, run, takes_table
 
 if TYPE_CHECKING:
@@ -86,7 +86,7 @@ def command(
             "--weights": shares is not None,
             "wrenches in the table": bool(layout.wrenches),
         }
-        chosen_engine = choose_engine(engine, robot, chosen, rows, obstacles, worth_of(layout))
+        chosen_engine = choose_engine(engine, robot, chosen, rows, obstacles, worth_of(layout, robot))
         model = functools.partial(
             efforts,
             passive=passive,
@@ -104,7 +104,7 @@ def command(
             list(robot.motors),
             units,
             list(range(len(robot.motors))),
-            remarks=[*effects_line(chosen), *not_computed(robot, chosen)],
+            remarks=[*branch_line(robot, layout), *effects_line(chosen), *not_computed(robot, chosen)],
             engine=chosen_engine,
         )
         assemble = chosen_engine.model.assemble if chosen_engine.model else None

@@ -57,12 +57,13 @@ def command(load: Callable[[], HybridRobot], starts: int | None, graph: str | No
     posture. Equal modules are described once. The end lists what looks wrong.
     """
     from ..assembly.findings import findings, home_residuals
+    from ..studies.home import branch
 
     robot = load()
     if graph:
         save_structure(robot, graph)
     width = min(max(shutil.get_terminal_size().columns, NARROWEST), WIDEST)
-    for line in _head(robot):
+    for line in (*_head(robot), *branch(robot)):
         click.echo("\n".join(textwrap.wrap(line, width, subsequent_indent="    ")))
     click.echo()
     for line in _Tree(robot, home_residuals(robot), width).lines():

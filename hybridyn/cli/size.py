@@ -84,7 +84,7 @@ def command(
         chosen = chosen.only([name for name in chosen.names if name != "limits"])  # they are reported here
         check_has_mass(robot, chosen, layout)
         obstacles = {"--passive solved": passive != "given", "wrenches in the table": bool(layout.wrenches)}
-        chosen_engine = choose_engine(engine, robot, chosen, rows, obstacles, worth_of(layout))
+        chosen_engine = choose_engine(engine, robot, chosen, rows, obstacles, worth_of(layout, robot))
         compiled = chosen_engine.model
         model = functools.partial(motor_states, passive=passive, effects=chosen, compiled=compiled)
         reports.append(_Report(robot, source, output, plot, chosen, chosen_engine))

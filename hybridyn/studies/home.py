@@ -14,6 +14,14 @@ from ..spatial import Array
 from ..structure.joint_position import joint_position
 from ..structure.robot import HybridRobot
 
+#: Coordinates of a joint at zero, where they are not all zero.
+ZERO = {
+    "continuous": (1.0, 0.0),
+    "spherical": (0.0, 0.0, 0.0, 1.0),
+    "planar": (0.0, 0.0, 1.0, 0.0),
+    "floating": (0.0,) * 6 + (1.0,),
+}
+
 
 @dataclass(frozen=True)
 class HomePosture:
@@ -74,7 +82,7 @@ def homes(
     for q, count, residual, within in zip(
         found.q, found.counts, found.residual, found.within_limits, strict=True
     ):
-        distances = _distances(robot, q)
+        distances = _distances(robot, q, robot.home)
         joint = max(distances, key=lambda name: distances[name], default="")
         out.append(
             HomePosture(q, float(residual), bool(within), joint, distances.get(joint, 0.0), int(count))
@@ -101,9 +109,27 @@ def positions(robot: HybridRobot, q: Array) -> dict[str, tuple[float, ...]]:
     return out
 
 
-def _distances(robot: HybridRobot, q: Array) -> dict[str, float]:
-    """Return how far each joint of a posture is from home [m or rad]."""
-    here, home = positions(robot, q), positions(robot, robot.home)
+def branch(robot: HybridRobot) -> list[str]:
+    """Return one line that tells how far from zero the home posture lies; none at zero, or without loops.
+
+    Postures are assembled on the branch of the home posture.
+    """
+    if not robot.description.closures:
+        return []
+    zero = np.zeros(robot.nq)
+    for kind, at in zip(robot.kinds, robot.q_slices, strict=True):
+        zero[at] = ZERO.get(kind, 0.0)
+    distances = _distances(robot, robot.home, zero)
+    joint = max(distances, key=lambda name: distances[name], default="")
+    if not joint or distances[joint] == 0.0:
+        return []
+    unit = "m" if robot.kinds[robot.joints.index(joint)] == "prismatic" else "rad"
+    return [f"branch: that of home, where '{joint}' is farthest from zero ({distances[joint]:.3g} {unit})"]
+
+
+def _distances(robot: HybridRobot, q: Array, reference: Array) -> dict[str, float]:
+    """Return how far each joint of a posture is from another posture [m or rad]."""
+    here, home = positions(robot, q), positions(robot, reference)
     kinds = dict(zip(robot.joints, robot.kinds, strict=True))
     out = {}
     for name, values in here.items():

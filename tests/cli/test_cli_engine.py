@@ -147,11 +147,11 @@ def test_samples_by_the_general_path_are_counted_in_every_process(
 def test_small_tables_are_not_worth_it(tmp_path: Path, capsys: Any) -> None:
     said = run(capsys, "idm", "five_bar", "-o", str(tmp_path / "efforts.csv"))
     assert "engine: general (" in said
-    assert "compiled from 1,000,000 on)" in said
+    assert "compiled from 8,000 on)" in said
 
 
 def test_large_tables_are(tmp_path: Path, capsys: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(engine, "WORTH_OF_POSTURES", 2_000)
+    monkeypatch.setattr(engine, "WORTH_OF_POSTURES", 2_000 // 4)
     monkeypatch.setattr(engine, "WORTH", 2_000)
     said = run(capsys, "idm", "five_bar", "-o", str(tmp_path / "efforts.csv"))
     assert "engine: compiled (" in said
@@ -176,7 +176,7 @@ def test_a_looped_module_of_one_freedom_is_compiled_of_its_own_accord(
     words = ["simulate", str(scene)] if command == "simulate" else [command, robot, str(table)]
     tables = {name: tmp_path / f"{name}.csv" for name in ("general", "compiled")}
     assert "engine: general (" in run(capsys, *words, "-o", str(tables["general"]))
-    monkeypatch.setattr(engine, "WORTH_OF_POSTURES", 20)
+    monkeypatch.setattr(engine, "WORTH_OF_POSTURES", 20 // 4)
     monkeypatch.setattr(engine, "WORTH", 20)
     monkeypatch.setattr("hybridyn.cli.simulate.WORTH_IN_TIME", 20)
     assert "engine: compiled (" in run(capsys, *words, "-o", str(tables["compiled"]))
@@ -194,7 +194,7 @@ def test_what_goes_wrong_inside_leaves_the_general_path(
         raise ZeroDivisionError("float division by zero")
 
     monkeypatch.setattr("hybridyn.compiled.compiling.built_library", broken)
-    monkeypatch.setattr(engine, "WORTH_OF_POSTURES", 2_000)
+    monkeypatch.setattr(engine, "WORTH_OF_POSTURES", 2_000 // 4)
     monkeypatch.setattr(engine, "WORTH", 2_000)
     status = main(["idm", "five_bar", *asked, "-o", str(tmp_path / "efforts.csv")])
     said = capsys.readouterr().err
@@ -219,7 +219,7 @@ def test_without_a_compiler_the_general_path_works(
     output = str(tmp_path / "efforts.csv")
     assert main(["idm", "five_bar", "--engine", "compiled", "-o", output]) == 1
     assert "install gcc" in capsys.readouterr().err
-    monkeypatch.setattr(engine, "WORTH_OF_POSTURES", 2_000)
+    monkeypatch.setattr(engine, "WORTH_OF_POSTURES", 2_000 // 4)
     monkeypatch.setattr(engine, "WORTH", 2_000)
     said = run(capsys, "idm", "five_bar", "-o", output)
     assert "engine: general (not compiled: no C compiler was found" in said
@@ -309,5 +309,6 @@ def test_motor_sizing_too(tmp_path: Path, capsys: Any) -> None:
 
 
 def test_tables_that_are_assembled_are_worth_it_sooner() -> None:
+    robot = hybridyn.load("five_bar")
     states, poses = (Layout(None, 0, full_state=full) for full in (True, False))
-    assert engine.worth_of(poses) < engine.worth_of(states) == engine.WORTH
+    assert engine.worth_of(poses, robot) < engine.worth_of(states, robot) == engine.WORTH

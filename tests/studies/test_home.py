@@ -90,6 +90,23 @@ def test_a_model_file_is_made_where_there_is_none(file: Path, capsys: pytest.Cap
     assert hybridyn.closure_residual(robot, robot.home) < CLOSED
 
 
+def test_commands_say_where_they_start(
+    file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The posture of the triangle at home, both branches; nothing where home is zero."""
+    table = tmp_path / "drive.csv"
+    table.write_text("time,drive/position\n" + "".join(f"{t / 10},0\n" for t in range(8)))
+    assert "branch: " not in call(capsys, "info", file).out
+    for number in (1, 2):
+        assert call(capsys, "home", file, "--choose", number, "--write").status == 0
+        at = positions(robot := hybridyn.load(file), robot.home)
+        angle = max(abs(at["a"][0]), abs(at["b"][0]))
+        joint = "ab"[abs(at["b"][0]) == angle]
+        line = f"branch: that of home, where '{joint}' is farthest from zero ({angle:.3g} rad)"
+        assert line in " ".join(call(capsys, "info", file).out.split())
+        assert line in call(capsys, "idm", file, table).err
+
+
 @pytest.mark.parametrize("text", ["home.drive = 0.1\n", "home = { drive = 0.1 }\n"])
 def test_another_way_of_writing_home_is_not_replaced(
     text: str, file: Path, capsys: pytest.CaptureFixture[str]

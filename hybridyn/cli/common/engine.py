@@ -18,8 +18,8 @@ if TYPE_CHECKING:
 
 #: Samples times freedoms above which building a model pays: about seven seconds on the general path.
 WORTH = 3_000_000
-#: The same where rows are assembled from motors or poses, which takes longer than the models.
-WORTH_OF_POSTURES = 1_000_000
+#: Rows from which it pays where postures are assembled: some 3 ms each on the general path for any robot.
+WORTH_OF_POSTURES = 2_000
 #: The same for `simulate`, where samples come one after the other: the general path is slow without batches.
 WORTH_IN_TIME = 40_000
 #: The same for `effects`, which builds a model for each set of effects: for the LX4 with friction this takes
@@ -37,7 +37,7 @@ def takes_engine(samples: str, worth: int = WORTH) -> Callable[[Callable[..., An
         samples: Name of the samples in the help.
         worth: Samples times freedoms above which building a model pays.
     """
-    less = f" ({WORTH_OF_POSTURES:,} where postures are assembled)" if worth == WORTH else ""
+    less = f", or from {WORTH_OF_POSTURES:,} rows on where postures are assembled" if worth == WORTH else ""
     return click.option(
         "--engine",
         type=click.Choice(ENGINES),
@@ -47,9 +47,9 @@ def takes_engine(samples: str, worth: int = WORTH) -> Callable[[Callable[..., An
     )
 
 
-def worth_of(layout: Layout) -> int:
+def worth_of(layout: Layout, robot: HybridRobot) -> int:
     """Return the samples times freedoms above which building a model pays for a table."""
-    return WORTH if layout.full_state else WORTH_OF_POSTURES
+    return WORTH if layout.full_state else min(WORTH, WORTH_OF_POSTURES * robot.nv)
 
 
 class Engine:

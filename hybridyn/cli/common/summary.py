@@ -128,6 +128,18 @@ def effects_line(effects: Effects) -> list[str]:
     return [f"effects on: {', '.join(effects.names) or 'none'}; off: {', '.join(effects.absent) or 'none'}"]
 
 
+def branch_line(robot: HybridRobot, layout: Layout) -> list[str]:
+    """Return one line on the branch of the postures, where the table is assembled, or no line.
+
+    Args:
+        robot: The robot.
+        layout: The meaning of the table's columns.
+    """
+    from ...studies.home import branch
+
+    return [] if layout.full_state else branch(robot)
+
+
 def not_computed(robot: HybridRobot, effects: Effects) -> list[str]:
     """Return one line that names effects of the robot's files that are not computed, or no line.
 
