@@ -29,8 +29,8 @@ _remembered = functools.lru_cache(maxsize=1024)(_closest)  # a file repeats its 
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:
-    """Return " (did you mean 'x'?)" if a known name is similar, else an empty string."""
-    best = closest(name, known)
+    """Return " (did you mean 'x'?)" if another known name is similar, else an empty string."""
+    best = closest(name, (word for word in known if word != name))
     return f" (did you mean '{best}'?)" if best else ""
 
 

@@ -109,3 +109,8 @@ def test_comments_bom_and_line_ends_pass(tmp_path: Path) -> None:
     other = read(save(tmp_path, b"\xef\xbb\xbf" + text.encode(), "windows.urdf"))
     assert [joint.name for joint in other.joints] == [joint.name for joint in plain.joints]
     assert len(other.closures) == 1
+
+
+def test_a_name_is_not_proposed_for_itself(tmp_path: Path) -> None:
+    with pytest.raises(ModelError, match=r"attribute 'name' is empty$"):
+        read(save(tmp_path, '<robot name="r"><link name=""/></robot>'))
