@@ -51,6 +51,19 @@ def test_a_folder_in_which_others_can_write_is_refused(at: Path, inner: str, mod
     assert built()[1] == 0
 
 
+def test_a_folder_that_anybody_can_replace_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("HYBRIDYN_CACHE", str(tmp_path / "open" / "mine" / "cache"))
+    built()
+    (tmp_path / "open").chmod(0o777)
+    with pytest.raises(CompileError, match=r"anybody can replace .*chmod o-w .*open'.* HYBRIDYN_CACHE"):
+        built()
+    for mode in (0o1777, 0o775):  # only owners rename there, as in /tmp; a group of one's own
+        (tmp_path / "open").chmod(mode)
+        assert built()[1] == 0
+
+
 def test_a_folder_of_somebody_else_is_refused(at: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     built()
     other = os.geteuid() + 1

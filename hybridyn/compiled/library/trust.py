@@ -20,8 +20,16 @@ def check_ownership(folder: Path, variable: str) -> None:
         variable: Environment variable that sets another folder, for the message.
 
     Raises:
-        CompileError: A folder belongs to another user, or others can write in it.
+        CompileError: A folder belongs to another user, or others can write in it; or anybody can rename a
+            folder above it, and put another one in its place.
     """
+    for place in folder.resolve().parents:
+        mode = place.stat().st_mode
+        if mode & stat.S_IWOTH and not mode & stat.S_ISVTX:
+            raise CompileError(
+                f"anybody can replace the cache folder '{folder}', since others can write in '{place}': run "
+                f"chmod o-w '{place}', or name another folder in {variable}"
+            )
     for place in (folder, *(folder / name for name in _INNER)):
         try:
             about = place.stat()
