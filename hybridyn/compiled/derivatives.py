@@ -29,6 +29,7 @@ try:
     from .equations.expressions import unpack
     from .equations.rigid import quaternion_matrix
     from .programs.interpreter import function_of
+    from .programs.sources import robot_key
     from .programs.whole_robot import programs
 except ModuleNotFoundError as error:
     raise CompileError(WITHOUT_CASADI) from error
@@ -36,6 +37,8 @@ except ModuleNotFoundError as error:
 Jacobians = dict[str, Array]
 
 
+#: Number of prepared derivatives that are kept: those of the LX4 take some hundred megabytes.
+KEPT = 4
 #: Largest allowed difference from the general path of a model whose guard is above its limit, relative to the
 #: largest entry.
 DERIVATIVE_AGREES = 1e-6
@@ -62,7 +65,7 @@ def idm_jacobian(
         ModelError: An effect is not available in compiled models, or has no derivative.
         HybridynError: As `Derivatives` raises for the samples.
     """
-    return Derivatives(robot, "idm", effects)(q, v, a)
+    return prepared(robot, "idm", effects)(q, v, a)
 
 
 def ddm_jacobian(
@@ -86,7 +89,28 @@ def ddm_jacobian(
         ModelError: An effect is not available in compiled models, or has no derivative.
         HybridynError: As `Derivatives` raises for the samples.
     """
-    return Derivatives(robot, "ddm", effects)(q, v, tau)
+    return prepared(robot, "ddm", effects)(q, v, tau)
+
+
+def prepared(robot: HybridRobot, model: str, effects: Choice = None) -> Derivatives:
+    """Return the derivatives of a model, which are kept for the last `KEPT` robots and models.
+
+    Args:
+        robot: The robot.
+        model: "idm" or "ddm".
+        effects: Effects to include, as for `hybridyn.idm`.
+
+    Raises:
+        ModelError: As `Derivatives`.
+    """
+    robot.check_model()
+    with as_compile_error(robot):
+        key = model, robot_key(robot, choose(robot, effects))
+    found = _prepared.pop(key, None) or Derivatives(robot, model, effects)
+    _prepared[key] = found
+    if len(_prepared) > KEPT:
+        del _prepared[next(iter(_prepared))]
+    return found
 
 
 class Derivatives:
@@ -188,6 +212,9 @@ class Derivatives:
                     f"largest entry (limit {DERIVATIVE_AGREES:g}). Move away from that posture",
                     sample=t,
                 )
+
+
+_prepared: dict[tuple[str, str], Derivatives] = {}
 
 
 def _tangent(robot: HybridRobot, q: ca.SX) -> ca.SX:

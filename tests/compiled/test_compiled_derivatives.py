@@ -160,3 +160,29 @@ def test_batches_and_casadi(robot: HybridRobot) -> None:
     assert (many["q"][1] == derive(q[1], v[1], a[1])["q"]).all()
     assert derive.casadi.name_in() == ["q", "v", "a", "parameters"]
     assert derive.casadi.name_out() == ["d_q", "d_v", "d_a", "d_parameters", "guard"]
+
+
+def test_one_robot_is_prepared_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The same robot read again, too; another model, effect or robot is prepared anew."""
+    import hybridyn.compiled.derivatives as file
+
+    made: list[tuple[str, ...]] = []
+
+    class Counted(file.Derivatives):
+        def __init__(self, robot: hybridyn.HybridRobot, model: str, effects: object = None) -> None:
+            made.append((robot.name, model))
+            super().__init__(robot, model, effects)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(file, "Derivatives", Counted)
+    monkeypatch.setattr(file, "_prepared", {})
+    monkeypatch.setattr(file, "KEPT", 2)
+    five, moon = hybridyn.load("five_bar"), hybridyn.load("five_bar", gravity=(0, 0, -1.62))
+    v = np.zeros(five.nv)
+    first = hybridyn.idm_jacobian(five, five.home, v, v)
+    again = hybridyn.idm_jacobian(hybridyn.load("five_bar"), five.home, v, v)
+    assert all((first[name] == again[name]).all() for name in first)
+    assert len(made) == 1
+    hybridyn.idm_jacobian(moon, five.home, v, v)
+    hybridyn.ddm_jacobian(five, five.home, v, np.zeros(2))
+    hybridyn.idm_jacobian(five, five.home, v, v)  # the oldest went
+    assert len(made) == 4
