@@ -10,14 +10,14 @@ from .common.options import RobotCommand, complete_robot, robot_file, takes_pack
 LOST = 1
 
 
-@click.command("convert", cls=RobotCommand, short_help="The robot in another format: MJCF, URDF.")
+@click.command("convert", cls=RobotCommand, short_help="The robot in another format: MJCF, SDF, URDF.")
 @click.argument("robot", callback=robot_file, shell_complete=complete_robot)
 @click.option(
     "-o",
     "--output",
     metavar="FILE",
     required=True,
-    help="The file to write; its ending names the format: .urdf, .xml (MJCF).",
+    help="The file to write; its ending names the format: .urdf, .xml (MJCF), .sdf.",
 )
 @click.option("--strict", is_flag=True, help="Exit with status 1 if the format cannot say something.")
 @click.option(

@@ -26,6 +26,12 @@ def _mjcf(request: Request) -> Written:
     return write_mjcf(request)
 
 
+def _sdf(request: Request) -> Written:
+    from .sdf.sdf import write_sdf
+
+    return write_sdf(request)
+
+
 def _usd(request: Request) -> Written:
     from .usd.usd import write_usd
 
@@ -33,7 +39,12 @@ def _usd(request: Request) -> Written:
 
 
 #: Writers by the ending of the file.
-WRITERS: dict[str, Callable[[Request], Written]] = {".urdf": _urdf, ".xml": _mjcf, ".usda": _usd}
+WRITERS: dict[str, Callable[[Request], Written]] = {
+    ".urdf": _urdf,
+    ".xml": _mjcf,
+    ".sdf": _sdf,
+    ".usda": _usd,
+}
 
 
 def writer_of(target: Path) -> Callable[[Request], Written]:

@@ -1,0 +1,41 @@
+"""Write couplings as `<mimic>` of axes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from xml.etree import ElementTree as ET
+
+from ...description.records import Coupling, Description
+from .joints import add_number
+from .posture import Posture
+
+
+def add_couplings(d: Description, joints: Mapping[str, ET.Element], posture: Posture) -> list[Coupling]:
+    """Add the couplings of two joints to a model.
+
+    Args:
+        d: The robot.
+        joints: Element of each joint.
+        posture: The posture of the file, from which positions count.
+
+    Returns:
+        The couplings that SDF cannot say.
+    """
+    return [coupling for coupling in d.couplings if not _add_mimic(coupling, joints, posture)]
+
+
+def _add_mimic(coupling: Coupling, joints: Mapping[str, ET.Element], posture: Posture) -> bool:
+    """Add `<mimic>` to one of the two joints of a coupling that follows no other yet; False if none can."""
+    if len(coupling.terms) != 2:
+        return False
+    for (follower, own), (leader, other) in (coupling.terms, coupling.terms[::-1]):
+        axis = joints[follower].find("axis")
+        if own and other and axis is not None and axis.find("mimic") is None:
+            ratio = -other / own
+            mimic = ET.SubElement(axis, "mimic", joint=leader)
+            add_number(mimic, "multiplier", ratio)
+            shift = posture.single(follower) - ratio * posture.single(leader)
+            add_number(mimic, "offset", coupling.offset / own - shift)
+            add_number(mimic, "reference", 0.0)
+            return True
+    return False

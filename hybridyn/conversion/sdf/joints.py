@@ -1,0 +1,163 @@
+"""Write joints of the tree, axes with their numbers, and poses."""
+
+from __future__ import annotations
+
+from xml.etree import ElementTree as ET
+
+import numpy as np
+
+from ...description.records import Array, Joint
+from ..losses import Losses
+from ..numerals import numeral, numerals, quaternion_of
+from .posture import Posture
+
+#: Types of joints in SDF.
+TYPES = {
+    "fixed": "fixed", "revolute": "revolute", "continuous": "continuous", "prismatic": "prismatic",
+    "spherical": "ball",
+}  # fmt: skip
+
+#: Axes of the slides that stand for a planar joint.
+SLIDES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0)}
+
+
+def add_pose(element: ET.Element, placement: Array, tag: str = "pose", **attributes: str) -> None:
+    """Add a pose as position and quaternion, unless it is the identity and relative to nothing named.
+
+    Args:
+        element: The element that receives it.
+        placement: The pose, shape (4, 4).
+        tag: Name of the pose's element.
+        attributes: Attributes of the pose's element.
+    """
+    level = np.array_equal(placement[:3, :3], np.eye(3))
+    if level and not placement[:3, 3].any() and not attributes:
+        return
+    angles = numerals(np.zeros(3) if level else quaternion_of(placement[:3, :3]))
+    pose = ET.SubElement(
+        element, tag, attributes if level else {**attributes, "rotation_format": "quat_xyzw"}
+    )
+    pose.text = f"{numerals(placement[:3, 3])} {angles}"
+
+
+def add_number(element: ET.Element, tag: str, value: float) -> None:
+    """Add an element whose text is a number."""
+    ET.SubElement(element, tag).text = numeral(value)
+
+
+def start_joint(root: ET.Element, name: str, kind: str, parent: str, child: str) -> ET.Element:
+    """Add a joint between two links and return it.
+
+    Args:
+        root: The model.
+        name: Its name.
+        kind: Its type in SDF.
+        parent: Name of the parent link, or "world".
+        child: Name of the child link.
+    """
+    element = ET.SubElement(root, "joint", name=name, type=kind)
+    ET.SubElement(element, "parent").text = parent
+    ET.SubElement(element, "child").text = child
+    return element
+
+
+def add_axis(element: ET.Element, axis: Array, tag: str = "axis") -> ET.Element:
+    """Add an axis in the joint's own frame and return it."""
+    out = ET.SubElement(element, tag)
+    ET.SubElement(out, "xyz").text = numerals(axis)
+    return out
+
+
+def add_joint(
+    root: ET.Element, joint: Joint, spring: tuple[float, float], posture: Posture, losses: Losses
+) -> ET.Element | None:
+    """Add a joint of the tree and return it; None for a floating joint, which SDF states by having none.
+
+    Args:
+        root: The model.
+        joint: The joint.
+        spring: Stiffness and rest position of its spring; stiffness 0 for none.
+        posture: The posture of the file, from which positions count.
+        losses: Receives what SDF cannot say.
+    """
+    if joint.kind == "floating":
+        losses.add(
+            "floating joints have the name of their link and _free, and start at the world", joint.name
+        )
+        return None
+    if joint.kind == "planar":
+        return _add_planar(root, joint, posture, losses)
+    element = start_joint(root, joint.name, TYPES[joint.kind], joint.parent, joint.child)
+    if joint.name in posture.positions:
+        ET.SubElement(element, "hybridyn:position").text = numerals(posture.positions[joint.name])
+    if joint.rotor_inertia:
+        add_number(element, "drake:rotor_inertia", joint.rotor_inertia)
+    if joint.gear_ratio != 1:
+        add_number(element, "drake:gear_ratio", joint.gear_ratio)
+    if joint.kind in ("fixed", "spherical"):
+        if joint.damping or joint.friction:
+            losses.add("damping and friction of ball joints", joint.name)
+        return element
+    axis = add_axis(element, joint.axis)
+    zero = posture.single(joint.name)
+    _add_limit(axis, joint, zero)
+    stiffness, rest = spring
+    if joint.damping or joint.friction or stiffness:
+        dynamics = ET.SubElement(axis, "dynamics")
+        add_number(dynamics, "damping", joint.damping)
+        add_number(dynamics, "friction", joint.friction)
+        add_number(dynamics, "spring_reference", rest - zero if stiffness else 0.0)
+        add_number(dynamics, "spring_stiffness", stiffness)
+    return element
+
+
+def _add_limit(axis: ET.Element, joint: Joint, zero: float) -> None:
+    """Add the finite limits; positions count from the posture of the file."""
+    bounds = {"effort": joint.effort, "velocity": joint.velocity}
+    if joint.kind != "continuous":
+        bounds = {"lower": joint.lower - zero, "upper": joint.upper - zero, **bounds}
+    bounds = {tag: value for tag, value in bounds.items() if np.isfinite(value)}
+    if bounds:
+        limit = ET.SubElement(axis, "limit")
+        for tag, value in bounds.items():
+            add_number(limit, tag, value)
+
+
+def _add_planar(root: ET.Element, joint: Joint, posture: Posture, losses: Losses) -> ET.Element:
+    """Add two slides and a hinge with massless links between them."""
+    losses.add("planar joints are two slides and a hinge", joint.name)
+    parent = joint.parent
+    for word, axis in SLIDES.items():
+        link = f"{joint.child}_{word}"
+        add_massless(root, link, parent, joint.placement if word == "x" else np.eye(4))
+        add_axis(start_joint(root, f"{joint.name}_{word}", "prismatic", parent, link), np.array(axis))
+        parent = link
+    element = start_joint(root, joint.name, "continuous", parent, joint.child)
+    add_axis(element, joint.axis)
+    return element
+
+
+def add_massless(root: ET.Element, name: str, parent: str, at: Array) -> None:
+    """Add a link without mass.
+
+    Args:
+        root: The model.
+        name: Its name.
+        parent: Name of the link relative to which it stands.
+        at: Its pose there, shape (4, 4).
+    """
+    link = ET.SubElement(root, "link", name=name)
+    add_pose(link, at, relative_to="__model__" if parent == "world" else parent)
+    add_inertial(link, 0.0, np.zeros(3), np.zeros((3, 3)))
+
+
+def add_inertial(link: ET.Element, mass: float, com: Array, inertia: Array) -> None:
+    """Add mass, centre of mass and inertia, which SDF otherwise takes as 1 kg and 1 kg m^2."""
+    inertial = ET.SubElement(link, "inertial")
+    if com.any():
+        ET.SubElement(inertial, "pose").text = f"{numerals(com)} 0 0 0"
+    add_number(inertial, "mass", mass)
+    tensor = ET.SubElement(inertial, "inertia")
+    words = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+    for word, moment in zip(words, inertia[np.triu_indices(3)], strict=True):
+        add_number(tensor, word, float(moment))

@@ -1,0 +1,139 @@
+"""Write SDF: links, joints, loop joints; what it cannot say goes to the model file beside it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from xml.etree import ElementTree as ET
+
+import numpy as np
+
+from ...description.names import listed
+from ...description.placement import placement_from, rotation_from_quaternion
+from ...description.records import Coupling, Description, Link
+from ..losses import Losses
+from ..model_file import model_file
+from ..numerals import numeral, numerals
+from ..request import Request, Shape, Written
+from .closures import add_closure
+from .couplings import add_couplings
+from .joints import TYPES, add_inertial, add_joint, add_pose, start_joint
+from .naming import allowed
+from .posture import Posture
+
+#: Version that is written: the first whose `<mimic>` names an axis.
+VERSION = "1.11"
+
+#: Namespaces of elements that are not SDF's own.
+NAMESPACES = {"hybridyn": "urn:hybridyn", "drake": "http://drake.mit.edu"}
+
+
+def write_sdf(request: Request) -> Written:
+    """Write a robot as SDF.
+
+    Args:
+        request: The robot.
+    """
+    losses = Losses()
+    d = allowed(request.description, losses)
+    posture = Posture(d)
+    root = ET.Element("sdf", version=VERSION)
+    holder = root
+    if d.gravity is not None:
+        holder = ET.SubElement(root, "world", name="world")
+        ET.SubElement(holder, "gravity").text = numerals(d.gravity)
+    model = ET.SubElement(holder, "model", name=d.name)
+    if d.base == "floating" and d.base_home is not None:
+        x, y, z, qx, qy, qz, qw = d.base_home
+        add_pose(model, placement_from(rotation_from_quaternion(qx, qy, qz, qw), np.array([x, y, z])))
+    above = {joint.child: joint.parent for joint in d.joints}
+    for link in d.links:
+        _add_link(model, link, above.get(link.name), posture, request.shapes, losses)
+    if d.base == "fixed" and d.root != "world":
+        names = {joint.name for joint in d.joints} | {link.name for link in d.links}
+        anchor = next(name for n in range(len(names) + 1) if (name := f"anchor{n or ''}") not in names)
+        start_joint(model, anchor, "fixed", "world", d.root)
+    effects = {name: dict(numbers) for name, numbers in d.effects}
+    springs = _springs(effects)
+    elements = {}
+    for joint in d.joints:
+        element = add_joint(model, joint, springs.get(joint.name, (0.0, 0.0)), posture, losses)
+        if element is not None:
+            elements[joint.name] = element
+    for closure in d.closures:
+        add_closure(model, closure, posture, losses)
+    couplings = add_couplings(d, elements, posture)
+    for prefix, address in NAMESPACES.items():
+        if any(element.tag.startswith(f"{prefix}:") for element in root.iter()):
+            root.set(f"xmlns:{prefix}", address)
+    ET.indent(root)
+    text = '<?xml version="1.0"?>\n' + ET.tostring(root, encoding="unicode") + "\n"
+    single = {joint.name for joint in d.joints if joint.kind in TYPES}
+    stated = {name: x for name, x in d.home.items() if name in single}
+    beside = model_file(
+        replace(d, home=stated), motors=True, home=not d.closures, couplings=couplings,
+        effects=[name for name in effects if name != "spring" or not springs],
+    )  # fmt: skip
+    return Written(text, losses.lines(), tuple(_notes(d, posture, couplings)), {".model.toml": beside})
+
+
+def _add_link(
+    model: ET.Element,
+    link: Link,
+    parent: str | None,
+    posture: Posture,
+    shapes: tuple[Shape, ...],
+    losses: Losses,
+) -> None:
+    """Add a link, where it stands relative to its parent; the link of the world is SDF's own."""
+    if link.name == "world":
+        if link.mass or link.inertia.any():
+            losses.add("mass and inertia of the world's link, which do not move")
+        return
+    element = ET.SubElement(model, "link", name=link.name)
+    if parent is not None and parent != "world":
+        add_pose(element, posture.step[link.name], relative_to=parent)
+    elif parent == "world":
+        add_pose(element, posture.step[link.name])
+    add_inertial(element, link.mass, link.com, link.inertia)
+    for number, shape in enumerate(shape for shape in shapes if shape.link == link.name):
+        _add_visual(element, f"{link.name}_{number}", shape)
+
+
+def _add_visual(link: ET.Element, name: str, shape: Shape) -> None:
+    visual = ET.SubElement(link, "visual", name=name)
+    add_pose(visual, shape.placement)
+    geometry = ET.SubElement(ET.SubElement(visual, "geometry"), shape.kind)
+    if shape.kind == "box":
+        ET.SubElement(geometry, "size").text = numerals(shape.size)
+    elif shape.kind == "mesh":
+        ET.SubElement(geometry, "uri").text = shape.file
+        ET.SubElement(geometry, "scale").text = numerals(shape.size)
+    else:
+        for tag, value in zip(("radius", "length"), shape.size, strict=False):
+            ET.SubElement(geometry, tag).text = numeral(value)
+    if shape.colour is not None:
+        ET.SubElement(ET.SubElement(visual, "material"), "diffuse").text = numerals(shape.colour)
+
+
+def _springs(effects: dict[str, dict[str, object]]) -> dict[str, tuple[float, float]]:
+    """Return stiffness and rest position of every spring, by joint; empty if they have other numbers."""
+    numbers = effects.get("spring", {})
+    stiffness, rest = numbers.get("stiffness"), numbers.get("rest", {})
+    if not isinstance(stiffness, dict) or not isinstance(rest, dict) or set(numbers) - {"stiffness", "rest"}:
+        return {}
+    return {name: (float(k), float(rest.get(name, 0.0))) for name, k in stiffness.items()}
+
+
+def _notes(d: Description, posture: Posture, couplings: list[Coupling]) -> list[str]:
+    out = []
+    if posture.positions:
+        out.append(
+            "the links stand at home, where the loops are closed; other programs count positions from there "
+            f"(hybridyn reads <hybridyn:position>): {listed(posture.positions)}"
+        )
+    if light := [link.name for link in d.links if not link.mass and link.name != "world"]:
+        out.append(f"links without mass, which Gazebo refuses: {listed(light)}")
+    if couplings:
+        names = listed(coupling.name for coupling in couplings)
+        out.append(f"couplings that only the model file beside it states: {names}")
+    return out
