@@ -9,6 +9,9 @@ import numpy as np
 from ..description.placement import placement_from, rotation_from_quaternion
 from ..description.records import Array, Description, Joint
 
+#: Difference from a whole turn that is rounding in a file.
+WHOLE = 1e-4
+
 
 def home_of(d: Description, joint: Joint) -> tuple[float, ...]:
     """Return the home position of a joint: angles as one number, other coordinates as Pinocchio's.
@@ -26,8 +29,22 @@ def home_of(d: Description, joint: Joint) -> tuple[float, ...]:
         x, y, c, s = stated or (0.0, 0.0, 1.0, 0.0)
         return x, y, math.atan2(s, c)
     if stated is not None and len(stated) == 2:
-        return (math.atan2(stated[1], stated[0]),)
+        return (_angle(d, joint.name),)
     return stated or (0.0,)
+
+
+def _angle(d: Description, name: str) -> float:
+    """Return the angle of a continuous joint at home, with the whole turns that a coupling needs."""
+    angles = {}
+    for joint, x in d.home.items():
+        angles[joint] = math.atan2(x[1], x[0]) if len(x) == 2 else x[0]
+    for coupling in d.couplings:
+        if factor := dict(coupling.terms).get(name):
+            left = coupling.offset - sum(c * angles.get(joint, 0.0) for joint, c in coupling.terms)
+            turns = left / (2 * math.pi * factor)
+            if abs(turns - round(turns)) < WHOLE:
+                return angles[name] + 2 * math.pi * round(turns)
+    return angles[name]
 
 
 def motion_of(joint: Joint, at: tuple[float, ...]) -> Array:

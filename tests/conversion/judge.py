@@ -198,7 +198,7 @@ def same_couplings(a: HybridRobot, b: HybridRobot) -> None:
     def plain(robot: HybridRobot) -> list[dict[str, float]]:
         out = []
         for coupling in robot.description.couplings:
-            largest = max((factor for _, factor in coupling.terms), key=abs)
+            largest = max((abs(factor), name, factor) for name, factor in coupling.terms)[2]
             out.append(
                 {name: factor / largest for name, factor in coupling.terms} | {"": coupling.offset / largest}
             )

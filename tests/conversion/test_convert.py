@@ -8,8 +8,10 @@ import pytest
 
 import hybridyn
 from hybridyn import ModelError, convert
+from tests import ROOT
 from tests.command_line import call
 from tests.robot_texts import FOUR_BAR, save
+from tests.snippets import blocks
 
 
 def test_the_command_writes_a_robot(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -39,6 +41,15 @@ def test_strict_has_an_exit_status(tmp_path: Path, capsys: pytest.CaptureFixture
         assert "lost: speed limits, which MuJoCo does not have: 'drive'" in said.err
         assert "closures stay within 0.0001 m" in said.err
     assert out.read_text().startswith("<mujoco")
+
+
+def test_the_page_shows_what_the_command_says(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (example,) = blocks(ROOT / "docs" / "convert.md", "console")
+    command, *shown = example.text.splitlines()
+    monkeypatch.chdir(tmp_path)
+    assert call(capsys, *command.removeprefix("$ hybridyn ").split()).err.splitlines() == shown
 
 
 def test_its_own_file_is_never_replaced(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
