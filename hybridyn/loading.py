@@ -29,7 +29,7 @@ def load(
     closure_tolerance: float = 1e-4,
     held: Sequence[str] = (),
 ) -> HybridRobot:
-    """Load a robot from URDF, xacro or MJCF, with its loop closures in any of the supported forms.
+    """Load a robot from URDF, xacro, MJCF, SDF or USD, with its loop closures in any of the supported forms.
 
     Args:
         path: The robot's file, which may have a side-car (`robot.yaml`, `model.toml`) beside it; or the name
@@ -39,7 +39,7 @@ def load(
             for an MJCF robot on a free joint, else "fixed".
         motors: Names of the driven joints, instead of those in the files.
         gravity: Acceleration of gravity in the world, shape (3,), [m/s^2]; None takes what the file says
-            (MJCF), else (0, 0, -9.81).
+            (MJCF, USD), else (0, 0, -9.81).
         xacro_args: Arguments of a xacro file by name.
         package_dirs: Folders in which `$(find package)` and `package://` look, and from which MJCF may
             include files.

@@ -83,7 +83,7 @@ class Commands(click.Group):
 @click.option("--debug", is_flag=True, help="Show the traceback of an error.")
 @click.pass_context
 def commands(ctx: click.Context, debug: bool) -> None:
-    """Dynamics of hybrid robots: parallel modules stacked in series, described in URDF, xacro or MJCF."""
+    """Dynamics of hybrid robots: parallel modules stacked in series, in URDF, MJCF, SDF or USD."""
     if ctx.invoked_subcommand is None:
         click.echo(ctx.get_help())
 

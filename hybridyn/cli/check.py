@@ -61,7 +61,7 @@ def command(
     no_meshes: bool,
     everything: bool,
 ) -> int:
-    """Check ROBOT (URDF, xacro or MJCF): impossible inertias, open loops, motors that move nothing.
+    """Check ROBOT (URDF, MJCF, SDF, USD): impossible inertias, open loops, motors that move nothing.
 
     Each finding has a code, a severity, its element and line, why it matters and how to mend it. Errors lead
     to wrong numbers or none; warnings probably do; notes are for information. For xacro the line is that of

@@ -10,14 +10,14 @@ from .common.options import RobotCommand, complete_robot, robot_file, takes_pack
 LOST = 1
 
 
-@click.command("convert", cls=RobotCommand, short_help="The robot in another format: MJCF, SDF, URDF.")
+@click.command("convert", cls=RobotCommand, short_help="The robot in another format: MJCF, SDF, URDF, USD.")
 @click.argument("robot", callback=robot_file, shell_complete=complete_robot)
 @click.option(
     "-o",
     "--output",
     metavar="FILE",
     required=True,
-    help="The file to write; its ending names the format: .urdf, .xml (MJCF), .sdf.",
+    help="The file to write; its ending names the format: .urdf, .xml (MJCF), .sdf, .usda.",
 )
 @click.option("--strict", is_flag=True, help="Exit with status 1 if the format cannot say something.")
 @click.option(
@@ -37,7 +37,7 @@ def command(
     xacro_args: dict[str, str],
     package_dirs: tuple[str, ...],
 ) -> int:
-    """Write ROBOT (URDF, xacro or MJCF) in another format.
+    """Write ROBOT (URDF, MJCF, SDF, USD) in another format.
 
     Tree, closures, inertias, limits, motors, effects and home are written as far as the format can say them.
     Each line 'lost: ...' names what it cannot. A file FILE.model.toml beside the output holds what only

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 def command(
     load: Callable[[], HybridRobot], tables: Tables, effects: tuple[str, ...], engine: str | None
 ) -> None:
-    """Compute the accelerations of ROBOT (URDF, xacro or MJCF) at the states and under the efforts of STATES.
+    """Compute the accelerations of ROBOT (URDF, MJCF, SDF, USD) at the states and for the efforts of STATES.
 
     The table has named columns, in SI units: '<motor>/effort' for every motor; 'time'; positions and
     velocities of every joint, '<joint>/position|velocity', or of the motors or platforms, from which the

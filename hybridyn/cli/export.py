@@ -36,7 +36,7 @@ def command(
     float32: bool,
     effects: tuple[str, ...],
 ) -> None:
-    """Write the inverse and the direct dynamic model of ROBOT (URDF, xacro or MJCF) as C99.
+    """Write the inverse and the direct dynamic model of ROBOT (URDF, MJCF, SDF, USD) as C99.
 
     The files are a header, a source, a test with reference values, a Makefile and a README. There is one
     function per model; the code allocates no memory and uses only <math.h> of the C library. ROBOT may be

@@ -63,7 +63,7 @@ def command(
     choose: int,
     write: bool,
 ) -> None:
-    """Find postures of ROBOT (URDF, xacro or MJCF) that close its loops with its motors at home.
+    """Find postures of ROBOT (URDF, MJCF, SDF, USD) that close its loops with its motors at home.
 
     The search starts from random postures, so --all may still miss one. The chosen posture is printed as the
     table [home] of model.toml; --write writes it there and keeps everything else in that file.

@@ -60,7 +60,7 @@ def command(
     effects: tuple[str, ...],
     engine: str | None,
 ) -> None:
-    """Compute the motor efforts that move ROBOT (URDF, xacro or MJCF) along TRAJECTORY (CSV or Parquet).
+    """Compute the motor efforts that move ROBOT (URDF, MJCF, SDF, USD) along TRAJECTORY (CSV or Parquet).
 
     ROBOT may be the name of a shipped robot ('hybridyn robots'), which has a trajectory of its own.
 

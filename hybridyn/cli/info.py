@@ -50,7 +50,7 @@ REMARKS = {
     help="Also draw the tree of modules: .svg, .png, .pdf, or .dot for Graphviz",
 )
 def command(load: Callable[[], HybridRobot], starts: int | None, graph: str | None) -> None:
-    """Show ROBOT (URDF, xacro or MJCF) as the tree of its modules.
+    """Show ROBOT (URDF, MJCF, SDF, USD) as the tree of its modules.
 
     For each module: its mobility and motors, platforms, legs with their joints (motors marked *), closures by
     type, redundancy, motions without a motor or without inertia, and whether its loops close at the home

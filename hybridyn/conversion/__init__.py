@@ -1,4 +1,4 @@
-"""Write robots in other formats: MJCF, URDF and the files beside them, with a list of what is lost.
+"""Write robots in other formats: MJCF, URDF, USD and the files beside them, with a list of what is lost.
 
 Read `request` first (what a writer receives and returns), then `writers` (which chooses the writer by the
 ending of the file), `convert` (from a robot to files), and one format. `losses` collects what a format cannot

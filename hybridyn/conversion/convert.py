@@ -49,7 +49,7 @@ def convert(
     xacro_args: Mapping[str, str] | None = None,
     package_dirs: Sequence[str | os.PathLike[str]] = (),
 ) -> Conversion:
-    """Write a robot in the format that the ending of a file names: URDF, MJCF (`.xml`) or SDF.
+    """Write a robot in the format that the ending of a file names: URDF, MJCF (`.xml`), SDF, USD (`.usda`).
 
     Tree, closures, inertias, limits, motors, effects and home are written as far as the format can say them;
     what it cannot is listed. A `model.toml` beside the file holds what only hybridyn reads.

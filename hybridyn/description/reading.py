@@ -30,10 +30,12 @@ FORMATS: dict[str, Callable[[Node, Sequence[str | os.PathLike[str]]], RobotFile]
     "robot": lambda root, _: read_urdf(root),
     "mujoco": lambda root, package_dirs: _read_mjcf(root, package_dirs),
     "sdf": read_sdf,
+    "_usd": lambda root, package_dirs: _read_usd(root, package_dirs),
 }
 
-#: First bytes of USD files: text, binary, package.
+#: First bytes of USD files: text, binary, package. USD is no XML: an empty element `USD` stands for it.
 USD_STARTS = (b"#usda", b"#sdf", b"PXR-USDC", b"PK\x03\x04")
+USD = b"<_usd/>"
 
 
 def read(
@@ -46,7 +48,7 @@ def read(
     """Read a robot file and the files beside it.
 
     Args:
-        path: A URDF, xacro (`.xacro`), MJCF or SDF file.
+        path: A URDF, xacro (`.xacro`), MJCF, SDF or USD file.
         motors: Names of the driven joints, in order; None takes them from the files
             (see `motors.choose_motors`).
         xacro_args: Arguments of a xacro file by name.
@@ -60,13 +62,11 @@ def read(
         ModelError: A file is invalid; the message names the file, the line and the correction.
     """
     file = os.fspath(path)
-    robot = _read_usd(file, xacro_args or {}, package_dirs)
-    if robot is None:
-        root, notes = _open(file, xacro_args or {}, package_dirs)
-        robot = _reader(root)(root, package_dirs)
-        robot.notes += notes
-        if root.tag == "robot":
-            _read_side_cars(robot, file)
+    root, notes = _open(file, xacro_args or {}, package_dirs)
+    robot = _reader(root)(root, package_dirs)
+    robot.notes += notes
+    if root.tag == "robot":
+        _read_side_cars(robot, file)
     home = _read_model_file(robot, file)
     validate(robot)
     refuse_unclosed_frames(robot)
@@ -118,6 +118,8 @@ def open_robot(
 ) -> Node:
     """Return the root element of a robot file, expanded if it is xacro, without checking its content.
 
+    USD is no XML: its root is `USD`, without content.
+
     Args:
         path: The file.
         xacro_args: Arguments of a xacro file by name.
@@ -153,7 +155,7 @@ def _parsed(text: bytes, file: str) -> Node:
         ModelError: The text is not well-formed XML.
     """
     try:
-        return parse(text, file)
+        return parse(USD if text.startswith(USD_STARTS) else text, file)
     except ModelError as error:
         if message := unread_form(text):
             error.args = (f"{error}; {message}",)
@@ -219,18 +221,11 @@ def _read_mjcf(root: Node, package_dirs: Sequence[str | os.PathLike[str]]) -> Ro
     return read_mjcf(root, package_dirs)
 
 
-def _read_usd(
-    file: str, xacro_args: Mapping[str, object], package_dirs: Sequence[str | os.PathLike[str]]
-) -> RobotFile | None:
-    """Read a file if its content is USD, else return None."""
-    text = read_bytes(file)
-    if not text.startswith(USD_STARTS):
-        return None
-    if xacro_args:
-        raise ModelError(f"is not a xacro file, so it takes no arguments ({listed(xacro_args)})", file=file)
-    from .usd.usd import read_usd  # NumPy and subprocesses, which other formats do not need
+def _read_usd(root: Node, package_dirs: Sequence[str | os.PathLike[str]]) -> RobotFile:
+    """Read USD, whose content OpenUSD reads from the file; imported only here, since few robots are USD."""
+    from .usd.usd import read_usd
 
-    return read_usd(file, package_dirs)
+    return read_usd(root.file, package_dirs)
 
 
 def _reader(root: Node) -> Callable[[Node, Sequence[str | os.PathLike[str]]], RobotFile]:

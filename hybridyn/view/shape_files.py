@@ -22,14 +22,9 @@ def urdf_root(
     Returns:
         The lxml element of the robot, or None for a file of another format.
     """
-    from ..description.reading import read_bytes
-    from ..description.urdf.xacro import expand
-    from ..description.urdf.xml_node import parse
+    from ..description.reading import open_robot
 
-    text = read_bytes(file)
-    if file.endswith(".xacro") or b"<xacro:" in text:
-        text = expand(file, xacro_args, package_dirs)[0]
-    root = parse(text, file)
+    root = open_robot(file, xacro_args, package_dirs)
     return root.xml if root.tag == "robot" else None
 
 

@@ -11,6 +11,7 @@ import pytest
 from hybridyn.description import read
 from hybridyn.errors import ModelError
 from tests.extras import needs
+from tests.samples import some
 from tests.usd_texts import BODY, DRIVE, at, body, joint, prim, usda
 
 needs("usd")
@@ -40,6 +41,12 @@ def placed(*ops: str) -> str:
 def collider(kind: str, *content: str) -> str:
     return prim(kind, "shape", *content, schemas=("PhysicsCollisionAPI",))
 
+
+#: The cases of the default suite: one for each module of the reader.
+QUICK = (
+    "no body", "universal", "missing body", "sheared", "mesh", "driven loop", "gravity", "drag", "gear",
+    "mimic of a body", "clips",
+)  # fmt: skip
 
 SCENE = prim("PhysicsScene", "t", "float physics:gravityMagnitude = 1")
 
@@ -188,7 +195,7 @@ CASES = {
 }
 
 
-@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize("case", some(CASES, QUICK))
 def test_it_is_refused_by_name(case: str, tmp_path: Path) -> None:
     text, message = CASES[case]
     file = tmp_path / "robot.usda"

@@ -209,7 +209,7 @@ takes_packages = click.option(
     "package_dirs",
     type=click.Path(exists=True, file_okay=False),
     multiple=True,
-    help="Folder with packages, for $(find ...) in xacro files, and for files that MJCF includes.",
+    help="Folder with packages, for $(find ...) in xacro files, and for files that MJCF and USD name.",
 )
 
 _OPTIONS = (
