@@ -20,7 +20,7 @@ import numpy as np
 
 from ..description.records import Array
 from ..errors import TrajectoryError
-from .table import EMPTY_CELL, NUMBERS, Block, Table, as_number, check_columns
+from .table import EMPTY_CELL, Block, Table, as_number, check_columns
 
 #: Maximum number of characters in a line, so that a file without line ends does not fill the memory.
 LINE_LIMIT = 16_000_000
@@ -116,16 +116,11 @@ def _csv_blocks(
 
 def _parse_fast(lines: list[str], width: int, separator: str) -> Array | None:
     """Parse rows of plain numbers; return None where a row needs `_parse_slow`."""
-    if not all(NUMBERS.fullmatch(line) for line in lines):
-        return None
-    rows = [line.split(separator) for line in lines]
-    if any(len(row) != width for row in rows):
-        return None
     try:
-        values = np.array([list(map(float, row)) for row in rows])
+        values = np.loadtxt(lines, delimiter=separator, comments=None, ndmin=2)
     except ValueError:
         return None
-    return values if np.isfinite(values).all() else None
+    return values if values.shape == (len(lines), width) and np.isfinite(values).all() else None
 
 
 def _parse_slow(
