@@ -30,15 +30,20 @@ sys.exit(main(sys.argv[1:]))
 
 @pytest.mark.parametrize(
     ("command", "file"),
-    [("idm", "efforts.csv"), ("idm", "efforts.parquet"), ("effects", "share.svg")],
-)
+    [
+        ("idm", "efforts.csv"), ("idm", "efforts.parquet"), ("effects", "share.svg"),
+        pytest.param("export", "five_bar.h", marks=pytest.mark.slow),
+        pytest.param("cost", "points.csv", marks=pytest.mark.slow),
+    ],
+)  # fmt: skip
 def test_a_disk_without_room_names_the_file(command: str, file: str, tmp_path: Path) -> None:
     """Files of 2,000 bytes at most stand for a full disk.
 
     -B and the load before the limit: truncated bytecode of the package would break later imports.
     """
     option = "--plot" if file.endswith("svg") else "-o"
-    words = [sys.executable, "-B", "-c", NO_ROOM, command, "five_bar", *OWN.get(command, []), option, file]
+    target = "." if command == "export" else file
+    words = [sys.executable, "-B", "-c", NO_ROOM, command, "five_bar", *OWN.get(command, []), option, target]
     done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True)
     assert done.returncode == 1
     (line,) = [line for line in done.stderr.splitlines() if line.startswith("error: ")]

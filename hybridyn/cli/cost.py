@@ -242,7 +242,6 @@ def _write(study: Study, output: str) -> None:
     if output == "-":
         click.echo(text.getvalue(), nl=False)
         return
-    from ..description.writing import naming
+    from ..description.writing import write_text
 
-    with naming(output), open(output, "w", encoding="utf-8", newline="") as file:
-        file.write(text.getvalue())
+    write_text(output, text.getvalue())

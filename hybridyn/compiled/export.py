@@ -6,6 +6,7 @@ import re
 from collections.abc import Sequence
 from pathlib import Path
 
+from ..description.writing import write_text
 from ..effects.choice import Choice, choose
 from ..errors import CompileError, ModelError
 from ..structure.robot import HybridRobot
@@ -96,7 +97,7 @@ def export(
         _check_replaceable(path)
     folder.mkdir(parents=True, exist_ok=True)
     for path, text in zip(paths, contents.values(), strict=True):
-        path.write_text(text, encoding="utf-8")
+        write_text(path, text)
     return paths
 
 

@@ -18,6 +18,7 @@ def appearing(target: str | os.PathLike[str]) -> Iterator[Path]:
     """Yield the path of a draft that replaces a file at the end, or is removed on any error.
 
     The draft is beside the file and has its ending. If the target is a link, the file behind it is replaced.
+    A device or a pipe is never replaced: it is its own draft.
 
     Args:
         target: The file to write.
@@ -26,6 +27,10 @@ def appearing(target: str | os.PathLike[str]) -> Iterator[Path]:
         OSError: The file cannot be written; the error names the target and not the draft.
     """
     file = Path(os.path.realpath(target))
+    if file.exists() and not file.is_file():
+        with naming(target):
+            yield file
+        return
     draft = file.with_name(f".{file.name}.{secrets.token_hex(4)}{file.suffix}")
     try:
         with naming(target):
@@ -69,5 +74,5 @@ def write_text(target: str | os.PathLike[str], text: str) -> None:
     """
     with appearing(target) as draft:
         draft.write_text(text, encoding="utf-8", newline="")
-        if os.path.exists(target):
+        if os.path.isfile(target):
             draft.chmod(os.stat(target).st_mode & 0o777)

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import errno
+import os
 from pathlib import Path
 
 import pytest
 
-from hybridyn.description.writing import appearing
+from hybridyn.description.writing import appearing, write_text
 
 
 def test_a_file_is_replaced_behind_its_link_and_only_when_it_is_complete(tmp_path: Path) -> None:
@@ -41,3 +42,17 @@ def test_errors_name_the_target(tmp_path: Path) -> None:
     with pytest.raises(FileNotFoundError) as caught, appearing(file) as draft:
         draft.write_text("text")
     assert caught.value.filename == str(file)
+
+
+def test_a_pipe_is_written_to_and_not_replaced(tmp_path: Path) -> None:
+    pipe, link = tmp_path / "pipe", tmp_path / "link.csv"
+    os.mkfifo(pipe)
+    link.symlink_to(pipe)
+    reader = os.open(pipe, os.O_RDONLY | os.O_NONBLOCK)
+    try:
+        write_text(link, "some\n")
+        assert os.read(reader, 99) == b"some\n"
+    finally:
+        os.close(reader)
+    assert pipe.is_fifo()
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["link.csv", "pipe"]
