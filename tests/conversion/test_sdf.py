@@ -23,7 +23,7 @@ RENAMED = {
 }
 
 
-@pytest.mark.parametrize("name", some(ROBOTS, ("five_bar", "delta")))
+@pytest.mark.parametrize("name", some(ROBOTS, ("five_bar",)))
 def test_shipped_robots_come_back(name: str, tmp_path: Path) -> None:
     description = shipped(name)
     other, out = read_back(description, tmp_path / f"{name}.sdf")
@@ -31,9 +31,7 @@ def test_shipped_robots_come_back(name: str, tmp_path: Path) -> None:
     same_robot(description, other, states(description))
 
 
-@pytest.mark.parametrize(
-    "kind", some(KINDS, ("four_bar_two_motors", "gear_three", "loop_fixed", "loop_planar"))
-)
+@pytest.mark.parametrize("kind", some(KINDS, ("gear_three", "loop_planar")))
 def test_random_mechanisms_come_back(kind: str, tmp_path: Path) -> None:
     description = random_mechanism(3, kind=kind)
     other, out = read_back(description, tmp_path / f"{kind}.sdf")

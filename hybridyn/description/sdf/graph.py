@@ -81,18 +81,19 @@ def span(links: Iterable[Item], joints: list[Stated], named: Collection[Item], f
         named: Joints that motors and couplings name.
         first: The link at which a group without the world starts, or None for one without a parent joint.
     """
-    order = sorted(range(len(joints)), key=lambda n: (joints[n].cut, -importance(joints[n], named), n))
+    ranks: dict[tuple[bool, int], list[int]] = {}
+    for number, joint in enumerate(joints):
+        ranks.setdefault((joint.cut, -importance(joint, named)), []).append(number)
     groups = _Groups()
     kept: set[int] = set()
     parented: set[Item | None] = {None}
-    for number in order:
-        joint = joints[number]
-        if joint.child not in parented and groups.join(joint.parent, joint.child):
-            kept.add(number)
-            parented.add(joint.child)
-    for number in order:
-        if number not in kept and groups.join(joints[number].parent, joints[number].child):
-            kept.add(number)
+    for rank in sorted(ranks):
+        for either in (False, True):
+            for number in ranks[rank]:
+                joint = joints[number]
+                if (either or joint.child not in parented) and groups.join(joint.parent, joint.child):
+                    kept.add(number)
+                    parented.add(joint.child)
     around: dict[Item | None, list[tuple[int, Item | None]]] = {}
     for number in sorted(kept):
         joint = joints[number]
