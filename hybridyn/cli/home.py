@@ -53,6 +53,13 @@ def _positions(ctx: click.Context, param: click.Parameter, values: tuple[str, ..
     metavar="NUMBER",
     help="The posture that is shown or written, as --all numbers them.  [default: the nearest to home]",
 )
+@click.option(
+    "-o",
+    "--output",
+    metavar="FILE",
+    help="Write all postures as a table of states at rest, second by second; 'hybridyn view ROBOT FILE' "
+    "shows them.",
+)
 @click.option("--write", is_flag=True, help="Write the posture to the robot's model.toml.")
 def command(
     load: Callable[[], HybridRobot],
@@ -61,6 +68,7 @@ def command(
     starts: int,
     seed: int,
     choose: int,
+    output: str | None,
     write: bool,
 ) -> None:
     """Find postures of ROBOT (URDF, MJCF, SDF, USD) that close its loops with its motors at home.
@@ -76,6 +84,8 @@ def command(
     found = homes(robot, at, starts=starts, seed=seed)
     if choose > len(found.postures):
         raise ModelError(f"there is no posture {choose}: {counted(len(found.postures), 'posture')} found")
+    if output:
+        _save(robot, found, output)
     for line in _lines(found, everything, choose):
         click.echo(line, err=not everything)
     home = positions(robot, found.postures[choose - 1].q)
@@ -83,6 +93,19 @@ def command(
         click.echo(f"written to {write_home(str(robot.description.source), home)}", err=True)
     elif not everything:
         click.echo(home_table(home), nl=False)
+
+
+def _save(robot: HybridRobot, found: Homes, target: str) -> None:
+    """Write the postures as a table of states at rest, number n at n seconds."""
+    import numpy as np
+
+    from ..simulation.table import state_columns, state_rows
+    from ..tables.results import open_results
+
+    q = np.array([posture.q for posture in found.postures])
+    rest = np.zeros((len(q), robot.nv))
+    with open_results(target, state_columns(robot)) as write:
+        write(state_rows(robot, np.arange(1.0, len(q) + 1), q, rest, rest))
 
 
 def _lines(found: Homes, everything: bool, choose: int) -> Iterator[str]:

@@ -20,6 +20,11 @@ from .result import Result
 
 def columns_of(robot: HybridRobot) -> list[str]:
     """Return the names of the columns: time, base, joints, efforts, energies, residual."""
+    return [*state_columns(robot), *(f"{motor}/effort" for motor in robot.motors), *ENERGIES, RESIDUAL]
+
+
+def state_columns(robot: HybridRobot) -> list[str]:
+    """Return the names of the columns of a full state: time, base, joints."""
     out = ["time"]
     if robot.base != "fixed":
         root = robot.description.root
@@ -29,25 +34,33 @@ def columns_of(robot: HybridRobot) -> list[str]:
         position, rates = JOINT_COMPONENTS.get(kind, (("",), ("",)))
         for quantity, parts in (("position", position), ("velocity", rates), ("acceleration", rates)):
             out += [f"{name}/{quantity}/{part}".rstrip("/") for part in parts]
-    return [*out, *(f"{motor}/effort" for motor in robot.motors), *ENERGIES, RESIDUAL]
+    return out
 
 
 def rows_of(robot: HybridRobot, result: Result) -> Array:
     """Return the rows of a result in the order of `columns_of`, shape (T, columns)."""
-    parts = [result.t[:, None]]
+    energies = np.column_stack([result.kinetic, result.potential, result.energy, result.residual])
+    return np.hstack([state_rows(robot, result.t, result.q, result.v, result.a), result.tau, energies])
+
+
+def state_rows(robot: HybridRobot, t: Array, q: Array, v: Array, a: Array) -> Array:
+    """Return states in the order of `state_columns`, shape (T, columns).
+
+    Args:
+        robot: The robot.
+        t: Times, shape (T,), [s].
+        q: Positions, shape (T, nq).
+        v: Rates, shape (T, nv).
+        a: Accelerations, shape (T, nv).
+    """
+    parts = [t[:, None]]
     if robot.base != "fixed":
-        R = rotation_from_quaternion(result.q[:, 3:7])
-        parts += [result.q[:, :7], rotate(R, result.v[:, :3]), rotate(R, result.v[:, 3:6])]
-        parts.append(base_acceleration(result.q, result.v, result.a))
+        R = rotation_from_quaternion(q[:, 3:7])
+        parts += [q[:, :7], rotate(R, v[:, :3]), rotate(R, v[:, 3:6]), base_acceleration(q, v, a)]
     for name, kind in _joints(robot):
         i = robot.joint_index[name]
         freedoms = robot.v_slices[i]
-        parts += [
-            _position(kind, result.t, result.q[:, robot.q_slices[i]], result.v[:, freedoms]),
-            result.v[:, freedoms],
-            result.a[:, freedoms],
-        ]
-    parts += [result.tau, np.column_stack([result.kinetic, result.potential, result.energy, result.residual])]
+        parts += [_position(kind, t, q[:, robot.q_slices[i]], v[:, freedoms]), v[:, freedoms], a[:, freedoms]]
     return np.hstack(parts)
 
 

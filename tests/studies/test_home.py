@@ -11,7 +11,7 @@ import pytest
 import hybridyn
 from hybridyn.errors import ModelError
 from hybridyn.studies.home import homes, positions
-from tests.command_line import call
+from tests.command_line import call, read_table
 from tests.robot_texts import save
 
 #: Closed to rounding, relative to the module's length.
@@ -105,6 +105,21 @@ def test_commands_say_where_they_start(
         line = f"branch: that of home, where '{joint}' is farthest from zero ({angle:.3g} rad)"
         assert line in " ".join(call(capsys, "info", file).out.split())
         assert line in call(capsys, "idm", file, table).err
+
+
+def test_all_postures_become_a_table_that_other_commands_read(
+    file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    robot, target = hybridyn.load(file), tmp_path / "postures.csv"
+    assert call(capsys, "home", file, "--all", "-o", target).status == 0
+    table = read_table(target.read_text())
+    assert (table["time"] == [1, 2]).all()
+    for row, posture in enumerate(homes(robot).postures):
+        expected = {name: x for name, (x,) in positions(robot, posture.q).items()}
+        turns = [(table[f"{name}/position"][row] - x) / (2 * np.pi) for name, x in expected.items()]
+        assert np.abs(turns - np.round(turns)).max() < EXACT
+    assert call(capsys, "idm", file, target).status == 0  # at rest, loops closed
+    assert call(capsys, "view", file, target, "--png", tmp_path / "second.png", "--at", "2").status == 0
 
 
 @pytest.mark.parametrize("text", ["home.drive = 0.1\n", "home = { drive = 0.1 }\n"])
