@@ -117,8 +117,6 @@ def _end(node: Node, tag: str, item: Item, poses: Poses) -> Item | None:
     """Return the parent or child link of a joint, None for the world."""
     end = node.required_child(tag)
     name = end.content()
-    if not name:
-        raise end.error("is empty; name a link or frame")
     return poses.link(item.scope, name, end)
 
 

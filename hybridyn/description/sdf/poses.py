@@ -99,14 +99,14 @@ class Poses:
         item = resolve(scope, name, node)
         if item is None:
             item = scope.item
-        passed: list[Item] = []
+        passed: dict[Item, None] = {}
         while item is not None and item.kind != "link":
             if item in self._links:
                 item = self._links[item]
                 break
             if item in passed:
                 raise item.node.error("frames are attached to each other in a circle")
-            passed.append(item)
+            passed[item] = None
             item = _carrier(item)
         for step in passed:
             self._links[step] = item

@@ -157,6 +157,8 @@ def resolve(scope: Scope, name: str, node: Node) -> Item | None:
     Raises:
         ModelError: There is no such element, or several.
     """
+    if not name:
+        raise node.error("is empty; name a link or frame")
     if name == MODEL or (name == "world" and scope.item is None):
         return None
     found = scope.find(name)

@@ -1,0 +1,159 @@
+"""What the SDF reader refuses: one line with file, line, element and the mend."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from hybridyn.description import read
+from hybridyn.errors import ModelError
+from tests.sdf_texts import WORLD, joint, link, sdf
+
+BODIES = (link("base"), link("a"), link("b"), WORLD)
+DAMPED = "<axis><dynamics><damping>1</damping></dynamics></axis>"
+HINGE = joint("j", "revolute", "base", "a")
+GEAR = "<axis2><xyz>0 0 1</xyz></axis2><gearbox_reference_body>{}</gearbox_reference_body>"
+
+
+def told(folder: Path, text: str) -> str:
+    """Return the message of a refusal."""
+    file = folder / "robot.sdf"
+    file.write_text(text)
+    with pytest.raises(ModelError) as caught:
+        read(file)
+    message = str(caught.value)
+    assert "\n" not in message
+    assert "robot.sdf" in message or "part.sdf" in message
+    return message
+
+
+@pytest.mark.parametrize(
+    ("part", "message"),
+    [
+        (joint("j", "piston", "base", "a"), "type 'piston' never had a meaning"),
+        (joint("j", "revolut", "base", "a"), "unknown joint type 'revolut' (did you mean 'revolute'?)"),
+        (joint("j", "revolute", "base", "a", axis=""), "<axis> is missing; a revolute joint has 1"),
+        (joint("j", "universal", "base", "a"), "<axis2> is missing; a universal joint has 2"),
+        (joint("j", "revolute", "base", "a", axis="0 0 0"), "the axis is zero"),
+        (joint("j", "revolute", "base", "a", "<axis><dynamics/></axis>", axis=""), "<xyz> is missing"),
+        (joint("j", "revolute", "base", "c"), "unknown frame 'c'; known: 'base', 'a', 'b'"),
+        (joint("j", "revolute", "base", ""), "is empty; name a link or frame"),
+        (joint("j", "revolute", "a", "a"), "joins link 'a' to itself"),
+        (joint("j", "universal", "base", "a", "<axis2><xyz>0 1 1</xyz></axis2>"), "write revolute2"),
+        (joint("j", "screw", "base", "a"), "a screw needs <screw_thread_pitch>"),
+        (joint("j", "gearbox", "a", "b", GEAR.format("base")), "the gearbox couples nothing"),
+        (joint("j", "gearbox", "a", "b", GEAR.format("c")), "unknown frame 'c'"),
+        (joint("j", "revolute", "base", "a", "<pose>1 2 3</pose>"), "text has 3 numbers instead of 6"),
+        (joint("j", "revolute", "base", "a", '<pose relative_to="j">1 2 3 0 0 0</pose>'), "in a circle: 'j'"),
+        (joint("j", "ball", "base", "a", "<axis><mimic joint='j'/></axis>", axis=""), "<mimic> in an axis"),
+        (
+            joint("j", "fixed", "base", "a", DAMPED, axis=""),
+            "in an axis that a fixed joint does not have",
+        ),
+        (joint("j", "revolute", "base", "a", "<speed>1</speed>"), "unknown in <joint name=\"j\">"),
+        (
+            joint(
+                "j", "revolute", "base", "a",
+                "<axis><xyz>0 0 1</xyz><use_parent_model_frame>1</use_parent_model_frame></axis>", axis="",
+            ),
+            'write <xyz expressed_in="__model__">',
+        ),
+        (
+            joint("j", "revolute", "base", "a", "<axis><xyz>0 0 1</xyz><mimic joint='k'/></axis>", axis=""),
+            "unknown joint 'k'",
+        ),
+        (
+            joint("j", "revolute", "base", "a", "<axis><xyz>0 0 1</xyz><mimic joint='j'/></axis>", axis=""),
+            "a joint cannot follow itself",
+        ),
+        (HINGE + HINGE, "is stated twice (first in line"),
+        (link("c", "<gravity>false</gravity>"), "<gravity>false</gravity> is not read"),
+        (link("c", "<kinematic>1</kinematic>"), "a program moves a kinematic link"),
+        (link("c", "<velocity_decay><linear>.1</linear></velocity_decay>"), "put damping on joints"),
+        ('<link name="c"><inertial auto="true"/></link>', 'auto="true": inertia of shapes'),
+        ('<link name="c"><inertial><mass>-1</mass></inertial></link>', "negative mass"),
+        (link("c", '<pose frame="a">0 0 0 0 0 0</pose>'), "never had a meaning"),
+        (link("c", '<pose relative_to="aa">0 0 0 0 0 0</pose>'), "unknown frame 'aa'"),
+        (link("__c__"), "the name '__c__' is SDFormat's own"),
+        (link("c", "<colision/>"), "did you mean 'collision'?"),
+        (link("c", HINGE), "unknown in <link name=\"c\">"),
+        (f"<gazebo>{HINGE}</gazebo>", "unknown in <model name=\"robot\">"),
+        (link("c", f"<visual name='v'>{HINGE}</visual>"), "is not read inside <visual>"),
+        (f"<plugin name='p'>{HINGE}</plugin>", "is not read inside <plugin>"),
+        (link("j") + HINGE + '<frame name="f" attached_to="j"/>', "'j' is the name of a link and a joint"),
+        ('<frame name="f" attached_to="g"/><frame name="g" attached_to="f"/>', "in a circle"),
+        ("<static>true</static>", "nor do its joints"),
+        (f'<model name="in"><static>1</static>{link("c")}</model>', "a static model inside another"),
+        ("<include><uri>none.sdf</uri></include>", "'none.sdf' cannot be read: No such file"),
+        ("<include><uri>https://x.org/a</uri></include>", "is not a local file"),
+        ("<include><uri>../../etc/a.sdf</uri></include>", "outside the robot's folders"),
+        ("<include><uri>robot.sdf</uri></include>", "includes itself"),
+        ("<include><uri>model://none</uri></include>", "model 'none' is not found"),
+        ("<include/>", "<uri> is missing"),
+        ("<include><uri>part.sdf</uri></include>", "the root element of 'part.sdf' is <robot>"),
+        ("<drake:linear_bushing_rpy xmlns:drake='http://drake.mit.edu'/>", "not read in SDF"),
+        ("<hybridyn:motor xmlns:hybridyn='urn:hybridyn'/>", "unknown in <model"),
+    ],
+)  # fmt: skip
+def test_a_part_is_refused(part: str, message: str, tmp_path: Path) -> None:
+    (tmp_path / "part.sdf").write_text("<robot/>")
+    assert message in told(tmp_path, sdf(*BODIES, part))
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (sdf(*BODIES, version="1.3"), "is too old; convert it with `gz sdf -p`"),
+        (sdf(*BODIES, version="1.13"), "is not read; known: 1.4 to 1.12"),
+        (sdf(*BODIES, version="new"), "version 'new'"),
+        (sdf(*BODIES).replace(' version="1.9"', ""), "attribute 'version' is missing"),
+        ('<sdf version="1.9"/>', "no <model>"),
+        ('<sdf version="1.9"><model name="m"/></sdf>', "the model has no <link>"),
+        (
+            sdf(*BODIES).replace("</sdf>", f'<model name="two">{link("c")}</model></sdf>'),
+            "2 models that move: 'robot', 'two'; hybridyn reads one robot",
+        ),
+        ('<sdf version="1.9"><world name="a"/><world name="b"/></sdf>', "2 worlds and models: 'a', 'b'"),
+        (f'<sdf version="1.9"><world name="a">{link("c")}</world></sdf>', "unknown in <world"),
+    ],
+)
+def test_a_file_is_refused(text: str, message: str, tmp_path: Path) -> None:
+    assert message in told(tmp_path, text)
+
+
+def test_a_gearbox_across_another_axis_is_refused(tmp_path: Path) -> None:
+    gear = joint("gear", "gearbox", "a", "b", GEAR.format("base"))
+    tilted = joint("k", "revolute", "base", "b", axis="0 1 1")
+    message = told(tmp_path, sdf(*BODIES, HINGE, tilted, gear))
+    assert "joint 'k' lies between" in message
+
+
+def test_deep_nests_are_refused(tmp_path: Path) -> None:
+    deep = "".join(f'<model name="m{n}">' for n in range(60)) + link("c") + "</model>" * 60
+    assert "nested more than 50 deep" in told(tmp_path, sdf(*BODIES, deep))
+
+
+def test_many_includes_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Ten files that each include the next ten times would be ten thousand million models."""
+    monkeypatch.setattr("hybridyn.description.sdf.library.MOST_FILES", 50)
+    for n in range(9):
+        parts = [f"<include><uri>p{n + 1}.sdf</uri><name>i{k}</name></include>" for k in range(10)]
+        (tmp_path / f"p{n}.sdf").write_text(sdf(*parts, name=f"p{n}"))
+    (tmp_path / "p9.sdf").write_text(sdf(link("c"), name="p9"))
+    file = tmp_path / "p0.sdf"
+    with pytest.raises(ModelError, match="more than 50 files"):
+        read(file)
+
+
+def test_a_long_chain_of_frames_is_read(tmp_path: Path) -> None:
+    frames = [
+        f'<frame name="f{n}" attached_to="f{n - 1}"><pose>1 0 0 0 0 0</pose></frame>' for n in range(1, 1500)
+    ]
+    text = sdf(
+        *BODIES, '<frame name="f0" attached_to="base"/>', *frames, joint("j", "fixed", "f1499", "a", axis="")
+    )
+    file = tmp_path / "robot.sdf"
+    file.write_text(text)
+    (found,) = [one for one in read(file).joints if one.name == "j"]
+    assert found.parent == "base"
