@@ -14,7 +14,7 @@ from .bodies import Bodies, inverse
 from .joints import DEGREES, UsdJoint, direction, relative
 
 #: Positions below this [rad, or of the robot's size] are single-precision rounding of transforms.
-ROUNDING = 1e-6
+TRANSFORM_ROUNDING = 1e-6
 
 #: Deviation [rad, or of the robot's size] above which bodies do not stand where their joint allows.
 OFF_AXIS = 1e-3
@@ -109,7 +109,7 @@ def _stated(joint: UsdJoint, axis: str) -> tuple[float, ...] | None:
 
 def _placed(axis: str, positions: dict[str, float], size: float) -> tuple[float, ...] | None:
     """Return the position that the transforms of the bodies give, None for zero."""
-    zero = ROUNDING * (1.0 if axis.startswith("rot") else size)
+    zero = TRANSFORM_ROUNDING * (1.0 if axis.startswith("rot") else size)
     value = positions.get(axis, 0.0)
     return (value,) if abs(value) > zero else None
 
@@ -127,14 +127,14 @@ def _several_coordinates(joint: UsdJoint, forward: bool, found: Array) -> tuple[
     if joint.chain()[-1] == "plane":
         return _planar(moved)
     seen = turn @ moved @ inverse(turn)
-    if np.abs(seen - np.eye(4)).max() <= ROUNDING:
+    if np.abs(seen - np.eye(4)).max() <= TRANSFORM_ROUNDING:
         return None
     return _quaternion(seen[:3, :3]) if joint.chain()[-1] == "ball" else pose_coordinates(seen)
 
 
 def _planar(moved: Array) -> tuple[float, ...] | None:
     """Return x, y [m], cosine and sine of a motion in the plane, None for zero."""
-    if np.abs(moved - np.eye(4)).max() <= ROUNDING:
+    if np.abs(moved - np.eye(4)).max() <= TRANSFORM_ROUNDING:
         return None
     return tuple(float(x) for x in (moved[0, 3], moved[1, 3], moved[0, 0], moved[1, 0]))
 
