@@ -35,6 +35,7 @@ from .simulation.events import Event, near_singularity
 from .simulation.simulate import simulate
 from .structure.robot import HybridRobot
 from .studies.check.check import check
+from .studies.sweep.sweep import sweep
 from .view.geometry_model import geometry_model
 
 __version__: str
@@ -89,5 +90,6 @@ __all__ = [
     "operational_inertia",
     "power",
     "simulate",
+    "sweep",
     "with_effects",
 ]

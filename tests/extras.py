@@ -13,7 +13,7 @@ import pytest
 #: A module of each extra by which it is known to be installed.
 MODULES = {
     "io": "polars", "mjcf": "mujoco", "usd": "pxr", "view": "viser", "bench": "mujoco", "docs": "sphinx",
-    "plot": "matplotlib", "compiled": "casadi",
+    "plot": "matplotlib", "compiled": "casadi", "sweep": "joblib", "dask": "distributed",
 }  # fmt: skip
 
 

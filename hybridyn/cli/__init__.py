@@ -24,7 +24,7 @@ from ..linkage.threads import start_none
 #: Commands in the order of `--help`; each is `command` in the module of its name.
 COMMANDS = (
     "idm", "ddm", "simulate", "effects", "cost", "export", "convert", "plot", "view", "info", "check",
-    "home", "workspace", "size", "map", "robots", "completion",
+    "home", "workspace", "size", "sweep", "map", "robots", "completion",
 )  # fmt: skip
 
 #: Options that replace the library's arguments in its advice.
@@ -32,6 +32,7 @@ OPTIONS = {
     'passive="solved"': "--passive solved",
     'on_singular="least-norm"': "--on-singular least-norm",
     "allow_python=True": "--allow-python",
+    "resume=True": "--resume",
     "holds it with package_dirs": "holds it with --package-dir",
 }
 

@@ -2,7 +2,7 @@
 
 Read `panels` first: the contents of a figure as plain data. `motion`, `table` and `effects` build panels
 from results. `as_matplotlib` and `as_page` draw panels. `plot` has the functions for programs. `structure`,
-`workspace`, `sizing` and `cost` draw their own figures.
+`workspace`, `sizing`, `sweep` and `cost` draw their own figures.
 
 May import: `studies` and below.
 """

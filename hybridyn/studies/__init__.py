@@ -2,6 +2,7 @@
 
 `check/` checks a model. `sizing` computes the load of each motor. `workspace/` sweeps the poses that a module
 reaches. `effect_worth` evaluates each physical effect. `cost/` measures error against computing time.
+`sweep/` evaluates many designs of a robot.
 
 May import: `scenes`, `compiled` and below.
 """

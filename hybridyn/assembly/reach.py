@@ -1,0 +1,100 @@
+"""Check at which samples of a trajectory the loops do not close, for all samples at once."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from ..linkage.rigid_motion import RigidMotion
+from ..linkage.threads import one_thread
+from ..spatial import Array, Index, Mask
+from ..structure.robot import HybridRobot
+from .assemble import first_guess, module_task, place_base, spanning_positions
+from .follow import Task
+from .module_request import module_request
+from .requests import gather_requests
+
+#: Rounds in which open samples are started again from the nearest closed ones.
+ROUNDS = 4
+
+
+@one_thread()
+def unreachable_samples(
+    robot: HybridRobot,
+    *,
+    motors: Mapping[str, object],
+    platforms: Mapping[str, object],
+    guess: Array | None = None,
+) -> Mask:
+    """Check at which samples no posture was found that closes the loops, whatever its assembly branch.
+
+    Newton's method starts at the guess, and then at the postures of the nearest samples that closed.
+
+    Args:
+        robot: The robot.
+        motors: As in `assemble`.
+        platforms: As in `assemble`.
+        guess: Initial posture, shape (nq,); the home posture by default.
+
+    Returns:
+        Shape (T,).
+
+    Raises:
+        AssemblyError: The posture is underdetermined.
+        TrajectoryError: As in `assemble`.
+    """
+    requests = gather_requests(robot, motors, platforms)
+    T = requests.samples
+    q = np.tile(first_guess(robot, guess), (T, 1))
+    v, a = np.zeros((2, T, robot.nv))
+    place_base(robot, requests, q, v, a)
+    bodies = {0: RigidMotion.at_rest(T)}
+    out: Mask = np.zeros(T, dtype=bool)
+    for k, module in enumerate(robot.modules):
+        if robot.base == "floating" and k == 0:
+            continue
+        m = module.mechanism
+        base_body = robot.bodies.place[module.base][0]
+        task = module_task(robot, module, module_request(requests, robot, k, base_body, bodies))
+        x, closed = _solved(task, m.cut.positions(q[:1, module.q_index])[0])
+        out |= ~closed
+        if out.all():
+            break
+        rest = m.tree.sweep(x, *np.zeros((2, T, m.tree.nv)))
+        q[:, module.q_index] = spanning_positions(module, x, rest, q[0, module.q_index])
+        still = np.zeros((2, T, m.spanning.nv))
+        motion = m.spanning.sweep(q[:, module.q_index], *still)
+        for i, joint in enumerate(module.joints):
+            bodies[robot.body_of_joint[joint]] = bodies[base_body].then(RigidMotion.of_body(motion, i + 1))
+    return out
+
+
+def _solved(task: Task, guess: Array) -> tuple[Array, Mask]:
+    """Close each sample; open ones keep the posture of the nearest closed one, shapes (T, nq), (T,)."""
+    samples = np.arange(len(task.known))
+    result = task.solve(np.tile(guess, (len(samples), 1)), samples)
+    x, closed = result.q, task.closed(result)
+    for _ in range(ROUNDS):
+        good, bad = np.flatnonzero(closed), np.flatnonzero(~closed)
+        if not len(good):
+            return np.tile(guess, (len(samples), 1)), closed
+        if not len(bad):
+            break
+        x[bad] = x[_nearest(good, bad)]
+        result = task.solve(x[bad], bad)
+        found = task.closed(result)
+        if not found.any():
+            break
+        x[bad[found]], closed[bad[found]] = result.q[found], True
+    good, bad = np.flatnonzero(closed), np.flatnonzero(~closed)
+    x[bad] = x[_nearest(good, bad)]
+    return x, closed
+
+
+def _nearest(good: Index, bad: Index) -> Index:
+    """Return for each bad sample the nearest good one; both are sorted."""
+    after = np.minimum(np.searchsorted(good, bad), len(good) - 1)
+    before = np.maximum(after - 1, 0)
+    closer: Index = np.where(bad - good[before] <= np.abs(good[after] - bad), good[before], good[after])
+    return closer

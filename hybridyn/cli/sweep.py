@@ -1,0 +1,154 @@
+"""`hybridyn sweep`: evaluate the designs of a study in several processes, and find the best."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import click
+
+from .common.figures import figure_file
+from .common.progress import Progress
+from .common.text import aligned_rows, counted
+
+if TYPE_CHECKING:
+    from ..studies.sweep.best import Best
+    from ..studies.sweep.sweep import Swept
+
+#: Designs of the Pareto front that are printed; the others are counted.
+MOST_PRINTED = 50
+
+
+@click.command("sweep", short_help="Many designs of a robot: evaluate them, and find the best.")
+@click.argument("study", required=False, metavar="[STUDY]", type=click.Path(dir_okay=False))
+@click.option("-o", "--output", metavar="FOLDER", default="results", show_default=True, help="The results.")
+@click.option(
+    "--engine", type=click.Choice(["loky", "dask"]), default="loky", show_default=True,
+    help="Processes of this machine (loky), or Dask: of this machine, or of a cluster.",
+)  # fmt: skip
+@click.option("--scheduler", metavar="ADDRESS", help="A Dask cluster that stands, tcp://host:8786.")
+@click.option(
+    "-j", "--jobs", type=click.IntRange(1, 4096), help="Number of processes.  [default: one per core]"
+)
+@click.option("--resume", is_flag=True, help="Continue from the shards in FOLDER.")
+@click.option("--format", type=click.Choice(["parquet", "csv"]), help="Format of the shards.")
+@click.option("--allow-python", is_flag=True, help="Allow measures that are functions of Python files.")
+@click.option(
+    "--best", metavar="A,-B,...",
+    help="Print the designs in which A is smallest and B largest; with several, the Pareto front.",
+)  # fmt: skip
+@click.option("--where", metavar="CONDITION", help="Only designs for which this holds: 'reach > 0.2'.")
+@click.option("--top", type=click.IntRange(1, 10_000), default=10, show_default=True, help="Designs printed.")
+@click.option("--plot", metavar="FILE", callback=figure_file, help="Draw every measure over every parameter.")
+def command(
+    study: str | None,
+    output: str,
+    engine: str,
+    scheduler: str | None,
+    jobs: int | None,
+    resume: bool,
+    format: str | None,
+    allow_python: bool,
+    best: str | None,
+    where: str | None,
+    top: int,
+    plot: str | None,
+) -> int:
+    """Evaluate the designs of STUDY (a TOML file), and find the best.
+
+    A study names a robot, parameters with their values, tasks, and what is measured; docs/sweeps.md explains
+    its keys. FOLDER receives one shard per second of work, written whole or not at all; the rows are the same
+    bits whatever the engine and the number of processes. A design that does not load, and every posture that
+    is out of reach or singular, is counted and named. Without STUDY, --best and --plot ask the results of an
+    earlier run:
+
+    hybridyn sweep -o results --best "peak_effort" --where "reach > 0.2"
+    """
+    if study is None and best is None and plot is None:
+        raise click.UsageError("give a STUDY to evaluate, or --best or --plot to ask earlier results")
+    if where is not None and best is None and plot is None:
+        raise click.UsageError("--where belongs to --best or --plot")
+    if study is not None:
+        _run(study, output, engine, scheduler, jobs, resume, allow_python, format)
+    if best is not None:
+        from ..studies.sweep.best import find_best
+
+        click.echo("\n".join(_table(find_best(output, best, where, top))))
+    if plot is not None:
+        from ..figures.sweep import figure_of_sweep
+        from .common.figures import save
+
+        save(figure_of_sweep(output, where), plot)
+    return 0
+
+
+def _run(
+    study: str, output: str, engine: str, scheduler: str | None, jobs: int | None, resume: bool,
+    allow_python: bool, format: str | None,
+) -> None:  # fmt: skip
+    """Evaluate a study, and print what became of its designs."""
+    from ..studies.sweep.sweep import sweep
+
+    states: list[Swept] = []
+    try:
+        with Progress("designs") as bar:
+
+            def show(state: Swept) -> None:
+                states[:] = [state]
+                open_before = state.designs - state.done + state.now
+                bar.show(state.now, state.now / open_before)
+
+            state = sweep(
+                study, output, engine="dask" if engine == "dask" else "loky", jobs=jobs, scheduler=scheduler,
+                resume=resume, allow_python=allow_python, format=format, progress=show,
+            )  # fmt: skip
+    except BaseException:
+        if states:
+            click.echo(
+                f"{states[0].done:,} of {counted(states[0].designs, 'design')} are done, in '{output}'; "
+                "continue with --resume", err=True,
+            )  # fmt: skip
+        raise
+    for line in _summary(state, output):
+        click.echo(line, err=True)
+
+
+def _summary(state: Swept, output: str) -> list[str]:
+    """Return the lines that say what became of the designs."""
+    lines = [f"{counted(state.done, 'design')} in '{output}', {state.now:,} evaluated now"]
+    lines += [f"  {status}: {count:,}" for status, count in sorted(state.statuses.items(), key=_ok_first)]
+    if state.unreachable or state.singular:
+        lines.append(f"postures out of reach: {state.unreachable:,}; singular: {state.singular:,}")
+    if state.restarts:
+        lines.append(
+            f"a worker process died {counted(state.restarts, 'time')}; its designs were evaluated again"
+        )
+    if state.now:
+        share = state.work / (state.seconds * max(state.workers, 1))
+        lines.append(
+            f"{state.work / state.now * 1e3:.3g} ms per design, {counted(state.workers, 'worker')} busy "
+            f"{share:.0%}, wall time {state.seconds:.2f} s"
+        )
+    return lines
+
+
+def _ok_first(pair: tuple[str, int]) -> tuple[bool, str]:
+    return pair[0] != "ok", pair[0]
+
+
+def _table(found: Best) -> list[str]:
+    """Return the best designs, and the Pareto front of several objectives, as aligned text."""
+    lines = [f"{found.considered:,} of {counted(found.designs, 'design')} considered"]
+    lines += [f"  left out: {count:,} {why}" for why, count in found.left_out.items() if count]
+    several = len(found.objectives) > 1
+    for title, rows in (("best", found.rows), ("Pareto front", found.front if several else [])):
+        if rows:
+            more = f" ({len(rows):,} designs, {MOST_PRINTED} printed)" if len(rows) > MOST_PRINTED else ""
+            lines.append(f"{title}{more}")
+            cells = [[_cell(value) for value in row] for row in rows[:MOST_PRINTED]]
+            aligned = aligned_rows([list(found.columns), *cells], right=range(len(found.columns)))
+            lines += [f"  {line}" for line in aligned]
+    return lines
+
+
+def _cell(value: float) -> str:
+    return f"{value:.6g}"

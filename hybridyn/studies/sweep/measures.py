@@ -1,0 +1,293 @@
+"""What a study measures: loads of the motors, columns of the motion, workspaces, functions in Python.
+
+peak_effort, rms_effort, ...      of the motor with the largest one
+max m1_left_elbow/position        a statistic (peak, max, min, mean, rms) of a column
+cost.py:cost                      a function of (robot, motion) in a file beside the study
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from ...description.names import did_you_mean, listed
+from ...description.side_cars.toml_file import Keys
+from ...errors import HybridynError, ModelError, TrajectoryError
+from ...spatial import Array
+from ...streams.postures import Postures
+from ...structure.robot import HybridRobot
+from ..sizing import MotorLoad, Sizing, motor_rows
+from ..workspace.workspace import Workspace
+from .study_file import PYTHON, StudyFile, python_of
+
+Loads = list[MotorLoad]
+
+
+def _largest(of: Callable[[MotorLoad], float]) -> Callable[[Loads], float]:
+    return lambda loads: max((abs(of(load)) for load in loads), default=math.nan)
+
+
+def _margin(of: Callable[[MotorLoad], float]) -> Callable[[Loads], float]:
+    return lambda loads: min((of(load) for load in loads), default=math.nan)
+
+
+def _sum(of: Callable[[MotorLoad], float | None]) -> Callable[[Loads], float]:
+    def total(loads: Loads) -> float:
+        parts = [of(load) for load in loads]
+        return math.nan if None in parts else float(sum(part for part in parts if part is not None))
+
+    return total
+
+
+def _below(peak: float, limit: float) -> float:
+    """Return the part of a limit that is left, inf without a limit."""
+    return 1.0 - abs(peak) / limit if limit > 0 else math.inf
+
+
+def _stroke(load: MotorLoad) -> float:
+    """Return the smallest distance to a position limit, as a part of the stroke; inf without a stroke."""
+    stroke = load.upper_limit - load.lower_limit
+    if load.travel is None or not 0 < stroke < math.inf:
+        return math.inf
+    return min(load.travel[0] - load.lower_limit, load.upper_limit - load.travel[1]) / stroke
+
+
+#: Measures of a trajectory; margins are those of the motor that has the least.
+OF_MOTORS: dict[str, Callable[[Loads], float]] = {
+    "peak_effort": _largest(lambda load: load.effort.value),
+    "rms_effort": _largest(lambda load: load.rms_effort),
+    "peak_speed": _largest(lambda load: load.speed.value),
+    "rms_speed": _largest(lambda load: load.rms_speed),
+    "peak_power": _largest(lambda load: load.power.value),
+    "braking_power": _largest(lambda load: load.braking_power.value),
+    "mean_power": _sum(lambda load: load.mean_power),
+    "energy": _sum(lambda load: load.energy_given),
+    "effort_margin": _margin(lambda load: _below(load.effort.value, load.effort_limit)),
+    "speed_margin": _margin(lambda load: _below(load.speed.value, load.speed_limit)),
+    "stroke_margin": _margin(_stroke),
+}
+
+#: Measures of a workspace.
+OF_WORKSPACE: dict[str, Callable[[Workspace], float]] = {
+    "poses": lambda found: float(len(found.index)),
+    "size": lambda found: found.size,
+    "reach": lambda found: _reach(found),
+    "min_conditioning": lambda found: float(found.measures["conditioning"].min()),
+    "mean_conditioning": lambda found: float(found.measures["conditioning"].mean()),
+}
+
+#: Statistics of a column over time; means are time integrals where the table has times.
+STATISTICS: dict[str, Callable[[Array, Array | None], float]] = {
+    "peak": lambda x, t: float(np.abs(x).max()),
+    "max": lambda x, t: float(x.max()),
+    "min": lambda x, t: float(x.min()),
+    "mean": lambda x, t: _mean(x, t),
+    "rms": lambda x, t: math.sqrt(_mean(x**2, t)),
+}
+
+
+def _mean(x: Array, time: Array | None) -> float:
+    if time is None or len(time) < 2:
+        return float(x.mean())
+    return float(np.trapezoid(x, time) / (time[-1] - time[0]))
+
+
+def _reach(found: Workspace) -> float:
+    """Return the largest distance of the poses from the base's origin, over the swept translations [m]."""
+    columns = [i for i, name in enumerate(found.sweep.names) if name in "xyz"]
+    return float(np.linalg.norm(found.coordinates[:, columns], axis=1).max())
+
+
+def check_word(source: StudyFile, keys: Keys, word: str, kind: str, *, named: bool) -> None:
+    """Check the form of a measure.
+
+    Args:
+        source: The study.
+        keys: Place of the measure in the file.
+        word: The measure.
+        kind: Kind of its task.
+        named: Whether it has a name of its own.
+
+    Raises:
+        ModelError: There is no such measure, or it needs a name.
+    """
+    known = OF_MOTORS if kind == "trajectory" else OF_WORKSPACE
+    statistic, _, column = word.partition(" ")
+    of_column = kind == "trajectory" and statistic in STATISTICS and column
+    if word in known:
+        return
+    if PYTHON not in word and not of_column:
+        more = ", 'max|min|mean|rms|peak COLUMN'" if kind == "trajectory" else ""
+        hint = did_you_mean(word, known)
+        raise source.error(
+            keys,
+            f"there is no measure '{word}'{hint}; of a {kind}: {', '.join(known)}{more}, 'FILE.py:FUNCTION'",
+        )
+    if not named:
+        raise source.error(keys, f"'{word}' needs a name: measure = {{ name = \"{word}\" }}")
+
+
+@dataclass
+class Followed:
+    """The motion of a design along a trajectory, for functions in Python.
+
+    Attributes:
+        time: Times, shape (T,), [s], or None.
+        q: Positions, shape (T, nq).
+        v: Rates, shape (T, nv).
+        a: Accelerations, shape (T, nv).
+        effort: Efforts of the motors, shape (T, motors), [N or N m].
+        measures: The other measures of the task by name.
+    """
+
+    time: Array | None
+    q: Array
+    v: Array
+    a: Array
+    effort: Array
+    measures: Mapping[str, float]
+
+
+@dataclass
+class Gauge:
+    """Collects what the measures of a trajectory need, block by block.
+
+    Attributes:
+        robot: The robot.
+        wanted: The measures by name.
+        functions: The functions in Python by measure.
+    """
+
+    robot: HybridRobot
+    wanted: Mapping[str, str]
+    functions: Mapping[str, Callable[..., Any]]
+    _sizing: Sizing = field(init=False)
+    _columns: dict[str, list[Array]] = field(init=False)
+    _times: list[Array] = field(default_factory=list)
+    _blocks: list[tuple[Postures, Array]] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self._sizing = Sizing(self.robot)
+        asked = [word.partition(" ")[2] for word in self.wanted.values() if PYTHON not in word]
+        self._columns = {column: [] for column in asked if column}
+
+    def add(self, block: Postures, tau: Array) -> None:
+        """Add the postures of a block and their efforts, shape (T, motors)."""
+        motion = block.motion
+        position, speed = motor_rows(self.robot, block.q, block.v)
+        self._sizing.add(motion.time, motion.first_row, position, speed, tau)
+        for column, parts in self._columns.items():
+            parts.append(column_of(self.robot, block, tau, column))
+        if motion.time is not None:
+            self._times.append(motion.time)
+        if any(PYTHON in word for word in self.wanted.values()):
+            self._blocks.append((block, tau))
+
+    def values(self) -> dict[str, float]:
+        """Compute the measures.
+
+        Raises:
+            ModelError: A function in Python fails.
+        """
+        loads = self._sizing.loads()
+        time = np.concatenate(self._times) if self._times else None
+        out: dict[str, float] = {}
+        for name, word in self.wanted.items():
+            if word in OF_MOTORS:
+                out[name] = OF_MOTORS[word](loads)
+            elif PYTHON not in word:
+                statistic, _, column = word.partition(" ")
+                out[name] = STATISTICS[statistic](np.concatenate(self._columns[column]), time)
+        if self._blocks:
+            motion = self._whole(time, out)
+            out |= {name: call(self.functions, word, self.robot, motion) for name, word in self._python()}
+        return {name: out[name] for name in self.wanted}
+
+    def _python(self) -> list[tuple[str, str]]:
+        return [(name, word) for name, word in self.wanted.items() if PYTHON in word]
+
+    def _whole(self, time: Array | None, measures: Mapping[str, float]) -> Followed:
+        q, v, a = (np.concatenate([getattr(block, key) for block, _ in self._blocks]) for key in "qva")
+        return Followed(time, q, v, a, np.concatenate([tau for _, tau in self._blocks]), dict(measures))
+
+
+def column_of(robot: HybridRobot, block: Postures, tau: Array, column: str) -> Array:
+    """Return a column of the motion, shape (T,).
+
+    Args:
+        robot: The robot.
+        block: The postures.
+        tau: Efforts of the motors, shape (T, motors).
+        column: `<joint>/position|velocity|acceleration` of a joint with one freedom, or
+            `<motor>/effort|power`.
+
+    Raises:
+        TrajectoryError: There is no such column.
+    """
+    owner, _, quantity = column.rpartition("/")
+    if quantity in ("effort", "power"):
+        if owner not in robot.motors:
+            raise TrajectoryError(
+                f"there is no motor '{owner}'{did_you_mean(owner, robot.motors)}", column=column
+            )
+        effort: Array = tau[:, robot.motors.index(owner)]
+        speed = block.v[:, robot.v_slices[robot.joint_index[owner]].start]
+        return effort if quantity == "effort" else effort * speed
+    quantities = {"position": (block.q, robot.q_slices), "velocity": (block.v, robot.v_slices),
+                  "acceleration": (block.a, robot.v_slices)}  # fmt: skip
+    if quantity not in quantities:
+        words = listed((*quantities, "effort", "power"))
+        raise TrajectoryError(f"a column ends in one of {words}", column=column)
+    if owner not in robot.joint_index:
+        raise TrajectoryError(
+            f"there is no joint '{owner}'{did_you_mean(owner, robot.joints)}", column=column
+        )
+    joint = robot.joint_index[owner]
+    kinds = ("revolute", "prismatic") if quantity == "position" else ("revolute", "prismatic", "continuous")
+    if robot.kinds[joint] not in kinds:
+        raise TrajectoryError(f"a {robot.kinds[joint]} joint has no single {quantity}", column=column)
+    rows, places = quantities[quantity]
+    out: Array = rows[:, places[joint].start]
+    return out
+
+
+def functions_of(source: StudyFile) -> dict[str, Callable[..., Any]]:
+    """Run the Python files of a study, which have all rights of this process, and return their functions.
+
+    Raises:
+        ModelError: A file fails, or has no such function.
+    """
+    words = [word for task in source.study.tasks.values() for word in task.wanted.values() if PYTHON in word]
+    out: dict[str, Callable[..., Any]] = {}
+    for word in words:
+        file, name = python_of(word)
+        path = source.beside(file)
+        spec = importlib.util.spec_from_file_location(file.removesuffix(".py").replace("/", "_"), path)
+        if spec is None or spec.loader is None:
+            raise ModelError("there is no such Python file", file=path)
+        module = importlib.util.module_from_spec(spec)
+        try:
+            spec.loader.exec_module(module)
+            out[word] = getattr(module, name)
+        except Exception as error:
+            raise ModelError(f"'{name}': {type(error).__name__}: {error}", file=path) from error
+    return out
+
+
+def call(functions: Mapping[str, Callable[..., Any]], word: str, robot: HybridRobot, result: object) -> float:
+    """Call a function in Python and return its number.
+
+    Raises:
+        ModelError: It fails, or returns no number.
+    """
+    try:
+        return float(functions[word](robot, result))
+    except HybridynError:
+        raise
+    except Exception as error:
+        raise ModelError(f"'{word}': {type(error).__name__}: {error}") from error

@@ -1,0 +1,235 @@
+"""The results on disk: one shard per chunk, written whole or not at all.
+
+A shard is named by its designs, `designs-000000000-000000099.parquet`. The names alone say what is done: a
+run that continues evaluates the other designs, so that nothing is lost and nothing counted twice.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import math
+import os
+import re
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import asdict, dataclass
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...description.writing import naming
+from ...errors import HybridynError
+from ...tables.parquet import load_polars
+from .evaluation import Row
+
+#: The file that says of which study the shards are.
+ABOUT = "sweep.json"
+_SHARD = re.compile(r"designs-(\d{9,})-(\d{9,})\.(parquet|csv)")
+
+Columns = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class About:
+    """What the shards of a folder belong to.
+
+    Attributes:
+        study: File of the study.
+        identity: Digest of the study and its files.
+        designs: Number of designs.
+        parameters: Columns of the parameters.
+        measures: Columns of the measures.
+        format: Format of the shards, "parquet" or "csv".
+    """
+
+    study: str
+    identity: str
+    designs: int
+    parameters: list[str]
+    measures: list[str]
+    format: str
+
+    @property
+    def columns(self) -> list[str]:
+        """Columns of a shard."""
+        return ["design", *self.parameters, "status", "unreachable", "singular", *self.measures, "message"]
+
+
+class Shards:
+    """The results of a sweep in a folder."""
+
+    def __init__(self, folder: str | Path, about: About) -> None:
+        self.folder, self.about = Path(folder), about
+        self._done = [(start, stop) for start, stop, _ in shards_in(self.folder)]
+
+    @classmethod
+    def create(cls, folder: str | Path, about: About, *, resume: bool) -> Shards:
+        """Begin or continue the results in a folder.
+
+        Args:
+            folder: The folder; it is made if it does not exist.
+            about: What the shards belong to. The format of shards that exist is kept.
+            resume: Whether to continue from shards that exist.
+
+        Raises:
+            HybridynError: The folder has shards and `resume` is false, or they are of another study.
+            OSError: The folder cannot be made or written to.
+        """
+        folder = Path(folder)
+        if folder.exists() and not folder.is_dir():
+            raise HybridynError(f"{folder}: is not a folder")
+        if shards_in(folder):
+            if not resume:
+                raise HybridynError(
+                    f"{folder}: has results of an earlier sweep: continue them with resume=True, or choose "
+                    "another folder"
+                )
+            before = about_of(folder)
+            if before.identity != about.identity:
+                raise HybridynError(
+                    f"{folder}: its results are of another study, or '{before.study}' or a file that it "
+                    "names has changed: choose another folder"
+                )
+            return cls(folder, before)
+        if about.format == "parquet":
+            load_polars(str(folder))
+        folder.mkdir(parents=True, exist_ok=True)
+        _write(folder / ABOUT, (json.dumps(asdict(about), indent=1) + "\n").encode())
+        return cls(folder, about)
+
+    def gaps(self) -> list[tuple[int, int]]:
+        """Return the designs without a row: first number, and the number after the last."""
+        out, at = [], 0
+        for start, stop in [*sorted(self._done), (self.about.designs, self.about.designs)]:
+            if start > at:
+                out.append((at, start))
+            at = max(at, stop)
+        return out
+
+    def write(self, rows: Sequence[Row]) -> None:
+        """Write the rows of consecutive designs as one shard.
+
+        Raises:
+            OSError: The disk is full, or the folder is gone; the shard does not appear then.
+        """
+        start, stop = rows[0].design, rows[-1].design + 1
+        columns = {
+            name: list(values)
+            for name, values in zip(self.about.columns, zip(*map(_cells, rows), strict=True), strict=True)
+        }
+        made = _parquet(columns) if self.about.format == "parquet" else _csv(columns)
+        _write(self.folder / f"designs-{start:09d}-{stop - 1:09d}.{self.about.format}", made)
+        self._done.append((start, stop))
+
+
+def best_format() -> str:
+    """Return the format of new shards: Parquet where polars is installed."""
+    return "parquet" if find_spec("polars") else "csv"
+
+
+def about_of(folder: str | Path) -> About:
+    """Read what the shards of a folder belong to.
+
+    Raises:
+        HybridynError: The folder holds no results of a sweep.
+    """
+    file = Path(folder, ABOUT)
+    try:
+        return About(**json.loads(file.read_text(encoding="utf-8")))
+    except (OSError, ValueError, TypeError):
+        raise HybridynError(f"{folder}: holds no results of a sweep (no readable {ABOUT})") from None
+
+
+def read_shards(folder: str | Path, columns: Iterable[str] | None = None) -> Iterator[Columns]:
+    """Read the shards of a folder one after the other, in the order of the designs.
+
+    Args:
+        folder: The folder.
+        columns: Columns to read; all by default.
+
+    Yields:
+        Columns by name: numbers as arrays, shape (designs,), nan for missing ones; texts as lists.
+
+    Raises:
+        HybridynError: A shard cannot be read.
+    """
+    about = about_of(folder)
+    wanted = list(about.columns if columns is None else columns)
+    for _, _, file in shards_in(Path(folder)):
+        try:
+            yield _read(file, wanted)
+        except (OSError, ValueError, KeyError) as error:
+            raise HybridynError(f"{file}: cannot be read: {error}") from error
+
+
+def shards_in(folder: Path) -> list[tuple[int, int, Path]]:
+    """Return the shards of a folder in order: first design, the number after the last, and the file.
+
+    Args:
+        folder: The folder, which need not exist.
+    """
+    names = os.listdir(folder) if folder.is_dir() else []
+    matches = filter(None, map(_SHARD.fullmatch, names))
+    return sorted((int(match[1]), int(match[2]) + 1, folder / match[0]) for match in matches)
+
+
+def _cells(row: Row) -> list[Any]:
+    """Return the cells of a row; what is missing is None."""
+    measures = [None if math.isnan(value) else value for value in row.measures]
+    return [row.design, *row.values, row.status, row.unreachable, row.singular, *measures, row.message]
+
+
+def _write(file: Path, content: bytes) -> None:
+    """Write a file under another name, and rename it when it is complete."""
+    draft = file.with_name(f".{file.name}.{os.getpid()}.tmp")
+    try:
+        with naming(file), open(draft, "wb") as out:
+            out.write(content)
+            out.flush()
+            os.fsync(out.fileno())
+        os.replace(draft, file)
+    finally:
+        draft.unlink(missing_ok=True)
+
+
+def _parquet(columns: Columns) -> bytes:
+    polars = load_polars("a shard")
+    kinds = dict.fromkeys(columns, polars.Float64)
+    kinds |= {"design": polars.Int64, "unreachable": polars.Int64, "singular": polars.Int64}
+    kinds |= {"status": polars.String, "message": polars.String}
+    out = io.BytesIO()
+    polars.DataFrame(columns, schema=kinds).write_parquet(out)
+    return out.getvalue()
+
+
+def _csv(columns: Columns) -> bytes:
+    out = io.StringIO()
+    writer = csv.writer(out, lineterminator="\n")
+    writer.writerow(columns)
+    writer.writerows(zip(*columns.values(), strict=True))
+    return out.getvalue().encode()
+
+
+def _read(file: Path, wanted: Sequence[str]) -> Columns:
+    """Read some columns of a shard."""
+    if file.suffix == ".parquet":
+        polars = load_polars(str(file))
+        try:
+            frame = polars.read_parquet(file, columns=list(dict.fromkeys(wanted)))
+        except polars.exceptions.PolarsError as error:
+            raise ValueError(str(error)) from error
+        cells = {name: frame.get_column(name).to_list() for name in wanted}
+    else:
+        with open(file, encoding="utf-8", newline="") as text:
+            header, *rows = csv.reader(text)
+        table = dict(zip(header, zip(*rows, strict=True), strict=True))
+        cells = {name: list(table[name]) for name in wanted}
+    texts = ("status", "message")
+    return {name: cell if name in texts else _numbers(cell) for name, cell in cells.items()}
+
+
+def _numbers(cells: Sequence[Any]) -> Any:
+    return np.array([math.nan if cell in (None, "") else float(cell) for cell in cells])

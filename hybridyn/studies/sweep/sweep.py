@@ -1,0 +1,241 @@
+"""The verb: evaluate every design of a study that has no row yet."""
+
+from __future__ import annotations
+
+import time
+from collections import Counter
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from os import PathLike
+from pathlib import Path
+
+import numpy as np
+
+from ...errors import HybridynError
+from .designs import Designs
+from .engines import Engine, Pool, WorkerDiedError, open_pool
+from .evaluation import Chunk, Designer, Evaluated, Row, evaluate
+from .shards import About, Shards, best_format, read_shards, shards_in
+from .study_file import StudyFile, read_study
+
+#: Work of a chunk [s]: long against the transfer to another process, short against a wait.
+CHUNK_SECONDS = 1.0
+#: Largest number of designs in a chunk.
+MOST_IN_CHUNK = 10_000
+#: Designs, spread over the study, of which one has to load before the sweep starts.
+TRIALS = 16
+#: Chunks per process that are drawn in advance.
+AHEAD = 2
+#: Times that a design may end its process before it counts as failed.
+MOST_DEATHS = 2
+
+
+@dataclass
+class Swept:
+    """A sweep that has ended, or its state so far.
+
+    Attributes:
+        folder: Folder of the results.
+        designs: Number of designs of the study.
+        done: Number of designs with a row.
+        now: Number of those that this run evaluated.
+        statuses: Number of designs by status.
+        unreachable: Number of postures that do not close.
+        singular: Number of singular postures.
+        restarts: Times that a worker process died and its designs were given again.
+        workers: Number of processes.
+        seconds: Wall time [s].
+        work: Time of all processes spent on designs [s].
+    """
+
+    folder: Path
+    designs: int
+    done: int = 0
+    now: int = 0
+    statuses: Counter[str] = field(default_factory=Counter)
+    unreachable: int = 0
+    singular: int = 0
+    restarts: int = 0
+    workers: int = 0
+    seconds: float = 0.0
+    work: float = 0.0
+
+
+Progress = Callable[[Swept], None]
+
+
+def sweep(
+    study: str | PathLike[str],
+    output: str | PathLike[str] = "results",
+    *,
+    engine: Engine = "loky",
+    jobs: int | None = None,
+    scheduler: str | None = None,
+    resume: bool = False,
+    allow_python: bool = False,
+    format: str | None = None,
+    progress: Progress | None = None,
+) -> Swept:
+    """Evaluate every design of a study: one row per design, in shards in a folder.
+
+    A design is the same, and its row the same bits, whatever the engine, the number of processes and the
+    division into shards.
+
+    Args:
+        study: The study's TOML file, see docs/sweeps.md.
+        output: Folder of the results.
+        engine: "loky" (processes on this machine) or "dask".
+        jobs: Number of processes; one per core by default.
+        scheduler: Address of a Dask cluster that stands, "tcp://host:8786"; its workers need the same files.
+        resume: Whether to continue from the shards in the folder.
+        allow_python: Whether measures may be functions of Python files, which run with all rights of the
+            processes.
+        format: Format of the shards, "parquet" or "csv"; by default Parquet where polars is installed.
+        progress: Called after each chunk.
+
+    Returns:
+        What was done.
+
+    Raises:
+        HybridynError: The study is wrong, none of its designs loads, the folder has other results, or the
+            scheduler does not answer.
+        OSError: The disk is full; the shards written so far are complete.
+    """
+    started = time.perf_counter()
+    source = read_study(Path(study), allow_python=allow_python)
+    designs = Designs(source)
+    about = About(
+        str(study), source.identity, designs.count, designs.names, source.columns, format or best_format()
+    )
+    state = Swept(Path(output), designs.count)
+    pace = None if shards_in(Path(output)) else _try_some(source, designs)
+    shards = Shards.create(output, about, resume=resume)
+    _count_rows(state)
+    if shards.gaps():
+        with open_pool(engine, jobs, scheduler) as pool:
+            state.workers = pool.workers
+            run = _Run(source, designs, shards, state, pool, pace or CHUNK_SECONDS, progress, started)
+            run.all()
+    state.seconds = time.perf_counter() - started
+    return state
+
+
+class _Run:
+    """The chunks of a sweep, given to processes until every design has a row."""
+
+    def __init__(
+        self, source: StudyFile, designs: Designs, shards: Shards, state: Swept, pool: Pool, pace: float,
+        progress: Progress | None, started: float,
+    ) -> None:  # fmt: skip
+        self.source, self.designs, self.shards, self.state = source, designs, shards, state
+        self.pool, self.pace, self.progress, self.started = pool, pace, progress, started
+        self.given: dict[int, Chunk] = {}
+
+    def all(self) -> None:
+        """Evaluate what has no row. After the death of a process, its designs are evaluated one at a time."""
+        while gaps := self.shards.gaps():
+            try:
+                self._some(self._chunks(gaps), AHEAD * self.pool.workers)
+            except WorkerDiedError:
+                self.state.restarts += 1
+                for chunk in list(self.given.values()):
+                    self._alone(chunk)
+
+    def _some(self, chunks: Iterator[Chunk], at_once: int) -> None:
+        """Evaluate chunks and write their shards."""
+        tasks = ((self.source, chunk) for chunk in chunks)
+        for done in self.pool.run(evaluate, tasks, at_once=at_once):
+            self._keep(done)
+
+    def _keep(self, done: Evaluated) -> None:
+        """Write a shard, and learn how long designs take."""
+        self.shards.write(done.rows)
+        self.given.pop(done.rows[0].design, None)
+        self.state.work += done.seconds
+        self.state.now += len(done.rows)
+        if done.seconds > 0:
+            self.pace += (done.seconds / len(done.rows) - self.pace) / 2
+        for row in done.rows:
+            _add(self.state, row.status, row.unreachable, row.singular)
+        self.state.seconds = time.perf_counter() - self.started
+        if self.progress is not None:
+            self.progress(self.state)
+
+    def _chunks(self, gaps: list[tuple[int, int]]) -> Iterator[Chunk]:
+        """Divide designs into chunks of about a second, by the pace so far."""
+        self.given.clear()
+        for start, stop in gaps:
+            while start < stop:
+                size = min(max(1, round(CHUNK_SECONDS / max(self.pace, 1e-9))), MOST_IN_CHUNK, stop - start)
+                chunk = Chunk(start, self.designs.values(start, start + size))
+                self.given[start] = chunk
+                yield chunk
+                start += size
+
+    def _alone(self, chunk: Chunk) -> None:
+        """Evaluate a chunk that may have ended its process, with nothing beside: whole, else by designs."""
+        parts = [chunk]
+        if len(chunk.values) > 1:
+            if self._survives(chunk):
+                return
+            parts = [Chunk(chunk.start + i, chunk.values[i : i + 1]) for i in range(len(chunk.values))]
+        for part in parts:
+            if not any(self._survives(part) for _ in range(MOST_DEATHS)):
+                self._keep(Evaluated((self._deadly(part),), 0.0))
+
+    def _survives(self, chunk: Chunk) -> bool:
+        try:
+            self._some(iter([chunk]), 1)
+        except WorkerDiedError:
+            self.state.restarts += 1
+            return False
+        return True
+
+    def _deadly(self, chunk: Chunk) -> Row:
+        """Return the row of a design that ends every process that evaluates it."""
+        nothing = (float("nan"),) * len(self.source.columns)
+        message = f"its worker process ended without a result {MOST_DEATHS} times; memory may have run out"
+        return Row(chunk.start, tuple(chunk.values[0].tolist()), "failed", 0, 0, nothing, message)
+
+
+def _count_rows(state: Swept) -> None:
+    """Count the rows of earlier runs."""
+    if not shards_in(state.folder):
+        return
+    for part in read_shards(state.folder, ["status", "unreachable", "singular"]):
+        cells = zip(part["status"], part["unreachable"].tolist(), part["singular"].tolist(), strict=True)
+        for status, unreachable, singular in cells:
+            _add(state, status, int(unreachable), int(singular))
+
+
+def _add(state: Swept, status: str, unreachable: int, singular: int) -> None:
+    state.done += 1
+    state.statuses[status] += 1
+    state.unreachable += unreachable
+    state.singular += singular
+
+
+def _try_some(source: StudyFile, designs: Designs) -> float:
+    """Evaluate designs in this process until one loads; return the time that it took [s].
+
+    Raises:
+        HybridynError: None of the designs tried loads, or fails for another reason than its postures.
+    """
+    designer = Designer(source)
+    first: Row | None = None
+    tried = np.unique(np.linspace(0, designs.count - 1, TRIALS).astype(int))
+    for number in tried.tolist():
+        started = time.perf_counter()
+        row = designer(number, designs.values(number, number + 1)[0])
+        if row.status in ("ok", "unreachable", "singular"):
+            return time.perf_counter() - started
+        first = first or row
+    assert first is not None
+    named = ", ".join(
+        f"{name} = {value:.6g}" for name, value in zip(designs.names, first.values, strict=True)
+    )
+    verb = "loads" if first.status == "not loaded" else "can be evaluated"
+    raise HybridynError(
+        f"{source.file}: no design {verb} (tried {len(tried)} of {designs.count:,}); design {first.design} "
+        f"({named}): {first.message}"
+    )

@@ -1,0 +1,91 @@
+"""The robot of a design: the study's robot with xacro arguments and scaled links."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from ...description.names import did_you_mean
+from ...description.reading import read
+from ...description.records import Description
+from ...structure.building import build_robot
+from .study_file import StudyFile, naming
+
+if TYPE_CHECKING:
+    from ...structure.robot import HybridRobot
+
+
+class Variants:
+    """Builds the robots of designs. The last description is kept: designs may differ in scales only."""
+
+    def __init__(self, source: StudyFile) -> None:
+        self.source, self.file = source, source.robot
+        self._last: tuple[dict[str, str], Description] | None = None
+
+    def __call__(self, values: Mapping[str, float]) -> HybridRobot:
+        """Build the robot of a design.
+
+        Args:
+            values: Values of the parameters by name.
+
+        Raises:
+            HybridynError: The files are wrong with these values, a link is unknown, or no posture closes the
+                loops.
+        """
+        stated, parameters = self.source.study.robot, self.source.study.parameters
+        arguments = {name: argument(value) for name, value in stated.xacro.items()}
+        arguments |= {
+            one.xacro or name: argument(values[name]) for name, one in parameters.items() if not one.links
+        }
+        description = self._read(arguments)
+        for name, one in parameters.items():
+            for link in one.links:
+                with naming(self.source, ("parameters", name, "scale_inertia")):
+                    description = scaled(description, link, values[name])
+        gravity = stated.gravity
+        return build_robot(
+            description,
+            base=stated.base,
+            gravity=None if gravity is None else (gravity[0], gravity[1], gravity[2]),
+        )
+
+    def _read(self, arguments: dict[str, str]) -> Description:
+        if self._last is None or self._last[0] != arguments:
+            stated = self.source.study.robot
+            folders = [self.source.beside(folder) for folder in stated.package_dirs]
+            made = read(self.file, motors=stated.motors, xacro_args=arguments or None, package_dirs=folders)
+            self._last = (arguments, made)
+        return self._last[1]
+
+
+def argument(value: str | float) -> str:
+    """Write the value of a xacro argument: whole numbers without a point, others to the last bit."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, str):
+        return value
+    return str(int(value)) if value == int(value) else repr(float(value))
+
+
+def scaled(description: Description, link: str, factor: float) -> Description:
+    """Return a description in which a link's mass and inertia are multiplied; its centre stays.
+
+    Args:
+        description: The robot's description.
+        link: Name of the link.
+        factor: The factor.
+
+    Raises:
+        ModelError: The link is unknown, or the factor is negative.
+    """
+    from ...errors import ModelError
+
+    links = {one.name: one for one in description.links}
+    if link not in links:
+        raise ModelError(f"there is no link '{link}'{did_you_mean(link, links)}", element=link)
+    if factor < 0:
+        raise ModelError(f"link '{link}': its inertia cannot be scaled by {factor:g}", element=link)
+    one = links[link]
+    links[link] = replace(one, mass=factor * one.mass, inertia=factor * one.inertia)
+    return replace(description, links=tuple(links.values()))

@@ -1,0 +1,394 @@
+"""Sweeps: designs, their rows, shards and questions, compared with robots that are loaded one by one."""
+
+from __future__ import annotations
+
+import itertools
+import re
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import hybridyn
+from hybridyn.cli import main
+from hybridyn.errors import HybridynError, ModelError
+from hybridyn.studies.sweep import sweep as sweeping
+from hybridyn.studies.sweep.best import find_best
+from hybridyn.studies.sweep.designs import Designs, generator
+from hybridyn.studies.sweep.engines import WorkerDiedError
+from hybridyn.studies.sweep.evaluation import Chunk, evaluate
+from hybridyn.studies.sweep.shards import read_shards
+from hybridyn.studies.sweep.study_file import read_study
+from tests.extras import needs
+
+#: Largest relative difference to a formula: both round a few times.
+ROUNDING = 1e-12
+
+PENDULUM = """<robot name="pendulum" xmlns:xacro="http://www.ros.org/wiki/xacro">
+  <xacro:arg name="length" default="1"/><xacro:arg name="mass" default="2"/>
+  <link name="base"/>
+  <link name="rod"><inertial><origin xyz="$(arg length) 0 0"/><mass value="$(arg mass)"/>
+    <inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <joint name="turn" type="revolute"><parent link="base"/><child link="rod"/><axis xyz="0 1 0"/>
+    <limit lower="-2" upper="2" effort="100" velocity="10"/></joint>
+</robot>
+"""
+STUDY = """[robot]
+file = "pendulum.urdf.xacro"
+[designs]
+{designs}
+[parameters]
+{parameters}
+[tasks.swing]
+trajectory = "swing.csv"
+measure = {measure}
+"""
+TIME = np.linspace(0.0, 1.0, 21)
+ANGLE = 1.2 * np.sin(TIME)
+RATE = 1.2 * np.cos(TIME)
+LENGTHS, FACTORS = (0.5, 1.5), (1.0, 3.0, 4.0)
+GRID = "length = { values = [0.5, 1.5] }\nrod = { scale_inertia = 'rod', values = [1.0, 3.0, 4.0] }"
+#: Without a xacro argument, so that the file is expanded for no design; scaling the base changes nothing.
+SCALES = GRID.replace("length = {", "length = { scale_inertia = 'base',")
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder with a pendulum and its motion, in which the test stands."""
+    (tmp_path / "pendulum.urdf.xacro").write_text(PENDULUM)
+    plain = re.sub(r"<xacro:arg.*/>", "", PENDULUM).replace("$(arg length)", "1").replace("$(arg mass)", "2")
+    (tmp_path / "pendulum.urdf").write_text(plain)
+    rows = np.column_stack([TIME, ANGLE, RATE, -ANGLE])
+    lines = [",".join(map(repr, row)) for row in rows.tolist()]
+    header = "time,turn/position,turn/velocity,turn/acceleration"
+    (tmp_path / "swing.csv").write_text("\n".join([header, *lines]))
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def written(designs: str, parameters: str = SCALES, measure: str = '["peak_effort"]') -> Path:
+    text = STUDY.format(designs=designs, parameters=parameters, measure=measure)
+    if "pendulum" in text and "scale_inertia = 'base'" in text:
+        text = text.replace("pendulum.urdf.xacro", "pendulum.urdf")
+    path = Path("study.toml")
+    path.write_text(text)
+    return path
+
+
+def effort(length: float, factor: float) -> np.ndarray:
+    """The torque of the pendulum by its own equation; its weight acts about +y for a positive angle."""
+    mass, inertia = 2.0 * factor, 0.1 * factor
+    return (inertia + mass * length**2) * -ANGLE - mass * 9.81 * length * np.cos(ANGLE)
+
+
+def rows_of(output: str) -> dict[str, list[Any]]:
+    """All rows of a sweep, by column."""
+    parts = list(read_shards(output))
+    return {name: [value for part in parts for value in part[name]] for name in parts[0]}
+
+
+class Here:
+    """A pool that works in this process; it loses the processes of some calls."""
+
+    workers = 2
+
+    def __init__(self, deaths: Callable[[int], bool] = lambda design: False) -> None:
+        self.deaths, self.seen = deaths, 0
+
+    def run(self, function: Callable[..., Any], tasks: Iterable[Any], *, at_once: int) -> Iterator[Any]:
+        """Call a function of each task, the last given first."""
+        waiting: list[Any] = []
+        for task in itertools.chain(tasks, [None] * at_once):
+            waiting += [task] if task is not None else []
+            if waiting and (len(waiting) == at_once or task is None):
+                chunk = waiting.pop()  # out of order
+                if any(self.deaths(design) for design in range(chunk[1].start, chunk[1].stop)):
+                    raise WorkerDiedError
+                yield function(*chunk)
+
+
+@pytest.fixture
+def here(monkeypatch: pytest.MonkeyPatch) -> Callable[[Here], None]:
+    def use(pool: Here) -> None:
+        @contextmanager
+        def opened(*arguments: object) -> Iterator[Here]:
+            yield pool
+
+        monkeypatch.setattr(sweeping, "open_pool", opened)
+        monkeypatch.setattr(sweeping, "CHUNK_SECONDS", 0.01)
+
+    return use
+
+
+def test_a_grid_has_the_numbers_of_the_pendulums_equation(folder: Path, here: Any) -> None:
+    here(Here())
+    measure = (
+        "{ top = 'peak_effort', rms = 'rms_effort', speed = 'peak_speed', left = 'stroke_margin', "
+        "least = 'min turn/position' }"
+    )
+    state = hybridyn.sweep(written("method = 'grid'", GRID, measure), "out", format="csv")
+    rows = rows_of("out")
+    assert rows["design"] == list(range(6))
+    assert state.statuses == {"ok": 6}
+    for i, (length, factor) in enumerate(itertools.product(LENGTHS, FACTORS)):
+        assert (rows["length"][i], rows["rod"][i]) == (length, factor)
+        tau = effort(length, factor)
+        rms = np.sqrt(np.trapezoid(tau**2, TIME))
+        wanted = [np.abs(tau).max(), rms, 1.2, (2 - ANGLE[-1]) / 4, 0.0]
+        found = [rows[name][i] for name in ("top", "rms", "speed", "left", "least")]
+        assert np.allclose(found, wanted, rtol=ROUNDING, atol=0)
+
+
+def test_rows_are_those_of_load_and_idm(folder: Path) -> None:
+    study = read_study(written("method = 'random'\ncount = 3\nseed = 4", "mass = { normal = [2.0, 0.1] }"))
+    designs = Designs(study)
+    found = evaluate(study, Chunk(0, designs.values(0, 3))).rows
+    for row in found:
+        robot = hybridyn.load("pendulum.urdf.xacro", xacro_args={"mass": repr(row.values[0])})
+        tau = hybridyn.idm(robot, ANGLE[:, None], RATE[:, None], -ANGLE[:, None])
+        assert row.measures == (np.abs(tau).max(),)  # the same bits
+
+
+@pytest.mark.parametrize("method", ["sobol", "latin_hypercube", "random"])
+def test_a_design_is_the_same_however_the_work_is_divided(folder: Path, method: str) -> None:
+    parameters = "length = { range = [1.0, 2.0] }\nmass = { normal = [2.0, 0.1] }"
+    designs = Designs(read_study(written(f"method = '{method}'\ncount = 33\nseed = 3", parameters)))
+    whole = designs.values(0, 33)
+    assert whole.shape == (33, 2)
+    assert ((whole[:, 0] > 1) & (whole[:, 0] < 2)).all()
+    cuts = [0, 1, 2, 7, 20, 33]
+    parts = [designs.values(a, b) for a, b in itertools.pairwise(cuts)]
+    assert np.array_equal(np.concatenate(parts), whole)
+    if method == "latin_hypercube":
+        assert sorted(((whole[:, 0] - 1) * 33).astype(int)) == list(range(33))
+
+
+def test_the_seed_of_a_design_is_that_of_spawn() -> None:
+    children = np.random.SeedSequence(5).spawn(4)
+    for i, child in enumerate(children):
+        assert generator(5, i).random() == np.random.default_rng(child).random()
+
+
+def test_a_table_gives_the_designs(folder: Path) -> None:
+    Path("designs.csv").write_text("other,mass\n1,2.5\n2,3.5\n")
+    study = read_study(written("method = 'table'\ntable = 'designs.csv'", "mass = {}"))
+    assert Designs(study).values(0, 2).tolist() == [[2.5], [3.5]]
+    Path("designs.csv").write_text("other,masss\n1,2.5\n")
+    with pytest.raises(HybridynError, match=r"no column 'mass' \(did you mean 'masss'\?\)"):
+        Designs(study)
+
+
+def test_deaths_lose_nothing_and_count_nothing_twice(folder: Path, here: Any) -> None:
+    left = {2: 1, 4: 10}  # one process dies once at design 2; design 4 ends every process
+
+    def deaths(design: int) -> bool:
+        left[design] = left.get(design, 0) - 1
+        return left[design] >= 0
+
+    here(Here(deaths))
+    state = hybridyn.sweep(written("method = 'grid'"), "out", format="csv")
+    rows = rows_of("out")
+    assert rows["design"] == list(range(6))
+    assert [rows["status"][i] for i in (2, 4)] == ["ok", "failed"]
+    assert "ended without a result" in rows["message"][4]
+    assert state.statuses == {"ok": 5, "failed": 1}
+    assert state.restarts > 0
+
+
+def test_a_sweep_continues_from_its_shards(folder: Path, here: Any) -> None:
+    here(Here())
+    study = written("method = 'grid'")
+    hybridyn.sweep(study, "out", format="csv")
+    whole = rows_of("out")
+    gone = sorted(Path("out").glob("designs-*"))[1::2]
+    for path in gone:
+        path.unlink()
+    with pytest.raises(HybridynError, match="resume=True"):
+        hybridyn.sweep(study, "out")
+    state = hybridyn.sweep(study, "out", resume=True)
+    assert rows_of("out") == whole
+    assert (state.now, state.done) == (len(gone), 6)
+    assert hybridyn.sweep(study, "out", resume=True).now == 0
+    with pytest.raises(HybridynError, match="of another study"):
+        hybridyn.sweep(written("method = 'grid'", measure='["rms_effort"]'), "out", resume=True)
+
+
+def test_a_full_disk_keeps_what_was_done(folder: Path, here: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    from hybridyn.studies.sweep import shards
+
+    here(Here())
+    written_so_far, write = [], shards._write
+
+    def fail(file: Path, content: bytes) -> None:
+        if len(written_so_far) == 3:
+            raise OSError(28, "No space left on device", str(file))
+        written_so_far.append(file)
+        write(file, content)
+
+    monkeypatch.setattr(shards, "_write", fail)
+    with pytest.raises(OSError, match="No space left"):
+        hybridyn.sweep(written("method = 'grid'"), "out", format="csv")
+    assert len(rows_of("out")["design"]) == 2
+    monkeypatch.setattr(shards, "_write", write)
+    hybridyn.sweep("study.toml", "out", resume=True)
+    assert rows_of("out")["design"] == list(range(6))
+
+
+def test_designs_that_do_not_load_are_named(folder: Path) -> None:
+    study = read_study(written("method = 'grid'", "mass = { values = [1.0, -1.0] }"))
+    good, bad = evaluate(study, Chunk(0, Designs(study).values(0, 2))).rows
+    assert (good.status, bad.status) == ("ok", "not loaded")
+    assert "mass" in bad.message
+    assert np.isnan(bad.measures).all()
+
+
+@pytest.mark.slow
+def test_postures_out_of_reach_are_counted(folder: Path) -> None:
+    """The tool of a five-bar moves down and back; with short arms it cannot reach the lowest points."""
+    t = np.linspace(0, np.pi, 17)
+    z, w, a = -0.45 - 0.15 * np.sin(t), -0.15 * np.cos(t), 0.15 * np.sin(t)
+    header = "time," + ",".join(
+        f"m1_tool/{rate}/{x}" for rate in ("pose", "velocity", "acceleration") for x in "xz"
+    )
+    lines = [",".join(map(repr, row)) for row in np.column_stack([t, 0 * t, z, 0 * t, w, 0 * t, a]).tolist()]
+    Path("down.csv").write_text("\n".join([header, *lines]))
+    Path("arms.csv").write_text("upper_length,lower_length\n0.2,0.35\n0.25,0.4\n")
+    path = written("method = 'table'\ntable = 'arms.csv'", "upper_length = {}\nlower_length = {}")
+    path.write_text(
+        path.read_text().replace("swing.csv", "down.csv").replace("pendulum.urdf.xacro", "five_bar")
+    )
+    study = read_study(path)
+    short, long = evaluate(study, Chunk(0, Designs(study).values(0, 2))).rows
+    away = np.flatnonzero(np.hypot(0.12, z) > 0.2 + 0.35)
+    assert (short.status, short.unreachable, short.singular) == ("unreachable", len(away), 0)
+    assert f"down.csv, row {away[0] + 1} " in short.message
+    assert (long.status, long.unreachable) == ("ok", 0)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        (
+            "method = 'grid'",
+            "methd = 'grid'",
+            r"study.toml:4: 'designs.methd': unknown key \(did you mean 'method'",
+        ),
+        ("values = [0.5, 1.5]", "range = [2.0, 1.0], steps = 3", "the range from 2 to 1 is empty"),
+        ("values = [0.5, 1.5]", "normal = [1.0, 0.1]", "parameter 'length': a grid needs"),
+        ("values = [0.5, 1.5]", "range = [1.0, 2.0], valus = [1.0]", "did you mean 'values'"),
+        ("peak_effort", "peak_efort", r"no measure 'peak_efort' \(did you mean 'peak_effort'\?\)"),
+        ('["peak_effort"]', '["max turn/position"]', "needs a name"),
+        ('["peak_effort"]', "{ cost = 'cost.py:cost' }", "allow it with allow_python=True"),
+        ("swing.csv", "swim.csv", "'tasks.swing.trajectory': there is no file 'swim.csv'"),
+        ("pendulum.urdf", "no.urdf", "there is no file 'no.urdf'"),
+        ("method = 'grid'", "method = 'sobol'", "the method 'sobol' needs 'count'"),
+        ('["peak_effort"]', "{ length = 'peak_effort' }", "'length' would be two columns"),
+    ],
+)
+def test_wrong_studies_are_one_line(folder: Path, old: str, new: str, said: str) -> None:
+    path = written("method = 'grid'")
+    path.write_text(path.read_text().replace(old, new))
+    with pytest.raises(ModelError, match=said) as caught:
+        read_study(path)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        (
+            "'base'",
+            "'bas'",
+            "no design loads .tried 6 of 6.; design 0 .length = 0.5, rod = 1.: .*mean 'base'",
+        ),
+        ("'rod'", "'rodd'", r"no design loads .*there is no link 'rodd' \(did you mean 'rod'\?\)"),
+        ('["peak_effort"]', "{ a = 'max trn/effort' }", "no design can be evaluated .*did you mean 'turn'"),
+    ],
+)
+def test_a_study_that_no_design_fulfils_is_one_line(
+    folder: Path, here: Any, old: str, new: str, said: str
+) -> None:
+    here(Here())
+    path = written("method = 'grid'")
+    path.write_text(path.read_text().replace(old, new))
+    with pytest.raises(HybridynError, match=said):
+        hybridyn.sweep(path, "out", format="csv")
+    assert not Path("out").exists()
+
+
+def test_the_best_and_the_pareto_front(folder: Path, here: Any) -> None:
+    here(Here())
+    hybridyn.sweep(written("method = 'grid'"), "out", format="csv")
+    designs = list(itertools.product(LENGTHS, FACTORS))
+    peaks = [np.abs(effort(1.0, factor)).max() for _, factor in designs]
+    found = find_best("out", "peak_effort, -length", "rod < 2 or length > 1.2", top=2)
+    kept = [i for i, (length, factor) in enumerate(designs) if factor < 2 or length > 1.2]
+    assert [row[0] for row in found.rows] == sorted(kept, key=lambda i: (peaks[i], -designs[i][0]))[:2]
+    better = {
+        i for i in kept
+        for j in kept
+        if i != j and peaks[j] <= peaks[i] and designs[j][0] >= designs[i][0]
+        and (peaks[j], -designs[j][0]) != (peaks[i], -designs[i][0])
+    }  # fmt: skip
+    assert {row[0] for row in found.front} == set(kept) - better
+    assert (found.designs, found.considered) == (6, len(kept))
+    for where, said in (
+        ("lenght > 1", r"no column 'lenght' \(did you mean 'length'\?\)"),
+        ("__import__('os')", "is not understood"),
+        ("length >", "is no expression"),
+        ("length > 9", "no design is left to compare .6 do not meet"),
+    ):
+        with pytest.raises(HybridynError, match=said):
+            find_best("out", "peak_effort", where)
+
+
+def test_functions_of_a_python_file_measure(folder: Path) -> None:
+    Path("cost.py").write_text(
+        "def cost(robot, motion):\n    return motion.effort[3, 0] + motion.measures['p']\n"
+    )
+    study = read_study(
+        written("method = 'grid'", measure="{ c = 'cost.py:cost', p = 'peak_effort' }"), allow_python=True
+    )
+    row = evaluate(study, Chunk(0, Designs(study).values(0, 1))).rows[0]
+    tau = effort(1.0, 1.0)
+    assert np.allclose(row.measures, [tau[3] + np.abs(tau).max(), np.abs(tau).max()], rtol=ROUNDING)
+
+
+def test_the_command_evaluates_and_asks(folder: Path, here: Any, capsys: pytest.CaptureFixture[str]) -> None:
+    here(Here())
+    written("method = 'grid'")
+    words = [
+        "sweep",
+        "study.toml",
+        "--best",
+        "peak_effort",
+        "--format",
+        "csv",
+        "--plot",
+        "sweep.png",
+        "--top",
+        "1",
+    ]
+    assert main(words) == 0
+    out, err = capsys.readouterr()
+    assert "6 designs in 'results', 6 evaluated now" in err
+    assert out.splitlines()[-1].split()[:3] == ["0", "0.5", "1"]
+    assert Path("sweep.png").stat().st_size > 1000
+    assert main(["sweep", "--best", "-length", "--where", "rod > 2", "--top", "1"]) == 0
+    assert capsys.readouterr().out.splitlines()[-1].split()[:3] == ["4", "1.5", "3"]
+    assert main(["sweep", "study.toml"]) == 1
+    assert "continue them with --resume" in capsys.readouterr().err
+
+
+def test_shards_are_parquet_where_polars_is(folder: Path, here: Any) -> None:
+    polars = needs("io")
+    here(Here())
+    study = written("method = 'grid'")
+    hybridyn.sweep(study, "out")
+    hybridyn.sweep(study, "text", format="csv")
+    assert rows_of("out") == rows_of("text")
+    frame = polars.read_parquet("out/*.parquet").sort("design")
+    assert frame["peak_effort"].to_list() == rows_of("text")["peak_effort"]
