@@ -263,6 +263,13 @@ def test_the_command_line_exports(tmp_path: Path, capsys: pytest.CaptureFixture[
     assert "base inertial parameters" in out
     assert "axes of the joints" in out
     totals = [int(line.split()[-1]) for line in out.splitlines() if line.strip().startswith("total")]
+    shared = [
+        [int(n) for n in re.findall(r": (\d+)", line)]
+        for line in out.splitlines()
+        if "one expression" in line
+    ]
+    for (with_guard, alone), folded in zip(shared, (totals[3], totals[7]), strict=True):
+        assert alone < with_guard <= folded + 1  # the sum of the guards counts, too
     for model in (totals[:4], totals[4:]):  # of any kind, axes turned, inertias folded in, regrouped
         assert all(before > after > 0 for before, after in pairwise(model))
     assert "README.md" in err

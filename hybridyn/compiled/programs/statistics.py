@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from ...effects.choice import Choice
 from ...structure.robot import HybridRobot
-from ..code.operations import operations_table
+from ..code.graph import graph_of
+from ..code.operations import FREE, operations_table
 from ..needs import needs_casadi
 from ..program import Program
 
@@ -41,8 +42,30 @@ def statistics(robot: HybridRobot, effects: Choice = None) -> str:
         )
     }
     titles = {"idm": "Inverse model, operations per sample", "ddm": "Direct model, operations per sample"}
-    tables = [
-        f"{title}\n\n" + operations_table({name: models[model] for name, models in variants.items()})
-        for model, title in titles.items()
-    ]
+    tables = []
+    for model, title in titles.items():
+        table = operations_table({name: models[model] for name, models in variants.items()})
+        with_guard, alone = flattened(variants["base inertial parameters"][model])
+        shared = f"as one expression, shared across legs and stages: {with_guard}; without the guard: {alone}"
+        tables.append(f"{title}\n\n{table}\n{shared}")
     return "\n\n".join(tables)
+
+
+def flattened(program: Program) -> tuple[int, int]:
+    """Count the operations of a program written as one expression, with common terms computed once.
+
+    Args:
+        program: The program.
+
+    Returns:
+        The number of operations with the guard and without it.
+    """
+    import casadi as ca
+
+    from .interpreter import function_of
+
+    symbols = [ca.SX.sym(name, size) for name, size in program.inputs]
+    outputs = function_of(program).call(symbols)
+    both = (ca.Function("flat", symbols, ca.cse(wanted)) for wanted in (outputs, outputs[:-1]))
+    with_guard, alone = (sum(node.name not in FREE for node in graph_of(f).nodes) for f in both)
+    return with_guard, alone
