@@ -24,7 +24,7 @@ from ..linkage.threads import start_none
 #: Commands in the order of `--help`; each is `command` in the module of its name.
 COMMANDS = (
     "idm", "ddm", "simulate", "effects", "cost", "export", "convert", "plot", "view", "info", "check",
-    "home", "workspace", "size", "sweep", "map", "robots", "completion",
+    "home", "compare", "workspace", "size", "sweep", "map", "robots", "completion",
 )  # fmt: skip
 
 #: Options that replace the library's arguments in its advice.

@@ -1,0 +1,128 @@
+"""`hybridyn compare`: what other engines make of a robot."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import asdict
+from typing import TYPE_CHECKING
+
+import click
+
+from .common.options import RobotChoice, RobotCommand, complete_data, takes_robot
+
+if TYPE_CHECKING:
+    from ..studies.compare.compare import Comparison
+
+#: Exit status where an engine fails what --fail-on asks for.
+FAILED = 1
+
+
+def _engines(ctx: click.Context, param: click.Parameter, value: str) -> tuple[str, ...]:
+    """Split engines at commas, and check that they are known."""
+    from ..description.names import did_you_mean, listed
+    from ..studies.compare.compare import ENGINES
+
+    names = tuple(name.strip() for name in value.split(",") if name.strip())
+    for name in names:
+        if name not in ENGINES:
+            hint = f"{did_you_mean(name, ENGINES)}; known: {listed(ENGINES)}"
+            raise click.BadParameter(f"there is no engine '{name}'{hint}", ctx, param)
+    return names
+
+
+@click.command("compare", cls=RobotCommand, short_help="What other engines make of a robot and its loops.")
+@takes_robot
+@click.argument("trajectory", required=False, shell_complete=complete_data)
+@click.option(
+    "--with",
+    "engines",
+    metavar="ENGINE,...",
+    default="pinocchio,mujoco,drake,newton",
+    show_default=True,
+    callback=_engines,
+    help="Engines; those that are not installed are named and skipped.",
+)
+@click.option("--samples", type=click.IntRange(1, 1000), default=5, show_default=True, help="Closed states.")
+@click.option("--seed", type=int, default=0, show_default=True, help="Seed of the states.")
+@click.option(
+    "--tolerance",
+    type=click.FloatRange(0, 1, min_open=True),
+    default=1e-6,
+    show_default=True,
+    help="Relative difference up to which an engine computes the same robot.",
+)
+@click.option("--no-drift", is_flag=True, help="Do not simulate.")
+@click.option("-o", "--output", metavar="PAGE", help="Write a page, .md or .html.")
+@click.option("--json", "as_json", is_flag=True, help="As JSON on standard output.")
+@click.option(
+    "--fail-on",
+    type=click.Choice(["ignored", "different", "never"]),
+    default="ignored",
+    show_default=True,
+    help="Exit with status 1 if an engine ignores a closure, or also if it differs by more than --tolerance.",
+)
+def command(
+    load: RobotChoice,
+    trajectory: str | None,
+    engines: tuple[str, ...],
+    samples: int,
+    seed: int,
+    tolerance: float,
+    no_drift: bool,
+    output: str | None,
+    as_json: bool,
+    fail_on: str,
+) -> int:
+    """Compare what other engines make of ROBOT with hybridyn, at closed states near home or of TRAJECTORY.
+
+    Each engine takes the robot as its own reader reads the file, and as hybridyn hands it over. The table
+    says how many freedoms it leaves, which closures it holds, softens or ignores, how far accelerations and
+    efforts are from hybridyn's, how far the loops open while the robot falls for a second, and the time of
+    one direct dynamics. Only rigid bodies are compared: friction, springs, rotors, limits and contacts are
+    switched off.
+
+    Exit status: 0 no engine fails --fail-on; 1 one does, or the data are wrong; 2 wrong usage.
+    """
+    from ..studies.compare.compare import compare
+    from ..studies.compare.report import as_text, check_page, write_page
+
+    if output is not None:
+        check_page(output)
+    robot = load()
+    postures = None
+    if trajectory is not None:
+        import numpy as np
+
+        from ..streams.postures import all_postures
+
+        postures = np.vstack([block.q for block in all_postures(robot, trajectory)[1]])
+    found = compare(
+        robot,
+        engines,
+        samples=samples,
+        seed=seed,
+        tolerance=tolerance,
+        drift=not no_drift,
+        postures=postures,
+        xacro_args=load.xacro_args or None,
+        package_dirs=load.package_dirs,
+    )
+    click.echo(json.dumps(_facts(found), indent=2) if as_json else as_text(found))
+    if output is not None:
+        write_page(found, output)
+    failed = {"ignored": bool(found.ignored), "different": bool(found.ignored or found.different)}
+    return FAILED if failed.get(fail_on) else 0
+
+
+def _facts(found: Comparison) -> object:
+    """Return the comparison as values of JSON; infinite numbers become None."""
+
+    def plain(value: object) -> object:
+        if isinstance(value, dict):
+            return {key: plain(one) for key, one in value.items()}
+        if isinstance(value, list | tuple):
+            return [plain(one) for one in value]
+        return None if isinstance(value, float) and not math.isfinite(value) else value
+
+    return plain(asdict(found) | {"ignored": found.ignored, "different": found.different})

@@ -1,0 +1,6 @@
+"""What other engines make of a robot: freedoms, closures held, softened or ignored, errors, drift, time.
+
+Reading order: `engine` (what an engine must do here), `engines/` (Pinocchio, MuJoCo, Drake, Newton),
+`states` (closed states to compare at), `judging` (what becomes of each closure), `compare` (the whole), and
+`report` (the table and the pages).
+"""

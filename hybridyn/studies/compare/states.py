@@ -1,0 +1,193 @@
+"""Draw closed states of a robot, with motor efforts and the accelerations that follow."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...dynamics.direct import ddm
+from ...dynamics.inverse import idm
+from ...errors import HybridynError, ModelError
+from ...manifold.manifold import Manifold
+from ...spatial import Array
+from ...structure.robot import HybridRobot
+from ..home import homes
+
+#: Most freedoms of the tree: closure rows of the whole robot are held as one matrix.
+MOST_FREEDOMS = 2000
+#: How far states lie from home, in the units of the freedoms (a radian, a module's length).
+STEP = 0.2
+#: Draws for each state before the comparison gives up.
+DRAWS = 20
+#: Random starts of the search for a closed posture, where home is open.
+STARTS = 20
+#: Relative singular value below which closure rows count as dependent.
+DEPENDENT = 1e-9
+
+
+@dataclass(frozen=True)
+class State:
+    """A closed state.
+
+    Attributes:
+        q: Positions, shape (nq,).
+        v: Rates that keep the loops closed, shape (nv,).
+        force: Motor efforts as generalised forces on all joints, shape (nv,).
+        tau: The same in the order of the motors, shape (motors,).
+        a: Accelerations by hybridyn, shape (nv,).
+        K: Closure rows in units of the freedoms, shape (rows, nv).
+    """
+
+    q: Array
+    v: Array
+    force: Array
+    tau: Array
+    a: Array
+    K: Array
+
+
+def motor_columns(robot: HybridRobot) -> list[int]:
+    """Return the column in v of each motor."""
+    return [robot.v_slices[robot.joint_index[name]].start for name in robot.motors]
+
+
+def draw_states(robot: HybridRobot, count: int, seed: int, postures: Array | None = None) -> list[State]:
+    """Draw states near home, or at given postures.
+
+    Args:
+        robot: The robot.
+        count: Number of states.
+        seed: Seed of the draws.
+        postures: Closed postures, shape (T, nq), from which `count` are taken evenly; None draws them.
+
+    Raises:
+        ModelError: The robot is too large, its base is moved, or no states with a solution were found.
+    """
+    if robot.base == "moving":
+        raise ModelError("a moving base cannot be compared; take base='fixed' or 'floating'")
+    if robot.nv > MOST_FREEDOMS:
+        raise ModelError(f"{robot.nv} freedoms of the joints, limit {MOST_FREEDOMS}, are too many to compare")
+    rng = np.random.default_rng(seed)
+    manifold, home = Manifold(robot), start_posture(robot)
+    out: list[State] = []
+    last: HybridynError | None = None
+    starts = None if postures is None else postures[np.linspace(0, len(postures) - 1, count).astype(int)]
+    for _ in range(DRAWS * count):
+        if len(out) == count:
+            return out
+        try:
+            start = None if starts is None else starts[len(out)]
+            out.append(_draw(robot, manifold, rng, home, start))
+        except HybridynError as error:  # a singular or unreachable draw
+            last = error
+    if len(out) == count:
+        return out
+    raise ModelError(f"no {count} closed states were found near home: {last}")
+
+
+def start_posture(robot: HybridRobot) -> Array:
+    """Return the closed posture nearest home, shape (nq,).
+
+    Raises:
+        ModelError: No posture closes the robot's loops.
+    """
+    try:
+        return Manifold(robot).project(robot.home, np.zeros(robot.nv))[0]
+    except HybridynError:
+        found = homes(robot, starts=STARTS).postures
+        if not found:
+            raise ModelError("no posture closes its loops, so there is no state to compare at") from None
+        return found[0].q
+
+
+def _draw(
+    robot: HybridRobot, manifold: Manifold, rng: np.random.Generator, home: Array, start: Array | None
+) -> State:
+    unit = manifold.unit
+    if start is None:
+        K = closure_rows(robot, home) * unit
+        away = _kept(K, rng.normal(size=robot.nv)) * STEP * unit
+        if robot.base == "floating":
+            away[:6] = rng.normal(size=6) * STEP
+        start = manifold.retraction.move(home, away)
+    q, v = manifold.project(start, np.zeros(robot.nv))
+    K = closure_rows(robot, q) * unit
+    v = _kept(K, rng.normal(size=robot.nv)) * unit
+    q, v = manifold.project(q, v)
+    tau = np.zeros(len(robot.motors))
+    force = np.zeros(robot.nv)
+    if len(tau):
+        wanted = ddm(robot, q, v, tau)
+        size = max(1.0, float(np.abs(wanted / unit).max()))
+        wanted = wanted + _kept(K, rng.normal(size=robot.nv)) * unit * size
+        tau = idm(robot, q, v, wanted, passive="solved", on_singular="least-norm")
+        force[motor_columns(robot)] = tau
+    return State(q, v, force, tau, ddm(robot, q, v, tau), K)
+
+
+def _kept(K: Array, x: Array) -> Array:
+    """Return the part of x that the rows leave free."""
+    out: Array = x - np.linalg.lstsq(K, K @ x, rcond=DEPENDENT)[0] if len(K) else x
+    return out
+
+
+def closure_rows(robot: HybridRobot, q: Array) -> Array:
+    """Compute the closure rows of the whole robot, scaled to its modules' lengths, shape (rows, nv)."""
+    blocks = []
+    for module in robot.modules:
+        m = module.mechanism
+        if m.spanning_closures.rows:
+            motion = m.spanning.sweep(q[None, module.q_index])
+            own = m.spanning_closures.matrix(motion)[0] * m.spanning_row_scale[:, None]
+            rows = np.zeros((len(own), robot.nv))
+            rows[:, module.v_index] = own
+            blocks.append(rows)
+    return np.vstack(blocks) if blocks else np.zeros((0, robot.nv))
+
+
+def closure_names(robot: HybridRobot) -> list[tuple[str, int]]:
+    """Return the name and the number of rows of each closure and coupling, in the order of the rows."""
+    out = []
+    for module in robot.modules:
+        closures = module.mechanism.spanning_closures
+        out += [
+            (name, at.stop - at.start) for name, at in zip(module.closures, closures.row_slices, strict=True)
+        ]
+    return out
+
+
+def apart(robot: HybridRobot, q: Array, v: Array, a: Array) -> list[float]:
+    """Compute how fast accelerations open each closure and coupling, in the order of `closure_names`.
+
+    Args:
+        robot: The robot.
+        q: Positions, shape (nq,).
+        v: Rates, shape (nv,).
+        a: Accelerations, shape (nv,).
+
+    Returns:
+        The largest second derivative of each closure's residuals, over its module's length [1/s^2].
+    """
+    out: list[float] = []
+    for module in robot.modules:
+        m = module.mechanism
+        closures = m.spanning_closures
+        if not closures.rows:
+            continue
+        qk, vk, ak = q[None, module.q_index], v[None, module.v_index], a[None, module.v_index]
+        second = closures.rates(m.spanning.sweep(qk, vk, ak), vk, ak)[1][0] * m.spanning_row_scale
+        out += [float(np.abs(second[at]).max()) for at in closures.row_slices]
+    return out
+
+
+def open_by(robot: HybridRobot, q: Array) -> list[float]:
+    """Compute the residual of each closure and coupling, over its module's length, as in `apart`."""
+    out: list[float] = []
+    for module in robot.modules:
+        m = module.mechanism
+        if m.spanning_closures.rows:
+            qk = q[None, module.q_index]
+            residual = m.residual(qk, m.spanning.sweep(qk))[0]
+            out += [float(np.abs(residual[at]).max()) for at in m.spanning_closures.row_slices]
+    return out

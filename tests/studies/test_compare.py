@@ -1,0 +1,217 @@
+"""`compare`: it finds every closure that an engine ignores, and agrees with engines that hold them."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from importlib import util
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import hybridyn
+from hybridyn.cli import main
+from hybridyn.errors import ModelError
+from hybridyn.studies.compare import compare as module
+from hybridyn.studies.compare.compare import compare
+from hybridyn.studies.compare.judging import judge
+from hybridyn.studies.compare.report import as_html, as_markdown, write_page
+from hybridyn.studies.compare.states import apart, draw_states
+from tests import ROOT
+from tests.extras import needs
+from tests.robot_texts import INERTIAL, LOOP, door, robot, save
+from tests.samples import slow
+from tests.snippets import blocks
+
+#: Largest relative difference of two exact computations.
+EXACT = 1e-9
+BALL = LOOP.replace('"revolute"', '"spherical"').replace('<axis xyz="0 0 1"/>', "")
+MOTOR = '<transmission name="t"><joint name="drive"/></transmission>'
+WHEEL = (
+    f'<link name="wheel">{INERTIAL}</link><joint name="roll" type="continuous"><parent link="ground"/>'
+    '<child link="wheel"/><axis xyz="0 1 0"/><mimic joint="drive" multiplier="-3"/></joint>'
+)
+TWO_BARS = robot(BALL, WHEEL, MOTOR)
+FIVE_BAR = next(block.text for block in blocks(ROOT / "docs" / "mjcf.md", "xml"))
+
+
+@pytest.fixture(scope="module")
+def two_bars(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Write a four-bar with a loop and a mimicking wheel, neither of which Pinocchio's reader reads."""
+    return save(tmp_path_factory.mktemp("compare"), TWO_BARS)
+
+
+def test_finds_what_the_reader_of_pinocchio_drops(two_bars: Path) -> None:
+    loaded = hybridyn.load(two_bars)
+    found = compare(loaded, ["pinocchio"], samples=2, drift=False)
+    own, read, constrained = found.verdicts
+    assert found.ignored == {
+        "pinocchio, its URDF reader": ["pin", "roll"],
+        "pinocchio, rigid constraints": ["roll"],
+    }
+    assert (own.freedoms, read.freedoms, constrained.freedoms) == (1, 4, 2)
+    assert read.acceleration is not None
+    assert read.acceleration > 0.1
+    assert read.effort is not None
+    assert read.effort < EXACT
+    assert any("no constraint for roll" in note for note in constrained.notes)
+    assert [closure.fate for closure in constrained.closures] == ["held", "ignored"]
+
+
+@pytest.mark.parametrize("text", [slow(robot(BALL, MOTOR)), robot(LOOP, MOTOR)], ids=["point", "hinge"])
+def test_agrees_where_the_engine_holds_every_closure(tmp_path: Path, text: str) -> None:
+    """A hinge is two points on its axis for Pinocchio; its six rows have rank five."""
+    found = compare(hybridyn.load(save(tmp_path, text)), ["pinocchio"], samples=2, drift=False)
+    held = found.verdicts[-1]
+    assert held.way == "rigid constraints"
+    assert held.agrees(1, EXACT)
+    assert found.different == ["pinocchio, its URDF reader"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["delta", "gough_stewart", "rps3"])
+def test_shipped_robots(name: str) -> None:
+    found = compare(hybridyn.load(name), ["pinocchio", "mujoco", "drake"], samples=2)
+    read, constrained = found.verdicts[1:3]
+    assert read.named("ignored") == [closure.name for closure in read.closures]
+    assert constrained.agrees(found.freedoms, 1e-8)
+    for verdict in found.verdicts:
+        assert verdict.refusal or (verdict.effort is not None and verdict.effort < 1e-8)
+
+
+def test_an_engine_that_only_says_that_it_holds_the_loop(two_bars: Path) -> None:
+    """As continuous plants of Drake 1.51 did: a constraint is counted and leaves the dynamics as they are."""
+    loaded = hybridyn.load(two_bars)
+
+    class Pretending:
+        way, step, notes = "by its word", 1e-3, ()
+
+        def forward(self, q: np.ndarray, v: np.ndarray, force: np.ndarray) -> np.ndarray:
+            return np.array(pin.aba(loaded.model, loaded.model.createData(), q, v, force))
+
+        def inverse(self, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> np.ndarray:
+            return np.array(pin.rnea(loaded.model, loaded.model.createData(), q, v, a))
+
+        def freedoms(self, q: np.ndarray) -> int:
+            return 1
+
+        def call(self, *state: np.ndarray) -> Callable[[], object]:
+            return lambda: None
+
+        def run(self, q: np.ndarray, seconds: float) -> list[np.ndarray]:
+            raise ValueError("the integrator failed")
+
+    states = draw_states(loaded, 2, 0)
+    verdict = judge(loaded, Pretending(), states, ("other", "1"), 1e-6, states[0].q)
+    assert verdict.named("ignored") == ["pin", "roll"]
+    assert verdict.drift == np.inf
+    assert not verdict.agrees(1, 1.0)
+
+
+def test_states_are_closed(two_bars: Path) -> None:
+    loaded = hybridyn.load(two_bars)
+    for state in draw_states(loaded, 3, 1):
+        assert float(hybridyn.closure_residual(loaded, state.q)) < 1e-10
+        assert max(apart(loaded, state.q, state.v, state.a)) < 1e-9 * np.abs(state.a).max()
+        assert np.abs(state.tau).max() > 0
+
+
+@pytest.mark.slow
+def test_mujoco_softens_what_it_holds(tmp_path: Path) -> None:
+    needs("mjcf")
+    path = tmp_path / "five_bar.xml"
+    path.write_text(FIVE_BAR)
+    found = compare(hybridyn.load(path), ["mujoco"], samples=2)
+    (verdict,) = found.verdicts[1:]
+    assert verdict.way == "its MJCF reader"
+    assert verdict.freedoms == 2
+    assert verdict.named("softened") == ["tip"]
+    assert verdict.effort is not None
+    assert verdict.effort < EXACT
+    assert verdict.drift is not None
+    assert 0 < verdict.drift < 0.1
+    assert found.ignored == {}
+    assert found.different == ["mujoco, its MJCF reader"]
+
+
+@pytest.mark.slow
+def test_mujoco_by_way_of_convert(two_bars: Path) -> None:
+    needs("mjcf")
+    found = compare(hybridyn.load(two_bars), ["mujoco"], samples=2)
+    read, converted = found.verdicts[1:]
+    assert read.named("ignored") == ["pin"]  # MuJoCo reads <mimic>
+    assert converted.freedoms == 1
+    assert converted.named("ignored") == []
+    assert converted.effort is not None
+    assert converted.effort < EXACT
+
+
+def test_drake_ignores_and_holds(tmp_path: Path) -> None:
+    needs("drake", "pydrake")
+    plain = "<transmission name='t'><type>T</type><joint name='drive'/><actuator name='m'/></transmission>"
+    found = compare(hybridyn.load(save(tmp_path, robot(BALL, plain))), ["drake"], samples=2, drift=False)
+    assert [verdict.named("ignored") for verdict in found.verdicts[1:]] == [["pin"], ["pin"]]
+    ball = (
+        '<drake:ball_constraint><drake:ball_constraint_body_A name="coupler"/>'
+        '<drake:ball_constraint_body_B name="rocker"/><drake:ball_constraint_p_AP value="1.5 0 0"/>'
+        '<drake:ball_constraint_p_BQ value="1 0 0"/></drake:ball_constraint>'
+    )
+    found = compare(hybridyn.load(save(tmp_path, robot(ball, plain))), ["drake"], samples=2, drift=False)
+    continuous, discrete = found.verdicts[1:]
+    assert continuous.refusal or continuous.named("ignored") == ["ball_constraint1"]
+    assert discrete.named("softened") == ["ball_constraint1"]
+
+
+def test_trees_have_no_closure_to_ignore(tmp_path: Path) -> None:
+    found = compare(hybridyn.load(save(tmp_path, door(1))), ["pinocchio"], samples=2)
+    assert found.different == []
+    assert found.closures == ()
+    assert all(verdict.drift is not None and verdict.drift == 0 for verdict in found.verdicts)
+
+
+def test_absent_engines_are_named(two_bars: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "find_spec", lambda name: None if name == "mujoco" else util.find_spec(name))
+    found = compare(hybridyn.load(two_bars), ["mujoco", "newton"], samples=1, drift=False)
+    assert [name for name, _ in found.skipped] == ["mujoco", "newton"]
+    assert "is not installed" in found.skipped[0][1]
+    with pytest.raises(ModelError, match=r"no engine 'mujco' \(did you mean 'mujoco'"):
+        compare(hybridyn.load(two_bars), ["mujco"])
+
+
+def test_command(two_bars: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    words = ["compare", str(two_bars), "--with", "pinocchio", "--samples", "1", "--no-drift"]
+    page = tmp_path / "page.md"
+    assert main([*words, "-o", str(page)]) == 1
+    shown = capsys.readouterr().out
+    assert "pinocchio, its URDF reader: ignores 'pin', 'roll'" in shown
+    assert "4 (!)" in shown
+    assert "| its URDF reader | 4 (!) | 2 ignored |" in page.read_text()
+    assert main([*words, "--json", "--fail-on", "never"]) == 0
+    facts = json.loads(capsys.readouterr().out)
+    assert facts["ignored"]["pinocchio, rigid constraints"] == ["roll"]
+    assert main([*words, "-o", str(tmp_path / "page.pdf")]) == 1
+    assert "it is written as .md or .html" in capsys.readouterr().err
+    assert main([*words[:3], "bullet"]) == 2
+    assert "there is no engine 'bullet'" in capsys.readouterr().err
+
+
+def test_states_of_a_trajectory(two_bars: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    table = tmp_path / "motion.csv"
+    table.write_text("time,drive/position\n" + "".join(f"{t / 10},{0.1 + t / 50}\n" for t in range(8)))
+    words = ["compare", str(two_bars), str(table), "--with", "pinocchio", "--samples", "2", "--no-drift"]
+    assert main(words) == 1
+    assert "2 closed states" in capsys.readouterr().out
+
+
+def test_pages(two_bars: Path, tmp_path: Path) -> None:
+    found = compare(hybridyn.load(two_bars), ["pinocchio", "newton"], samples=1, drift=False)
+    text, page = as_markdown(found), as_html(found)
+    for part in ("ignores", "newton", "rigid constraints", "held"):
+        assert part in text
+        assert part in page
+    write_page(found, str(tmp_path / "page.html"))
+    assert (tmp_path / "page.html").read_text() == page
+    with pytest.raises(ModelError, match="its folder does not exist"):
+        write_page(found, str(tmp_path / "nowhere" / "page.html"))
