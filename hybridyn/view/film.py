@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import errno
 from collections.abc import Iterator
 
 import numpy as np
@@ -101,6 +103,7 @@ def save_mp4(frames: Iterator[Image], size: tuple[int, int], file: str) -> int:
 
     Raises:
         TrajectoryError: imageio-ffmpeg is not installed.
+        OSError: ffmpeg ended before the film was complete, as on a full disk.
     """
     try:
         import imageio_ffmpeg
@@ -111,11 +114,20 @@ def save_mp4(frames: Iterator[Image], size: tuple[int, int], file: str) -> int:
         file, size, fps=RATE, quality=QUALITY, macro_block_size=2, ffmpeg_log_level="error"
     )
     writer.send(None)
-    count = 0
+    count, kept = 0, -1
     try:
         for frame in frames:
-            writer.send(np.ascontiguousarray(frame))
+            try:
+                writer.send(np.ascontiguousarray(frame))
+            except OSError:  # ffmpeg has ended; its message names neither the file nor the reason
+                break
             count += 1
+        else:
+            writer.close()
+            with contextlib.suppress(RuntimeError):  # not a film
+                kept = imageio_ffmpeg.count_frames_and_secs(file)[0]
     finally:
         writer.close()
+    if kept != count:
+        raise OSError(errno.EIO, "the film is not complete; is the disk full?", file)
     return count

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import subprocess
 import sys
 from functools import lru_cache
 from pathlib import Path
@@ -321,6 +322,21 @@ def test_the_command_writes_a_film(tmp_path: Path, capsys: pytest.CaptureFixture
     times = np.loadtxt(table, delimiter=",", skiprows=1, usecols=0)
     assert seconds == pytest.approx(np.ptp(times), abs=0.1)
     assert frames == pytest.approx(25 * np.ptp(times), abs=2)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("frames", [2, 200])  # ffmpeg ends after the last of few, and among many
+def test_a_film_that_is_cut_short_is_an_error(frames: int, tmp_path: Path) -> None:
+    """Files of 2,000 bytes at most stand for a full disk."""
+    needs("view", "imageio_ffmpeg")
+    program = (
+        "import resource, sys, numpy; from hybridyn.view.film import save_mp4\n"
+        "resource.setrlimit(resource.RLIMIT_FSIZE, (2000, 2000))\n"
+        "noise = numpy.random.default_rng(0).integers(0, 255, (120, 160, 3), dtype=numpy.uint8)\n"
+        f"save_mp4(iter({frames} * [noise]), (160, 120), 'film.mp4')"
+    )
+    done = subprocess.run([sys.executable, "-B", "-c", program], cwd=tmp_path, capture_output=True, text=True)
+    assert done.stderr.endswith("the film is not complete; is the disk full?: 'film.mp4'\n")
 
 
 @pytest.mark.parametrize(
