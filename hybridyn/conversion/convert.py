@@ -15,8 +15,10 @@ from ..description.shipped import find_robot
 from ..description.side_cars.companions import find_model_file, own_model_file
 from ..description.writing import write_text
 from ..errors import ModelError
+from .losses import Losses
 from .model_file import HEAD
 from .request import TIGHTNESS, Request, Written
+from .shapes import read_shapes
 from .writers import writer_of
 
 if TYPE_CHECKING:
@@ -83,7 +85,10 @@ def convert(
         description = _as_loaded(robot)
         if description.source is not None:
             _refuse_input(target, description.source)
-    return _write(description, target, writer(Request(description, target, tightness=tightness)))
+    losses = Losses()
+    shapes = read_shapes(description, target, xacro_args or {}, package_dirs, losses)
+    written = writer(Request(description, target, shapes, tightness))
+    return _write(description, target, replace(written, losses=(*written.losses, *losses.lines())))
 
 
 def _as_loaded(robot: HybridRobot) -> Description:

@@ -26,7 +26,8 @@ class Shape:
             centred on it.
         size: Of a box its three edges, of a cylinder radius and length, of a sphere the radius [m]; of a mesh
             its scale along x, y and z.
-        file: Path or address of a mesh as its author wrote it; "" for other kinds.
+        file: Address of a mesh (`package://...`) as its author wrote it, or its path from the folder of the
+            file to be written; "" for other kinds.
         path: The mesh on this machine, or None if it was not found.
         colour: Red, green, blue and opacity from 0 to 1, or None.
     """

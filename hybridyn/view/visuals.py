@@ -16,8 +16,8 @@ from typing import Any
 
 import numpy as np
 
+from ..description.urdf.shape_files import MeshFiles, MissingMeshError, urdf_root
 from ..spatial import Array, Index
-from .shape_files import MeshFiles, MissingMeshError, urdf_root
 
 #: Sides of a cylinder.
 ROUND = 24

@@ -18,6 +18,7 @@ from .followers import follower_of
 from .forces import SAID, add_forces, add_motors
 from .inertias import inertias_of
 from .softness import acceleration, add_softness, softness
+from .visuals import add_visuals
 
 #: Gravity of a robot whose file states none [m/s^2].
 USUAL_GRAVITY = (0.0, 0.0, -9.81)
@@ -38,6 +39,7 @@ def write_mjcf(request: Request) -> Written:
     if d.closures or d.couplings:
         add_softness(root, option, chosen)
     tree = _add_robot(root, d, losses)
+    add_visuals(root, request, tree, losses)
     add_motors(root, d, losses)
     if tree.qpos:
         keyframe = ET.SubElement(root, "keyframe")

@@ -19,6 +19,7 @@ from ..numerals import angles_of, numeral, numerals
 from ..request import Request, Written
 from .closures import add_closure
 from .couplings import add_couplings
+from .visuals import add_visual
 
 #: Gravity of a robot whose file states none [m/s^2].
 USUAL_GRAVITY = (0.0, 0.0, -9.81)
@@ -34,7 +35,10 @@ def write_urdf(request: Request) -> Written:
     losses = Losses()
     root = ET.Element("robot", name=d.name)
     for link in d.links:
-        _add_link(root, link)
+        element = _add_link(root, link)
+        for shape in request.shapes:
+            if shape.link == link.name:
+                add_visual(element, shape)
     elements = {joint.name: _add_joint(root, joint) for joint in d.joints}
     for closure in d.closures:
         add_closure(root, closure, losses)
@@ -55,10 +59,10 @@ def add_origin(element: ET.Element, placement: Array) -> None:
         ET.SubElement(element, "origin", xyz=numerals(placement[:3, 3]), rpy=numerals(angles))
 
 
-def _add_link(root: ET.Element, link: Link) -> None:
+def _add_link(root: ET.Element, link: Link) -> ET.Element:
     element = ET.SubElement(root, "link", name=link.name)
     if not link.mass and not link.inertia.any():
-        return
+        return element
     inertial = ET.SubElement(element, "inertial")
     if link.com.any():
         ET.SubElement(inertial, "origin", xyz=numerals(link.com))
@@ -68,6 +72,7 @@ def _add_link(root: ET.Element, link: Link) -> None:
     ET.SubElement(
         inertial, "inertia", {word: numeral(moment) for word, moment in zip(words, moments, strict=True)}
     )
+    return element
 
 
 def _add_joint(root: ET.Element, joint: Joint) -> ET.Element:

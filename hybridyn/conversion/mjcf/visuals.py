@@ -1,0 +1,71 @@
+"""Write visual shapes as geoms that touch nothing and weigh nothing."""
+
+from __future__ import annotations
+
+import os
+from xml.etree import ElementTree as ET
+
+from ..losses import Losses
+from ..numerals import numerals
+from ..request import Request, Shape
+from .bodies import Tree, pose
+
+#: Endings of the meshes that MuJoCo reads.
+MESHES = (".stl", ".obj", ".msh")
+
+
+def add_visuals(root: ET.Element, request: Request, tree: Tree, losses: Losses) -> None:
+    """Add the shapes of a robot.
+
+    Args:
+        root: The root element, which receives `<asset>`.
+        request: The robot.
+        tree: The bodies.
+        losses: Receives the shapes that MuJoCo cannot read.
+    """
+    assets: dict[tuple[str, tuple[float, ...]], str] = {}
+    for shape in request.shapes:
+        body = tree.bodies.get(shape.link)
+        if body is None:
+            losses.add("visual shapes of massless links that have no body", shape.link)
+            continue
+        attributes = {"type": shape.kind, "group": "2", "contype": "0", "conaffinity": "0", "mass": "0"}
+        if shape.kind == "mesh":
+            if not (name := _asset(assets, shape, request, losses)):
+                continue
+            attributes["mesh"] = name
+        elif any(size <= 0 for size in shape.size):
+            losses.add("visual shapes without extent", shape.link)
+            continue
+        else:
+            attributes["size"] = numerals(_size(shape))
+        if shape.colour is not None:
+            attributes["rgba"] = numerals(shape.colour)
+        ET.SubElement(body, "geom", attributes | pose(shape.placement))
+    if assets:
+        asset = ET.SubElement(root, "asset")
+        for (file, scale), name in assets.items():
+            element = ET.SubElement(asset, "mesh", name=name, file=file, inertia="shell")
+            if any(factor != 1 for factor in scale):
+                element.set("scale", numerals(scale))
+
+
+def _size(shape: Shape) -> tuple[float, ...]:
+    """Return MuJoCo's sizes: half edges, radius and half length."""
+    if shape.kind == "box":
+        return tuple(edge / 2 for edge in shape.size)
+    return (shape.size[0], *(length / 2 for length in shape.size[1:]))
+
+
+def _asset(
+    assets: dict[tuple[str, tuple[float, ...]], str], shape: Shape, request: Request, losses: Losses
+) -> str:
+    """Return the name of a mesh, "" if MuJoCo cannot read it."""
+    if shape.path is None:
+        losses.add("meshes that were not found", shape.file)
+        return ""
+    if shape.path.suffix.lower() not in MESHES:
+        losses.add(f"meshes that MuJoCo does not read ({', '.join(MESHES)})", shape.file)
+        return ""
+    file = os.path.relpath(shape.path.resolve(), request.target.resolve().parent)
+    return assets.setdefault((file, shape.size), f"{shape.path.stem}_{len(assets)}")
