@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from ..description import Description, read
 from ..description.records import StatedBase
 from ..description.shipped import find_robot
-from ..description.side_cars.companions import find_model_file, own_model_file
+from ..description.side_cars.companions import find_model_file, find_side_car
 from ..description.writing import write_text
 from ..errors import ModelError
 from .losses import Losses
@@ -26,6 +26,10 @@ if TYPE_CHECKING:
 
 #: Ending of the model file.
 MODEL = ".model.toml"
+#: Ending of the side-car of a URDF.
+SIDE_CAR = ".yaml"
+#: Content of a side-car that says nothing.
+NO_SIDE_CAR = "joint_name: []\njoint_type: []\n"
 
 
 @dataclass(frozen=True)
@@ -54,7 +58,7 @@ def convert(
     """Write a robot in the format that the ending of a file names: URDF, MJCF (`.xml`), SDF, USD (`.usda`).
 
     Tree, closures, inertias, limits, motors, effects and home are written as far as the format can say them;
-    what it cannot is listed. A `model.toml` beside the file holds what only hybridyn reads.
+    what it cannot is listed. A `robot.xml.model.toml` beside `robot.xml` holds what only hybridyn reads.
 
     Args:
         robot: A robot, with its own base and gravity; or a file of any format that `load` reads; or the name
@@ -88,7 +92,7 @@ def convert(
     losses = Losses()
     shapes = read_shapes(description, target, xacro_args or {}, package_dirs, losses)
     written = writer(Request(description, target, shapes, tightness))
-    return _write(description, target, replace(written, losses=(*written.losses, *losses.lines())))
+    return _write(target, replace(written, losses=(*written.losses, *losses.lines())))
 
 
 def _as_loaded(robot: HybridRobot) -> Description:
@@ -120,38 +124,47 @@ def _refuse_input(target: Path, source: str) -> None:
         raise ModelError("is the robot's own file; write to another one", file=str(target))
 
 
-def _write(description: Description, target: Path, written: Written) -> Conversion:
+def _write(target: Path, written: Written) -> Conversion:
     """Write the files; one that convert did not write stays as it is.
 
     Raises:
         ModelError: A file beside the target has to be written, but another program wrote it.
     """
-    model = own_model_file(str(target))
-    stem = model.name.removesuffix(".model.toml")
-    own = find_model_file(description.source) if description.source else None
-    notes = list(written.notes)
-    beside: dict[Path, str] = {}
-    for ending in (MODEL, *(key for key in written.beside if key != MODEL)):
-        file, text = target.with_name(stem + ending), written.beside.get(ending, "")
-        if not file.exists() or file.read_text(encoding="utf-8", errors="replace").startswith(HEAD):
-            beside[file] = text
-        elif own is not None and own.exists() and os.path.samefile(file, own):
-            notes.append(
-                f"{file} belongs to the robot that was converted, and is read with {target.name}, too"
-            )
-        elif text:
+    texts = {MODEL: "", SIDE_CAR: ""} | dict(written.beside)
+    files = {ending: file_beside(target, ending) for ending in texts}
+    if not texts[MODEL] and find_model_file(str(target)) not in (None, files[MODEL]):
+        texts[MODEL] = HEAD  # or the other file would be read with the target
+    other = find_side_car(str(target)) if target.suffix == ".urdf" else None
+    if other not in (None, files[SIDE_CAR]):
+        texts[SIDE_CAR] = texts[SIDE_CAR] or HEAD + NO_SIDE_CAR
+    for ending, file in files.items():
+        if file.exists() and not _is_own(file) and (texts[ending] or file == other):
             raise ModelError(
-                f"has to be written with {target.name}, but exists and is not from convert; move it away, "
-                "or write to another name",
+                f"is read with {target.name}, but exists and is not from convert; move it away, or write to "
+                "another name",
                 file=str(file),
             )
-        else:
-            notes.append(f"{file} is read with {target.name}, and ranks above it")
     write_text(target, written.text)
-    for file, text in beside.items():
-        if text:
-            write_text(file, text)
-        else:
-            file.unlink(missing_ok=True)  # of an earlier conversion
-    files = (target, *(file for file, text in beside.items() if text))
-    return Conversion(files, written.losses, tuple(notes))
+    for ending, file in files.items():
+        if texts[ending]:
+            write_text(file, texts[ending])
+        elif file.exists() and _is_own(file):
+            file.unlink()  # of an earlier conversion
+    beside = (file for ending, file in files.items() if texts[ending])
+    return Conversion((target, *beside), written.losses, written.notes)
+
+
+def file_beside(target: Path, ending: str) -> Path:
+    """Return the path of a file that is read with a robot's file.
+
+    Args:
+        target: The robot's file.
+        ending: ".model.toml" or ".yaml".
+    """
+    return target.with_name(target.name + ending) if ending == MODEL else target.with_suffix(ending)
+
+
+def _is_own(file: Path) -> bool:
+    """Say whether convert wrote a file."""
+    with open(file, encoding="utf-8", errors="replace") as text:
+        return text.readline() == HEAD

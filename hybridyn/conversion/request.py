@@ -67,8 +67,8 @@ class Written:
         losses: What the format cannot say, one line each, with the names of joints, links and closures. What
             hybridyn reads back from the files beside is not lost.
         notes: Remarks for the user that are no losses.
-        beside: Content of the files beside it that hybridyn also reads, by their ending after the stem:
-            ".model.toml" (see `model_file`), ".yaml".
+        beside: Content of the files beside it that hybridyn also reads, by their ending: ".model.toml" after
+            the file's name (see `model_file`), ".yaml" in place of its ending.
     """
 
     text: str

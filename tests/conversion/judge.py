@@ -18,7 +18,7 @@ import pinocchio as pin
 
 from hybridyn import HybridRobot, assemble, ddm, idm
 from hybridyn.assembly.residual import closure_residual
-from hybridyn.conversion.convert import MODEL
+from hybridyn.conversion.convert import MODEL, file_beside
 from hybridyn.conversion.request import Request, Written
 from hybridyn.conversion.writers import writer_of
 from hybridyn.description import Closure, Description, read
@@ -66,7 +66,7 @@ def written(description: Description, target: Path) -> Written:
     out = writer_of(target)(Request(description, target))
     target.write_text(out.text)
     for ending, text in out.beside.items():
-        target.with_name(target.stem + ending).write_text(text)
+        file_beside(target, ending).write_text(text)
     assert set(out.beside) <= {MODEL, ".yaml"}
     return out
 

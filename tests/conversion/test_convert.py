@@ -81,26 +81,34 @@ def test_model_files_of_others_stay(tmp_path: Path) -> None:
     file, out = save(tmp_path, FOUR_BAR), tmp_path / "other.urdf"
     save(tmp_path, "[home]\ndrive = 0.5\n", "four_bar.model.toml")
     (beside,) = convert(file, out).files[1:]
-    assert beside.name == "other.model.toml"
+    assert beside.name == "other.urdf.model.toml"
     assert convert(file, out).files[1:] == (beside,)  # its own are replaced
     (tmp_path / "four_bar.model.toml").unlink()
     assert convert(file, out).files == (out,)
     assert not beside.exists()  # and removed, since they would be read with the new robot
     beside.write_text("[home]\ndrive = 1\n")
-    assert "ranks above it" in convert(file, out).notes[-1]
+    assert convert(file, out).files == (out,)
     save(tmp_path, "[home]\ndrive = 0.5\n", "four_bar.model.toml")
     with pytest.raises(ModelError, match="is not from convert"):
         convert(file, out)
     assert beside.read_text() == "[home]\ndrive = 1\n"
 
 
-def test_the_same_model_file_serves_two_formats(tmp_path: Path) -> None:
-    file = save(tmp_path, FOUR_BAR, "four_bar.urdf.xacro")
-    model = save(tmp_path, "[home]\ndrive = 0.5\n", "four_bar.model.toml")
-    done = convert(file, tmp_path / "four_bar.urdf")
-    assert done.files == (tmp_path / "four_bar.urdf",)
-    assert "belongs to the robot that was converted" in done.notes[-1]
-    assert model.read_text() == "[home]\ndrive = 0.5\n"
+def test_files_for_other_robots_are_not_read(tmp_path: Path) -> None:
+    file, out = save(tmp_path / "here", FOUR_BAR), tmp_path / "robot.urdf"
+    save(tmp_path, "[home]\ndrive = 0.5\n", "robot.model.toml")
+    save(tmp_path, "joint_name: [drive]\njoint_type: [SPHERICAL]\n", "robot.yaml")
+    with pytest.raises(ModelError, match=r"robot.yaml: .* is not from convert"):
+        convert(file, out)
+    done = convert(file, tmp_path / "robot2.urdf")
+    assert [path.name for path in done.files] == ["robot2.urdf", "robot2.yaml"]
+    assert {joint.kind for joint in hybridyn.load(done.files[0]).description.joints} == {
+        "continuous",
+        "revolute",
+    }
+    (tmp_path / "robot.yaml").unlink()
+    assert [path.name for path in convert(file, out).files] == ["robot.urdf", "robot.urdf.model.toml"]
+    assert hybridyn.load(out).description.home == {}
 
 
 @pytest.mark.parametrize("tightness", [0.0, -1.0, float("nan"), float("inf")])

@@ -55,7 +55,7 @@ def write_mjcf(request: Request) -> Written:
         notes.append(tight)
         root.insert(0, ET.Comment(f" {tight} "))
     if beside:
-        notes.append(f"MuJoCo does not see these effects, which the .model.toml holds: {', '.join(beside)}")
+        notes.append(f"MuJoCo does not see these effects, which the model.toml holds: {', '.join(beside)}")
     model = model_file(d, motors=not d.motors, effects=beside)
     text = ET.tostring(root, encoding="unicode") + "\n"
     return Written(text, losses.lines(), tuple(notes), {".model.toml": model} if model else {})

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from pathlib import Path
 from xml.etree import ElementTree as ET
 
 from ..losses import Losses
@@ -12,6 +13,8 @@ from .bodies import Tree, pose
 
 #: Endings of the meshes that MuJoCo reads.
 MESHES = (".stl", ".obj", ".msh")
+#: Most triangles of an STL file that MuJoCo reads.
+MOST_FACES = 200_000
 
 
 def add_visuals(root: ET.Element, request: Request, tree: Tree, losses: Losses) -> None:
@@ -64,8 +67,21 @@ def _asset(
     if shape.path is None:
         losses.add("meshes that were not found", shape.file)
         return ""
-    if shape.path.suffix.lower() not in MESHES:
-        losses.add(f"meshes that MuJoCo does not read ({', '.join(MESHES)})", shape.file)
+    if not _is_readable(shape.path):
+        losses.add(
+            f"meshes that MuJoCo does not read (it takes {', '.join(MESHES)}; STL in binary)", shape.file
+        )
         return ""
     file = os.path.relpath(shape.path.resolve(), request.target.resolve().parent)
     return assets.setdefault((file, shape.size), f"{shape.path.stem}_{len(assets)}")
+
+
+def _is_readable(file: Path) -> bool:
+    """Say whether MuJoCo reads a mesh, as far as its ending and the head of an STL file tell."""
+    ending = file.suffix.lower()
+    if ending != ".stl":
+        return ending in MESHES
+    with open(file, "rb") as content:
+        head = content.read(84)
+    faces = int.from_bytes(head[80:84], "little")
+    return 0 < faces <= MOST_FACES and file.stat().st_size == 84 + 50 * faces

@@ -24,14 +24,15 @@ def find_submechanisms(file: str) -> Path | None:
 def find_model_file(file: str) -> Path | None:
     """Return the path of the model file that belongs to a robot file, or None.
 
-    It is `X.model.toml` beside `X.urdf`; else `models/X/model.toml` for `urdf/X.urdf`, and
-    `models/group/X/model.toml` for `urdf/group/X.urdf`.
+    It is `X.urdf.model.toml` beside `X.urdf`, as `hybridyn convert` writes it, or `X.model.toml`; else
+    `models/X/model.toml` for `urdf/X.urdf`, and `models/group/X/model.toml` for `urdf/group/X.urdf`.
     """
     path = Path(file)
     beside = own_model_file(file)
     name = beside.name.removesuffix(".model.toml")
     group = path.absolute().parent.name
     candidates = [
+        path.with_name(f"{path.name}.model.toml"),
         beside,
         path.parent / ".." / "models" / name / "model.toml",
         path.parent / ".." / ".." / "models" / group / name / "model.toml",
