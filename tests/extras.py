@@ -12,8 +12,8 @@ import pytest
 
 #: A module of each extra by which it is known to be installed.
 MODULES = {
-    "io": "polars", "mjcf": "mujoco", "usd": "pxr", "view": "viser", "bench": "mujoco", "docs": "sphinx",
-    "plot": "matplotlib", "compiled": "casadi", "sweep": "joblib", "dask": "distributed",
+    "io": "polars", "mjcf": "mujoco", "sdf": "rod", "usd": "pxr", "view": "viser", "bench": "mujoco",
+    "docs": "sphinx", "plot": "matplotlib", "compiled": "casadi", "sweep": "joblib", "dask": "distributed",
 }  # fmt: skip
 
 

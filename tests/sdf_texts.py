@@ -169,6 +169,8 @@ def _sdf_joint(name, kind, parent, links, shifts, axis, numbers, minor, draw) ->
         )
         for text in _numbers(kind, numbers)
     )
+    if minor >= 5:
+        dynamics += "<spring_reference>0</spring_reference><spring_stiffness>0</spring_stiffness>"
     about = (
         f"<axis>{about}<limit>{limit}</limit><dynamics>{dynamics}</dynamics></axis>"
         if kind != "fixed"

@@ -8,7 +8,7 @@ import numpy as np
 
 from ...description.records import Array, Joint
 from ..losses import Losses
-from ..numerals import numeral, numerals, quaternion_of
+from ..numerals import angles_of, numeral, numerals
 from .posture import Posture
 
 #: Types of joints in SDF.
@@ -22,7 +22,7 @@ SLIDES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0)}
 
 
 def add_pose(element: ET.Element, placement: Array, tag: str = "pose", **attributes: str) -> None:
-    """Add a pose as position and quaternion, unless it is the identity and relative to nothing named.
+    """Add a pose as position, roll, pitch and yaw, unless it is the identity and relative to nothing named.
 
     Args:
         element: The element that receives it.
@@ -30,14 +30,10 @@ def add_pose(element: ET.Element, placement: Array, tag: str = "pose", **attribu
         tag: Name of the pose's element.
         attributes: Attributes of the pose's element.
     """
-    level = np.array_equal(placement[:3, :3], np.eye(3))
-    if level and not placement[:3, 3].any() and not attributes:
+    if np.array_equal(placement, np.eye(4)) and not attributes:
         return
-    angles = numerals(np.zeros(3) if level else quaternion_of(placement[:3, :3]))
-    pose = ET.SubElement(
-        element, tag, attributes if level else {**attributes, "rotation_format": "quat_xyzw"}
-    )
-    pose.text = f"{numerals(placement[:3, 3])} {angles}"
+    pose = ET.SubElement(element, tag, attributes)
+    pose.text = f"{numerals(placement[:3, 3])} {numerals(angles_of(placement[:3, :3]))}"
 
 
 def add_number(element: ET.Element, tag: str, value: float) -> None:
