@@ -43,9 +43,10 @@ def write_usd(request: Request) -> Written:
         weld = held.child("PhysicsFixedJoint", "root_joint")
         weld.apply("PhysicsArticulationRootAPI")
         add_ends(weld, (None, bodies[d.root]), (np.eye(4), np.eye(4)))
+    motors = {*d.motors}
     joints = {
         joint.name: add_joint(
-            held, joint, (bodies[joint.parent], bodies[joint.child]), joint.name in d.motors,
+            held, joint, (bodies[joint.parent], bodies[joint.child]), joint.name in motors,
             d.home.get(joint.name),
         )
         for joint in d.joints
@@ -53,7 +54,8 @@ def write_usd(request: Request) -> Written:
     closing = robot.child("Scope", "closures") if d.closures else robot
     for closure in d.closures:
         add_closure(closing, closure, (bodies[closure.link_a], bodies[closure.link_b]), losses)
-    left = [coupling for coupling in d.couplings if not _add_mimic(coupling, d, joints)]
+    by_name = {joint.name: joint for joint in d.joints}
+    left = [coupling for coupling in d.couplings if not _add_mimic(coupling, by_name, joints)]
     _add_scene(top, d)
     _add_losses(d, losses)
     model = _model_file(d, left)
@@ -76,12 +78,12 @@ def _text(robot: Prim, top: Prim) -> str:
     return "\n".join(head) + "\n"
 
 
-def _add_mimic(coupling: Coupling, d: Description, joints: dict[str, Prim]) -> bool:
+def _add_mimic(coupling: Coupling, by_name: dict[str, Joint], joints: dict[str, Prim]) -> bool:
     """Add a coupling of two joints as a mimic joint of PhysX; return False if it is none."""
     follower = coupling.terms[0][0]
     if len(coupling.terms) != 2 or coupling.name != follower or not coupling.terms[0][1]:
         return False
-    own, leader = (_joint(d, name) for name, _ in coupling.terms)
+    own, leader = (by_name[name] for name, _ in coupling.terms)
     prim, axis = joints[follower], f"rot{axis_of(own.axis)[0]}"
     if f"PhysxMimicJointAPI:{axis}" in prim.schemas:
         return False
@@ -94,10 +96,6 @@ def _add_mimic(coupling: Coupling, d: Description, joints: dict[str, Prim]) -> b
     if offset:
         prim.single("float", f"physxMimicJoint:{axis}:offset", offset)
     return True
-
-
-def _joint(d: Description, name: str) -> Joint:
-    return next(joint for joint in d.joints if joint.name == name)
 
 
 def _unit(joint: Joint) -> float:
@@ -115,7 +113,8 @@ def _add_scene(top: Prim, d: Description) -> None:
 
 def _model_file(d: Description, couplings: list[Coupling]) -> str:
     """Return the model file: effects, other couplings, gears, and motors that drives do not state."""
-    driven = [joint.name for joint in d.joints if joint.name in d.motors and joint.effort != 0]
+    motors = {*d.motors}
+    driven = [joint.name for joint in d.joints if joint.name in motors and joint.effort != 0]
     numbers = {joint.name: _numbers(joint) for joint in d.joints if FREEDOMS[joint.kind]}
     return model_file(
         d,

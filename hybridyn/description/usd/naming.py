@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable
 
 from ..mjcf.naming import unique
@@ -26,20 +27,14 @@ def names_of(prims: Iterable[Prim], taken: set[str]) -> dict[str, str]:
             out[prim.path] = unique(own, taken)
             taken.add(out[prim.path])
             del waiting[prim.path]
-    for path, parts in waiting.items():
-        wanted = next(
-            (
-                name
-                for length in range(1, len(parts) + 1)
-                if _is_alone(name := "_".join(parts[-length:]), length, waiting)
-            ),
-            "_".join(parts),
-        )
-        out[path] = unique(wanted, taken)
-        taken.add(out[path])
+    length = 0
+    while waiting:
+        length += 1
+        wanted = {path: "_".join(parts[-length:]) for path, parts in waiting.items()}
+        counts = Counter(wanted.values())
+        for path, name in wanted.items():
+            if counts[name] == 1 or length >= len(waiting[path]):
+                out[path] = unique(name, taken)
+                taken.add(out[path])
+                del waiting[path]
     return out
-
-
-def _is_alone(name: str, length: int, waiting: dict[str, list[str]]) -> bool:
-    """Return whether only one path ends in a name of so many parts."""
-    return sum("_".join(parts[-length:]) == name for parts in waiting.values()) == 1

@@ -26,14 +26,14 @@ from .stage import Stage
 #: Memory that a file may take [bytes].
 MEMORY = 4 * 2**30
 
-#: Processor time that a file may take [s].
-SECONDS = 60
+#: Processor time that a file may take [s]; a robot of 10,000 links takes 10 s.
+SECONDS = 120
 
 #: Time after which the child is killed [s]; it is longer, because the child may wait for a processor.
-PATIENCE = 4 * SECONDS
+PATIENCE = 2 * SECONDS
 
 #: Most prims of a file.
-MOST_PRIMS = 200_000
+MOST_PRIMS = 100_000
 
 #: Longest reply [bytes].
 LARGEST_REPLY = 512 * 2**20
@@ -92,6 +92,9 @@ def _asked(file: str, request: dict[str, Any]) -> dict[str, Any]:
                 server.close()  # it has ended because nothing came for a while, or was killed
                 if last or server.late:
                     raise ModelError(_reason(-signal.SIGKILL), file=file) from None
+            except BaseException:
+                server.close()  # interrupted: its answer must not be taken for that of the next file
+                raise
     if header["status"] or not text:
         raise ModelError(_reason(header["status"]), file=file)
     answer: dict[str, Any] = json.loads(text)
@@ -180,7 +183,7 @@ def _server(file: str) -> _Server:
             return server
     for server in _RUNNING:
         server.close()
-    _RUNNING[:] = [_Server(file)]
+    _RUNNING[:] = [_Server(file), *(server for server in _RUNNING if server.pid != os.getpid())]
     return _RUNNING[0]
 
 
