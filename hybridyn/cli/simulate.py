@@ -206,7 +206,7 @@ def _earlier(ready: Stage, run: str, scene: str) -> str:
 
 
 def _check_targets(ready: Stage, targets: Iterable[str | None]) -> None:
-    """Check that no file is written that the scene reads, and none twice."""
+    """Check that no file is written that the scene reads, none twice, and no state file through a link."""
     from ..scenes.stage import files_of
 
     read = {os.path.realpath(path) for path in files_of(ready.source)}
@@ -215,6 +215,10 @@ def _check_targets(ready: Stage, targets: Iterable[str | None]) -> None:
         if target is None or target == "-":
             continue
         place = os.path.realpath(target)
+        if target.endswith(".state") and os.path.islink(target):  # a scene's folder may have come with it
+            raise click.UsageError(
+                f"'{target}' is a link, and the file behind it would be replaced: remove the link"
+            )
         if place in read | taken:
             reason = "is read, and would be replaced" if place in read else "is written already"
             raise click.UsageError(f"'{target}' {reason}")

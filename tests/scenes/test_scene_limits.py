@@ -236,6 +236,18 @@ def test_a_scene_replaces_nothing_outside_its_folder(run, tmp_path: Path, name: 
     assert mine.read_text() == "precious"
 
 
+def test_a_state_file_is_not_written_through_a_link(run, tmp_path: Path) -> None:
+    inner, mine = tmp_path / "inner", tmp_path / "mine"
+    inner.mkdir()
+    mine.write_text("precious")
+    (inner / "run.csv.state").symlink_to(mine)
+    said = run("simulate", written(inner, '[output]\nfile = "run.csv"\n'))
+    assert said.status == 2
+    assert "run.csv.state' is a link" in said.err
+    assert mine.read_text() == "precious"
+    assert not (inner / "run.csv").exists()
+
+
 # ---------------------------------------------------------------- full disks
 
 
