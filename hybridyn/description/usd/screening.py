@@ -26,6 +26,7 @@ SCHEMAS = {
     "PhysxRigidBodyAPI", "PhysxArticulationAPI", "PhysxJointAPI", "PhysxJointAxisAPI", "PhysxLimitAPI",
     "PhysxMimicJointAPI", "NewtonMimicAPI", "NewtonArticulationRootAPI", "NewtonMassAPI", "NewtonJointAPI",
     "NewtonSiteAPI", "MjcJointAPI", "MjcSiteAPI", "MjcImageableAPI", "PhysxPhysicsDistanceJointAPI",
+    "PhysxDrivePerformanceEnvelopeAPI",
 }  # fmt: skip
 
 #: Parts of the names of schemas that concern contacts and solvers.
