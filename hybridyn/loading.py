@@ -36,13 +36,13 @@ def load(
             of a shipped robot, "lx4". An existing path takes precedence.
         base: "fixed", "moving" (prescribed motion) or "floating" (free): the last two put a free-flyer first
             in q, v, a, with Pinocchio's local velocities. None takes what the file says: "floating"
-            for an MJCF robot on a free joint, else "fixed".
+            for an MJCF robot on a free joint and an SDF robot that nothing holds, else "fixed".
         motors: Names of the driven joints, instead of those in the files.
         gravity: Acceleration of gravity in the world, shape (3,), [m/s^2]; None takes what the file says
-            (MJCF, USD), else (0, 0, -9.81).
+            (MJCF, SDF, USD), else (0, 0, -9.81).
         xacro_args: Arguments of a xacro file by name.
-        package_dirs: Folders in which `$(find package)` and `package://` look, and from which MJCF may
-            include files.
+        package_dirs: Folders in which `$(find package)` and `package://` look, and from which MJCF and
+            SDF may include files.
         rank_tolerance: Relative singular value below which closure rows count as dependent; where left out,
             it is determined at generic postures.
         closure_tolerance: Largest closure residual that is accepted as rounding in the file, relative to the

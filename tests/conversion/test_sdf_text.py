@@ -1,0 +1,111 @@
+"""What stands in an SDF file that `convert` writes, and what comes back from it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from lxml import etree
+
+from hybridyn.conversion.request import Request, Shape
+from hybridyn.conversion.sdf.sdf import write_sdf
+from hybridyn.description import Description, Joint, Link, read
+from hybridyn.description.placement import placement_from
+from tests.conversion.judge import read_back
+from tests.shipped import shipped
+
+TURN = placement_from(np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]]), np.array([0.1, 0.2, 0.3]))
+INERTIA = np.array([[0.02, 0.001, 0.002], [0.001, 0.03, 0.003], [0.002, 0.003, 0.04]])
+
+
+def arm(**changes: object) -> Description:
+    """Return an arm with a number of each kind."""
+    axis = np.array([0.0, 0.6, 0.8])
+    links = tuple(Link(name, 1.5, np.array([0.1, 0, 0.2]), INERTIA) for name in ("base", "upper", "hand"))
+    joints = (
+        Joint(
+            "shoulder", "revolute", "base", "upper", TURN, axis, -1.0, 2.0, 3.0, 40.0, 0.1, 0.2, 0.03, 50.0
+        ),
+        Joint("wrist", "continuous", "upper", "hand", TURN, axis),
+    )
+    springs = {"stiffness": {"shoulder": 7.0}, "rest": {"shoulder": 0.3}}
+    robot = Description("arm", links, joints, motors=("wrist",), effects=(("spring", springs),))
+    return replace(robot, **changes)  # type: ignore[arg-type]
+
+
+def test_numbers_come_back(tmp_path: Path) -> None:
+    before = arm(home={"shoulder": (0.4,)}, gravity=(0.0, 0.0, -1.62))
+    after, out = read_back(before, tmp_path / "arm.sdf")
+    assert out.losses == ()
+    assert (after.motors, after.gravity, after.home) == (before.motors, before.gravity, before.home)
+    assert after.effects == before.effects
+    names = ("lower", "upper", "velocity", "effort", "damping", "friction", "rotor_inertia", "gear_ratio")
+    for ours, theirs in zip(before.joints, after.joints, strict=True):
+        assert [getattr(theirs, name) for name in names] == [getattr(ours, name) for name in names]
+        np.testing.assert_allclose(theirs.axis, ours.axis, atol=1e-15)
+    for body, other in zip(before.links, after.links, strict=True):
+        assert (other.name, other.mass) == (body.name, body.mass)
+        np.testing.assert_array_equal(other.com, body.com)
+        np.testing.assert_array_equal(other.inertia, body.inertia)
+
+
+def test_a_floating_base_stands_at_home(tmp_path: Path) -> None:
+    pose = (1.0, 2.0, 3.0, 0.0, 0.0, 0.6, 0.8)
+    after, out = read_back(arm(base="floating", base_home=pose), tmp_path / "arm.sdf")
+    assert out.losses == ()
+    assert (after.base, after.root) == ("floating", "base")
+    np.testing.assert_allclose(after.base_home, pose, atol=1e-15)
+
+
+def test_positions_count_from_home_for_others(tmp_path: Path) -> None:
+    """Limits and springs of a robot that stands at home move with the zero of its joints."""
+    before = shipped("five_bar")
+    name, (x,) = next((name, x) for name, x in before.home.items() if x[0])
+    (joint,) = (joint for joint in before.joints if joint.name == name)
+    limited = tuple(replace(one, lower=-1.0, upper=2.0) if one.name == name else one for one in before.joints)
+    after, _ = read_back(replace(before, joints=limited), tmp_path / "robot.sdf")
+    root = etree.parse(tmp_path / "robot.sdf").getroot()
+    (stated,) = (node for node in root.iter("joint") if node.get("name") == name)
+    lower = float(stated.find("axis").find("limit").find("lower").text)
+    assert lower == -1.0 - x
+    assert root.get("version") == "1.11"
+    (found,) = (one for one in after.joints if one.name == name)
+    np.testing.assert_allclose((found.lower, found.upper), (-1.0, 2.0), rtol=0, atol=1e-15)
+    np.testing.assert_allclose(found.placement, joint.placement, rtol=0, atol=1e-15)
+
+
+def test_names_that_sdf_does_not_allow_are_changed(tmp_path: Path) -> None:
+    before = arm()
+    links = tuple(
+        replace(body, name={"base": "wrist", "upper": "a::b"}.get(body.name, body.name))
+        for body in before.links
+    )
+    joints = tuple(
+        replace(joint, parent=parent, child=child)
+        for joint, parent, child in zip(before.joints, ("wrist", "a::b"), ("a::b", "hand"), strict=True)
+    )
+    after, out = read_back(replace(before, links=links, joints=joints), tmp_path / "arm.sdf")
+    assert "'wrist -> wrist2', 'a::b -> a__b'" in out.losses[0] or "'a::b -> a__b'" in out.losses[0]
+    assert [joint.name for joint in after.joints] == ["shoulder", "wrist"]
+    assert [body.name for body in after.links] == ["wrist2", "a__b", "hand"]
+
+
+def test_shapes_are_visuals(tmp_path: Path) -> None:
+    shapes = (
+        Shape("hand", "box", TURN, (1.0, 2.0, 3.0), colour=(0.1, 0.2, 0.3, 1.0)),
+        Shape("hand", "cylinder", np.eye(4), (0.5, 2.0)), Shape("base", "sphere", np.eye(4), (0.5,)),
+        Shape("upper", "mesh", np.eye(4), (1.0, 1.0, 2.0), "part.stl"),
+    )  # fmt: skip
+    text = write_sdf(Request(arm(), tmp_path / "arm.sdf", shapes)).text
+    root = etree.fromstring(text.encode())
+    found = {
+        visual.get("name"): "".join(visual.find("geometry").itertext()).split()
+        for visual in root.iter("visual")
+    }
+    assert found == {
+        "hand_0": ["1", "2", "3"], "hand_1": ["0.5", "2"], "base_0": ["0.5"],
+        "upper_0": ["part.stl", "1", "1", "2"],
+    }  # fmt: skip
+    (tmp_path / "arm.sdf").write_text(text)
+    assert len(read(tmp_path / "arm.sdf").links) == 3
