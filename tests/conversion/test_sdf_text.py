@@ -13,7 +13,7 @@ from hybridyn.conversion.sdf.sdf import write_sdf
 from hybridyn.description import Description, Joint, Link, read
 from hybridyn.description.placement import placement_from
 from tests.conversion.judge import read_back
-from tests.shipped import shipped
+from tests.mechanisms import random_mechanism
 
 TURN = placement_from(np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]]), np.array([0.1, 0.2, 0.3]))
 INERTIA = np.array([[0.02, 0.001, 0.002], [0.001, 0.03, 0.003], [0.002, 0.003, 0.04]])
@@ -60,8 +60,8 @@ def test_a_floating_base_stands_at_home(tmp_path: Path) -> None:
 
 def test_positions_count_from_home_for_others(tmp_path: Path) -> None:
     """Limits and springs of a robot that stands at home move with the zero of its joints."""
-    before = shipped("five_bar")
-    name, (x,) = next((name, x) for name, x in before.home.items() if x[0])
+    before = random_mechanism(3, kind="four_bar_two_motors")
+    name, (x,) = next((name, x) for name, x in before.home.items() if x[0] and len(x) == 1)
     (joint,) = (joint for joint in before.joints if joint.name == name)
     limited = tuple(replace(one, lower=-1.0, upper=2.0) if one.name == name else one for one in before.joints)
     after, _ = read_back(replace(before, joints=limited), tmp_path / "robot.sdf")
