@@ -12,7 +12,7 @@ from ...description.reading import open_robot
 from ...errors import HybridynError
 from ...structure.robot import HybridRobot
 
-#: Elements of a URDF that hold shapes; engines would look for meshes in vain.
+#: Elements of URDF and SDF that hold shapes; engines would look for meshes in vain.
 SHAPES = ("visual", "collision")
 FORMATS = {"robot": "URDF", "mujoco": "MJCF", "sdf": "SDF"}
 
@@ -24,7 +24,7 @@ class OwnFile:
     Attributes:
         path: Its path, or "" for a robot that has none.
         format: "URDF", "MJCF", "SDF" or "".
-        text: Its text, xacro expanded, shapes of a URDF left out.
+        text: Its text, xacro expanded, shapes of URDF and SDF left out.
     """
 
     path: str = ""
@@ -52,7 +52,7 @@ def own_file(
     except HybridynError:  # a binary format
         return OwnFile(path)
     kind = FORMATS.get(root.tag, "")
-    if kind == "URDF":
+    if kind in ("URDF", "SDF"):
         for tag in SHAPES:
             for node in list(root.xml.iter(tag)):
                 above = node.getparent()

@@ -6,7 +6,6 @@ Drake's Python package has no type information, so its objects are `Any` here.
 from __future__ import annotations
 
 import functools
-import logging
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -24,6 +23,7 @@ from ..engine import (
     refuse_several_freedoms,
 )
 from ..own_file import OwnFile
+from .drake_plants import PARSED, constrained_plant, own_plant
 
 #: Time step of a discrete plant in simulations [s], and the one whose first step gives its accelerations.
 STEP, SHORT_STEP = 1e-3, 1e-6
@@ -132,42 +132,20 @@ def ways(robot: HybridRobot, own: OwnFile) -> Iterator[Way]:
         robot: The robot.
         own: Its file.
     """
-    if own.format in ("URDF", "MJCF"):
+    if own.format in PARSED:
         for word, discrete in (("continuous", False), ("discrete (SAP)", True)):
             way = f"its {own.format} reader, {word}"
-            yield way, functools.partial(_read, robot, own, way, discrete)
+            yield (
+                way,
+                functools.partial(_engine, robot, functools.partial(own_plant, robot, own), way, discrete),
+            )
+    if robot.description.closures or robot.description.couplings:
+        way = "ball, weld and coupler constraints, discrete (SAP)"
+        yield way, functools.partial(_engine, robot, functools.partial(constrained_plant, robot), way, True)
 
 
-def _read(robot: HybridRobot, own: OwnFile, way: str, discrete: bool) -> Engine:
+def _engine(robot: HybridRobot, build: Callable[[float], Any], way: str, discrete: bool) -> Engine:
     if robot.base != "fixed":
         raise NotComparableError("Drake is compared on a fixed base only")
     refuse_several_freedoms(robot, "Drake")
-    return DrakeEngine(robot, functools.partial(_plant, robot, own), way, discrete)
-
-
-def _plant(robot: HybridRobot, own: OwnFile, step: float) -> Any:
-    """Build a plant from the robot's own file, its root on the world."""
-    from pydrake.multibody.parsing import Parser
-    from pydrake.multibody.plant import DiscreteContactApproximation, MultibodyPlant
-
-    logging.getLogger("drake").setLevel(logging.ERROR)  # after the import, which sets it
-    plant = MultibodyPlant(step)
-    if step:
-        plant.set_discrete_contact_approximation(DiscreteContactApproximation.kSap)
-        plant.SetUseSampledOutputPorts(False)  # so that a step is one update of the discrete state
-    try:
-        Parser(plant).AddModelsFromString(own.text, "urdf" if own.format == "URDF" else "xml")
-        root = robot.description.root
-        if own.format == "URDF" and root != "world":
-            plant.WeldFrames(plant.world_frame(), plant.GetFrameByName(root))
-        for index in plant.GetJointIndices():
-            joint = plant.get_mutable_joint(index)
-            if joint.num_velocities():
-                joint.set_default_damping_vector(np.zeros(joint.num_velocities()))
-        for index in plant.GetJointActuatorIndices():
-            plant.get_mutable_joint_actuator(index).set_default_rotor_inertia(0.0)
-        plant.mutable_gravity_field().set_gravity_vector(np.array(robot.gravity))
-        plant.Finalize()
-    except (RuntimeError, ValueError) as error:
-        raise NotComparableError(f"Drake refuses it: {' '.join(str(error).split())[:200]}") from None
-    return plant
+    return DrakeEngine(robot, build, way, discrete)

@@ -14,11 +14,10 @@ from ....spatial import Array, Index
 from ....structure.robot import HybridRobot
 from ..engine import Engine, NotComparableError, Way, refuse_other_joints
 from ..own_file import OwnFile
+from .joinings import joinings
 
 #: Proximal settings: accuracy, mu and iterations. Rows may be redundant, so mu is not zero.
 SETTINGS = (1e-14, 1e-10, 100)
-#: Length between the two points that stand for a hinge, relative to the robot's size.
-HINGE = 0.1
 
 
 class PinocchioEngine:
@@ -161,20 +160,14 @@ def _with_constraints(robot: HybridRobot) -> Engine:
 def _contacts(robot: HybridRobot, model: pin.Model, closure: Closure) -> Iterator[pin.RigidConstraintModel]:
     """Yield the constraints of a closure: a point, a weld, or two points on the axis of a hinge."""
     ends = []
-    for link, frame in ((closure.link_a, closure.frame_a), (closure.link_b, closure.frame_b)):
+    for link in (closure.link_a, closure.link_b):
         body, R, p = robot.bodies.place[link]
         root = 0 if robot.base == "fixed" else 1
         joint = model.getJointId(robot.bodies.joints[body - 1].joint.name) if body else root
-        ends.append((joint, pin.SE3(np.asarray(R), np.asarray(p)) * pin.SE3(frame)))
-    if closure.translations != (0, 1, 2) or closure.rotation == "perpendicular":
-        return
-    (joint_a, at_a), (joint_b, at_b) = ends
-    if closure.rotation == "fixed":
-        yield pin.RigidConstraintModel(pin.ContactType.CONTACT_6D, model, joint_a, at_a, joint_b, at_b)
-        return
-    shifts = (0.0,) if closure.rotation == "free" else (-1.0, 1.0)
-    for shift in shifts:
-        way = pin.SE3(np.eye(3), np.array([0.0, 0.0, shift * HINGE * robot.bodies.size]))
+        ends.append((joint, pin.SE3(np.asarray(R), np.asarray(p))))
+    for kind, frame_a, frame_b in joinings(closure, robot.bodies.size):
+        contact = pin.ContactType.CONTACT_3D if kind == "point" else pin.ContactType.CONTACT_6D
+        (joint_a, at_a), (joint_b, at_b) = ends
         yield pin.RigidConstraintModel(
-            pin.ContactType.CONTACT_3D, model, joint_a, at_a * way, joint_b, at_b * way
+            contact, model, joint_a, at_a * pin.SE3(frame_a), joint_b, at_b * pin.SE3(frame_b)
         )
