@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import isfinite
@@ -30,6 +31,8 @@ MODEL = ".model.toml"
 SIDE_CAR = ".yaml"
 #: Content of a side-car that says nothing.
 NO_SIDE_CAR = "joint_name: []\njoint_type: []\n"
+
+_UNWRITABLE = re.compile("[^\t\n\r -\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
 
 @dataclass(frozen=True)
@@ -89,6 +92,7 @@ def convert(
         description = _as_loaded(robot)
         if description.source is not None:
             _refuse_input(target, description.source)
+    _refuse_names(description)
     losses = Losses()
     shapes = read_shapes(description, target, xacro_args or {}, package_dirs, losses)
     written = writer(Request(description, target, shapes, tightness))
@@ -100,6 +104,19 @@ def _as_loaded(robot: HybridRobot) -> Description:
     x, y, z = (float(number) for number in robot.gravity)
     base: StatedBase = "floating" if robot.base == "floating" else "fixed"
     return replace(robot.description, base=base, gravity=(x, y, z))
+
+
+def _refuse_names(d: Description) -> None:
+    """Refuse names that no text file can hold.
+
+    Raises:
+        ModelError: A name has control characters.
+    """
+    names = [d.name, *(link.name for link in d.links), *(joint.name for joint in d.joints)]
+    names += [*(closure.name for closure in d.closures), *(coupling.name for coupling in d.couplings)]
+    for name in names:
+        if _UNWRITABLE.search(name):
+            raise ModelError(f"the name {name!a} has characters that no XML file can hold; rename it")
 
 
 def _check_target(target: Path) -> None:

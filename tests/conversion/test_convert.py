@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -115,3 +116,10 @@ def test_files_for_other_robots_are_not_read(tmp_path: Path) -> None:
 def test_tightness_is_a_length(tightness: float, tmp_path: Path) -> None:
     with pytest.raises(ModelError, match="tightness"):
         convert(save(tmp_path, FOUR_BAR), tmp_path / "out.urdf", tightness=tightness)
+
+
+def test_names_that_no_file_can_hold_are_refused(tmp_path: Path) -> None:
+    robot = hybridyn.load(save(tmp_path, FOUR_BAR))
+    robot = replace(robot, description=replace(robot.description, name="four\0bar"))
+    with pytest.raises(ModelError, match=r"the name 'four.x00bar' has characters"):
+        convert(robot, tmp_path / "out.urdf")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,12 +13,15 @@ import pytest
 from hybridyn import HybridRobot, ddm
 from hybridyn.conversion.request import Request
 from hybridyn.conversion.writers import writer_of
-from hybridyn.description import Description
+from hybridyn.description import Closure, Description, Joint, Link, read
+from hybridyn.description.placement import placement_from
+from hybridyn.errors import AssemblyError, ModelError
 from hybridyn.structure.building import build_robot
 from tests.comparing import close_to
-from tests.conversion.judge import bodily, open_postures
+from tests.conversion.judge import bodily, open_postures, read_back, same_robot, same_structure
 from tests.extras import needs
 from tests.mechanisms import KINDS, random_mechanism
+from tests.mjcf_texts import ROBOTS as ROBOTS_OF_MJCF
 from tests.samples import slow, some
 from tests.shipped import ROBOTS, shipped
 
@@ -149,3 +153,49 @@ def test_closures_stay_as_tight_as_asked(name: str, tightness: float) -> None:
     written = Model(description, tightness)
     found = opening(written, written.robot, 0.3)
     assert 0 < found <= tightness
+
+
+@pytest.mark.parametrize("name", some(ROBOTS_OF_MJCF, ("balls", "a foot on the ground")))
+@pytest.mark.parametrize("ending", [".xml", slow(".urdf"), slow(".usda")])
+def test_mjcf_comes_back(name: str, ending: str, tmp_path: Path) -> None:
+    file = tmp_path / "robot.xml"
+    file.write_text(ROBOTS_OF_MJCF[name])
+    description = read(file)
+    other, _ = read_back(description, tmp_path / f"other{ending}")
+    if ending == ".urdf":  # it says neither; a loss line names them
+        other = replace(other, base=description.base, base_home=description.base_home)
+    try:
+        robot = build_robot(description)
+    except AssemblyError:  # no posture closes the loops
+        with pytest.raises(AssemblyError):
+            build_robot(other)
+        return
+    same_structure(robot, build_robot(other))
+    if not description.closures and not description.couplings:
+        draw = np.random.default_rng(2)
+        q = open_postures(robot, 2)
+        states = q, draw.normal(size=(2, robot.nv)), draw.normal(size=(2, robot.nv))
+        gravity = (0.0, 0.0, -9.81)
+        same_robot(replace(description, gravity=gravity), replace(other, gravity=gravity), states)
+
+
+def chain(names: list[str], closures: tuple[Closure, ...] = ()) -> Description:
+    """Return links one behind the other."""
+    links = tuple(Link(name, 1.0, np.zeros(3), np.eye(3)) for name in names)
+    step = placement_from(np.eye(3), np.array([1.0, 0.0, 0.0]))
+    joints = tuple(
+        Joint(f"to {b}", "revolute", a, b, step, np.array([0.0, 0.0, 1.0]))
+        for a, b in itertools.pairwise(names)
+    )
+    return Description("chain", links, joints, closures)
+
+
+def test_what_could_not_be_read_back_is_refused() -> None:
+    slider = Closure("slider", "prismatic", "a", np.eye(4), "b", np.eye(4), (0, 1), "fixed")
+    with pytest.raises(ModelError, match="more than 240 joints"):
+        Model(chain([str(number) for number in range(300)]))
+    with pytest.raises(ModelError, match="would have these names twice: 'slider'"):
+        Model(chain(["a", "b", "slider:x"], (slider,)))
+    point = Closure("x", "point", "a", np.eye(4), "b", np.eye(4), (0, 1, 2), "free")
+    with pytest.raises(ModelError, match="<site> would have these names twice: 'x:"):
+        Model(chain(["a", "b", "c"], (point, point)))

@@ -12,6 +12,7 @@ from ..model_file import model_file
 from ..numerals import numeral, numerals
 from ..request import Request, Written
 from .bodies import Builder, Tree
+from .checks import check_depth, check_names
 from .closures import add_closures, needs_follower
 from .couplings import add_couplings
 from .followers import follower_of
@@ -29,8 +30,12 @@ def write_mjcf(request: Request) -> Written:
 
     Args:
         request: The robot.
+
+    Raises:
+        ModelError: The robot is too deep for nested bodies, or names would occur twice.
     """
     d, losses = request.description, Losses()
+    check_depth(d)
     root = ET.Element("mujoco", model=d.name)
     ET.SubElement(root, "compiler", angle="radian", autolimits="false", inertiafromgeom="false")
     option = ET.SubElement(root, "option", gravity=numerals(d.gravity or USUAL_GRAVITY))
@@ -44,6 +49,7 @@ def write_mjcf(request: Request) -> Written:
     if tree.qpos:
         keyframe = ET.SubElement(root, "keyframe")
         ET.SubElement(keyframe, "key", name="home", qpos=numerals(tree.qpos))
+    check_names(root, d)
     ET.indent(root)
     beside = [name for name, _ in d.effects if name not in SAID]
     notes = []

@@ -1,0 +1,71 @@
+"""Refuse what would not be read back: names that occur twice, and bodies nested too deep."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable
+from xml.etree import ElementTree as ET
+
+from ...description.mjcf.marks import MARK
+from ...description.names import listed
+from ...description.records import Description
+from ...errors import ModelError
+
+#: Most bodies one inside the other; XML readers stop at 256 elements.
+DEEPEST = 240
+
+#: Elements that share their names.
+GROUPS = (("body",), ("joint", "freejoint"), ("site",), ("connect", "weld", "joint", "tendon"), ("fixed",))
+
+
+def check_depth(d: Description) -> None:
+    """Refuse robots that are too deep to be written as nested bodies.
+
+    Args:
+        d: The robot.
+
+    Raises:
+        ModelError: More than `DEEPEST` joints follow one another.
+    """
+    children: dict[str, list[str]] = {}
+    for joint in d.joints:
+        children.setdefault(joint.parent, []).append(joint.child)
+    level, depth = [d.root], 0
+    while level:
+        depth += 1
+        if depth > DEEPEST:
+            raise ModelError(
+                f"more than {DEEPEST} joints one behind the other, up to link '{level[0]}'; bodies of MJCF "
+                "stand inside one another, and XML readers go no deeper",
+                element=level[0],
+            )
+        level = [child for link in level for child in children.get(link, [])]
+
+
+def check_names(root: ET.Element, d: Description) -> None:
+    """Refuse names that would be mixed up.
+
+    Args:
+        root: The root element of the MJCF file.
+        d: The robot.
+
+    Raises:
+        ModelError: A name occurs twice, or a link has the name of a part of a closure.
+    """
+    worldbody, equality = root.find("worldbody"), root.find("equality")
+    for tags in GROUPS:
+        place = equality if "weld" in tags else root if tags == ("fixed",) else worldbody
+        found = [] if place is None else [str(x.get("name")) for x in place.iter() if x.tag in tags]
+        _refuse([name for name, count in Counter(found).items() if count > 1], f"<{tags[0]}>")
+    marks = [str(text.get("name")).removeprefix(MARK) for text in root.findall("custom/text")]
+    own = [link.name for link in d.links] + [closure.name for closure in d.closures]
+    prefixes = {name.rpartition(":")[0] for name in own if ":" in name}
+    _refuse([name for name in marks if name in prefixes], "the parts of closures, which start with")
+
+
+def _refuse(names: Iterable[str], what: str) -> None:
+    if names := list(names):
+        raise ModelError(
+            f"in MJCF, {what} would have these names twice: {listed(names)}; rename them in the robot's file",
+            element=names[0],
+        )
