@@ -12,6 +12,7 @@ import hybridyn
 from hybridyn import ModelError
 from hybridyn.description import Description, read
 from hybridyn.description.placement import rotation_from_quaternion, rotation_from_rpy
+from hybridyn.description.usd import opening
 from tests.extras import needs
 from tests.usd_texts import BODY, DRIVE, FIVE_BAR, KINDS, at, body, joint, prim, usda
 
@@ -287,3 +288,39 @@ def test_other_suffixes_and_packages(tmp_path: Path) -> None:
         archive.writestr("a.txt", "x")
     with pytest.raises(ModelError):
         read(tmp_path / "empty.usdz")
+
+
+def test_instances_and_variants_are_those_of_usd(tmp_path: Path) -> None:
+    hinge = joint("Revolute", "j", "", "a", HINGE).replace("/robot/a", "/arm/a")
+    arm = 'def Xform "arm" {\n' + body("a") + "\n" + hinge + "\n}\n"
+    instances = "".join(
+        f'def Xform "{name}" (instanceable = true\nreferences = </arm>) {{\n'
+        f'double3 xformOp:translate = ({x}, 0, 0)\nuniform token[] xformOpOrder = ["xformOp:translate"]\n}}\n'
+        for name, x in (("left", 1), ("right", 2))
+    )
+    text = usda(instances).replace('def Xform "robot"', arm.replace("def", "class", 1) + 'def Xform "robot"')
+    found = read(save(tmp_path, text))
+    assert [j.name for j in found.joints] == ["left_j", "right_j"]
+    assert [link.name for link in found.links] == ["world", "left_a", "right_a"]
+    heavy = "float physics:mass = 7"
+    sizes = f'"big" {{\n{body("a").replace("float physics:mass = 1", heavy)}\n}}\n"small" {{\n{body("a")}\n}}'
+    variants = (
+        'def Xform "b" (variantSets = "size"\nvariants = {string size = "big"}) {\n'
+        f'variantSet "size" = {{\n{sizes}\n}}\n}}\n'
+    )
+    found = read(save(tmp_path, usda(variants, joint("Revolute", "j", "", "b/a"))))
+    assert found.links[1].mass == 7
+
+
+def test_files_that_are_too_large_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    part = usda(body("a")).replace('"robot"', '"part"')
+    save(tmp_path, part, "part.usda")
+    file = save(tmp_path, usda('def "p" (references = @part.usda@) {}'))
+    monkeypatch.setattr(opening, "LARGEST_FILE", len(part) - 1)
+    with pytest.raises(ModelError, match="its layers together are larger"):
+        read(file)
+    monkeypatch.setattr(opening, "LARGEST_FILE", len(part))
+    assert read(file).root == "a"
+    monkeypatch.setattr(opening, "MOST_PRIMS", 2)
+    with pytest.raises(ModelError, match="more than 2 prims"):
+        read(file)
