@@ -1,0 +1,120 @@
+"""A robot whose USD has other frames is the same robot.
+
+Each body gets another frame, so that axes miss the origins of links; each joint gets other frames on its axis,
+and half of them are stated from the child to the parent; lengths are in centimetres, masses in half kilograms.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hybridyn.conversion.losses import Losses
+from hybridyn.conversion.usd.bodies import add_body
+from hybridyn.conversion.usd.closures import add_closure
+from hybridyn.conversion.usd.joints import add_ends, axis_of
+from hybridyn.conversion.usd.posing import home_poses
+from hybridyn.conversion.usd.prims import Prim
+from hybridyn.description import Description, read
+from hybridyn.description.placement import placement_from, rotation_from_rpy
+from tests.conversion.judge import same_robot, states
+from tests.extras import needs
+from tests.mechanisms import random_mechanism, random_states
+from tests.samples import slow, some
+from tests.shipped import ROBOTS, shipped
+
+needs("usd")
+
+CENTIMETRES, HALF_KILOGRAMS = 100.0, 2.0
+TYPES = {"revolute": "Revolute", "continuous": "Revolute", "prismatic": "Prismatic", "fixed": "Fixed"}
+
+
+def random_frame(draw: np.random.Generator) -> np.ndarray:
+    return placement_from(rotation_from_rpy(*draw.uniform(-3, 3, 3)), draw.uniform(-1, 1, 3))
+
+
+def longer(placement: np.ndarray) -> np.ndarray:
+    """Return a placement in the file's unit of length."""
+    return placement_from(placement[:3, :3], placement[:3, 3] * CENTIMETRES)
+
+
+def scrambled(d: Description, seed: int) -> str:
+    """Return a robot as USD in other frames and units."""
+    draw = np.random.default_rng(seed)
+    frames = {link.name: np.eye(4) if link.name == d.root else random_frame(draw) for link in d.links}
+    back = {name: np.linalg.inv(frame) for name, frame in frames.items()}
+    poses, top = home_poses(d), Prim("", "", "")
+    robot = top.child("Xform", d.name)
+    bodies = {}
+    for link in d.links:
+        turn = frames[link.name][:3, :3]
+        com = (back[link.name] @ [*link.com, 1])[:3] * CENTIMETRES
+        inertia = turn.T @ link.inertia @ turn * CENTIMETRES**2 * HALF_KILOGRAMS
+        moved = replace(link, mass=link.mass * HALF_KILOGRAMS, com=com, inertia=(inertia + inertia.T) / 2)
+        bodies[link.name] = add_body(robot, moved, longer(poses[link.name] @ frames[link.name]))
+    add_ends(robot.child("PhysicsFixedJoint", "root"), (None, bodies[d.root]), (np.eye(4), np.eye(4)))
+    for joint in d.joints:
+        prim = robot.child(f"Physics{TYPES[joint.kind]}Joint", joint.name)
+        token, turn = axis_of(joint.axis) if joint.kind != "fixed" else ("X", np.eye(3))
+        axis = np.eye(3)["XYZ".index(token)]
+        along = placement_from(
+            np.eye(3) if joint.kind == "fixed" else turned(axis, draw.uniform(-3, 3)), axis * draw.normal()
+        )
+        ends = [joint.placement @ placement_from(turn, np.zeros(3)), placement_from(turn, np.zeros(3))]
+        names = [joint.parent, joint.child]
+        if draw.random() < 0.5:
+            flip = turned(np.roll(axis, 1), np.pi)
+            ends = [end @ placement_from(flip, np.zeros(3)) for end in ends[::-1]]
+            names = names[::-1]
+            along[:3, :3], along[:3, 3] = along[:3, :3], along[:3, 3]
+        places = [longer(back[name] @ end @ along) for name, end in zip(names, ends, strict=True)]
+        add_ends(prim, (bodies[names[0]], bodies[names[1]]), (places[0], places[1]))
+        if joint.kind != "fixed":
+            prim.line(f'uniform token physics:axis = "{token}"')
+        if joint.kind == "continuous":
+            prim.text("hybridyn:kind", "continuous")
+        if joint.name in d.motors:
+            prim.apply("PhysicsDriveAPI:linear" if joint.kind == "prismatic" else "PhysicsDriveAPI:angular")
+    for closure in d.closures:
+        end_a, end_b = (
+            longer(back[closure.link_a] @ closure.frame_a),
+            longer(back[closure.link_b] @ closure.frame_b),
+        )
+        moved_closure = replace(closure, frame_a=end_a, frame_b=end_b)
+        add_closure(robot, moved_closure, (bodies[closure.link_a], bodies[closure.link_b]), Losses())
+    head = '#usda 1.0\n(\n defaultPrim = "{}"\n metersPerUnit = 0.01\n kilogramsPerUnit = 0.5\n upAxis = "Z"\n)\n'
+    return head.format(robot.name) + "\n".join(robot.lines()) + "\n"
+
+
+def turned(axis: np.ndarray, angle: float) -> np.ndarray:
+    """Return the rotation about a coordinate axis."""
+    cross = np.cross(np.eye(3), axis).T
+    return np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross
+
+
+def plain(d: Description) -> Description:
+    """Return a robot with its motors in the order of its joints."""
+    driven = {*d.motors}
+    return replace(d, motors=tuple(joint.name for joint in d.joints if joint.name in driven))
+
+
+@pytest.mark.parametrize("name", some(ROBOTS, ("delta",)))
+def test_a_shipped_robot_in_other_frames(name: str, tmp_path: Path) -> None:
+    description = plain(shipped(name))
+    (tmp_path / "robot.usda").write_text(scrambled(description, 4))
+    same_robot(description, read(tmp_path / "robot.usda"), states(description))
+
+
+@pytest.mark.parametrize(
+    "kind", ["loop_planar", slow("loop_fixed"), slow("serial_all"), slow("four_bar_two_motors")]
+)
+def test_a_random_mechanism_in_other_frames(kind: str, tmp_path: Path) -> None:
+    description = plain(random_mechanism(3, kind=kind))
+    description = replace(description, couplings=())
+    if any(joint.kind not in TYPES for joint in description.joints):
+        pytest.skip("has joints of several freedoms")
+    (tmp_path / "robot.usda").write_text(scrambled(description, 4))
+    same_robot(description, read(tmp_path / "robot.usda"), random_states(description, "fixed", 3, 2))
