@@ -58,8 +58,7 @@ def command(
         }
         chosen_engine = choose_engine(engine, robot, chosen, rows, obstacles, worth_of(layout, robot))
         columns = acceleration_columns(robot.description, robot.joints, robot.base)
-        kinds = {joint.name: joint.kind for joint in robot.description.joints}
-        units = ["m/s^2" if kinds[name] == "prismatic" else "rad/s^2" for name in robot.motors]
+        units = ["m/s^2" if unit == "N" else "rad/s^2" for unit in robot.effort_units]
         at = [columns.index(f"{name}/acceleration") for name in robot.motors]
         summary = Summary(
             robot,

@@ -157,12 +157,10 @@ def engine_lines(engine: Engine, sets: EffectSets | None) -> list[str]:
 
 def contribution_lines(robot: HybridRobot, contributions: Sequence[Contribution]) -> list[str]:
     """Return the table of each effect's addition to each motor's effort."""
-    kinds = {joint.name: joint.kind for joint in robot.description.joints}
     rows = [["effect", "motor", "peak", "RMS", "unit", "share"]]
     for effect in contributions:
-        for i, motor in enumerate(robot.motors):
+        for i, (motor, unit) in enumerate(zip(robot.motors, robot.effort_units, strict=True)):
             peak, rms, share = effect.peak[i], effect.rms[i], effect.share[i]
-            unit = "N" if kinds[motor] == "prismatic" else "N m"
             if peak != peak:  # NaN: without the effect, a passive motion needs an effort that no motor has
                 rows.append([effect.name, motor, "needed", "", "", ""])
             else:
@@ -172,12 +170,11 @@ def contribution_lines(robot: HybridRobot, contributions: Sequence[Contribution]
 
 def contribution_facts(robot: HybridRobot, contributions: Sequence[Contribution]) -> list[dict[str, Any]]:
     """Return each effect's addition to each motor's effort by name; None where the effect is needed."""
-    kinds = {joint.name: joint.kind for joint in robot.description.joints}
     return [
         {
             "effect": effect.name,
             "motor": motor,
-            "unit": "N" if kinds[motor] == "prismatic" else "N m",
+            "unit": robot.effort_units[i],
             "seconds_per_sample": effect.seconds,
         }
         | {

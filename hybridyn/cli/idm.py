@@ -96,13 +96,11 @@ def command(
             reactions=tables.reactions is not None,
             compiled=chosen_engine.model,
         )
-        kinds = {joint.name: joint.kind for joint in robot.description.joints}
-        units = ["N" if kinds[name] == "prismatic" else "N m" for name in robot.motors]
         summary = Summary(
             robot,
             "effort",
             list(robot.motors),
-            units,
+            robot.effort_units,
             list(range(len(robot.motors))),
             remarks=[*branch_line(robot, layout), *effects_line(chosen), *not_computed(robot, chosen)],
             engine=chosen_engine,

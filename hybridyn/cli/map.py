@@ -9,7 +9,14 @@ from typing import TYPE_CHECKING
 
 import click
 
-from .common.options import RobotCommand, complete_data, existing_file, result_file, takes_robot
+from .common.options import (
+    RobotCommand,
+    complete_data,
+    existing_file,
+    result_file,
+    split_names,
+    takes_robot,
+)
 from .common.text import counted
 
 if TYPE_CHECKING:
@@ -20,14 +27,6 @@ if TYPE_CHECKING:
 
 #: Points of a grid in all.
 MOST_POINTS = 1_000_000
-
-
-def _names(ctx: click.Context, param: click.Parameter, value: str) -> tuple[str, ...]:
-    """Split names at commas."""
-    names = tuple(name.strip() for name in value.split(","))
-    if not all(names):
-        raise click.BadParameter(f"'{value}' has an empty name", ctx, param)
-    return names
 
 
 def _grid(
@@ -67,7 +66,7 @@ def _source(ctx: click.Context, param: click.Parameter, value: str | None) -> st
     "source", metavar="[TRAJECTORY]", required=False, callback=_source, shell_complete=complete_data
 )
 @click.option(
-    "--joints", metavar="A,B,...", required=True, callback=_names, help="The output joints, by name."
+    "--joints", metavar="A,B,...", required=True, callback=split_names, help="The output joints, by name."
 )
 @click.option(
     "--grid",
@@ -87,7 +86,7 @@ def _source(ctx: click.Context, param: click.Parameter, value: str | None) -> st
 def command(
     load: Callable[[], HybridRobot],
     source: str | None,
-    joints: tuple[str, ...],
+    joints: list[str],
     grid: int | tuple[tuple[float, float, int], ...] | None,
     efforts: bool,
     output: str | None,
@@ -137,13 +136,13 @@ def command(
 
 
 def _values(
-    robot: HybridRobot, joints: tuple[str, ...], grid: int | tuple[tuple[float, float, int], ...]
+    robot: HybridRobot, joints: list[str], grid: int | tuple[tuple[float, float, int], ...]
 ) -> dict[str, np.ndarray]:
     """Return the positions of each joint on the grid."""
     import numpy as np
 
     if isinstance(grid, int):
-        limits = {joint.name: (joint.lower, joint.upper) for joint in robot.description.joints}
+        limits = {name: (robot.records[name].lower, robot.records[name].upper) for name in joints}
         for name in joints:
             if not all(map(math.isfinite, limits[name])):
                 raise click.UsageError(
@@ -160,7 +159,7 @@ def _values(
 
 
 def _over_grid(
-    robot: HybridRobot, joints: tuple[str, ...], values: dict[str, np.ndarray]
+    robot: HybridRobot, joints: list[str], values: dict[str, np.ndarray]
 ) -> tuple[MapTable, None, list[str]]:
     """Compute the map over a grid; also what was left out."""
     import numpy as np
@@ -182,7 +181,7 @@ def _over_grid(
 
 
 def _along(
-    robot: HybridRobot, joints: tuple[str, ...], source: str, efforts: bool
+    robot: HybridRobot, joints: list[str], source: str, efforts: bool
 ) -> tuple[MapTable, np.ndarray | None]:
     """Compute the map along a trajectory, and its times."""
     import numpy as np

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import importlib.util
-import os
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 import click
 
 from ..errors import install_advice
-from .common.options import RobotChoice, RobotCommand, existing_file, takes_effects, takes_robot
+from .common.options import RobotChoice, RobotCommand, ends_in, existing_file, takes_effects, takes_robot
 from .common.progress import Progress
 
 if TYPE_CHECKING:
@@ -23,22 +22,6 @@ if TYPE_CHECKING:
 SHAPES = ("yourdfpy", "trimesh")
 NEEDS = {"page": ("viser", *SHAPES), ".png": ("PIL", *SHAPES), ".mp4": ("PIL", "imageio_ffmpeg", *SHAPES)}
 SMALLEST, LARGEST = 64, 4096  # pixels
-
-
-def _target(ending: str) -> Callable[[click.Context, click.Parameter, str | None], str | None]:
-    """Return a callback that checks a file's ending and folder."""
-
-    def check(ctx: click.Context, param: click.Parameter, value: str | None) -> str | None:
-        if value is None:
-            return None
-        if not value.lower().endswith(ending):
-            raise click.BadParameter(f"'{value}' must end in {ending}", ctx, param)
-        folder = os.path.dirname(value)
-        if folder and not os.path.isdir(folder):
-            raise click.BadParameter(f"there is no folder '{folder}'", ctx, param)
-        return value
-
-    return check
 
 
 def _size(ctx: click.Context, param: click.Parameter, value: str) -> tuple[int, int]:
@@ -60,11 +43,11 @@ def _size(ctx: click.Context, param: click.Parameter, value: str) -> tuple[int, 
     required=False,
     callback=lambda ctx, param, value: value and existing_file(ctx, param, value),
 )
-@click.option("--png", metavar="FILE", callback=_target(".png"), help="Write a picture instead.")
+@click.option("--png", metavar="FILE", callback=ends_in(".png"), help="Write a picture instead.")
 @click.option(
     "--mp4",
     metavar="FILE",
-    callback=_target(".mp4"),
+    callback=ends_in(".mp4"),
     help="Write a film of the motion instead; without a motion, the camera moves around the robot.",
 )
 @click.option("--at", type=float, help="Time that the picture shows [s].  [default: the first]")

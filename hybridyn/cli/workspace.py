@@ -121,9 +121,7 @@ def command(
     if plot:
         from ..figures.workspace import figure_of_workspace
 
-        kinds = dict(zip(robot.joints, robot.kinds, strict=True))
-        motors = robot.modules[found.sweep.module].motors
-        units = dict.fromkeys("N" if kinds[motor] == "prismatic" else "N m" for motor in motors)
+        units = dict.fromkeys(robot.effort_units[i] for i in robot.modules[found.sweep.module].motor_index)
         title = f"{robot.name}: {found.sweep.link}"
         save(figure_of_workspace(found, title=title, unit=" or ".join(units)), plot)
     for line in _summary(found, time.perf_counter() - started):

@@ -101,12 +101,12 @@ def chart_of_rows(
 
 def _motor_panels(robot: HybridRobot, data: dict[str, Array], quantity: str) -> list[Panel]:
     name = QUANTITIES[quantity][0]
-    limits = {joint.name: joint.effort for joint in robot.description.joints}
+    limits = {m: robot.records[m].effort if quantity == "effort" else np.inf for m in robot.motors}
     panels = []
     every = groups(robot, quantity)
     for number, group in enumerate(every[:MOST_GROUPS], start=1):
         lines = tuple(
-            Line(motor, data[column], limits[motor] if quantity == "effort" else np.inf, mark_peak=True)
+            Line(motor, data[column], limits[motor], mark_peak=True)
             for motor in group.motors
             if (column := f"{motor}/{quantity}") in data
         )

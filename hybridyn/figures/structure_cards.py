@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from ..colours import GROUND, module_colour
+from ..description.names import counted
 from ..linkage.joints import LETTERS
 from ..structure.module import Module
 from ..structure.robot import HybridRobot
@@ -81,7 +82,7 @@ class _Deck:
 
     def __init__(self, robot: HybridRobot) -> None:
         self.robot = robot
-        self.kinds = {joint.name: joint.kind for joint in robot.description.joints}
+        self.kinds = {name: joint.kind for name, joint in robot.records.items()}
         closures = [(c.name, c.kind) for c in robot.description.closures]
         self.closure_kinds = dict(closures) | {c.name: "coupling" for c in robot.description.couplings}
         self.children: dict[int, list[int]] = {}
@@ -100,7 +101,7 @@ class _Deck:
         robot = self.robot
         base = {"fixed": "fixed", "moving": "moving as prescribed", "floating": "floating freely"}[robot.base]
         parts = ((len(robot.modules), "module"), (robot.mobility, "freedom"), (len(robot.motors), "motor"))
-        text = ", ".join(_counted(*part) for part in parts)
+        text = ", ".join(counted(*part) for part in parts)
         return Card(robot.description.root, (f"base, {base}", f"{robot.name}: {text}"), (), GROUND, (), None)
 
     def _lay(self, number: int, parent: int) -> int:
@@ -141,13 +142,13 @@ class _Deck:
             kind = self.kinds.get(modules[0].joints[0], "free base")
             line = f"{kind} joint {modules[0].joints[0]}" if kind != "free base" else "free base, 6 freedoms"
         else:
-            line = f"{len(modules)} joints in series, {_counted(motors, 'motor')}"
+            line = f"{len(modules)} joints in series, {counted(motors, 'motor')}"
         title = first if len(modules) == 1 else f"{first} ... {last}"
         return Card(title, (line,), (Leg(1, signs),), module_colour(chain[0]), tuple(chain), parent)
 
     def _parallel(self, number: int, parent: int) -> Card:
         module = self.robot.modules[number]
-        freedoms, motors = _counted(module.mobility, "freedom"), _counted(len(module.motors), "motor")
+        freedoms, motors = counted(module.mobility, "freedom"), counted(len(module.motors), "motor")
         lines = [f"module {number + 1}: {freedoms}, {motors}"]
         spare = len(module.motors) - module.mobility
         if spare:
@@ -155,14 +156,14 @@ class _Deck:
         found = Counter(self.closure_kinds.get(name, "closure") for name in module.closures)
         closed = [f"{count} {kind}" for kind, count in found.items()]
         if wrists := len(module.mechanism.spec.wrists):
-            closed.append(_counted(wrists, "wrist") + " cut")
+            closed.append(counted(wrists, "wrist") + " cut")
         if closed:
             lines.append(f"loops closed by {', '.join(closed)}")
         alike = Counter(tuple(self._sign(joint) for joint in joints) for _, joints in module.legs)
         legs = [Leg(count, signs) for signs, count in alike.items()]
         if len(legs) > MOST_LEGS:
             rest = sum(leg.number for leg in legs[MOST_LEGS:])
-            lines.append(f"and {_counted(rest, 'more leg')} of other kinds")
+            lines.append(f"and {counted(rest, 'more leg')} of other kinds")
         colour = module_colour(number)
         return Card(_name(module), tuple(lines), tuple(legs[:MOST_LEGS]), colour, (number,), parent)
 
@@ -172,7 +173,7 @@ class _Deck:
         title = f"{_name(modules[chain[0]])} ... {_name(modules[chain[-1]])}"
         lines = (
             f"modules {chain[0] + 1} to {chain[-1] + 1}: {len(chain)} like {_name(modules[like])}",
-            f"one on the other, {_counted(motors, 'motor')} in all",
+            f"one on the other, {counted(motors, 'motor')} in all",
         )
         return Card(title, lines, (), module_colour(like), tuple(chain), parent, folded=True)
 
@@ -182,10 +183,6 @@ class _Deck:
 
 def _name(module: Module) -> str:
     return module.outputs[0] if len(module.outputs) == 1 else module.name
-
-
-def _counted(number: int, thing: str) -> str:
-    return f"{number:,} {thing}" + ("" if number == 1 else "s")
 
 
 def dot_of_cards(drawn: list[Card]) -> str:

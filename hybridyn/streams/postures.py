@@ -73,8 +73,7 @@ def postures(
     from ..tables.trajectory import full_state
 
     root = robot.description.root if robot.base != "fixed" else None
-    joints = {joint.name: joint for joint in robot.description.joints}
-    order = [joints[name] for name in robot.joints if name in joints]
+    order = [robot.records[name] for name in robot.joints if name in robot.records]
     return Postures(motion, *full_state(motion, order, root))
 
 

@@ -63,7 +63,7 @@ def departures(robot: HybridRobot, q: Array, v: Array, tau: Array | None = None)
         v: Rates, shape (T, nv).
         tau: Efforts of the motors, shape (T, motors), or None.
     """
-    joints = {joint.name: joint for joint in robot.description.joints}
+    joints = robot.records
     placed = [(joints[name], i) for i, name in enumerate(robot.joints) if name in joints]
     single = [(joint, i) for joint, i in placed if joint.kind in ("revolute", "continuous", "prismatic")]
     ranged = [(joint, robot.q_slices[i].start) for joint, i in single if position_limits(joint)]

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from ..description.names import counted
-from ..description.records import Description
+from ..description.records import Description, Joint
 from ..linkage.joints import ROOT_JOINT
 from ..spatial import Array, Index, spatial_inertia
 from .bodies import Bodies
@@ -108,6 +108,16 @@ class HybridRobot:
     def joint_index(self) -> dict[str, int]:
         """Number of each joint in `joints`, by name."""
         return {name: i for i, name in enumerate(self.joints)}
+
+    @cached_property
+    def records(self) -> dict[str, Joint]:
+        """Record of each joint in the robot's files, by name."""
+        return {joint.name: joint for joint in self.description.joints}
+
+    @cached_property
+    def effort_units(self) -> list[str]:
+        """Unit of each motor's effort."""
+        return ["N" if self.records[name].kind == "prismatic" else "N m" for name in self.motors]
 
     @cached_property
     def cut_joints(self) -> frozenset[str]:

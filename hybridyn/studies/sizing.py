@@ -112,8 +112,7 @@ class Sizing:
         Args:
             robot: The robot.
         """
-        records = {joint.name: joint for joint in robot.description.joints}
-        self.joints = [records[name] for name in robot.motors]
+        self.joints = [robot.records[name] for name in robot.motors]
         count = len(self.joints)
         self.samples, self.duration = 0, 0.0
         self._peaks = {name: _Peaks(count) for name in ("effort", "speed", "power", "braking")}

@@ -57,7 +57,7 @@ def efforts_html(robot: HybridRobot, tau: Array | None, span: Array | None, orig
         origin: Source of the efforts, or the reason why there are none.
     """
     parts = [escape(origin)]
-    units, limits = effort_units(robot), effort_limits(robot)
+    units, limits = robot.effort_units, effort_limits(robot)
     scale = effort_scale(units, span)
     for number, module in enumerate(robot.modules):
         if tau is None or not module.motors:
@@ -87,16 +87,9 @@ def legend_html(robot: HybridRobot, numbers: Sequence[int]) -> str:
     return f'<div id="hybridyn-legend" style="{SMALL}">{" ".join(squares)}</div>'
 
 
-def effort_units(robot: HybridRobot) -> list[str]:
-    """Return the unit of each motor's effort."""
-    kinds = {joint.name: joint.kind for joint in robot.description.joints}
-    return ["N" if kinds[name] == "prismatic" else "N m" for name in robot.motors]
-
-
 def effort_limits(robot: HybridRobot) -> list[float]:
     """Return the limit of each motor's effort, inf if there is none."""
-    limits = {joint.name: joint.effort for joint in robot.description.joints}
-    return [limits[name] for name in robot.motors]
+    return [robot.records[name].effort for name in robot.motors]
 
 
 def effort_scale(units: Sequence[str], span: Array | None) -> Array:

@@ -164,7 +164,7 @@ class Poser:
     def _lever(self, joint: str) -> Lever:
         """Build the lever of a joint; without limits its range is `TURN` or `STROKE` about home."""
         number = next(k for k, module in enumerate(self.robot.modules) if joint in module.joints)
-        record = next(j for j in self.robot.description.joints if j.name == joint)
+        record = self.robot.records[joint]
         home = self.value(self.robot.home, joint)
         slides = record.kind == "prismatic"
         span = STROKE * float(self.robot.modules[number].mechanism.length) if slides else TURN

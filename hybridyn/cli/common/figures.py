@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import importlib.util
-import os
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from ...errors import install_advice
+from .options import ends_in
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -46,11 +46,7 @@ def check_figure(ctx: click.Context, param: click.Parameter, value: str, endings
     Raises:
         click.BadParameter: One of these is wrong.
     """
-    if not value.lower().endswith(endings):
-        raise click.BadParameter(f"'{value}' must end in {', '.join(endings)}", ctx, param)
-    folder = os.path.dirname(value)
-    if folder and not os.path.isdir(folder):
-        raise click.BadParameter(f"there is no folder '{folder}'", ctx, param)
+    ends_in(*endings)(ctx, param, value)
     package = "plotly" if value.lower().endswith(PAGE) else "matplotlib"
     if value.lower().endswith(GRAPH):
         return value

@@ -125,7 +125,25 @@ def result_file(ctx: click.Context, param: click.Parameter, value: str | None) -
     return value
 
 
-def _names(ctx: click.Context, param: click.Parameter, value: str | None) -> list[str] | None:
+def ends_in(*endings: str) -> Callable[[click.Context, click.Parameter, str | None], str | None]:
+    """Return a callback that checks the ending and the folder of a file, before any work is done."""
+
+    def check(ctx: click.Context, param: click.Parameter, value: str | None) -> str | None:
+        """Check the file, if one is named."""
+        if value is None:
+            return None
+        if not value.lower().endswith(endings):
+            wanted = " or ".join(endings) if len(endings) < 3 else ", ".join(endings)
+            raise click.BadParameter(f"'{value}' must end in {wanted}", ctx, param)
+        folder = os.path.dirname(value)
+        if folder and not os.path.isdir(folder):
+            raise click.BadParameter(f"there is no folder '{folder}'", ctx, param)
+        return value
+
+    return check
+
+
+def split_names(ctx: click.Context, param: click.Parameter, value: str | None) -> list[str] | None:
     """Split names at commas."""
     if value is None:
         return None
@@ -166,7 +184,7 @@ def _effect_names(ctx: click.Context, param: click.Parameter, value: str) -> tup
     from ...description.names import did_you_mean
     from ...effects.choice import UNITS, WORDS
 
-    names = tuple(_names(ctx, param, value) or ())
+    names = tuple(split_names(ctx, param, value) or ())
     for name in names:
         if name not in (*UNITS, *WORDS):
             hint = did_you_mean(name, (*WORDS, *UNITS))
@@ -221,7 +239,10 @@ _OPTIONS = (
         "file says, else fixed]",
     ),
     click.option(
-        "--motors", metavar="A,B,...", callback=_names, help="Driven joints, instead of those in the files."
+        "--motors",
+        metavar="A,B,...",
+        callback=split_names,
+        help="Driven joints, instead of those in the files.",
     ),
     click.option(
         "--gravity",

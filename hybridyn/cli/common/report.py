@@ -5,23 +5,13 @@ from __future__ import annotations
 import csv
 import io
 import json
-import os
 from collections.abc import Sequence
 from typing import Any
 
-import click
+from .options import ends_in
 
-
-def report_file(ctx: click.Context, param: click.Parameter, value: str | None) -> str | None:
-    """Check the ending and the folder of a report's file, before any work is done."""
-    if value is None:
-        return None
-    if not value.lower().endswith((".csv", ".json")):
-        raise click.BadParameter(f"'{value}' must end in .csv or .json", ctx, param)
-    folder = os.path.dirname(value)
-    if folder and not os.path.isdir(folder):
-        raise click.BadParameter(f"there is no folder '{folder}'", ctx, param)
-    return value
+#: Checks the ending and the folder of a report's file, before any work is done.
+report_file = ends_in(".csv", ".json")
 
 
 def write_report(target: str, rows: Sequence[dict[str, Any]]) -> None:

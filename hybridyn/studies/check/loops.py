@@ -9,7 +9,7 @@ import numpy as np
 from ...assembly.findings import SINGULAR_POSTURE, architecturally_singular, home_residuals, motor_share
 from ...assembly.free_motions import free_motions, own_inertia
 from ...description.lost_loops import lost_loops
-from ...description.names import LISTED_NAMES, listed
+from ...description.names import LISTED_NAMES, counted, listed
 from ...linkage.reduction import ROUNDED_ROWS
 from ...spatial import Array
 from ...structure.module import Module
@@ -27,7 +27,7 @@ def check_modules(subject: Subject) -> Iterator[Finding]:
         yield Finding(
             "no-motors",
             "",
-            f"no motor for {_counted(robot.mobility, 'freedom')} ({subject.description.motors_from})",
+            f"no motor for {counted(robot.mobility, 'freedom')} ({subject.description.motors_from})",
             "inverse dynamics computes no effort, and simulations fall freely",
             "state motors = [...] in model.toml, <transmission> in the URDF or name_mot in robot.yaml",
             subject.description.source,
@@ -51,10 +51,6 @@ def check_lost_loops(subject: Subject) -> Iterator[Finding]:
             yield subject.of_joint("lost-loops", sign.joint, *texts)
         else:
             yield Finding("lost-loops", "", *texts, subject.places.file)
-
-
-def _counted(number: int, thing: str) -> str:
-    return f"{number} {thing}" + ("" if number == 1 else "s")
 
 
 def _named(motions: tuple[str, ...]) -> str:
@@ -134,7 +130,7 @@ class _ModuleCheck:
             )
             return
         opposed = len(module.motors) - module.mobility + len(free.uncontrolled) + len(free.idle)
-        counts = f"{_counted(len(module.motors), 'motor')} for {_counted(module.mobility, 'freedom')}"
+        counts = f"{counted(len(module.motors), 'motor')} for {counted(module.mobility, 'freedom')}"
         if free.uncontrolled and module.motors and opposed > 0:
             yield self._about(
                 "motors-opposed",

@@ -27,11 +27,10 @@ class JointLimits:
 
     def __init__(self, robot: HybridRobot, module: int, respected: bool) -> None:
         chosen = robot.modules[module]
-        records = {joint.name: joint for joint in robot.description.joints}
         tree = chosen.mechanism.spanning
         rows = []
         for number, (name, at) in enumerate(zip(chosen.joints, tree.q_slices, strict=True)):
-            joint = records.get(name)
+            joint = robot.records.get(name)
             if joint is not None and joint.kind in ("revolute", "prismatic") and joint.lower < joint.upper:
                 rows.append((number, at.start, joint.lower, joint.upper))
         rows = rows if respected else []
