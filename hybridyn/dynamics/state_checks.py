@@ -96,14 +96,7 @@ def _check_wrists(state: ModuleState, slack: float, natural: NaturalSizes, accel
 
 
 def _check_limit(module: Module, value: Array, limit: Array, what: str, how: str) -> None:
-    """Raise if a residual exceeds the limit of its sample.
-
-    Args:
-        module: The module.
-        value: Absolute residuals, shape (T, rows).
-        limit: Limit of each sample, shape (T,).
-        what: Name of the quantity.
-        how: Verb for the residual in the message.
+    """Raise if an absolute residual, shape (T, rows), exceeds the limit of its sample, shape (T,).
 
     Raises:
         AssemblyError: The message names the residual that exceeds its limit and is the largest.

@@ -157,12 +157,7 @@ def _right_inverse(s: ModuleState, rates: Array, freedoms: Index, u: Coordinates
 def _refuse_dependent(module: Module, S: Array, samples: Index, freedoms: Index, u: Coordinates) -> None:
     """Refuse samples at which the coordinates are not independent.
 
-    Args:
-        module: The module.
-        S: Rates of the coordinates along orthonormal motions, scaled, shape (samples, m, N).
-        samples: Numbers of these samples, shape (samples,).
-        freedoms: The chosen freedoms of the spanning tree, shape (m,).
-        u: The independent coordinates.
+    S are their scaled rates along orthonormal motions, shape (samples, m, N).
 
     Raises:
         SingularityError: Singular values confirm it.
@@ -189,12 +184,7 @@ def _refuse_dependent(module: Module, S: Array, samples: Index, freedoms: Index,
 
 
 def _refuse_open_motions(s: ModuleState, motions: Array, u: Coordinates) -> None:
-    """Refuse motions that the coordinates do not determine, and that are not idle.
-
-    Args:
-        s: State of the module.
-        motions: Those motions, orthonormal in scaled coordinates, shape (T, n, k).
-        u: The independent coordinates.
+    """Refuse motions that the coordinates do not determine, scaled, shape (T, n, k), and that are not idle.
 
     Raises:
         SingularityError: Naming the freedom that moves most.

@@ -143,18 +143,7 @@ class ModuleBuilder:
         closures: tuple[str, ...] = (),
         stands_on: tuple[int, int] = (-1, 0),
     ) -> None:
-        """Append a module.
-
-        Args:
-            spec: Numbers of the module.
-            name: Name of the module.
-            base: Link that names the base body.
-            outputs: Links that name the output bodies.
-            joints: Names of its joints.
-            legs: Legs as (name, joint names).
-            closures: Names of its closures and couplings.
-            stands_on: Numbers of the parent module and of the parent's output that is the base.
-        """
+        """Append a module; `stands_on` is the parent and its output, the others are those of `Module`."""
         mechanism = self._mechanism(spec)
         check_mechanism(mechanism, name, self.description.source, self.tolerances.closure)
         every_q, every_v = np.arange(self.q_slices[-1].stop), np.arange(self.v_slices[-1].stop)

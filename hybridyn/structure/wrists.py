@@ -139,7 +139,7 @@ def wrist_closure(bodies: Bodies, wrist: Wrist) -> TreeClosure:
         below = _crossing(bodies, wrist.joints[-2], wrist.joints[-1])
         assert below is not None
         c_last = last.R.T @ (below - last.p)
-    turn_a, turn_b = _axis_frame(first.joint.axis), _axis_frame(last.joint.axis)
+    turn_a, turn_b = axis_frame(first.joint.axis), axis_frame(last.joint.axis)
     shapes: dict[str, tuple[tuple[int, ...], RotationKind]] = {
         "spherical": ((0, 1, 2), "free"),
         "universal": ((0, 1, 2), "perpendicular"),
@@ -159,7 +159,7 @@ def wrist_closure(bodies: Bodies, wrist: Wrist) -> TreeClosure:
     )  # fmt: skip
 
 
-def _axis_frame(axis: Array) -> Array:
+def axis_frame(axis: Array) -> Array:
     """Return orthonormal axes, shape (3, 3), whose third axis is `axis`."""
     other = np.zeros(3)
     other[np.argmin(np.abs(axis))] = 1.0

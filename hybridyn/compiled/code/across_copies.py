@@ -6,11 +6,13 @@ the copies in their order, with the same additions as the other driver.
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 
 from ...spatial import Array, Index
 from ..program import Add, Call, Constants, Each, Given, Own, Program, Result, Shared, Source, Target, Worst
-from .drivers import Block, driver, in_place
+from .drivers import Block, driver
 from .tables import Tables, steps_of_one
 
 HEAD = "static void {name}_copies(const S *given, S *result, V *shared, V *own, S *guard) {{"
@@ -37,15 +39,11 @@ def across_copies(program: Program, names: list[str], lanes: int, tables: Tables
 
 def _alone(call: Call, name: str, tables: Tables) -> list[str]:
     """Return the call of a kernel with one copy, the same in every lane."""
-    block = Block()
-    for n, source in enumerate(call.sources):
-        block.arguments.append(_alone_source(n, source, tables, block))
-    for n, (target, free) in enumerate(zip(call.targets, in_place(call), strict=True)):
-        block.arguments.append(_alone_target(n, target, free, tables, block))
+    block = Block.of(call, partial(_alone_source, tables), partial(_alone_target, tables))
     return block.lines(name)
 
 
-def _alone_source(n: int, source: Source, tables: Tables, block: Block) -> str:
+def _alone_source(tables: Tables, n: int, source: Source, block: Block) -> str:
     """Return an argument that is read; scalars are first spread over the lanes."""
     match source:
         case Shared(start, _) | Each(start, _):
@@ -67,7 +65,7 @@ def _alone_source(n: int, source: Source, tables: Tables, block: Block) -> str:
             return x
 
 
-def _alone_target(n: int, target: Target, free: bool, tables: Tables, block: Block) -> str:
+def _alone_target(tables: Tables, n: int, target: Target, free: bool, block: Block) -> str:
     """Return an argument that is written; results and the guard are taken from the first lane."""
     y = f"y{n}"
     match target:
@@ -100,12 +98,7 @@ class _Pack:
 
     def text(self, name: str) -> list[str]:
         """Return the lines of the call."""
-        block = Block()
-        for n, source in enumerate(self.call.sources):
-            block.arguments.append(self._source(n, source, block))
-        for n, (target, free) in enumerate(zip(self.call.targets, in_place(self.call), strict=True)):
-            block.arguments.append(self._target(n, target, free, block))
-        return block.lines(name)
+        return Block.of(self.call, self._source, self._target).lines(name)
 
     def _lanes(self, values: Array | Index) -> Array | Index:
         """Return the copies' rows as columns, shape (entries, lanes)."""

@@ -5,11 +5,13 @@ With one lane it is the scalar program of one sample.
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 
 from ...spatial import Index
 from ..program import Add, Call, Constants, Each, Given, Own, Program, Result, Shared, Source, Target, Worst
-from .drivers import Block, driver, in_place
+from .drivers import Block, driver
 from .tables import Tables, steps_of_one
 
 HEAD = "static void {name}_samples(const V *given, V *result, V *shared, V *own, V *guard) {{"
@@ -29,11 +31,7 @@ def across_samples(program: Program, names: list[str], tables: Tables) -> str:
 
 def _call(call: Call, name: str, tables: Tables) -> list[str]:
     """Return the calls of a kernel for all copies."""
-    block = Block()
-    for n, source in enumerate(call.sources):
-        block.arguments.append(_source(call, n, source, tables, block))
-    for n, (target, free) in enumerate(zip(call.targets, in_place(call), strict=True)):
-        block.arguments.append(_target(call, n, target, free, tables, block))
+    block = Block.of(call, partial(_source, call, tables), partial(_target, call, tables))
     head = "{" if call.copies == 1 else f"for (int i = 0; i < {call.copies}; i++) {{"
     return block.lines(name, head)
 
@@ -49,7 +47,7 @@ def _at(call: Call, start: int, size: int) -> str:
     return str(start) if call.copies == 1 else f"{start} + i * {size}"
 
 
-def _source(call: Call, n: int, source: Source, tables: Tables, block: Block) -> str:
+def _source(call: Call, tables: Tables, n: int, source: Source, block: Block) -> str:
     """Return an argument that is read; entries that are not contiguous are gathered first."""
     match source:
         case Shared(_, 0) | Each(_, 0) | Own(_, 0):
@@ -79,7 +77,7 @@ def _source(call: Call, n: int, source: Source, tables: Tables, block: Block) ->
             return f"own + {_at(call, start, size)}"
 
 
-def _target(call: Call, n: int, target: Target, free: bool, tables: Tables, block: Block) -> str:
+def _target(call: Call, tables: Tables, n: int, target: Target, free: bool, block: Block) -> str:
     """Return an argument that is written; what cannot be written in place is copied afterwards."""
     y = f"y{n}"
     match target:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-from ..program import Call, Constants, Given, Program, Result, Source
+from ..program import Call, Constants, Given, Program, Result, Source, Target
 from .rules import overlap, spans
 from .tables import Tables, steps_of_one
 
@@ -23,6 +23,24 @@ class Block:
     before: list[str] = field(default_factory=list)
     arguments: list[str] = field(default_factory=list)
     after: list[str] = field(default_factory=list)
+
+    @classmethod
+    def of(
+        cls,
+        call: Call,
+        source: Callable[[int, Source, Block], str],
+        target: Callable[[int, Target, bool, Block], str],
+    ) -> Block:
+        """Build the block of a call from functions that return an argument that is read, or written.
+
+        They take its number, the source, or the target and whether it may be written in place, and the block.
+        """
+        block = cls()
+        for n, read in enumerate(call.sources):
+            block.arguments.append(source(n, read, block))
+        for n, (written, free) in enumerate(zip(call.targets, in_place(call), strict=True)):
+            block.arguments.append(target(n, written, free, block))
+        return block
 
     def vector(self, name: str, size: int) -> str:
         """Declare a local vector and return its name."""

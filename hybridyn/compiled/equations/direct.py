@@ -201,13 +201,7 @@ def _wrists(
 ) -> tuple[dict[int, Any], Any]:  # fmt: skip
     """Compute the wrists' accelerations by freedom of the spanning tree, and the guard of their pivots.
 
-    Args:
-        core: The core.
-        plan: The module.
-        given: Positions and rates of the spanning tree.
-        base: Motion of the base.
-        s: Accelerations [V_dot_base; y].
-        known: Accelerations of the spanning tree's other freedoms.
+    Given are q and v of the spanning tree, s = [V_dot_base; y], and the tree's other accelerations.
     """
     q, v = given
     out: dict[int, Any] = {}

@@ -134,14 +134,9 @@ def _relative_motion(chain: Chain, body: int, velocity: bool) -> tuple[Expressio
 def _required_forces(
     core: Core, plan: Plan, options: InverseOptions, moving: Chain, a: Expression
 ) -> _RequiredForces:
-    """Compute the forces that a motion requires, without joint laws.
+    """Compute the forces that a motion requires, without joint laws; `a` as of the spanning tree.
 
-    Args:
-        core: The core.
-        plan: The module.
-        options: Options of the inverse model.
-        moving: The core's motion for inertial forces (rates zero without velocity terms).
-        a: Accelerations of the spanning tree.
+    `moving` is the core's motion for inertial forces: its rates are zero without velocity terms.
     """
     parts, b = plan.parts, forces(moving)
     terms = [x * u for x, u in zip(b[6:], core.units, strict=True)]

@@ -77,12 +77,7 @@ def _acceleration_guard(
 ) -> Any:
     """Return the guard that a leg's end accelerates with its platform.
 
-    Args:
-        leg: The leg, written at zero accelerations.
-        a: Accelerations of its joints.
-        A: Acceleration of its platform, in the base's frame.
-        A_base: Acceleration of its base.
-        scale: Scales of closure residuals.
+    The leg is written at zero accelerations; a, A, A_base are those of joints, platform and base, base frame.
     """
     unit = np.concatenate([units_of(link, scale.length) for link in leg.chain.links])
     apart = leg.accelerating_apart(a, A - A_base) / unit

@@ -11,6 +11,7 @@ import numpy as np
 
 from ...linkage.joints import NV, TreeJoint
 from ...spatial import Array
+from ...structure.wrists import axis_frame
 from .expressions import ROTATION_ROUNDING, plain, snap
 from .rigid import moved
 
@@ -65,7 +66,7 @@ def aligned(links: list[Link], fixed: frozenset[int]) -> tuple[list[Link], list[
         The links, and for each body (base first) the new axes in the old axes, shape (3, 3).
     """
     turns = [
-        _frame_along(link.axis)
+        axis_frame(link.axis)
         if body not in fixed and np.abs(link.axis).max() < 1.0 and link.nv == 1
         else None
         for body, link in enumerate(links, 1)
@@ -92,14 +93,6 @@ def _turned(links: list[Link], turns: list[Array | None]) -> tuple[list[Link], l
         axis = link.axis if turn is None else snap(turn.T @ link.axis)
         out.append(replace(link, R=snap(back @ link.R @ here), p=back @ link.p, axis=axis, inertia=inertia))
     return out, axes
-
-
-def _frame_along(axis: Array) -> Array:
-    """Return a rotation whose third column is the axis, shape (3, 3)."""
-    other = np.eye(3)[int(np.argmin(np.abs(axis)))]
-    x = np.cross(other, axis)
-    x /= np.linalg.norm(x)
-    return np.stack([x, np.cross(axis, x), axis], axis=1)
 
 
 def regrouped(links: list[Link]) -> tuple[list[Link], Array]:
