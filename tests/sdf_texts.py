@@ -111,7 +111,7 @@ def random_pair(seed: int, version: str) -> Twice:
 def _urdf_link(name, draw, texts, shift, links, shifts, minor) -> str:
     """Write a link: its inertia is stated in each format's own frame of the link."""
     at, mass = pin.SE3.Random(), draw.uniform(0.5, 2)
-    a, b, c = draw.uniform(0.02, 0.05, size=3)
+    a, b, c = draw.uniform(0.03, 0.05, size=3)
     moments = f'ixx="{a}" ixy="0.001" ixz="0.002" iyy="{b}" iyz="-0.003" izz="{c}"'
     tensor = "".join(
         f"<{key}>{value}</{key}>"
@@ -125,7 +125,7 @@ def _urdf_link(name, draw, texts, shift, links, shifts, minor) -> str:
         pose = f'<pose relative_to="{other}">{_pose((links[other] * shifts[other]).inverse() * world)}</pose>'
     if minor >= 9 and draw.random() < 0.5:
         quaternion = pin.Quaternion(world.rotation).coeffs()
-        pose = f'<pose rotation_format="quat_xyzw">{_text(world.translation)} {_text(3 * quaternion)}</pose>'
+        pose = f'<pose rotation_format="quat_xyzw">{_text(world.translation)} {_text(quaternion)}</pose>'
     texts.sdf.append(f'<link name="{name}">{pose}<inertial>{body}</inertial></link>')
     inertial = f'{_origin(at)}<mass value="{mass}"/><inertia {moments}/>'
     return f'<link name="{name}"><inertial>{inertial}</inertial></link>'

@@ -11,6 +11,7 @@ from hybridyn.errors import ModelError
 from tests.sdf_texts import WORLD, joint, link, sdf
 
 BODIES = (link("base"), link("a"), link("b"), WORLD)
+QUATERNION = 'rotation_format="quat_xyzw"'
 DAMPED = "<axis><dynamics><damping>1</damping></dynamics></axis>"
 HINGE = joint("j", "revolute", "base", "a")
 GEAR = "<axis2><xyz>0 0 1</xyz></axis2><gearbox_reference_body>{}</gearbox_reference_body>"
@@ -50,6 +51,10 @@ def told(folder: Path, text: str) -> str:
         (
             joint("j", "fixed", "base", "a", DAMPED, axis=""),
             "in an axis that a fixed joint does not have",
+        ),
+        (
+            joint("j", "fixed", "base", "a", f"<pose {QUATERNION}>0 0 0 0 0 0 2</pose>", axis=""),
+            "its quaternion has length 2",
         ),
         (joint("j", "revolute", "base", "a", "<speed>1</speed>"), "unknown in <joint name=\"j\">"),
         (

@@ -9,6 +9,10 @@ from ..records import Array
 from ..urdf.placement import SMALLEST_AXIS
 from ..urdf.xml_node import Node
 
+#: Deviation of a quaternion's length from 1 that is rounding: files keep 4 digits and more. Programs disagree
+#: on what longer and shorter ones mean.
+QUATERNION_SLACK = 1e-3
+
 #: Largest limit that is one: SDFormat's defaults before version 1.9 are -1e16 and 1e16.
 UNLIMITED = 1e16
 
@@ -91,8 +95,8 @@ def pose(node: Node | None) -> Array:
             raise node.error("states both degrees and a quaternion; keep one")
         numbers = node.content_numbers(7)
         norm = float(np.linalg.norm(numbers[3:]))
-        if norm < SMALLEST_AXIS:
-            raise node.error("its quaternion is zero; a unit quaternion is needed")
+        if abs(norm - 1) > QUATERNION_SLACK:
+            raise node.error(f"its quaternion has length {norm:g}; a unit quaternion is needed")
         return placement_from(rotation_from_quaternion(*(numbers[3:] / norm)), numbers[:3])
     if form != "euler_rpy":
         raise node.error(f"rotation_format '{form}' instead of 'euler_rpy' or 'quat_xyzw'")

@@ -154,8 +154,8 @@ def _position(node: Node, kind: str) -> tuple[float, ...]:
     numbers = stated.content_numbers(count)
     if kind == "ball":
         norm = float(np.linalg.norm(numbers))
-        if abs(norm - 1) > 1e-6:
-            raise stated.error("its quaternion has not length 1")
+        if abs(norm - 1) > fields.QUATERNION_SLACK:
+            raise stated.error(f"its quaternion has length {norm:g}; a unit quaternion is needed")
         numbers = numbers / norm
     return tuple(float(x) for x in numbers)
 
