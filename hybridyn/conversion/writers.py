@@ -44,6 +44,7 @@ WRITERS: dict[str, Callable[[Request], Written]] = {
     ".xml": _mjcf,
     ".sdf": _sdf,
     ".usda": _usd,
+    ".usd": _usd,
 }
 
 

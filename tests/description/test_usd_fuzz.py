@@ -193,6 +193,9 @@ def test_a_file_that_ends_the_child_is_refused(folder: Path, monkeypatch: pytest
         read(folder / "r.usda")
     monkeypatch.undo()
     assert read(folder / "r.usda").motors == ("j8",)
+    (server,) = opening._RUNNING
+    server.close()
+    assert read(folder / "r.usda").motors == ("j8",)
 
 
 @pytest.mark.slow

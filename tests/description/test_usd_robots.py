@@ -126,8 +126,8 @@ def test_what_records_can_say_comes_back(tmp_path: Path) -> None:
         "my robot", tuple(links), tuple(joints), motors=("revolute/joint", "prismatic/joint"), home=home,
         couplings=(Coupling("revolute/joint", (("revolute/joint", 2.0), ("prismatic/joint", 1 / 3)), 0.1),),
     )  # fmt: skip
-    assert written(description, tmp_path / "robot.usda").losses == ()
-    found = read(tmp_path / "robot.usda")
+    assert written(description, tmp_path / "robot.usd").losses == ()
+    found = read(tmp_path / "robot.usd")
     assert (found.name, found.motors) == ("my robot", description.motors)
     for ours, theirs in zip(found.links, links, strict=True):
         assert (ours.name, ours.mass, ours.between_joints) == (
