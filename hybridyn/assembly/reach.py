@@ -20,14 +20,14 @@ ROUNDS = 4
 
 
 @one_thread()
-def unreachable_samples(
+def closed_postures(
     robot: HybridRobot,
     *,
     motors: Mapping[str, object],
     platforms: Mapping[str, object],
     guess: Array | None = None,
-) -> Mask:
-    """Check at which samples no posture was found that closes the loops, whatever its assembly branch.
+) -> tuple[Array, Mask]:
+    """Find postures that close the loops, each sample for itself, on whatever assembly branch.
 
     Newton's method starts at the guess, and then at the postures of the nearest samples that closed.
 
@@ -38,7 +38,8 @@ def unreachable_samples(
         guess: Initial posture, shape (nq,); the home posture by default.
 
     Returns:
-        Shape (T,).
+        Positions, shape (T, nq), and whether the loops are closed there, shape (T,). Open samples have the
+        posture of a near closed one.
 
     Raises:
         AssemblyError: The posture is underdetermined.
@@ -60,14 +61,14 @@ def unreachable_samples(
         x, closed = _solved(task, m.cut.positions(q[:1, module.q_index])[0])
         out |= ~closed
         if out.all():
-            break
+            break  # no posture to place the next modules on
         rest = m.tree.sweep(x, *np.zeros((2, T, m.tree.nv)))
         q[:, module.q_index] = spanning_positions(module, x, rest, q[0, module.q_index])
         still = np.zeros((2, T, m.spanning.nv))
         motion = m.spanning.sweep(q[:, module.q_index], *still)
         for i, joint in enumerate(module.joints):
             bodies[robot.body_of_joint[joint]] = bodies[base_body].then(RigidMotion.of_body(motion, i + 1))
-    return out
+    return q, ~out
 
 
 def _solved(task: Task, guess: Array) -> tuple[Array, Mask]:

@@ -55,18 +55,23 @@ GRID = "length = { values = [0.5, 1.5] }\nrod = { scale_inertia = 'rod', values 
 SCALES = GRID.replace("length = {", "length = { scale_inertia = 'base',")
 
 
-@pytest.fixture
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A folder with a pendulum and its motion, in which the test stands."""
-    (tmp_path / "pendulum.urdf.xacro").write_text(PENDULUM)
+def pendulum_in(place: Path) -> Path:
+    """Write a pendulum and its motion into a folder."""
+    (place / "pendulum.urdf.xacro").write_text(PENDULUM)
     plain = re.sub(r"<xacro:arg.*/>", "", PENDULUM).replace("$(arg length)", "1").replace("$(arg mass)", "2")
-    (tmp_path / "pendulum.urdf").write_text(plain)
+    (place / "pendulum.urdf").write_text(plain)
     rows = np.column_stack([TIME, ANGLE, RATE, -ANGLE])
     lines = [",".join(map(repr, row)) for row in rows.tolist()]
     header = "time,turn/position,turn/velocity,turn/acceleration"
-    (tmp_path / "swing.csv").write_text("\n".join([header, *lines]))
+    (place / "swing.csv").write_text("\n".join([header, *lines]))
+    return place
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder with a pendulum and its motion, in which the test stands."""
     monkeypatch.chdir(tmp_path)
-    return tmp_path
+    return pendulum_in(tmp_path)
 
 
 def written(designs: str, parameters: str = SCALES, measure: str = '["peak_effort"]') -> Path:

@@ -5,7 +5,10 @@ from __future__ import annotations
 import contextlib
 import logging
 import os
+import queue
+import re
 import sys
+import threading
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import BrokenExecutor
 from dataclasses import dataclass
@@ -18,6 +21,12 @@ Engine = Literal["loky", "dask"]
 ENGINES: tuple[Engine, ...] = ("loky", "dask")
 #: Time in which the scheduler of a cluster has to answer [s].
 PATIENCE = 10.0
+#: Further time for the answer to a refused or unknown address, which comes with a reason [s].
+ADDRESS_SECONDS = 1.0
+
+
+#: Address of a scheduler.
+ADDRESS = re.compile(r"(tcp|tls|ucx|wss?)://\S+:\d+(/\S*)?")
 
 
 class WorkerDiedError(Exception):
@@ -82,6 +91,8 @@ def open_pool(engine: Engine, jobs: int | None, scheduler: str | None) -> Iterat
         raise HybridynError("a scheduler belongs to the engine 'dask'")
     if engine not in ENGINES:
         raise HybridynError(f"there is no engine '{engine}'; the engines are {', '.join(ENGINES)}")
+    if scheduler is not None and not ADDRESS.fullmatch(scheduler):
+        raise HybridynError(f"'{scheduler}' is no address of a scheduler, like tcp://host:8786")
     joblib = _package("joblib")
     if engine == "loky":
         options = {"backend": "loky", "inner_max_num_threads": 1}
@@ -104,19 +115,38 @@ def _client(distributed: Any, jobs: int | None, scheduler: str | None) -> Iterat
             address = stack.enter_context(cluster)
         else:
             address = scheduler
-        try:
-            client = stack.enter_context(distributed.Client(address, timeout=PATIENCE, set_as_default=False))
-        except (OSError, TimeoutError, ValueError) as error:
-            reason = str(error).splitlines()[0] if str(error) else type(error).__name__
-            raise HybridynError(
-                f"the scheduler {scheduler} does not answer within {PATIENCE:g} s ({reason})"
-            ) from None
+        client = stack.enter_context(_connected(distributed, address))
         if not client.ncores():
             try:
                 client.wait_for_workers(1, timeout=PATIENCE)
             except TimeoutError:
                 raise HybridynError(f"the scheduler {scheduler} has no workers") from None
         yield client
+
+
+def _connected(distributed: Any, address: Any) -> Any:
+    """Connect to a scheduler, in a thread: Dask's own timeout does not end a wait for one that stays silent.
+
+    Raises:
+        HybridynError: The scheduler does not answer.
+    """
+    found: queue.Queue[Any] = queue.Queue()
+
+    def connect() -> None:
+        try:
+            found.put(distributed.Client(address, timeout=PATIENCE, set_as_default=False))
+        except Exception as error:
+            found.put(error)
+
+    threading.Thread(target=connect, daemon=True).start()
+    try:
+        answer = found.get(timeout=PATIENCE + ADDRESS_SECONDS)
+    except queue.Empty:
+        answer = TimeoutError("it accepts the connection and stays silent")
+    if isinstance(answer, Exception):
+        reason = str(answer).splitlines()[0] if str(answer) else type(answer).__name__
+        raise HybridynError(f"the scheduler {address} does not answer within {PATIENCE:g} s ({reason})")
+    return answer
 
 
 def _deaths() -> tuple[type[Exception], ...]:

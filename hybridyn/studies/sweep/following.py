@@ -8,11 +8,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...assembly.reach import unreachable_samples
+from ...assembly.reach import closed_postures
 from ...dynamics.inverse import inverse_model
 from ...effects import Effects
 from ...errors import ActuationError, AssemblyError, SingularityError
-from ...spatial import Array, Mask
+from ...spatial import Array
 from ...streams.postures import Postures, postures, rows_named
 from ...structure.robot import HybridRobot
 from ...tables.columns import Layout, read_layout
@@ -159,34 +159,34 @@ def _count(
 ) -> Array | None:  # fmt: skip
     """Count the wrong postures of a block of which one raised an error; return a posture near its end."""
     found.add(_status(error), str(error))
-    away: Mask = np.zeros(motion.size, dtype=bool)
-    if not layout.full_state:
-        away = unreachable_samples(robot, motors=motion.joints, platforms=motion.platforms, guess=guess)
-    found.unreachable += int(away.sum())
     before = found.unreachable + found.singular
-    ends = np.flatnonzero(np.diff(np.r_[True, away, True]))
-    for start, stop in zip(ends[::2].tolist(), ends[1::2].tolist(), strict=True):
-        while start < stop and found.singular < MOST_SINGULAR:
-            part = motion.part(start, stop)
-            try:
-                block = postures(robot, part, layout, guess)
-                guess = block.q[-1]
-                _efforts(robot, layout, block, how)
-                break
-            except (AssemblyError, SingularityError) as wrong:
-                found.unreachable += isinstance(wrong, AssemblyError)
-                found.singular += isinstance(wrong, SingularityError)
-                start += (wrong.sample or 0) + 1
-            except ActuationError:
-                break
-    if (
-        not isinstance(error, ActuationError)
-        and found.unreachable + found.singular == before
-        and not away.any()
-    ):
-        found.unreachable += isinstance(error, AssemblyError)  # reached in parts, but not in one motion
+    if layout.full_state:
+        q, closed = postures(robot, motion, layout, None).q, np.ones(motion.size, dtype=bool)
+    else:
+        q, closed = closed_postures(robot, motors=motion.joints, platforms=motion.platforms, guess=guess)
+    found.unreachable += int((~closed).sum())
+    _count_singular(robot, q[closed], how, found)
+    if found.unreachable + found.singular == before:  # each posture can be, but not one after the other
+        found.unreachable += isinstance(error, AssemblyError)
         found.singular += isinstance(error, SingularityError)
-    return guess
+    last: Array | None = q[closed][-1] if closed.any() else guess
+    return last
+
+
+def _count_singular(robot: HybridRobot, q: Array, how: Follower, found: Postmortem) -> None:
+    """Count the singular ones of closed postures, shape (T, nq), by the inverse model at rest."""
+    while len(q) and found.singular < MOST_SINGULAR:
+        rest = np.zeros((len(q), robot.nv))
+        try:
+            inverse_model(robot, q, rest, rest, passive=how.passive)
+        except (SingularityError, AssemblyError) as wrong:
+            found.singular += isinstance(wrong, SingularityError)
+            found.unreachable += isinstance(wrong, AssemblyError)
+            q = q[(wrong.sample or 0) + 1 :]
+        except ActuationError as wrong:
+            q = q[(wrong.sample or 0) + 1 :]
+        else:
+            return
 
 
 def _status(error: Exception) -> str:

@@ -1,0 +1,90 @@
+"""Sweeps in real processes: the same bits on every engine, and a killed worker that loses nothing."""
+
+from __future__ import annotations
+
+import os
+import socket
+from pathlib import Path
+
+import pytest
+
+import hybridyn
+from hybridyn.errors import HybridynError
+from tests.extras import needs
+from tests.studies.test_sweep import pendulum_in, rows_of, written
+
+needs("sweep")
+
+#: Designs enough for several chunks in each of two processes.
+MANY = """rod = { scale_inertia = 'rod', range = [1.0, 3.0], steps = 40 }
+base = { scale_inertia = 'base', values = [1.0] }"""
+#: A measure that once ends its process, unless it is that of the test, at design 7 of 40.
+KILLER = """
+import os, signal, time
+from pathlib import Path
+
+def mass(robot, motion):
+    mass = next(link.mass for link in robot.description.links if link.name == "rod")
+    if mass > 2 * (1 + 2 * 6.5 / 39) and os.getpid() != {pid} and not Path("{mark}").exists():
+        Path("{mark}").write_text("killed")
+        os.kill(os.getpid(), signal.SIGKILL)
+    time.sleep(0.02)
+    return mass
+"""
+
+
+@pytest.fixture
+def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder with a pendulum and its motion, in which the test stands."""
+    monkeypatch.chdir(tmp_path)
+    return pendulum_in(tmp_path)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("engine", ["loky", "dask"])
+def test_a_killed_worker_loses_nothing_and_counts_nothing_twice(
+    place: Path, engine: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if engine == "dask":
+        needs("dask")
+    monkeypatch.setattr("hybridyn.studies.sweep.sweep.CHUNK_SECONDS", 0.1)
+    Path("killer.py").write_text(KILLER.format(mark=place / "killed", pid=os.getpid()))
+    path = written("method = 'grid'", MANY, "{ mass = 'killer.py:mass' }")
+    state = hybridyn.sweep(path, "out", engine=engine, jobs=2, allow_python=True, format="csv")
+    rows = rows_of("out")
+    assert Path("killed").exists()
+    assert rows["design"] == list(range(40))
+    assert set(rows["status"]) == {"ok"}
+    assert state.done == state.now == 40
+    hybridyn.sweep(path, "alone", jobs=1, allow_python=True, format="csv")
+    assert rows_of("alone") == rows
+
+
+@pytest.mark.slow
+def test_a_cluster_that_stands_is_used(place: Path) -> None:
+    distributed = needs("dask")
+    path = written("method = 'grid'")
+    with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster:
+        hybridyn.sweep(path, "out", engine="dask", scheduler=cluster.scheduler_address, format="csv")
+    hybridyn.sweep(path, "alone", jobs=1, format="csv")
+    assert rows_of("out") == rows_of("alone")
+
+
+def test_a_scheduler_that_does_not_answer_is_one_line(
+    place: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    needs("dask")
+    monkeypatch.setattr("hybridyn.studies.sweep.engines.PATIENCE", 0.2)
+    path = written("method = 'grid'")
+    with socket.socket() as deaf:
+        deaf.bind(("127.0.0.1", 0))
+        deaf.listen()
+        address = f"tcp://127.0.0.1:{deaf.getsockname()[1]}"
+        with pytest.raises(
+            HybridynError, match=f"the scheduler {address} does not answer within 0.2 s"
+        ) as caught:
+            hybridyn.sweep(path, "out", engine="dask", scheduler=address, format="csv")
+    assert "\n" not in str(caught.value)
+    with pytest.raises(HybridynError, match="belongs to the engine 'dask'"):
+        hybridyn.sweep(path, "out2", scheduler=address, format="csv")
