@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from os import PathLike
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from ..studies.sweep.shards import about_of, read_shards
 from .blank import empty_figure
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 #: Largest number of points per panel; of more designs, evenly spaced ones are drawn.
@@ -39,18 +40,20 @@ def figure_of_sweep(folder: str | PathLike[str], where: str | None = None) -> Fi
     condition = None if where is None else Expression(where, numbers, "--where")
     stride = -(-about.designs // MOST_POINTS)
     kept: list[dict[str, Array]] = []
+    masks: list[Mask] = []  # evaluated, and meeting the condition, shape (2, designs)
     for shard in read_shards(str(folder), [*numbers, "status"]):
         good: Mask = np.array(shard.pop("status")) == "ok"
         met = good if condition is None else good & np.broadcast_to(condition(shard), good.shape)
         rows = shard["design"] % stride == 0
-        kept.append({name: values[rows] for name, values in {**shard, " good": good, " met": met}.items()})
+        kept.append({name: values[rows] for name, values in shard.items()})
+        masks.append(np.stack([good[rows], met[rows]]))
     columns = {name: np.concatenate([part[name] for part in kept]) for name in kept[0]} if kept else {}
     figure = empty_figure(2.6 * len(parameters) + 0.8, 2.1 * len(measures) + 0.6)
     panels = figure.subplots(len(measures), len(parameters), squeeze=False, sharex="col", sharey="row")
     for row, measure in zip(panels, measures, strict=True):
         for ax, parameter in zip(row, parameters, strict=True):
             if columns:
-                _scatter(ax, columns, parameter, measure)
+                _scatter(ax, columns[parameter], columns[measure], *np.concatenate(masks, axis=1))
             ax.tick_params(labelsize="x-small")
         row[0].set_ylabel(measure, fontsize="small")
     for ax, parameter in zip(panels[-1], parameters, strict=True):
@@ -60,20 +63,18 @@ def figure_of_sweep(folder: str | PathLike[str], where: str | None = None) -> Fi
     return figure
 
 
-def _scatter(ax: object, columns: dict[str, Array], parameter: str, measure: str) -> None:
+def _scatter(ax: Axes, x: Array, y: Array, good: Mask, met: Mask) -> None:
     """Draw one panel."""
-    x, y, good, met = (columns[name] for name in (parameter, measure, " good", " met"))
-    style = {"linestyle": "none", "marker": ".", "markersize": 3}
-    plot, transform = ax.plot, ax.get_xaxis_transform()  # type: ignore[attr-defined]
-    plot(x[good & ~met], y[good & ~met], color="0.75", **style)
-    plot(x[met], y[met], color="C0", **style)
+    style: dict[str, Any] = {"linestyle": "none", "marker": ".", "markersize": 3}
+    ax.plot(x[good & ~met], y[good & ~met], color="0.75", **style)
+    ax.plot(x[met], y[met], color="C0", **style)
     bad = x[~good]
-    plot(
+    ax.plot(
         bad,
         np.full(len(bad), 0.02),
         color="C3",
         linestyle="none",
         marker="|",
         markersize=5,
-        transform=transform,
+        transform=ax.get_xaxis_transform(),
     )

@@ -138,7 +138,8 @@ class Designer:
 
     def _tasks(self, robot: HybridRobot) -> tuple[Postmortem, tuple[float, ...]]:
         """Run every task; errors are those of the first that fails, counts those of all."""
-        whole, measures = Postmortem(), {}
+        whole = Postmortem()
+        measures: dict[str, float] = {}
         for name, task in self.source.study.tasks.items():
             found, values = self._task(robot, name, task)
             whole.unreachable += found.unreachable

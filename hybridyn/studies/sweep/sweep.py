@@ -109,7 +109,7 @@ def sweep(
     )
     state = Swept(Path(output), designs.count)
     pace = None if shards_in(Path(output)) else _try_some(source, designs)
-    shards = Shards.create(output, about, resume=resume)
+    shards = Shards.create(Path(output), about, resume=resume)
     _count_rows(state)
     if shards.gaps():
         with open_pool(engine, jobs, scheduler) as pool:
