@@ -30,6 +30,6 @@ def test_the_robot_of_the_page(
     assert done.status == 0, done.err
     assert [path.name for path in sorted(tmp_path.iterdir())] == [
         "four_bar.sdf",
-        "other.model.toml",
         "other.sdf",
+        "other.sdf.model.toml",
     ]
