@@ -97,3 +97,73 @@ def same_poses(robot: HybridRobot, q: np.ndarray, plant: Any, context: Any) -> N
             theirs = plant.EvalBodyPoseInWorld(context, plant.GetBodyByName(body.name)).GetAsMatrix4()
             ours = data.oMf[robot.model.getFrameId(body.name, pin.BODY)].homogeneous
             np.testing.assert_allclose(ours, theirs, atol=AGAINST_DRAKE)
+
+
+PART = """<sdf version="1.9"><model name="part" placement_frame="f2"><pose>0.3 0.1 0 0 0.2 0</pose>
+<frame name="f2" attached_to="y"><pose relative_to="jj">0.1 0.2 0.3 0.3 0.2 0.1</pose></frame>
+<link name="x"><pose>1 2 3 0.1 0.2 0.3</pose></link>
+<link name="y"><pose relative_to="x">0.5 0 0 0 0.4 0</pose></link>
+<frame name="f1" attached_to="x"><pose>0 1 0 0.5 0 0</pose></frame>
+<joint name="jj" type="revolute"><parent>f1</parent><child>y</child><pose>0.1 0 0 0 0 0.7</pose>
+<axis><xyz expressed_in="f1">0 1 1</xyz></axis></joint></model></sdf>"""
+WHOLE = """<sdf version="1.9"><model name="m"><pose>0 0 1 0 0 0.5</pose>
+<link name="base"><pose>0.2 0 0 0 0 0.1</pose></link>
+<joint name="hold" type="fixed"><parent>world</parent><child>base</child></joint>
+<frame name="fb" attached_to="base"><pose>0 0 0.4 0.2 0 0</pose></frame>
+<include><uri>package://nest/part.sdf</uri><name>p1</name>
+<pose relative_to="fb">0.1 0 0 0 0 1</pose></include>
+<joint name="k1" type="revolute"><parent>fb</parent><child>p1::f1</child><pose>0.2 0 0 0 0.1 0</pose>
+<axis><xyz>1 0 1</xyz></axis></joint>
+<include merge="true"><uri>package://nest/part.sdf</uri><name>p2</name>
+<pose relative_to="p1::f2">0.1 0 0 0 0 1</pose><placement_frame>f1</placement_frame></include>
+<joint name="k2" type="revolute"><parent>p1</parent><child>x</child>
+<axis><xyz expressed_in="p1::__model__">0 1 0</xyz></axis></joint>
+<model name="in" canonical_link="b" placement_frame="a"><pose relative_to="jj">0 0 1 0.1 0 0</pose>
+<link name="a"><pose>0 1 0 0 0 1</pose></link>
+<link name="b"><pose relative_to="__model__">0 2 0 0 1 0</pose></link>
+<joint name="ab" type="prismatic"><parent>a</parent><child>b</child><pose relative_to="__model__"/>
+<axis><xyz>1 2 0</xyz></axis></joint></model>
+<joint name="k3" type="continuous"><parent>y</parent><child>in</child>
+<pose relative_to="in::a">0 0 0 0 0.3 0</pose><axis><xyz>0 0 1</xyz></axis></joint></model></sdf>"""
+
+
+def test_composed_models_stand_as_in_drake(tmp_path: Path) -> None:
+    """Nested, included and merged models, with placement frames and frames of each other."""
+    from pydrake.multibody.parsing import Parser
+    from pydrake.multibody.plant import MultibodyPlant
+    from pydrake.multibody.tree import BodyIndex, JointIndex
+
+    folder = tmp_path / "nest"
+    folder.mkdir()
+    (folder / "part.sdf").write_text(PART)
+    (folder / "main.sdf").write_text(WHOLE)
+    robot = hybridyn.load(folder / "main.sdf", package_dirs=[folder])
+    q, named = drawn(robot, 3)
+    plant = MultibodyPlant(0.0)
+    parser = Parser(plant)
+    parser.package_map().Add("nest", str(folder))
+    parser.AddModels(str(folder / "main.sdf"))
+    plant.Finalize()
+    context = plant.CreateDefaultContext()
+
+    def full(element: Any) -> str:
+        model = plant.GetModelInstanceName(element.model_instance())
+        return f"{model}::{element.name()}".removeprefix("m::")
+
+    joints = {
+        full(plant.get_joint(JointIndex(n))): plant.get_joint(JointIndex(n))
+        for n in range(plant.num_joints())
+    }
+    for name, x in named.items():  # Drake counts a joint to the model of its child
+        theirs = joints.get(name) or next(one for key, one in joints.items() if key.endswith(f"::{name}"))
+        (theirs.set_angle if hasattr(theirs, "set_angle") else theirs.set_translation)(context, x)
+    data = robot.model.createData()
+    pin.framesForwardKinematics(robot.model, data, q)
+    bodies = {
+        full(plant.get_body(BodyIndex(n))): plant.get_body(BodyIndex(n)) for n in range(1, plant.num_bodies())
+    }
+    assert {*bodies} == {"base", "x", "y", "p1::x", "p1::y", "in::a", "in::b"}
+    for name, body in bodies.items():
+        ours = data.oMf[robot.model.getFrameId(name, pin.BODY)].homogeneous
+        theirs = plant.EvalBodyPoseInWorld(context, body).GetAsMatrix4()
+        np.testing.assert_allclose(ours, theirs, atol=AGAINST_DRAKE)
