@@ -24,7 +24,7 @@ from ..urdf.xml_node import LARGEST_FILE
 from .stage import Stage
 
 #: Memory that a file may take [bytes].
-MEMORY = 4 * 2**30
+MEMORY = 2 * 2**30
 
 #: Processor time that a file may take [s]; a robot of 10,000 links takes 10 s.
 SECONDS = 120
