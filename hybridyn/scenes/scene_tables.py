@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import typing
 from itertools import pairwise
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from pydantic import Field, FiniteFloat, model_validator
 
@@ -273,27 +272,3 @@ class Scene(Schema):
         if self.motion is not None and self.controller is not None:
             raise ValueError("give [motion] or [controller], not both")
         return self
-
-
-def keys_at(place: tuple[str | int, ...], content: dict[str, Any]) -> list[str]:
-    """Return the keys known in the table at a place.
-
-    Args:
-        place: Keys of the table in the file.
-        content: The file's content, which states the kind of its controller.
-    """
-    table: type[Schema] = Scene
-    for part in place:
-        if part == "controller":
-            table = CONTROLLERS[content["controller"]["kind"]]
-        elif isinstance(part, str) and part in table.model_fields:
-            inner = _schemas(table.model_fields[part].annotation)
-            table = inner[0] if inner else table
-    return [*table.model_fields]
-
-
-def _schemas(annotation: Any) -> list[type[Schema]]:
-    """Return the schemas in an annotation."""
-    if isinstance(annotation, type) and issubclass(annotation, Schema):
-        return [annotation]
-    return [schema for part in typing.get_args(annotation) for schema in _schemas(part)]

@@ -28,9 +28,10 @@ from . import controllers
 from .effects import check_covers, read_rows, units
 from .events import events
 from .references import Point, Reference, from_points, from_table
-from .scene_file import SceneFile, naming, read_scene
+from .scene_file import SceneFile, read_scene
 from .scene_tables import EffortsTable, PdTable, PythonTable, ReferenceTable, TorqueTable
 from .start import initial_state
+from .toml_source import naming
 
 if TYPE_CHECKING:
     from ..compiled.model import CompiledRobot

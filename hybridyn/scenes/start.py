@@ -11,7 +11,8 @@ from ..spatial import Array
 from ..structure.joint_position import joint_position
 from ..structure.robot import HybridRobot
 from .references import Reference
-from .scene_file import SceneFile, naming
+from .scene_file import SceneFile
+from .toml_source import naming
 
 #: Largest difference between given rates and those that closed loops allow, relative to the largest rate.
 RATES = 1e-6

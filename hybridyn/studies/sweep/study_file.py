@@ -17,45 +17,31 @@ Paths are relative to the study's folder; a shipped robot needs only its name.
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
-from pydantic import ValidationError
-
-from ...description.names import did_you_mean, listed
 from ...description.reading import read_bytes
 from ...description.shipped import find_robot
-from ...description.side_cars.toml_file import Keys, line_of, parse_toml
-from ...errors import HybridynError, ModelError
-from .study_tables import Study, TaskTable, keys_at
+from ...description.side_cars.toml_file import Keys
+from ...errors import ModelError
+from ...scenes.toml_source import TomlSource, naming, read_schema
+from .study_tables import Study, TaskTable
 
 #: Between file and function of a measure in Python.
 PYTHON = ".py:"
 
 
 @dataclass(frozen=True)
-class StudyFile:
+class StudyFile(TomlSource):
     """A study and the text of its file. Instances are pickled for other processes.
 
     Attributes:
-        file: Path as the user gave it.
         folder: Folder of the study, absolute.
-        text: The text.
         study: The parsed and validated content.
     """
 
-    file: str
     folder: str
-    text: str
     study: Study
-
-    def error(self, keys: Keys, message: str) -> ModelError:
-        """Build an error that names file, line and key."""
-        key = ".".join(str(part) for part in keys if isinstance(part, str))
-        return ModelError(f"'{key}': {message}", file=self.file, line=line_of(self.text, keys), element=key)
 
     def beside(self, path: str) -> str:
         """Return the absolute path of a file that the study names."""
@@ -113,18 +99,8 @@ def read_study(path: str | Path, *, allow_python: bool = False) -> StudyFile:
         ModelError: The file cannot be read, is not TOML, has a wrong key or value, or names a missing file;
             the message names file, line and key.
     """
-    file = str(path)
-    text, content = parse_toml(read_bytes(file), file)
-    try:
-        study = Study.model_validate(content)
-    except ValidationError as error:
-        keys, message = _problem(error, content)
-        key = ".".join(str(part) for part in keys)
-        line = line_of(text, keys)
-        raise ModelError(
-            f"'{key}': {message}" if key else message, file=file, line=line, element=key
-        ) from None
-    source = StudyFile(file, str(Path(file).parent.absolute()), text, study)
+    read, study = read_schema(path, Study, {})
+    source = StudyFile(read.file, read.text, str(Path(read.file).parent.absolute()), study)
     _check(source, allow_python)
     return source
 
@@ -165,41 +141,3 @@ FIXED_COLUMNS = ("design", "status", "unreachable", "singular", "message")
 def _kind(task: TaskTable) -> str:
     """Return the kind of a task."""
     return "trajectory" if task.trajectory is not None else "workspace"
-
-
-@contextmanager
-def naming(source: StudyFile, keys: Keys) -> Iterator[None]:
-    """Prefix the message of an error with file, line and key of a study."""
-    try:
-        yield
-    except HybridynError as error:
-        if not str(error).startswith(f"{source.file}:"):
-            error.args = (str(source.error(keys, str(error))),)
-        raise
-
-
-def _problem(error: ValidationError, content: dict[str, Any]) -> tuple[Keys, str]:
-    """Return keys and text of the most specific problem: an unknown key, else the most deeply nested one."""
-    found = [(_keys(problem["loc"], content, problem["type"]), problem) for problem in error.errors()]
-    keys, problem = max(found, key=lambda pair: (pair[1]["type"] == "extra_forbidden", len(pair[0])))
-    if problem["type"] == "extra_forbidden":
-        known = keys_at(keys[:-1])
-        return keys, f"unknown key{did_you_mean(str(keys[-1]), known)}; known: {listed(known)}"
-    if problem["type"] == "missing":
-        return keys, "is missing"
-    if problem["type"] == "string_pattern_mismatch":
-        return keys, "a name has letters, digits and underscores, and begins with no digit"
-    return keys, problem["msg"].removeprefix("Value error, ").replace("Input should", "should")
-
-
-def _keys(place: Keys, content: Any, kind: str) -> Keys:
-    """Return the keys of a problem as they are in the file, without pydantic's marks of alternatives."""
-    out: list[str | int] = []
-    for i, part in enumerate(place):
-        inside = isinstance(content, dict) and part in content
-        if inside or (isinstance(content, list) and isinstance(part, int) and part < len(content)):
-            content = content[part]
-            out.append(part)
-        elif kind == "missing" and i == len(place) - 1:
-            out.append(part)
-    return tuple(out)

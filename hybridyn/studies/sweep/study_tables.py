@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import typing
+from collections.abc import Callable
 from typing import Annotated, Any, Literal
 
 from pydantic import Field, FiniteFloat, model_validator
@@ -116,30 +116,9 @@ class Study(Schema):
         return self
 
 
-def with_name(name: str, check: typing.Callable[..., None], *arguments: Any) -> None:
+def with_name(name: str, check: Callable[..., None], *arguments: Any) -> None:
     """Run a check of a parameter; a ValueError names the parameter."""
     try:
         check(*arguments)
     except ValueError as error:
         raise ValueError(f"parameter '{name}': {error}") from None
-
-
-def keys_at(place: tuple[str | int, ...]) -> list[str]:
-    """Return the keys known in the table at a place.
-
-    Args:
-        place: Keys of the table in the file.
-    """
-    table: type[Schema] = Study
-    for part in place:
-        if isinstance(part, str) and part in table.model_fields:
-            inner = _schemas(table.model_fields[part].annotation)
-            table = inner[0] if inner else table
-    return [*table.model_fields]
-
-
-def _schemas(annotation: Any) -> list[type[Schema]]:
-    """Return the schemas in an annotation."""
-    if isinstance(annotation, type) and issubclass(annotation, Schema):
-        return [annotation]
-    return [schema for part in typing.get_args(annotation) for schema in _schemas(part)]

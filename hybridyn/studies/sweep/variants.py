@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING
 from ...description.names import did_you_mean
 from ...description.reading import read
 from ...description.records import Description
+from ...scenes.toml_source import naming
 from ...structure.building import build_robot
-from .study_file import StudyFile, naming
+from .study_file import StudyFile
 
 if TYPE_CHECKING:
     from ...structure.robot import HybridRobot
