@@ -15,6 +15,7 @@ import numpy as np
 from ...description.names import listed
 from ...errors import HybridynError
 from ...spatial import Array, Index
+from ...structure.joint_position import joint_position
 from ...structure.robot import HybridRobot
 
 #: Kinds of joint with one coordinate that a name and a position describe in every engine.
@@ -85,9 +86,8 @@ class SingleJoints:
     def positions(self, q: Array, size: int) -> Array:
         """Return the engine's positions, shape (size,)."""
         out = np.zeros(size)
-        for at, kind, own in zip(self.q_at, self.robot.kinds, self.robot.q_slices, strict=True):
-            x = q[own]
-            out[at] = np.arctan2(x[1], x[0]) if kind == "continuous" else x[0]
+        for at, name in zip(self.q_at, self.robot.joints, strict=True):
+            out[at] = joint_position(self.robot, q, name)
         return out
 
     def back(self, x: Array) -> Array:
