@@ -23,9 +23,8 @@ def test_the_robot_of_the_page(
     robot = hybridyn.load("four_bar.sdf")
     assert (robot.motors, robot.mobility, robot.description.root) == (("motor",), 1, "frame")
     assert hybridyn.closure_residual(robot, robot.home) < 1e-14
-    shown = PAGE.read_text()
-    for line in call(capsys, "info", "four_bar.sdf").out.splitlines()[:5]:
-        assert line in shown
+    told, _, _ = call(capsys, "info", "four_bar.sdf").out.partition("\n\n")
+    assert " ".join(told.split()) in " ".join(PAGE.read_text().split())  # lines break where the terminal ends
     done = call(capsys, "convert", "four_bar.sdf", "-o", "other.sdf", "--strict")
     assert done.status == 0, done.err
     assert [path.name for path in sorted(tmp_path.iterdir())] == [
