@@ -6,6 +6,8 @@ import re
 from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
+
 from ..description.writing import write_text
 from ..effects.choice import Choice, choose
 from ..errors import CompileError, ModelError
@@ -19,6 +21,7 @@ try:
     from .equations.request import request
     from .export_reference import SAMPLES, guards_of, test_text
     from .program import Program
+    from .programs.close import largest_turn
     from .programs.closing.platform_program import close_platforms_program, posed_modules
     from .programs.whole_robot import programs
 except ModuleNotFoundError as error:
@@ -207,10 +210,22 @@ the C library's mathematics. Base: {robot.base}. Effects: {", ".join(effects) or
 
 Each function returns a guard. Use the results only if it is at most 1, and provide a fallback for other
 samples. The guard is above 1 near singular postures and if the loops are open, and NaN if a number is not
-finite. `q`, `v` and `a` are those of all joints and must close the loops: `{name}_close` computes them from
-the motors'. The caller provides the memory `work`, one for each thread. `-ffast-math` would remove the NaN of
-the guard and is refused.
+finite. `q`, `v` and `a` are those of all joints and must close the loops{_closing(robot, programs, name)}.
+The caller provides the memory `work`, one for each thread. `-ffast-math` would remove the NaN of the guard
+and is refused.
 
 `make test` compares with {SAMPLES} states computed by hybridyn's general path. `make` passes `CFLAGS` on.
 On a processor with fused multiplication and addition, `-march=native` lets the compiler use it.
 """
+
+
+def _closing(robot: HybridRobot, programs: list[Program], name: str) -> str:
+    """Return what the README says of the function `close`."""
+    if all(program.name != "close" for program in programs):
+        return (
+            ". There is no\nfunction that computes them from the motors': a gear between endless joints "
+            "loses count of its turns"
+        )
+    turn = largest_turn(robot.modules)
+    limit = f", which\nmay turn by less than {turn:.2g} rad between calls" if turn < np.pi else ""
+    return f": `{name}_close`\ncomputes them from the motors'{limit}"

@@ -11,11 +11,13 @@ computes their rates and accelerations:
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
+from ...linkage.closures import common_measure
 from ...linkage.tree import Tree
 from ...spatial import Array
 from ...structure.module import Module
@@ -29,9 +31,12 @@ from ..equations.static_elimination import solve
 from ..program import Constants, Program, Source, Target, Worst
 from .writer import Writer
 
+#: The program is left out if a motor must turn by less than this [rad] between calls (`largest_turn`).
+LEAST_TURN = 0.1
 
-def close_program(request: Request) -> Program:
-    """Build the program that closes a robot's loops.
+
+def close_program(request: Request) -> Program | None:
+    """Build the program that closes a robot's loops, or return None if a gear's turns would be lost.
 
     Inputs are "near", a posture with the motors' present positions and the other joints' previous ones, and
     "v" and "a", of which the entries of motors, of a moving base, and of joints that no motor moves are read.
@@ -40,6 +45,8 @@ def close_program(request: Request) -> Program:
     with "q".
     """
     robot = request.robot
+    if largest_turn(robot.modules) < LEAST_TURN:
+        return None
     shapes: dict[Any, list[Module]] = {}
     driven = {robot.v_slices[robot.joint_index[motor]].start for motor in robot.motors}
     for module in robot.modules:
@@ -60,6 +67,24 @@ def close_program(request: Request) -> Program:
         targets: list[Target] = [w.result("q", q), w.result("v_closed", v), w.result("a_closed", v), Worst()]
         w.call(w.kernel(shape, function, "closures"), len(modules), sources, targets)
     return w.program()
+
+
+def largest_turn(modules: Iterable[Module]) -> float:
+    """Return how far motors of modules may turn between calls, [rad]; infinity if no gear limits it.
+
+    Cosines and sines do not count turns, so that a gear between endless joints is closed on sheets. A motor
+    that turns by more than half the distance between them leaves the other joints on a wrong sheet.
+    """
+    turn = np.inf
+    for module in modules:
+        m = module.mechanism
+        driven = set(module.motors)
+        for coupling in m.spanning_closures.couplings:
+            endless = [(j, abs(c)) for j, c in coupling.terms if m.spanning.joints[j].kind == "continuous"]
+            known = [c for j, c in endless if module.joints[j] in driven]
+            if known and len(known) < len(endless):
+                turn = min(turn, np.pi * common_measure([c for _, c in endless]) / max(known))
+    return float(turn)
 
 
 def keep_base(w: Writer) -> None:

@@ -18,7 +18,7 @@ from ...equations.request import Request
 from ...equations.rigid import quaternion_matrix
 from ...equations.spanning import shape_of
 from ...program import Constants, Program, Source, Target, Worst
-from ..close import by_motors, keep_base, motor_freedoms
+from ..close import LEAST_TURN, by_motors, keep_base, largest_turn, motor_freedoms
 from ..writer import Writer
 from .choosing import modules_of
 from .extended import extended
@@ -33,7 +33,9 @@ def posed_modules(robot: HybridRobot) -> list[int]:
 
 
 def close_platforms_program(request: Request) -> Program | None:
-    """Build the program that closes loops from platform poses; None if no pose determines a module.
+    """Build the program that closes loops from platform poses.
+
+    Return None if no pose determines a module, or if a gear's turns would be lost (`largest_turn`).
 
     Inputs are "near", a posture with the present positions of motors of modules without a posed platform and
     the other joints' previous ones; for each of `posed_modules` the "pose" of its platform in its base,
@@ -43,7 +45,8 @@ def close_platforms_program(request: Request) -> Program | None:
     """
     robot = request.robot
     posed = posed_modules(robot)
-    if not posed:
+    followers = [module for k, module in modules_of(robot) if k not in posed]
+    if not posed or largest_turn(followers) < LEAST_TURN:
         return None
     count, driven = len(posed), {robot.v_slices[robot.joint_index[motor]].start for motor in robot.motors}
     inputs = [("near", robot.nq), ("pose", 7 * count), ("twist", 6 * count), ("twist_dot", 6 * count)]
