@@ -15,11 +15,11 @@ from ..numerals import numeral, numerals, quaternion_of
 #: change the robot less, but make its closures softer.
 LIGHT = 1e-3
 #: Inertia of a point mass, relative to mass and size of the robot: far above MuJoCo's least one, 1e-15.
-POINT = 1e-9
+POINT_INERTIA = 1e-9
 #: Least principal moment that MuJoCo takes, with a margin [kg m^2].
-LEAST = 1e-14
+LEAST_MOMENT = 1e-14
 #: Excess of the largest principal moment over the sum of the others that is rounding, relative to it.
-ROUNDING = 1e-12
+MOMENT_ROUNDING = 1e-12
 
 
 @dataclass
@@ -53,7 +53,7 @@ class Inertias:
     def is_solid(self, name: str) -> bool:
         """Say whether a link has mass and a positive definite inertia."""
         link = self.links[name]
-        return link.mass > 0 and bool(np.linalg.eigvalsh(link.inertia)[0] > 4 * LEAST)
+        return link.mass > 0 and bool(np.linalg.eigvalsh(link.inertia)[0] > 4 * LEAST_MOMENT)
 
 
 def inertias_of(d: Description) -> Inertias:
@@ -93,14 +93,14 @@ def add_inertial(body: ET.Element, link: Link, inertias: Inertias, moving: bool,
     mass = mass or inertias.light.mass
     moments, axes = _principal(inertia)
     possible = moments.copy()
-    if moving and moments.min() < LEAST:
+    if moving and moments.min() < LEAST_MOMENT:
         losses.add(
             "links without inertia about an axis, which MuJoCo refuses: written with a small one", link.name
         )
-        possible = np.maximum(moments, max(LEAST, POINT * mass * inertias.size**2))
+        possible = np.maximum(moments, max(LEAST_MOMENT, POINT_INERTIA * mass * inertias.size**2))
     largest = int(np.argmax(possible))
     bound = possible.sum() - possible[largest]
-    if possible[largest] > bound * (1 + ROUNDING):
+    if possible[largest] > bound * (1 + MOMENT_ROUNDING):
         losses.add("inertias that no body can have: the largest principal moment is reduced", link.name)
     others = [i for i in range(3) if i != largest]
     while possible[largest] > possible[others].sum():
