@@ -190,6 +190,21 @@ def test_loops_are_cut_where_the_tree_needs_least(tmp_path: Path) -> None:
         assert hybridyn.closure_residual(robot, robot.home) < 1e-12
 
 
+def test_limits_of_cut_joints_are_noted(tmp_path: Path) -> None:
+    found = read(save(tmp_path, loop("", "", "float physics:lowerLimit = -90\n" + EXCLUDED, "")))
+    assert any("limits of joints that close loops are not read: '/robot/j2'" in n for n in found.notes)
+
+
+def test_attributes_of_schemas_that_are_not_applied_are_noted(tmp_path: Path) -> None:
+    found = arm(tmp_path, "float drive:angular:physics:maxForce = 3", "float physics:foo = 2")
+    assert of(found, "j").effort == np.inf
+    assert any("'physics:foo', 'drive:angular:physics:maxForce'" in note for note in found.notes)
+    light = body("a").replace('"PhysicsRigidBodyAPI", "PhysicsMassAPI"', '"PhysicsRigidBodyAPI"')
+    found = read(save(tmp_path, usda(light, joint("Revolute", "j", "", "a"))))
+    assert found.links[1].mass == 0
+    assert any("'physics:mass'" in note for note in found.notes)
+
+
 def test_an_excluded_joint_carries_what_hangs_on_nothing_else(tmp_path: Path) -> None:
     hanging = joint("Revolute", "k", "a", "b", HINGE, at(0, "1, 0, 0"), EXCLUDED)
     found = read(save(tmp_path, usda(*PAIR, hanging)))

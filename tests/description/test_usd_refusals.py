@@ -141,6 +141,15 @@ CASES = {
         usda(A, joint("Spherical", "j", "", "a", schemas=("PhysicsDriveAPI:rotX",))),
         "</robot/j> is driven, but has several freedoms; name the driven joints",
     ),
+    "driven axis": (
+        hinged(schemas=("PhysicsDriveAPI:rotX",)),
+        "PhysicsDriveAPI:rotX drives no axis of this joint: its free axes are angular",
+    ),
+    "driven weld": (
+        usda(A, joint("Fixed", "j", "", "a", schemas=("PhysicsDriveAPI:rotX",))),
+        "it has no free axis; remove the drive",
+    ),
+    "limit of a hinge": (hinged(schemas=("PhysicsLimitAPI:angular",)), "is of PhysicsJoint alone"),
     "driven loop": (
         usda(A, *(joint("Revolute", n, "", "a", schemas=(DRIVE,)) for n in "jk")),
         "</robot/k>: a drive acts on a joint that closes a loop",

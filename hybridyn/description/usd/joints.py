@@ -101,6 +101,7 @@ def read_joints(bodies: Bodies, notes: list[str]) -> list[UsdJoint]:
             notes.append(f"<{prim.path}> has physics:jointEnabled = false: it is not read")
             continue
         joint = _joint(bodies, prim)
+        _check_instances(joint)
         if len(joint.free) == 6 and prim.word("hybridyn:kind", "") != "floating":
             notes.append(f"<{prim.path}> locks no axis: it is not read")
             continue
@@ -123,6 +124,20 @@ def _joint(bodies: Bodies, prim: Prim) -> UsdJoint:
         prim, (first, second), (ends[0][1], ends[1][1]), free, limits,
         prim.flag("physics:excludeFromArticulation", False),
     )  # fmt: skip
+
+
+def _check_instances(joint: UsdJoint) -> None:
+    """Refuse drives and limits of axes that the joint does not have under this name."""
+    prim = joint.prim
+    if prim.kind != "PhysicsJoint" and prim.instances("PhysicsLimitAPI"):
+        raise prim.error(
+            "PhysicsLimitAPI is of PhysicsJoint alone; state physics:lowerLimit and physics:upperLimit"
+        )
+    free = [joint.instance(axis) for axis in joint.free]
+    wrong = [name for name in prim.instances("PhysicsDriveAPI") if name not in free]
+    if wrong and not joint.is_ball:
+        advice = f"its free axes are {', '.join(free)}" if free else "it has no free axis; remove the drive"
+        raise prim.error(f"PhysicsDriveAPI:{wrong[0]} drives no axis of this joint: {advice}")
 
 
 def _end(bodies: Bodies, prim: Prim, side: int) -> tuple[Prim | None, Array]:

@@ -22,6 +22,9 @@ DENSITY = 1000.0
 MASS, CENTRE = "physics:mass", "physics:centerOfMass"
 INERTIA, AXES, PER_VOLUME = "physics:diagonalInertia", "physics:principalAxes", "physics:density"
 
+#: Schemas by which a body, a collider or a material states masses.
+MASS_SCHEMAS = ("PhysicsMassAPI", "NewtonMassAPI", "PhysicsMaterialAPI")
+
 #: Flag by which hybridyn writes that a body has no inertia: USD takes zeros for nothing stated.
 POINT = "hybridyn:pointMass"
 
@@ -101,14 +104,19 @@ def _without_shape(body: Prim, mass: float, com: Array | None, inertia: Array | 
         raise body.error(
             f"states a mass but no inertia, and has no collider from which it would follow; author {INERTIA}"
         )
-    if not mass and body.number(PER_VOLUME, 0.0):
+    if not mass and _stated(body, PER_VOLUME):
         raise body.error(f"states a density but has no collider with a volume; author {MASS} and {INERTIA}")
     return Mass(mass, np.zeros(3) if com is None else com, np.zeros((3, 3)) if inertia is None else inertia)
 
 
+def _states_masses(prim: Prim) -> bool:
+    """Return whether the schema is applied without which USD leaves masses out."""
+    return any(prim.has(schema) for schema in MASS_SCHEMAS)
+
+
 def _stated(prim: Prim, name: str) -> float:
     """Return a mass or density, 0 where none is stated."""
-    value = prim.number(name, 0.0)
+    value = prim.number(name, 0.0) if _states_masses(prim) else 0.0
     if value < 0:
         raise prim.error(f"'{name}' is negative")
     return value
@@ -117,7 +125,7 @@ def _stated(prim: Prim, name: str) -> float:
 def _centre(bodies: Bodies, body: Prim) -> Array | None:
     """Return the stated centre of mass, shape (3,), [m], or None; USD's "none" is -inf."""
     value = body.vector(CENTRE, (-np.inf, -np.inf, -np.inf), finite=False)
-    if np.isneginf(value).any():
+    if np.isneginf(value).any() or not _states_masses(body):
         return None
     if not np.isfinite(value).all():
         raise body.error(f"'{CENTRE}' is not finite")
@@ -127,7 +135,7 @@ def _centre(bodies: Bodies, body: Prim) -> Array | None:
 def _inertia(body: Prim) -> Array | None:
     """Return the stated inertia, shape (3, 3), [kg m^2], or None; USD's "none" is zero."""
     moments = body.vector(INERTIA, (0.0, 0.0, 0.0)) * body.stage.kilograms * body.stage.meters**2
-    if not moments.any():
+    if not moments.any() or not _states_masses(body):
         return None
     axes = np.eye(3)
     if body.states(AXES) and body.vector(AXES, (0.0,) * 4).any():
@@ -139,7 +147,7 @@ def _inertia(body: Prim) -> Array | None:
 def _of_collider(bodies: Bodies, body: Prim, prim: Prim) -> Mass:
     """Return the mass properties of a collider, in the axes of its body."""
     stage = bodies.stage
-    for name in (CENTRE, INERTIA) if prim is not body else ():
+    for name in (CENTRE, INERTIA) if prim is not body and _states_masses(prim) else ():
         values = prim.vector(name, (0.0,) * 3, finite=False)
         if np.isfinite(values).all() and values.any():
             raise prim.error(f"'{name}' of a collider is not read; state it on the body <{body.path}>")

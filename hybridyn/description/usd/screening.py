@@ -64,6 +64,15 @@ READ = (
     "physxRigidBody:max", "physxRigidBody:stabilization", "physxRigidBody:enable", "physxRigidBody:cfm",
 )  # fmt: skip
 
+#: Schemas of several instances, by the beginning of the names of their attributes.
+SPACES = {"drive": "PhysicsDriveAPI", "limit": "PhysicsLimitAPI", "physxMimicJoint": "PhysxMimicJointAPI"}
+
+#: Attributes of PhysicsMassAPI.
+MASSES = (
+    "physics:mass", "physics:density", "physics:centerOfMass", "physics:diagonalInertia",
+    "physics:principalAxes",
+)  # fmt: skip
+
 #: Attributes that make a joint one of the tree rather than one that closes a loop.
 WEIGHTS = ("armature", "jointFriction", "dynamicFrictionEffort", "viscousFrictionCoefficient")
 
@@ -129,13 +138,27 @@ def _advice(what: str) -> str:
 
 
 def _unread(prim: Prim) -> list[str]:
-    """Return the names of attributes of joints and bodies that are neither read nor known to be harmless."""
+    """Return the names of attributes of joints and bodies that are neither read nor known to be harmless.
+
+    Attributes of schemas that are not applied are not read, since USD leaves them out.
+    """
     if not (
         prim.has("PhysicsRigidBodyAPI") or prim.kind in TYPES - {"PhysicsScene", "PhysicsCollisionGroup"}
     ):
         return []
     spaces = ("physics:", "physx", "newton:", "mjc:")
-    return [
-        name for name in (*prim.values, *prim.animated)
+    names = [*prim.values, *prim.animated]
+    out = [
+        name for name in names
         if name.startswith(spaces) and not name.startswith(READ) and name not in NEUTRAL
     ]  # fmt: skip
+    applied = {*prim.schemas, *(["PhysicsMassAPI"] if prim.has("NewtonMassAPI") else [])}
+    return out + [name for name in names if (schema := _schema_of(name)) and schema not in applied]
+
+
+def _schema_of(name: str) -> str:
+    """Return the schema that an attribute needs, "" for none of those that hybridyn reads."""
+    space, _, rest = name.partition(":")
+    if space in SPACES and rest:
+        return f"{SPACES[space]}:{rest.partition(':')[0]}"
+    return "PhysicsMassAPI" if name in MASSES else ""

@@ -102,6 +102,9 @@ def _build(robot: RobotFile, bodies: Bodies, joints: list[UsdJoint], tree: Tree)
     for joint in tree.closures:
         ends = links[joint.ends[0]], links[joint.ends[1]]
         robot.closures.append(closure_of(joint, own_names[joint.prim.path], ends))
+    limited = [joint.prim.path for joint in tree.closures if _is_limited(joint)]
+    if limited:
+        robot.notes.append(f"limits of joints that close loops are not read: {listed(limited)}")
     by_path = {joint.prim.path: joint for joint in joints}
     robot.couplings += couplings(stage, by_path, names, robot.notes)
     add_motors(robot, driving)
@@ -125,6 +128,10 @@ def _base(bodies: Bodies, tree: Tree) -> str | None:
         return None
     first, second = joint.ends
     return first or second
+
+
+def _is_limited(joint: UsdJoint) -> bool:
+    return bool(np.isfinite([*joint.limits.values()]).any())
 
 
 def _holds_base(joint: UsdJoint, base: str) -> bool:
