@@ -23,7 +23,7 @@ HARDEST = 0.9999
 #: Longest time step [s]; slower motions than those of the closures need to be followed, too.
 LONGEST_STEP = 1e-3
 #: Part of a unit by which a step of two digits may miss it.
-STEP_ROUNDING = 1e-9
+TWO_DIGITS = 1e-9
 
 
 class Softness(NamedTuple):
@@ -42,7 +42,7 @@ def softness(d: Description, tightness: float) -> Softness:
     """
     step = min(math.sqrt(tightness / acceleration(d)) / 2, LONGEST_STEP)
     unit = 10.0 ** (math.floor(math.log10(step)) - 1)
-    step = float(f"{math.floor(step / unit * (1 + STEP_ROUNDING)) * unit:.1e}")  # two digits, rounded down
+    step = float(f"{math.floor(step / unit * (1 + TWO_DIGITS)) * unit:.1e}")  # two digits, rounded down
     return Softness(step, 2 * step)
 
 
