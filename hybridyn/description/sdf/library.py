@@ -63,7 +63,7 @@ class Library:
         self.root = root
         self.unread = Unread()
         self._folders = RobotFolders(path, package_dirs, [], LARGEST_FILE)
-        self._files = self._count = 0
+        self._files = self._count = self._size = 0
         self.source = Source(path, _minor(root), (path,))
         self._check(root)
 
@@ -87,7 +87,9 @@ class Library:
             raise uri.error(f"'{name}' includes itself")
         if len(source.above) >= DEEPEST:
             raise uri.error(f"includes are nested more than {DEEPEST} deep")
-        root = parse(self._read(uri, name, path), _shown(path))
+        content = self._read(uri, name, path)
+        self._size += len(content)
+        root = parse(content, _shown(path))
         self._refuse_too_much(uri, root)
         if root.tag != "sdf":
             raise uri.error(f"the root element of '{name}' is <{root.tag}> instead of <sdf>")
@@ -152,8 +154,11 @@ class Library:
     def _refuse_too_much(self, uri: Node, root: Node) -> None:
         self._files += 1
         self._count += sum(1 for _ in root.xml.iter("*"))
-        if self._files > MOST_FILES or self._count > MOST_ELEMENTS:
-            raise uri.error(f"more than {MOST_FILES} files or {MOST_ELEMENTS} elements are included")
+        if self._files > MOST_FILES or self._count > MOST_ELEMENTS or self._size > LARGEST_FILE:
+            raise uri.error(
+                f"more than {MOST_FILES} files, {MOST_ELEMENTS} elements or {LARGEST_FILE // 2**20} MiB are "
+                "included"
+            )
 
 
 def _minor(root: Node) -> int:
