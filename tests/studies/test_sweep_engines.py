@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import socket
 from pathlib import Path
 
@@ -75,7 +76,7 @@ def test_a_scheduler_that_does_not_answer_is_one_line(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     needs("dask")
-    monkeypatch.setattr("hybridyn.studies.sweep.engines.PATIENCE", 0.2)
+    monkeypatch.setattr("hybridyn.studies.sweep.dask_pool.PATIENCE", 0.2)
     path = written("method = 'grid'")
     with socket.socket() as deaf:
         deaf.bind(("127.0.0.1", 0))
@@ -88,3 +89,22 @@ def test_a_scheduler_that_does_not_answer_is_one_line(
     assert "\n" not in str(caught.value)
     with pytest.raises(HybridynError, match="belongs to the engine 'dask'"):
         hybridyn.sweep(path, "out2", scheduler=address, format="csv")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("engine", ["loky", "dask"])
+def test_a_design_that_ends_every_process_is_named(
+    place: Path, engine: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if engine == "dask":
+        needs("dask")
+    monkeypatch.setattr("hybridyn.studies.sweep.sweep.CHUNK_SECONDS", 0.1)
+    text = KILLER.format(mark=place / "never", pid=os.getpid()).replace("6.5 / 39) and", "38.5 / 39) and")
+    Path("killer.py").write_text(re.sub(r"Path\(.*\).write_text.*", "pass", text))
+    path = written("method = 'grid'", MANY, "{ mass = 'killer.py:mass' }")
+    state = hybridyn.sweep(path, "out", engine=engine, jobs=2, allow_python=True, format="csv")
+    rows = rows_of("out")
+    assert rows["design"] == list(range(40))
+    assert rows["status"] == ["ok"] * 39 + ["failed"]
+    assert "ended without a result" in rows["message"][-1]
+    assert state.restarts >= 2

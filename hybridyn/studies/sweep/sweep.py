@@ -13,7 +13,7 @@ import numpy as np
 
 from ...errors import HybridynError
 from .designs import Designs
-from .engines import Engine, Pool, WorkerDiedError, open_pool
+from .engines import Engine, Pool, WorkerDiedError, check_engine, open_pool
 from .evaluation import Chunk, Designer, Evaluated, Row, evaluate
 from .shards import About, Shards, best_format, read_shards, shards_in
 from .study_file import StudyFile, read_study
@@ -102,6 +102,7 @@ def sweep(
         OSError: The disk is full; the shards written so far are complete.
     """
     started = time.perf_counter()
+    check_engine(engine, scheduler)
     source = read_study(Path(study), allow_python=allow_python)
     designs = Designs(source)
     about = About(
