@@ -357,3 +357,13 @@ def test_an_initial_position_is_home(tmp_path: Path) -> None:
         version="1.6",
     )
     assert read(file).home == {"j": (0.4,)}
+
+
+def test_the_motion_does_not_depend_on_the_cut(tmp_path: Path) -> None:
+    """Cut at other joints, joints of the tree run backwards, or a link is welded: the motor feels the same."""
+    felt = []
+    for about in ({"b": CUT}, {"d": CUT}, dict.fromkeys(LOOP, DAMPED)):
+        robot = hybridyn.load(save(tmp_path, *loop(about)), motors=["a"])
+        weight = hybridyn.gravity(robot, robot.home)
+        felt.append([hybridyn.mass_matrix(robot, robot.home)[0, 0], weight[0]])
+    np.testing.assert_allclose(felt, np.broadcast_to(felt[0], (3, 2)), rtol=1e-11)
