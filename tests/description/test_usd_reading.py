@@ -299,6 +299,9 @@ def test_other_suffixes_and_packages(tmp_path: Path) -> None:
     (tmp_path / "binary.usdc").rename(tmp_path / "binary.xml")
     with pytest.raises(ModelError, match=r"rename it to end in \.usdc"):
         read(tmp_path / "binary.xml")
+    (tmp_path / "package.usdz").rename(tmp_path / "package.zip")
+    with pytest.raises(ModelError, match=r"a zip archive.* rename it to end in \.usdz if it is one"):
+        read(tmp_path / "package.zip")
     with zipfile.ZipFile(tmp_path / "empty.usdz", "w") as archive:
         archive.writestr("a.txt", "x")
     with pytest.raises(ModelError):

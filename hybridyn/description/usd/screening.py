@@ -146,7 +146,7 @@ def _unread(prim: Prim) -> list[str]:
         prim.has("PhysicsRigidBodyAPI") or prim.kind in TYPES - {"PhysicsScene", "PhysicsCollisionGroup"}
     ):
         return []
-    spaces = ("physics:", "physx", "newton:", "mjc:")
+    spaces = ("physics:", "physx", "newton:", "mjc:", "mujoco:")
     names = [*prim.values, *prim.animated]
     out = [
         name for name in names

@@ -75,6 +75,10 @@ def _root_layer(file: str) -> Any:
     if kind in SUFFIXES.get(os.path.splitext(file)[1], ()):
         return _opened(file)
     advice = f"rename it to end in .{kind}"
+    if kind == "usdz":
+        raise RefusedError(
+            f"this is a zip archive, which is read as a USD package only; {advice} if it is one"
+        )
     if kind != "usda":
         raise RefusedError(f"this is USD ({kind}), but its name does not say so; {advice}")
     layer = Sdf.Layer.CreateAnonymous("robot.usda")
