@@ -13,11 +13,9 @@ import hybridyn
 from hybridyn import HybridRobot
 from hybridyn.errors import ModelError
 from hybridyn.structure.building import build_robot
-from tests import ROOT
 from tests.pin_models import JOINTS, Drawn, drawn
 from tests.robot_texts import FOUR_BAR, read_text
 from tests.samples import slow
-from tests.snippets import blocks
 
 #: Largest relative difference of two exact computations of an acceleration or an effort.
 EQUAL = 1e-11
@@ -165,15 +163,15 @@ def test_a_shipped_robot_goes_there_and_back(name: str) -> None:
     assert close(hybridyn.ddm(again, q, v, tau), hybridyn.ddm(robot, q, v, tau))
 
 
-def test_mjcf_by_way_of_pinocchio(tmp_path: Path) -> None:
-    path = tmp_path / "five_bar.xml"
-    text = next(block.text for block in blocks(ROOT / "docs" / "mjcf.md", "xml"))
-    text = text.replace("<worldbody>", '<worldbody><body name="frame">')  # Pinocchio reads one tree
-    path.write_text(text.replace("</worldbody>", "</body></worldbody>"))
-    model, *constraints = pin.buildModelAndConstraintsFromMJCF(str(path))
-    robot = hybridyn.from_pinocchio(model, constraints, motors=["motor_left", "motor_right"])
-    assert robot.mobility == 2
-    assert len(robot.description.closures) == 1
+def test_constraints_in_any_list() -> None:
+    """`buildModelAndConstraintsFromMJCF` returns its anchors in lists of Pinocchio's own."""
+    pin.seed(2)
+    case = drawn(np.random.default_rng(2), ["RX", "R", "S", "R", "RY", "R"], ["point"], branch=3)
+    anchors = pin.StdVec_PointAnchorConstraintModel()
+    anchors.append(case.constraints[0])
+    for many in (case.constraints, [anchors, pin.StdVec_FrameAnchorConstraintModel()], case.constraints[0]):
+        robot = hybridyn.from_pinocchio(case.model, many, home=case.q, motors=[])
+        assert [closure.kind for closure in robot.description.closures] == ["point"]
 
 
 @pytest.mark.slow

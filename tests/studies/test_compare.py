@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Callable
-from importlib import util
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +15,7 @@ import hybridyn
 from hybridyn.cli import main
 from hybridyn.errors import ModelError
 from hybridyn.studies.compare import compare as module
+from hybridyn.studies.compare.apart import judged_apart
 from hybridyn.studies.compare.compare import compare
 from hybridyn.studies.compare.judging import judge
 from hybridyn.studies.compare.report import as_html, as_markdown, write_page
@@ -149,6 +149,7 @@ def test_mujoco_by_way_of_convert(two_bars: Path) -> None:
     assert converted.effort < EXACT
 
 
+@pytest.mark.slow
 def test_drake_ignores_and_holds(tmp_path: Path) -> None:
     needs("drake", "pydrake")
     plain = "<transmission name='t'><type>T</type><joint name='drive'/><actuator name='m'/></transmission>"
@@ -175,10 +176,10 @@ def test_trees_have_no_closure_to_ignore(tmp_path: Path) -> None:
 
 
 def test_absent_engines_are_named(two_bars: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(module, "find_spec", lambda name: None if name == "mujoco" else util.find_spec(name))
+    monkeypatch.setattr(module, "find_spec", lambda name: None)
     found = compare(hybridyn.load(two_bars), ["mujoco", "newton"], samples=1, drift=False)
     assert [name for name, _ in found.skipped] == ["mujoco", "newton"]
-    assert "is not installed" in found.skipped[0][1]
+    assert all("is not installed: install it with" in reason for _, reason in found.skipped)
     with pytest.raises(ModelError, match=r"no engine 'mujco' \(did you mean 'mujoco'"):
         compare(hybridyn.load(two_bars), ["mujco"])
 
@@ -208,7 +209,8 @@ def test_states_of_a_trajectory(two_bars: Path, tmp_path: Path, capsys: pytest.C
     assert "2 closed states" in capsys.readouterr().out
 
 
-def test_pages(two_bars: Path, tmp_path: Path) -> None:
+def test_pages(two_bars: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "find_spec", lambda name: None if name == "newton" else name)
     found = compare(hybridyn.load(two_bars), ["pinocchio", "newton"], samples=1, drift=False)
     text, page = as_markdown(found), as_html(found)
     for part in ("ignores", "newton", "rigid constraints", "held"):
@@ -231,3 +233,19 @@ def test_the_page_shows_what_the_command_prints(capsys: pytest.CaptureFixture[st
     for line in block.text.splitlines()[2:-2]:
         cells = re.split(r"\s{2,}", line)[:4]
         assert line == "..." or cells in printed, line
+
+
+@pytest.mark.slow
+def test_newton_ignores(two_bars: Path) -> None:
+    needs("newton", "newton")
+    found = compare(hybridyn.load(two_bars), ["newton"], samples=2, drift=False)
+    assert found.ignored == {"newton, its URDF reader, SolverFeatherstone": ["pin"]}  # it reads <mimic>
+    assert found.verdicts[1].effort is None
+
+
+@pytest.mark.slow
+def test_a_crash_of_an_engine_stays_in_its_process() -> None:
+    """A task that cannot be judged ends the other process, not this one."""
+    verdict = judged_apart(("newton", "1"), "a way", ())
+    assert "its process ended with status 1" in verdict.refusal
+    assert "missing" in verdict.refusal

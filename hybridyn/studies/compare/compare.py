@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import importlib
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 from importlib.util import find_spec
@@ -19,19 +18,17 @@ from ...simulation.simulate import simulate
 from ...simulation.solver import Solver
 from ...spatial import Array
 from ...structure.robot import HybridRobot
-from .engine import NotComparableError, Way
-from .judging import SECONDS, ClosureFate, Verdict, call_time, judge
-from .own_file import OwnFile, own_file
+from .judge_engine import judge_engine
+from .judging import SECONDS, ClosureFate, Verdict, call_time
+from .own_file import own_file
 from .states import State, closure_names, draw_states, open_by, start_posture
-
-Ways = Callable[[HybridRobot, OwnFile], Iterator[Way]]
 
 #: Engines by name: package to import, package to ask for the version, extra.
 ENGINES = {
     "pinocchio": ("pinocchio", "pin", ""),
     "mujoco": ("mujoco", "mujoco", "mjcf"),
     "drake": ("pydrake", "drake", "drake"),
-    "newton": ("newton", "newton", ""),
+    "newton": ("newton", "newton", "newton"),
 }
 #: Largest relative difference that counts as the same robot.
 TOLERANCE = 1e-6
@@ -122,35 +119,11 @@ def compare(
             skipped.append((name, reason))
             continue
         names = (name, _version(name))
-        module = importlib.import_module(f"{__package__}.engines.{name}_engine")
-        ways: Ways = module.ways
-        for way in ways(robot, own):
-            verdicts.append(_judged(robot, way, states, names, tolerance, start))
+        verdicts += judge_engine(robot, own, states, names, tolerance, start)
     return Comparison(
         robot.name, robot.mobility, tuple(name for name, _ in closure_names(robot)), samples, tolerance,
         tuple(verdicts), tuple(skipped),
     )  # fmt: skip
-
-
-def _judged(
-    robot: HybridRobot,
-    way: Way,
-    states: list[State],
-    names: tuple[str, str],
-    tolerance: float,
-    start: Array | None,
-) -> Verdict:
-    """Build the robot in an engine and judge it; a refusal becomes part of the verdict."""
-    words, build = way
-    try:
-        engine = build()
-    except NotComparableError as error:
-        return Verdict(*names, words, refusal=str(error))
-    try:
-        return judge(robot, engine, states, names, tolerance, start)
-    except (NotComparableError, RuntimeError, ValueError, ArithmeticError) as error:
-        reason = " ".join(str(error).split())[:300] or type(error).__name__
-        return Verdict(*names, engine.way, refusal=reason, notes=engine.notes)
 
 
 def _ourselves(robot: HybridRobot, states: list[State], start: Array | None) -> Verdict:
@@ -182,9 +155,6 @@ def _ourselves(robot: HybridRobot, states: list[State], start: Array | None) -> 
 def _absent(name: str) -> str:
     """Return why an engine cannot be compared here, or ""."""
     package, _, extra = ENGINES[name]
-    if name == "newton":
-        there = "is installed, but" if find_spec(package) else "is not installed, and"
-        return f"{there} hybridyn has no adapter for it"
     if find_spec(package) is None:
         return f"is not installed: {install_advice(extra)}"
     return ""

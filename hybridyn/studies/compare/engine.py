@@ -43,8 +43,11 @@ class Engine(Protocol):
         """Compute the accelerations, shape (nv,), under generalised forces on all joints, shape (nv,)."""
         ...
 
-    def inverse(self, q: Array, v: Array, a: Array) -> Array:
-        """Compute the generalised forces that move the tree without its closures, shape (nv,)."""
+    def inverse(self, q: Array, v: Array, a: Array) -> Array | None:
+        """Compute the generalised forces that move the tree without its closures, shape (nv,).
+
+        None if the engine has no inverse dynamics.
+        """
         ...
 
     def freedoms(self, q: Array) -> int | None:

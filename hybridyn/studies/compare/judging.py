@@ -114,12 +114,13 @@ def judge(
         tolerance: Part of the free opening up to which a closure counts as held.
         start: Posture from which the engine simulates; None leaves it out.
     """
-    left, acceleration, effort = np.zeros(len(closure_names(robot))), 0.0, 0.0
+    left, acceleration = np.zeros(len(closure_names(robot))), 0.0
+    efforts: list[float | None] = []
     for state in states:
         theirs = engine.forward(state.q, state.v, state.force)
         left = np.maximum(left, _left(robot, state, theirs))
         acceleration = max(acceleration, _difference(theirs, state.a))
-        effort = max(effort, _effort_error(robot, engine, state))
+        efforts.append(_effort_error(robot, engine, state))
     opened = None if start is None else _simulated(robot, engine, start)
     fates = tuple(
         ClosureFate(name, float(part), _fate(float(part), tolerance), None if opened is None else opened[i])
@@ -132,7 +133,7 @@ def judge(
         freedoms=engine.freedoms(first.q),
         closures=fates,
         acceleration=acceleration,
-        effort=effort,
+        effort=None if None in efforts else max(error for error in efforts if error is not None),
         drift=None if opened is None else max(opened, default=0.0),
         seconds=call_time(engine.call(first.q, first.v, first.force)),
         notes=engine.notes,
@@ -160,9 +161,11 @@ def _difference(theirs: Array, ours: Array) -> float:
     return miss / size if size else miss
 
 
-def _effort_error(robot: HybridRobot, engine: Engine, state: State) -> float:
-    """Compare inverse dynamics on the freedoms that the closures leave."""
+def _effort_error(robot: HybridRobot, engine: Engine, state: State) -> float | None:
+    """Compare inverse dynamics on the freedoms that the closures leave; None if there is none."""
     forces = engine.inverse(state.q, state.v, state.a)
+    if forces is None:
+        return None
     _, s, vt = np.linalg.svd(state.K) if len(state.K) else (None, np.zeros(0), np.eye(robot.nv))
     rank = int((s > 1e-9 * max(s[0], 1e-300)).sum()) if len(s) else 0
     basis = vt[rank:] * robot.unit
