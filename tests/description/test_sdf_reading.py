@@ -360,7 +360,7 @@ def test_an_initial_position_is_home(tmp_path: Path) -> None:
 
 
 def test_the_motion_does_not_depend_on_the_cut(tmp_path: Path) -> None:
-    """Cut at other joints, joints of the tree run backwards, or a link is welded: the motor feels the same."""
+    """Cut elsewhere, joints of the tree run backwards, or a link is welded: the motor feels the same."""
     felt = []
     for about in ({"b": CUT}, {"d": CUT}, dict.fromkeys(LOOP, DAMPED)):
         robot = hybridyn.load(save(tmp_path, *loop(about)), motors=["a"])
