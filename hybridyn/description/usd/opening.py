@@ -154,6 +154,10 @@ class _Server:
         finally:
             watch.cancel()
 
+    def is_running(self) -> bool:
+        """Return whether this process started it, and it has not ended."""
+        return self.pid == os.getpid() and self._child.poll() is None
+
     def _kill(self) -> None:
         self.late = True
         with contextlib.suppress(ProcessLookupError):
@@ -179,7 +183,7 @@ _RUNNING: list[_Server] = []
 def _server(file: str) -> _Server:
     """Return the running child of this process, or a new one."""
     for server in _RUNNING:
-        if server.pid == os.getpid() and server._child.poll() is None:
+        if server.is_running():
             return server
     for server in _RUNNING:
         server.close()
