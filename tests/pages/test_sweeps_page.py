@@ -10,7 +10,7 @@ import pytest
 from hybridyn.cli import main
 from hybridyn.studies.sweep.evaluation import STATUSES
 from hybridyn.studies.sweep.measures import OF_MOTORS, OF_WORKSPACE, STATISTICS
-from hybridyn.studies.sweep.study_file import FIXED_COLUMNS, read_study
+from hybridyn.studies.sweep.reading import FIXED_COLUMNS, read_study
 from hybridyn.studies.sweep.study_tables import DesignsTable, ParameterTable, TaskTable, WorkspaceTable
 from tests import ROOT
 from tests.extras import needs

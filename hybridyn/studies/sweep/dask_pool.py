@@ -16,7 +16,7 @@ from importlib import import_module
 from typing import Any
 
 from ...errors import HybridynError
-from .engines import WorkerDiedError
+from .pool import WorkerDiedError
 
 dask: Any = import_module("dask")  # without types of its own
 distributed: Any = import_module("distributed")
@@ -29,7 +29,7 @@ ADDRESS_SECONDS = 1.0
 
 @dataclass(frozen=True)
 class DaskPool:
-    """Processes of a Dask cluster, see `engines.Pool`.
+    """Processes of a Dask cluster, see `pool.Pool`.
 
     Attributes:
         workers: Number of threads of the workers.

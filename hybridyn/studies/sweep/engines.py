@@ -5,74 +5,18 @@ from __future__ import annotations
 import contextlib
 import os
 import re
-from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import BrokenExecutor
-from dataclasses import dataclass
+from collections.abc import Iterator
 from importlib import import_module
-from typing import Any, Literal, Protocol
+from typing import Any, Literal
 
 from ...errors import HybridynError, install_advice
+from .loky_pool import LokyPool
+from .pool import Pool
 
 Engine = Literal["loky", "dask"]
 ENGINES: tuple[Engine, ...] = ("loky", "dask")
 #: Address of a scheduler.
 ADDRESS = re.compile(r"(tcp|tls|ucx|wss?)://\S+:\d+(/\S*)?")
-
-
-class WorkerDiedError(Exception):
-    """A worker process ended in the middle of its work."""
-
-
-class Pool(Protocol):
-    """Processes that are ready.
-
-    Attributes:
-        workers: Their number.
-    """
-
-    @property
-    def workers(self) -> int:
-        """Number of processes."""
-        ...
-
-    def run(self, function: Callable[..., Any], tasks: Iterable[Any], *, at_once: int) -> Iterator[Any]:
-        """Call a function of each task, and yield the results as they come.
-
-        Args:
-            function: The function.
-            tasks: Tuples of arguments, taken one by one.
-            at_once: Largest number of tasks that wait or run.
-
-        Raises:
-            WorkerDiedError: A process ended; the tasks without a result have to be given again.
-        """
-        ...
-
-
-@dataclass(frozen=True)
-class LokyPool:
-    """Processes of this machine, see `Pool`; a single one is this process.
-
-    Attributes:
-        workers: Their number.
-        joblib: The module.
-    """
-
-    workers: int
-    joblib: Any
-
-    def run(self, function: Callable[..., Any], tasks: Iterable[Any], *, at_once: int) -> Iterator[Any]:
-        """Call a function of each task, and yield the results as they come."""
-        joblib = self.joblib
-        calls = (joblib.delayed(function)(*task) for task in tasks)
-        with joblib.parallel_config(backend="loky", inner_max_num_threads=1):
-            parallel = joblib.Parallel(
-                batch_size=1, pre_dispatch=at_once, return_as="generator_unordered", n_jobs=self.workers
-            )
-            try:
-                yield from parallel(calls)
-            except BrokenExecutor as error:
-                raise WorkerDiedError(str(error)) from error
 
 
 @contextlib.contextmanager

@@ -13,10 +13,12 @@ import numpy as np
 
 from ...errors import HybridynError
 from .designs import Designs
-from .engines import Engine, Pool, WorkerDiedError, check_engine, open_pool
+from .engines import Engine, check_engine, open_pool
 from .evaluation import Chunk, Designer, Evaluated, Row, evaluate
+from .pool import Pool, WorkerDiedError
+from .reading import read_study
 from .shards import About, Shards, best_format, read_shards, shards_in
-from .study_file import StudyFile, read_study
+from .study_file import StudyFile
 
 #: Work of a chunk [s]: long against the transfer to another process, short against a wait.
 CHUNK_SECONDS = 1.0

@@ -1,0 +1,36 @@
+"""Processes of this machine by joblib's loky; joblib is handed in by `engines`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import BrokenExecutor
+from dataclasses import dataclass
+from typing import Any
+
+from .pool import WorkerDiedError
+
+
+@dataclass(frozen=True)
+class LokyPool:
+    """Processes of this machine, see `pool.Pool`; a single one is this process.
+
+    Attributes:
+        workers: Their number.
+        joblib: The module.
+    """
+
+    workers: int
+    joblib: Any
+
+    def run(self, function: Callable[..., Any], tasks: Iterable[Any], *, at_once: int) -> Iterator[Any]:
+        """Call a function of each task, and yield the results as they come."""
+        joblib = self.joblib
+        calls = (joblib.delayed(function)(*task) for task in tasks)
+        with joblib.parallel_config(backend="loky", inner_max_num_threads=1):
+            parallel = joblib.Parallel(
+                batch_size=1, pre_dispatch=at_once, return_as="generator_unordered", n_jobs=self.workers
+            )
+            try:
+                yield from parallel(calls)
+            except BrokenExecutor as error:
+                raise WorkerDiedError(str(error)) from error

@@ -1,0 +1,65 @@
+"""Read study files, and check what can be checked without loading the robot."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from ...description.side_cars.toml_file import Keys
+from ...errors import ModelError
+from ...scenes.toml_source import read_schema
+from .measures import check_word
+from .study_file import PYTHON, StudyFile, python_of
+from .study_tables import Study, TaskTable
+
+#: Columns that every table of results has.
+FIXED_COLUMNS = ("design", "status", "unreachable", "singular", "message")
+
+
+def read_study(path: str | Path, *, allow_python: bool = False) -> StudyFile:
+    """Read a study, and check what can be checked without loading its robot.
+
+    Args:
+        path: The TOML file.
+        allow_python: Whether measures may be functions of Python files, which run with all rights of this
+            process.
+
+    Raises:
+        ModelError: The file cannot be read, is not TOML, has a wrong key or value, or names a missing file;
+            the message names file, line and key.
+    """
+    read, study = read_schema(path, Study, {})
+    source = StudyFile(read.file, read.text, str(Path(read.file).parent.absolute()), study)
+    _check(source, allow_python)
+    return source
+
+
+def _check(source: StudyFile, allow_python: bool) -> None:
+    """Check the measures' names, the files, and the permission to run Python.
+
+    Raises:
+        ModelError: One of these is wrong.
+    """
+    for name, task in source.study.tasks.items():
+        for measure, word in task.wanted.items():
+            keys: Keys = ("tasks", name, "measure", *([measure] if isinstance(task.measure, dict) else []))
+            check_word(source, keys, word, _kind(task), named=isinstance(task.measure, dict))
+            if PYTHON in word and not allow_python:
+                raise source.error(keys, f"'{word}' is a Python program; allow it with allow_python=True")
+            if PYTHON in word and not Path(source.beside(python_of(word)[0])).is_file():
+                raise source.error(keys, f"there is no file '{python_of(word)[0]}'")
+        if task.trajectory and not Path(source.beside(task.trajectory)).is_file():
+            raise source.error(("tasks", name, "trajectory"), f"there is no file '{task.trajectory}'")
+    robot = source.robot
+    if not Path(robot).is_file():
+        raise source.error(("robot", "file"), f"there is no file '{source.study.robot.file}'")
+    columns = [*source.study.parameters, *source.columns]
+    twice = [name for name in columns if columns.count(name) > 1 or name in FIXED_COLUMNS]
+    if twice:
+        raise ModelError(
+            f"'{twice[0]}' would be two columns of the table: choose another name", file=source.file
+        )
+
+
+def _kind(task: TaskTable) -> str:
+    """Return the kind of a task."""
+    return "trajectory" if task.trajectory is not None else "workspace"
