@@ -119,6 +119,8 @@ def same_robot(a: Description, b: Description, states: States) -> None:
     assert closure_residual(two, theirs).max(initial=0.0) < 10 * max(
         closure_residual(one, q).max(initial=0.0), 1e-13
     )
+    mine = answer(idm, one, q, v, acc, effects="model")
+    same_answer(answer(idm, two, theirs, v[:, columns], acc[:, columns], effects="model"), mine)
     mine = answer(idm, one, q, v, acc)
     same_answer(answer(idm, two, theirs, v[:, columns], acc[:, columns]), mine)
     tau = np.random.default_rng(7).normal(size=(len(q), len(a.motors)))
@@ -143,11 +145,11 @@ def same_structure(one: HybridRobot, two: HybridRobot) -> None:
     close_to(ours, theirs, SAME)
 
 
-def answer(model: Callable[..., np.ndarray], *given: object) -> np.ndarray | type:
+def answer(model: Callable[..., np.ndarray], *given: object, **more: object) -> np.ndarray | type:
     """Return what a model answers, or the type of its error."""
     asked = {"weights": np.ones(len(given[0].motors)), "passive": "solved"} if model is idm else {}  # type: ignore[attr-defined]
     try:
-        return model(*given, **asked)
+        return model(*given, **asked, **more)
     except HybridynError as error:
         return type(error)
 
