@@ -7,7 +7,7 @@ zero, in the frame of their body.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass, field
 from typing import NamedTuple
 from xml.etree import ElementTree as ET
@@ -61,13 +61,19 @@ class Builder:
         d: The robot.
         inertias: Inertias of its links, less the shares of followers.
         followers: Bodies that follow links.
+        ends: Links that have no body, because they only end a closure.
         losses: Receives what is changed.
     """
 
     def __init__(
-        self, d: Description, inertias: Inertias, followers: Iterable[Follower], losses: Losses
+        self,
+        d: Description,
+        inertias: Inertias,
+        followers: Iterable[Follower],
+        ends: Collection[str],
+        losses: Losses,
     ) -> None:
-        self._d, self._inertias, self._losses = d, inertias, losses
+        self._d, self._inertias, self._losses, self._ends = d, inertias, losses, ends
         self._children: dict[str, list[Joint]] = {}
         for joint in d.joints:
             self._children.setdefault(joint.parent, []).append(joint)
@@ -107,6 +113,9 @@ class Builder:
                 (only,) = self._children[joint.child]
                 todo.append((element, only, at, here))
                 continue
+            if here and (follower := self._only_followed(joint.child)) is not None:
+                self._add_follower(element, follower, at, here)
+                continue
             parent = world if self._floats(joint, here) else element
             body = self._add_body(parent, joint.child, at, here)
             below = self._below(joint.child, body)
@@ -131,6 +140,10 @@ class Builder:
         weightless = record.mass == 0 and not record.inertia.any()
         children = self._children.get(link, [])
         return weightless and len(children) == 1 and link not in self._closed
+
+    def _only_followed(self, link: str) -> Follower | None:
+        """Return the follower of a link that only ends a closure and has no body, or None."""
+        return self._followers[link][0] if link in self._ends else None
 
     def _floats(self, joint: Joint, carried: tuple[_Carried, ...]) -> bool:
         """Say whether a joint can be a free joint of MuJoCo: it hangs on a root at rest, at its origin."""
@@ -204,12 +217,21 @@ class Builder:
             self.tree.qpos += home
         return element
 
-    def _add_follower(self, parent: ET.Element, follower: Follower) -> None:
-        """Add a body that follows a link."""
+    def _add_follower(
+        self,
+        parent: ET.Element,
+        follower: Follower,
+        at: Array | None = None,
+        carried: tuple[_Carried, ...] = (),
+    ) -> None:
+        """Add a body that follows a link, with the joints of a link that has no body of its own."""
         name = f"{follower.name}:follower"
-        body = ET.SubElement(parent, "body", {"name": name} | pose(follower.frame))
-        for number, joint in enumerate(follower.joints, 1):
-            self._add(body, f"{follower.name}:{number}", joint.kind, np.eye(4), joint.axis, joint.home)
+        frame = follower.frame if at is None else at @ follower.frame
+        body = ET.SubElement(parent, "body", {"name": name} | pose(frame))
+        for joint, place in carried:
+            self._add_joint(body, joint, inverse(place @ follower.frame))
+        for number, axis in enumerate(follower.joints, 1):
+            self._add(body, f"{follower.name}:{number}", axis.kind, np.eye(4), axis.axis, axis.home)
         add_inertial(body, follower.body, self._inertias, True, self._losses)
         self.tree.bodies[name] = body
 

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from xml.etree import ElementTree as ET
 
-from ...description.mjcf.marks import BASE
+from ...description.mjcf.marks import BASE, LINK
 from ...description.records import Description
 from ..home import home_poses
 from ..losses import Losses
@@ -70,23 +71,51 @@ def write_mjcf(request: Request) -> Written:
 def _add_robot(root: ET.Element, d: Description, losses: Losses) -> Tree:
     """Add bodies, closures, couplings and forces."""
     inertias, poses, still = inertias_of(d), home_poses(d), _still(d)
+    ends = _weightless_ends(d, still)
     followers = {
         closure.name: follower_of(closure, inertias, poses, still, losses)
         for closure in d.closures
-        if needs_follower(closure)
+        if needs_follower(closure) or closure.link_a in ends or closure.link_b in ends
     }
-    tree = Builder(d, inertias, followers.values(), losses).build()
+    tree = Builder(d, inertias, followers.values(), ends, losses).build()
     root.append(tree.worldbody)
     add_forces(d, tree, losses)
     if d.closures or d.couplings:
         equality = ET.SubElement(root, "equality")
         add_closures(root, equality, d.closures, followers, tree, inertias.size)
         add_couplings(root, equality, d.couplings)
+    for link, closure in ends.items():
+        _add_text(root, LINK + closure, link)
     if d.base == "fixed" and any(joint.kind == "floating" for joint in d.joints):
-        custom = root.find("custom")
-        custom = ET.SubElement(root, "custom") if custom is None else custom
-        ET.SubElement(custom, "text", name=BASE, data="fixed")
+        _add_text(root, BASE, "fixed")
     return tree
+
+
+def _add_text(root: ET.Element, name: str, data: str) -> None:
+    """Add a text to `<custom>`."""
+    custom = root.find("custom")
+    custom = ET.SubElement(root, "custom") if custom is None else custom
+    ET.SubElement(custom, "text", name=name, data=data)
+
+
+def _weightless_ends(d: Description, still: set[str]) -> dict[str, str]:
+    """Return the moving links that have no inertia and only end a closure, each with that closure.
+
+    MuJoCo refuses bodies without mass: the follower of the closure takes their place.
+    """
+    carrying = {joint.parent for joint in d.joints}
+    ends = {
+        link.name
+        for link in d.links
+        if not link.mass and not link.inertia.any() and link.name not in carrying | still
+    }
+    counted = Counter(end for closure in d.closures for end in (closure.link_a, closure.link_b))
+    return {
+        end: closure.name
+        for closure in d.closures
+        for end, other in ((closure.link_a, closure.link_b), (closure.link_b, closure.link_a))
+        if end in ends and counted[end] == 1 and other not in ends
+    }
 
 
 def _still(d: Description) -> set[str]:

@@ -7,12 +7,14 @@ other. A text in `<custom>` names such a closure and its rows:
 
 The equality "slider" then holds the frames. Other equalities, bodies and joints whose names start with
 "slider:" belong to it; the mass of such a body is the other half of the link that it is welded to. The text
-"hybridyn base" says that a free body hangs on the world by a joint and is not the base.
+"hybridyn link:slider" names a massless link whose joints stand in that body. The text "hybridyn base" says
+that a free body hangs on the world by a joint and is not the base.
 """
 
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -28,10 +30,26 @@ from .document import Document
 MARK = "hybridyn:"
 #: Name of the text that says that the base is fixed.
 BASE = "hybridyn base"
+#: What the name of a text starts with that holds the name of the massless link at the end of a closure.
+LINK = "hybridyn link:"
 
 
-def read_marks(document: Document) -> tuple[dict[str, RowsForm], bool]:
-    """Return the rows of the closures that texts name, and whether a text says that the base is fixed.
+class Marks(NamedTuple):
+    """What texts say.
+
+    Attributes:
+        rows: Rows of closures, by the closure's name.
+        links: Names of massless links at the end of closures, by the closure's name.
+        fixed: Whether the base is fixed though one body floats.
+    """
+
+    rows: dict[str, RowsForm]
+    links: dict[str, str]
+    fixed: bool
+
+
+def read_marks(document: Document) -> Marks:
+    """Return what the texts of a file say of closures, and of the base.
 
     Args:
         document: The file.
@@ -40,12 +58,15 @@ def read_marks(document: Document) -> tuple[dict[str, RowsForm], bool]:
         ModelError: A text holds no rows.
     """
     marks: dict[str, RowsForm] = {}
+    links: dict[str, str] = {}
     fixed = False
     for node in document.nodes():
         name = str(node.xml.get("name", ""))
         if node.tag != "text":
             continue
         fixed = fixed or (name == BASE and node.xml.get("data") == "fixed")
+        if name.startswith(LINK):
+            links[name.removeprefix(LINK)] = str(node.xml.get("data", ""))
         if name.startswith(MARK):
             try:
                 marks[name.removeprefix(MARK)] = form_of_rows(str(node.xml.get("data", "")))
@@ -53,21 +74,21 @@ def read_marks(document: Document) -> tuple[dict[str, RowsForm], bool]:
                 raise node.error(
                     f"text '{name}': {error}; remove it to read the equalities by themselves"
                 ) from None
-    return marks, fixed
+    return Marks(marks, links, fixed)
 
 
-def apply_marks(robot: RobotFile, marks: dict[str, RowsForm]) -> None:
+def apply_marks(robot: RobotFile, marks: Marks) -> None:
     """Turn the equalities and bodies of marked closures into these closures.
 
     Args:
         robot: The robot, with its links, joints, closures and home.
-        marks: Rows of the closures by name.
+        marks: What the texts of the file say.
 
     Raises:
         ModelError: There is no equality of this name.
     """
     names = [closure.name for closure in robot.closures]
-    for name, rows in marks.items():
+    for name, rows in marks.rows.items():
         if name not in names:
             raise ModelError(
                 f"<custom> marks the closure '{name}', but no connect or weld has this name"
@@ -76,7 +97,7 @@ def apply_marks(robot: RobotFile, marks: dict[str, RowsForm]) -> None:
             )  # fmt: skip
         closure = robot.closures[names.index(name)]
         prefix = f"{name}:"
-        own = {joint.child: joint for joint in robot.joints if joint.child.startswith(prefix)}
+        own = {joint.child: joint for joint in robot.joints if joint.name.startswith(prefix)}
         closure, follower = _unfollowed(closure, own, rows)
         if follower is not None:
             _join(robot, *follower)
@@ -90,6 +111,9 @@ def apply_marks(robot: RobotFile, marks: dict[str, RowsForm]) -> None:
             closure, kind=kind, translations=rows.translations, rotation=rows.rotation
         )
         _remove(robot, prefix)
+        if name in marks.links and follower is not None:
+            on = closure.link_b if closure.link_a == follower[1] else closure.link_a
+            _rename(robot, on, marks.links[name])
         names = [closure.name for closure in robot.closures]
 
 
@@ -134,8 +158,24 @@ def _join(robot: RobotFile, name: str, welded: str, at: Array) -> None:
 
 def _remove(robot: RobotFile, prefix: str) -> None:
     """Remove what belongs to a closure: its follower, and its further equalities."""
-    gone = {joint.name for joint in robot.joints if joint.child.startswith(prefix)}
+    gone = {joint.name: joint.child for joint in robot.joints if joint.name.startswith(prefix)}
     robot.joints = [joint for joint in robot.joints if joint.name not in gone]
-    robot.links = [link for link in robot.links if not link.name.startswith(prefix)]
+    robot.links = [link for link in robot.links if link.name not in gone.values()]
     robot.closures = [closure for closure in robot.closures if not closure.name.startswith(prefix)]
     robot.home = {name: at for name, at in robot.home.items() if name not in gone}
+
+
+def _rename(robot: RobotFile, name: str, new: str) -> None:
+    """Give a link another name."""
+
+    def renamed(link: str) -> str:
+        return new if link == name else link
+
+    robot.links = [replace(link, name=renamed(link.name)) for link in robot.links]
+    robot.joints = [
+        replace(joint, parent=renamed(joint.parent), child=renamed(joint.child)) for joint in robot.joints
+    ]
+    robot.closures = [
+        replace(closure, link_a=renamed(closure.link_a), link_b=renamed(closure.link_b))
+        for closure in robot.closures
+    ]

@@ -41,12 +41,12 @@ def read_mjcf(root: Node, package_dirs: Sequence[str | os.PathLike[str]] = ()) -
     """
     document = Document(root, [os.fspath(folder) for folder in package_dirs])
     pairs = any(node.tag == "pair" for node in document.nodes())
-    marks, fixed = read_marks(document)
+    marks = read_marks(document)
     screen(document)
     compiled = compile_text(document, take_meshes(document))
     if compiled.model.nbody == 1:
         raise root.error("no <body> stands in <worldbody>; a robot has at least one")
-    start = Root() if fixed else find_root(compiled)
+    start = Root() if marks.fixed else find_root(compiled)
     robot = RobotFile(str(root.xml.get("model", "")).strip() or "robot", root.file, format="MJCF")
     robot.base = "fixed" if start.joint is None else "floating"
     add_bodies(robot, compiled, start)
