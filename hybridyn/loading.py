@@ -93,7 +93,7 @@ def from_pinocchio(
 
     Args:
         model: The model.
-        constraint_models: `RigidConstraintModel`s (CONTACT_3D, CONTACT_6D) or Pinocchio 4's point and frame
+        constraint_models: Rigid constraint models (CONTACT_3D, CONTACT_6D) or Pinocchio 4's point and frame
             anchors, in a list of any kind.
         kinds: Kinds of closure that replace those of the constraints, by constraint name or number:
             "revolute", "prismatic", "cylindrical", "planar", "spherical" or "fixed". The axis is the third

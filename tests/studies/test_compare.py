@@ -168,6 +168,7 @@ def test_drake_ignores_and_holds(tmp_path: Path) -> None:
     assert discrete.named("softened") == ["ball_constraint1"]
 
 
+@pytest.mark.slow
 def test_trees_have_no_closure_to_ignore(tmp_path: Path) -> None:
     found = compare(hybridyn.load(save(tmp_path, door(1))), ["pinocchio"], samples=2)
     assert found.different == []
@@ -201,6 +202,7 @@ def test_command(two_bars: Path, tmp_path: Path, capsys: pytest.CaptureFixture[s
     assert "there is no engine 'bullet'" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_states_of_a_trajectory(two_bars: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     table = tmp_path / "motion.csv"
     table.write_text("time,drive/position\n" + "".join(f"{t / 10},{0.1 + t / 50}\n" for t in range(8)))
