@@ -269,3 +269,19 @@ def test_is_refused_by_name(make: Callable[[], object], options: dict[str, objec
     with pytest.raises(ModelError) as caught:
         hybridyn.from_pinocchio(make(), **options)  # type: ignore[arg-type]
     assert message in str(caught.value)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(20))
+def test_random_closed_models(seed: int) -> None:
+    """Two chains of any joints, tied by one or two constraints of any kind, on a fixed or floating base."""
+    rng = np.random.default_rng([seed, 9])
+    pin.seed(seed)
+    joints = [str(kind) for kind in rng.choice([*JOINTS], size=rng.integers(6, 10))]
+    joints += ["R", "S", "RX"]  # enough freedoms to close
+    closures = [str(kind) for kind in rng.choice(["3D", "6D", "point", "frame"], size=rng.integers(1, 3))]
+    if closures[0] in ("6D", "frame"):
+        closures = closures[:1]  # two chains have one weld at most
+    branch = int(rng.integers(0, len(joints) - 2))
+    case = drawn(rng, joints, closures, floating=bool(rng.integers(2)), branch=branch, armature=0.1)
+    compare(case, rng)
