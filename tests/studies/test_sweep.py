@@ -32,6 +32,8 @@ PENDULUM = """<robot name="pendulum" xmlns:xacro="http://www.ros.org/wiki/xacro"
   <link name="base"/>
   <link name="rod"><inertial><origin xyz="$(arg length) 0 0"/><mass value="$(arg mass)"/>
     <inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <link name="tip"/>
+  <joint name="end" type="fixed"><parent link="rod"/><child link="tip"/><origin xyz="2 0 0"/></joint>
   <joint name="turn" type="revolute"><parent link="base"/><child link="rod"/><axis xyz="0 1 0"/>
     <limit lower="-2" upper="2" effort="100" velocity="10"/></joint>
 </robot>
@@ -135,7 +137,7 @@ def test_a_grid_has_the_numbers_of_the_pendulums_equation(
     monkeypatch.setattr(sweeping, "CHUNK_SECONDS", 60.0)  # one chunk: each expands the file again
     measure = (
         "{ top = 'peak_effort', rms = 'rms_effort', speed = 'peak_speed', left = 'stroke_margin', "
-        "least = 'min turn/position' }"
+        "least = 'min turn/position', deep = 'min tip/pose/z', fast = 'peak tip/velocity/wy' }"
     )
     state = hybridyn.sweep(written("method = 'grid'", GRID, measure), "out", format="csv")
     rows = rows_of("out")
@@ -145,8 +147,9 @@ def test_a_grid_has_the_numbers_of_the_pendulums_equation(
         assert (rows["length"][i], rows["rod"][i]) == (length, factor)
         tau = effort(length, factor)
         rms = np.sqrt(np.trapezoid(tau**2, TIME))
-        wanted = [np.abs(tau).max(), rms, 1.2, (2 - ANGLE[-1]) / 4, 0.0]
-        found = [rows[name][i] for name in ("top", "rms", "speed", "left", "least")]
+        deep = -2 * np.sin(ANGLE[-1])  # the tip is 2 m from the hinge, and moves down
+        wanted = [np.abs(tau).max(), rms, 1.2, (2 - ANGLE[-1]) / 4, 0.0, deep, 1.2]
+        found = [rows[name][i] for name in ("top", "rms", "speed", "left", "least", "deep", "fast")]
         assert np.allclose(found, wanted, rtol=ROUNDING, atol=0)
 
 

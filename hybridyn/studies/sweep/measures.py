@@ -15,14 +15,15 @@ from typing import Any
 
 import numpy as np
 
-from ...description.names import did_you_mean, listed
+from ...description.names import did_you_mean
 from ...description.side_cars.toml_file import Keys
-from ...errors import HybridynError, ModelError, TrajectoryError
+from ...errors import HybridynError, ModelError
 from ...spatial import Array
 from ...streams.postures import Postures
 from ...structure.robot import HybridRobot
 from ..sizing import MotorLoad, Sizing, motor_rows
 from ..workspace.workspace import Workspace
+from .columns import column_of
 from .study_file import PYTHON, StudyFile, python_of
 
 Loads = list[MotorLoad]
@@ -214,46 +215,6 @@ class Gauge:
     def _whole(self, time: Array | None, measures: Mapping[str, float]) -> Followed:
         q, v, a = (np.concatenate([getattr(block, key) for block, _ in self._blocks]) for key in "qva")
         return Followed(time, q, v, a, np.concatenate([tau for _, tau in self._blocks]), dict(measures))
-
-
-def column_of(robot: HybridRobot, block: Postures, tau: Array, column: str) -> Array:
-    """Return a column of the motion, shape (T,).
-
-    Args:
-        robot: The robot.
-        block: The postures.
-        tau: Efforts of the motors, shape (T, motors).
-        column: `<joint>/position|velocity|acceleration` of a joint with one freedom, or
-            `<motor>/effort|power`.
-
-    Raises:
-        TrajectoryError: There is no such column.
-    """
-    owner, _, quantity = column.rpartition("/")
-    if quantity in ("effort", "power"):
-        if owner not in robot.motors:
-            raise TrajectoryError(
-                f"there is no motor '{owner}'{did_you_mean(owner, robot.motors)}", column=column
-            )
-        effort: Array = tau[:, robot.motors.index(owner)]
-        speed = block.v[:, robot.v_slices[robot.joint_index[owner]].start]
-        return effort if quantity == "effort" else effort * speed
-    quantities = {"position": (block.q, robot.q_slices), "velocity": (block.v, robot.v_slices),
-                  "acceleration": (block.a, robot.v_slices)}  # fmt: skip
-    if quantity not in quantities:
-        words = listed((*quantities, "effort", "power"))
-        raise TrajectoryError(f"a column ends in one of {words}", column=column)
-    if owner not in robot.joint_index:
-        raise TrajectoryError(
-            f"there is no joint '{owner}'{did_you_mean(owner, robot.joints)}", column=column
-        )
-    joint = robot.joint_index[owner]
-    kinds = ("revolute", "prismatic") if quantity == "position" else ("revolute", "prismatic", "continuous")
-    if robot.kinds[joint] not in kinds:
-        raise TrajectoryError(f"a {robot.kinds[joint]} joint has no single {quantity}", column=column)
-    rows, places = quantities[quantity]
-    out: Array = rows[:, places[joint].start]
-    return out
 
 
 def functions_of(source: StudyFile) -> dict[str, Callable[..., Any]]:
