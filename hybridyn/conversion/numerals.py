@@ -60,11 +60,3 @@ def quaternion_of(rotation: Array) -> Array:
     q: Array = products[int(np.argmax(squares))]
     q = q / np.linalg.norm(q)
     return -q if q[3] < 0 else q
-
-
-def inverse(placement: Array) -> Array:
-    """Return the inverse of a placement, shape (4, 4)."""
-    out = np.eye(4)
-    out[:3, :3] = placement[:3, :3].T
-    out[:3, 3] = -placement[:3, :3].T @ placement[:3, 3]
-    return out

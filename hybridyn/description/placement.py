@@ -51,3 +51,8 @@ def placement_from(rotation: Array, position: Array) -> Array:
 def turned(placement: Array, rotation: Array) -> Array:
     """Return a frame with the same origin, rotated by `rotation` about its own axes, shape (4, 4)."""
     return placement_from(placement[:3, :3] @ rotation, placement[:3, 3])
+
+
+def inverse(placement: Array) -> Array:
+    """Return the inverse of a placement, shape (4, 4)."""
+    return placement_from(placement[:3, :3].T, -placement[:3, :3].T @ placement[:3, 3])

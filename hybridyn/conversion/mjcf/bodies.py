@@ -8,16 +8,18 @@ zero, in the frame of their body.
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 from xml.etree import ElementTree as ET
 
 import numpy as np
 
+from ...description.mjcf.marks import FOLLOWER
+from ...description.placement import inverse
 from ...description.records import Array, Description, Joint
 from ..home import home_of
 from ..losses import Losses
-from ..numerals import inverse, numerals, quaternion_of
+from ..numerals import numerals, quaternion_of
 from .followers import Follower
 from .inertias import Inertias, add_inertial
 
@@ -38,6 +40,7 @@ class Tree:
         joints: Elements of the joints with one freedom, by the joint's name.
         balls: Elements of the joints that turn about three axes.
         qpos: Home positions of all joints, in MuJoCo's order.
+        ends: Frame of each follower's end of its closure in the follower's body, shapes (4, 4).
     """
 
     worldbody: ET.Element
@@ -45,6 +48,7 @@ class Tree:
     joints: dict[str, ET.Element] = field(default_factory=dict)
     balls: dict[str, ET.Element] = field(default_factory=dict)
     qpos: list[float] = field(default_factory=list)
+    ends: dict[str, Array] = field(default_factory=dict)
 
 
 class _Carried(NamedTuple):
@@ -200,15 +204,23 @@ class Builder:
             self._add(body, joint.name + "_turn", "ball", frame, AXES[2], home[3:])
 
     def _add(
-        self, body: ET.Element, name: str, kind: str, frame: Array, axis: Array, home: tuple[float, ...]
+        self,
+        body: ET.Element,
+        name: str,
+        kind: str,
+        frame: Array,
+        axis: Array,
+        home: tuple[float, ...],
+        *,
+        stated: bool = True,
     ) -> ET.Element:
-        """Add a joint of MuJoCo, and its home position."""
+        """Add a joint of MuJoCo, one of the robot's own if `stated`, and its home position."""
         element = ET.SubElement(body, "joint", name=name, type=kind)
         if kind != "slide" and frame[:3, 3].any():
             element.set("pos", numerals(frame[:3, 3]))
         if kind == "ball":
             turn = frame[:3, :3]
-            if not np.array_equal(turn, np.eye(3)):
+            if not np.array_equal(turn, np.eye(3)) and stated:
                 self._losses.add("coordinates of ball joints: MuJoCo turns them about other axes", name)
             x, y, z = turn @ np.array(home[:3])
             self.tree.qpos += [home[3], x, y, z]
@@ -224,16 +236,19 @@ class Builder:
         at: Array | None = None,
         carried: tuple[_Carried, ...] = (),
     ) -> None:
-        """Add a body that follows a link, with the joints of a link that has no body of its own."""
-        name = f"{follower.name}:follower"
-        frame = follower.frame if at is None else at @ follower.frame
-        body = ET.SubElement(parent, "body", {"name": name} | pose(frame))
+        """Add a body that follows a link; its frame is that of the link where the link has no body."""
+        name = f"{follower.name}:{FOLLOWER}"
+        frame = np.eye(4) if at is None else follower.frame
+        body = ET.SubElement(parent, "body", {"name": name} | pose(follower.frame if at is None else at))
         for joint, place in carried:
-            self._add_joint(body, joint, inverse(place @ follower.frame))
+            self._add_joint(body, joint, inverse(place))
         for number, axis in enumerate(follower.joints, 1):
-            self._add(body, f"{follower.name}:{number}", axis.kind, np.eye(4), axis.axis, axis.home)
-        add_inertial(body, follower.body, self._inertias, True, self._losses)
+            self._add(body, f"{follower.name}:{number}", axis.kind, frame, axis.axis, axis.home, stated=False)
+        turn, own = frame[:3, :3], follower.body
+        moved = replace(own, com=turn @ own.com + frame[:3, 3], inertia=turn @ own.inertia @ turn.T)
+        add_inertial(body, moved, self._inertias, True, self._losses)
         self.tree.bodies[name] = body
+        self.tree.ends[name] = frame
 
 
 def pose(at: Array) -> dict[str, str]:

@@ -14,7 +14,7 @@ from xml.etree import ElementTree as ET
 import numpy as np
 
 from ...description.closure_forms import words_of_rows
-from ...description.mjcf.marks import MARK
+from ...description.mjcf.marks import FOLLOWER, MARK
 from ...description.placement import placement_from
 from ...description.records import Array, Closure
 from .bodies import Tree, pose
@@ -54,7 +54,8 @@ def add_closures(
         ends = {"a": (closure.link_a, closure.frame_a), "b": (closure.link_b, closure.frame_b)}
         word = "weld" if closure.rotation == "fixed" else "connect"
         if follower := followers.get(closure.name):
-            ends["a" if follower.first else "b"] = (f"{closure.name}:follower", np.eye(4))
+            name = f"{closure.name}:{FOLLOWER}"
+            ends["a" if follower.first else "b"] = (name, tree.ends[name])
             word = "weld"
         _equate(equality, word, closure.name, f"{closure.name}:", ends, tree)
         if word == "connect" and closure.rotation == "parallel":

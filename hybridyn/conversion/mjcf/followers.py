@@ -12,10 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...description.closure_forms import SIDEWAYS
-from ...description.placement import placement_from
+from ...description.placement import inverse, placement_from
 from ...description.records import Array, Closure, Link
 from ..losses import Losses
-from ..numerals import inverse, quaternion_of
+from ..numerals import quaternion_of
 from .inertias import Inertias
 
 Z = np.array([0.0, 0.0, 1.0])

@@ -85,7 +85,8 @@ def _add_robot(root: ET.Element, d: Description, losses: Losses) -> Tree:
         add_closures(root, equality, d.closures, followers, tree, inertias.size)
         add_couplings(root, equality, d.couplings)
     for link, closure in ends.items():
-        _add_text(root, LINK + closure, link)
+        if link not in tree.bodies:
+            _add_text(root, LINK + closure, link)
     if d.base == "fixed" and any(joint.kind == "floating" for joint in d.joints):
         _add_text(root, BASE, "fixed")
     return tree

@@ -11,10 +11,9 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 
-from ...description.placement import placement_from, rotation_to_axis, turned
+from ...description.placement import inverse, placement_from, rotation_to_axis, turned
 from ...description.records import Array, Closure, RotationKind
 from ..losses import Losses
-from ..numerals import inverse
 from .joints import add_axis, add_massless, add_pose, start_joint
 from .posture import Posture
 

@@ -21,7 +21,7 @@ import numpy as np
 from ...errors import ModelError
 from ..closure_forms import FORMS, SIDEWAYS, RowsForm, form_of_rows
 from ..names import did_you_mean
-from ..placement import placement_from
+from ..placement import inverse, placement_from
 from ..records import Array, Closure, Joint
 from ..robot_file import RobotFile
 from .document import Document
@@ -30,6 +30,8 @@ from .document import Document
 MARK = "hybridyn:"
 #: Name of the text that says that the base is fixed.
 BASE = "hybridyn base"
+#: End of the name of a follower, after the closure's name.
+FOLLOWER = "follower"
 #: What the name of a text starts with that holds the name of the massless link at the end of a closure.
 LINK = "hybridyn link:"
 
@@ -120,16 +122,17 @@ def apply_marks(robot: RobotFile, marks: Marks) -> None:
 def _unfollowed(
     closure: Closure, own: dict[str, Joint], rows: RowsForm
 ) -> tuple[Closure, tuple[str, str, Array] | None]:
-    """Return the closure between its two links, and its follower: name, welded link, frame in that link."""
+    """Return the closure between its two links, and its follower: name, welded link, place in that link."""
     sideways = placement_from(SIDEWAYS, np.zeros(3)) if rows.rotation == "perpendicular" else np.eye(4)
-    if closure.link_a in own:
-        link, frame = _hung(closure.link_a, closure.frame_a, own)
-        follower = closure.link_a, closure.link_b, closure.frame_b
-        return replace(closure, link_a=link, frame_a=frame @ sideways.T), follower
-    if closure.link_b in own:
-        link, frame = _hung(closure.link_b, closure.frame_b, own)
-        follower = closure.link_b, closure.link_a, closure.frame_a
-        return replace(closure, link_b=link, frame_b=frame @ sideways), follower
+    name = f"{closure.name}:{FOLLOWER}"
+    if closure.link_a == name:
+        link, frame = _hung(name, closure.frame_a, own)
+        at = closure.frame_b @ inverse(closure.frame_a)
+        return replace(closure, link_a=link, frame_a=frame @ sideways.T), (name, closure.link_b, at)
+    if closure.link_b == name:
+        link, frame = _hung(name, closure.frame_b, own)
+        at = closure.frame_a @ inverse(closure.frame_b)
+        return replace(closure, link_b=link, frame_b=frame @ sideways), (name, closure.link_a, at)
     return closure, None
 
 
@@ -154,6 +157,8 @@ def _join(robot: RobotFile, name: str, welded: str, at: Array) -> None:
         inertia = inertia + part.mass * ((d @ d) * np.eye(3) - np.outer(d, d))
     index = robot.links.index(link)
     robot.links[index] = replace(link, mass=mass, com=com, inertia=(inertia + inertia.T) / 2)
+    index = robot.links.index(share)
+    robot.links[index] = replace(share, mass=0.0, com=np.zeros(3), inertia=np.zeros((3, 3)))
 
 
 def _remove(robot: RobotFile, prefix: str) -> None:
