@@ -366,7 +366,7 @@ def test_platforms_are_assembled_block_after_block(run, arm, tmp_path: Path, mon
     time_ = 0.001 * np.arange(4_500)
     path = tmp_path / "traj.csv"
     path.write_text(table_text(["time", "tool/pose/z"], np.column_stack([time_, time_])))
-    status, out, _ = run("idm", arm, path)
+    status, out, _ = run("idm", arm, path, "--engine", "general")
     assert status == 0
     assert len(out.splitlines()) == 4_501
     assert len(assembled.calls) == math.ceil(4_500 / MOST_ROWS)
@@ -381,10 +381,10 @@ def test_rows_without_time_are_assembled_one_by_one(run, arm, tmp_path: Path, mo
     header = ["tool/pose/z", "tool/velocity/z", "tool/acceleration/z"]
     path = tmp_path / "traj.csv"
     path.write_text(table_text(header, np.zeros((4, 3))))
-    assert run("idm", arm, path)[0] == 0
+    assert run("idm", arm, path, "--engine", "general")[0] == 0
     assert [call["guess"] for call in assembled.calls] == [None] * 4
     path.write_text(table_text(header, np.arange(6.0)[:, None] * [1, 0, 0]))
-    status, _, err = run("idm", arm, path)
+    status, _, err = run("idm", arm, path, "--engine", "general")
     assert status == 1
     assert f"{path}, row 4: module 'arm'" in err
 
@@ -394,7 +394,7 @@ def test_errors_of_the_core_name_file_row_and_time(run, arm, tmp_path: Path, mon
     time_ = 0.001 * np.arange(4_500)
     path = tmp_path / "traj.csv"
     path.write_text(table_text(["time", "tool/pose/z"], np.column_stack([time_, time_])))
-    status, _, err = run("idm", arm, path)
+    status, _, err = run("idm", arm, path, "--engine", "general")
     assert status == 1
     message = "module 'arm': no way from row 2500, pass --passive solved"
     assert err == f"error: {path}, row 2501 (t = 2.5 s): {message}\n"
