@@ -15,10 +15,11 @@ from hybridyn.conversion.request import Request
 from hybridyn.conversion.writers import writer_of
 from hybridyn.description import Closure, Description, Joint, Link, read
 from hybridyn.description.placement import placement_from
+from hybridyn.description.shipped import find_robot
 from hybridyn.errors import AssemblyError, ModelError
 from hybridyn.structure.building import build_robot
 from tests.comparing import close_to
-from tests.conversion.judge import bodily, open_postures, read_back, same_robot, same_structure
+from tests.conversion.judge import bodily, open_postures, read_back, same_robot, same_structure, states
 from tests.extras import needs
 from tests.mechanisms import KINDS, random_mechanism
 from tests.mjcf_texts import ROBOTS as ROBOTS_OF_MJCF
@@ -155,6 +156,26 @@ def test_closures_stay_as_tight_as_asked(name: str, tightness: float) -> None:
     assert 0 < found <= tightness
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "kind", ["loop_prismatic", "loop_universal", "loop_rows_y_perpendicular", "loop_planar"]
+)
+def test_followers_stay_as_tight_as_asked(kind: str) -> None:
+    written = Model(without_rotors(bodily(random_mechanism(3, kind=kind))), 1e-4)
+    assert 0 < opening(written, written.robot, 0.3) <= 1e-4
+
+
+@pytest.mark.parametrize("name", ["andrews", slow("bricard")])
+def test_massless_ends_of_closures_come_back(name: str, tmp_path: Path) -> None:
+    description = read(find_robot(name))
+    other, out = read_back(description, tmp_path / "robot.xml")
+    assert {line.split()[0] for line in out.losses} <= {"speed"}
+    assert [link.name for link in other.links if link.mass == 0 and link.name.startswith("strut")] == (
+        ["strut_end"] if name == "andrews" else []
+    )
+    same_robot(description, other, states(description))
+
+
 @pytest.mark.parametrize("name", some(ROBOTS_OF_MJCF, ("balls", "a foot on the ground")))
 @pytest.mark.parametrize("ending", [".xml", slow(".urdf"), slow(".usda")])
 def test_mjcf_comes_back(name: str, ending: str, tmp_path: Path) -> None:
@@ -174,9 +195,9 @@ def test_mjcf_comes_back(name: str, ending: str, tmp_path: Path) -> None:
     if not description.closures and not description.couplings:
         draw = np.random.default_rng(2)
         q = open_postures(robot, 2)
-        states = q, draw.normal(size=(2, robot.nv)), draw.normal(size=(2, robot.nv))
+        drawn = q, draw.normal(size=(2, robot.nv)), draw.normal(size=(2, robot.nv))
         gravity = (0.0, 0.0, -9.81)
-        same_robot(replace(description, gravity=gravity), replace(other, gravity=gravity), states)
+        same_robot(replace(description, gravity=gravity), replace(other, gravity=gravity), drawn)
 
 
 def chain(names: list[str], closures: tuple[Closure, ...] = ()) -> Description:
