@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import click
 
 from .common.options import RobotCommand, complete_robot, robot_file, takes_packages, takes_xacro_arguments
+
+if TYPE_CHECKING:
+    from ..description.records import StatedBase
 
 #: Exit status of --strict where something was lost.
 LOST = 1
@@ -19,6 +24,11 @@ LOST = 1
     required=True,
     help="The file to write; its ending names the format: .urdf, .xml (MJCF), .sdf, .usda.",
 )
+@click.option(
+    "--base",
+    type=click.Choice(["fixed", "floating"]),
+    help="Motion of the root link: at rest, or free.  [default: what the file says, else fixed]",
+)
 @click.option("--strict", is_flag=True, help="Exit with status 1 if the format cannot say something.")
 @click.option(
     "--tightness",
@@ -32,6 +42,7 @@ LOST = 1
 def command(
     robot: str,
     output: str,
+    base: StatedBase | None,
     strict: bool,
     tightness: float,
     xacro_args: dict[str, str],
@@ -46,7 +57,12 @@ def command(
     from ..conversion.convert import convert
 
     done = convert(
-        robot, output, tightness=tightness, xacro_args=xacro_args or None, package_dirs=package_dirs
+        robot,
+        output,
+        base=base,
+        tightness=tightness,
+        xacro_args=xacro_args or None,
+        package_dirs=package_dirs,
     )
     for line in done.losses:
         click.echo(f"lost: {line}", err=True)

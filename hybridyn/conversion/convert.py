@@ -54,6 +54,7 @@ def convert(
     robot: HybridRobot | str | os.PathLike[str],
     path: str | os.PathLike[str],
     *,
+    base: StatedBase | None = None,
     tightness: float = TIGHTNESS,
     xacro_args: Mapping[str, str] | None = None,
     package_dirs: Sequence[str | os.PathLike[str]] = (),
@@ -67,6 +68,7 @@ def convert(
         robot: A robot, with its own base and gravity; or a file of any format that `load` reads; or the name
             of a shipped robot.
         path: The file to be written.
+        base: "fixed" or "floating"; None takes what the robot has.
         tightness: Distance by which closures may open in a simulator that holds them with springs [m].
         xacro_args: Arguments of a xacro file by name.
         package_dirs: Folders that hold packages, as for `load`.
@@ -92,6 +94,8 @@ def convert(
         description = _as_loaded(robot)
         if description.source is not None:
             _refuse_input(target, description.source)
+    if base is not None:
+        description = replace(description, base=base)
     _refuse_names(description)
     losses = Losses()
     shapes = read_shapes(description, target, xacro_args or {}, package_dirs, losses)

@@ -44,6 +44,13 @@ def test_strict_has_an_exit_status(tmp_path: Path, capsys: pytest.CaptureFixture
     assert out.read_text().startswith("<mujoco")
 
 
+def test_the_base_may_float(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "out.xml"
+    said = call(capsys, "convert", save(tmp_path, FOUR_BAR), "-o", out, "--base", "floating")
+    assert said.status == 0
+    assert '<freejoint name="ground:free" />' in out.read_text()
+
+
 def test_the_page_shows_what_the_command_says(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
