@@ -14,6 +14,7 @@ import pytest
 MODULES = {
     "io": "polars", "mjcf": "mujoco", "sdf": "rod", "usd": "pxr", "view": "viser", "bench": "mujoco",
     "docs": "sphinx", "plot": "matplotlib", "compiled": "casadi", "sweep": "joblib", "dask": "distributed",
+    "sensitivity": "SALib",
 }  # fmt: skip
 
 

@@ -38,6 +38,7 @@ MOST_PRINTED = 50
 )  # fmt: skip
 @click.option("--where", metavar="CONDITION", help="Only designs for which this holds: 'reach > 0.2'.")
 @click.option("--top", type=click.IntRange(1, 10_000), default=10, show_default=True, help="Designs printed.")
+@click.option("--sensitivity", is_flag=True, help="Print the Sobol indices of the parameters.")
 @click.option("--plot", metavar="FILE", callback=figure_file, help="Draw every measure over every parameter.")
 def command(
     study: str | None,
@@ -51,6 +52,7 @@ def command(
     best: str | None,
     where: str | None,
     top: int,
+    sensitivity: bool,
     plot: str | None,
 ) -> int:
     """Evaluate the designs of STUDY (a TOML file), and find the best.
@@ -63,8 +65,10 @@ def command(
 
     hybridyn sweep -o results --best "peak_effort" --where "reach > 0.2"
     """
-    if study is None and best is None and plot is None:
-        raise click.UsageError("give a STUDY to evaluate, or --best or --plot to ask earlier results")
+    if study is None and best is None and plot is None and not sensitivity:
+        raise click.UsageError(
+            "give a STUDY to evaluate, or --best, --sensitivity or --plot to ask earlier results"
+        )
     if where is not None and best is None and plot is None:
         raise click.UsageError("--where belongs to --best or --plot")
     if study is not None:
@@ -73,6 +77,8 @@ def command(
         from ..studies.sweep.best import find_best
 
         click.echo("\n".join(_table(find_best(output, best, where, top))))
+    if sensitivity:
+        click.echo("\n".join(_indices(output)))
     if plot is not None:
         from ..figures.sweep import figure_of_sweep
         from .common.figures import save
@@ -148,6 +154,19 @@ def _table(found: Best) -> list[str]:
             aligned = aligned_rows([list(found.columns), *cells], right=range(len(found.columns)))
             lines += [f"  {line}" for line in aligned]
     return lines
+
+
+def _indices(output: str) -> list[str]:
+    """Return the sensitivity indices as aligned text: a row per measure, a column per parameter."""
+    from ..studies.sweep.sensitivity import sensitivity
+
+    found = sensitivity(output)
+    parameters = list(dict.fromkeys(one.parameter for one in found))
+    rows = [["first-order index", *parameters]]
+    for measure in dict.fromkeys(one.measure for one in found):
+        cells = [f"{one.value:.2f} ± {one.bound:.2f}" for one in found if one.measure == measure]
+        rows.append([measure, *cells])
+    return aligned_rows(rows, right=range(1, len(rows[0])))
 
 
 def _cell(value: float) -> str:
