@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 
 from ..description.records import Description
+from ..description.shape_files import MeshFiles, MissingMeshError, urdf_root
 from ..description.urdf.placement import origin_of
-from ..description.urdf.shape_files import MeshFiles, MissingMeshError, urdf_root
 from ..description.urdf.xml_node import Node
 from ..errors import ModelError
 from .losses import Losses

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..description.urdf.shape_files import MeshFiles, MissingMeshError, urdf_root
+from ..description.shape_files import MeshFiles, MissingMeshError, urdf_root
 from ..errors import ModelError
 from ..structure.robot import HybridRobot
 from ..structure.samples import one_of

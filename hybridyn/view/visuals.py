@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from ..description.urdf.shape_files import MeshFiles, MissingMeshError, urdf_root
+from ..description.shape_files import MeshFiles, MissingMeshError, urdf_root
 from ..spatial import Array, Index
 
 #: Sides of a cylinder.

@@ -22,7 +22,7 @@ def urdf_root(
     Returns:
         The lxml element of the robot, or None for a file of another format.
     """
-    from ..reading import open_robot
+    from .reading import open_robot
 
     root = open_robot(file, xacro_args, package_dirs)
     return root.xml if root.tag == "robot" else None
@@ -36,7 +36,7 @@ class MeshFiles:
     """Finds the files of meshes."""
 
     def __init__(self, folder: Path, package_dirs: Sequence[str | os.PathLike[str]]) -> None:
-        from .xacro import _share_dirs
+        from .urdf.xacro import _share_dirs
 
         self.folder = folder
         shares = [Path(place) for place in _share_dirs()]
