@@ -11,8 +11,10 @@ import pytest
 
 import hybridyn
 from hybridyn.errors import HybridynError
+from tests.command_line import program
 from tests.extras import needs
 from tests.studies.test_sweep import pendulum_in, rows_of, written
+from tests.waiting import wait_until
 
 needs("sweep")
 
@@ -108,3 +110,24 @@ def test_a_design_that_ends_every_process_is_named(
     assert rows["status"] == ["ok"] * 39 + ["failed"]
     assert "ended without a result" in rows["message"][-1]
     assert state.restarts >= 2
+
+
+@pytest.mark.slow
+def test_a_killed_program_is_continued(place: Path) -> None:
+    Path("slowly.py").write_text(
+        "import time\n\ndef wait(robot, motion):\n    time.sleep(0.1)\n    return 1.0\n"
+    )
+    path = written("method = 'grid'", MANY, "{ one = 'slowly.py:wait', top = 'peak_effort' }")
+    words = ["sweep", path, "-o", "out", "--jobs", 1, "--allow-python", "--format", "csv"]
+    running = program(*words)
+    wait_until(lambda: len(list(place.glob("out/designs-*"))) >= 2, "two shards")
+    running.kill()
+    running.communicate()
+    (place / "out" / ".designs-000000039-000000039.csv.1.tmp").write_text("half a sh")
+    begun = len(rows_of("out")["design"])
+    assert 0 < begun < 40
+    state = hybridyn.sweep(path, "out", jobs=1, allow_python=True, resume=True)
+    assert (state.now, state.done) == (40 - begun, 40)
+    hybridyn.sweep(path, "whole", jobs=1, allow_python=True, format="csv")
+    assert rows_of("out") == rows_of("whole")
+    assert not list(place.glob("out/.*"))

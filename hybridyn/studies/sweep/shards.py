@@ -87,6 +87,8 @@ class Shards:
                     f"{folder}: has results of an earlier sweep: continue them with resume=True, or choose "
                     "another folder"
                 )
+            for draft in folder.glob(".designs-*.tmp"):  # of a program that was killed
+                draft.unlink(missing_ok=True)
             before = about_of(folder)
             if before.identity != about.identity:
                 raise HybridynError(
