@@ -220,3 +220,20 @@ def test_what_could_not_be_read_back_is_refused() -> None:
     point = Closure("x", "point", "a", np.eye(4), "b", np.eye(4), (0, 1, 2), "free")
     with pytest.raises(ModelError, match="<site> would have these names twice: 'x:"):
         Model(chain(["a", "b", "c"], (point, point)))
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("hybridyn:m1_tip", "hybridyn:m1_top", "marks the closure 'm1_top', but .*did you mean 'm1_tip'"),
+        ("tx ty tz rx ry", "tx ty rq", "text 'hybridyn:m1_tip': unknown row 'rq'"),
+        ("tx ty tz rx ry", "", "no row is stated"),
+    ],
+)
+def test_edited_marks_are_refused(old: str, new: str, message: str, tmp_path: Path) -> None:
+    file = tmp_path / "robot.xml"
+    text = writer_of(file)(Request(shipped("five_bar"), file)).text
+    assert old in text
+    file.write_text(text.replace(f'"{old}"', f'"{new}"'))
+    with pytest.raises(ModelError, match=message):
+        read(file)
