@@ -12,6 +12,7 @@ import hybridyn
 from hybridyn.errors import ModelError
 from hybridyn.studies.home import homes, positions
 from tests.command_line import call, read_table
+from tests.extras import needs
 from tests.robot_texts import save
 
 #: Closed to rounding, relative to the module's length.
@@ -119,6 +120,7 @@ def test_all_postures_become_a_table_that_other_commands_read(
         turns = [(table[f"{name}/position"][row] - x) / (2 * np.pi) for name, x in expected.items()]
         assert np.abs(turns - np.round(turns)).max() < EXACT
     assert call(capsys, "idm", file, target).status == 0  # at rest, loops closed
+    needs("view", "yourdfpy")
     assert call(capsys, "view", file, target, "--png", tmp_path / "second.png", "--at", "2").status == 0
 
 
