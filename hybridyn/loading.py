@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Mapping, Sequence
 from os import PathLike
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from .spatial import Array
 from .structure.building import build_robot
@@ -13,6 +13,8 @@ from .structure.robot import Base, HybridRobot
 
 if TYPE_CHECKING:
     import pinocchio as pin
+
+    from .description.records import Description
 
 _log = logging.getLogger("hybridyn")
 
@@ -60,7 +62,7 @@ def load(
     from .description.shipped import find_robot
 
     description = read(find_robot(path), motors=motors, xacro_args=xacro_args, package_dirs=package_dirs)
-    robot = build_robot(
+    return _built(
         description,
         base=base,
         gravity=gravity,
@@ -68,8 +70,6 @@ def load(
         closure_tolerance=closure_tolerance,
         held=held,
     )
-    _warn(robot)
-    return robot
 
 
 def from_pinocchio(
@@ -119,7 +119,7 @@ def from_pinocchio(
 
     read = read_model(model, constraint_models, kinds=kinds, home=home)
     validate(read)
-    robot = build_robot(
+    return _built(
         complete(read, motors=motors),
         base=base,
         gravity=gravity,
@@ -127,6 +127,11 @@ def from_pinocchio(
         closure_tolerance=closure_tolerance,
         held=held,
     )
+
+
+def _built(description: Description, **options: Any) -> HybridRobot:
+    """Build a robot, and log what looks wrong in it; the options are those of `build_robot`."""
+    robot = build_robot(description, **options)
     _warn(robot)
     return robot
 

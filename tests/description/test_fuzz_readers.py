@@ -15,10 +15,9 @@ import numpy as np
 import pytest
 
 from hybridyn.description import Description, read
-from hybridyn.errors import ModelError
+from tests.description.reading import outcome
 from tests.mutations import FLAT, TREE
 from tests.robot_texts import LOOP, robot, save
-from tests.waiting import must_end
 
 CASES = 60  # per seed and file
 
@@ -105,20 +104,6 @@ XACRO = """<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">
 <successor link="rocker"><origin xyz="${length} 0 0"/></successor><axis xyz="0 0 1"/></loop></xacro:if>
 </robot>
 """
-
-
-def outcome(path: Path, text: bytes) -> Description | None:
-    """Read a file; it must be read, or raise an error of one readable line."""
-    try:
-        with must_end(text):
-            description = read(path)
-    except ModelError as error:
-        message = str(error)
-        assert message.strip()
-        assert "\n" not in message, text
-        assert len(message) < 2000, text
-        description = None
-    return description
 
 
 def check(description: Description | None, text: bytes) -> None:

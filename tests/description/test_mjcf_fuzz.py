@@ -12,13 +12,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hybridyn.description import Description, read
-from hybridyn.errors import ModelError
+from hybridyn.description import Description
+from tests.description.reading import outcome, written
 from tests.extras import needs
 from tests.mjcf_texts import BAR, mjcf
 from tests.mutations import TREE
 from tests.samples import slow
-from tests.waiting import must_end
 
 mujoco = needs("mjcf")
 
@@ -57,19 +56,6 @@ PART = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n
 SCENE = '<mujocoinclude><geom type="plane" size="1 1 1"/><camera name="eye"/></mujocoinclude>'
 
 
-def outcome(path: Path, text: bytes) -> Description | None:
-    """Read a file that must be read, or refused with one readable line."""
-    path.write_bytes(text)
-    try:
-        with must_end(text):
-            return read(path)
-    except ModelError as error:
-        message = str(error)
-        assert message.strip()
-        assert "\n" not in message, text
-        return None
-
-
 def check(description: Description, path: Path, text: bytes) -> bool:
     """Compare a robot with MuJoCo's model of its file; False where that refuses what hybridyn leaves out."""
     try:
@@ -104,7 +90,7 @@ def folder(tmp_path: Path) -> Path:
 
 
 def test_the_file_is_good_as_it_stands(folder: Path) -> None:
-    found = outcome(folder / "r.xml", TEXT.encode())
+    found = outcome(written(folder / "r.xml", TEXT.encode()), TEXT.encode())
     assert found is not None
     assert (len(found.closures), len(found.couplings), found.motors) == (2, 2, ("a1", "c1"))
     assert check(found, folder / "r.xml", TEXT.encode())
@@ -117,7 +103,7 @@ def test_mutations(folder: Path, seed: int) -> None:
     read_well = refused = 0
     for _ in range(CASES):
         text = draw.choice(TREE)(TEXT, draw)
-        found = outcome(folder / "r.xml", text)
+        found = outcome(written(folder / "r.xml", text), text)
         refused += found is None
         read_well += found is not None and check(found, folder / "r.xml", text)
     assert refused

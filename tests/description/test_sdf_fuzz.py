@@ -13,12 +13,11 @@ import numpy as np
 import pytest
 from lxml import etree
 
-from hybridyn.description import Description, read
-from hybridyn.errors import ModelError
+from hybridyn.description import Description
+from tests.description.reading import outcome, written
 from tests.mutations import TREE
 from tests.samples import slow
 from tests.sdf_texts import WORLD, joint, link, sdf
-from tests.waiting import must_end
 
 CASES = 40  # per seed
 
@@ -73,19 +72,6 @@ TEXTS = (
 )  # fmt: skip
 
 
-def outcome(path: Path, text: bytes) -> Description | None:
-    """Read a file that must be read, or refused with one readable line."""
-    path.write_bytes(text)
-    try:
-        with must_end(text):
-            return read(path)
-    except ModelError as error:
-        message = str(error)
-        assert message.strip()
-        assert "\n" not in message, text
-        return None
-
-
 def check(found: Description, text: bytes) -> None:
     """Compare a robot with the names and masses that stand in its text."""
     root = etree.fromstring(text)
@@ -122,7 +108,7 @@ def folder(tmp_path: Path) -> Path:
     ("text", "loops", "couplings"), [*zip(TEXTS, (1, 2, 2, 0), (2, 3, 3, 0), strict=True)]
 )
 def test_the_files_are_good_as_they_stand(folder: Path, text: str, loops: int, couplings: int) -> None:
-    found = outcome(folder / "r.sdf", text.encode())
+    found = outcome(written(folder / "r.sdf", text.encode()), text.encode())
     assert found is not None
     assert (len(found.closures), len(found.couplings)) == (loops, couplings)
     check(found, text.encode())
@@ -134,7 +120,7 @@ def test_mutations(folder: Path, seed: int) -> None:
     read_well = refused = 0
     for _ in range(CASES):
         text = draw.choice(TREE)(draw.choice(TEXTS), draw)
-        found = outcome(folder / "r.sdf", text)
+        found = outcome(written(folder / "r.sdf", text), text)
         refused += found is None
         if found is not None:
             read_well += 1
