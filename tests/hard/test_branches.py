@@ -37,7 +37,7 @@ def led_astray(number: int, lengths: np.ndarray) -> bool | None:
     except AssemblyError as error:
         named = f"sample {error.sample}" in str(error)
         mend = any(
-            text in str(error) for text in ("Move the trajectory away", "move it, give a better guess")
+            text in str(error) for text in ("Move the trajectory away", "move it, or give a better guess")
         )
         return None if named and mend else True
     back = dietmaier.Tracked(dietmaier.poses(q[-1]), lengths[-1])
