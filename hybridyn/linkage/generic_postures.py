@@ -12,6 +12,8 @@ from .newton import Closed, LoopProblem, close
 from .reduction import RANK_TOLERANCE
 from .winding import winding_of
 
+#: Postures with a residual below this are closed to the last digit.
+CLOSED = 1e-11
 #: Scatter of starts about the home posture, increasing [rad, module lengths], and starts per posture wanted.
 SPREADS = ((0.15, 2), (0.5, 4), (1.5, 8), (3.0, 16))
 
@@ -32,8 +34,8 @@ def generic_postures(
     The remaining postures are then drawn near those found.
 
     A coupling of endless joints with an odd ratio is closed on sheets next to one another, one per turn of a
-    joint. If it locks a module, Newton's method jumps between them and no start closes. The search is then
-    repeated on the sheet of the home posture.
+    joint. If it locks a module, Newton's method jumps between them: no start closes, or starts stop between
+    sheets, nearly closed as in a rounded file. The search is then repeated on the sheet of the home posture.
 
     Args:
         closures: The module's closures.
@@ -51,13 +53,19 @@ def generic_postures(
     every = np.ones(tree.nv, dtype=bool)
     problem = LoopProblem(closures, row_scale, col_scale, every, rank_tolerance=rank_tolerance)
     found, best = _search(problem, home, tolerance, count)
-    if len(found):
+    if len(found) and _worst(problem, found) <= CLOSED:
         return found, best
     sheets = winding_of(closures, home[None], (), {})
     if sheets is None or not sheets.ambiguous:
         return found, best
-    found, nearest = _search(replace(problem, winding=sheets.near(home)), home, tolerance, count)
-    return found, min(best, nearest)
+    own, nearest = _search(replace(problem, winding=sheets.near(home)), home, tolerance, count)
+    return (own if len(own) else found), min(best, nearest)
+
+
+def _worst(problem: LoopProblem, q: Array) -> float:
+    """Return the largest scaled residual of postures, shape (n, nq)."""
+    residual = problem.closures.residual(q, problem.tree.sweep(q)) * problem.row_scale
+    return float(np.abs(residual).max(initial=0.0))
 
 
 def _search(problem: LoopProblem, home: Array, tolerance: float, count: int) -> tuple[Array, float]:

@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from ..linkage.closures import Closures
-from ..linkage.generic_postures import generic_postures
+from ..linkage.generic_postures import CLOSED, generic_postures
 from ..linkage.reduction import ROUNDED_ROWS, RankReport, Reduction, decide_rank
 from ..spatial import Array
 
@@ -20,8 +20,6 @@ FINEST = 1e-5
 #: Rounding to three digits. Doubtful rows that leave a module no freedom count as independent only above
 #: this: at its only posture, rows that rounding made independent close as well as others.
 FINEST_LOCK = 1e-3
-#: Loops with a residual below this are closed to the last digit.
-CLOSED = 1e-11
 #: Number of postures that must close with the doubtful rows; with fewer, these rows contradict the others.
 ENOUGH = 12
 
