@@ -27,6 +27,7 @@ from tests.waiting import PATIENCE, wait_until
 
 CLOSED = 1e-9  # relative: `assemble` closes loops to rounding
 HUE = 0.12  # between colours, 0 to 1: light and shade change brightness, not hue
+SHOWN = 1e-3  # m: sliders round to steps
 FEW = 40  # pixels that a part of the robot covers at the least
 MANY = 1500  # pixels that change when a leg moves visibly
 
@@ -81,6 +82,9 @@ def at_home(request: pytest.FixtureRequest) -> None:
         tab, page = request.getfixturevalue("tab"), request.getfixturevalue("page")
         tab.get_by_role("button", name="Home").click()
         until(tab, lambda: bool((page.q == page.robot.home).all()))
+        for joint in page.robot.motors:  # the browser shows it a little later
+            home = at(page.robot, page.robot.home, joint)
+            until(tab, lambda: shown(tab, joint) == pytest.approx(home, abs=SHOWN))  # noqa: B023 (called here)
 
 
 def until(tab: Any, holds: Callable[[], bool]) -> None:
@@ -109,25 +113,51 @@ def coverage(pixels: np.ndarray, colour: str) -> int:
     return int(((np.abs(pure - goal).max(axis=2) < HUE) & (spread[..., 0] > 0.2)).sum())
 
 
-def grip(tab: Any, label: str) -> tuple[Any, float, float, float]:
-    """Return the mouse of a tab, the middle of a slider's knob, and the width of the slider."""
+def slider(tab: Any, label: str) -> Any:
+    """Return the row of a slider, scrolled into view."""
     text = tab.get_by_text(label, exact=True).first
     text.scroll_into_view_if_needed()
-    row = text.locator("xpath=ancestor::*[.//*[@role='slider']][1]")
-    knob = row.get_by_role("slider").first.bounding_box()
-    track = row.locator("xpath=.//*[contains(@class,'Slider-track')]").first.bounding_box()
-    width = track["width"] if track else 120.0
-    return tab.mouse, knob["x"] + knob["width"] / 2, knob["y"] + knob["height"] / 2, width
+    return text.locator("xpath=ancestor::*[.//*[@role='slider']][1]")
+
+
+def knob(row: Any) -> Any:
+    """Return the knob in the row of a slider."""
+    return row.get_by_role("slider").first
+
+
+def shown(tab: Any, label: str) -> float:
+    """Return the value that a slider shows in the browser."""
+    return float(knob(slider(tab, label)).get_attribute("aria-valuenow"))
+
+
+def track(row: Any) -> dict[str, float]:
+    """Return the place of a slider's track [pixels]."""
+    return row.locator("xpath=.//*[contains(@class,'Slider-track')]").first.bounding_box()
+
+
+def pull(tab: Any, row: Any, to: float) -> None:
+    """Drag the knob of a slider to an x of the page [pixels]."""
+    box = knob(row).bounding_box()
+    x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+    tab.mouse.move(x, y)
+    tab.mouse.down()
+    for step in range(1, 9):
+        tab.mouse.move(x + (to - x) * step / 8, y)
+    tab.mouse.up()
 
 
 def drag(tab: Any, label: str, part: float) -> None:
     """Drag a slider by a part of its width."""
-    mouse, x, y, width = grip(tab, label)
-    mouse.move(x, y)
-    mouse.down()
-    for step in range(1, 9):
-        mouse.move(x + part * width * step / 8, y)
-    mouse.up()
+    row = slider(tab, label)
+    box = knob(row).bounding_box()
+    pull(tab, row, box["x"] + box["width"] / 2 + part * track(row)["width"])
+
+
+def drag_to_end(tab: Any, label: str) -> None:
+    """Drag a slider to its right end, wherever its knob is."""
+    row = slider(tab, label)
+    end = track(row)
+    pull(tab, row, end["x"] + end["width"] + 2)
 
 
 def at(robot: hybridyn.HybridRobot, q: np.ndarray, joint: str) -> float:
@@ -185,7 +215,7 @@ def test_play_runs_the_motion_and_scrub_stops_it_somewhere(tab: Any, page: Page,
     assert min(float(np.abs(page.q - q).max()) for q in swing.q) == 0.0  # postures of the motion, no others
     tab.get_by_role("button", name="Pause").click()
     until(tab, lambda: not page.playing)
-    drag(tab, "time [s]", 0.9)
+    drag_to_end(tab, "time [s]")
     until(tab, lambda: bool((page.q == swing.q[-1]).all()))
     assert not page.playing
     expected = f"{swing.tau[-1, 0]:.4g} N"
