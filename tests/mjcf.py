@@ -15,6 +15,7 @@ from hybridyn.description import Description
 from hybridyn.description.records import Joint, Link
 from hybridyn.oracle import Oracle
 from tests.extras import needs
+from tests.mujoco_matrices import mass_matrix
 
 mujoco = needs("bench")
 
@@ -118,8 +119,7 @@ class MuJoCo:
         """
         self.place(q, v)
         m, d, nv = self.model, self.data, self.model.nv
-        M = np.zeros((nv, nv))
-        mujoco.mj_fullM(m, d, M)
+        M = mass_matrix(m, d)
         J, drift = d.efc_J.reshape(-1, nv)[: d.ne], np.zeros(d.ne)
         assert d.ne == 3 * m.neq
         rates = np.zeros((2, 3, nv))

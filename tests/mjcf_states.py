@@ -12,6 +12,7 @@ from hybridyn.description import Closure, read
 from hybridyn.description.weightless import Bodies
 from hybridyn.structure.building import build_robot
 from tests.extras import needs
+from tests.mujoco_matrices import mass_matrix
 
 mujoco = needs("mjcf")
 
@@ -96,12 +97,7 @@ class Pair:
 
     def mass_matrix(self) -> np.ndarray:
         """Return MuJoCo's mass matrix."""
-        M = np.zeros((self.model.nv, self.model.nv))
-        try:
-            mujoco.mj_fullM(self.model, self.data, M)
-        except TypeError:  # before MuJoCo 4
-            mujoco.mj_fullM(self.model, M, self.data.qM)
-        return M
+        return mass_matrix(self.model, self.data)
 
     def our_mass_matrix(self, q: np.ndarray) -> np.ndarray:
         """Return Pinocchio's mass matrix of our model with the rotors, in MuJoCo's rates."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -35,9 +36,7 @@ def home_of(d: Description, joint: Joint) -> tuple[float, ...]:
 
 def _angle(d: Description, name: str) -> float:
     """Return the angle of a continuous joint at home, with the whole turns that a coupling needs."""
-    angles = {}
-    for joint, x in d.home.items():
-        angles[joint] = math.atan2(x[1], x[0]) if len(x) == 2 else x[0]
+    angles = {joint: angle_of(x) for joint, x in d.home.items()}
     for coupling in d.couplings:
         if factor := dict(coupling.terms).get(name):
             left = coupling.offset - sum(c * angles.get(joint, 0.0) for joint, c in coupling.terms)
@@ -47,44 +46,57 @@ def _angle(d: Description, name: str) -> float:
     return angles[name]
 
 
-def motion_of(joint: Joint, at: tuple[float, ...]) -> Array:
+def poses_at(
+    d: Description, positions: Mapping[str, tuple[float, ...]], root: Array | None = None
+) -> dict[str, Array]:
+    """Return the pose of each link in a posture, shapes (4, 4); loops may be open.
+
+    Args:
+        d: The robot.
+        positions: Joint positions by name, as in `Description.home`; zero for those left out.
+        root: Pose of the root link, shape (4, 4); None for the identity.
+    """
+    poses = {d.root: np.eye(4) if root is None else root}
+    waiting = [d.root]
+    below: dict[str, list[Joint]] = {}
+    for joint in d.joints:
+        below.setdefault(joint.parent, []).append(joint)
+    while waiting:
+        for joint in below.get(waiting.pop(), ()):
+            poses[joint.child] = poses[joint.parent] @ joint.placement @ motion_of(joint, positions)
+            waiting.append(joint.child)
+    return poses
+
+
+def motion_of(joint: Joint, positions: Mapping[str, tuple[float, ...]]) -> Array:
     """Return the motion of a joint from position zero, shape (4, 4).
 
     Args:
         joint: The joint.
-        at: Its position, as `home_of` returns it.
+        positions: Joint positions by name, as for `poses_at`.
     """
+    at = positions.get(joint.name)
+    if at is None or joint.kind == "fixed":
+        return np.eye(4)
     if joint.kind == "prismatic":
-        return placement_from(np.eye(3), at[0] * joint.axis)
+        return placement_from(np.eye(3), joint.axis * at[0])
     if joint.kind == "spherical":
         return placement_from(rotation_from_quaternion(*at), np.zeros(3))
     if joint.kind == "floating":
-        return placement_from(rotation_from_quaternion(*at[3:]), np.array(at[:3]))
+        return free_pose(at)
     if joint.kind == "planar":
-        return placement_from(_turn(joint.axis, at[2]), np.array([at[0], at[1], 0.0]))
-    if joint.kind == "fixed":
-        return np.eye(4)
-    return placement_from(_turn(joint.axis, at[0]), np.zeros(3))
+        return placement_from(_turn(joint.axis, math.atan2(at[3], at[2])), np.array([at[0], at[1], 0.0]))
+    return placement_from(_turn(joint.axis, angle_of(at)), np.zeros(3))
 
 
-def home_poses(d: Description) -> dict[str, Array]:
-    """Return the pose of each link in the root link in the home posture, shapes (4, 4).
+def angle_of(at: tuple[float, ...]) -> float:
+    """Return the position of a joint with one freedom [m or rad], also from cosine and sine."""
+    return math.atan2(at[1], at[0]) if len(at) == 2 else float(at[0])
 
-    Args:
-        d: The robot.
-    """
-    above = {joint.child: joint for joint in d.joints}
-    poses = {d.root: np.eye(4)}
-    for link in d.links:
-        path = []
-        name = link.name
-        while name not in poses:
-            path.append(above[name])
-            name = above[name].parent
-        for joint in reversed(path):
-            at = home_of(d, joint) if joint.kind != "fixed" else ()
-            poses[joint.child] = poses[joint.parent] @ joint.placement @ motion_of(joint, at)
-    return poses
+
+def free_pose(at: tuple[float, ...]) -> Array:
+    """Return the pose of a free body from position [m] and quaternion x, y, z, w, shape (4, 4)."""
+    return placement_from(rotation_from_quaternion(*at[3:7]), np.array(at[:3]))
 
 
 def _turn(axis: Array, angle: float) -> Array:

@@ -23,6 +23,7 @@ from tests.conversion.judge import bodily, open_postures, read_back, same_robot,
 from tests.extras import needs
 from tests.mechanisms import KINDS, random_mechanism
 from tests.mjcf_texts import ROBOTS as ROBOTS_OF_MJCF
+from tests.mujoco_matrices import mass_matrix
 from tests.samples import slow, some
 from tests.shipped import ROBOTS, shipped
 
@@ -63,12 +64,7 @@ class Model:
 
     def mass_matrix(self) -> np.ndarray:
         """Return MuJoCo's mass matrix."""
-        M = np.zeros((self.model.nv, self.model.nv))
-        try:
-            mujoco.mj_fullM(self.model, self.data, M)
-        except TypeError:  # before MuJoCo 4
-            mujoco.mj_fullM(self.model, M, self.data.qM)
-        return M
+        return mass_matrix(self.model, self.data)
 
 
 @pytest.mark.parametrize("name", some(ROBOTS, ("gough_stewart",)))

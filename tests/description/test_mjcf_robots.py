@@ -17,6 +17,7 @@ from hybridyn.structure.robot import HybridRobot
 from tests import ROOT
 from tests.command_line import call
 from tests.comparing import close_to
+from tests.description.page_robot import same_as_its_page
 from tests.judging import efforts
 from tests.mjcf import MuJoCo
 from tests.shipped import shipped, states_near_home
@@ -81,17 +82,7 @@ def test_the_robot_of_the_page_is_read(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    (example,) = blocks(ROOT / "docs" / "mjcf.md", "xml")
-    (tmp_path / "five_bar.xml").write_text(example.text)
-    robot = hybridyn.load(tmp_path / "five_bar.xml")
-    assert robot.motors == ("motor_left", "motor_right")
-    assert robot.mobility == 2
-    assert [joint.effort for joint in robot.description.joints if joint.name in robot.motors] == [50, 50]
-    assert hybridyn.closure_residual(robot, robot.home) < 1e-12
-    assert robot.description.notes == ()
-    shown = (ROOT / "docs" / "mjcf.md").read_text()
-    for line in call(capsys, "info", "five_bar.xml").out.splitlines()[1:4]:
-        assert line in shown
+    same_as_its_page("mjcf.md", "xml", tmp_path / "five_bar.xml", capsys)
 
 
 def test_the_commands_take_the_robot_of_the_page(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -107,4 +98,3 @@ def test_the_commands_take_the_robot_of_the_page(tmp_path: Path, capsys: pytest.
     assert efforts.status == 0, efforts.err
     assert efforts.out.startswith("time,motor_left/effort,motor_right/effort")
     assert len(efforts.out.splitlines()) == 21
-    assert "error" not in call(capsys, "check", file).out

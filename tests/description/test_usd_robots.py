@@ -9,16 +9,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import hybridyn
 from hybridyn.description import Coupling, Description, Joint, Link, read
 from hybridyn.description.placement import placement_from, rotation_from_rpy
-from tests import ROOT
-from tests.command_line import call
 from tests.conversion.judge import written
+from tests.description.page_robot import same_as_its_page
 from tests.extras import needs
 from tests.samples import some
 from tests.shipped import ROBOTS, shipped
-from tests.snippets import blocks
 
 needs("usd")
 from pxr import Usd, UsdGeom, UsdPhysics  # noqa: E402
@@ -31,18 +28,7 @@ def test_the_robot_of_the_page_is_read(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    (example,) = blocks(ROOT / "docs" / "usd.md", "usda")
-    (tmp_path / "five_bar.usda").write_text(example.text)
-    robot = hybridyn.load(tmp_path / "five_bar.usda")
-    assert robot.motors == ("motor_left", "motor_right")
-    assert robot.mobility == 2
-    assert [joint.effort for joint in robot.description.joints if joint.name in robot.motors] == [50, 50]
-    assert hybridyn.closure_residual(robot, robot.home) < 1e-12
-    assert robot.description.notes == ()
-    shown = (ROOT / "docs" / "usd.md").read_text()
-    for line in call(capsys, "info", "five_bar.usda").out.splitlines()[:4]:
-        assert line in shown
-    assert "error" not in call(capsys, "check", "five_bar.usda").out
+    same_as_its_page("usd.md", "usda", tmp_path / "five_bar.usda", capsys)
 
 
 @pytest.mark.parametrize("name", some(ROBOTS, ("delta",)))

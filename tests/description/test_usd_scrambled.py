@@ -13,11 +13,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from hybridyn.conversion.home import poses_at
 from hybridyn.conversion.losses import Losses
 from hybridyn.conversion.usd.bodies import add_body
 from hybridyn.conversion.usd.closures import add_closure
 from hybridyn.conversion.usd.joints import add_ends, axis_of
-from hybridyn.conversion.usd.posing import home_poses
 from hybridyn.conversion.usd.prims import Prim
 from hybridyn.description import Description, read
 from hybridyn.description.placement import placement_from, rotation_from_rpy
@@ -48,7 +48,7 @@ def scrambled(d: Description, seed: int) -> str:
     draw = np.random.default_rng(seed)
     frames = {link.name: np.eye(4) if link.name == d.root else random_frame(draw) for link in d.links}
     back = {name: np.linalg.inv(frame) for name, frame in frames.items()}
-    poses, top = home_poses(d), Prim("", "", "")
+    poses, top = poses_at(d, d.home), Prim("", "", "")
     robot = top.child("Xform", d.name)
     bodies = {}
     for link in d.links:
@@ -96,9 +96,10 @@ def turned(axis: np.ndarray, angle: float) -> np.ndarray:
 
 
 def plain(d: Description) -> Description:
-    """Return a robot with its motors in the order of its joints."""
-    driven = {*d.motors}
-    return replace(d, motors=tuple(joint.name for joint in d.joints if joint.name in driven))
+    """Return a robot with its motors in the order of its joints, without what `scrambled` leaves out."""
+    driven, gone = {*d.motors}, {"damping": 0.0, "friction": 0.0, "rotor_inertia": 0.0, "gear_ratio": 1.0}
+    joints = tuple(replace(joint, **gone) for joint in d.joints)
+    return replace(d, joints=joints, motors=tuple(joint.name for joint in d.joints if joint.name in driven))
 
 
 @pytest.mark.parametrize("name", some(ROBOTS, ("five_bar",)))

@@ -7,7 +7,7 @@ from xml.etree import ElementTree as ET
 
 from ...description.mjcf.marks import BASE, LINK
 from ...description.records import Description
-from ..home import home_poses
+from ..home import poses_at
 from ..losses import Losses
 from ..model_file import model_file
 from ..numerals import numeral, numerals
@@ -70,7 +70,7 @@ def write_mjcf(request: Request) -> Written:
 
 def _add_robot(root: ET.Element, d: Description, losses: Losses) -> Tree:
     """Add bodies, closures, couplings and forces."""
-    inertias, poses, still = inertias_of(d), home_poses(d), _still(d)
+    inertias, poses, still = inertias_of(d), poses_at(d, d.home), _still(d)
     ends = _weightless_ends(d, still)
     followers = {
         closure.name: follower_of(closure, inertias, poses, still, losses)

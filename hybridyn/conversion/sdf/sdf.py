@@ -5,11 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 from xml.etree import ElementTree as ET
 
-import numpy as np
-
 from ...description.names import listed
-from ...description.placement import placement_from, rotation_from_quaternion
 from ...description.records import Coupling, Description, Link
+from ..home import free_pose
 from ..losses import Losses
 from ..model_file import model_file
 from ..numerals import numeral, numerals
@@ -43,8 +41,7 @@ def write_sdf(request: Request) -> Written:
         ET.SubElement(holder, "gravity").text = numerals(d.gravity)
     model = ET.SubElement(holder, "model", name=d.name)
     if d.base == "floating" and d.base_home is not None:
-        x, y, z, qx, qy, qz, qw = d.base_home
-        add_pose(model, placement_from(rotation_from_quaternion(qx, qy, qz, qw), np.array([x, y, z])))
+        add_pose(model, free_pose(d.base_home))
     above = {joint.child: joint.parent for joint in d.joints}
     for link in d.links:
         _add_link(model, link, above.get(link.name), posture, request.shapes, losses)

@@ -1,5 +1,4 @@
 """Write USD (`.usda`) with UsdPhysics joints; numbers that single precision rounds have exact copies beside.
 
-Start with `usd` (the order of the prims), then `prims` (prims as text), `bodies`, `joints`, `closures` and
-`posing` (where the bodies stand at home).
+Start with `usd` (the order of the prims), then `prims` (prims as text), `bodies`, `joints` and `closures`.
 """

@@ -7,8 +7,8 @@ import numpy as np
 from ...description.placement import rotation_to_axis
 from ...description.records import Array, Joint
 from ...description.usd.joints import AXES, DEGREES, PLANE
+from ..home import angle_of
 from ..numerals import numeral
-from .posing import angle_of
 from .prims import Prim, turned_quaternion
 
 #: Types of prims by kind of joint.

@@ -10,13 +10,13 @@ import numpy as np
 from ...description.records import Coupling, Description, Joint
 from ...description.robot_file import FREEDOMS
 from ...description.usd.joints import DEGREES
+from ..home import free_pose, poses_at
 from ..losses import Losses
 from ..model_file import model_file
 from ..request import Request, Written
 from .bodies import add_body, add_shape
 from .closures import add_closure
 from .joints import add_ends, add_joint, axis_of
-from .posing import home_poses
 from .prims import Prim, quoted
 
 #: Gravity of a robot whose file states none [m/s^2].
@@ -32,7 +32,8 @@ def write_usd(request: Request) -> Written:
     d, losses = request.description, Losses()
     top = Prim("", "", "")
     robot = top.child("Xform", d.name or "robot")
-    poses = home_poses(d)
+    base_home = d.base_home if d.base == "floating" else None
+    poses = poses_at(d, d.home, None if base_home is None else free_pose(base_home))
     bodies = {link.name: add_body(robot, link, poses[link.name]) for link in d.links}
     for shape in request.shapes:
         add_shape(bodies[shape.link], shape, losses)
