@@ -11,6 +11,13 @@ from .dynamics.direct import ddm
 from .dynamics.energy import Energy, Power, centre_of_mass, energy, momentum, power
 from .dynamics.inverse import idm
 from .dynamics.link_motion import LinkMotion, kinematics
+from .dynamics.quantities.bias import bias, coriolis, gravity
+from .dynamics.quantities.coriolis_matrix import coriolis_matrix
+from .dynamics.quantities.joint_map import JointMap, joint_map
+from .dynamics.quantities.link_jacobian import link_jacobian
+from .dynamics.quantities.mass_matrix import mass_matrix
+from .dynamics.quantities.motion_map import motion_map
+from .dynamics.quantities.operational_inertia import delassus, operational_inertia
 from .dynamics.reactions import Reactions
 from .effects import with_effects
 from .errors import (
@@ -24,13 +31,6 @@ from .errors import (
     TrajectoryError,
 )
 from .loading import from_pinocchio, load
-from .quantities.bias import bias, coriolis, gravity
-from .quantities.coriolis_matrix import coriolis_matrix
-from .quantities.joint_map import JointMap, joint_map
-from .quantities.link_jacobian import link_jacobian
-from .quantities.mass_matrix import mass_matrix
-from .quantities.motion_map import motion_map
-from .quantities.operational_inertia import delassus, operational_inertia
 from .simulation.events import Event, near_singularity
 from .simulation.simulate import simulate
 from .structure.robot import HybridRobot

@@ -23,7 +23,7 @@ FLOORS = (
     {"structure"},
     {"assembly", "manifold", "effects"},
     {"dynamics", "loading"},
-    {"compiled", "streams", "quantities", "conversion"},
+    {"compiled", "streams", "conversion"},
     {"simulation"},
     {"scenes", "view"},
     {"studies"},

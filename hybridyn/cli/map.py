@@ -22,7 +22,7 @@ from .common.text import counted
 if TYPE_CHECKING:
     import numpy as np
 
-    from ..quantities.map_table import MapTable
+    from ..dynamics.quantities.map_table import MapTable
     from ..structure.robot import HybridRobot
 
 #: Points of a grid in all.
@@ -103,8 +103,8 @@ def command(
     """
     import numpy as np
 
-    from ..quantities.coordinates import check_joints
-    from ..quantities.joint_map import motors_beside
+    from ..dynamics.quantities.coordinates import check_joints
+    from ..dynamics.quantities.joint_map import motors_beside
     from ..tables.results import open_results
 
     if (source is None) == (grid is None):
@@ -164,9 +164,9 @@ def _over_grid(
     """Compute the map over a grid; also what was left out."""
     import numpy as np
 
+    from ..dynamics.quantities.map_table import map_table, regular_map
+    from ..dynamics.quantities.posture import postures_on_grid
     from ..errors import SingularityError
-    from ..quantities.map_table import map_table, regular_map
-    from ..quantities.posture import postures_on_grid
 
     every = [q for _, q in postures_on_grid(robot, values)]
     reached = [q for q in every if q is not None]
@@ -188,9 +188,9 @@ def _along(
 
     import hybridyn
 
-    from ..quantities.joint_map import joint_map, motors_beside
-    from ..quantities.map_table import MapTable, map_table
-    from ..quantities.posture import holding
+    from ..dynamics.quantities.joint_map import joint_map, motors_beside
+    from ..dynamics.quantities.map_table import MapTable, map_table
+    from ..dynamics.quantities.posture import holding
     from ..streams.postures import all_postures, rows_named
 
     layout, blocks = all_postures(holding(robot, joints), source, (joints, motors_beside(robot, joints)))

@@ -10,10 +10,10 @@ import pytest
 
 import hybridyn
 from hybridyn import HybridRobot
+from hybridyn.dynamics.quantities import map_table
+from hybridyn.dynamics.quantities.joint_map import JointMap
+from hybridyn.dynamics.quantities.posture import holding, postures_on_grid
 from hybridyn.errors import SingularityError, TrajectoryError
-from hybridyn.quantities import map_table
-from hybridyn.quantities.joint_map import JointMap
-from hybridyn.quantities.posture import holding, postures_on_grid
 from tests.comparing import ROUNDING, SOLVED, close_to
 from tests.dynamics.test_idm import flat_five_bar
 from tests.mechanisms import random_mechanism, random_states

@@ -14,16 +14,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..assembly.free_motions import are_idle
-from ..description.names import counted
-from ..dynamics.actuation import SINGULAR_MOTOR_MAP
-from ..dynamics.lost_rank import check_closure_rank
-from ..errors import SingularityError
-from ..linkage.elimination import back_substitute, pivot_ratio, pivoted_qr
-from ..linkage.reduction import Basis
-from ..spatial import Array, Index
-from ..structure.module import Module
-from ..structure.state import ModuleState
+from ...assembly.free_motions import are_idle
+from ...description.names import counted
+from ...errors import SingularityError
+from ...linkage.elimination import back_substitute, pivot_ratio, pivoted_qr
+from ...linkage.reduction import Basis
+from ...spatial import Array, Index
+from ...structure.module import Module
+from ...structure.state import ModuleState
+from ..actuation import SINGULAR_MOTOR_MAP
+from ..lost_rank import check_closure_rank
 from .coordinates import Coordinates
 
 

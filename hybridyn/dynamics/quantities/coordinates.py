@@ -11,12 +11,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..description.names import counted, did_you_mean
-from ..errors import SingularityError, TrajectoryError
-from ..linkage.joints import NV, ROOT_JOINT
-from ..spatial import Index
-from ..structure.module import Module
-from ..structure.robot import HybridRobot
+from ...description.names import counted, did_you_mean
+from ...errors import SingularityError, TrajectoryError
+from ...linkage.joints import NV, ROOT_JOINT
+from ...spatial import Index
+from ...structure.module import Module
+from ...structure.robot import HybridRobot
 
 
 @dataclass(frozen=True)

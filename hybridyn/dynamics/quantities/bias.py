@@ -11,14 +11,14 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..dynamics.direct import acceleration_of_base
-from ..dynamics.forward import forward
-from ..dynamics.inverse_recursion import module_forces
-from ..dynamics.loads import all_loads
-from ..effects.choice import Choice, Effects, choose, times
-from ..errors import ModelError
-from ..spatial import Array
-from ..structure.robot import HybridRobot
+from ...effects.choice import Choice, Effects, choose, times
+from ...errors import ModelError
+from ...spatial import Array
+from ...structure.robot import HybridRobot
+from ..direct import acceleration_of_base
+from ..forward import forward
+from ..inverse_recursion import module_forces
+from ..loads import all_loads
 from .coordinates import Coordinates, independent_coordinates
 from .independent import independent_motions
 from .motion_map import whole_drift

@@ -14,10 +14,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..effects.elastic import RotorInertia
-from ..errors import SingularityError
-from ..spatial import Array
-from ..structure.robot import HybridRobot
+from ...effects.elastic import RotorInertia
+from ...errors import SingularityError
+from ...spatial import Array
+from ...structure.robot import HybridRobot
 from .joint_map import JointMap, joint_map
 
 

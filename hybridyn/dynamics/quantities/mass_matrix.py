@@ -16,14 +16,14 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..dynamics.balance import congruence
-from ..dynamics.loads import Loads
-from ..dynamics.passive import needs_inertia
-from ..effects.choice import Choice, Effects, choose
-from ..spatial import Array, motion_matrix
-from ..structure.robot import HybridRobot
-from ..structure.samples import as_positions
-from ..structure.state import ModuleState
+from ...effects.choice import Choice, Effects, choose
+from ...spatial import Array, motion_matrix
+from ...structure.robot import HybridRobot
+from ...structure.samples import as_positions
+from ...structure.state import ModuleState
+from ..balance import congruence
+from ..loads import Loads
+from ..passive import needs_inertia
 from .coordinates import Coordinates, independent_coordinates
 from .independent import ModuleMotions, independent_motions
 from .states import closed_states

@@ -18,9 +18,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..spatial import Array
-from ..structure.robot import HybridRobot
-from ..structure.samples import as_positions
+from ...spatial import Array
+from ...structure.robot import HybridRobot
+from ...structure.samples import as_positions
 from .coordinates import Coordinates, check_count, check_joints, located
 from .independent import module_motions
 from .polar import polar_form

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..dynamics.forward import forward
-from ..dynamics.state_checks import check_closed
-from ..spatial import Array
-from ..structure.robot import HybridRobot
-from ..structure.samples import as_positions, as_rates, same_samples
-from ..structure.state import ModuleState
+from ...spatial import Array
+from ...structure.robot import HybridRobot
+from ...structure.samples import as_positions, as_rates, same_samples
+from ...structure.state import ModuleState
+from ..forward import forward
+from ..state_checks import check_closed
 
 
 def checked_state(robot: HybridRobot, q: ArrayLike, v: ArrayLike | None) -> tuple[Array, Array, bool]:

@@ -8,14 +8,14 @@ from itertools import product
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..assembly.assemble import assemble
-from ..errors import AssemblyError, HybridynError, TrajectoryError
-from ..linkage.joints import NV
-from ..spatial import Array
-from ..structure.building import build_robot
-from ..structure.joint_position import joint_position
-from ..structure.module import Module
-from ..structure.robot import HybridRobot
+from ...assembly.assemble import assemble
+from ...errors import AssemblyError, HybridynError, TrajectoryError
+from ...linkage.joints import NV
+from ...spatial import Array
+from ...structure.building import build_robot
+from ...structure.joint_position import joint_position
+from ...structure.module import Module
+from ...structure.robot import HybridRobot
 from .coordinates import check_joints
 
 

@@ -16,11 +16,11 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..dynamics.forward import forward
-from ..effects.choice import Choice
-from ..errors import TrajectoryError
-from ..spatial import Array, crm
-from ..structure.robot import HybridRobot
+from ...effects.choice import Choice
+from ...errors import TrajectoryError
+from ...spatial import Array, crm
+from ...structure.robot import HybridRobot
+from ..forward import forward
 from .bias import QUADRATIC, chosen_effects, forces_at_rest
 from .coordinates import independent_coordinates
 from .independent import independent_motions

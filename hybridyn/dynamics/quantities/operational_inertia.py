@@ -11,15 +11,15 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..dynamics.direct import direct_model
-from ..dynamics.link_motion import link_motions, named_links
-from ..effects.choice import Choice
-from ..errors import SingularityError
-from ..linkage.elimination import back_substitute, pivot_ratio, pivoted_qr
-from ..linkage.rigid_motion import RigidMotion
-from ..spatial import Array, rotate_back
-from ..structure.robot import HybridRobot
-from ..structure.samples import as_positions, one_of
+from ...effects.choice import Choice
+from ...errors import SingularityError
+from ...linkage.elimination import back_substitute, pivot_ratio, pivoted_qr
+from ...linkage.rigid_motion import RigidMotion
+from ...spatial import Array, rotate_back
+from ...structure.robot import HybridRobot
+from ...structure.samples import as_positions, one_of
+from ..direct import direct_model
+from ..link_motion import link_motions, named_links
 from .bias import chosen_effects
 
 #: Links whose Delassus matrix has a smaller reciprocal condition cannot be moved in some direction.

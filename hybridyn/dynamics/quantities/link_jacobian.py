@@ -12,11 +12,11 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..dynamics.link_motion import named_links
-from ..spatial import Array, motion_matrix, rotation_from_quaternion, to_body_axes
-from ..structure.robot import HybridRobot
-from ..structure.samples import as_positions, one_of
-from ..structure.state import ModuleState
+from ...spatial import Array, motion_matrix, rotation_from_quaternion, to_body_axes
+from ...structure.robot import HybridRobot
+from ...structure.samples import as_positions, one_of
+from ...structure.state import ModuleState
+from ..link_motion import named_links
 from .coordinates import Coordinates, independent_coordinates
 from .independent import ModuleMotions, independent_motions
 from .mass_matrix import output_maps

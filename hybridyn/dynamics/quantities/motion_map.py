@@ -2,22 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import overload
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..description.names import counted
-from ..dynamics.forward import forward
-from ..errors import SingularityError
-from ..linkage.joints import NV
-from ..spatial import Array, crm
-from ..structure.robot import HybridRobot
+from ...description.names import counted
+from ...errors import SingularityError
+from ...linkage.joints import NV
+from ...spatial import Array, Index, crm
+from ...structure.robot import HybridRobot
+from ..forward import forward
 from .coordinates import Coordinates, independent_coordinates
 from .independent import ModuleMotions, independent_motions
 from .polar import polar_form
 from .states import checked_state, closed_states
+
+#: Accelerations at u_dot = 0 as a function of positions and rates.
+Drift = Callable[[Array, Array], Array]
 
 
 @overload
@@ -57,7 +60,7 @@ def motion_map(
     E = whole_map(robot, motions, u, len(q))
     if v is None:
         return E[0] if single else E
-    E_dot = _rate(robot, q, rates, E, u)
+    E_dot = rate_of_map(robot, q, rates, E, u, lambda x, y: drift(robot, x, y, u))
     return (E[0], E_dot[0]) if single else (E, E_dot)
 
 
@@ -108,29 +111,48 @@ def refuse_idle(robot: HybridRobot, u: Coordinates, what: str) -> None:
             )
 
 
-def _rate(robot: HybridRobot, q: Array, v: Array, E: Array, u: Coordinates) -> Array:
+def rate_of_map(
+    robot: HybridRobot,
+    q: Array,
+    v: Array,
+    E: Array,
+    u: Coordinates,
+    drift_of: Callable[[Array, Array], Array],
+) -> Array:
     """Compute E_dot by polarisation of the drift E_dot(v) u, which is quadratic in v, shape (T, nv, N).
 
     The columns of u are derivatives of one posture by coordinates, so that d(E_j)/du_i and d(E_i)/du_j agree
     on joints with one freedom; on the others, whose rates are twists, they differ by the Lie bracket. Modules
     do not depend on each other: the columns of equal number of all modules are computed at once.
+
+    Args:
+        robot: The robot.
+        q: Positions, shape (T, nq).
+        v: Rates, shape (T, nv).
+        E: dq/du, shape (T, nv, N).
+        u: The independent coordinates.
+        drift_of: The drift at positions (S, nq) and rates (S, nv), shape (S, nv).
     """
     refuse_idle(robot, u, "the rate of dq/du")
     if not u.size:
         return np.zeros_like(E)
-    most = max((len(own) for own in u.own), default=0)
-    together = np.zeros((len(q), robot.nv, most))
-    places = [
-        (module.v_index[:, None], own, np.arange(len(own)))
-        for module, own in zip(robot.modules, u.own, strict=True)
-    ]
+    places = blocks(robot, u)
+    together = np.zeros((len(q), robot.nv, max(len(own) for _, own, _ in places)))
     for index, own, at in places:
         together[:, index, at] = E[:, index, own]
-    form = polar_form(robot, lambda x, y: drift(robot, x, y, u), q, v, together)
+    form = polar_form(robot, drift_of, q, v, together)
     out = -_brackets(robot, v, E) / 2
     for index, own, at in places:
         out[:, index, own] += form[:, index, at]
     return out
+
+
+def blocks(robot: HybridRobot, u: Coordinates) -> list[tuple[Index, Index, Index]]:
+    """Return where the blocks of dq/du are: of each module its rows, its columns, and their numbers in it."""
+    return [
+        (module.v_index[:, None], own, np.arange(len(own)))
+        for module, own in zip(robot.modules, u.own, strict=True)
+    ]
 
 
 def _brackets(robot: HybridRobot, v: Array, E: Array) -> Array:

@@ -6,8 +6,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ..spatial import Array
-from ..structure.robot import HybridRobot
+from ...spatial import Array
+from ...structure.robot import HybridRobot
 
 #: Samples in one pass of the recursion.
 AT_ONCE = 512
