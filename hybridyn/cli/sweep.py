@@ -99,6 +99,7 @@ def _run(
         with Progress("designs") as bar:
 
             def show(state: Swept) -> None:
+                """Keep the state of the sweep, and show it."""
                 states[:] = [state]
                 open_before = state.designs - state.done + state.now
                 bar.show(state.now, state.now / open_before)

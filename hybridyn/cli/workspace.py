@@ -140,6 +140,7 @@ def _spread(jobs: int) -> Iterator[Any]:
         prepared: list[object] = []
 
         def spread(work: Callable[..., Any], tasks: Iterable[tuple[Any, ...]]) -> Iterator[Any]:
+            """Start the processes with a function, and map it over tasks."""
             if not prepared:
                 workers.prepare(work)
                 prepared.append(work)

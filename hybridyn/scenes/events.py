@@ -32,12 +32,11 @@ def events(source: SceneFile, robot: HybridRobot) -> tuple[Event, ...]:
 def _event(source: SceneFile, robot: HybridRobot, number: int, table: EventTable) -> Event:
     if table.singularity is not None:
         event = near_singularity(robot, table.at, what=table.singularity, terminal=table.stop)
-        return event if table.name is None else Event(table.name, event.function, -1, table.stop)
+        return Event(table.title, event.function, -1, table.stop)
     direction = DIRECTIONS[table.direction]
     if table.joint is not None:
         at = _coordinate(source, robot, number, table.joint)
-        name = table.name or f"{table.joint} at {table.at:g}"
-        return Event(name, lambda t, q, v: float(q[at]) - table.at, direction, table.stop)
+        return Event(table.title, lambda t, q, v: float(q[at]) - table.at, direction, table.stop)
     link, axis = str(table.link), AXES.index(table.axis)
     if link not in robot.bodies.place:
         raise source.error(
@@ -49,7 +48,7 @@ def _event(source: SceneFile, robot: HybridRobot, number: int, table: EventTable
             float(link_motions(robot, q[None], np.zeros((1, robot.nv)), [link])[link].p[0, axis]) - table.at
         )
 
-    return Event(table.name or f"{link} at {table.axis} = {table.at:g}", height, direction, table.stop)
+    return Event(table.title, height, direction, table.stop)
 
 
 def _coordinate(source: SceneFile, robot: HybridRobot, number: int, joint: str) -> int:

@@ -251,6 +251,15 @@ class EventTable(Schema):
         exactly_one(self, "joint", "link", "singularity")
         return self
 
+    @property
+    def title(self) -> str:
+        """The name, or else what happens."""
+        if self.name is not None:
+            return self.name
+        if self.singularity is not None:
+            return f"singularity of the {self.singularity}"
+        return f"{self.joint} at {self.at:g}" if self.joint else f"{self.link} at {self.axis} = {self.at:g}"
+
 
 class Scene(Schema):
     """A whole scene."""

@@ -65,8 +65,9 @@ class Stage:
 
 
 def stage(
-    path: str | PathLike[str] | SceneFile, *, effort: Effort | Array | None = None, allow_python: bool = False
-) -> Stage:
+    path: str | PathLike[str] | SceneFile, *, effort: Effort | Array | None = None,
+    allow_python: bool = False, robot: HybridRobot | None = None,
+) -> Stage:  # fmt: skip
     """Load a scene and assemble its start.
 
     Args:
@@ -74,25 +75,21 @@ def stage(
         effort: A controller that replaces the scene's.
         allow_python: Whether a Python controller named by the scene may run; it has all rights of this
             process.
+        robot: A robot that replaces the scene's.
 
     Raises:
         HybridynError: The scene is wrong; the message names file, line and key.
     """
     source = path if isinstance(path, SceneFile) else read_scene(Path(path))
-    scene = source.scene
-    gravity = scene.robot.gravity
-    with naming(source, ("robot", "file")):
-        robot = load(
-            source.robot, base=scene.robot.base, motors=scene.robot.motors,
-            gravity=None if gravity is None else (gravity[0], gravity[1], gravity[2]),
-            xacro_args={name: _xacro(value) for name, value in scene.robot.xacro.items()} or None,
-            package_dirs=[source.beside(folder) for folder in scene.robot.package_dirs],
-        )  # fmt: skip
+    if robot is None:
+        with naming(source, ("robot", "file")):
+            robot = _load(source)
     acting = units(source, robot) or "none"
     with naming(source, ("effects",)):
         robot = with_effects(robot, acting)
         on = choose(robot, acting)
     times = _output_times(source, robot)
+    scene = source.scene
     home = initial_state(source, robot, None)
     if scene.motion is not None:
         motion = _reference(source, ("motion",), scene.motion, robot, home[0])
@@ -102,6 +99,18 @@ def stage(
     )
     start = home if reference is None else initial_state(source, robot, reference)
     return Stage(source, robot, on, *start, made, None, events(source, robot), times)
+
+
+def _load(source: SceneFile) -> HybridRobot:
+    """Load the scene's robot."""
+    stated = source.scene.robot
+    gravity = stated.gravity
+    return load(
+        source.robot, base=stated.base, motors=stated.motors,
+        gravity=None if gravity is None else (gravity[0], gravity[1], gravity[2]),
+        xacro_args={name: _xacro(value) for name, value in stated.xacro.items()} or None,
+        package_dirs=[source.beside(folder) for folder in stated.package_dirs],
+    )  # fmt: skip
 
 
 def play(

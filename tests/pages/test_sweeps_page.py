@@ -20,6 +20,11 @@ from tests.snippets import blocks, run_python, stand_where_a_user_does
 PAGE = ROOT / "docs" / "sweeps.md"
 
 
+def write_files() -> None:
+    for block in blocks(PAGE, "toml"):
+        Path(block.facts.get("file", "study.toml")).write_text(block.text)
+
+
 @pytest.mark.slow
 def test_commands_print_what_is_shown(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
@@ -27,7 +32,7 @@ def test_commands_print_what_is_shown(
     needs("sweep")
     stand_where_a_user_does(tmp_path, monkeypatch)
     run_python(PAGE)
-    Path("study.toml").write_text(blocks(PAGE, "toml")[0].text)
+    write_files()
     for block in blocks(PAGE, "console"):
         command, _, expected = block.text.removeprefix("$ ").partition("\n")
         assert main(shlex.split(command)[1:]) == 0
@@ -39,8 +44,9 @@ def test_commands_print_what_is_shown(
 def test_the_study_of_the_page_is_right(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     run_python(PAGE)
-    Path("study.toml").write_text(blocks(PAGE, "toml")[0].text)
+    write_files()
     assert len(read_study("study.toml").columns) == 4
+    assert read_study("falls.toml").columns == ["landing", "speed", "braking"]
 
 
 def test_every_key_and_measure_is_named() -> None:

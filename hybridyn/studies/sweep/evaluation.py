@@ -19,6 +19,7 @@ from ...structure.robot import HybridRobot
 from ..workspace.workspace import workspace
 from .following import Follower, Postmortem, Track, follow
 from .measures import OF_WORKSPACE, Gauge, call, functions_of
+from .playing import Player
 from .study_file import StudyFile
 from .study_tables import TaskTable
 from .variants import Variants
@@ -112,6 +113,8 @@ class Designer:
             for name, task in source.study.tasks.items()
             if task.trajectory is not None
         }
+        scenes = [name for name, task in source.study.tasks.items() if task.scene is not None]
+        self.players = {name: Player(source, name) for name in scenes}
 
     def __call__(self, design: int, values: Array) -> Row:
         """Evaluate a design.
@@ -152,6 +155,8 @@ class Designer:
     def _task(self, robot: HybridRobot, name: str, task: TaskTable) -> tuple[Postmortem, dict[str, float]]:
         if task.workspace is not None:
             return Postmortem(), _in_workspace(robot, task, self.functions)
+        if task.scene is not None:
+            return self.players[name](robot, self.functions)
         chosen = choose(robot, task.effects)
         chosen = chosen.only([effect for effect in chosen.names if effect != "limits"])  # margins say it
         gauge = Gauge(robot, task.wanted, self.functions)

@@ -158,7 +158,7 @@ def _count(
     error: Exception, found: Postmortem,
 ) -> Array | None:  # fmt: skip
     """Count the wrong postures of a block of which one raised an error; return a posture near its end."""
-    found.add(_status(error), str(error))
+    found.add(status_of(error), str(error))
     before = found.unreachable + found.singular
     if layout.full_state:
         q, closed = postures(robot, motion, layout, None).q, np.ones(motion.size, dtype=bool)
@@ -189,8 +189,8 @@ def _count_singular(robot: HybridRobot, q: Array, how: Follower, found: Postmort
             return
 
 
-def _status(error: Exception) -> str:
-    """Return the status of a design with this error."""
+def status_of(error: Exception) -> str:
+    """Return the status of a design with an error of a posture."""
     if isinstance(error, AssemblyError):
         return "unreachable"
     return "singular" if isinstance(error, SingularityError) else "failed"

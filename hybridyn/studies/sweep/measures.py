@@ -89,7 +89,13 @@ STATISTICS: dict[str, Callable[[Array, Array | None], float]] = {
     "min": lambda x, t: float(x.min()),
     "mean": lambda x, t: _mean(x, t),
     "rms": lambda x, t: math.sqrt(_mean(x**2, t)),
+    "final": lambda x, t: float(x[-1]),
 }
+
+#: Measures of a scene besides those of a trajectory: the time that it reached [s], and the number of events.
+OF_SCENE = ("time", "events")
+#: A measure of a scene: the time of its first event of this name [s]; empty where it does not happen.
+EVENT = "event"
 
 
 def _mean(x: Array, time: Array | None) -> float:
@@ -117,13 +123,17 @@ def check_word(source: StudyFile, keys: Keys, word: str, kind: str, *, named: bo
     Raises:
         ModelError: There is no such measure, or it needs a name.
     """
-    known = OF_MOTORS if kind == "trajectory" else OF_WORKSPACE
+    known = {
+        "trajectory": [*OF_MOTORS], "scene": [*OF_MOTORS, *OF_SCENE], "workspace": [*OF_WORKSPACE],
+    }[kind]  # fmt: skip
     statistic, _, column = word.partition(" ")
-    of_column = kind == "trajectory" and statistic in STATISTICS and column
+    statistics = {"trajectory": [*STATISTICS], "scene": [*STATISTICS, EVENT], "workspace": []}[kind]
+    of_column = statistic in statistics and column
     if word in known:
         return
     if PYTHON not in word and not of_column:
-        more = ", 'max|min|mean|rms|peak COLUMN'" if kind == "trajectory" else ""
+        more = f", '{'|'.join(STATISTICS)} COLUMN'" if statistics else ""
+        more += f", '{EVENT} NAME'" if EVENT in statistics else ""
         hint = did_you_mean(word, known)
         raise source.error(
             keys,

@@ -8,8 +8,9 @@ from ...description.side_cars.toml_file import Keys
 from ...errors import ModelError
 from ...scenes.toml_source import read_schema
 from .measures import check_word
+from .playing import Player
 from .study_file import PYTHON, StudyFile, python_of
-from .study_tables import Study, TaskTable
+from .study_tables import Study
 
 #: Columns that every table of results has.
 FIXED_COLUMNS = ("design", "status", "unreachable", "singular", "message")
@@ -42,13 +43,16 @@ def _check(source: StudyFile, allow_python: bool) -> None:
     for name, task in source.study.tasks.items():
         for measure, word in task.wanted.items():
             keys: Keys = ("tasks", name, "measure", *([measure] if isinstance(task.measure, dict) else []))
-            check_word(source, keys, word, _kind(task), named=isinstance(task.measure, dict))
+            check_word(source, keys, word, task.kind, named=isinstance(task.measure, dict))
             if PYTHON in word and not allow_python:
                 raise source.error(keys, f"'{word}' is a Python program; allow it with allow_python=True")
             if PYTHON in word and not Path(source.beside(python_of(word)[0])).is_file():
                 raise source.error(keys, f"there is no file '{python_of(word)[0]}'")
-        if task.trajectory and not Path(source.beside(task.trajectory)).is_file():
-            raise source.error(("tasks", name, "trajectory"), f"there is no file '{task.trajectory}'")
+        file = task.trajectory or task.scene
+        if file and not Path(source.beside(file)).is_file():
+            raise source.error(("tasks", name, task.kind), f"there is no file '{file}'")
+        if task.scene:
+            Player(source, name).check(allow_python=allow_python)
     robot = source.robot
     if not Path(robot).is_file():
         raise source.error(("robot", "file"), f"there is no file '{source.study.robot.file}'")
@@ -58,8 +62,3 @@ def _check(source: StudyFile, allow_python: bool) -> None:
         raise ModelError(
             f"'{twice[0]}' would be two columns of the table: choose another name", file=source.file
         )
-
-
-def _kind(task: TaskTable) -> str:
-    """Return the kind of a task."""
-    return "trajectory" if task.trajectory is not None else "workspace"

@@ -22,6 +22,8 @@ from pathlib import Path
 
 from ...description.reading import read_bytes
 from ...description.shipped import find_robot
+from ...scenes.scene_file import read_scene
+from ...scenes.stage import files_of
 from ...scenes.toml_source import TomlSource, naming
 from .study_tables import Study
 
@@ -67,6 +69,7 @@ class StudyFile(TomlSource):
         found = [self.robot, *([self.beside(self.study.designs.table)] if self.study.designs.table else [])]
         for task in self.study.tasks.values():
             found += [self.beside(task.trajectory)] if task.trajectory else []
+            found += scene_files(self.beside(task.scene)) if task.scene else []
             found += [self.beside(python_of(word)[0]) for word in task.wanted.values() if PYTHON in word]
         return list(dict.fromkeys(found))
 
@@ -77,6 +80,11 @@ class StudyFile(TomlSource):
         for path in self.files:
             digest.update(read_bytes(path))
         return digest.hexdigest()
+
+
+def scene_files(file: str) -> list[str]:
+    """Return the paths of a scene and of the files that exist of those that it reads."""
+    return [path for path in files_of(read_scene(file)) if Path(path).is_file()]
 
 
 def python_of(word: str) -> tuple[str, str]:

@@ -81,14 +81,23 @@ class TaskTable(Schema):
 
     trajectory: str | None = None
     workspace: WorkspaceTable | None = None
+    scene: str | None = None
     effects: str | list[str] = "model"
     passive: Literal["given", "solved"] = "given"
     measure: Annotated[list[str], Field(min_length=1)] | dict[Name, str]
 
     @model_validator(mode="after")
     def _one(self) -> TaskTable:
-        exactly_one(self, "trajectory", "workspace")
+        exactly_one(self, "trajectory", "workspace", "scene")
+        for key in ("effects", "passive"):
+            if key in self.model_fields_set and self.trajectory is None:
+                raise ValueError(f"'{key}' belongs to a trajectory; a {self.kind} has none")
         return self
+
+    @property
+    def kind(self) -> str:
+        """What the task is: "trajectory", "workspace" or "scene"."""
+        return next(kind for kind in ("trajectory", "workspace", "scene") if getattr(self, kind) is not None)
 
     @property
     def wanted(self) -> dict[str, str]:
