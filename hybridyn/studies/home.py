@@ -110,21 +110,32 @@ def positions(robot: HybridRobot, q: Array) -> dict[str, tuple[float, ...]]:
 
 
 def branch(robot: HybridRobot) -> list[str]:
-    """Return one line that tells how far from zero the home posture lies; none at zero, or without loops.
+    """Return one line that names the branch on which postures are assembled; none where home is zero.
 
-    Postures are assembled on the branch of the home posture.
+    Args:
+        robot: The robot.
+    """
+    far = far_from_zero(robot)
+    return [f"branch: that of home, {far}"] if far else []
+
+
+def far_from_zero(robot: HybridRobot) -> str:
+    """Say how far from zero the home posture of a robot with loops lies, "" for not at all.
+
+    Args:
+        robot: The robot.
     """
     if not robot.description.closures:
-        return []
+        return ""
     zero = np.zeros(robot.nq)
     for kind, at in zip(robot.kinds, robot.q_slices, strict=True):
         zero[at] = ZERO.get(kind, 0.0)
     distances = _distances(robot, robot.home, zero)
     joint = max(distances, key=lambda name: distances[name], default="")
     if not joint or distances[joint] == 0.0:
-        return []
+        return ""
     unit = "m" if robot.kinds[robot.joints.index(joint)] == "prismatic" else "rad"
-    return [f"branch: that of home, where '{joint}' is farthest from zero ({distances[joint]:.3g} {unit})"]
+    return f"where '{joint}' is farthest from zero ({distances[joint]:.3g} {unit})"
 
 
 def _distances(robot: HybridRobot, q: Array, reference: Array) -> dict[str, float]:

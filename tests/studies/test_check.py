@@ -188,6 +188,7 @@ WRONG: dict[str, tuple[str, str]] = {
         ),
         "'pin'",
     ),
+    "branch": (four_bar("drive"), ""),
     "open-at-home": (four_bar("drive"), "module "),
     "locked": (
         four_bar("drive", loop=LOOP.replace('"revolute"', '"fixed"').replace('rpy="0 0 0"', 'rpy="0 0 1"')),
@@ -241,6 +242,8 @@ def test_finding(code: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
     text, element = WRONG[code]
     if code in ("mesh-scale", "broken-mesh"):
         needs("view", "trimesh")
+    if code == "branch":
+        save(tmp_path, "[home]\ndrive = 0.2\n", "wrong.model.toml")
     if code == "unread-meshes":
         monkeypatch.setitem(sys.modules, "trimesh", None)
     findings = found(tmp_path, text, **OPTIONS.get(code, {}))

@@ -98,14 +98,17 @@ def test_commands_say_where_they_start(
     table = tmp_path / "drive.csv"
     table.write_text("time,drive/position\n" + "".join(f"{t / 10},0\n" for t in range(8)))
     assert "branch: " not in call(capsys, "info", file).out
+    assert "[branch]" not in call(capsys, "check", file).out
     for number in (1, 2):
         assert call(capsys, "home", file, "--choose", number, "--write").status == 0
         at = positions(robot := hybridyn.load(file), robot.home)
         angle = max(abs(at["a"][0]), abs(at["b"][0]))
         joint = "ab"[abs(at["b"][0]) == angle]
-        line = f"branch: that of home, where '{joint}' is farthest from zero ({angle:.3g} rad)"
-        assert line in " ".join(call(capsys, "info", file).out.split())
-        assert line in call(capsys, "idm", file, table).err
+        far = f"where '{joint}' is farthest from zero ({angle:.3g} rad)"
+        assert f"branch: that of home, {far}" in " ".join(call(capsys, "info", file).out.split())
+        assert f"branch: that of home, {far}" in call(capsys, "idm", file, table).err
+        checked = " ".join(call(capsys, "check", file).out.split())
+        assert f"postures are assembled on the branch of home, {far}" in checked
 
 
 def test_all_postures_become_a_table_that_other_commands_read(

@@ -24,7 +24,7 @@ from ...structure.robot import HybridRobot
 from .couplings import check_couplings
 from .finding import CODES, SEVERITIES, Finding, Severity, worst
 from .limits import check_limits
-from .loops import check_lost_loops, check_modules
+from .loops import check_branch, check_lost_loops, check_modules
 from .masses import check_masses
 from .names import check_meshes, check_names, duplicated_names
 from .places import Places
@@ -102,7 +102,7 @@ def _all(
     subject = Subject(root, description, package_dirs, shapes, robot)
     checks = (
         check_masses, check_units, check_limits, check_couplings, check_names, check_meshes, check_lost_loops,
-        check_modules,
+        check_branch, check_modules,
     )  # fmt: skip
     for run_check in checks:
         yield from run_check(subject)

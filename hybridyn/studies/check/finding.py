@@ -54,6 +54,7 @@ CODES: dict[str, tuple[Severity, str]] = {
     "loops-close-nowhere": ("error", "no posture closes a module's loops"),
     "rank-in-doubt": ("error", "the mobility is uncertain because the file is rounded"),
     "no-robot": ("error", "no robot can be built from the file"),
+    "branch": ("note", "postures are assembled on the branch of a home posture away from zero"),
     "open-at-home": ("warning", "loops are open at the home posture"),
     "locked": ("error", "closures leave a module no degree of freedom"),
     "redundant-closures": ("note", "some closure rows depend on others"),

@@ -14,6 +14,7 @@ from ...linkage.reduction import ROUNDED_ROWS
 from ...spatial import Array
 from ...structure.module import Module
 from ...structure.robot import HybridRobot
+from ..home import far_from_zero
 from .finding import Finding
 from .subject import Subject
 
@@ -38,6 +39,20 @@ def check_modules(subject: Subject) -> Iterator[Finding]:
             continue  # a free base is not a joint of the file
         seen.add(id(module.mechanism))
         yield from _ModuleCheck(subject, robot, module, open_by).findings()
+
+
+def check_branch(subject: Subject) -> Iterator[Finding]:
+    """Note the branch on which postures are assembled, where home is not zero."""
+    far = far_from_zero(subject.robot) if subject.robot is not None else ""
+    if far:
+        yield Finding(
+            "branch",
+            "",
+            f"postures are assembled on the branch of home, {far}",
+            "loops may close in several postures with the motors at the same positions",
+            "nothing to do if this is intended; 'hybridyn home --all' lists the other postures",
+            subject.places.file,
+        )
 
 
 def check_lost_loops(subject: Subject) -> Iterator[Finding]:
