@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from .common.batch import takes_many
 from .common.engine import choose_engine, takes_engine, worth_of
 from .common.figures import save_sizing, takes_plot
 from .common.options import RobotCommand, takes_effects, takes_robot
@@ -38,8 +39,10 @@ EXCEEDED = 1
     "size", cls=RobotCommand, short_help="What a motion requires of each motor: effort, speed, power."
 )
 @takes_robot
-@takes_source("TRAJECTORY", own=True)
-@click.option("-o", "--output", metavar="FILE", callback=report_file, help="All numbers, .csv or .json")
+@takes_source("TRAJECTORY", own=True, many=True)
+@click.option(
+    "-o", "--output", metavar="FILE", help="All numbers, .csv or .json; of several tables, a folder"
+)
 @takes_plot("effort over speed for every motor, with its limits", page=True)
 @takes_effects("model")
 @takes_passive
@@ -52,6 +55,7 @@ EXCEEDED = 1
 )
 @takes_engine("rows")
 @takes_jobs
+@takes_many(".csv", report_file)
 def command(
     load: Callable[[], HybridRobot],
     source: str,

@@ -16,6 +16,7 @@ from ...streams.blocks import LONG_TABLE, Model, Work, blocks, in_order, rows_at
 from ...streams.memory import keep_freed_memory
 from ...streams.postures import Assemble
 from ...streams.workers import Workers
+from .batch import several, takes_many
 from .figures import Drawing, takes_plot
 from .options import complete_data, existing_file, result_file
 from .progress import Progress
@@ -95,18 +96,29 @@ def own_table(ctx: click.Context, param: click.Parameter, value: str | None) -> 
     return table
 
 
-def takes_source(metavar: str, *, own: bool) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+def takes_source(
+    metavar: str, *, own: bool, many: bool = False
+) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
     """Add an argument to a command, which receives `source`: the table that it reads.
 
     Args:
         metavar: Name of the table in the help.
         own: Whether a shipped robot's own trajectory is the default.
+        many: Whether a folder or a glob may name several tables.
     """
+    check = own_table if own else existing_file
+
+    def callback(ctx: click.Context, param: click.Parameter, value: str | None) -> Any:
+        """Check the table, or let several pass."""
+        if value is not None and many and several(value):
+            return value
+        return check(ctx, param, value)  # type: ignore[arg-type]
+
     return click.argument(
         "source",
         metavar=f"[{metavar}]" if own else metavar,
         required=not own,
-        callback=own_table if own else existing_file,
+        callback=callback,
         shell_complete=complete_data,
     )
 
@@ -116,7 +128,7 @@ takes_jobs = click.option(
     "--jobs",
     type=click.IntRange(1, 256),
     help="Number of processes.  [default: 1; one per core where the table has more than "
-    f"{LONG_TABLE:,} numbers]",
+    f"{LONG_TABLE:,} numbers, or there are several]",
 )
 
 
@@ -134,13 +146,13 @@ def takes_table(
         A decorator for the command's body.
     """
     options = (
-        takes_source(metavar, own=own),
+        takes_source(metavar, own=own, many=True),
         click.option(
             "-o",
             "--output",
             metavar="FILE",
-            callback=result_file,
-            help="Result file, .csv or .parquet  [default: CSV on standard output]",
+            help="Result file, .csv or .parquet; of several tables, the folder of their shards.  "
+            "[default: CSV on standard output]",
         ),
         click.option(
             "--reactions",
@@ -173,9 +185,10 @@ def takes_table(
             _check_targets(source, output, reactions)
             return function(tables=Tables(source, output, reactions, jobs, quiet, plot), **rest)
 
+        out = takes_many("", result_file)(body)
         for option in reversed(options):
-            body = option(body)
-        return body
+            out = option(out)
+        return out
 
     return decorate
 

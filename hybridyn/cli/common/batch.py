@@ -1,0 +1,222 @@
+"""Commands that compute a table, for many tables: a folder or a glob, in several processes, a shard each."""
+
+from __future__ import annotations
+
+import functools
+import glob
+import hashlib
+import json
+import os
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from ...errors import HybridynError
+from .one_table import Outcome, bodies, outcomes
+from .options import RobotChoice
+from .progress import Progress
+from .text import counted
+
+if TYPE_CHECKING:
+    from ...studies.sweep.engines import Engine
+
+#: The file that says of which command the shards of a folder are.
+ABOUT = "tables.json"
+#: Errors that are printed; the others are counted.
+MOST_PRINTED = 20
+#: Exit status where a table failed.
+FAILED = 1
+
+
+def several(word: str) -> bool:
+    """Return whether a word names several tables: it is a folder, or a pattern and no file."""
+    return os.path.isdir(word) or (glob.has_magic(word) and not os.path.exists(word))
+
+
+def takes_many(
+    ending: str, check: Callable[[click.Context, click.Parameter, str | None], str | None]
+) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """Let a command with `source` and `output` take a folder or a glob of tables, and add their options.
+
+    Args:
+        ending: Ending of the shards; "" takes that of the table.
+        check: Callback that checks the output of a single table.
+    """
+    options = (
+        click.option("--resume", is_flag=True, help="Of several tables: compute those without a shard."),
+        click.option(
+            "--pool", type=click.Choice(["loky", "dask"]),
+            help="Of several tables: processes of this machine (loky), or Dask.  [default: loky]",
+        ),
+        click.option("--scheduler", metavar="ADDRESS", help="A Dask cluster that stands, tcp://host:8786."),
+    )  # fmt: skip
+
+    def decorate(function: Callable[..., Any]) -> Callable[..., Any]:
+        """Add the options, and compute each of several tables by the function."""
+        bodies[function.__module__] = function
+
+        @functools.wraps(function)
+        def body(resume: bool, pool: str | None, scheduler: str | None, **rest: Any) -> Any:
+            """Call the function, once for each table."""
+            context = click.get_current_context()
+            if several(rest["source"]):
+                shards = _Batch(function.__module__, rest, ending)
+                return shards.run(pool or ("dask" if scheduler else "loky"), scheduler, resume=resume)
+            if resume or pool or scheduler:
+                raise click.UsageError("--resume, --pool and --scheduler belong to several tables")
+            output = next(one for one in context.command.params if one.name == "output")
+            check(context, output, rest["output"])
+            return function(**rest)
+
+        for option in reversed(options):
+            body = option(body)
+        return body
+
+    return decorate
+
+
+@dataclass
+class _Batch:
+    """The tables of a command, and the folder of their shards."""
+
+    module: str
+    options: dict[str, Any]
+    ending: str
+    failed: list[Outcome] = field(default_factory=list)
+    texts: dict[str, str] = field(default_factory=dict)
+    status: int = 0
+    done: int = 0
+
+    def run(self, engine: str, scheduler: str | None, *, resume: bool) -> int:
+        """Compute every table that has no shard, and return the exit status.
+
+        Raises:
+            HybridynError: No table is found, the robot does not load, the folder has other results, or the
+                scheduler does not answer.
+            OSError: The disk is full; the shards so far are complete.
+        """
+        from ...studies.sweep.engines import check_engine, open_pool
+
+        started = time.perf_counter()
+        for name in ("plot", "reactions"):
+            if self.options.get(name):
+                raise click.UsageError(f"--{name} belongs to a single table")
+        check_engine(engine, scheduler)
+        shards = self._shards()
+        folder = Path(self.options["output"])
+        self.options["load"]()  # a robot that does not load is one error, and not one for each table
+        left = _begin(folder, self._identity(), shards, resume=resume)
+        tasks = [self._of_one(source, shards[source], elsewhere=scheduler is not None) for source in left]
+        if left:
+            chosen: Engine = "dask" if engine == "dask" else "loky"
+            with open_pool(chosen, self.options["jobs"], scheduler) as pool, Progress("tables") as bar:
+                try:
+                    for outcome in outcomes(pool, self.module, tasks):
+                        self._take(outcome)
+                        bar.show(self.done, self.done / len(left))
+                except BaseException:
+                    self._report(shards, len(left), folder, started)
+                    raise
+        self._report(shards, len(left), folder, started)
+        return FAILED if self.failed else self.status
+
+    def _take(self, outcome: Outcome) -> None:
+        """Count a table, and print its error."""
+        self.done += 1
+        self.status = max(self.status, outcome.status)
+        if outcome.error:
+            self.failed.append(outcome)
+            if len(self.failed) <= MOST_PRINTED:
+                click.echo(f"error: {outcome.error}", err=True)
+        elif outcome.text:
+            self.texts[outcome.source] = outcome.text
+
+    def _report(self, shards: dict[str, Path], now: int, folder: Path, started: float) -> None:
+        """Print what the commands printed, in the order of the tables, and what became of the tables."""
+        for source, text in sorted(self.texts.items()):
+            click.echo(f"{source}:\n{text}", nl=False)
+        kept = len(shards) - now
+        good = self.done - len(self.failed)
+        lines = [f"{counted(kept + good, 'table')} of {len(shards):,} in '{folder}', {good:,} computed now"]
+        if self.failed:
+            lines.append(f"{counted(len(self.failed), 'table')} failed; --resume tries them again")
+        if self.done < now:
+            lines.append(f"{counted(now - self.done, 'table')} left; continue with --resume")
+        lines.append(f"wall time {time.perf_counter() - started:.2f} s")
+        for line in lines:
+            click.echo(line, err=True)
+
+    def _shards(self) -> dict[str, Path]:
+        """Return the shard of each table.
+
+        Raises:
+            click.UsageError: There is no table or no folder for the shards, or two tables have one name.
+        """
+        source, output = self.options["source"], self.options["output"]
+        if output is None or output == "-" or (os.path.exists(output) and not os.path.isdir(output)):
+            raise click.UsageError("several tables need a folder for their shards: -o FOLDER")
+        pattern = os.path.join(glob.escape(source), "*.parquet") if os.path.isdir(source) else source
+        files = sorted(file for file in glob.glob(pattern, recursive=True) if os.path.isfile(file))
+        if not files:
+            advice = f"; others by a glob: '{os.path.join(source, '*.csv')}'" if os.path.isdir(source) else ""
+            raise click.UsageError(f"'{pattern}' matches no table{advice}")
+        shards: dict[str, Path] = {}
+        taken = {os.path.realpath(file): "a table" for file in files}
+        for file in files:
+            stem, own = os.path.splitext(os.path.basename(file))
+            shards[file] = shard = Path(output, stem + (self.ending or own))
+            place = os.path.realpath(shard)
+            if place in taken:
+                raise click.UsageError(f"'{shard}', the shard of '{file}', would replace {taken[place]}")
+            taken[place] = f"that of '{file}'"
+        return shards
+
+    def _of_one(self, source: str, shard: Path, *, elsewhere: bool) -> dict[str, Any]:
+        """Return the options of one table, with absolute paths for processes of a cluster."""
+        load: RobotChoice = self.options["load"]
+        own: dict[str, Any] = {"source": source, "output": str(shard), "jobs": 1}
+        if elsewhere:
+            own |= {name: os.path.abspath(own[name]) for name in ("source", "output")}
+            folders = tuple(map(os.path.abspath, load.package_dirs))
+            load = replace(load, robot=os.path.abspath(load.robot), package_dirs=folders)
+        return {**self.options, **own, "load": load, **({"quiet": True} if "quiet" in self.options else {})}
+
+    def _identity(self) -> str:
+        """Compute a digest of the command, its options and the robot's file."""
+        load: RobotChoice = self.options["load"]
+        said = {key: repr(self.options[key]) for key in sorted(self.options)}
+        for key in ("source", "output", "jobs", "quiet"):
+            said.pop(key, None)
+        digest = hashlib.sha256(json.dumps([self.module, said]).encode())
+        digest.update(Path(load.robot).read_bytes())
+        return digest.hexdigest()
+
+
+def _begin(folder: Path, identity: str, shards: dict[str, Path], *, resume: bool) -> list[str]:
+    """Begin or continue the shards in a folder, and return the tables to compute.
+
+    A table that is newer than its shard is computed again.
+
+    Raises:
+        HybridynError: There are shards and `resume` is false, or they are of other options.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    about = folder / ABOUT
+    if about.exists() and any(shard.exists() for shard in shards.values()):
+        if not resume:
+            raise HybridynError(
+                f"{folder}: has shards of an earlier run: continue it with resume=True, or choose another "
+                "folder"
+            )
+        if about.read_text(encoding="utf-8").strip() != identity:
+            raise HybridynError(f"{folder}: its shards are of other options, or of a robot that has changed")
+    about.write_text(identity + "\n", encoding="utf-8")
+    return [file for file, shard in shards.items() if not _is_newer(shard, Path(file))]
+
+
+def _is_newer(shard: Path, table: Path) -> bool:
+    return shard.exists() and shard.stat().st_mtime >= table.stat().st_mtime

@@ -1,0 +1,134 @@
+"""Commands over a folder or a glob of tables: shards, errors that name the table, and lost processes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from hybridyn.cli import main
+from hybridyn.studies.sweep.pool import WorkerDiedError
+from tests.extras import needs
+from tests.studies.test_sweep import pendulum_in
+
+
+class Deaths:
+    """A pool in this process that loses its process at some tables, several times each."""
+
+    workers = 2
+
+    def __init__(self, times: dict[str, int]) -> None:
+        self.times = times
+
+    def run(self, function: Callable[..., Any], tasks: Iterable[Any], *, at_once: int) -> Iterator[Any]:
+        """Call the function of each task, the first last."""
+        given = list(tasks)
+        for module, options in [*given[1:], *given[:1]]:
+            name = Path(options["source"]).stem
+            self.times[name] = self.times.get(name, 0) - 1
+            if self.times[name] >= 0:
+                raise WorkerDiedError
+            yield function(module, options)
+
+
+@pytest.fixture
+def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder with a pendulum and four motions in `in`, the third of which is broken."""
+    monkeypatch.chdir(tmp_path)
+    pendulum_in(tmp_path)
+    (tmp_path / "in").mkdir()
+    header, *rows = (tmp_path / "swing.csv").read_text().splitlines()
+    for i in range(4):
+        lines = rows[: 10 + i] + (["1.0,nan,0,0"] if i == 2 else [])
+        (tmp_path / "in" / f"t{i}.csv").write_text("\n".join([header, *lines]))
+    return tmp_path
+
+
+@pytest.fixture
+def lost(monkeypatch: pytest.MonkeyPatch) -> dict[str, int]:
+    """Times that the process ends, by table; the test fills it."""
+    times: dict[str, int] = {}
+
+    @contextmanager
+    def opened(*arguments: object) -> Iterator[Deaths]:
+        yield Deaths(times)
+
+    monkeypatch.setattr("hybridyn.studies.sweep.engines.open_pool", opened)
+    return times
+
+
+def shards(folder: str) -> dict[str, bytes]:
+    return {path.name: path.read_bytes() for path in sorted(Path(folder).glob("*.csv"))}
+
+
+def test_each_table_has_its_shard_and_a_broken_one_is_named(
+    place: Path, lost: dict[str, int], capsys: pytest.CaptureFixture[str]
+) -> None:
+    lost |= {"t1": 1}  # its process ends once
+    words = ["idm", "pendulum.urdf", "in/*.csv", "-o", "out"]
+    assert main(words) == 1
+    err = capsys.readouterr().err
+    assert "error: in/t2.csv, row 13, column 'turn/position'" in err
+    assert "3 tables of 4 in 'out', 3 computed now" in err
+    assert list(shards("out")) == ["t0.csv", "t1.csv", "t3.csv"]
+    for name, shard in shards("out").items():
+        assert main(["idm", "pendulum.urdf", f"in/{name}", "-o", name, "-q"]) == 0
+        assert Path(name).read_bytes() == shard
+    assert main(words) == 1
+    assert "continue it with --resume" in capsys.readouterr().err
+    Path("out", "t0.csv").unlink()
+    (place / "in" / "t2.csv").write_text((place / "in" / "t1.csv").read_text())
+    assert main([*words, "--resume"]) == 0
+    assert "4 tables of 4 in 'out', 2 computed now" in capsys.readouterr().err
+    assert main([*words, "--resume", "--effects", "none"]) == 1
+    assert "its shards are of other options" in capsys.readouterr().err
+
+
+def test_a_table_that_ends_every_process_is_named(
+    place: Path, lost: dict[str, int], capsys: pytest.CaptureFixture[str]
+) -> None:
+    lost |= {"t3": 10}
+    assert main(["size", "pendulum.urdf", "in/t[013].csv", "-o", "out"]) == 1
+    out, err = capsys.readouterr()
+    assert "error: in/t3.csv: its process ended without a result 2 times" in err
+    assert list(shards("out")) == ["t0.csv", "t1.csv"]
+    assert [line for line in out.splitlines() if line.startswith("in/")] == ["in/t0.csv:", "in/t1.csv:"]
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["in/*.csv"], "several tables need a folder for their shards"),
+        (["in", "-o", "out"], "'in/*.parquet' matches no table; others by a glob: 'in/*.csv'"),
+        (["in/*.csv", "-o", "in"], "'in/t0.csv', the shard of 'in/t0.csv', would replace a table"),
+        (["**/*.csv", "-o", "out"], "'out/t0.csv', the shard of 'in/t0.csv', would replace that of 'a/"),
+        (["swing.csv", "--resume"], "--resume, --pool and --scheduler belong to several tables"),
+        (["in/*.csv", "-o", "out", "--plot", "x.png"], "--plot belongs to a single table"),
+        (["in/*.csv", "-o", "out", "--scheduler", "x"], "'x' is no address of a scheduler"),
+        (["swing.csv", "-o", "out"], "a result file ends in .csv or .parquet"),
+    ],
+)  # fmt: skip
+def test_wrong_words_are_one_line(
+    place: Path, capsys: pytest.CaptureFixture[str], words: list[str], said: str
+) -> None:
+    Path("a").mkdir()
+    Path("a", "t0.csv").write_text("")
+    assert main(["idm", "pendulum.urdf", *words]) in (1, 2)
+    err = capsys.readouterr().err
+    assert said in err
+    assert not list(place.glob("out/*"))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("pool", ["loky", "dask"])
+def test_other_processes_write_the_same_bits(place: Path, pool: str) -> None:
+    polars = needs("dask" if pool == "dask" else "sweep") and needs("io")
+    for path in place.glob("in/t[013].csv"):
+        polars.read_csv(path).write_parquet(path.with_suffix(".parquet"))
+    assert main(["idm", "pendulum.urdf", "in", "-o", "out", "--pool", pool, "-j", "2"]) == 0
+    for path in sorted(place.glob("in/*.parquet")):
+        assert main(["idm", "pendulum.urdf", str(path), "-o", "one.parquet", "-q"]) == 0
+        assert polars.read_parquet("one.parquet").equals(polars.read_parquet(f"out/{path.name}"))
