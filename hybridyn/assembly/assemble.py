@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -25,6 +26,7 @@ from ..spatial import Array, cross
 from ..structure.joint_position import joint_position
 from ..structure.mechanism import Mechanism
 from ..structure.module import Module
+from ..structure.named_columns import is_table
 from ..structure.robot import HybridRobot
 from .determinacy import check_bounded, check_determined, full_rank_blocks
 from .follow import Task, follow
@@ -120,10 +122,10 @@ def assemble_requests(robot: HybridRobot, requests: Requests, guess: Array) -> t
 
 def by_name(wanted: Mapping[str, object] | None) -> Mapping[str, object]:
     """Return a mapping from name to value of a mapping or a table with named columns (a DataFrame)."""
-    columns = getattr(wanted, "columns", None)
-    if wanted is None or columns is None:
+    if not is_table(wanted):
         return wanted or {}
-    return {str(name): wanted[name] for name in columns}
+    table: Any = wanted
+    return {str(name): table[name] for name in table.columns}
 
 
 def place_base(robot: HybridRobot, requests: Requests, q: Array, v: Array, a: Array) -> None:

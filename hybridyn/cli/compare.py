@@ -119,6 +119,7 @@ def _facts(found: Comparison) -> object:
     """Return the comparison as values of JSON; infinite numbers become None."""
 
     def plain(value: object) -> object:
+        """Replace tuples by lists and numbers that are not finite by None, at any depth."""
         if isinstance(value, dict):
             return {key: plain(one) for key, one in value.items()}
         if isinstance(value, list | tuple):

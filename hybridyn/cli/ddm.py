@@ -84,7 +84,7 @@ def command(
             ),
             columns,
             summary,
-            assemble=chosen_engine.model.assemble if chosen_engine.model else None,
+            assemble=chosen_engine.assemble,
         )
 
     run(tables, load, plan, efforts=True)

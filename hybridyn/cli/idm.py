@@ -105,7 +105,7 @@ def command(
             remarks=[*branch_line(robot, layout), *effects_line(chosen), *not_computed(robot, chosen)],
             engine=chosen_engine,
         )
-        assemble = chosen_engine.model.assemble if chosen_engine.model else None
+        assemble = chosen_engine.assemble
         return Plan(model, [f"{name}/effort" for name in robot.motors], summary, assemble=assemble)
 
     run(tables, load, plan)

@@ -92,7 +92,7 @@ def command(
         compiled = chosen_engine.model
         model = functools.partial(motor_states, passive=passive, effects=chosen, compiled=compiled)
         reports.append(_Report(robot, source, output, plot, chosen, chosen_engine))
-        assemble = compiled.assemble if compiled else None
+        assemble = chosen_engine.assemble
         return Plan(model, [], reports[0], written=False, assemble=assemble)
 
     run(Tables(source, None, None, jobs, quiet=False), load, plan)

@@ -193,6 +193,7 @@ def _write_mp4(
     with appearing(target) as draft, Progress("pictures") as progress:
 
         def told() -> Iterator[Image]:
+            """Yield the frames, and show the progress after each."""
             for count, frame in enumerate(frames):
                 progress.show(count + 1, (count + 1) / whole)
                 yield frame

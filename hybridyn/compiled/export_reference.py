@@ -133,6 +133,7 @@ def guards_of(programs: list[Program]) -> Callable[..., dict[str, Array]]:
     functions = {name: function_of(program) for name, program in models.items()}
 
     def guards(q: Array, v: Array, a: Array, tau: Array) -> dict[str, Array]:
+        """Return the guards of the samples by model, shape (T,) each."""
         known = {"q": q, "v": v, "a": a, "tau": tau, "base_acceleration": np.zeros((len(q), 6))}
         given = {name: [known[n] for n, _ in program.inputs] for name, program in models.items()}
         return {

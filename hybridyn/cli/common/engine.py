@@ -13,6 +13,7 @@ from .text import counted
 if TYPE_CHECKING:
     from ...compiled.model import CompiledRobot
     from ...effects import Effects
+    from ...streams.postures import Assemble
     from ...structure.robot import HybridRobot
     from ...tables.columns import Layout
 
@@ -64,6 +65,11 @@ class Engine:
     def __init__(self, model: CompiledRobot | None, reason: str) -> None:
         self.model, self._reason = model, reason
         self.handed_over: int | None = None
+
+    @property
+    def assemble(self) -> Assemble | None:
+        """The compiled models' function that assembles postures, or None for the general path."""
+        return None if self.model is None else self.model.assemble
 
     def add(self, handed_over: int) -> None:
         """Add the number of samples that a block handed over."""

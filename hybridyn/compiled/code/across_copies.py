@@ -29,6 +29,7 @@ def across_copies(program: Program, names: list[str], lanes: int, tables: Tables
     """
 
     def call(step: Call, name: str) -> list[str]:
+        """Return the lines of C that call a kernel for all copies: one by one, or in packs of lanes."""
         if step.copies == 1:
             return _alone(step, name, tables)
         packs = range(-(-step.copies // lanes))

@@ -165,6 +165,7 @@ def _stage(
     used: dict[int, None] = {}
 
     def value(node: Node) -> Any:
+        """Return the CasADi expression of a node, and record the inputs and earlier values it uses."""
         op, operands, extra = graph.code[node]
         if node in values:
             return values[node]

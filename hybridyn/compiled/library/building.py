@@ -37,6 +37,7 @@ def build(units: tuple[str, ...], compiler: Compiler, target: Path, libraries: t
         longest_first = sorted(sources, key=lambda path: -path.stat().st_size)
 
         def compiled(source: Path) -> str:
+            """Compile a unit and return the path of its object file."""
             command = [*compiler.command, *FLAGS, *NATIVE, "-c", str(source), "-o", f"{source}.o"]
             _run(command)
             return f"{source}.o"

@@ -13,6 +13,7 @@ from ...dynamics.inverse import idm
 from ...effects.choice import Effects
 from ...errors import HybridynError
 from ...spatial import Array, Index
+from ...structure.named_columns import is_table
 from ...structure.robot import HybridRobot
 from ...structure.samples import as_batch, as_positions, same_samples
 from .body_rows import body_rows
@@ -30,7 +31,7 @@ def as_batches(given: Mapping[str, ArrayLike], sizes: dict[str, int]) -> dict[st
     Raises:
         TrajectoryError: An array has a wrong shape, or is no array of numbers.
     """
-    if any(hasattr(value, "columns") for value in given.values()):
+    if any(map(is_table, given.values())):
         check_batches(given, sizes)
     try:
         arrays = {key: np.asarray(value, dtype=float) for key, value in given.items()}
