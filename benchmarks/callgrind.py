@@ -29,7 +29,7 @@ from benchmarks.results import Count
 from benchmarks.scaling import SETTINGS as OTHERS
 from benchmarks.timing import ONE_THREAD
 from hybridyn.compiled.library import compilers
-from hybridyn.compiled.library.cache import folder as cache_folder
+from hybridyn.description.cache_folder import folder as cache_folder
 from hybridyn.errors import CompileError
 
 #: Samples of one call in a batch, and in a row of single ones: a tenth of them.

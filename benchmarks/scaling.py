@@ -22,7 +22,7 @@ from benchmarks.processes import MIB, forget_peak, in_own_process, peak, residen
 from benchmarks.results import Check, Size
 from benchmarks.timing import interleaved
 from hybridyn import HybridRobot
-from hybridyn.compiled.library.cache import VARIABLE
+from hybridyn.description.cache_folder import VARIABLE
 from hybridyn.spatial import Array
 
 BATCH = 500

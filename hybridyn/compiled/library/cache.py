@@ -6,7 +6,7 @@
 
 Each file is written beside its place and then moved there, so several processes may build at the same time.
 A file is built again if it is truncated, if its name does not match its content, or if another user may have
-written it (`trust`).
+written it (`description.cache_folder`).
 """
 
 from __future__ import annotations
@@ -15,7 +15,6 @@ import contextlib
 import hashlib
 import json
 import os
-import sys
 import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -23,18 +22,15 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ...description.cache_folder import VARIABLE, check_ownership, folder, hashed, is_own
 from ...description.writing import appearing
 from ...errors import CompileError
 from .building import NATIVE, build
 from .compilers import FLAGS, find_compiler, machine
 from .eviction import remove_unused
-from .trust import check_ownership, is_own
 
 if TYPE_CHECKING:
     from ..code.library_source import Source
-
-#: Environment variable that sets another cache folder.
-VARIABLE = "HYBRIDYN_CACHE"
 
 
 @dataclass(frozen=True)
@@ -48,17 +44,6 @@ class Built:
 
     path: Path
     about: dict[str, Any]
-
-
-def folder() -> Path:
-    """Return the folder of built models: $HYBRIDYN_CACHE, or hybridyn/compiled in the user's cache folder."""
-    if named := os.environ.get(VARIABLE):
-        return Path(named)
-    if sys.platform == "darwin":
-        base = Path.home() / "Library" / "Caches"
-    else:
-        base = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-    return base / "hybridyn" / "compiled"
 
 
 def cached(
@@ -80,14 +65,14 @@ def cached(
             users can write in it.
     """
     at = _writable(folder())
-    check_ownership(at, VARIABLE)
+    check_ownership(at)
     tools = _tools(libraries)
-    pointer = at / "keys" / _hash(key, package_state(), tools)
+    pointer = at / "keys" / hashed(key, package_state(), tools)
     with contextlib.suppress(OSError, ValueError):  # the file does not exist, or is no text
         if is_own(pointer) and (known := _load(at, pointer.read_text())) is not None:
             return known
     source = make_source()
-    name = _hash(*source.units, json.dumps(source.about, sort_keys=True), tools)
+    name = hashed(*source.units, json.dumps(source.about, sort_keys=True), tools)
     try:
         found = _load(at, name) or _build(at, name, source, libraries)
         accept(found)
@@ -114,16 +99,7 @@ def package_state() -> str:
         name, stat = file.relative_to(root), file.stat()
         if name.parts[0] not in ("cli", "figures", "oracle", "studies", "view"):
             lines.append(f"{name} {stat.st_size} {stat.st_mtime_ns}")
-    return _hash(*lines)
-
-
-def _hash(*texts: str) -> str:
-    """Return a hash of texts."""
-    digest = hashlib.sha256()
-    for text in texts:
-        digest.update(text.encode())
-        digest.update(b"\0")
-    return digest.hexdigest()[:40]
+    return hashed(*lines)
 
 
 def _load(at: Path, name: str) -> Built | None:

@@ -87,16 +87,6 @@ class EffectTables(Schema):
         """Return the effects as pairs (name, numbers by key), as in `Description.effects`."""
         return tuple(self.model_dump(exclude_none=True).items())
 
-    def joints(self) -> list[tuple[str, str, str]]:
-        """Return every named joint as (effect, key, joint)."""
-        return [
-            (effect, key, joint)
-            for effect, table in self.stated()
-            for key, numbers in table.items()
-            if isinstance(numbers, dict) and effect != "ground_contact"
-            for joint in numbers
-        ]
-
 
 def known_keys(place: tuple[str | int, ...]) -> list[str]:
     """Return the keys known at a place below `effects`, for "did you mean"."""

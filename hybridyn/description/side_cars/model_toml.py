@@ -19,22 +19,22 @@ For `X.urdf`, `X.urdf.xacro` or `X.xml`, the file is `X.model.toml` beside it, e
 
 from __future__ import annotations
 
+import importlib.util
 import math
+import sys
+from collections.abc import Mapping
 from dataclasses import replace
-from typing import Annotated, Literal
-
-from pydantic import Field, FiniteFloat, ValidationError
+from pathlib import Path
+from typing import Any
 
 from ...errors import ModelError
+from ..cache_folder import hashed
 from ..closure_forms import FORMS
+from ..kept_texts import keep, kept, state_of
 from ..names import did_you_mean
 from ..records import Closure, Coupling, Joint
 from ..robot_file import MotorStatement, RobotFile
-from .effect_tables import EffectTables, known_keys
-from .schema import Schema, first_problem
-from .toml_file import line_of, parse_toml
-
-NotNegative = Annotated[FiniteFloat, Field(ge=0)]
+from .toml_file import line_of
 
 #: Allowed lengths of a home position, by kind of joint.
 COORDINATES = {
@@ -53,58 +53,29 @@ UNIT_PART = {("continuous", 2): 0, ("spherical", 4): 0, ("planar", 4): 2, ("floa
 UNIT_SLACK = 1e-4
 
 
-class JointNumbers(Schema):
-    """The numbers that model.toml may state for one joint; see `records.Joint`."""
+def read_model_file(text: bytes, file: str) -> dict[str, Any]:
+    """Read the text of a model file; a text that was read before is not checked again.
 
-    rotor_inertia: NotNegative | None = None
-    gear_ratio: FiniteFloat | None = None
-    damping: NotNegative | None = None
-    friction: NotNegative | None = None
-
-
-class CouplingTable(Schema):
-    """A linear relation between joint positions; see `records.Coupling`."""
-
-    terms: Annotated[dict[str, FiniteFloat], Field(min_length=1)]
-    offset: FiniteFloat = 0.0
-
-
-class ModelFile(Schema):
-    """The tables of model.toml; a new table is a new field."""
-
-    motors: list[str] | None = None
-    home: dict[str, FiniteFloat | list[FiniteFloat]] = Field(default_factory=dict)
-    joints: dict[str, JointNumbers] = Field(default_factory=dict)
-    couplings: dict[str, CouplingTable] = Field(default_factory=dict)
-    closures: dict[str, Literal["fixed", "revolute", "spherical"]] = Field(default_factory=dict)
-    effects: EffectTables = Field(default_factory=EffectTables)
-
-
-def read_model_file(text: bytes, file: str) -> ModelFile:
-    """Read the text of a model file.
+    Returns:
+        Its content, as in `model_tables.ModelFile`; keys without a value are left out.
 
     Raises:
         ModelError: The text is not TOML, or a key or value is wrong; the message names the line.
     """
-    plain, content = parse_toml(text, file)
-    try:
-        return ModelFile.model_validate(content)
-    except ValidationError as error:
-        known = [*ModelFile.model_fields]
-        if error.errors()[0]["loc"][:1] == ("joints",):
-            known = [*JointNumbers.model_fields]
-        if error.errors()[0]["loc"][:1] == ("couplings",):
-            known = [*CouplingTable.model_fields]
-        if error.errors()[0]["loc"][:1] == ("effects",):
-            known = known_keys(error.errors()[0]["loc"])
-        place, message = first_problem(error, known)
-        keys = tuple(str(part) for part in place)
-        key = ".".join(keys)
-        raise ModelError(f"'{key}': {message}", file=file, line=line_of(plain, keys), element=key) from None
+    found = importlib.util.find_spec("pydantic")
+    codes = [Path(__file__).parent, Path(found.origin).parent if found and found.origin else ""]
+    name = hashed(text.decode("latin-1"), sys.version, *map(state_of, codes))
+    content: dict[str, Any] | None = kept(name)
+    if content is None:
+        from .model_tables import checked  # imports pydantic: 0.1 s
+
+        content = checked(text, file)
+        keep(name, content)
+    return content
 
 
 def apply_model_file(
-    robot: RobotFile, model: ModelFile, text: str, file: str
+    robot: RobotFile, model: Mapping[str, Any], text: str, file: str
 ) -> dict[str, tuple[float, ...]]:
     """Apply a model file to the robot, and return the home posture by joint name.
 
@@ -117,42 +88,42 @@ def apply_model_file(
         line = line_of(text, (table, name))
         return ModelError(f"[{table}] '{name}': {message}", file=file, line=line, element=name)
 
-    for table, names in (("home", model.home), ("joints", model.joints)):
+    for table, names in (("home", model["home"]), ("joints", model["joints"])):
         for name in names:
             if name not in by_name:
                 raise wrong(table, name, f"no such joint{did_you_mean(name, by_name)}")
             if by_name[name].kind == "fixed":
                 raise wrong(table, name, "the joint is fixed")
     home: dict[str, tuple[float, ...]] = {}
-    for name, value in model.home.items():
+    for name, value in model["home"].items():
         try:
             home[name] = home_position(by_name[name], value if isinstance(value, list) else [value])
         except ValueError as error:
             raise wrong("home", name, str(error)) from None
-    for name, numbers in model.joints.items():
-        if numbers.gear_ratio == 0:
+    for name, numbers in model["joints"].items():
+        if numbers.get("gear_ratio") == 0:
             raise wrong("joints", name, "a gear ratio of 0 moves nothing")
-    for name, coupling in model.couplings.items():
-        for joint, factor in coupling.terms.items():
+    for name, coupling in model["couplings"].items():
+        for joint, factor in coupling["terms"].items():
             if joint not in by_name or by_name[joint].kind == "fixed" or not factor:
                 hint = did_you_mean(joint, by_name) if joint not in by_name else ""
                 raise wrong("couplings", name, f"'{joint}' is no movable joint with a coefficient{hint}")
         line = line_of(text, ("couplings", name))
-        robot.couplings.append(Coupling(name, tuple(coupling.terms.items()), coupling.offset, line))
+        robot.couplings.append(Coupling(name, tuple(coupling["terms"].items()), coupling["offset"], line))
     stated = [closure.name for closure in robot.closures]
-    for name in model.closures:
+    for name in model["closures"]:
         if name not in stated:
             raise wrong("closures", name, f"no such closure{did_you_mean(name, stated)}")
-    robot.closures = [_with_kind(closure, model.closures.get(closure.name)) for closure in robot.closures]
+    robot.closures = [_with_kind(closure, model["closures"].get(closure.name)) for closure in robot.closures]
     _apply_effects(robot, model, text, file)
-    robot.joints = [_with_numbers(joint, model.joints.get(joint.name)) for joint in robot.joints]
-    if model.motors is not None:
+    robot.joints = [_with_numbers(joint, model["joints"].get(joint.name)) for joint in robot.joints]
+    if "motors" in model:
         line = line_of(text, ("motors",))
-        robot.motors.append(MotorStatement("model file", "model.toml", tuple(model.motors), file, line))
+        robot.motors.append(MotorStatement("model file", "model.toml", tuple(model["motors"]), file, line))
     return home
 
 
-def _apply_effects(robot: RobotFile, model: ModelFile, text: str, file: str) -> None:
+def _apply_effects(robot: RobotFile, model: Mapping[str, Any], text: str, file: str) -> None:
     """Set the robot's effects from the model file.
 
     Raises:
@@ -160,18 +131,22 @@ def _apply_effects(robot: RobotFile, model: ModelFile, text: str, file: str) -> 
     """
     movable = [joint.name for joint in robot.joints if joint.kind != "fixed"]
     links = [link.name for link in robot.links]
-    ground = model.effects.ground_contact
-    wanted = [(*place, movable, "movable joint") for place in model.effects.joints()]
-    wanted += [
-        ("ground_contact", "points", link, links, "link") for link in (ground.points if ground else ())
+    own = dict(model["effects"])
+    wanted = [
+        (effect, key, joint, movable, "movable joint")
+        for effect, table in own.items()
+        for key, numbers in table.items()
+        if isinstance(numbers, dict) and effect != "ground_contact"
+        for joint in numbers
     ]
+    points = own.get("ground_contact", {}).get("points", ())
+    wanted += [("ground_contact", "points", link, links, "link") for link in points]
     for effect, key, name, known, what in wanted:
         if name not in known:
             raise ModelError(
                 f"[effects.{effect}] '{key}': no such {what} '{name}'{did_you_mean(name, known)}",
                 file=file, line=line_of(text, ("effects", effect, key, name)), element=name,
             )  # fmt: skip
-    own = dict(model.effects.stated())
     robot.effects = (*((name, own.pop(name, values)) for name, values in robot.effects), *own.items())
 
 
@@ -194,8 +169,7 @@ def home_position(joint: Joint, values: list[float]) -> tuple[float, ...]:
     return (*values[:start], *(value / length for value in values[start:]))
 
 
-def _with_numbers(joint: Joint, numbers: JointNumbers | None) -> Joint:
-    stated = numbers.model_dump(exclude_none=True) if numbers else {}
+def _with_numbers(joint: Joint, stated: Mapping[str, Any] | None) -> Joint:
     return replace(joint, **stated) if stated else joint
 
 

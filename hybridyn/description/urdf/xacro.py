@@ -1,8 +1,14 @@
-"""Expand xacro files in a child process without access to files or network (see `xacro_child`)."""
+"""Expand xacro files in a child process without access to files or network (see `xacro_child`).
+
+The child computes from its request and the replies to its file requests alone. An expansion is therefore kept
+with hashes of these replies, and used again where the same file requests get the same replies.
+"""
 
 from __future__ import annotations
 
 import contextlib
+import functools
+import hashlib
 import importlib.util
 import json
 import os
@@ -15,6 +21,8 @@ from pathlib import Path
 from typing import IO, Any
 
 from ...errors import ModelError, install_advice
+from ..cache_folder import hashed
+from ..kept_texts import keep, kept, state_of
 from ..shipped import data_folder
 from .robot_folders import RobotFolders
 from .xml_node import LARGEST_FILE
@@ -42,6 +50,9 @@ LONGEST_LINE = 2**20
 
 #: Note on an expansion without restrictions by the kernel.
 UNLOCKED = "xacro: this system's kernel restricts nothing; only hybridyn's own limits hold (README, Security)"
+
+#: Packages that the child imports.
+PACKAGES = ("xacro", "yaml")
 
 #: Program of the child; its folder is on the path only while its own modules are imported.
 START = """
@@ -71,18 +82,26 @@ def expand(
             and the macro.
     """
     path = os.path.abspath(file)
+    paths = [_folder_of(module) for module in PACKAGES]
     request = {
         "file": path,
         "folder": os.getcwd(),
         "arguments": {str(name): str(value) for name, value in arguments.items()},
-        "paths": [_folder_of(module) for module in ("xacro", "yaml")],
+        "paths": paths,
         "memory": MEMORY,
         "seconds": SECONDS,
     }
     named = [os.fspath(folder) for folder in package_dirs]
-    folders = RobotFolders(path, named, _share_dirs(), LARGEST_FILE, _shipped_dirs())
+    folders = functools.partial(RobotFolders, path, named, _share_dirs(), LARGEST_FILE, _shipped_dirs())
+    own = Path(__file__).parent / "xacro_child"
+    codes = [own, *(Path(of, package) for of, package in zip(paths, PACKAGES, strict=True))]
+    name = hashed(START, sys.version, json.dumps(request, sort_keys=True), *map(state_of, codes))
+    known = kept(name)
+    if known is not None and _unchanged(folders(), known["replies"]):
+        return known["text"].encode(), known["notes"]
+    replies: list[list[str]] = []
     with _child(file) as child:
-        header, text = _converse(child, file, request, folders)
+        header, text = _converse(child, file, request, folders(), replies)
     if "error" in header:
         inner = header["file"]
         where = file if inner in (None, path) else os.path.relpath(inner)
@@ -90,7 +109,20 @@ def expand(
         if len(message) > LONGEST_MESSAGE:
             message = message[:LONGEST_MESSAGE] + " ..."
         raise ModelError(message, file=where, line=header["line"])
-    return text, list(header["notes"]) + ([] if header["locks"] else [UNLOCKED])
+    notes = list(header["notes"]) + ([] if header["locks"] else [UNLOCKED])
+    keep(name, {"replies": replies, "text": text.decode(), "notes": notes})
+    return text, notes
+
+
+def _reply_hash(reply: tuple[dict[str, Any], bytes]) -> str:
+    """Return a hash of a reply to a file request."""
+    header, content = reply
+    return hashlib.sha256(json.dumps(header, sort_keys=True).encode() + b"\n" + content).hexdigest()
+
+
+def _unchanged(folders: RobotFolders, replies: list[list[str]]) -> bool:
+    """Return whether file requests still get the same replies; each is what is asked, of what, and a hash."""
+    return all(_reply_hash(_answer(folders, what, of)) == reply for what, of, reply in replies)
 
 
 def _extra_for(error: str) -> str:
@@ -129,9 +161,16 @@ def _child(file: str) -> Iterator[subprocess.Popen[bytes]]:
 
 
 def _converse(
-    child: subprocess.Popen[bytes], file: str, request: Mapping[str, Any], folders: RobotFolders
+    child: subprocess.Popen[bytes],
+    file: str,
+    request: Mapping[str, Any],
+    folders: RobotFolders,
+    replies: list[list[str]],
 ) -> tuple[dict[str, Any], bytes]:
-    """Answer the child's file requests until it sends its result; return the last header and the XML."""
+    """Answer the child's file requests until it sends its result; return the last header and the XML.
+
+    `replies` receives each request and a hash of its reply.
+    """
     assert child.stdin is not None
     assert child.stdout is not None
     with contextlib.suppress(BrokenPipeError):  # the child has ended; `_reason` explains why
@@ -146,7 +185,10 @@ def _converse(
                 if len(text) > LARGEST_FILE:
                     raise ModelError(f"xacro: expands to more than {LARGEST_FILE // 2**20} MiB", file=file)
                 return header, text
-            _send(child.stdin, *_answer(folders, str(header["ask"]), str(header["of"])))
+            asked = str(header["ask"]), str(header["of"])
+            reply = _answer(folders, *asked)
+            replies.append([*asked, _reply_hash(reply)])
+            _send(child.stdin, *reply)
         else:
             raise ModelError(f"xacro: reads more than {MOST_QUESTIONS:,} files", file=file)
     raise ModelError(_reason(child.wait()), file=file)

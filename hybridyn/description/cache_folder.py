@@ -1,23 +1,51 @@
-"""Check who owns the cache's files: a library runs with its user's rights, so only the user may write it."""
+"""The user's cache folder, and the check of who owns its files.
+
+A library runs with its user's rights, and a kept text stands for a robot's file, so only the user may write
+them.
+"""
 
 from __future__ import annotations
 
+import hashlib
 import os
 import stat
+import sys
 from pathlib import Path
 
-from ...errors import CompileError
+from ..errors import CompileError
 
-_INNER = ("keys", "models", "libraries")
+#: Environment variable that sets another cache folder.
+VARIABLE = "HYBRIDYN_CACHE"
+
+_INNER = ("keys", "models", "libraries", "texts")
 _OTHERS_WRITE = stat.S_IWGRP | stat.S_IWOTH
 
 
-def check_ownership(folder: Path, variable: str) -> None:
+def folder() -> Path:
+    """Return the cache folder: $HYBRIDYN_CACHE, or hybridyn/compiled in the user's cache folder."""
+    if named := os.environ.get(VARIABLE):
+        return Path(named)
+    if sys.platform == "darwin":
+        base = Path.home() / "Library" / "Caches"
+    else:
+        base = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+    return base / "hybridyn" / "compiled"
+
+
+def hashed(*texts: str) -> str:
+    """Return a hash of texts, as a name of a file in the cache."""
+    digest = hashlib.sha256()
+    for text in texts:
+        digest.update(text.encode(errors="surrogateescape"))
+        digest.update(b"\0")
+    return digest.hexdigest()[:40]
+
+
+def check_ownership(folder: Path) -> None:
     """Check that the cache folder belongs to the user and that nobody else can write in it.
 
     Args:
-        folder: The folder; its folders of keys, models and libraries are checked too.
-        variable: Environment variable that sets another folder, for the message.
+        folder: The folder; its inner folders are checked too.
 
     Raises:
         CompileError: A folder belongs to another user, or others can write in it; or anybody can rename a
@@ -28,7 +56,7 @@ def check_ownership(folder: Path, variable: str) -> None:
         if mode & stat.S_IWOTH and not mode & stat.S_ISVTX:
             raise CompileError(
                 f"anybody can replace the cache folder '{folder}', since others can write in '{place}': run "
-                f"chmod o-w '{place}', or name another folder in {variable}"
+                f"chmod o-w '{place}', or name another folder in {VARIABLE}"
             )
     for place in (folder, *(folder / name for name in _INNER)):
         try:
@@ -38,12 +66,12 @@ def check_ownership(folder: Path, variable: str) -> None:
         if about.st_uid != os.geteuid():
             raise CompileError(
                 f"the cache folder '{place}' belongs to another user, whose libraries would run as yours: "
-                f"name a folder of your own in {variable}"
+                f"name a folder of your own in {VARIABLE}"
             )
         if about.st_mode & _OTHERS_WRITE:
             raise CompileError(
                 f"others can write in the cache folder '{place}', and their libraries would run as yours: "
-                f"run chmod go-w '{place}', or name another in {variable}"
+                f"run chmod go-w '{place}', or name another in {VARIABLE}"
             )
 
 

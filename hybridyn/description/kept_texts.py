@@ -1,0 +1,73 @@
+"""Keep what is slow to compute from robot files: expanded xacro and checked tables, in the cache folder.
+
+An entry is JSON, named by a hash of all that it depends on. Entries are data and are never run. They are kept
+and read only in a folder that the user alone can write (`cache_folder`); where there is none, every text is
+computed again.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import zlib
+from pathlib import Path
+from typing import Any
+
+from ..errors import CompileError
+from .cache_folder import check_ownership, folder, is_own
+from .writing import appearing
+
+#: Most entries that are kept; those used least recently are removed.
+MOST_ENTRIES = 100
+#: Largest entry that is kept, compressed [bytes]; that of 300 six-legged modules.
+LARGEST_ENTRY = 2**20
+
+
+def kept(name: str) -> Any:
+    """Return an entry, or None if there is none that can be trusted.
+
+    Args:
+        name: A hash of all that the entry depends on.
+    """
+    path = _texts() / name
+    with contextlib.suppress(OSError, ValueError, zlib.error, CompileError):
+        check_ownership(folder())
+        if is_own(path):
+            entry = json.loads(zlib.decompress(path.read_bytes()))
+            os.utime(path)  # the time of its last use
+            return entry
+    return None
+
+
+def keep(name: str, entry: Any) -> None:
+    """Keep an entry; if the folder cannot be used, nothing is kept.
+
+    Args:
+        name: A hash of all that the entry depends on.
+        entry: What JSON can hold.
+    """
+    content = zlib.compress(json.dumps(entry).encode(), 1)
+    if len(content) > LARGEST_ENTRY:
+        return
+    at = _texts()
+    with contextlib.suppress(OSError, CompileError):
+        at.mkdir(parents=True, exist_ok=True, mode=0o700)
+        check_ownership(folder())
+        with appearing(at / name) as draft:
+            draft.touch(0o600)
+            draft.write_bytes(content)
+        entries = sorted(at.iterdir(), key=lambda path: -path.lstat().st_mtime)
+        for path in entries[MOST_ENTRIES:]:
+            path.unlink(missing_ok=True)
+
+
+def state_of(place: str | Path) -> str:
+    """Return names, sizes and times of the Python files of a folder, which change with their content."""
+    with os.scandir(place) as entries:
+        files = [(entry.name, entry.stat()) for entry in entries if entry.name.endswith(".py")]
+    return " ".join(f"{name} {about.st_size} {about.st_mtime_ns}" for name, about in sorted(files))
+
+
+def _texts() -> Path:
+    return folder() / "texts"
