@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 import click
@@ -12,6 +13,7 @@ from .common.text import aligned_rows, counted
 
 if TYPE_CHECKING:
     from ..studies.sweep.best import Best
+    from ..studies.sweep.sensitivity import Index
     from ..studies.sweep.sweep import Swept
 
 #: Designs of the Pareto front that are printed; the others are counted.
@@ -38,8 +40,12 @@ MOST_PRINTED = 50
 )  # fmt: skip
 @click.option("--where", metavar="CONDITION", help="Only designs for which this holds: 'reach > 0.2'.")
 @click.option("--top", type=click.IntRange(1, 10_000), default=10, show_default=True, help="Designs printed.")
-@click.option("--sensitivity", is_flag=True, help="Print the Sobol indices of the parameters.")
-@click.option("--plot", metavar="FILE", callback=figure_file, help="Draw every measure over every parameter.")
+@click.option("--sensitivity", is_flag=True, help="Print the Sobol or Morris indices of the parameters.")
+@click.option("--plot", metavar="FILE", callback=figure_file, help="Draw the designs: .png, .svg or .pdf")
+@click.option(
+    "--draw", type=click.Choice(["scatter", "parallel", "sensitivity"]), default="scatter", show_default=True,
+    help="What --plot draws: every measure over every parameter, parallel coordinates, or the indices.",
+)  # fmt: skip
 def command(
     study: str | None,
     output: str,
@@ -54,6 +60,7 @@ def command(
     top: int,
     sensitivity: bool,
     plot: str | None,
+    draw: str,
 ) -> int:
     """Evaluate the designs of STUDY (a TOML file), and find the best.
 
@@ -80,10 +87,14 @@ def command(
     if sensitivity:
         click.echo("\n".join(_indices(output)))
     if plot is not None:
-        from ..figures.sweep import figure_of_sweep
+        from ..figures import sweep as figures
         from .common.figures import save
 
-        save(figure_of_sweep(output, where), plot)
+        if draw == "sensitivity":
+            save(figures.figure_of_indices(output), plot)
+        else:
+            of = figures.figure_of_sweep if draw == "scatter" else figures.figure_of_coordinates
+            save(of(output, where), plot)
     return 0
 
 
@@ -159,15 +170,23 @@ def _table(found: Best) -> list[str]:
 
 def _indices(output: str) -> list[str]:
     """Return the sensitivity indices as aligned text: a row per measure, a column per parameter."""
-    from ..studies.sweep.sensitivity import sensitivity
+    from ..studies.sweep.sensitivity import KINDS, sensitivity
 
     found = sensitivity(output)
     parameters = list(dict.fromkeys(one.parameter for one in found))
-    rows = [["first-order index", *parameters]]
-    for measure in dict.fromkeys(one.measure for one in found):
-        cells = [f"{one.value:.2f} ± {one.bound:.2f}" for one in found if one.measure == measure]
-        rows.append([measure, *cells])
+    rows = []
+    for kind in dict.fromkeys(one.kind for one in found):
+        rows.append([KINDS[kind], *parameters])
+        for measure in dict.fromkeys(one.measure for one in found):
+            cells = [_index(one) for one in found if (one.measure, one.kind) == (measure, kind)]
+            rows.append([measure, *cells])
     return aligned_rows(rows, right=range(1, len(rows[0])))
+
+
+def _index(one: Index) -> str:
+    """Return an index with its bound: parts of the variance with two decimals, others with three digits."""
+    digits = ".2f" if one.kind in ("first", "total") else ".3g"
+    return f"{one.value:{digits}}" + ("" if math.isnan(one.bound) else f" ± {one.bound:{digits}}")
 
 
 def _cell(value: float) -> str:

@@ -30,6 +30,8 @@ from tests.extras import needs
 ROUNDING = 1e-12
 #: Largest error of an index from 4,096 points; SALib's 95 % interval of the smaller one is 0.015.
 SAMPLED = 0.02
+#: Largest error of an index from 255 blocks of scrambled Sobol points.
+OF_BLOCKS = 0.05
 
 PENDULUM = """<robot name="pendulum" xmlns:xacro="http://www.ros.org/wiki/xacro">
   <xacro:arg name="length" default="1"/><xacro:arg name="mass" default="2"/>
@@ -423,3 +425,49 @@ def test_shards_are_parquet_where_polars_is(folder: Path, here: Any) -> None:
     assert rows_of("out") == rows_of("text")
     frame = polars.read_parquet("out/*.parquet").sort("design")
     assert frame["peak_effort"].to_list() == rows_of("text")["peak_effort"]
+
+
+@pytest.mark.parametrize(("method", "blocks"), [("saltelli", 256), ("morris", 8)])
+def test_indices_of_designs_in_blocks_are_those_of_the_formula(
+    folder: Path, method: str, blocks: int
+) -> None:
+    """Of y = 3 x + x z over a square: total indices from the variances, effects from the derivatives."""
+    needs("sensitivity")
+    parameters = "mass = { range = [0.0, 1.0] }\nlength = { range = [0.0, 1.0] }"
+    designs = Designs(read_study(written(f"method = '{method}'\ncount = {blocks}\nseed = 1", parameters)))
+    points = designs.values(0, designs.count)
+    assert np.array_equal(points[5:9], designs.values(5, 9))
+    about = About("study.toml", "", len(points), designs.names, ["y"], "csv", method)
+    rows = [Row(i, (x, z), "ok", 0, 0, (3 * x + x * z,), "") for i, (x, z) in enumerate(points.tolist())]
+    Shards.create("out", about, resume=False).write(rows[:-1])  # the last block has a gap
+    found = {(one.kind, one.parameter): one for one in sensitivity("out")}
+    if method == "morris":
+        effects = found["mu*", "mass"]
+        assert 3 <= effects.value <= 4  # 3 + z
+        assert 0 <= found["mu*", "length"].value <= 1  # x
+        assert found["sigma", "mass"].value <= 0.6  # z is within 0 and 1
+        return
+    # Variances of 3.5 (x - 1/2), (z - 1/2) / 2 and (x - 1/2) (z - 1/2).
+    parts = np.array([3.5**2 / 12, 0.25 / 12, 1 / 144])
+    first = parts[:2] / parts.sum()
+    total = (parts[:2] + parts[2]) / parts.sum()
+    for kind, wanted in (("first", first), ("total", total)):
+        values = [found[kind, name].value for name in ("mass", "length")]
+        assert np.allclose(values, wanted, rtol=0, atol=OF_BLOCKS)
+
+
+def test_figures_of_a_sweep_are_drawn(tmp_path: Path) -> None:
+    from hybridyn.figures.sweep import figure_of_coordinates, figure_of_indices
+
+    needs("sensitivity")
+    x = qmc.Sobol(2, seed=8).random(64)
+    about = About("study.toml", "", len(x), ["x", "z"], ["y"], "csv")
+    bad = Row(0, (0.0, 0.0), "unreachable", 1, 0, (np.nan,), "")
+    rows = [Row(i, (a, b), "ok", 0, 0, (3 * a + b,), "") for i, (a, b) in enumerate(x.tolist())]
+    Shards.create(tmp_path, about, resume=False).write([bad, *rows[1:]])
+    figure = figure_of_coordinates(tmp_path, "y > 2")
+    colours = [line.get_color() for line in figure.axes[0].lines if len(line.get_ydata()) == 3]  # type: ignore[arg-type]
+    assert len(colours) == 63
+    assert colours.count("0.85") == (x[1:] @ [3, 1] <= 2).sum()
+    bars = figure_of_indices(tmp_path).axes[0].patches
+    assert [bar.get_width() for bar in bars] == [one.value for one in sensitivity(tmp_path)]

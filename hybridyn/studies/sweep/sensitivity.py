@@ -1,42 +1,61 @@
-"""Sensitivity of the measures of a sweep to its parameters: first-order Sobol indices, by SALib.
+"""Sensitivity of the measures of a sweep to its parameters, by SALib.
 
-The index of a parameter is the part of a measure's variance that this parameter alone explains. It is
-estimated from the designs of a sweep as they are, from the means of the measure in classes of the parameter
-(Plischke, Borgonovo and Smith, 2013). RBD-FAST would take the regular order of Sobol points for a dependence.
-The parameters have to be independent, and designs that could not be evaluated are left out.
+The first-order index of a parameter is the part of a measure's variance that this parameter alone explains;
+the total index adds what it explains together with others. Designs of the method "saltelli" give both
+(Saltelli et al., 2010), those of "morris" the mean size and the spread of elementary effects (Morris, 1991;
+Campolongo et al., 2007). Of other designs only the first-order index is estimated, from the means of the
+measure in classes of the parameter (Plischke, Borgonovo and Smith, 2013); RBD-FAST would take the regular
+order of Sobol points for a dependence. The parameters have to be independent. Designs that could not be
+evaluated are left out, and with them their blocks.
 """
 
 from __future__ import annotations
 
-from importlib import import_module
+import math
 from os import PathLike
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from ...errors import HybridynError, install_advice
+from ...errors import HybridynError
+from ...spatial import Array
+from .salib import LEVELS, block_size, package, problem
 from .shards import about_of, read_shards
 
 #: Fewest designs: with these the indices of a linear function are uncertain by 0.1.
 FEWEST = 50
+#: Fewest blocks: below, confidence intervals are as wide as the indices.
+FEWEST_BLOCKS = {"saltelli": 32, "morris": 4}
 #: Resamples of the confidence intervals, SALib's usual number.
 RESAMPLES = 100
+#: Seed of the resamples, so that indices are the same each time; SALib takes 0 for none.
+SEED = 1
+#: What an index means, by its kind.
+KINDS = {
+    "first": "first-order index",
+    "total": "total index",
+    "mu*": "mean size of effects, mu*",
+    "sigma": "spread of effects, sigma",
+}
 
 
 class Index(NamedTuple):
-    """A first-order index.
+    """An index.
 
     Attributes:
         measure: The measure.
         parameter: The parameter.
-        value: The index; 1 explains the whole variance.
-        bound: Half of its 95 % confidence interval.
+        value: The index; a first-order index of 1 explains the whole variance. `mu*` and `sigma` have the
+            measure's unit, for a change of the parameter over its whole range.
+        bound: Half of its 95 % confidence interval, nan for "sigma".
+        kind: One of `KINDS`.
     """
 
     measure: str
     parameter: str
     value: float
     bound: float
+    kind: str = "first"
 
 
 def sensitivity(folder: str | PathLike[str]) -> list[Index]:
@@ -50,31 +69,53 @@ def sensitivity(folder: str | PathLike[str]) -> list[Index]:
     """
     about = about_of(str(folder))
     names = [*about.parameters, *about.measures]
-    parts = []
-    for shard in read_shards(str(folder), [*names, "status"]):
-        rows = np.column_stack([shard[name] for name in names])
-        parts.append(rows[np.array(shard["status"]) == "ok"])
-    rows = np.concatenate(parts) if parts else np.empty((0, len(names)))
-    x, values = np.split(rows, [len(about.parameters)], axis=1)
+    parts = [np.empty((0, len(names) + 2))]
+    for shard in read_shards(str(folder), ["design", *names, "status"]):
+        good = np.array(shard["status"]) == "ok"
+        parts.append(np.column_stack([shard["design"], good, *(shard[name] for name in names)]))
+    number, good, *columns = np.concatenate(parts).T
+    x = np.column_stack(columns[: len(about.parameters)])
     out = []
-    for measure, y in zip(about.measures, values.T, strict=True):
-        good = np.isfinite(y)
-        if good.sum() < FEWEST:
-            have = f"{good.sum()} designs with '{measure}'"
-            raise HybridynError(f"{folder}: {have} are too few for sensitivity, {FEWEST} are needed")
-        found = _analysed(about.parameters, x[good], y[good])
-        cells = zip(about.parameters, found["S1"], found["S1_conf"], strict=True)
-        out += [Index(measure, name, float(value), float(bound)) for name, value, bound in cells]
+    for measure, y in zip(about.measures, columns[len(about.parameters) :], strict=True):
+        whole, fewest, what, size = (good > 0) & np.isfinite(y), FEWEST, "designs", 1
+        if about.method in FEWEST_BLOCKS:
+            fewest, what = FEWEST_BLOCKS[about.method], "whole blocks of designs"
+            size = block_size(about.method, len(about.parameters))
+            whole = _whole(whole, number, size)
+        have = int(whole.sum()) // size
+        if have < fewest:
+            raise HybridynError(
+                f"{folder}: {have} {what} with '{measure}' are too few for sensitivity, {fewest} are needed"
+            )
+        for kind, (values, bounds) in _analysed(about.method, x[whole], y[whole]).items():
+            cells = zip(about.parameters, values, bounds, strict=True)
+            out += [Index(measure, name, float(value), float(bound), kind) for name, value, bound in cells]
     return out
 
 
-def _analysed(names: list[str], x: Any, y: Any) -> Any:
-    """Estimate the indices by SALib; those of a constant measure are 0."""
+def _whole(good: Any, number: Array, size: int) -> Any:
+    """Return which rows are of blocks whose designs are all good, shape (designs,)."""
+    block = number.astype(int) // size
+    counts = np.bincount(block, weights=good)
+    return counts[block] == size
+
+
+def _analysed(method: str, x: Array, y: Array) -> dict[str, tuple[Any, Any]]:
+    """Estimate indices and half confidence intervals by kind; those of a constant measure are 0."""
+    count = x.shape[1]
+    words: dict[str, Any] = {"num_resamples": RESAMPLES, "seed": SEED}
+    if method == "morris":
+        found = package("SALib.analyze.morris").analyze(problem(count), x, y, num_levels=LEVELS, **words)
+        return {
+            "mu*": (found["mu_star"], found["mu_star_conf"]), "sigma": (found["sigma"], [math.nan] * count)
+        }  # fmt: skip
+    nothing = [0.0] * count
     if np.ptp(y) == 0:
-        return {"S1": [0.0] * len(names), "S1_conf": [0.0] * len(names)}
-    try:
-        delta: Any = import_module("SALib.analyze.delta")
-    except ImportError:
-        raise HybridynError(f"sensitivity needs SALib: {install_advice('sensitivity')}") from None
-    problem = {"num_vars": len(names), "names": names, "bounds": [[0.0, 1.0]] * len(names)}
-    return delta.analyze(problem, x, y, method="sobol", num_resamples=RESAMPLES, seed=0)
+        kinds = ("first", "total") if method == "saltelli" else ("first",)
+        return dict.fromkeys(kinds, (nothing, nothing))
+    if method == "saltelli":
+        sobol = package("SALib.analyze.sobol")
+        found = sobol.analyze(problem(count), y, calc_second_order=False, **words)
+        return {"first": (found["S1"], found["S1_conf"]), "total": (found["ST"], found["ST_conf"])}
+    found = package("SALib.analyze.delta").analyze(problem(count), x, y, method="sobol", **words)
+    return {"first": (found["S1"], found["S1_conf"])}

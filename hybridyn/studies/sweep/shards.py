@@ -43,6 +43,7 @@ class About:
         parameters: Columns of the parameters.
         measures: Columns of the measures.
         format: Format of the shards, "parquet" or "csv".
+        method: How the designs were drawn.
     """
 
     study: str
@@ -51,6 +52,7 @@ class About:
     parameters: list[str]
     measures: list[str]
     format: str
+    method: str = ""
 
     @property
     def columns(self) -> list[str]:

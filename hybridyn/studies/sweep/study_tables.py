@@ -13,7 +13,9 @@ from ...scenes.scene_tables import RobotTable, exactly_one
 #: Names of parameters, tasks and measures: they are columns of the table, and names in expressions.
 Name = Annotated[str, Field(pattern=r"^[A-Za-z_]\w*$")]
 Pair = Annotated[list[FiniteFloat], Field(min_length=2, max_length=2)]
-Method = Literal["grid", "latin_hypercube", "sobol", "random", "table"]
+Method = Literal["grid", "latin_hypercube", "sobol", "random", "table", "saltelli", "morris"]
+#: Methods that take a number of designs, or of blocks of designs.
+COUNTED = ("latin_hypercube", "sobol", "random", "saltelli", "morris")
 #: Largest number of designs of a study.
 MOST_DESIGNS = 10**9
 
@@ -28,7 +30,7 @@ class DesignsTable(Schema):
 
     @model_validator(mode="after")
     def _complete(self) -> DesignsTable:
-        for key, methods in (("count", ("latin_hypercube", "sobol", "random")), ("table", ("table",))):
+        for key, methods in (("count", COUNTED), ("table", ("table",))):
             given, needed = getattr(self, key) is not None, self.method in methods
             if given != needed:
                 verb = "needs" if needed else "takes no"
@@ -122,6 +124,8 @@ class Study(Schema):
                 raise ValueError(f"parameter '{name}': its values are those of the table")
             if self.designs.method == "grid" and not (one.values or one.steps):
                 raise ValueError(f"parameter '{name}': a grid needs 'values', or a 'range' with 'steps'")
+            if self.designs.method == "morris" and one.range is None:
+                raise ValueError(f"parameter '{name}': Morris's method needs a 'range'")
         return self
 
 

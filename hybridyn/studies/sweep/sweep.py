@@ -108,8 +108,9 @@ def sweep(
     source = read_study(Path(study), allow_python=allow_python)
     designs = Designs(source)
     about = About(
-        str(study), source.identity, designs.count, designs.names, source.columns, format or best_format()
-    )
+        str(study), source.identity, designs.count, designs.names, source.columns, format or best_format(),
+        designs.method,
+    )  # fmt: skip
     state = Swept(Path(output), designs.count)
     pace = None if shards_in(Path(output)) else _try_some(source, designs)
     shards = Shards.create(Path(output), about, resume=resume)
