@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from ..effects.choice import Choice, choose
 from ..errors import ModelError
 from ..linkage.threads import one_thread
+from ..structure.parameters.entries import Parameters
 from ..structure.robot import HybridRobot
 from .code.scalars import Scalar
 from .failures import as_compile_error
@@ -12,13 +15,19 @@ from .library.cache import Built
 from .library.calls import Library, loaded
 from .library.compilers import best_lanes, find_compiler
 from .model import CompiledRobot
+from .programs.designs import AtDesign, designs_to_verify
 from .programs.sources import built_library
 from .verifying import verify
 
 
 @one_thread()
 def compile(
-    robot: HybridRobot, effects: Choice = None, *, threads: int = 1, dtype: str = "float64"
+    robot: HybridRobot,
+    effects: Choice = None,
+    *,
+    parameters: Sequence[str] = (),
+    threads: int = 1,
+    dtype: str = "float64",
 ) -> CompiledRobot:
     """Generate C for a robot's models, build it, and check it against the general path.
 
@@ -27,6 +36,8 @@ def compile(
     Args:
         robot: The robot.
         effects: Effects to include, as for `hybridyn.idm`.
+        parameters: Numbers of the robot that calls may change, such as "mass:LINK" or "position:JOINT"
+            (`structure.parameters.entries.entry_of` lists them); all others are constants of the code.
         threads: Number of threads that share a batch.
         dtype: "float64", or "float32", which computes a batch twice as fast with seven digits.
 
@@ -37,8 +48,8 @@ def compile(
         CompileError: There is no C compiler; casadi is not installed; the built model differs from the
             general path or would hand every sample to it; or the models cannot be generated for another
             reason.
-        ModelError: `dtype` or `threads` is invalid, an effect is not available in compiled models, or
-            `robot.model` was changed.
+        ModelError: A parameter is unknown, `dtype` or `threads` is invalid, an effect is not available in
+            compiled models, or `robot.model` was changed.
     """
     if dtype not in ("float64", "float32"):
         raise ModelError(f"dtype must be 'float64' or 'float32', not {dtype!r}")
@@ -49,9 +60,13 @@ def compile(
     find_compiler()
     scalar = Scalar(dtype, best_lanes(dtype))
 
+    chosen = Parameters(robot.description, parameters)
+
     def accept(built: Built) -> None:
-        verify(Library(built), robot, on)
+        library = Library(built)
+        for design, like, required in designs_to_verify(robot, chosen):
+            verify(AtDesign(library, design) if parameters else library, like, on, required=required)
 
     with as_compile_error(robot):
-        library = loaded(lambda: built_library(robot, on, scalar, accept))
-        return CompiledRobot(robot, on, library, threads)
+        library = loaded(lambda: built_library(robot, on, scalar, accept, chosen.slots))
+        return CompiledRobot(robot, on, library, threads, chosen)

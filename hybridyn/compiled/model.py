@@ -15,14 +15,16 @@ from ..dynamics.link_motion import LinkMotion, motions_of, named_links
 from ..effects.choice import Effects
 from ..errors import ModelError
 from ..spatial import Array
+from ..structure.parameters.entries import Parameters
 from ..structure.robot import HybridRobot
 from .code.scalars import Scalar
 from .library.cache import Built
-from .library.calls import REFUSED, Library, Numbers
+from .library.calls import REFUSED, Calls, Library, Numbers
 from .library.compilers import best_lanes
 from .programs.body_rows import body_motion
 from .programs.closing.assembling import Assembler
 from .programs.closing.given import requests_of_motors
+from .programs.designs import Designs
 from .programs.general import as_batches, check_batches, everywhere, general, general_rows
 from .programs.sources import built_library, write_programs
 
@@ -43,34 +45,48 @@ class CompiledRobot:
     Attributes:
         robot: The robot.
         effects: Effects in the models.
+        parameters: Numbers that calls may change.
         dtype: Type of the arithmetic and of the results.
         threads: Number of threads that share a batch.
         recomputed: Number of samples that the general path has computed so far.
     """
 
-    def __init__(self, robot: HybridRobot, effects: Effects, library: Library, threads: int) -> None:
+    def __init__(
+        self,
+        robot: HybridRobot,
+        effects: Effects,
+        library: Library,
+        threads: int,
+        parameters: Parameters | None = None,
+    ) -> None:
         self.robot, self.effects, self.threads = robot, effects, threads
+        self.parameters = Parameters(robot.description, ()) if parameters is None else parameters
+        self._designs = Designs(robot, self.parameters)
         self.library, self.dtype = library, library.dtype
         self.recomputed = 0
         self._assembler, self._close_at_once = Assembler(robot), _refuse
         self._motors_still = np.zeros(len(robot.motors))
         self._idm, self._ddm = library.programs["idm"], library.programs["ddm"]
         self._moving = robot.base == "moving"
-        plain = effects.limits is None
+        plain = effects.limits is None and not self.parameters.size
         self._idm_at_once = self._idm.at_once if self._idm.at_once and plain else _refuse
         self._ddm_at_once = self._ddm.at_once if self._ddm.at_once and plain and not self._moving else _refuse
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle the path of the library's file; the receiving process loads it again."""
-        return _restored, (self.robot, self.effects, self.library.built, self.threads)
+        return _restored, (self.robot, self.effects, self.library.built, self.threads, self.parameters)
 
-    def idm(self, q: ArrayLike, v: ArrayLike, a: ArrayLike) -> Numbers:
+    def idm(
+        self, q: ArrayLike, v: ArrayLike, a: ArrayLike, *, parameters: ArrayLike | None = None
+    ) -> Numbers:
         """Compute motor efforts, like `hybridyn.idm`.
 
         Args:
             q: Positions, shape (nq,) or (T, nq).
             v: Rates, shape (nv,) or (T, nv), [m/s, rad/s].
             a: Accelerations, shape (nv,) or (T, nv), [m/s^2, rad/s^2].
+            parameters: Numbers in the order of `parameters.labels`, shape (k,) or (T, k); None for those of
+                the robot.
 
         Returns:
             Efforts in the order of `robot.motors`, shape (motors,) or (T, motors), [N or N m].
@@ -79,12 +95,18 @@ class CompiledRobot:
             HybridynError: The same errors with the same messages as `hybridyn.idm`.
         """
         out = np.empty(self._idm.size, self.dtype)
-        if self._idm_at_once(q, v, a, out) == 0:  # every tenth of a microsecond counts here
+        if parameters is None and self._idm_at_once(q, v, a, out) == 0:  # every tenth of a microsecond counts
             return out
-        return self._run("idm", {"q": q, "v": v, "a": a})
+        return self._run("idm", {"q": q, "v": v, "a": a}, parameters)
 
     def ddm(
-        self, q: ArrayLike, v: ArrayLike, tau: ArrayLike, *, base_acceleration: ArrayLike | None = None
+        self,
+        q: ArrayLike,
+        v: ArrayLike,
+        tau: ArrayLike,
+        *,
+        base_acceleration: ArrayLike | None = None,
+        parameters: ArrayLike | None = None,
     ) -> Numbers:
         """Compute accelerations, like `hybridyn.ddm`.
 
@@ -94,6 +116,7 @@ class CompiledRobot:
             tau: Efforts in the order of `robot.motors`, shape (motors,) or (T, motors), [N or N m].
             base_acceleration: Spatial acceleration of a "moving" base in its own frame, shape (6,) or (T, 6);
                 default zero.
+            parameters: As in `idm`.
 
         Returns:
             Accelerations of the spanning tree, shape (nv,) or (T, nv), [m/s^2, rad/s^2].
@@ -101,14 +124,14 @@ class CompiledRobot:
         Raises:
             HybridynError: The same errors with the same messages as `hybridyn.ddm`.
         """
-        if base_acceleration is None:
+        if base_acceleration is None and parameters is None:
             out = np.empty(self._ddm.size, self.dtype)
             if self._ddm_at_once(q, v, tau, out) == 0:
                 return out
         given = {"q": q, "v": v, "tau": tau}
         if self._moving or base_acceleration is not None:
             given["base_acceleration"] = everywhere(base_acceleration, np.shape(q)[:-1], self.dtype)
-        return self._run("ddm", given)
+        return self._run("ddm", given, parameters)
 
     def assemble(
         self,
@@ -190,12 +213,14 @@ class CompiledRobot:
             Accelerations, shape (T, nv), or None if the general path must compute some sample.
         """
         calls = self._ddm
-        if len(q) == 1 and calls.at_once is not None and not self._moving:
+        arguments = self._arguments(calls, None, (len(q),))
+        if len(q) == 1 and calls.at_once is not None and not self._moving and not arguments:
             x, x_dot, effort = q[0], v[0], tau[0]
             out = np.empty(calls.size, self.dtype)
             if calls.at_once(x, x_dot, effort, out) == 0:
                 return out[None]
-        (result,), guard = calls.batch([q, v, tau, base][: len(calls.inputs)], self.threads)
+        states = [q, v, tau, base] if self._moving else [q, v, tau]
+        (result,), guard = calls.batch([*states, *arguments.values()], self.threads)
         doubtful = np.count_nonzero(~(guard <= calls.trusted))
         self.recomputed += len(q) if doubtful else 0
         return None if doubtful else result
@@ -248,12 +273,21 @@ class CompiledRobot:
     @property
     def programs(self) -> dict[str, Program]:
         """The models as programs."""
-        return write_programs(self.robot, self.effects)
+        return write_programs(self.robot, self.effects, parameters=self.parameters.slots)
 
-    def _run(self, name: str, given: dict[str, ArrayLike]) -> Numbers:
+    def _arguments(
+        self, calls: Calls, parameters: ArrayLike | None, shape: tuple[int, ...]
+    ) -> dict[str, Array]:
+        """Return the input "parameters" of a program, shape (*shape, slots), or nothing if it has none."""
+        if parameters is None and not self.parameters.size:
+            return {}
+        return {"parameters": self._designs.numbers(parameters, shape)}
+
+    def _run(self, name: str, given: dict[str, ArrayLike], parameters: ArrayLike | None = None) -> Numbers:
         """Run a model for one sample or many."""
         calls = self.library.programs[name]
         sizes = dict(calls.inputs)
+        given = given | self._arguments(calls, parameters, np.shape(given["q"])[:-1])
         if given.keys() != sizes.keys():  # a base_acceleration for a base that does not move
             return general(self.robot, self.effects, name, given)
         batches = many = as_batches(given, sizes)
@@ -270,13 +304,17 @@ class CompiledRobot:
                 "%s: %d of %d samples computed by the general path (first: %d)",
                 name, len(doubtful), len(result), doubtful[0],
             )  # fmt: skip
-            result[doubtful] = general_rows(self.robot, self.effects, name, many, doubtful)
+            numbers = many.pop("parameters", np.zeros((len(result), 0)))
+            for robot, rows in self._designs.by_design(numbers, doubtful):
+                result[rows] = general_rows(robot, self.effects, name, many, rows)
         if limits is not None and name == "idm":
             limits.check(self.robot, result)
         return result[0] if np.ndim(given["q"]) == 1 else result
 
 
-def _restored(robot: HybridRobot, effects: Effects, built: Built, threads: int) -> CompiledRobot:
+def _restored(
+    robot: HybridRobot, effects: Effects, built: Built, threads: int, parameters: Parameters
+) -> CompiledRobot:
     """Restore a pickled compiled robot, and rebuild its library if the file is gone.
 
     A rebuilt library is not verified again: the sending process has verified the same source.
@@ -285,8 +323,9 @@ def _restored(robot: HybridRobot, effects: Effects, built: Built, threads: int) 
         library = Library(built)
     except OSError:
         number = str(built.about["number"])
-        library = Library(built_library(robot, effects, Scalar(number, best_lanes(number))))
-    return CompiledRobot(robot, effects, library, threads)
+        scalar = Scalar(number, best_lanes(number))
+        library = Library(built_library(robot, effects, scalar, parameters=parameters.slots))
+    return CompiledRobot(robot, effects, library, threads, parameters)
 
 
 def _refuse(*_: object) -> int:

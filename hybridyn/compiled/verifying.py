@@ -57,13 +57,14 @@ class Built(Protocol):
         """Compute outputs, shapes (T, n), and guards, shape (T,)."""
 
 
-def verify(library: Built, robot: HybridRobot, effects: Effects) -> None:
+def verify(library: Built, robot: HybridRobot, effects: Effects, *, required: bool = True) -> None:
     """Compare models with the general path on random states that the models compute themselves.
 
     Args:
         library: The models.
         robot: The robot.
         effects: Effects in the models.
+        required: Whether a model must compute some of the states itself.
 
     Raises:
         CompileError: They differ by more than `MODEL_AGREES`, or no model computes any of the states itself.
@@ -74,6 +75,8 @@ def verify(library: Built, robot: HybridRobot, effects: Effects) -> None:
         if min(comparison.computed.values()) >= SAMPLES:
             break
     drawn = (seed + 1) * SAMPLES
+    if not required:
+        return
     nowhere = [name for name, count in comparison.computed.items() if not count]
     if len(nowhere) == len(comparison.computed):
         raise _trusted_nowhere(robot, drawn, comparison.reason)

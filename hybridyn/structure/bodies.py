@@ -44,15 +44,16 @@ class Body:
 
     def add(self, link: Link, R: Array, p: Array) -> None:
         """Add a link whose frame has the placement (R, p) in the body frame."""
-        if link.mass > self.heaviest:
-            self.name, self.heaviest = link.name, link.mass
+        if (mass := float(link.mass)) > self.heaviest:
+            self.name, self.heaviest = link.name, mass
         com, inertia = p + R @ link.com, R @ link.inertia @ R.T
         total = self.mass + link.mass
         self.inertia = self.inertia + inertia
         if total > 0:
             d = com - self.com
             # Parallel axis theorem about the common centre, in the form without cancellation.
-            self.inertia += self.mass * link.mass / total * (d @ d * np.eye(3) - np.outer(d, d))
+            moved = self.mass * link.mass / total * (d @ d * np.eye(3) - np.outer(d, d))
+            self.inertia = self.inertia + moved
             self.com = self.com + link.mass / total * d
         self.mass = total
 
@@ -93,7 +94,7 @@ class Bodies:
     @cached_property
     def reach(self) -> float:
         """Longest offset from one joint to the next [m]; distances much smaller than this count as zero."""
-        return max((float(np.abs(j.p).max()) for j in self.joints), default=0.0) or 1.0
+        return max((float(np.abs(j.p.astype(float)).max()) for j in self.joints), default=0.0) or 1.0
 
     @cached_property
     def size(self) -> float:

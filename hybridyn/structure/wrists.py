@@ -111,8 +111,8 @@ def _kind(bodies: Bodies, chain: list[int]) -> str | None:
     before, after = centres
     assert before is not None
     assert after is not None
-    seen = second.R.T @ (before - second.p)
-    return "spherical" if np.linalg.norm(seen - after) <= EXACT * bodies.reach else None
+    apart = second.R.T @ (before - second.p) - after
+    return "spherical" if apart @ apart <= (EXACT * bodies.reach) ** 2 else None
 
 
 def _crossing(bodies: Bodies, first: int, second: int) -> Array | None:
@@ -120,11 +120,11 @@ def _crossing(bodies: Bodies, first: int, second: int) -> Array | None:
     a, joint = bodies.joints[first].joint.axis, bodies.joints[second]
     b, p = joint.R @ joint.joint.axis, joint.p
     normal = np.cross(a, b)
-    if np.linalg.norm(normal) < 1e-3:
+    if normal @ normal < 1e-6:
         return None  # nearly parallel axes do not form a wrist
-    if abs(normal @ p) > EXACT * bodies.reach * np.linalg.norm(normal):
+    if abs(normal @ p) > EXACT * bodies.reach * np.linalg.norm(normal.astype(float)):
         return None
-    along = float(np.cross(p, b) @ normal / (normal @ normal))
+    along = np.cross(p, b) @ normal / (normal @ normal)
     return along * a
 
 

@@ -18,7 +18,7 @@ import casadi as ca
 import numpy as np
 
 from ...linkage.joints import NQ
-from .expressions import Expression, cross, dot, eye, hat, is_zero, plain, times, zeros
+from .expressions import Expression, cross, dot, eye, hat, is_zero, numbers, plain, times, zeros
 from .links import TURNING, Link
 from .rigid import (
     crf,
@@ -137,11 +137,6 @@ def sweep(
         chain.c.append(c if a is None else c + dot(S, a[cols]))
         chain.root.append(chain.root[link.parent])
     return chain
-
-
-def numbers(values: Expression) -> Expression:
-    """Convert numbers to expressions; expressions are returned unchanged."""
-    return values if values.dtype == object else plain(values)
 
 
 def motion_subspace(link: Link) -> Expression:

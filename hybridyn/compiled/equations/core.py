@@ -10,6 +10,7 @@ import numpy as np
 
 from ...spatial import Array, Index
 from ...structure.mechanism import Mechanism
+from .arguments.structure_guard import dependence
 from .chains import Chain, Placed, split_positions, sweep
 from .expressions import Expression, dot, pack, plain, symbols, zeros
 from .guards import Scale, size_of
@@ -34,6 +35,8 @@ class Plan:
         leg_pivots: Pivots of each group's closures.
         wrist_pivots: Pivots of each wrist's Jacobian.
         scale: Scales of its closure residuals.
+        inertias: Ten numbers of each output, including what regrouping moves to it, if they are arguments.
+        column: Symbols of the module's arguments, or None.
     """
 
     parts: Parts
@@ -42,6 +45,8 @@ class Plan:
     leg_pivots: tuple[Pivots, ...]
     wrist_pivots: tuple[Pivots, ...]
     scale: Scale
+    inertias: tuple[Expression, ...] | None = None
+    column: ca.SX | None = None
 
     @property
     def mechanism(self) -> Mechanism:
@@ -58,7 +63,7 @@ def plan_module(parts: Parts, positions: Array, closed: float) -> Plan:
         closed: How far loops may be open (`guards.GUARD_CLOSED`).
     """
     m = parts.mechanism
-    paths = tuple(path_of(m, wrist) for wrist in m.spec.wrists)
+    paths = tuple(path_of(m, m.spec, wrist) for wrist in m.spec.wrists)
     row_scale, col_scale = m.reduction.row_scale, m.reduction.col_scale
     postures = seen_postures(m)
     groups = []
@@ -172,10 +177,24 @@ def platform_link(plan: Plan, path: Path) -> int:
 
 
 def own_inertia(plan: Plan, constant: tuple[float, ...], output: int) -> Expression:
-    """Return the ten inertial numbers of an output, as constants or as inputs of the model."""
-    if plan.parts.own is None:
-        return plain(constant)
-    return plan.parts.own[plan.mechanism.spec.outputs[output] - 1]
+    """Return the ten inertial numbers of an output, as constants or as arguments of the model."""
+    return plain(constant) if plan.inertias is None else plan.inertias[output]
+
+
+def rank_guard(plan: Plan, rows: Rows, guard: Any, Psi: Expression) -> Any:
+    """Return a guard that is also above 1 where arguments change the rank of the core's closures.
+
+    Args:
+        plan: The module.
+        rows: Rows of its closures.
+        guard: The guard so far.
+        Psi: Motions of the core that the rows with pivots allow, shape (n, motions).
+    """
+    if plan.column is None or len(rows.K) == len(plan.loop_pivots.rows):
+        return guard
+    r, unit = plan.mechanism.reduction, plan.mechanism.reduction.col_scale[plan.parts.tree_v]
+    K = rows.K[:, 6:] * r.row_scale[list(plan.parts.closure_rows)][:, None] * unit
+    return ca.fmax(guard, dependence(K, Psi / unit[:, None], plan.scale.closed))
 
 
 def core_body(plan: Plan, body: int) -> int:

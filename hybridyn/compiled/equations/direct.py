@@ -15,8 +15,8 @@ import numpy as np
 
 from ...spatial import Index
 from .chains import motion_map, sweep
-from .core import Core, Plan, core_body, own_inertia, whole, write_core
-from .expressions import Expression, congruence, dot, pack, plain, symbols, upper, zeros
+from .core import Core, Plan, core_body, own_inertia, rank_guard, whole, write_core
+from .expressions import Expression, congruence, dot, numbers, pack, symbols, upper, zeros
 from .guards import trusted
 from .module_graph import (
     BaseMotion,
@@ -130,7 +130,7 @@ def _motion_outwards(core: Core, plan: Plan, options: DirectOptions) -> dict[str
         own, V = own_inertia(plan, options.inertias[o], o), core.chain.V[body]
         out[f"V {o}"] = pack(V[-twist_width(options.velocity) :])
         out[f"bias {o}"] = pack(bias_of(own, V, options.velocity))
-        if plan.parts.own is not None:
+        if plan.inertias is not None:
             out[f"own {o}"] = pack(upper(inertia_matrix(own)))
     return out
 
@@ -146,7 +146,7 @@ def _solve(core: Core, plan: Plan, options: DirectOptions, M: Expression, b: Exp
     E = dot(Psi.T, M_yb + dot(M_yy, Psi_b))  # Eq. (42)
     Q_0 = -dot(Psi.T, f)  # Eq. (44) and the motors
     solved, definite = solve_definite(A_t, np.concatenate([E, Q_0[:, None]], axis=1), WITHOUT_INERTIA)
-    guard = ca.fmax(core.rows.guard, trusted(trust))
+    guard = rank_guard(plan, core.rows, ca.fmax(core.rows.guard, trusted(trust)), Psi)
     guard = ca.SX(np.inf) if options.massless else ca.fmax(guard, 2.0 - ca.fmin(definite, 2.0))
     for k, usual in enumerate(options.usual):
         if usual > 0:
@@ -212,7 +212,7 @@ def _wrists(
         chain = sweep(list(path.links), q[path.q], v[path.v], base.V, a, base.A)
         body = core_body(plan, path.wrist.target)
         target = whole(core.chain, body, s, motion_map(core.chain, body))
-        target = to_child(plain(path.wrist.R), plain(path.wrist.p), target)
+        target = to_child(numbers(path.wrist.R), numbers(path.wrist.p), target)
         solved, trust = wrist_accelerations(path, chain, target, pivots)
         out |= {int(col): value for col, value in zip(path.v[path.wrist_v], solved, strict=True)}
         guard = ca.fmax(guard, trusted(trust))

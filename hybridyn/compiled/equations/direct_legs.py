@@ -9,7 +9,7 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 
-from ..program import Constants
+from ...spatial import Array
 from .core import Plan
 from .expressions import pack, symbols, zeros
 from .legs import PlatformMotion, leg_accelerations, leg_sums, write_leg
@@ -25,7 +25,7 @@ def forced_joints(leg: Leg, options: DirectOptions) -> list[int]:
     return [j for j, c in enumerate(leg.tree_v) if c in options.motors]
 
 
-def write_direct_legs(plan: Plan, n: int, options: DirectOptions) -> tuple[list[Stage], Constants]:
+def write_direct_legs(plan: Plan, n: int, options: DirectOptions) -> tuple[list[Stage], Array]:
     """Write the direct model of group n of a module, and return its stages and its legs' own numbers."""
     group = plan.parts.groups[n]
     leg, forced = group[0], forced_joints(group[0], options)
@@ -45,4 +45,4 @@ def write_direct_legs(plan: Plan, n: int, options: DirectOptions) -> tuple[list[
     outputs = {name: pack(sums[name]) for name, _ in LEG_SUMS} | {"guard": ca.SX(written.guard)}
     follows = {"a": pack(leg_accelerations(written, delta))}
     stages = cut("legs", [inputs, {"delta": delta_column}], [outputs, follows])
-    return stages, Constants(written.folding.table(len(group)))
+    return stages, written.folding.table(len(group))

@@ -34,6 +34,22 @@ def plain(values: Any) -> Expression:
     return np.asarray(values, dtype=float).astype(object)
 
 
+def numbers(values: Expression) -> Expression:
+    """Convert numbers to expressions; expressions are returned unchanged."""
+    return values if values.dtype == object else plain(values)
+
+
+def settled(values: Expression) -> Expression:
+    """Return an array of plain numbers, or the array itself if some entry is not constant."""
+    entries = [float(x) if isinstance(x, ca.SX) and x.is_constant() else x for x in values.ravel()]
+    if not any(isinstance(x, ca.SX) for x in entries):
+        return np.array(entries, dtype=float).reshape(values.shape)
+    out = np.empty(values.shape, dtype=object)
+    for at, entry in zip(np.ndindex(*values.shape), entries, strict=True):
+        out[at] = entry
+    return out
+
+
 def zeros(*shape: int) -> Expression:
     """Return an array of zeros."""
     return plain(np.zeros(shape))
@@ -113,7 +129,12 @@ def hat(a: Expression) -> Expression:
 
 
 def snap(R: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Round entries of a rotation to 0, 1 or -1 if they differ by rounding only."""
+    """Round entries of a rotation to 0, 1 or -1 if they differ by rounding only; expressions stay."""
+    if R.dtype == object:
+        plain_entries = np.array([isinstance(x, float) for x in R.ravel()]).reshape(R.shape)
+        out = R.copy()
+        out[plain_entries] = snap(R[plain_entries].astype(float))
+        return out
     out = np.where(np.abs(R) < ROTATION_ROUNDING, 0.0, R)
     return np.where(np.abs(np.abs(out) - 1.0) < ROTATION_ROUNDING, np.sign(out), out)
 

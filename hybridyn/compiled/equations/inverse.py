@@ -15,7 +15,7 @@ import numpy as np
 from ...spatial import Index
 from .actuation import motor_efforts
 from .chains import Chain, Placed, forces, motion_map, sweep
-from .core import Core, Plan, own_inertia, write_core
+from .core import Core, Plan, own_inertia, rank_guard, write_core
 from .expressions import Expression, cross, dot, pack, symbols, zeros
 from .guards import accelerating_apart, size_of, trusted
 from .inverse_legs import LEG_SUMS
@@ -99,6 +99,7 @@ def write_inverse(
     needed.b[at] = needed.b[at] - law
     X, trust = solve(core.rows.K[:, 6:], zeros(len(core.rows.K), 1), plan.loop_pivots)
     guard = ca.fmax(ca.fmax(core.rows.guard, trusted(trust)), _acceleration_guard(core, plan, a, base.A))
+    guard = rank_guard(plan, core.rows, guard, X[:, 1:])
     tau, measure = _efforts(core, plan, options, X[:, 1:], needed, pivots)
     efforts = {"guard": ca.SX(ca.fmax(guard, measure))} | ({"tau": pack(tau)} if len(tau) else {})
     if options.base is None:

@@ -7,7 +7,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from ..program import Constants
+from ...spatial import Array
 from .chains import Chain, forces, sweep
 from .core import Plan
 from .expressions import Expression, dot, pack, symbols, zeros
@@ -33,7 +33,7 @@ def driven_joints(leg: Leg, options: InverseOptions) -> list[int]:
     return [j for j, c in enumerate(leg.tree_v) if c in options.motors]
 
 
-def write_inverse_legs(plan: Plan, n: int, options: InverseOptions) -> tuple[list[Stage], Constants]:
+def write_inverse_legs(plan: Plan, n: int, options: InverseOptions) -> tuple[list[Stage], Array]:
     """Write the inverse model of group n of a module, and return its stage and its legs' own numbers.
 
     The outputs are `LEG_SUMS`; "motors", the wrench along delta of a unit effort of each motor; and "guard".
@@ -60,7 +60,7 @@ def write_inverse_legs(plan: Plan, n: int, options: InverseOptions) -> tuple[lis
     inputs = {name: column for name, (column, _) in columns.items()} | base.V_column | base.A_column
     inputs |= {"laws": laws_column} if lawful else {}
     inputs |= {"numbers": written.folding.symbol(), "platform": p_column}
-    return cut("legs", [inputs], [outputs]), Constants(written.folding.table(len(group)))
+    return cut("legs", [inputs], [outputs]), written.folding.table(len(group))
 
 
 def _moving(

@@ -17,8 +17,8 @@ import casadi as ca
 import numpy as np
 
 from ...spatial import Array
-from .chains import Chain, forces, mass_matrix, numbers, point_acceleration, point_velocity, sweep
-from .expressions import Expression, congruence, cross, dot, hat, pack, symbols, upper, zeros
+from .chains import Chain, forces, mass_matrix, point_acceleration, point_velocity, sweep
+from .expressions import Expression, congruence, cross, dot, hat, numbers, pack, symbols, upper, zeros
 from .folding import Folding
 from .guards import Scale, loops_closed, size_of, trusted
 from .links import Link, units_of

@@ -12,7 +12,7 @@ import numpy as np
 from ...linkage.joints import NV, TreeJoint
 from ...spatial import Array
 from ...structure.wrists import axis_frame
-from .expressions import ROTATION_ROUNDING, plain, snap
+from .expressions import ROTATION_ROUNDING, numbers, plain, settled, snap
 from .rigid import moved
 
 TURNING = ("revolute", "continuous")
@@ -114,7 +114,7 @@ def regrouped(links: list[Link]) -> tuple[list[Link], Array]:
         link = out[i]
         gone = unfelt(link)
         out[i] = replace(link, inertia=_clean(link.inertia - gone, link.inertia))
-        at = np.array(moved(plain(gone), plain(link.R), plain(link.p)), dtype=float)
+        at = settled(moved(numbers(gone), numbers(link.R), numbers(link.p)))
         if link.parent:
             parent = out[link.parent - 1]
             out[link.parent - 1] = replace(parent, inertia=parent.inertia + at)
@@ -124,7 +124,9 @@ def regrouped(links: list[Link]) -> tuple[list[Link], Array]:
 
 
 def _clean(inertia: Array, before: Array) -> Array:
-    """Set entries of ten numbers to zero that are rounding of the previous ones."""
+    """Set entries of ten numbers to zero that are rounding of the previous ones; expressions stay."""
+    if inertia.dtype == object:
+        return settled(inertia)
     out = inertia.copy()
     for part in (slice(1, 4), slice(4, 10)):
         size = np.abs(before[part]).max()
@@ -134,7 +136,7 @@ def _clean(inertia: Array, before: Array) -> Array:
 
 def unfelt(link: Link) -> Array:
     """Return the part of a link's ten numbers that does not affect its joint's force, shape (10,)."""
-    gone = np.zeros(10)
+    gone = np.zeros(10, dtype=link.inertia.dtype)
     if link.kind in TURNING and np.abs(link.axis).max() == 1.0:
         k = int(np.argmax(np.abs(link.axis)))
         diagonal = (4, 7, 9)

@@ -9,8 +9,8 @@ import casadi as ca
 import numpy as np
 
 from ...linkage.closures import TreeClosure, TreeCoupling
-from .chains import Chain, motion_map, numbers, point_acceleration, point_velocity
-from .expressions import Expression, cross, dot, zeros
+from .chains import Chain, motion_map, point_acceleration, point_velocity
+from .expressions import Expression, cross, dot, numbers, zeros
 from .guards import Scale, loops_closed
 from .links import units_of
 from .residuals import coupling_row

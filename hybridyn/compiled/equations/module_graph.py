@@ -79,9 +79,8 @@ def read_by_core(plan: Plan) -> tuple[Index, Index]:
 
 
 def parameters_of(plan: Plan) -> dict[str, ca.SX]:
-    """Return the symbols of a module's inertial parameters if they are inputs, else nothing."""
-    own = plan.parts.own
-    return {} if own is None else {"parameters": ca.vertcat(*[x for numbers in own for x in numbers])}
+    """Return the symbols of a module's arguments, or nothing."""
+    return {} if plan.column is None else {"parameters": plan.column}
 
 
 def scattered(name: str, index: Index, width: int) -> tuple[ca.SX, Expression]:

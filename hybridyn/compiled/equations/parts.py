@@ -16,7 +16,8 @@ from ...linkage.joints import NQ
 from ...spatial import Array, Index
 from ...structure.mechanism import Mechanism
 from ...structure.module_spec import ModuleSpec
-from .expressions import Expression, plain, zeros
+from .arguments.module_arguments import ModuleArguments
+from .expressions import plain, settled, zeros
 from .links import Link, aligned, askew, links_of, regrouped
 from .rigid import moved, ten_numbers
 
@@ -68,7 +69,6 @@ class Parts:
         groups: Groups of equal legs.
         base: Ten inertial numbers that regrouping moves to the base.
         rank: Rank of the core's closures.
-        own: Ten inertial numbers of each body of the tree if they are inputs, else None.
     """
 
     mechanism: Mechanism
@@ -86,7 +86,6 @@ class Parts:
     groups: tuple[tuple[Leg, ...], ...]
     base: Array
     rank: int
-    own: tuple[Expression, ...] | None = None
 
 
 def parts_of(
@@ -96,7 +95,7 @@ def parts_of(
     leg_inertia: bool = True,
     regroup: bool = True,
     align: bool = True,
-    own: tuple[Expression, ...] | None = None,
+    arguments: ModuleArguments | None = None,
 ) -> Parts:
     """Split a module into its core and its groups of legs.
 
@@ -107,13 +106,15 @@ def parts_of(
         regroup: Whether base inertial parameters are used.
         align: Whether body axes are aligned with the joint axes; otherwise they are turned away from them, to
             count what alignment saves.
-        own: Ten inertial numbers of each body of the tree after the cuts (without the base) as expressions,
-            if they are inputs of the model. Then no legs are grouped and nothing is regrouped.
+        arguments: Numbers of the module that are arguments, or None.
     """
-    spec = mechanism.spec
-    links, turns, base = _links(mechanism, leg_inertia, regroup, aligned if align else askew, own)
+    spec = mechanism.spec if arguments is None else arguments.spec
+    free = arguments is None or arguments.free
+    links, turns, base = _links(spec, leg_inertia, aligned if align else askew, arguments)
+    if regroup and free:
+        links, base = regrouped(links)
     closures = [_turned(c, turns) for c in spec.cut_closures]
-    held = _held_legs(mechanism) if own is None else {}
+    held = _held_legs(mechanism) if free else {}
     kept = [i for i in range(len(links)) if not any(i + 1 in bodies for bodies in held)]
     number = {0: 0} | {j + 1: i + 1 for i, j in enumerate(kept)}
     legs = [_leg(mechanism, bodies, links, closures[at], number) for bodies, at in held.items()]
@@ -136,29 +137,25 @@ def parts_of(
         groups=_groups(legs, marks),
         base=base,
         rank=mechanism.reduction.rank - sum(len(leg.tree_v) for leg in legs),
-        own=own,
     )
 
 
 def _links(
-    mechanism: Mechanism,
+    spec: ModuleSpec,
     leg_inertia: bool,
-    regroup: bool,
     turned: Callable[[list[Link], frozenset[int]], tuple[list[Link], list[Array]]],
-    own: tuple[Expression, ...] | None,
+    arguments: ModuleArguments | None,
 ) -> tuple[list[Link], list[Array], Array]:
-    """Return the tree's links, its bodies' turns, and the ten numbers that regrouping moves to the base."""
-    spec, base = mechanism.spec, np.zeros(10)
-    inertias = [ten_numbers(body if leg_inertia else None) for body in spec.leg_bodies]
+    """Return the tree's links, its bodies' turns, and ten zeros, for what regrouping moves to the base."""
+    massive = leg_inertia and arguments is None
+    inertias = [ten_numbers(body if massive else None) for body in spec.leg_bodies]
     links, turns = turned(links_of(spec.tree, inertias), frozenset(spec.outputs))
-    if own is not None:
+    if arguments is not None and (leg_inertia or not arguments.free):
         links = [
-            link if body is None else replace(link, inertia=moved(numbers, plain(turn.T), zeros(3)))
-            for link, body, numbers, turn in zip(links, spec.leg_bodies, own, turns[1:], strict=True)
+            link if body is None else replace(link, inertia=settled(moved(ten, plain(turn.T), zeros(3))))
+            for link, body, ten, turn in zip(links, spec.leg_bodies, arguments.own, turns[1:], strict=True)
         ]
-    elif regroup:
-        links, base = regrouped(links)
-    return links, turns, base
+    return links, turns, np.zeros(10)
 
 
 def _held_legs(mechanism: Mechanism) -> dict[tuple[int, ...], int]:

@@ -10,7 +10,7 @@ import numpy as np
 from ...linkage.joints import NQ, NV
 from ...spatial import Array, Index
 from ...structure.mechanism import Mechanism
-from ...structure.module_spec import WristSpec
+from ...structure.module_spec import ModuleSpec, WristSpec
 from .chains import Chain, sweep
 from .expressions import Expression, dot, pack, symbols, zeros
 from .links import Link, links_of
@@ -43,9 +43,8 @@ class Path:
         return slice(sum(link.nv for link in self.links[: self.wrist_from]), len(self.v))
 
 
-def path_of(mechanism: Mechanism, wrist: WristSpec) -> Path:
-    """Return the path to the end of a wrist."""
-    spec = mechanism.spec
+def path_of(mechanism: Mechanism, spec: ModuleSpec, wrist: WristSpec) -> Path:
+    """Return the path to the end of a wrist; `spec` has the module's numbers, which may be arguments."""
     joints = [wrist.joints[-1]]
     while (parent := spec.spanning[joints[-1]].parent) != 0:
         joints.append(parent - 1)

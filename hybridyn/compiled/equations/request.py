@@ -2,26 +2,30 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 
-import casadi as ca
 import numpy as np
 
 from ...effects.choice import Choice, Effects, choose
 from ...errors import ModelError
 from ...spatial import Array, Index
 from ...structure.module import Module
+from ...structure.parameters.slots import Slot
 from ...structure.robot import HybridRobot
+from .arguments.body_inertias import BodyInertias
+from .arguments.chosen import ChosenNumbers
+from .arguments.module_arguments import ModuleArguments
 from .core import Plan, plan_module
-from .expressions import Expression, unpack
+from .expressions import settled
 from .guards import GUARD_CLOSED
-from .parts import parts_of
-from .rigid import ten_numbers
+from .parts import Parts, parts_of
+from .paths import path_of
+from .rigid import ten_expressions, ten_numbers
 from .states import generic_positions
 
-#: Indices of (m, h, Ixx, Ixy, Ixz, Iyy, Iyz, Izz) in `pinocchio.Inertia.toDynamicParameters`.
-AS_PINOCCHIO = np.array([0, 1, 2, 3, 4, 5, 7, 6, 8, 9])
+Arguments = BodyInertias | ChosenNumbers
 
 
 @dataclass(frozen=True)
@@ -33,7 +37,7 @@ class Request:
         on: The effects.
         regroup: Whether base inertial parameters are used.
         align: Whether body axes are aligned with the joint axes.
-        parameters: Whether the bodies' inertial parameters are inputs of the model.
+        arguments: Numbers that are inputs of the model ("parameters"), or None.
         dtype: Type of the arithmetic, "float64" or "float32"; it decides how far loops may be open.
         counted: Whether the code states which operations belong to which part (`Kernel.shares`).
     """
@@ -42,28 +46,65 @@ class Request:
     on: Effects
     regroup: bool = True
     align: bool = True
-    parameters: bool = False
+    arguments: Arguments | None = None
     dtype: str = "float64"
     counted: bool = False
 
     @cached_property
     def plans(self) -> list[Plan]:
-        """A plan for each module; modules of one mechanism with equal marks share it."""
+        """A plan for each module, with its arguments."""
+        plans = list(self.constant_plans)
+        if isinstance(self.arguments, ChosenNumbers):
+            for k in reversed(range(len(plans))):  # what a module moves down comes before what carries it
+                plans[k] = self._with_arguments(k, plans, self.arguments)
+        return plans
+
+    def _with_arguments(self, k: int, plans: list[Plan], chosen: ChosenNumbers) -> Plan:
+        """Return the plan of module k with its arguments and those of the modules that it carries.
+
+        Pivots and groups of legs are those of the constants.
+        """
+        module, own = self.robot.modules[k], chosen.of_modules[k]
+        spec = module.mechanism.spec if own is None else own.spec
+        moved_down = [[plans[i].parts.base for i in self.children(k, o)] for o in range(len(spec.outputs))]
+        if own is None and all(base.dtype != object for bases in moved_down for base in bases):
+            return plans[k]
+        inertias = tuple(
+            settled(sum(bases, ten_expressions(body)))
+            for body, bases in zip(spec.outputs_inertia, moved_down, strict=True)
+        )
+        plan = replace(plans[k], inertias=inertias, column=chosen.column)
+        if own is None:
+            return plan
+        paths = tuple(path_of(module.mechanism, spec, wrist) for wrist in spec.wrists)
+        return replace(plan, parts=self._parts(module, own), paths=paths)
+
+    def _parts(self, module: Module, arguments: ModuleArguments | None) -> Parts:
+        """Split a module into its core and its groups of legs."""
+        return parts_of(
+            module.mechanism,
+            self.marks(module),
+            leg_inertia=self.on.leg_inertia is not None,
+            regroup=self.regroup,
+            align=self.align,
+            arguments=arguments,
+        )
+
+    @cached_property
+    def constant_plans(self) -> list[Plan]:
+        """A plan for each module, which chooses its pivots; equal modules with equal marks share it."""
         known: dict[tuple[int, tuple[str, ...]], Plan] = {}
         out = []
-        for module in self.robot.modules:
-            marks = self.marks(module)
-            key = (id(module.mechanism), marks)
+        inertias = self.arguments.of_modules if isinstance(self.arguments, BodyInertias) else None
+        for k, module in enumerate(self.robot.modules):
+            key = (id(module.mechanism), self.marks(module))
             if key not in known:
-                parts = parts_of(
-                    module.mechanism,
-                    marks,
-                    leg_inertia=self.on.leg_inertia is not None,
-                    regroup=self.regroup,
-                    align=self.align,
-                    own=self._own(module) if self.parameters else None,
-                )
-                known[key] = plan_module(parts, self.positions(module), GUARD_CLOSED[self.dtype])
+                own = None if inertias is None else inertias[k]
+                plan = plan_module(self._parts(module, own), self.positions(module), GUARD_CLOSED[self.dtype])
+                if own is not None:
+                    outputs = tuple(own.own[o - 1] for o in own.spec.outputs)
+                    plan = replace(plan, inertias=outputs, column=own.column)
+                known[key] = plan
             out.append(known[key])
         return out
 
@@ -74,17 +115,16 @@ class Request:
             self._positions[key] = generic_positions(module)
         return self._positions[key]
 
-    def _own(self, module: Module) -> tuple[Expression, ...]:
-        """Return symbols for the ten numbers of each body of a module's tree after the cuts."""
-        bodies = len(module.mechanism.spec.tree)
-        entries = unpack(ca.SX.sym("parameters", 10 * bodies)).reshape(bodies, 10)
-        return tuple(entries)
+    def parameter_index(self, k: int) -> Index:
+        """Return the places of the arguments of module k in the input "parameters"."""
+        assert self.arguments is not None
+        own = self.arguments.of_modules[k]
+        return np.arange(self.arguments.size) if own is None else own.index
 
-    def parameter_index(self, module: Module) -> Index:
-        """Return the indices of the ten numbers of a module's bodies in the input "parameters"."""
-        spec = module.mechanism.spec
-        own = [self.robot.body_of_joint[module.joints[body - 1]] for body in spec.tree_body[1:]]
-        return np.concatenate([10 * body + AS_PINOCCHIO for body in own])
+    @property
+    def parameter_inputs(self) -> list[tuple[str, int]]:
+        """The input "parameters" of programs and its size, or nothing."""
+        return [] if self.arguments is None else [("parameters", self.arguments.size)]
 
     @cached_property
     def _positions(self) -> dict[int, Array]:
@@ -124,7 +164,7 @@ class Request:
         out = []
         for o, body in enumerate(self.robot.modules[k].mechanism.spec.outputs_inertia):
             total = ten_numbers(body) + sum(
-                (self.plans[i].parts.base for i in self.children(k, o)), np.zeros(10)
+                (self.constant_plans[i].parts.base for i in self.children(k, o)), np.zeros(10)
             )
             out.append(tuple(total.tolist()))
         return tuple(out)
@@ -147,7 +187,7 @@ def request(
     *,
     regroup: bool = True,
     align: bool = True,
-    parameters: bool = False,
+    parameters: bool | Sequence[Slot] = False,
     dtype: str = "float64",
     counted: bool = False,
 ) -> Request:
@@ -165,4 +205,9 @@ def request(
         )
     if on.inertia is None:
         raise ModelError("models without the effect 'inertia' cannot be compiled", element="inertia")
-    return Request(robot, on, regroup, align, parameters, dtype, counted)
+    arguments: Arguments | None = None
+    if parameters is True:
+        arguments = BodyInertias(robot)
+    elif parameters:
+        arguments = ChosenNumbers(robot, tuple(parameters))
+    return Request(robot, on, regroup, align, arguments, dtype, counted)

@@ -11,7 +11,19 @@ import numpy as np
 
 from ...spatial import Array
 from ...structure.bodies import Body
-from .expressions import Expression, congruence, cross, dot, hat, plain, symmetric, times, upper, zeros
+from .expressions import (
+    Expression,
+    congruence,
+    cross,
+    dot,
+    hat,
+    numbers,
+    plain,
+    symmetric,
+    times,
+    upper,
+    zeros,
+)
 
 
 def ten_numbers(body: Body | None) -> Array:
@@ -21,6 +33,13 @@ def ten_numbers(body: Body | None) -> Array:
     c = np.asarray(body.com, dtype=float)
     about_origin = body.inertia + body.mass * (c @ c * np.eye(3) - np.outer(c, c))
     return np.concatenate([[body.mass], body.mass * c, about_origin[np.triu_indices(3)]])
+
+
+def ten_expressions(body: Body) -> Expression:
+    """Compute `ten_numbers` of a body whose numbers may be expressions."""
+    m, c = body.mass, numbers(body.com)
+    h = np.array([times(m, x) for x in c], dtype=object)
+    return np.concatenate([[m], h, upper(numbers(body.inertia) - dot(hat(c), hat(h)))])
 
 
 def moved(inertia: Expression, R: Expression, p: Expression) -> Expression:

@@ -18,10 +18,10 @@ from ..equations.quadratic_form import LEG_SUMS
 from ..equations.request import Request
 from ..equations.rigid import inertia_matrix
 from ..equations.stages import Stage
-from ..program import Add, Constants, Program, Source, Target, Worst
+from ..program import Add, Program, Source, Target, Worst
 from .efforts import Efforts
 from .module_calls import ModuleCalls, read
-from .roots import moving_base, unit_base
+from .roots import moving_base, same_structure, unit_base
 from .stage_calls import Stages
 from .writer import Writer
 
@@ -43,7 +43,7 @@ class _DirectCalls(ModuleCalls):
     written: DirectModule
     below: _DirectCalls | None
     articulated: dict[int, tuple[Add, Add]] = field(default_factory=dict)
-    legs: list[tuple[tuple[Leg, ...], Stages, Constants]] = field(default_factory=list)
+    legs: list[tuple[tuple[Leg, ...], Stages, Source]] = field(default_factory=list)
     efforts: dict[str, Source] = field(default_factory=dict)
 
 
@@ -53,10 +53,10 @@ def direct_program(request: Request) -> Program:
     inputs = [("q", robot.nq), ("v", robot.nv), ("tau", len(robot.motors))]
     if robot.base == "moving":
         inputs.append(("base_acceleration", 6))
-    if request.parameters:
-        inputs.append(("parameters", 10 * len(robot.bodies.bodies)))
+    inputs += request.parameter_inputs
     w = Writer("ddm", inputs, [("a", robot.nv)])
     unit_base(request, w)
+    same_structure(request, w)
     given = w.from_given("base_acceleration", np.arange(6)) if robot.base == "moving" else None
     sweeps = _Sweeps(request, w, moving_base(request, w, given, report=True) if given else None)
     modules: list[_DirectCalls] = []
@@ -76,7 +76,7 @@ class _Sweeps:
         self.request, self.w, self.root = request, writer, root
         self.efforts = Efforts(request, writer)
         self._code: dict[Any, DirectModule] = {}
-        self._leg_code: dict[Any, tuple[list[Stage], Constants]] = {}
+        self._leg_code: dict[Any, tuple[list[Stage], Array]] = {}
 
     def outwards(self, k: int, modules: list[_DirectCalls]) -> _DirectCalls:
         """Add the motion outwards: platforms, twists, and the legs' inertias and biases."""
@@ -140,8 +140,8 @@ class _Sweeps:
         return _DirectCalls(self.request, self.w, k, options, written, stages, below, self.root)
 
     def _own(self, calls: _DirectCalls, o: int) -> Array:
-        """Return an output's own inertia, the start of its articulated inertia; zero if it is an input."""
-        if self.request.parameters:
+        """Return an output's own inertia, the start of its articulated inertia; zero if it is an argument."""
+        if self.request.plans[calls.k].inertias is not None:
             return np.zeros(21)
         return upper(inertia_matrix(plain(calls.options.inertias[o]))).astype(float)
 
@@ -151,7 +151,8 @@ class _Sweeps:
         key = (id(plan), n, options.base is None, options.velocity, options.rotor)
         if key not in self._leg_code:
             self._leg_code[key] = write_direct_legs(plan, n, options)
-        stages, numbers = self._leg_code[key]
+        stages, table = self._leg_code[key]
+        numbers = self.w.numbers(table, plan.column)
         legs = Stages(self.w, ("legs", key), stages, LEG_PARTS, len(group))
         sources, forced = calls.leg_sources(group, numbers), forced_joints(group[0], options)
         if forced:

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from ...spatial import Array
 from ..equations.inverse import InverseModule, write_inverse
 from ..equations.inverse_legs import LEG_SUMS, driven_joints, lawful_joints, write_inverse_legs
 from ..equations.module_graph import twist_width
@@ -15,10 +16,10 @@ from ..equations.options import InverseOptions, inverse_options
 from ..equations.request import Request
 from ..equations.stages import Stage
 from ..equations.static_elimination import Pivots
-from ..program import Add, Constants, Each, Program, Shared, Source, Target, Worst
+from ..program import Add, Each, Program, Shared, Source, Target, Worst
 from .efforts import Efforts
 from .module_calls import ModuleCalls, read
-from .roots import moving_base, unit_base
+from .roots import moving_base, same_structure, unit_base
 from .stage_calls import Stages
 from .writer import Writer
 
@@ -44,11 +45,10 @@ class _InverseCalls(ModuleCalls):
 def inverse_program(request: Request) -> Program:
     """Build the program of a robot's inverse model."""
     robot = request.robot
-    inputs = [("q", robot.nq), ("v", robot.nv), ("a", robot.nv)]
-    if request.parameters:
-        inputs.append(("parameters", 10 * len(robot.bodies.bodies)))
+    inputs = [("q", robot.nq), ("v", robot.nv), ("a", robot.nv), *request.parameter_inputs]
     w = Writer("idm", inputs, [("tau", len(robot.motors))])
     unit_base(request, w)
+    same_structure(request, w)
     root = moving_base(request, w, w.from_given("a", np.arange(6)), report=False)
     sweeps = _Sweeps(request, w, root)
     modules: list[_InverseCalls] = []
@@ -66,7 +66,7 @@ class _Sweeps:
         self.request, self.w, self.root = request, writer, root
         self.efforts = Efforts(request, writer, motors=False)
         self._code: dict[Any, InverseModule] = {}
-        self._leg_code: dict[Any, tuple[list[Stage], Constants]] = {}
+        self._leg_code: dict[Any, tuple[list[Stage], Array]] = {}
         self._pivots: dict[Any, Pivots | None] = {}
 
     def outwards(self, k: int, modules: list[_InverseCalls]) -> _InverseCalls:
@@ -116,7 +116,7 @@ class _Sweeps:
 
     def _motor_pivots(self, k: int, options: InverseOptions) -> Pivots | None:
         """Return the pivots of the motor map of module k; equal modules share them."""
-        plan, motors = self.request.plans[k], tuple(options.motors[i] for i in options.moving)
+        plan, motors = self.request.constant_plans[k], tuple(options.motors[i] for i in options.moving)
         key = (id(plan), motors)
         if key not in self._pivots:
             positions = self.request.positions(self.request.robot.modules[k])
@@ -131,7 +131,7 @@ class _Sweeps:
         if key not in self._leg_code:
             self._leg_code[key] = write_inverse_legs(plan, n, options)
         stages, numbers = self._leg_code[key]
-        sources = calls.leg_sources(group, numbers)
+        sources = calls.leg_sources(group, self.w.numbers(numbers, plan.column))
         if lawful:
             sources["laws"] = self.efforts.of(calls.k, np.array([leg.tree_v[lawful] for leg in group]))
         targets = calls.sums_of(group[0].platform, LEG_SUMS)

@@ -8,6 +8,7 @@ import casadi as ca
 import numpy as np
 
 from ...structure.module import Module
+from ..equations.arguments.module_arguments import ModuleArguments
 from ..equations.chains import sweep
 from ..equations.expressions import Expression, cross, dot, eye, pack, symbols, unpack, zeros
 from ..equations.links import links_of
@@ -24,14 +25,15 @@ WIDTH = 24
 def kinematics_program(request: Request) -> Program:
     """Build the program of all bodies' motions; body b of `robot.bodies` begins at WIDTH b of "bodies"."""
     robot = request.robot
-    inputs = [("q", robot.nq), ("v", robot.nv), ("a", robot.nv)]
+    inputs = [("q", robot.nq), ("v", robot.nv), ("a", robot.nv), *request.parameter_inputs]
     w = Writer("kinematics", inputs, [("bodies", WIDTH * len(robot.bodies.bodies))])
     states: dict[int, Source] = {0: _root(request, w)}
-    kernels: dict[int, ca.Function] = {}
-    for module in robot.modules[robot.base == "floating" :]:
-        m = module.mechanism
-        if id(m) not in kernels:
-            kernels[id(m)] = _module(module)
+    kernels: dict[tuple[int, int], ca.Function] = {}
+    for k, module in list(enumerate(robot.modules))[robot.base == "floating" :]:
+        own = None if request.arguments is None else request.arguments.of_modules[k]
+        key = id(module.mechanism), -1 if own is None else k
+        if key not in kernels:
+            kernels[key] = _module(module, own)
         bodies = [robot.body_of_joint[joint] for joint in module.joints]
         targets: list[Target] = []
         for body in bodies:
@@ -44,7 +46,9 @@ def kinematics_program(request: Request) -> Program:
             w.from_given("a", module.v_index),
             states[robot.bodies.place[module.base][0]],
         ]
-        w.call(w.kernel(id(m), kernels[id(m)], "kinematics"), 1, sources, targets)
+        if own is not None:
+            sources.append(w.from_given("parameters", own.index))
+        w.call(w.kernel(key, kernels[key], "kinematics"), 1, sources, targets)
     return w.program()
 
 
@@ -76,9 +80,9 @@ def _in_world(R: Expression, p: Expression, V: Expression, A: Expression) -> ca.
     return pack(R, p, dot(R, v), dot(R, w), dot(R, A[:3] + cross(w, v)), dot(R, A[3:]))
 
 
-def _module(module: Module) -> ca.Function:
+def _module(module: Module, own: ModuleArguments | None) -> ca.Function:
     """Return the kernel of a module's bodies; each body is output twice, as a result and for its children."""
-    spec = module.mechanism.spec
+    spec = module.mechanism.spec if own is None else own.spec
     links = links_of(spec.spanning, [np.zeros(10)] * len(spec.spanning))
     tree = module.mechanism.spanning
     columns: list[Any] = [ca.SX.sym("q", tree.nq), ca.SX.sym("v", tree.nv), ca.SX.sym("a", tree.nv)]
@@ -92,4 +96,5 @@ def _module(module: Module) -> ca.Function:
     for body in range(1, len(links) + 1):
         out = _in_world(dot(R, chain.R0[body]), p + dot(R, chain.p0[body]), chain.V[body], chain.c[body])
         outputs += [out, out]
-    return ca.Function("module", [*columns, base_col], outputs)
+    arguments = [] if own is None else [own.column]
+    return ca.Function("module", [*columns, base_col, *arguments], outputs)

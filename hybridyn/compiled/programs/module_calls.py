@@ -13,7 +13,7 @@ from ..equations.module_graph import WrittenModule
 from ..equations.options import ModuleOptions
 from ..equations.parts import Leg
 from ..equations.request import Request
-from ..program import Add, Constants, Shared, Source, Target, Worst
+from ..program import Add, Shared, Source, Target, Worst
 from .stage_calls import Stages
 from .writer import Writer
 
@@ -62,12 +62,12 @@ class ModuleCalls:
     def sources(self) -> dict[str, Source]:
         """Return the sources of positions, rates, parameters and base motion for its stages."""
         out = self._coordinates([self.written])
-        if self.request.parameters:
-            index = self.request.parameter_index(self.module)
+        if self.request.plans[self.k].column is not None:
+            index = self.request.parameter_index(self.k)
             out["parameters"] = self.writer.from_given("parameters", index)
         return out | self._base()
 
-    def leg_sources(self, group: tuple[Leg, ...], numbers: Constants) -> dict[str, Source]:
+    def leg_sources(self, group: tuple[Leg, ...], numbers: Source) -> dict[str, Source]:
         """Return the sources of positions, rates, own numbers, platform and base motion for equal legs."""
         platform = self.platforms[group[0].platform]
         return self._coordinates(group) | self._base() | {"numbers": numbers, "platform": platform}

@@ -6,6 +6,8 @@ import casadi as ca
 import numpy as np
 
 from ...structure.samples import UNIT
+from ..equations.arguments.chosen import ChosenNumbers
+from ..equations.arguments.structure_guard import decided_alike
 from ..equations.expressions import dot, pack, plain, symbols
 from ..equations.request import Request
 from ..equations.rigid import classical, quaternion_matrix
@@ -21,6 +23,16 @@ def unit_base(request: Request, w: Writer) -> None:
     guard = ca.fabs(sum(x * x for x in q) - 1.0) / UNIT
     kernel = w.kernel("unit", ca.Function("unit", [column], [guard]), "kinematics")
     w.call(kernel, 1, [w.from_given("q", np.arange(3, 7))], [Worst()])
+
+
+def same_structure(request: Request, w: Writer) -> None:
+    """Add a guard that rejects arguments with which the robot has another structure."""
+    if request.arguments is None or not request.arguments.decisions:
+        return
+    assert isinstance(request.arguments, ChosenNumbers)
+    column, guard = request.arguments.column, decided_alike(request.arguments.decisions)
+    kernel = w.kernel("structure", ca.Function("structure", [column], [guard]), "parameters")
+    w.call(kernel, 1, [w.from_given("parameters", np.arange(request.arguments.size))], [Worst()])
 
 
 def moving_base(

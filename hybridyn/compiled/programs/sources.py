@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import hashlib
 import pickle
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from ...effects.choice import Effects
+from ...structure.parameters.slots import Slot
 from ...structure.robot import HybridRobot
 from ..code.scalars import Scalar
 from ..failures import as_compile_error
@@ -29,7 +30,11 @@ def robot_key(robot: HybridRobot, effects: Effects | None) -> str:
 
 
 def built_library(
-    robot: HybridRobot, effects: Effects, scalar: Scalar, accept: Callable[[Built], None] = lambda built: None
+    robot: HybridRobot,
+    effects: Effects,
+    scalar: Scalar,
+    accept: Callable[[Built], None] = lambda built: None,
+    parameters: Sequence[Slot] = (),
 ) -> Built:
     """Return the library of a robot's models from the cache, or build it.
 
@@ -38,15 +43,18 @@ def built_library(
         effects: Effects in the models.
         scalar: Scalar type and number of lanes.
         accept: Checks a new library and raises if it is wrong.
+        parameters: Numbers of the description that are arguments of the models.
 
     Raises:
         CompileError: There is no compiler, the compiler fails, or casadi is not installed.
     """
-    key = robot_key(robot, effects) + repr(scalar)
-    return cached(key, lambda: source_of(robot, effects, scalar), accept=accept)
+    key = robot_key(robot, effects) + repr(scalar) + (repr(parameters) if parameters else "")
+    return cached(key, lambda: source_of(robot, effects, scalar, parameters), accept=accept)
 
 
-def source_of(robot: HybridRobot, effects: Effects, scalar: Scalar) -> Source:
+def source_of(
+    robot: HybridRobot, effects: Effects, scalar: Scalar, parameters: Sequence[Slot] = ()
+) -> Source:
     """Generate the C source of a robot's models.
 
     Raises:
@@ -57,10 +65,12 @@ def source_of(robot: HybridRobot, effects: Effects, scalar: Scalar) -> Source:
     needs_casadi()
     from ..code.library_source import library_source
 
-    return library_source(list(write_programs(robot, effects, scalar.name).values()), scalar)
+    return library_source(list(write_programs(robot, effects, scalar.name, parameters).values()), scalar)
 
 
-def write_programs(robot: HybridRobot, effects: Effects, dtype: str = "float64") -> dict[str, Program]:
+def write_programs(
+    robot: HybridRobot, effects: Effects, dtype: str = "float64", parameters: Sequence[Slot] = ()
+) -> dict[str, Program]:
     """Generate the programs of a robot's models.
 
     Raises:
@@ -72,5 +82,5 @@ def write_programs(robot: HybridRobot, effects: Effects, dtype: str = "float64")
     from .whole_robot import programs
 
     with as_compile_error(robot):
-        written = programs(robot, effects, dtype=dtype)
+        written = programs(robot, effects, dtype=dtype, parameters=parameters)
     return {name: replace(program, name=name) for name, program in written.items()}

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 from ...effects.choice import Choice
+from ...structure.parameters.slots import Slot
 from ...structure.robot import HybridRobot
 from ..equations.request import Request, request
 from ..program import Program
@@ -22,7 +23,7 @@ def programs(
     models: tuple[str, ...] = ("idm", "ddm", "kinematics", "lift"),
     regroup: bool = True,
     align: bool = True,
-    parameters: bool = False,
+    parameters: bool | Sequence[Slot] = False,
     dtype: str = "float64",
     counted: bool = False,
 ) -> dict[str, Program]:
@@ -37,8 +38,9 @@ def programs(
         regroup: Whether base inertial parameters are used.
         align: Whether body axes are aligned with the joint axes, so that zeros and ones need no operations;
             otherwise they are turned away from them.
-        parameters: Whether the inertial parameters of the bodies are an input ("parameters"), ten for each
-            body of `robot.bodies` in the order and frame of `pinocchio.Inertia.toDynamicParameters`.
+        parameters: Numbers of the description that are an input ("parameters"); True for the inertial
+            parameters of the bodies, ten for each body of `robot.bodies` in the order and frame of
+            `pinocchio.Inertia.toDynamicParameters`. Programs that close loops are then left out.
         dtype: Type of the arithmetic, "float64" or "float32". The general path computes samples whose loops
             are open by more than its rounding.
         counted: Whether kernels state which operations belong to which part, for `operations`.
@@ -56,5 +58,7 @@ def programs(
         "lift": lift_program,
         "close": close_program,
     }
+    if asked.arguments is not None:
+        models = tuple(name for name in models if name in ("idm", "ddm", "kinematics"))
     written = {name: write[name](asked) for name in models}
     return {name: program for name, program in written.items() if program is not None}

@@ -8,7 +8,22 @@ import casadi as ca
 import numpy as np
 
 from ...spatial import Array, Index
-from ..program import Add, Call, Each, Given, Kernel, Own, Program, Result, Shared, Source, Start, Target
+from ..equations.expressions import pack
+from ..program import (
+    Add,
+    Call,
+    Constants,
+    Each,
+    Given,
+    Kernel,
+    Own,
+    Program,
+    Result,
+    Shared,
+    Source,
+    Start,
+    Target,
+)
 
 
 class Writer:
@@ -26,6 +41,22 @@ class Writer:
         self._number: dict[Any, int] = {}
         self._steps: list[Start | Call] = []
         self._shared = self._own = 0
+
+    def numbers(self, values: Array, parameters: ca.SX | None) -> Source:
+        """Return the source of the copies' numbers, shape (copies, entries).
+
+        Args:
+            values: The numbers; those that are arguments are expressions of `parameters`.
+            parameters: Symbols of the input "parameters", or None.
+        """
+        if values.dtype != object or parameters is None:
+            return Constants(values)
+        place = self.each(*values.shape)
+        function = ca.Function("numbers", [parameters], [pack(values)])
+        kernel = self.kernel(("numbers", place.start), function, "parameters")
+        source = self.from_given("parameters", np.arange(parameters.numel()))
+        self.call(kernel, 1, [source], [Shared(place.start, values.size)])
+        return place
 
     def kernel(
         self,

@@ -1,0 +1,66 @@
+"""Numbers of a robot's description that are arguments of its models."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import casadi as ca
+import numpy as np
+
+from ....structure.parameters.expressed import Expressed, expressed
+from ....structure.parameters.slots import Slot
+from ....structure.parameters.traced import Decision
+from ....structure.robot import HybridRobot
+from ..expressions import unpack
+from ..rigid import ten_expressions
+from .module_arguments import ModuleArguments
+from .numbers_of import depends, numbers_of
+
+
+@dataclass(frozen=True)
+class ChosenNumbers:
+    """Chosen numbers of a robot's description as arguments of its models.
+
+    Attributes:
+        robot: The robot.
+        slots: The numbers.
+    """
+
+    robot: HybridRobot
+    slots: tuple[Slot, ...]
+
+    @property
+    def size(self) -> int:
+        """Number of arguments."""
+        return len(self.slots)
+
+    @property
+    def decisions(self) -> tuple[Decision, ...]:
+        """Comparisons of arguments that decided the structure."""
+        return self.traced.decisions
+
+    @cached_property
+    def column(self) -> ca.SX:
+        """Symbols of the numbers."""
+        return ca.SX.sym("parameters", len(self.slots))
+
+    @cached_property
+    def traced(self) -> Expressed:
+        """The modules' numbers as functions of them."""
+        return expressed(self.robot, self.slots, unpack(self.column).tolist())
+
+    @cached_property
+    def of_modules(self) -> tuple[ModuleArguments | None, ...]:
+        """Arguments of each module; None for modules of constants alone."""
+        return tuple(self._of(k) for k in range(len(self.robot.modules)))
+
+    def _of(self, k: int) -> ModuleArguments | None:
+        """Return the arguments of module k, or None."""
+        spec = numbers_of(self.traced.specs[k])
+        if not depends(spec):
+            return None
+        outputs = dict(zip(spec.outputs, spec.outputs_inertia, strict=True))
+        bodies = [body or outputs[i] for i, body in enumerate(spec.leg_bodies, 1)]
+        own = tuple(ten_expressions(body) for body in bodies)
+        return ModuleArguments(self.column, np.arange(len(self.slots)), spec, own, True)

@@ -1,0 +1,127 @@
+"""Compiled models at chosen parameters: arguments of a batch, and the general path for each design."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ...errors import HybridynError, ModelError, TrajectoryError
+from ...spatial import Array, Index
+from ...structure.parameters.changed import changed
+from ...structure.parameters.entries import Parameters
+from ...structure.robot import HybridRobot
+
+#: Factors on the parameters of the designs at which a new model is verified.
+TRIED = (1.0, 1.03, 0.98)
+#: Number of robots that are kept for samples that the general path computes.
+KEPT_ROBOTS = 8
+
+
+class AtDesign:
+    """The interface of a library at one design, for programs with the input "parameters".
+
+    Attributes:
+        dtype, programs: Those of the library.
+    """
+
+    def __init__(self, library: Any, numbers: Array) -> None:
+        """Store the numbers in the slots, shape (slots,)."""
+        self._library, self._numbers = library, numbers
+        self.dtype, self.programs = library.dtype, library.programs
+
+    def batch(self, name: str, *inputs: Array) -> tuple[tuple[Any, ...], Any]:
+        """Compute outputs, shapes (T, n), and guards, shape (T,)."""
+        out: tuple[tuple[Any, ...], Any] = self._library.batch(
+            name, *inputs, np.tile(self._numbers, (len(inputs[0]), 1))
+        )
+        return out
+
+
+def designs_to_verify(
+    robot: HybridRobot, parameters: Parameters
+) -> Iterator[tuple[Array, HybridRobot, bool]]:
+    """Yield the designs at which a new model is verified: numbers in slots, the robot, whether it must work.
+
+    Args:
+        robot: The robot.
+        parameters: Its parameters.
+    """
+    for factor in TRIED if parameters.size else TRIED[:1]:
+        numbers = parameters.slot_values(factor * parameters.nominal[None])[0]
+        if factor == 1.0:
+            yield numbers, robot, True
+            continue
+        try:
+            like = changed(robot, parameters.slots, numbers.tolist())
+        except HybridynError:  # no such robot
+            continue
+        yield numbers, like, False
+
+
+class Designs:
+    """The designs of calls of one compiled robot."""
+
+    def __init__(self, robot: HybridRobot, parameters: Parameters) -> None:
+        self.robot, self.parameters = robot, parameters
+        self._nominal = parameters.slot_values(parameters.nominal[None])[0]
+        self._robots: dict[bytes, HybridRobot] = {}
+
+    def numbers(self, p: ArrayLike | None, shape: tuple[int, ...]) -> Array:
+        """Return the numbers in the slots for each sample.
+
+        Args:
+            p: Parameters, shape (k,) or (T, k); None for those of the description.
+            shape: Shape of the samples, () or (T,).
+
+        Raises:
+            ModelError: The model was compiled without parameters.
+            TrajectoryError: The shape is wrong, or a number is not finite.
+        """
+        size = self.parameters.size
+        if p is None:
+            return np.broadcast_to(self._nominal, (*shape, len(self._nominal)))
+        if not size:
+            raise ModelError(
+                "this model has no parameters: name them in hybridyn.compile(robot, parameters=)"
+            )
+        values = np.asarray(p, dtype=float)
+        if values.shape not in ((size,), (*shape, size)) or not np.isfinite(values).all():
+            raise TrajectoryError(
+                f"parameters has shape {values.shape}; wanted finite numbers of shape ({size},)"
+                + (f" or {(*shape, size)}" if shape else "")
+                + f" ({', '.join(self.parameters.labels[:6])}{', ...' if size > 6 else ''})"
+            )
+        slots = self.parameters.slot_values(np.atleast_2d(values))
+        return slots[0] if not shape else np.broadcast_to(slots, (*shape, slots.shape[1]))
+
+    def by_design(self, numbers: Array, rows: Index) -> Iterator[tuple[HybridRobot, Index]]:
+        """Yield the robot of each design among some samples, and the samples.
+
+        Args:
+            numbers: Numbers in the slots, shape (T, slots).
+            rows: The samples.
+
+        Raises:
+            HybridynError: A design is no robot.
+        """
+        designs, which = np.unique(numbers[rows], axis=0, return_inverse=True)
+        for n, design in enumerate(designs):
+            yield self.robot_of(design), rows[which.ravel() == n]
+
+    def robot_of(self, numbers: Array) -> HybridRobot:
+        """Return the robot with numbers in the slots, shape (slots,); the last few are kept.
+
+        Raises:
+            HybridynError: There is no such robot.
+        """
+        if np.array_equal(numbers, self._nominal):
+            return self.robot
+        key = numbers.tobytes()
+        found = self._robots.pop(key, None)
+        self._robots[key] = found or changed(self.robot, self.parameters.slots, numbers.tolist())
+        if len(self._robots) > KEPT_ROBOTS:
+            del self._robots[next(iter(self._robots))]
+        return self._robots[key]

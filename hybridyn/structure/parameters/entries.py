@@ -1,0 +1,226 @@
+"""Parameters by name: "mass:LINK", "position:JOINT", ..., and the numbers of a description that they set."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ...description.names import did_you_mean
+from ...description.records import Description
+from ...errors import ModelError
+from ...spatial import Array
+from .slots import Slot, values_of
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A parameter: one or several numbers that set slots of a description.
+
+    Attributes:
+        name: Its name, such as "mass:upper".
+        labels: Name of each of its numbers.
+        slots: The slots that it sets.
+        numbers: Computes the numbers in the slots, shape (T, slots), from the parameter's, shape (T, size).
+        own: Computes the parameter's numbers, shape (size,), from those in the slots, shape (slots,).
+    """
+
+    name: str
+    labels: tuple[str, ...]
+    slots: tuple[Slot, ...]
+    numbers: Callable[[Array], Array]
+    own: Callable[[Array], Array]
+
+    @property
+    def size(self) -> int:
+        """Number of its numbers."""
+        return len(self.labels)
+
+
+def _same(values: Array) -> Array:
+    """Return the numbers of a parameter that is its slots."""
+    return values
+
+
+def _rotation(rpy: Array) -> Array:
+    """Compute the entries of rotation matrices from roll, pitch and yaw as in URDF, shape (T, 9)."""
+    (cr, cp, cy), (sr, sp, sy) = np.cos(rpy).T, np.sin(rpy).T
+    rows = [
+        cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr,
+        sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr,
+        -sp, cp * sr, cp * cr,
+    ]  # fmt: skip
+    return np.stack(rows, axis=1)
+
+
+def _angles(entries: Array) -> Array:
+    """Compute roll, pitch and yaw, shape (3,), from the entries of a rotation matrix, shape (9,)."""
+    R = entries.reshape(3, 3)
+    pitch = np.arctan2(-R[2, 0], np.hypot(R[0, 0], R[1, 0]))
+    return np.array([np.arctan2(R[2, 1], R[2, 2]), pitch, np.arctan2(R[1, 0], R[0, 0])])
+
+
+def _placed(values: Array) -> Array:
+    """Compute origin and rotation, shape (T, 12), from x, y, z, roll, pitch, yaw, shape (T, 6)."""
+    return np.concatenate([values[:, :3], _rotation(values[:, 3:])], axis=1)
+
+
+def _unplaced(entries: Array) -> Array:
+    """Compute x, y, z, roll, pitch, yaw, shape (6,), from origin and rotation, shape (12,)."""
+    return np.concatenate([entries[:3], _angles(entries[3:])])
+
+
+_XYZ, _RPY = ("x", "y", "z"), ("roll", "pitch", "yaw")
+_UPPER = ("xx", "xy", "xz", "yy", "yz", "zz")
+_ORIGIN = tuple((i, 3) for i in range(3))
+_AXES = tuple((i, j) for i in range(3) for j in range(3))
+_FRAMED = {
+    "position": (_XYZ, _ORIGIN, _same, _same),
+    "rotation": (_RPY, _AXES, _rotation, _angles),
+    "placement": (_XYZ + _RPY, _ORIGIN + _AXES, _placed, _unplaced),
+}
+_OF_LINKS = {
+    "mass": ("mass", ((),), ("mass",)),
+    "centre": ("com", tuple((i,) for i in range(3)), _XYZ),
+    "inertia": ("inertia", tuple((i, j) for i in range(3) for j in range(i, 3)), _UPPER),
+}
+#: What follows the name of a closure: its frame on the predecessor and on the successor.
+_SIDES = {"predecessor": "frame_a", "successor": "frame_b"}
+#: Kinds of parameters, before the colon.
+KINDS = (*_OF_LINKS, *_FRAMED, "offset")
+
+
+def entry_of(description: Description, name: str) -> Entry:
+    """Return the parameter of a name.
+
+    Args:
+        description: The robot's description.
+        name: "mass:LINK", "centre:LINK" or "inertia:LINK" (about the centre of mass: xx, xy, xz, yy, yz,
+            zz); "position:JOINT", "rotation:JOINT" (roll, pitch, yaw) or "placement:JOINT" (both), also of
+            "CLOSURE/predecessor" and "CLOSURE/successor"; "offset:COUPLING".
+
+    Raises:
+        ModelError: The name has another form, or there is no such link, joint, closure or coupling.
+    """
+    kind, colon, of = name.partition(":")
+    if not colon or kind not in KINDS:
+        raise ModelError(
+            f"there is no parameter '{name}'{did_you_mean(kind, KINDS)}; write KIND:NAME with a kind of "
+            f"{', '.join(KINDS)}, or the name of a xacro argument of the robot's file",
+            element=name,
+        )
+    if kind in _OF_LINKS:
+        field, places, labels = _OF_LINKS[kind]
+        _known(name, of, [link.name for link in description.links], "link")
+        return _entry(name, labels, [Slot("links", of, field, at) for at in places])
+    if kind == "offset":
+        _known(name, of, [c.name for c in description.couplings], "coupling")
+        return _entry(name, ("offset",), [Slot("couplings", of, "offset")])
+    joints = [joint.name for joint in description.joints]
+    labels, places, numbers, own = _FRAMED[kind]
+    base, _, side = of.rpartition("/")
+    if side in _SIDES:
+        _known(name, base, [c.name for c in description.closures], "closure")
+        slots = [Slot("closures", base, _SIDES[side], at) for at in places]
+    else:
+        ends = [f"{c.name}/{side}" for c in description.closures for side in _SIDES]
+        _known(name, of, [*joints, *ends], "joint or side of a closure")
+        slots = [Slot("joints", of, "placement", at) for at in places]
+    return _entry(name, labels, slots, numbers, own)
+
+
+def _entry(
+    name: str,
+    labels: tuple[str, ...],
+    slots: Sequence[Slot],
+    numbers: Callable[[Array], Array] = _same,
+    own: Callable[[Array], Array] = _same,
+) -> Entry:
+    """Return a parameter; a single number is called like the parameter."""
+    full = (name,) if len(labels) == 1 else tuple(f"{name}.{label}" for label in labels)
+    return Entry(name, full, tuple(slots), numbers, own)
+
+
+def _known(name: str, of: str, names: Sequence[str], what: str) -> None:
+    """Check that a record exists.
+
+    Raises:
+        ModelError: It does not.
+    """
+    if of not in names:
+        hint = did_you_mean(of, names)
+        raise ModelError(f"parameter '{name}': there is no {what} '{of}'{hint}", element=of)
+
+
+class Parameters:
+    """The parameters of a model, in order.
+
+    Attributes:
+        entries: The parameters.
+        labels: Name of each number.
+        slots: The slots that they set, each once.
+        nominal: The numbers in the robot's description, shape (size,).
+    """
+
+    def __init__(self, description: Description, names: Sequence[str]) -> None:
+        """Find the parameters in a description.
+
+        Args:
+            description: The robot's description.
+            names: Names as `entry_of` takes them.
+
+        Raises:
+            ModelError: A name is unknown, or two parameters set the same number.
+        """
+        self.entries = tuple(entry_of(description, name) for name in names)
+        self.labels = tuple(label for entry in self.entries for label in entry.labels)
+        self.slots = tuple(slot for entry in self.entries for slot in entry.slots)
+        owner: dict[Slot, str] = {}
+        for entry in self.entries:
+            for slot in entry.slots:
+                if slot in owner:
+                    raise ModelError(
+                        f"parameters '{owner[slot]}' and '{entry.name}' both set {slot}", element=entry.name
+                    )
+                owner[slot] = entry.name
+        held = iter(values_of(description, self.slots))
+        parts = [entry.own(np.array([next(held) for _ in entry.slots])) for entry in self.entries]
+        self.nominal: Array = np.concatenate([np.zeros(0), *parts])
+
+    @property
+    def size(self) -> int:
+        """Number of numbers."""
+        return len(self.labels)
+
+    def slot_values(self, p: Array) -> Array:
+        """Compute the numbers in the slots, shape (T, slots), from parameters, shape (T, size)."""
+        parts, at = [np.zeros((len(p), 0))], 0
+        for entry in self.entries:
+            parts.append(entry.numbers(p[:, at : at + entry.size]))
+            at += entry.size
+        return np.concatenate(parts, axis=1)
+
+    def vector(self, values: Mapping[str, Any]) -> Array:
+        """Return the numbers of all parameters, shape (size,), those left out as in the description.
+
+        Raises:
+            ModelError: A name is unknown, or a value has a wrong size.
+        """
+        out, at = self.nominal.copy(), 0
+        names = [entry.name for entry in self.entries]
+        for name in values:
+            _known(name, name, names, "parameter")
+        for entry in self.entries:
+            if entry.name in values:
+                own = np.asarray(values[entry.name], dtype=float).ravel()
+                if own.shape != (entry.size,) or not np.isfinite(own).all():
+                    raise ModelError(
+                        f"parameter '{entry.name}' has {entry.size} finite numbers, not "
+                        f"{values[entry.name]!r}",
+                        element=entry.name,
+                    )
+                out[at : at + entry.size] = own
+            at += entry.size
+        return out

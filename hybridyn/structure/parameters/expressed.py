@@ -1,0 +1,57 @@
+"""The numbers of a robot's modules as functions of the numbers in slots of its description."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from ..bodies import Body
+from ..graph import find_modules, undo_cuts
+from ..module_spec import ModuleSpec, module_spec
+from ..robot import HybridRobot
+from .slots import Slot, values_of, with_values
+from .traced import Decision, Record, Traced
+
+
+@dataclass(frozen=True)
+class Expressed:
+    """A robot whose modules' numbers are traced.
+
+    Attributes:
+        specs: The numbers of each module of the robot; entries that depend on slots are `Traced`.
+        decisions: Comparisons of slots that decided the modules' structure.
+    """
+
+    specs: tuple[ModuleSpec, ...]
+    decisions: tuple[Decision, ...]
+
+
+def expressed(robot: HybridRobot, slots: Sequence[Slot], symbols: Sequence[Any]) -> Expressed:
+    """Compute the numbers of a robot's modules as functions of the numbers in slots.
+
+    Args:
+        robot: The robot; its values decide the structure.
+        slots: The slots.
+        symbols: An expression for each.
+    """
+    record = Record()
+    values = values_of(robot.description, slots)
+    traced = [Traced(value, symbol, record) for value, symbol in zip(values, symbols, strict=True)]
+    bodies, graphs = find_modules(with_values(robot.description, slots, traced), robot.held)
+    specs = []
+    modules = list(robot.modules)
+    if robot.base == "floating":
+        spec = modules.pop(0).mechanism.spec
+        specs.append(replace(spec, outputs_inertia=(_nameless(bodies.bodies[0]),)))
+    for module, graph in zip(modules, graphs, strict=True):
+        own = module.mechanism.spec
+        if graph.wrists and not own.wrists:
+            undo_cuts(bodies, graph)
+        specs.append(module_spec(bodies, graph, own.home))
+    return Expressed(tuple(specs), tuple(record.decisions))
+
+
+def _nameless(body: Body) -> Body:
+    """Return a body as `ModuleSpec` has it."""
+    return replace(body, name="", joint=0, heaviest=0.0)

@@ -1,0 +1,134 @@
+"""Numbers that remember how they follow from parameters.
+
+A traced number has a value, which decides comparisons, and an expression of any algebra. The code that turns
+a description into modules runs on it as on floats; each comparison that depends on a parameter is recorded,
+because other values of the parameters may decide it otherwise.
+"""
+
+from __future__ import annotations
+
+import operator
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Decision:
+    """A comparison that depends on parameters.
+
+    Attributes:
+        compare: The operator, such as `operator.lt`.
+        left, right: Its sides, expressions or floats.
+        outcome: Its result at the values of the parameters.
+    """
+
+    compare: Callable[[Any, Any], Any]
+    left: Any
+    right: Any
+    outcome: bool
+
+
+@dataclass
+class Record:
+    """The decisions of one trace."""
+
+    decisions: list[Decision] = field(default_factory=list)
+
+
+class Traced:
+    """A number with its value and its expression.
+
+    Attributes:
+        value: The value.
+        expression: The expression; it supports the operators of arithmetic.
+        record: Record of the decisions.
+    """
+
+    __slots__ = ("expression", "record", "value")
+    __hash__ = None  # type: ignore[assignment]
+
+    def __init__(self, value: float, expression: Any, record: Record) -> None:
+        """Store the value, the expression and the record of decisions."""
+        self.value, self.expression, self.record = value, expression, record
+
+    def _with(self, other: Any, apply: Callable[[Any, Any], Any]) -> Any:
+        """Return the result of an operator; arrays apply it entry by entry."""
+        if isinstance(other, np.ndarray):
+            return NotImplemented
+        value, expression = _both(other)
+        return Traced(float(apply(self.value, value)), apply(self.expression, expression), self.record)
+
+    def __add__(self, other: Any) -> Any:
+        return self if _is(other, 0.0) else self._with(other, operator.add)
+
+    __radd__ = __add__
+
+    def __sub__(self, other: Any) -> Any:
+        return self if _is(other, 0.0) else self._with(other, operator.sub)
+
+    def __rsub__(self, other: Any) -> Any:
+        return -self if _is(other, 0.0) else self._with(other, lambda x, y: y - x)
+
+    def __mul__(self, other: Any) -> Any:
+        if _is(other, 0.0):
+            return 0.0
+        return self if _is(other, 1.0) else self._with(other, operator.mul)
+
+    __rmul__ = __mul__
+
+    def __truediv__(self, other: Any) -> Any:
+        return self if _is(other, 1.0) else self._with(other, operator.truediv)
+
+    def __rtruediv__(self, other: Any) -> Any:
+        return 0.0 if _is(other, 0.0) else self._with(other, lambda x, y: y / x)
+
+    def __neg__(self) -> Traced:
+        return Traced(-self.value, -self.expression, self.record)
+
+    def __abs__(self) -> Traced:
+        return Traced(abs(self.value), abs(self.expression), self.record)
+
+    def _compared(self, other: Any, compare: Callable[[Any, Any], Any]) -> bool:
+        """Compare by value and record the decision."""
+        value, expression = _both(other)
+        outcome = bool(compare(self.value, value))
+        self.record.decisions.append(Decision(compare, self.expression, expression, outcome))
+        return outcome
+
+    def __lt__(self, other: Any) -> bool:
+        return self._compared(other, operator.lt)
+
+    def __le__(self, other: Any) -> bool:
+        return self._compared(other, operator.le)
+
+    def __gt__(self, other: Any) -> bool:
+        return self._compared(other, operator.gt)
+
+    def __ge__(self, other: Any) -> bool:
+        return self._compared(other, operator.ge)
+
+    def __eq__(self, other: object) -> bool:
+        return self._compared(other, operator.eq)
+
+    def __ne__(self, other: object) -> bool:
+        return self._compared(other, operator.ne)
+
+    def __bool__(self) -> bool:
+        return self != 0.0
+
+    def __float__(self) -> float:
+        """Return the value, for scales and tolerances: what follows from it does not follow the parameter."""
+        return self.value
+
+
+def _is(x: Any, number: float) -> bool:
+    """Return whether an operand is a certain plain number."""
+    return not isinstance(x, (Traced, np.ndarray)) and bool(x == number)
+
+
+def _both(x: Any) -> tuple[Any, Any]:
+    """Return value and expression of an operand."""
+    return (x.value, x.expression) if isinstance(x, Traced) else (x, x)
