@@ -26,6 +26,7 @@ from .programs.closing.assembling import Assembler
 from .programs.closing.given import requests_of_motors
 from .programs.designs import Designs
 from .programs.general import as_batches, check_batches, everywhere, general, general_rows
+from .programs.quantities.calls import Quantities
 from .programs.sources import built_library, write_programs
 
 if TYPE_CHECKING:
@@ -36,7 +37,7 @@ if TYPE_CHECKING:
 log = logging.getLogger("hybridyn.compiled")
 
 
-class CompiledRobot:
+class CompiledRobot(Quantities):
     """Compiled models of one robot with one choice of effects.
 
     Results equal those of `hybridyn.idm` and `hybridyn.ddm` up to rounding. The general path computes samples
@@ -63,7 +64,7 @@ class CompiledRobot:
         self.parameters = Parameters(robot.description, ()) if parameters is None else parameters
         self._designs = Designs(robot, self.parameters)
         self.library, self.dtype = library, library.dtype
-        self.recomputed = 0
+        self.recomputed, self._followings = 0, {}
         self._assembler, self._close_at_once = Assembler(robot), _refuse
         self._motors_still = np.zeros(len(robot.motors))
         self._idm, self._ddm = library.programs["idm"], library.programs["ddm"]

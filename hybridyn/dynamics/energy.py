@@ -73,6 +73,14 @@ def energy(robot: HybridRobot, q: Array, v: Array, *, effects: Choice = None) ->
     q, v, single = _state(robot, q, v)
     on = choose(robot, effects)
     kinetic, potential = _of_bodies(robot, q, v, on)
+    add_energy_of_laws(robot, q, v, on, kinetic, potential)
+    return Energy(kinetic[0], potential[0]) if single else Energy(kinetic, potential)
+
+
+def add_energy_of_laws(
+    robot: HybridRobot, q: Array, v: Array, on: Effects, kinetic: Array, potential: Array
+) -> None:
+    """Add the energy of rotors, springs, stops and the ground to that of the bodies, shape (T,) each."""
     for rotor in on.rotors:
         kinetic += 0.5 * np.sum(rotor.p[0] * v[:, rotor.columns] ** 2, axis=1)
     for joint_law in on.joints:
@@ -80,7 +88,6 @@ def energy(robot: HybridRobot, q: Array, v: Array, *, effects: Choice = None) ->
     motions = observed_motions(robot, on, q, v)
     for link_law in on.links:
         potential += link_law.energy(motions)
-    return Energy(kinetic[0], potential[0]) if single else Energy(kinetic, potential)
 
 
 def _of_bodies(robot: HybridRobot, q: Array, v: Array, on: Effects) -> tuple[Array, Array]:

@@ -21,6 +21,7 @@ from ...linkage.closures import common_measure
 from ...linkage.tree import Tree
 from ...spatial import Array
 from ...structure.module import Module
+from ...structure.robot import HybridRobot
 from ..equations.displacement import by_joint, moved_joint, position_rate
 from ..equations.expressions import Expression, dot, pack, symbols, unpack, zeros
 from ..equations.folding import Folding
@@ -47,12 +48,22 @@ def close_program(request: Request) -> Program | None:
     robot = request.robot
     if largest_turn(robot.modules) < LEAST_TURN:
         return None
+    return following_program(request, "close", freedoms_of(robot, robot.motors))
+
+
+def freedoms_of(robot: HybridRobot, joints: Iterable[str]) -> set[int]:
+    """Return the entries of v of joints with one freedom."""
+    return {robot.v_slices[robot.joint_index[name]].start for name in joints}
+
+
+def following_program(request: Request, name: str, driven: set[int]) -> Program:
+    """Build the program in which all joints follow the freedoms `driven`, with the arrays of "close"."""
+    robot = request.robot
     shapes: dict[Any, list[Module]] = {}
-    driven = {robot.v_slices[robot.joint_index[motor]].start for motor in robot.motors}
     for module in robot.modules:
         shapes.setdefault(shape_of(module, motor_freedoms(module, driven)), []).append(module)
     inputs = [("near", robot.nq), ("v", robot.nv), ("a", robot.nv)]
-    w = Writer("close", inputs, [("q", robot.nq), ("v_closed", robot.nv), ("a_closed", robot.nv)])
+    w = Writer(name, inputs, [("q", robot.nq), ("v_closed", robot.nv), ("a_closed", robot.nv)])
     if robot.base == "moving":
         keep_base(w)
     for shape, modules in shapes.items():

@@ -7,5 +7,5 @@ and its rate), `mass_matrix` (M), `bias` (c and g), `coriolis_matrix` (C with c 
 `operational_inertia`. `joint_map` relates motors and output joints, at postures that `posture` assembles.
 `polar` differentiates what is quadratic in the rates.
 
-May import: `dynamics` and below.
+May import: `dynamics` and below; `compiled` imports it.
 """

@@ -18,7 +18,7 @@ from ...equations.request import Request
 from ...equations.rigid import quaternion_matrix
 from ...equations.spanning import shape_of
 from ...program import Constants, Program, Source, Target, Worst
-from ..close import LEAST_TURN, by_motors, keep_base, largest_turn, motor_freedoms
+from ..close import LEAST_TURN, by_motors, freedoms_of, keep_base, largest_turn, motor_freedoms
 from ..writer import Writer
 from .choosing import modules_of
 from .extended import extended
@@ -48,7 +48,7 @@ def close_platforms_program(request: Request) -> Program | None:
     followers = [module for k, module in modules_of(robot) if k not in posed]
     if not posed or largest_turn(followers) < LEAST_TURN:
         return None
-    count, driven = len(posed), {robot.v_slices[robot.joint_index[motor]].start for motor in robot.motors}
+    count, driven = len(posed), freedoms_of(robot, robot.motors)
     inputs = [("near", robot.nq), ("pose", 7 * count), ("twist", 6 * count), ("twist_dot", 6 * count)]
     inputs += [("v", robot.nv), ("a", robot.nv)]
     w = Writer("close_platforms", inputs, [("q", robot.nq), ("v_closed", robot.nv), ("a_closed", robot.nv)])

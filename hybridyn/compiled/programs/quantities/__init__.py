@@ -1,0 +1,5 @@
+"""Closed-loop quantities of compiled models.
+
+Read `following` (dq/du and its drift in C), `rows` (rows of the models that make up each quantity), `calls`
+(the methods of `CompiledRobot`, and the general path where it is needed).
+"""

@@ -1,0 +1,259 @@
+"""Closed-loop quantities of compiled models, with the names and the errors of the general path."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any, overload
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ....dynamics.direct import acceleration_of_base
+from ....dynamics.energy import Energy, energy
+from ....dynamics.link_motion import named_links
+from ....dynamics.quantities.bias import bias, coriolis, gravity
+from ....dynamics.quantities.coordinates import independent_coordinates
+from ....dynamics.quantities.link_jacobian import link_jacobian
+from ....dynamics.quantities.mass_matrix import mass_matrix
+from ....dynamics.quantities.motion_map import motion_map, rate_of_map, refuse_idle
+from ....dynamics.quantities.states import checked_state
+from ....effects.choice import Effects
+from ....effects.elastic import Spring, Stop
+from ....errors import HybridynError
+from ....spatial import Array
+from ....structure.robot import HybridRobot
+from ....structure.samples import one_of
+from ...library.calls import Calls, Library, Numbers
+from .following import Following, following, in_parts
+from .rows import Computed, QuantityRows, energy_rows, link_rows
+
+log = logging.getLogger("hybridyn.compiled")
+
+#: Largest difference, of the largest rate in the robot's units, between given rates and those that follow
+#: from the independent coordinates: a hundred times how far `idm` lets loops be open.
+FOLLOWS = {"float64": 1e-9, "float32": 3e-1}
+
+Joints = Sequence[str] | None
+
+
+class Quantities:
+    """The closed-loop quantities of a `CompiledRobot`.
+
+    Arguments, results and errors are those of the functions with the same names, effects those of the
+    compiled models. The general path computes samples that cannot be trusted, and what no program computes.
+    """
+
+    robot: HybridRobot
+    effects: Effects
+    library: Library
+    threads: int
+    dtype: np.dtype[Any]
+    recomputed: int
+    _followings: dict[tuple[str, ...], Following | None]
+
+    def mass_matrix(self, q: ArrayLike, *, joints: Joints = None) -> Numbers:
+        """Compute M(q), shape (N, N) or (T, N, N), like `hybridyn.mass_matrix`."""
+        q, _, single = checked_state(self.robot, q, None)
+        rows = self._rows(joints)
+
+        def general(q: Array) -> Array:
+            return mass_matrix(self.robot, q, joints=joints, effects=self.effects)
+
+        return self._finished(
+            "mass_matrix", rows.mass if rows else None, general, rows.moves.u.size if rows else 1, single, q
+        )
+
+    def bias(
+        self,
+        q: ArrayLike,
+        v: ArrayLike,
+        *,
+        joints: Joints = None,
+        base_acceleration: ArrayLike | None = None,
+    ) -> Numbers:
+        """Compute c(q, v) + g(q), shape (N,) or (T, N), like `hybridyn.bias`."""
+        q, v, single = checked_state(self.robot, q, v)
+        rows = self._rows(joints)
+        base = np.zeros((len(q), 6))
+        if base_acceleration is not None:
+            base = acceleration_of_base(self.robot, base_acceleration, len(q))
+
+        def general(q: Array, v: Array, base: Array) -> Array:
+            given = base if self.robot.base == "moving" else None
+            return bias(self.robot, q, v, joints=joints, effects=self.effects, base_acceleration=given)
+
+        return self._finished("bias", rows.bias if rows else None, general, 1, single, q, v, base)
+
+    def coriolis(self, q: ArrayLike, v: ArrayLike, *, joints: Joints = None) -> Numbers:
+        """Compute c(q, v), shape (N,) or (T, N), like `hybridyn.coriolis`."""
+        q, v, single = checked_state(self.robot, q, v)
+        rows = None if self._has(Stop) else self._rows(joints)  # a stop's damping is not odd in the rates
+
+        def general(q: Array, v: Array) -> Array:
+            return coriolis(self.robot, q, v, joints=joints, effects=self.effects)
+
+        return self._finished("coriolis", rows.coriolis if rows else None, general, 3, single, q, v)
+
+    def gravity(self, q: ArrayLike, *, joints: Joints = None) -> Numbers:
+        """Compute g(q), shape (N,) or (T, N), like `hybridyn.gravity`."""
+        q, _, single = checked_state(self.robot, q, None)
+        rows = None if self._has(Spring, Stop) else self._rows(joints)  # they act at rest, too
+
+        def general(q: Array) -> Array:
+            return gravity(self.robot, q, joints=joints, effects=self.effects)
+
+        return self._finished("gravity", rows.gravity if rows else None, general, 1, single, q)
+
+    @overload
+    def motion_map(self, q: ArrayLike, v: None = None, *, joints: Joints = None) -> Numbers: ...
+    @overload
+    def motion_map(self, q: ArrayLike, v: ArrayLike, *, joints: Joints = None) -> tuple[Numbers, Numbers]: ...
+    def motion_map(
+        self, q: ArrayLike, v: ArrayLike | None = None, *, joints: Joints = None
+    ) -> Numbers | tuple[Numbers, Numbers]:
+        """Compute dq/du, and with rates also its rate, (nv, N) or (T, nv, N), like `hybridyn.motion_map`."""
+        moves = self._following(joints)
+        q, rates, single = checked_state(self.robot, q, v)
+
+        if v is None:
+
+            def general(q: Array) -> Array:
+                return motion_map(self.robot, q, joints=joints)
+
+            return self._finished("motion_map", moves.map if moves else None, general, 6, single, q)
+
+        def both(q: Array, v: Array) -> Array:
+            return np.concatenate(motion_map(self.robot, q, v, joints=joints), axis=2)
+
+        def compiled(q: Array, v: Array) -> Computed:
+            assert moves is not None
+            return _map_and_rate(moves, q, v, FOLLOWS[str(self.dtype)])
+
+        compute = compiled if moves else None
+        out = self._finished("motion_map", compute, both, 2 * self.robot.nv, single, q, rates)
+        E, E_dot = np.split(out, 2, axis=-1)
+        return E, E_dot
+
+    def link_jacobian(
+        self, q: ArrayLike, link: str, *, joints: Joints = None, axes: str = "world"
+    ) -> Numbers:
+        """Compute the Jacobian of a link, shape (6, N) or (T, 6, N), like `hybridyn.link_jacobian`."""
+        moves = self._following(joints)
+        named_links(self.robot, [link])
+        one_of("axes", axes, "world", "link")
+        q, _, single = checked_state(self.robot, q, None)
+
+        def general(q: Array) -> Array:
+            return link_jacobian(self.robot, q, link, joints=joints, axes=axes)
+
+        def compiled(q: Array) -> Computed:
+            assert moves is not None
+            return link_rows(self._trusted, moves, q, link, axes)
+
+        return self._finished("link_jacobian", compiled if moves else None, general, 6, single, q)
+
+    def energy(self, q: ArrayLike, v: ArrayLike) -> Energy:
+        """Compute kinetic and potential energy, shape () or (T,), like `hybridyn.energy`."""
+        q, v, single = checked_state(self.robot, q, v)
+
+        def compute(q: Array, v: Array) -> Computed:
+            return energy_rows(self._trusted, self.robot, self.effects, q, v)
+
+        def general(q: Array, v: Array) -> Array:
+            found = energy(self.robot, q, v, effects=self.effects)
+            return np.stack([found.kinetic, found.potential], axis=1)
+
+        out = self._finished("energy", compute, general, 1, single, q, v)
+        return Energy(out[..., 0], out[..., 1])
+
+    if TYPE_CHECKING:
+
+        def _arguments(
+            self, calls: Calls, parameters: ArrayLike | None, shape: tuple[int, ...]
+        ) -> dict[str, Array]:
+            """Return the input "parameters" of a program (`CompiledRobot`)."""
+            ...
+
+    def _trusted(self, name: str, q: Array, v: Array, a: Array) -> Computed:
+        """Compute a model of the robot as it is, and which samples can be trusted."""
+        calls = self.library.programs[name]
+        outputs, guard = calls.batch(
+            [q, v, a, *self._arguments(calls, None, (len(q),)).values()], self.threads
+        )
+        return outputs[0], np.asarray(guard <= calls.trusted)
+
+    def _has(self, *laws: type[Any]) -> bool:
+        """Return whether a law of these kinds is among the effects."""
+        return any(isinstance(law.effect, laws) for law in self.effects.joints)
+
+    def _following(self, joints: Joints) -> Following | None:
+        """Return the motions over some joints; None if the general path computes them."""
+        u = independent_coordinates(self.robot, joints)
+        if u.joints not in self._followings:
+            self._followings[u.joints] = following(self.robot, u, str(self.dtype))
+        return self._followings[u.joints]
+
+    def _rows(self, joints: Joints) -> QuantityRows | None:
+        """Return what computes forces along some joints; None if the general path does.
+
+        The inverse model has no row for the wrench on a floating base, and needs a motor for each freedom.
+        """
+        moves = self._following(joints)
+        driven = all(len(module.motors) >= module.mobility for module in self.robot.modules)
+        if moves is None or self.robot.base == "floating" or not driven:
+            return None
+        by_motors = moves.u.joints == tuple(self.robot.motors)
+        return QuantityRows(self.robot, self._trusted, moves, by_motors)
+
+    def _finished(
+        self,
+        name: str,
+        compute: Callable[..., Computed] | None,
+        general: Callable[..., Array],
+        lanes: int,
+        single: bool,
+        *arrays: Array,
+    ) -> Numbers:
+        """Compute a quantity, by the general path at samples that cannot be trusted or where it alone can.
+
+        Args:
+            name: The quantity.
+            compute: Computes results of shape (T, ...) and which samples can be trusted, or None.
+            general: Computes results of the general path.
+            lanes: Rows of models for each sample.
+            single: Whether to drop the axis of samples.
+            arrays: Arguments of both, shape (T, n) each.
+
+        Raises:
+            HybridynError: As the general path raises.
+        """
+        if compute is None:
+            self.recomputed += len(arrays[0])
+            out = general(*arrays).astype(self.dtype)
+            return out[0] if single else out
+        out, good = in_parts(compute, lanes, *arrays)
+        doubtful = np.flatnonzero(~good)
+        if len(doubtful):
+            self.recomputed += len(doubtful)
+            log.info("%s: %d of %d samples computed by the general path", name, len(doubtful), len(out))
+            try:
+                out[doubtful] = general(*(x[doubtful] for x in arrays))
+            except HybridynError:
+                out = general(*arrays)  # its message has the sample's number in the batch
+        out = out.astype(self.dtype, copy=False)
+        return out[0] if single else out
+
+
+def _map_and_rate(moves: Following, q: Array, v: Array, limit: float) -> Computed:
+    """Compute dq/du and its rate side by side, shape (T, nv, 2 N), and which samples can be trusted."""
+    robot, u = moves.robot, moves.u
+    refuse_idle(robot, u, "the rate of dq/du")
+    E, good = moves.map(q)
+    base = v * (np.arange(robot.nv) < 6) if robot.base == "moving" else 0.0
+    off = np.abs((np.einsum("tij,tj->ti", E, v[:, u.columns]) + base - v) / robot.unit).max(
+        axis=1, initial=0.0
+    )
+    good &= off <= limit * np.abs(v / robot.unit).max(axis=1, initial=0.0)
+    E_dot = rate_of_map(robot, q, v, E, u, lambda x, y: moves.drift(x, y)[0])
+    return np.concatenate([E, E_dot], axis=2), good

@@ -1,0 +1,167 @@
+"""Rates and accelerations of all joints from independent coordinates, in C: dq/du and its drift.
+
+The program is that of "close", for the chosen joints. Modules do not depend on each other, so the columns of
+equal number of all modules are computed in one lane.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from functools import partial
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ....dynamics.quantities.coordinates import Coordinates
+from ....dynamics.quantities.motion_map import blocks, drift
+from ....errors import CompileError, HybridynError
+from ....spatial import Array, Mask
+from ....structure.robot import HybridRobot
+from ...code.scalars import GUARD_LIMIT, Scalar
+from ...failures import as_compile_error
+from ...library.cache import Built, cached
+from ...library.calls import Library, Numbers, loaded
+from ...library.compilers import best_lanes
+from ...needs import needs_casadi
+from ..sources import robot_key
+
+if TYPE_CHECKING:
+    from ...code.library_source import Source
+
+log = logging.getLogger("hybridyn.compiled")
+
+#: Number of random states that a new program is compared at, and the largest difference from the general
+#: path, relative to the largest entry of them all: rounding, through the condition of loops at any posture.
+SAMPLES, FOLLOWING_AGREES = 12, {"float64": 1e-9, "float32": 1e-2}
+#: Rows of lanes that are computed at once: their arrays stay in the processor's cache.
+ROWS_AT_ONCE = 4096
+
+
+class Following:
+    """Motions of all joints of a robot over independent coordinates.
+
+    Attributes:
+        u: The coordinates, as many in each module as it has freedoms.
+    """
+
+    def __init__(self, robot: HybridRobot, u: Coordinates, dtype: str) -> None:
+        """Load the program from the cache, or build it and compare it with the general path.
+
+        Raises:
+            CompileError: It cannot be built, or differs from the general path.
+        """
+        self.robot, self.u = robot, u
+        scalar = Scalar(dtype, best_lanes(dtype))
+        key = f"following {u.columns.tolist()} {robot_key(robot, None)} {scalar!r}"
+        source, accept = partial(_source, robot, u, scalar), partial(_accept, robot, u, dtype)
+        self._calls = loaded(lambda: cached(key, source, accept=accept)).programs["following"]
+        parts = blocks(robot, u)
+        self._units = np.zeros((max((len(own) for own in u.own), default=0), robot.nv))
+        for _, own, at in parts:
+            self._units[at, u.columns[own]] = 1.0
+        self._columns, self._entries = (
+            np.concatenate([(place * robot.nv + index).ravel() for index, place in pairs])
+            for pairs in (((i, own) for i, own, _ in parts), ((i, at) for i, _, at in parts))
+        )
+
+    def map(self, q: Array) -> tuple[Numbers, Mask]:
+        """Compute dq/du, shape (T, nv, N), and which samples can be trusted, shape (T,).
+
+        Args:
+            q: Positions, shape (T, nq).
+        """
+        lanes = len(self._units)
+        out = np.zeros((len(q), self.u.size * self.robot.nv), self._calls.dtype)
+        if not lanes:
+            return np.swapaxes(out.reshape(len(q), 0, -1), 1, 2), np.ones(len(q), dtype=bool)
+        rates, good = self._follow(np.repeat(q, lanes, axis=0), np.tile(self._units, (len(q), 1)), 1)
+        out[:, self._columns] = rates.reshape(len(q), -1)[:, self._entries]
+        whole: Mask = np.asarray(good.reshape(len(q), lanes).all(axis=1))
+        return np.swapaxes(out.reshape(len(q), -1, self.robot.nv), 1, 2), whole
+
+    def drift(self, q: Array, v: Array) -> tuple[Numbers, Mask]:
+        """Compute the accelerations at u_dot = 0, shape (T, nv), and which samples can be trusted.
+
+        Args:
+            q: Positions, shape (T, nq).
+            v: Rates that keep the loops closed, shape (T, nv).
+        """
+        return self._follow(q, v, 2)
+
+    def _follow(self, q: Array, v: Array, output: int) -> tuple[Numbers, Mask]:
+        """Return an output at zero accelerations of u, shape (T, nv), and which samples can be trusted."""
+        outputs, guard = self._calls.batch([q, v, np.zeros_like(v)], 1)
+        good: Mask = np.asarray(guard <= self._calls.trusted)
+        return outputs[output], good
+
+
+def following(robot: HybridRobot, u: Coordinates, dtype: str) -> Following | None:
+    """Return the motions over independent coordinates, or None if only the general path computes them.
+
+    It alone computes idle motions, which take least-norm rates, and it alone explains joints that are never
+    independent.
+    """
+    if any(len(own) != module.mobility for module, own in zip(robot.modules, u.own, strict=True)):
+        return None
+    try:
+        with as_compile_error(robot):
+            return Following(robot, u, dtype)
+    except CompileError as error:
+        log.warning("quantities: the general path computes them (%s)", error)
+        return None
+
+
+def in_parts(
+    compute: Callable[..., tuple[Numbers, Mask]], lanes: int, *arrays: Array
+) -> tuple[Numbers, Mask]:
+    """Compute samples in parts of about `ROWS_AT_ONCE` rows.
+
+    Args:
+        compute: Computes results and which samples can be trusted, from arrays.
+        lanes: Rows for each sample.
+        arrays: Arguments, shape (T, n) each.
+    """
+    size = max(1, ROWS_AT_ONCE // max(lanes, 1))
+    starts = range(0, max(len(arrays[0]), 1), size)
+    parts = [compute(*(x[start : start + size] for x in arrays)) for start in starts]
+    return np.concatenate([out for out, _ in parts]), np.concatenate([good for _, good in parts])
+
+
+def _source(robot: HybridRobot, u: Coordinates, scalar: Scalar) -> Source:
+    """Generate the C source of the program "following"."""
+    needs_casadi()
+    from ...code.library_source import library_source
+    from ...equations.request import request
+    from ..close import following_program
+
+    wanted = request(robot, None, dtype=scalar.name)
+    return library_source([following_program(wanted, "following", set(u.columns.tolist()))], scalar)
+
+
+def _accept(robot: HybridRobot, u: Coordinates, dtype: str, built: Built) -> None:
+    """Compare a new library with the general path at random states.
+
+    Raises:
+        CompileError: They differ.
+    """
+    from ...equations.states import moving_states
+
+    q, v, _ = moving_states(robot, SAMPLES)
+    (_, rates, accelerations), guard = Library(built).batch("following", q, v, np.zeros_like(v))
+    good = guard <= GUARD_LIMIT
+    if not good.any():
+        return
+    wanted = [(rates[good], v[good])]
+    try:
+        right = drift(robot, q[good], v[good], u)
+        wanted.append((np.hstack([accelerations[good], v[good]]), np.hstack([right, v[good]])))
+    except HybridynError:  # another sample is singular: the rates are compared alone
+        log.debug("following: accelerations are not compared", exc_info=True)
+    off = max(float(np.abs(found - right).max() / (1e-300 + np.abs(right).max())) for found, right in wanted)
+    if not off <= FOLLOWING_AGREES[dtype]:
+        raise CompileError(
+            f"the compiled motion map of the robot '{robot.description.name}' differs from the general path "
+            f"by {off:.2g} of its largest entry (limit {FOLLOWING_AGREES[dtype]:g}): it is not used. This is "
+            "a bug: report it with the robot's files; the general path is right"
+        )
