@@ -3,20 +3,29 @@
 from __future__ import annotations
 
 import importlib.util
+import logging
 from collections.abc import Callable, Mapping
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..compiled.library.laws import Law, Pieces
+from ..compiled.programs.torque import TorquePrograms, closing_of_motors, same_without_limits
 from ..description.names import did_you_mean
 from ..dynamics.inverse import inverse_model
 from ..effects.choice import Choice, choose
-from ..effects.links import at_times, table
-from ..errors import ModelError
+from ..effects.links import table
+from ..errors import HybridynError, ModelError
 from ..simulation.motion_law import Effort
 from ..spatial import Array
 from ..structure.robot import HybridRobot
 from .references import MotorAxes, Reference
+
+if TYPE_CHECKING:
+    from ..compiled.model import CompiledRobot
+
+log = logging.getLogger("hybridyn.scenes")
 
 Gains = float | Mapping[str, float]
 
@@ -63,6 +72,10 @@ class EffortTable:
             ModelError: Shapes are wrong, numbers are not finite, or times do not increase.
         """
         self.time, self.tau = table("efforts", time, tau, np.shape(tau)[-1])
+        c = np.zeros((len(self.time), 6, self.tau.shape[1]))
+        c[:, 0] = self.tau
+        c[:-1, 1] = np.diff(self.tau, axis=0) / np.diff(self.time)[:, None]
+        self._pieces = Pieces(self.time, np.ones(len(self.time)), c, False)
 
     def __call__(self, t: float, q: Array, v: Array) -> Array:
         """Return the efforts at a time, shape (motors,).
@@ -70,8 +83,14 @@ class EffortTable:
         Raises:
             TrajectoryError: The time is outside the table.
         """
-        at_times("efforts", self.time, np.array([t]))
-        return np.array([np.interp(t, self.time, column) for column in self.tau.T])
+        times = np.array([t])
+        self._pieces.check("efforts: its table", times)
+        tau: Array = self._pieces.at(times)[0][0]
+        return tau
+
+    def in_c(self, compiled: CompiledRobot) -> Law | None:
+        """Return the table for steps in C."""
+        return Law.table(self._pieces)
 
 
 class Pd:
@@ -97,6 +116,10 @@ class Pd:
         x, x_dot, _ = self._reference.at(t)
         out: Array = self._kp * self._axes.error(x, q) + self._kd * (x_dot - v[self._axes.columns])
         return out
+
+    def in_c(self, compiled: CompiledRobot) -> Law | None:
+        """Return the control for steps in C."""
+        return Law.tracking(self._reference.pieces, self._axes, (self._kp, self._kd))
 
 
 class ComputedTorque:
@@ -135,6 +158,27 @@ class ComputedTorque:
         found = inverse_model(self._robot, q, v, a, effects=self._on, time=t, passive="solved")
         tau: Array = found.tau[0]
         return tau
+
+    def in_c(self, compiled: CompiledRobot) -> Law | None:
+        """Return the control for steps in C; None if motors do not determine the motion.
+
+        The first call for a robot, and for effects other than those that act, builds programs.
+        """
+        from ..compiled.compiling import compile as compile_models
+
+        if compiled.robot is not self._robot:
+            return None
+        try:
+            closing, models = closing_of_motors(self._robot), compiled
+            if closing is None:
+                return None
+            if not same_without_limits(self._robot, compiled.effects, self._on):
+                models = compile_models(self._robot, self._on)
+        except HybridynError as error:
+            log.info("computed torque is evaluated in Python: %s", error)
+            return None
+        self._programs = TorquePrograms(closing, models.library.built)  # the law holds their addresses
+        return Law.tracking(self._reference.pieces, self._axes, (self._kp, self._kd), self._programs.at)
 
 
 def constant(robot: HybridRobot, efforts: Mapping[str, float]) -> Array:

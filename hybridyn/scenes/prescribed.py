@@ -43,8 +43,8 @@ def follow_motion(
         AssemblyError: A posture is out of reach, or motors do not determine the motion.
         ActuationError: A passive motion would need an effort.
     """
-    x = np.array([reference.at(float(t)) for t in times])
-    motors = {name: tuple(x[:, level, i] for level in range(3)) for i, name in enumerate(robot.motors)}
+    x = reference.rows(times)
+    motors = {name: tuple(level[:, i] for level in x) for i, name in enumerate(robot.motors)}
     if compiled is None:
         q, v, a = assemble(robot, motors=motors, guess=guess)
     else:

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import reduce
+from functools import cached_property, reduce
 
 import numpy as np
 
 from ..assembly.assemble import assemble
+from ..compiled.library.laws import Pieces
 from ..errors import AssemblyError, ModelError, TrajectoryError
 from ..simulation.dense_output import QUINTIC
 from ..spatial import Array, Index, Mask
@@ -79,33 +80,43 @@ class Reference:
     holds: bool
     guess: Array
 
+    @cached_property
+    def pieces(self) -> Pieces:
+        """The polynomials between the times, and the rest after them."""
+        if len(self.time) == 1:
+            h, starts = np.ones(1), np.stack([self.x[0], self.x[1], self.x[2] / 2])
+            c = np.concatenate([starts, np.zeros_like(self.x)])
+        else:
+            h = np.diff(self.time)
+            scale = np.stack([np.ones_like(h), h, h * h])[:, :, None]
+            ends = np.concatenate([self.x[:, :-1] * scale, self.x[:, 1:] * scale])
+            ends[3] -= ends[0]  # differences keep digits where positions are large
+            ends[0] = 0.0
+            c = np.einsum("nk,npm->kpm", QUINTIC, ends)
+            c[0] = self.x[0, :-1]
+        rest = np.zeros((6, 1, c.shape[2]))
+        rest[0] = self.x[0, -1:]
+        whole = np.ascontiguousarray(np.concatenate([c, rest], axis=1).transpose(1, 0, 2))
+        bounds = self.time if len(self.time) > 1 else np.repeat(self.time, 2)
+        return Pieces(bounds, np.append(h, 1.0), whole, self.holds)
+
     def at(self, t: float) -> tuple[Array, Array, Array]:
         """Compute positions, rates and accelerations of the motors at a time, shape (motors,) each.
 
         Raises:
             TrajectoryError: The motion ends before that time.
         """
-        if t > self.time[-1] and self.holds:
-            return self.x[0, -1], np.zeros_like(self.x[0, -1]), np.zeros_like(self.x[0, -1])
-        if not self.time[0] <= t <= self.time[-1]:
-            raise TrajectoryError(
-                f"the reference runs from {self.time[0]:g} s to {self.time[-1]:g} s; t = {t:g} s is outside"
-            )
-        if len(self.time) == 1:
-            return self.x[0, 0], self.x[1, 0], self.x[2, 0]
-        i = min(int(np.searchsorted(self.time, t, side="right")), len(self.time) - 1)
-        h = self.time[i] - self.time[i - 1]
-        s = (t - self.time[i - 1]) / h
-        scale = np.array([1.0, h, h * h])[:, None]
-        from_start = self.x[0, i - 1]
-        ends = np.concatenate([self.x[:, i - 1] * scale, self.x[:, i] * scale])
-        ends[3] -= from_start  # differences keep digits where positions are large
-        ends[0] = 0.0
-        k = np.arange(6)
-        powers = [np.where(k >= n, s ** np.maximum(k - n, 0), 0.0) for n in range(3)]
-        factors = (np.ones(6), k, k * (k - 1))
-        x, x_dot, x_ddot = (QUINTIC @ (p * f) @ ends for p, f in zip(powers, factors, strict=True))
-        return from_start + x, x_dot / h, x_ddot / (h * h)
+        x, x_dot, x_ddot = self.rows(np.array([t]))
+        return x[0], x_dot[0], x_ddot[0]
+
+    def rows(self, times: Array) -> tuple[Array, Array, Array]:
+        """Compute positions, rates and accelerations of the motors at times (T,), shape (T, motors) each.
+
+        Raises:
+            TrajectoryError: The motion ends before a time.
+        """
+        self.pieces.check("the reference", times)
+        return self.pieces.at(times)
 
 
 @dataclass(frozen=True)

@@ -17,9 +17,11 @@ Source:
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
+from ..compiled.library.steps import Control, Tableau, Taken
 from ..spatial import Array
 from .system import Coordinates, State, Stepped, System, in_quickest_chart, weighted
 
@@ -40,22 +42,35 @@ class Explicit:
     b: Array
     e: Array | None
 
-    def steps(self, system: System, state: State, h: float, count: int) -> list[Stepped]:
-        """Advance a state by h up to `count` times, as long as the compiled path is valid.
+    @cached_property
+    def tableau(self) -> Tableau:
+        """The method's numbers for steps in C."""
+        return Tableau(self.A, self.b, self.e)
+
+    def steps(
+        self, system: System, state: State, t: Array, h: float, control: Control | None = None
+    ) -> Taken | None:
+        """Advance a state by several steps, as long as the compiled path is valid.
 
         The compiled path takes independent joints as coordinates (`compiled.lift_program`), not those of the
         tangent space at each step's start. The results of both agree to the method's error.
+
+        Args:
+            system: The system.
+            state: The state at the start.
+            t: Times of the start and after each step, shape (steps + 1,), [s]; with `control`, only the
+                first is read.
+            h: Length of the steps, with `control` of the first one [s].
+            control: Chooses the lengths of the steps; None for equal ones.
+
+        Returns:
+            The states after the steps; None without a compiled path, or if it cannot take the first step.
         """
         law = system.law
-        tau = law.constant_effort
-        if law.steps is None or tau is None or not system.bound:
-            return []
-        taken = law.steps.take((self.A, self.b, self.e), (state.q, state.v, state.a), tau, h, count)
-        law.evaluations += len(self.b) * len(taken.q)
-        return [
-            Stepped(State(state.t + (k + 1) * h, q, v, a), taken.error_q, taken.error_v, 0, float(pivot))
-            for k, (q, v, a, pivot) in enumerate(zip(taken.q, taken.v, taken.a, taken.pivot, strict=True))
-        ]
+        if law.steps is None or law.in_c is None or not system.bound:
+            return None
+        taken = law.steps.take(self.tableau, law.in_c, (state.q, state.v, state.a), t, h, control)
+        return taken if len(taken.q) else None
 
     def step(self, system: System, state: State, h: float) -> Stepped:
         """Advance a state by h [s], on the compiled path where it is valid.
@@ -63,9 +78,13 @@ class Explicit:
         Raises:
             AssemblyError: A stage is out of reach.
         """
-        if taken := self.steps(system, state, h, 1):
-            return taken[0]
-        return in_quickest_chart(system, state, lambda chart: self._step(system, state, h, chart))
+        taken = self.steps(system, state, np.array([state.t, state.t + h]), h)
+        if taken is None:
+            return in_quickest_chart(system, state, lambda chart: self._step(system, state, h, chart))
+        system.law.evaluations += len(self.b)
+        errors = (None, None) if self.e is None or taken.error is None else taken.error
+        after = State(state.t + h, taken.q[0], taken.v[0], taken.a[0])
+        return Stepped(after, errors[0], errors[1], 0, float(taken.pivot[0]))
 
     def _step(self, system: System, state: State, h: float, chart: Coordinates) -> Stepped:
         """Advance a state by h [s] in a chart.

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING
+from functools import cached_property
+from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
 import numpy as np
 
 from ..assembly.residual import closure_residual
+from ..compiled.library.laws import Law
 from ..dynamics.articulation import accelerate, articulate
 from ..dynamics.forward import base_motion as base_of
 from ..dynamics.forward import forward
@@ -27,6 +29,15 @@ BaseMotion = Callable[[float], tuple[Array, Array, Array]]
 
 #: Effects that store energy without dissipating any, besides inertia and velocity.
 CONSERVATIVE = {"gravity", "leg_inertia", "rotor_inertia", "spring"}
+
+
+@runtime_checkable
+class InC(Protocol):
+    """A law of efforts that C can evaluate, such as those of `scenes.controllers`."""
+
+    def in_c(self, compiled: CompiledRobot) -> Law | None:
+        """Return the law for the compiled models of its robot; None if only Python can evaluate it."""
+        ...
 
 
 class MotionLaw:
@@ -102,13 +113,19 @@ class MotionLaw:
         """The compiled steps in time, or None where there are none."""
         return None if self._compiled is None else self._compiled.library.steps
 
-    @property
-    def constant_effort(self) -> Array | None:
-        """The motor efforts within their limits, shape (motors,), or None if they depend on time or state."""
-        if self._law is not None:
+    @cached_property
+    def in_c(self) -> Law | None:
+        """The motor efforts within their limits for steps in C; None where there are none."""
+        if self.steps is None or self._compiled is None:
             return None
+        if self._law is None:
+            law = Law.constant(self._effort)
+        else:
+            made = self._law.in_c(self._compiled) if isinstance(self._law, InC) else None
+            robot = self.robot
+            law = made or Law.function(self._law, (robot.nq, robot.nv, len(robot.motors)))
         limits = self.on.limits
-        return self._effort if limits is None else limits.clip(self.robot, self._effort[None])[0]
+        return law if limits is None else law.bounded(limits.bounds(self.robot))
 
     def closure_residual(self, q: Array) -> Array:
         """Compute the worst relative closure residual of assembled postures, shapes (T, nq) and (T,)."""
@@ -159,9 +176,7 @@ class MotionLaw:
     def driven(self, t: Array, q: Array, v: Array) -> tuple[Array, Array]:
         """Compute what `accelerations` does, and the efforts within their limits, shape (T, motors)."""
         base = np.array([self.place_base(*s) for s in zip(t, q, v, strict=True)])
-        tau = np.array([self.effort(*s) for s in zip(t, q, v, strict=True)]).reshape(len(t), -1)
-        if self.on.limits is not None:
-            tau = self.on.limits.clip(self.robot, tau)
+        tau = self._efforts(t, q, v)
         self.evaluations += len(t)
         if self._compiled is not None:
             quick = self._compiled.accelerations(q, v, tau, base)
@@ -177,6 +192,15 @@ class MotionLaw:
         root = base_of(self.robot, q, v, a, self.on.gravity, classical=whole)[1]
         accelerate(self.robot, modules, root, q, v, a)
         return a, tau
+
+    def _efforts(self, t: Array, q: Array, v: Array) -> Array:
+        """Compute the motor efforts within their limits, shape (T, motors)."""
+        if self.steps is not None and self.in_c is not None and not self.in_c.calls:
+            quick = self.steps.efforts(self.in_c, t, q, v)
+            if quick is not None:
+                return quick
+        tau = np.array([self.effort(*s) for s in zip(t, q, v, strict=True)]).reshape(len(t), -1)
+        return tau if self.on.limits is None else self.on.limits.clip(self.robot, tau)
 
     def _gather(self, t: Array, q: Array, v: Array) -> Mapping[str, Array] | None:
         """Return the wrenches of a batch by link, shape (T, 6) or (6,) each."""

@@ -16,7 +16,7 @@ from .conserving import Conserving
 from .dense_output import Between
 from .events import Event, Found, crossed, locate
 from .result import Counters, Origin, Result, Samples, joined
-from .stepping import Stepper
+from .stepping import Leap, Stepper
 from .system import State, StepError, System
 
 #: Number of steps between two checkpoints.
@@ -39,7 +39,7 @@ class Run:
         self._done, self._samples = earlier, Samples()
         self._latest = np.nan if earlier is None or not len(earlier.t) else float(earlier.t[-1])
         self._parts: list[dict[str, Array]] = []
-        self._progress: Callable[[], None] = lambda: None
+        self._progress: Progress | None = None
         self._found: list[Found] = []
         self._pivots: list[float] = []
         self._next = 0
@@ -58,17 +58,17 @@ class Run:
     ) -> Result:
         """Run to the end, or until an event, a failure or an interrupt stops the run."""
         status, message = "finished", ""
-        self._project = project
-        if progress is not None:
-            self._progress = lambda: progress(self._state.t, end)
+        self._project, self._progress, self._end = project, progress, end
+        most = CHECKPOINT_STEPS
         try:
             while self._stepper.sign * (end - self._state.t) > 0:
-                if self._step():
+                if checkpoint is not None:
+                    most = CHECKPOINT_STEPS - self._stepper.counters.steps % CHECKPOINT_STEPS
+                if self._step(most):
                     status, message = "event", f"'{self._found[-1].name}' at t = {self._found[-1].t:g} s"
                     break
                 if checkpoint is not None and self._stepper.counters.steps % CHECKPOINT_STEPS == 0:
                     self.result("interrupted", f"checkpoint at t = {self._state.t:g} s").save(checkpoint)
-                self._progress()
         except KeyboardInterrupt:
             status, message = "interrupted", f"at t = {self._state.t:g} s"
         except AssemblyError as error:
@@ -82,34 +82,76 @@ class Run:
             result.save(checkpoint)
         return result
 
-    def _step(self) -> bool:
-        """Take one step with its events and outputs; return whether an event ends the run."""
-        before = self._state
-        stepped = self._stepper.advance(before)
-        after = stepped.state
-        exact = not isinstance(self._stepper.method, Conserving)
-        between = Between(self._system, before, after, exact=exact, project=self._project)
-        values = [e.function(after.t, after.q, after.v) for e in self._events]
-        found, last = self._events_in(between, before.t, values)
-        if last is not None:
-            a = self._system.law.acceleration(last.t, last.q, last.v)
-            after = State(last.t, last.q, last.v, a)
-        for t in self._outputs(before.t, after.t):
-            self._add(t, *((after.q, after.v) if t == after.t else between.at(t)))
-            if len(self._samples.t) == BLOCK:
-                self._complete_block()
-                self._progress()  # many rows in one step: an interrupt does not have to wait for its end
+    def _step(self, most: int) -> bool:
+        """Take steps, up to `most`, with their events and outputs; return whether an event ends the run."""
+        before, last = self._state, None
+        leap = self._stepper.advance(before, 1 if self._events else most)
+        values: list[float] = []
+        if self._events:
+            after = leap.state(0)
+            values = [e.function(after.t, after.q, after.v) for e in self._events]
+            found, last = self._events_in(self._between(before, after), before.t, values)
+            if last is not None:
+                a = self._system.law.acceleration(last.t, last.q, last.v)
+                leap = replace(leap, t=np.array([last.t]), q=last.q[None], v=last.v[None], a=a[None])
+        several = len(leap.t) > 1
+        leap, interrupt = self._shown(leap) if several else (leap, None)
+        self._add_outputs(before, leap)
         if last is not None and self._wanted is not None and self._latest != last.t:
             self._add(last.t, last.q, last.v)
-        self._found += found
-        self._pivots.append(stepped.pivot)
-        self._state, self._values = after, values
+        if self._events:
+            self._found += found
+        self._pivots += leap.pivot.tolist()
+        self._state, self._values = self._stepper.accept(leap), values
+        if interrupt is not None:
+            raise interrupt
+        if self._progress is not None and not several and last is None:
+            self._progress(self._state.t, self._end)
         return last is not None
+
+    def _between(self, before: State, after: State) -> Between:
+        """Return the interpolation of a step."""
+        exact = not isinstance(self._stepper.method, Conserving)
+        return Between(self._system, before, after, exact=exact, project=self._project)
+
+    def _shown(self, leap: Leap) -> tuple[Leap, BaseException | None]:
+        """Show the progress after each step; return the steps up to an interrupt, and that."""
+        if self._progress is not None:
+            for k, t in enumerate(leap.t.tolist()):
+                try:
+                    self._progress(t, self._end)
+                except BaseException as interrupt:  # what has been computed is kept first
+                    return leap.part(0, k + 1), interrupt
+        return leap, None
+
+    def _add_outputs(self, before: State, leap: Leap) -> None:
+        """Add the output states of some steps."""
+        if self._wanted is None:
+            for t, q, v in zip(leap.t.tolist(), leap.q, leap.v, strict=True):
+                self._add(t, q, v)
+            return
+        sign, at, between = self._stepper.sign, -1, None
+        reached = sign * leap.t
+        while self._next < len(self._wanted) and sign * self._wanted[self._next] <= reached[-1]:
+            t = float(self._wanted[self._next])
+            k = int(np.searchsorted(reached, sign * t))
+            if t == leap.t[k]:
+                self._add(t, leap.q[k], leap.v[k])
+            else:
+                if k != at or between is None:
+                    between = self._between(leap.state(k - 1) if k else before, leap.state(k))
+                    at = k
+                self._add(t, *between.at(t))
+            self._next += 1
 
     def _add(self, t: float, q: Array, v: Array) -> None:
         """Add an output state."""
         self._samples.add(t, q, v)
         self._latest = t
+        if len(self._samples.t) == BLOCK:
+            self._complete_block()
+            if self._progress is not None:  # many rows in one step: an interrupt does not wait for its end
+                self._progress(self._state.t, self._end)
 
     def _events_in(
         self, between: Between, t0: float, values: list[float]
@@ -124,16 +166,6 @@ class Run:
         last = next((f for e, f in found if e.terminal), None)
         kept = [f for _, f in found if last is None or sign * (last.t - f.t) >= 0]
         return kept, last
-
-    def _outputs(self, t0: float, t1: float) -> list[float]:
-        """Return the output times of a step."""
-        if self._wanted is None:
-            return [t1]
-        out = []
-        while self._next < len(self._wanted) and self._stepper.sign * (t1 - self._wanted[self._next]) >= 0:
-            out.append(float(self._wanted[self._next]))
-            self._next += 1
-        return out
 
     def result(self, status: str, message: str) -> Result:
         """Build the result so far, and complete the samples added since the last call."""

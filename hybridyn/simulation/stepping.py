@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, fields, replace
 from typing import Protocol
 
 import numpy as np
 
+from ..compiled.library.steps import Control
 from ..errors import AssemblyError
 from ..manifold.chart import AmbiguousBranchError
+from ..spatial import Array, Index
 from .conserving import Conserving
 from .explicit import DOPRI5, RK4, Explicit
 from .implicit import Implicit
@@ -26,8 +28,9 @@ SAME_POINT = 1e-9
 PART = 0.38
 #: Maximum depth of such splits.
 SPLITS = 8
-#: Maximum number of fixed steps that the compiled path takes in one call.
-AHEAD = 64
+#: Maximum number of steps that the compiled path takes in one call, and where each calls a law in Python:
+#: an interrupt waits for them.
+AHEAD, AHEAD_CALLING = 64, 8
 
 
 class Method(Protocol):
@@ -45,6 +48,38 @@ def build_method(method: str, system: System) -> Explicit | Implicit | Conservin
     if method == "implicit":
         return Implicit()
     return RK4 if method == "rk4" else DOPRI5
+
+
+@dataclass(frozen=True)
+class Leap:
+    """Steps that follow each other, taken together.
+
+    Attributes:
+        t: Times after each step, shape (steps,), [s].
+        q, v, a: States after each step, shapes (steps, nq), (steps, nv), (steps, nv).
+        pivot: The chart's least pivot in each step, shape (steps,).
+        next_step: Length of the step that is to follow each one, shape (steps,), [s].
+        rejected: How often each step was repeated with a shorter length, shape (steps,); 0 where that has
+            been counted already.
+        evaluations: Evaluations of the direct model in each step, shape (steps,); 0 where the law counted.
+    """
+
+    t: Array
+    q: Array
+    v: Array
+    a: Array
+    pivot: Array
+    next_step: Array
+    rejected: Index
+    evaluations: Index
+
+    def state(self, k: int) -> State:
+        """Return the state after a step."""
+        return State(float(self.t[k]), self.q[k], self.v[k], self.a[k])
+
+    def part(self, start: int, stop: int) -> Leap:
+        """Return some of the steps."""
+        return Leap(*(getattr(self, field.name)[start:stop] for field in fields(self)))
 
 
 class Stepper:
@@ -65,7 +100,7 @@ class Stepper:
         self.counters = Counters()
         self.on_grid, self.start = 0, begin.t
         self.next_step = self.sign * (solver.step or self._first(begin))
-        self._ahead: list[Stepped] = []
+        self._ahead: Leap | None = None
         self._reached: State | None = None
 
     def resume(self, next_step: float, on_grid: int, start: float) -> None:
@@ -74,45 +109,83 @@ class Stepper:
         if self._solver.fixed is None or abs(next_step) == self._solver.fixed:
             self.on_grid, self.start = on_grid, start
 
-    def advance(self, state: State) -> Stepped:
-        """Take one step: of fixed length, or one whose error is within the tolerances.
+    def advance(self, state: State, most: int) -> Leap:
+        """Take steps: of fixed length, or such that their errors are within the tolerances.
+
+        On the compiled path these are several steps, up to `most`; on the general path it is one.
 
         Raises:
             AssemblyError: The loops cannot be closed, however short the step.
             StepError: A step's equations cannot be solved.
         """
-        stepped = self._fixed(state) if self._solver.fixed else self._chosen(state)
-        self.counters.steps += 1
-        self.counters.iterations += stepped.iterations
-        return self._projected(stepped) if self._solver.projection == "steps" else stepped
+        if self._solver.fixed and state.t != self.start + self.on_grid * self.next_step:
+            self.start, self.on_grid = state.t, 0  # a run that ended between grid points continues from there
+        if self._ahead is None or state is not self._reached:
+            self._ahead = self._in_c(state)
+        if self._ahead is None:
+            stepped = self._fixed(state) if self._solver.fixed else self._chosen(state)
+            if self._solver.projection == "steps":
+                stepped = self._projected(stepped)
+            self.counters.iterations += stepped.iterations
+            at = stepped.state
+            self._ahead = Leap(
+                np.array([at.t]), at.q[None], at.v[None], at.a[None], np.array([stepped.pivot]),
+                np.array([self.next_step]), *np.zeros((2, 1), dtype=int),
+            )  # fmt: skip
+        return self._ahead.part(0, most)
+
+    def accept(self, leap: Leap) -> State:
+        """Count steps that `advance` took, or the first of them, as taken, and return the state reached."""
+        count = len(leap.t)
+        self.counters.steps += count
+        self.counters.rejected += int(leap.rejected.sum())
+        self._system.law.evaluations += int(leap.evaluations.sum())
+        self.next_step = float(leap.next_step[-1])
+        self.on_grid += count if self._solver.fixed else 0
+        self._reached = leap.state(-1)
+        assert self._ahead is not None
+        self._ahead = self._ahead.part(count, len(self._ahead.t)) if count < len(self._ahead.t) else None
+        return self._reached
+
+    def _in_c(self, state: State) -> Leap | None:
+        """Take steps in advance on the compiled path; return None where it cannot take any."""
+        law = self._system.law
+        if not isinstance(self.method, Explicit) or law.in_c is None:
+            return None
+        most, h, fixed = AHEAD_CALLING if law.in_c.calls else AHEAD, self.next_step, self._solver.fixed
+        if fixed:
+            most = min(most, int(abs(self._end - state.t) / abs(h) + SAME_POINT))
+        if not most:
+            return None
+        times = np.asarray(self.start + (self.on_grid + np.arange(most + 1)) * h, dtype=float)
+        times[0] = state.t
+        taken = self.method.steps(self._system, state, times, h, None if fixed else self._control(state.t))
+        if taken is None:
+            return None
+        t = taken.t[1:]
+        if fixed:
+            t[self.sign * (t - self._end) > -SAME_POINT * abs(h)] = self._end
+        evaluations = len(self.method.b) * (1 + taken.rejected)
+        return Leap(t, taken.q, taken.v, taken.a, taken.pivot, taken.next_step, taken.rejected, evaluations)
+
+    def _control(self, t: float) -> Control:
+        """Return how the estimated error chooses the lengths of steps in C from a time on."""
+        solver, unit = self._solver, self._system.manifold.unit
+        return Control(
+            self._end, solver.rtol, solver.atol, -1 / solver.error_order, self._shortest(t),
+            SAME_POINT, np.ascontiguousarray(unit, dtype=float),
+        )  # fmt: skip
 
     def _fixed(self, state: State) -> Stepped:
         """Step to the next grid point, or to the end."""
         h = self.next_step
-        if (
-            state.t != self.start + self.on_grid * h
-        ):  # a run that ended between grid points continues from there
-            self.start, self.on_grid = state.t, 0
         target = self.start + (self.on_grid + 1) * h
         beyond = self.sign * (target - self._end)
         if beyond > -SAME_POINT * abs(h):
             target = self._end
         whole = abs(beyond) <= SAME_POINT * abs(h) or beyond < 0
-        stepped = self._taken_ahead(state, h) if whole else None
-        stepped = stepped or self._in_parts(state, h if whole else target - state.t, SPLITS)
-        self.on_grid += 1
-        at = stepped.state
-        self._reached = State(target, at.q, at.v, at.a)
-        return replace(stepped, state=self._reached)
-
-    def _taken_ahead(self, state: State, h: float) -> Stepped | None:
-        """Return the next step that the compiled path took in advance, or None where there is none."""
-        if state is not self._reached:
-            self._ahead = []
-        if not self._ahead and isinstance(self.method, Explicit):
-            left = int(abs(self._end - state.t) / abs(h) + SAME_POINT)
-            self._ahead = self.method.steps(self._system, state, h, min(left, AHEAD))[::-1]
-        return self._ahead.pop() if self._ahead else None
+        stepped = self._in_parts(state, h if whole else target - state.t, SPLITS)
+        return replace(stepped, state=replace(stepped.state, t=target))
 
     def _in_parts(self, state: State, h: float, splits: int) -> Stepped:
         """Advance by h, in unequal parts where a stage comes too near to another branch.
@@ -132,7 +205,7 @@ class Stepper:
 
     def _chosen(self, state: State) -> Stepped:
         """Take an adaptive step, repeated with shorter lengths until its error is within the tolerances."""
-        shortest = SHORTEST * max(abs(state.t), abs(self._end), abs(self._end - state.t))
+        shortest = self._shortest(state.t)
         while True:
             left = self._end - state.t
             h = self.next_step
@@ -161,6 +234,10 @@ class Stepper:
                     f"the error of a step at t = {state.t:g} s stays above the tolerance down to "
                     f"{abs(h):.1g} s; the motion is not smooth there, or stiff: try method='implicit'"
                 )
+
+    def _shortest(self, t: float) -> float:
+        """Return the shortest length of a step at a time [s]."""
+        return SHORTEST * max(abs(t), abs(self._end), abs(self._end - t))
 
     def _error(self, state: State, stepped: Stepped) -> float:
         """Compute the largest error relative to its tolerance."""

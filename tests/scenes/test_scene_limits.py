@@ -94,7 +94,7 @@ def test_an_interrupt_among_many_rows_of_one_step_waits_for_a_block_only(tmp_pat
 
     part = hybridyn.simulate(robot, q0, v0, (0, 0.02), progress=stop, **options)
     assert heard == [0.0]  # within the first step
-    assert (part.status, part.counters.steps, part.state.t) == ("interrupted", 0 + 1, 0.0)
+    assert (part.status, part.counters.steps, part.state.t) == ("interrupted", 0, 0.0)
     assert (part.t <= part.state.t).all()
     part.save(tmp_path / "x.npz")
     again = hybridyn.simulate(robot, None, None, (0, 0.02), resume=tmp_path / "x.npz", **options)

@@ -124,9 +124,11 @@ def steps_in_c(programs: list[Program], scalar: Scalar) -> bool:
 
 def _steps(programs: list[Program]) -> str:
     """Return the C of the time steps."""
-    sizes = dict(next(p for p in programs if p.name == "lift").outputs)
-    names = {"NQ": "q", "NV": "xi_dot", "MODULES": "step"}
-    return "\n".join([*(f"#define {name} {sizes[key]}" for name, key in names.items()), text_of("steps.h")])
+    lift, ddm = (next(p for p in programs if p.name == name) for name in ("lift", "ddm"))
+    sizes, names = dict(lift.outputs), {"NQ": "q", "NV": "xi_dot", "MODULES": "step"}
+    defines = [f"#define {name} {sizes[key]}" for name, key in names.items()]
+    defines.append(f"#define EFFORTS {dict(ddm.inputs)['tau']}")
+    return "\n".join([*defines, text_of("laws.h"), text_of("steps.h")])
 
 
 def driver_prelude(bodies: dict[str, str], scalar: Scalar) -> str:

@@ -78,7 +78,10 @@ class Library:
             for name, about in built.about["programs"].items()
         }
         steps = alone and built.about["steps"]
-        self.steps = Steps(held, self.programs["lift"].outputs) if steps else None
+        self.steps = None
+        if steps:
+            lift, ddm = self.programs["lift"], self.programs["ddm"]
+            self.steps = Steps(held, lift.outputs, dict(ddm.inputs)["tau"])
 
     def single(self, name: str, *inputs: ArrayLike) -> tuple[tuple[Numbers, ...], float]:
         """Run a program for one sample.

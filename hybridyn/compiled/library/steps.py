@@ -8,7 +8,61 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...manifold.chart import AmbiguousBranchError, Posture
-from ...spatial import Array
+from ...spatial import Array, Index
+from .laws import Law
+
+
+class _Tableau(ctypes.Structure):
+    """The structure `Tableau` of `c/steps.h`."""
+
+    _fields_ = (("stages", ctypes.c_longlong), *((name, ctypes.c_void_p) for name in ("A", "b", "c", "e")))
+
+
+class _Control(ctypes.Structure):
+    """The structure `Control` of `c/steps.h`."""
+
+    _fields_ = (
+        *((name, ctypes.c_double) for name in ("end", "rtol", "atol", "power", "shortest", "same_point")),
+        ("unit", ctypes.c_void_p),
+    )
+
+
+class Tableau:
+    """The numbers of an explicit Runge-Kutta method in C.
+
+    Attributes:
+        at: Address of the structure.
+    """
+
+    def __init__(self, A: Array, b: Array, e: Array | None) -> None:
+        """Copy the weights of the stages, of the result, and of its error, if any."""
+        c = np.array([row.sum() for row in A])
+        kept = {"A": A, "b": b, "c": c, "e": e}
+        self._kept = {n: np.ascontiguousarray(x, dtype=float) for n, x in kept.items() if x is not None}
+        self._fields = _Tableau(stages=len(b), **{n: x.ctypes.data for n, x in self._kept.items()})
+        self.at = ctypes.addressof(self._fields)
+
+
+@dataclass(frozen=True)
+class Control:
+    """How the estimated error chooses the lengths of steps; see `simulation.stepping.Stepper`.
+
+    Attributes:
+        end: End of the run [s].
+        rtol, atol: Tolerances of one step.
+        power: Exponent of the error in the factor of the next length.
+        shortest: Shortest length [s].
+        same_point: Distance to the end, in steps, below which a step goes there.
+        unit: Units of displacements and rates, shape (nv,).
+    """
+
+    end: float
+    rtol: float
+    atol: float
+    power: float
+    shortest: float
+    same_point: float
+    unit: Array
 
 
 @dataclass(frozen=True)
@@ -16,17 +70,22 @@ class Taken:
     """States after the steps taken.
 
     Attributes:
+        t: Times of the start and after each step, shape (steps + 1,), [s].
         q, v, a: States after each step, shapes (steps, nq), (steps, nv), (steps, nv).
         pivot: Smallest pivot of the closures in each step, over its usual size, shape (steps,).
-        error_q, error_v: Estimated errors of the last step, shape (nv,), or None.
+        next_step: Length of the step that is to follow each one, shape (steps,), [s].
+        rejected: How often each step was repeated with a shorter length, shape (steps,).
+        error: Estimated errors of positions and rates over the last step, shape (2, nv), or None.
     """
 
+    t: Array
     q: Array
     v: Array
     a: Array
     pivot: Array
-    error_q: Array | None
-    error_v: Array | None
+    next_step: Array
+    rejected: Index
+    error: Array | None
 
 
 class Steps:
@@ -34,19 +93,25 @@ class Steps:
 
     Attributes:
         freedoms: Number of the robot's freedoms.
+        motors: Number of its motors.
         independent: Freedoms that the closures leave independent.
     """
 
-    def __init__(self, held: ctypes.PyDLL, lifted: list[tuple[str, int]]) -> None:
+    def __init__(self, held: ctypes.PyDLL, lifted: list[tuple[str, int]], motors: int) -> None:
         """Find the functions.
 
         Args:
             held: The library.
             lifted: Names and lengths of the outputs of the program "lift".
+            motors: Number of motors.
         """
         self._steps, self._lift = held.explicit_steps, held.lifted_posture
         self._steps.restype = ctypes.c_longlong
-        self._steps.argtypes = [ctypes.c_longlong, ctypes.c_double, ctypes.c_int, *[ctypes.c_void_p] * 9]
+        self._steps.argtypes = [ctypes.c_longlong, *[ctypes.c_void_p] * 12]
+        self._efforts = held.law_efforts
+        self._efforts.restype = ctypes.c_longlong
+        self._efforts.argtypes = [ctypes.c_void_p, ctypes.c_longlong, *[ctypes.c_void_p] * 4]
+        self._room = ctypes.c_longlong.in_dll(held, "steps_work").value
         self._lift.restype = ctypes.c_int
         self._lift.argtypes = [ctypes.c_void_p] * 5
         self._ends = np.cumsum([size for _, size in lifted])
@@ -54,7 +119,7 @@ class Steps:
         out, pivot = np.empty(self._ends[-1]), np.ones(1)
         nowhere = np.zeros(nq), np.zeros(nv), np.zeros(nv)
         self._lift(*(x.ctypes.data for x in (*nowhere, out, pivot)))  # "independent" is the same everywhere
-        self.freedoms = nv
+        self.freedoms, self.motors = nv, motors
         self.independent = np.flatnonzero(out[self._ends[3] : self._ends[4]])
 
     def lift(self, q_0: Array, xi: Array, v: Array) -> tuple[list[Array], float] | None:
@@ -76,37 +141,61 @@ class Steps:
 
     def take(
         self,
-        tableau: tuple[Array, Array, Array | None],
+        tableau: Tableau,
+        law: Law,
         state: tuple[Array, Array, Array],
-        tau: Array,
+        t: Array,
         h: float,
-        count: int,
+        control: Control | None = None,
     ) -> Taken:
         """Take steps as long as they can be trusted.
 
         Args:
-            tableau: Weights A of the stages, b of the result, and e of its error or None.
+            tableau: The method.
+            law: The efforts.
             state: Assembled positions, rates and accelerations, shapes (nq,), (nv,), (nv,).
-            tau: Efforts, shape (motors,).
-            h: Length of a step [s].
-            count: Number of steps.
+            t: Times of the start and after each step, shape (steps + 1,), [s]; with `control`, only the
+                first is read.
+            h: Length of the steps, with `control` of the first one [s].
+            control: Chooses the lengths of the steps; None for equal ones.
 
         Returns:
-            The states after the steps; fewer than `count` if the general path must take the next step.
+            The states after the steps; fewer than asked for if the general path must take the next step, or
+            if the end is reached.
+
+        Raises:
+            BaseException: What a law in Python raised before, at the first step that it made impossible.
         """
+        law.check_pending()
+        count = len(t) - 1
         rows = [np.empty((count + 1, len(x))) for x in state]
         for row, x in zip(rows, state, strict=True):
             row[0] = x
-        pivots, errors = np.empty(count), np.empty((2, len(state[1])))
-        weights = [None if x is None else np.ascontiguousarray(x, dtype=float) for x in tableau]
-        own = np.ascontiguousarray(tau, dtype=float)
+        times, lengths = t.copy(), np.full(count + 1, h)
+        rejected, pivots = np.empty(count, np.int64), np.empty(count)
+        error, work = np.empty((2, len(state[1]))), np.empty(self._room, np.uint8)
+        kept = None if control is None else _Control(**(vars(control) | {"unit": control.unit.ctypes.data}))
+        arrays = (times, lengths, rejected, *rows, pivots, error, work)
         taken = self._steps(
-            count, h, len(tableau[1]), *(None if x is None else x.ctypes.data for x in weights),
-            own.ctypes.data, *(row.ctypes.data for row in rows), pivots.ctypes.data, errors.ctypes.data,
+            count, tableau.at, None if kept is None else ctypes.addressof(kept), law.at,
+            *(x.ctypes.data for x in arrays),
         )  # fmt: skip
+        if not taken:
+            law.check_pending()
         q, v, a = (row[1 : taken + 1] for row in rows)
-        error_q, error_v = (None, None) if tableau[2] is None else errors
-        return Taken(q, v, a, pivots[:taken], error_q, error_v)
+        times, lengths = times[: taken + 1], lengths[1 : taken + 1]
+        return Taken(times, q, v, a, pivots[:taken], lengths, rejected[:taken], error)
+
+    def efforts(self, law: Law, t: Array, q: Array, v: Array) -> Array | None:
+        """Compute a law's efforts, shape (T, motors), at states of shapes (T,), (T, nq), (T, nv).
+
+        Returns:
+            The efforts; None if the general path must compute them.
+        """
+        arrays = [np.ascontiguousarray(x, dtype=float) for x in (t, q, v)]
+        out = np.empty((len(t), self.motors))
+        done = self._efforts(law.at, len(t), *(x.ctypes.data for x in arrays), out.ctypes.data)
+        return out if done == len(t) else None
 
 
 class JointChart:

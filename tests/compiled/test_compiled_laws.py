@@ -1,0 +1,176 @@
+"""Laws of efforts in time steps in C: controllers, and programs in Python; against the loop in Python."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+import hybridyn
+from hybridyn.compiled.model import CompiledRobot
+from hybridyn.compiled.programs.torque import closing_of_motors
+from hybridyn.description.shipped import shipped_robots
+from hybridyn.effects import Limits
+from hybridyn.errors import TrajectoryError
+from hybridyn.scenes import controllers
+from hybridyn.scenes.references import Point, Reference, from_points
+from hybridyn.simulation import stepping
+from hybridyn.simulation.result import Result
+
+SOLVED = 1e-12  # two solutions of the loops and of the inertia, relative
+STIFF = (100.0, 8.0)  # gains [N m/rad, N m s/rad]
+LIMIT = 1e3  # above what the five-bar needs [N m], as in test_compiled_steps.py
+BOUND = 3.0  # clips some efforts [N m]
+FIXED: dict[str, Any] = {"method": "rk4", "step": 1e-3}
+ADAPTIVE: dict[str, Any] = {"method": "dopri5", "rtol": 1e-8, "atol": 1e-10}
+Run = Callable[..., Result]
+
+
+@pytest.fixture(scope="module")
+def model() -> CompiledRobot:
+    robot = hybridyn.load(str(shipped_robots()["five_bar"].file))
+    return hybridyn.compile(robot, effects=["default", Limits(dict.fromkeys(robot.motors, LIMIT))])
+
+
+@pytest.fixture(scope="module")
+def reference(model: CompiledRobot) -> Reference:
+    left, right = model.robot.motors
+    points = [Point(0.0, {}, {}), Point(0.05, {left: 0.3}, {}), Point(0.08, {left: 0.1, right: -0.2}, {})]
+    return from_points(model.robot, points, model.robot.home)
+
+
+@pytest.fixture(scope="module")
+def laws(model: CompiledRobot, reference: Reference) -> dict[str, Any]:
+    times, tau = np.array([0.0, 0.03, 0.2]), np.array([[0.0, 4.0], [20.0, -3.0], [5.0, 1.0]])
+    return {
+        "table": controllers.EffortTable(times, tau),
+        "pd": controllers.Pd(model.robot, reference, *STIFF),
+        "torque": controllers.ComputedTorque(model.robot, reference, 900.0, 60.0),
+    }
+
+
+@pytest.fixture
+def flown(model: CompiledRobot) -> Run:
+    """A run from rest beside the reference."""
+
+    def fly(law: Any, end: float = 0.1, **options: Any) -> Result:
+        robot = model.robot
+        q, v, _ = hybridyn.assemble(robot, motors=dict.fromkeys(robot.motors, 0.05))
+        options = FIXED | options
+        return hybridyn.simulate(
+            robot, q, v, (0, end), effort=law, effects=model.effects, compiled=model, **options
+        )
+
+    return fly
+
+
+@pytest.mark.parametrize("name", ["table", "pd", "torque"])
+def test_laws_in_c_are_those_in_python(model: CompiledRobot, laws: dict[str, Any], name: str) -> None:
+    """At times within the reference, at its ends, and at rest after it."""
+    law, steps = laws[name], model.library.steps
+    assert steps is not None
+    t = np.array([0.0, 0.013, 0.05, 0.061, 0.08, 0.19])
+    x = {motor: (0.1 * np.sin(t + k), np.cos(9 * t), 0 * t) for k, motor in enumerate(model.robot.motors)}
+    q, v, _ = hybridyn.assemble(model.robot, motors=x)
+    made = law.in_c(model)
+    assert made is not None
+    ours = steps.efforts(made, t, q, v)
+    theirs = np.array([law(*state) for state in zip(t, q, v, strict=True)])
+    agree = SOLVED * np.abs(theirs).max() if name == "torque" else 0.0
+    np.testing.assert_allclose(ours, theirs, rtol=0, atol=agree)
+    bound = np.full(len(model.robot.motors), BOUND)
+    clipped = steps.efforts(made.bounded(bound), t, q, v)
+    np.testing.assert_array_equal(clipped, np.clip(ours, -bound, bound))
+
+
+@pytest.mark.parametrize("options", [FIXED, ADAPTIVE], ids=["rk4", "dopri5"])
+@pytest.mark.parametrize("name", ["table", "pd", "torque"])
+def test_runs_in_c_are_those_of_the_loop_in_python(
+    flown: Run, laws: dict[str, Any], name: str, options: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Steps chosen in C from efforts computed in C have the bits of steps chosen in Python."""
+    ours = flown(laws[name], **options)
+    monkeypatch.setattr(stepping.Stepper, "_in_c", lambda self, state: None)
+    others = [flown(laws[name], **options)]
+    if name != "torque":  # in Python its inverse model is the general path's
+        others.append(flown(lambda t, q, v: laws[name](t, q, v), **options))
+    assert ours.status == "finished"
+    for other in others:
+        assert ours.counters == other.counters
+        for key in ("t", "q", "v", "a", "tau", "pivot"):
+            np.testing.assert_array_equal(getattr(ours, key), getattr(other, key))
+
+
+def test_computed_torque_in_c_moves_the_robot_as_that_in_python(flown: Run, laws: dict[str, Any]) -> None:
+    ours, theirs = (flown(law, end=3e-3) for law in (laws["torque"], lambda *x: laws["torque"](*x)))
+    for key in ("q", "v", "a", "tau"):
+        agree = SOLVED * np.abs(getattr(theirs, key)).max()
+        np.testing.assert_allclose(getattr(ours, key), getattr(theirs, key), rtol=0, atol=agree)
+
+
+@pytest.mark.parametrize("options", [FIXED, ADAPTIVE], ids=["rk4", "dopri5"])
+def test_an_interrupt_keeps_the_steps_before_it_and_goes_on_to_the_same_bits(
+    flown: Run, laws: dict[str, Any], options: Any
+) -> None:
+    whole = flown(laws["pd"], **options)
+    heard: list[float] = []
+
+    def stop(t: float, end: float) -> None:
+        heard.append(t)
+        if len(heard) == 7:
+            raise KeyboardInterrupt
+
+    part = flown(laws["pd"], progress=stop, **options)
+    assert part.status == "interrupted"
+    np.testing.assert_array_equal(heard, whole.t[1:8])
+    np.testing.assert_array_equal(part.t, whole.t[:8])
+    rest = flown(laws["pd"], resume=part, **options)
+    assert rest.counters == whole.counters
+    np.testing.assert_array_equal(rest.q, whole.q)
+
+
+@pytest.mark.parametrize("error", [KeyboardInterrupt, ZeroDivisionError, TrajectoryError])
+def test_errors_of_a_law_in_python_are_raised_where_they_occur(flown: Run, error: type[Exception]) -> None:
+    def law(t: float, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+        if t > 0.0205:
+            raise error("no effort")
+        return np.zeros(2)
+
+    if error is KeyboardInterrupt:
+        part = flown(law)
+        assert (part.status, part.counters.steps) == ("interrupted", 20)
+        return
+    with pytest.raises(error):
+        flown(law)
+
+
+@pytest.mark.parametrize("wrong", [np.zeros(3), np.array([np.nan, 0.0])])
+def test_wrong_efforts_of_a_law_in_python_are_refused(flown: Run, wrong: np.ndarray) -> None:
+    with pytest.raises(TrajectoryError, match="expected 2 finite numbers"):
+        flown(lambda t, q, v: np.zeros(2) if t < 0.0205 else wrong)
+
+
+def test_a_law_in_python_may_keep_what_it_receives_and_may_simulate(flown: Run) -> None:
+    kept: list[tuple[np.ndarray, np.ndarray]] = []
+    inner: list[Result] = []
+
+    def law(t: float, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+        if len(kept) == 11:
+            inner.append(flown(np.array([1.0, 2.0])))
+        kept.append((q, v))
+        return np.ones(2)
+
+    run, quiet = flown(law), flown(np.ones(2))
+    np.testing.assert_array_equal(run.q, quiet.q)
+    np.testing.assert_array_equal(inner[0].q, flown(np.array([1.0, 2.0])).q)
+    assert len({q.tobytes() for q, _ in kept}) > 100
+
+
+def test_computed_torque_of_a_free_joint_stays_in_python(model: CompiledRobot, laws: dict[str, Any]) -> None:
+    robot = hybridyn.load(str(shipped_robots()["five_bar"].file), motors=model.robot.motors[:1])
+    assert closing_of_motors(robot) is None
+    other = hybridyn.load(str(shipped_robots()["five_bar"].file))
+    law = controllers.ComputedTorque(other, laws["torque"]._reference, 1.0, 1.0)
+    assert law.in_c(model) is None  # of another robot
