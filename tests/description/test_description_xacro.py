@@ -9,6 +9,7 @@ import pytest
 
 from hybridyn.description import read
 from hybridyn.description.urdf import xacro as xacro_files
+from hybridyn.description.urdf import xacro_process
 from hybridyn.errors import ModelError
 from tests.robot_texts import FOUR_BAR, LOOP, TREE, save
 
@@ -120,7 +121,7 @@ def test_no_bytecode_is_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
     own = Path(xacro_files.__file__)
     ignored = shutil.ignore_patterns("__pycache__")
     copy = shutil.copytree(own.with_name("xacro_child"), tmp_path / "xacro_child", ignore=ignored)
-    monkeypatch.setattr(xacro_files, "__file__", str(tmp_path / own.name))
+    monkeypatch.setattr(xacro_process, "__file__", str(tmp_path / own.name))
     assert xacro(tmp_path, '<link name="a"/>') == ["a"]
     assert not list(copy.glob("__pycache__"))
 

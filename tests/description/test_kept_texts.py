@@ -14,7 +14,7 @@ import pytest
 from hybridyn.description import kept_texts
 from hybridyn.description.cache_folder import folder
 from hybridyn.description.side_cars import model_toml
-from hybridyn.description.urdf import xacro
+from hybridyn.description.urdf import xacro, xacro_process
 from hybridyn.errors import ModelError
 from tests.robot_texts import FOUR_BAR, save
 
@@ -29,7 +29,7 @@ request = json.loads(sys.stdin.readline())
 text = ask("read", request["file"])
 for line in text.splitlines():
     text += ask(*line.split())
-print(json.dumps({"notes": ["a note"], "locks": ["seccomp"]}))
+print(json.dumps({"notes": ["a note"], "locks": ["seccomp"], "size": len(text.encode())}))
 sys.stdout.write(text)
 """
 
@@ -43,15 +43,16 @@ def at(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 @pytest.fixture
 def expand(at: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., tuple[str, bool]]:
     """Expand a file, and return its text and whether a child was started."""
+    monkeypatch.setattr(xacro_process, "START", CHILD)
     monkeypatch.setattr(xacro, "START", CHILD)
     started = []
-    child = xacro._child
+    child = xacro.child_of
 
     def counted(file: str) -> Any:
         started.append(file)
         return child(file)
 
-    monkeypatch.setattr(xacro, "_child", counted)
+    monkeypatch.setattr(xacro, "child_of", counted)
 
     def expanded(**arguments: object) -> tuple[str, bool]:
         before = len(started)

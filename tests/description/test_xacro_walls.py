@@ -15,6 +15,7 @@ import pytest
 import xacro
 
 from hybridyn.description.urdf import xacro as xacro_files
+from hybridyn.description.urdf import xacro_process
 from hybridyn.description.urdf.robot_folders import RobotFolders
 from hybridyn.description.urdf.xacro_child.expressions import Evaluator, RefusedError
 from hybridyn.description.urdf.xacro_child.functions import bound_functions, functions_in
@@ -350,7 +351,7 @@ def test_an_expansion_says_where_no_kernel_locks_it_in(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     file = save(tmp_path, f'{HEAD}<link name="a"/></robot>', "r.xacro")
-    monkeypatch.setattr(xacro_files, "START", xacro_files.START.replace("main()", UNLOCKED))
+    monkeypatch.setattr(xacro_process, "START", xacro_process.START.replace("main()", UNLOCKED))
     assert xacro_files.expand(str(file), {}, ()) == (b"", [xacro_files.UNLOCKED])
 
 

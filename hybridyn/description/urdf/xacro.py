@@ -15,8 +15,7 @@ import os
 import signal
 import subprocess
 import sys
-import threading
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import IO, Any
 
@@ -25,16 +24,11 @@ from ..cache_folder import hashed
 from ..kept_texts import keep, kept, state_of
 from ..shipped import data_folder
 from .robot_folders import RobotFolders
+from .xacro_process import SECONDS, START, child_of, is_kept
 from .xml_node import LARGEST_FILE
 
 #: Memory that an expansion may use [bytes].
 MEMORY = 2 * 2**30
-
-#: Processor time that an expansion may use [s]; a stack of 1,000 six-legged modules takes 40 s.
-SECONDS = 120
-
-#: Time after which an expansion is killed [s]; it is longer, because the child may wait for a processor.
-PATIENCE = 2 * SECONDS
 
 #: Extras of hybridyn that install a package of robot files, by the name of the package.
 EXTRAS = {"example-robot-data": "robots"}
@@ -53,15 +47,6 @@ UNLOCKED = "xacro: this system's kernel restricts nothing; only hybridyn's own l
 
 #: Packages that the child imports.
 PACKAGES = ("xacro", "yaml")
-
-#: Program of the child; its folder is on the path only while its own modules are imported.
-START = """
-import sys
-sys.path.insert(0, sys.argv[1])
-from xacro_child.main import main
-del sys.path[0]
-main()
-"""
 
 
 def expand(
@@ -90,17 +75,18 @@ def expand(
         "paths": paths,
         "memory": MEMORY,
         "seconds": SECONDS,
+        "again": is_kept(),
     }
     named = [os.fspath(folder) for folder in package_dirs]
     folders = functools.partial(RobotFolders, path, named, _share_dirs(), LARGEST_FILE, _shipped_dirs())
     own = Path(__file__).parent / "xacro_child"
     codes = [own, *(Path(of, package) for of, package in zip(paths, PACKAGES, strict=True))]
     name = hashed(START, sys.version, json.dumps(request, sort_keys=True), *map(state_of, codes))
-    known = kept(name)
+    known = None if is_kept() else kept(name)
     if known is not None and _unchanged(folders(), known["replies"]):
         return known["text"].encode(), known["notes"]
     replies: list[list[str]] = []
-    with _child(file) as child:
+    with child_of(file) as child:
         header, text = _converse(child, file, request, folders(), replies)
     if "error" in header:
         inner = header["file"]
@@ -110,7 +96,8 @@ def expand(
             message = message[:LONGEST_MESSAGE] + " ..."
         raise ModelError(message, file=where, line=header["line"])
     notes = list(header["notes"]) + ([] if header["locks"] else [UNLOCKED])
-    keep(name, {"replies": replies, "text": text.decode(), "notes": notes})
+    if not is_kept():  # the many files of a sweep would replace those of the next commands
+        keep(name, {"replies": replies, "text": text.decode(), "notes": notes})
     return text, notes
 
 
@@ -131,33 +118,6 @@ def _extra_for(error: str) -> str:
         if f"package '{package}' is not found" in error:
             return f", or {install_advice(extra)}"
     return ""
-
-
-@contextlib.contextmanager
-def _child(file: str) -> Iterator[subprocess.Popen[bytes]]:
-    """Start the child process; kill it on leaving the context, at the latest after `PATIENCE`.
-
-    It writes no bytecode (-B): on a full disk, or under a limit on file sizes, Python leaves truncated files
-    behind, and every later expansion would fail.
-    """
-    command = [sys.executable, "-B", "-I", "-S", "-X", "utf8", "-c", START, str(Path(__file__).parent)]
-    try:
-        child = subprocess.Popen(
-            command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, env={}
-        )
-    except OSError as error:
-        raise ModelError(f"xacro: no child process could be started: {error.strerror}", file=file) from None
-    watch = threading.Timer(PATIENCE, child.kill)
-    watch.daemon = True
-    watch.start()
-    try:
-        with child:
-            try:
-                yield child
-            finally:
-                child.kill()
-    finally:
-        watch.cancel()
 
 
 def _converse(
@@ -181,7 +141,8 @@ def _converse(
                 break
             header = _header(line, file)
             if "ask" not in header:
-                text = child.stdout.read(LARGEST_FILE + 1)
+                size = header.pop("size", 0)
+                text = child.stdout.read(min(int(size), LARGEST_FILE + 1))
                 if len(text) > LARGEST_FILE:
                     raise ModelError(f"xacro: expands to more than {LARGEST_FILE // 2**20} MiB", file=file)
                 return header, text

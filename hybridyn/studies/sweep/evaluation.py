@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from ...description.urdf.xacro_process import keep_child
 from ...effects import choose
 from ...errors import HybridynError
 from ...linkage.threads import one_thread
@@ -96,6 +97,7 @@ def evaluate(source: StudyFile, chunk: Chunk) -> Evaluated:
         ModelError: A Python file of the study fails.
     """
     started = time.perf_counter()
+    keep_child()  # each design expands its own file
     designer = Designer(source)
     with np.errstate(all="ignore"):  # overflow shows in the results
         rows = tuple(designer(chunk.start + i, values) for i, values in enumerate(chunk.values))

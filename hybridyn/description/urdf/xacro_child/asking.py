@@ -25,9 +25,10 @@ class Parent:
     def __init__(self, answers: BinaryIO, questions: BinaryIO) -> None:
         self.answers, self.questions = answers, questions
 
-    def request(self) -> dict[str, Any]:
-        """Read the parent's request, its first line."""
-        request: dict[str, Any] = json.loads(self.answers.readline())
+    def request(self) -> dict[str, Any] | None:
+        """Read a request of the parent, one line; None at the end."""
+        line = self.answers.readline()
+        request: dict[str, Any] | None = json.loads(line) if line else None
         return request
 
     def answer(self, header: dict[str, Any], text: bytes) -> None:

@@ -1,0 +1,60 @@
+"""One child of xacro that is kept for many expansions: the same texts, and each starts afresh."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from hybridyn.description.urdf import xacro, xacro_process
+from hybridyn.errors import ModelError
+
+TEXT = """<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">
+  <xacro:arg name="a" default="1"/>
+  <xacro:if value="${$(arg a) > 5}"><xacro:nothing/></xacro:if>
+  <xacro:property name="p" default="${2 * $(arg a)}"/>
+  <link name="l${p}"/>
+</robot>
+"""
+#: A regular expression that cannot end.
+ENDLESS = """<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:arg name="a" default="1"/>
+  <link name="${xacro.tokenize('a' * 60 + '!', 'x]|(a+)+$|[y')}"/></robot>"""
+
+
+@pytest.fixture
+def file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
+    """A file with an argument; one child is kept during the test, and no text."""
+    monkeypatch.setenv("HYBRIDYN_CACHE", str(tmp_path / "cache"))
+    path = tmp_path / "r.xacro"
+    path.write_text(TEXT)
+    xacro_process.keep_child()
+    yield str(path)
+    xacro_process.drop_child()
+
+
+def test_expansions_of_a_kept_child_are_those_of_fresh_ones(file: str) -> None:
+    kept = [xacro.expand(file, {"a": a}, ()) for a in (1, 2)]
+    child = xacro_process._kept.child
+    with pytest.raises(ModelError, match="unknown macro name"):
+        xacro.expand(file, {"a": 6}, ())
+    with pytest.raises(ModelError, match="there is no argument 'b'"):
+        xacro.expand(file, {"b": 6}, ())
+    kept.append(xacro.expand(file, {"a": 3}, ()))
+    assert child is not None
+    assert child is xacro_process._kept.child
+    assert not list(Path(file).parent.glob("cache/texts/*"))
+    xacro_process.drop_child()
+    assert child.returncode is not None
+    assert kept == [xacro.expand(file, {"a": a}, ()) for a in (1, 2, 3)]
+
+
+@pytest.mark.slow
+def test_an_expansion_that_does_not_end_ends_alone(file: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(xacro, "SECONDS", 1)
+    good = xacro.expand(file, {}, ())
+    Path(file).write_text(ENDLESS)
+    with pytest.raises(ModelError, match="more than 1 s of processor time"):
+        xacro.expand(file, {}, ())
+    Path(file).write_text(TEXT)
+    assert xacro.expand(file, {}, ()) == good
