@@ -5,14 +5,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
 from ..description.names import did_you_mean
 from ..errors import ActuationError, ModelError, TrajectoryError
 from ..spatial import Array, cross, rotate_back, rotation_from_quaternion
-from ..tables.rates import DEGREE, FEWEST_ROWS, aligned, angular_rates
+from ..tables.rates import FEWEST_ROWS, aligned, angular_rates
+from ..tables.spline import Spline
 from .joints import Numbers
 from .links import at_times, table
 
@@ -93,14 +94,9 @@ class BaseMotion:
             raise ModelError(f"{self.name}: quaternions must have length 1")
 
     @cached_property
-    def _splines(self) -> tuple[Any, Any, Any]:
-        from scipy.interpolate import make_interp_spline
-
+    def _spline(self) -> Spline:
         time, pose = table(self.name, self.time, self.pose, 7)
-        spline = make_interp_spline(
-            time, np.concatenate([pose[:, :3], aligned(pose[:, 3:])], axis=1), k=DEGREE
-        )
-        return spline, spline.derivative(1), spline.derivative(2)
+        return Spline(time, np.concatenate([pose[:, :3], aligned(pose[:, 3:])], axis=1))
 
     def at(self, time: Array) -> tuple[Array, Array, Array]:
         """Compute the base's q (T, 7), v and a (T, 6): Pinocchio's local velocity and spatial acceleration.
@@ -109,7 +105,7 @@ class BaseMotion:
             TrajectoryError: A time is outside the table.
         """
         at_times(self.name, np.asarray(self.time, dtype=float), time)
-        x, x_dot, x_ddot = (spline(time) for spline in self._splines)
+        x, x_dot, x_ddot = (self._spline(time, order) for order in range(3))
         w, w_dot = angular_rates(x[:, 3:], x_dot[:, 3:], x_ddot[:, 3:])
         x[:, 3:] /= np.linalg.norm(x[:, 3:], axis=1, keepdims=True)
         R = rotation_from_quaternion(x[:, 3:])

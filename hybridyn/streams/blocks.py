@@ -29,6 +29,8 @@ if TYPE_CHECKING:
 SAME_POSTURE = 1e-9
 #: Numbers in a table above which several processes pay: about three seconds of work for one.
 LONG_TABLE = 300_000
+#: The same with compiled models: about two seconds, of which another process takes half a second to start.
+LONG_FOR_COMPILED = 3_000_000
 #: Positions in a block, so that its arrays stay near the cache, which processes share.
 NUMBERS_AT_ONCE = 84_000
 #: Maximum number of rows in a block: enough for a batch, few enough to share a short table among processes.

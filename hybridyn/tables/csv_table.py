@@ -20,7 +20,7 @@ import numpy as np
 
 from ..description.records import Array
 from ..errors import TrajectoryError
-from .table import EMPTY_CELL, Block, Table, as_number, check_columns
+from .table import EMPTY_CELL, Block, Table, as_number, check_columns, is_plain
 
 #: Maximum number of characters in a line, so that a file without line ends does not fill the memory.
 LINE_LIMIT = 16_000_000
@@ -116,11 +116,14 @@ def _csv_blocks(
 
 def _parse_fast(lines: list[str], width: int, separator: str) -> Array | None:
     """Parse rows of plain numbers; return None where a row needs `_parse_slow`."""
+    text = separator.join(lines)
+    if not is_plain(text) or any(line.count(separator) != width - 1 for line in lines):
+        return None
     try:
-        values = np.loadtxt(lines, delimiter=separator, comments=None, ndmin=2)
+        values = np.array([float(cell) for cell in text.split(separator)]).reshape(len(lines), width)
     except ValueError:
         return None
-    return values if values.shape == (len(lines), width) and np.isfinite(values).all() else None
+    return values if np.isfinite(values).all() else None
 
 
 def _parse_slow(

@@ -14,10 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..description.records import Array
+from .spline import DEGREE, Spline
 from .table import Block
 
-#: Degree of the splines: accelerations are then smooth, with an error of the fourth order of the step.
-DEGREE = 5
 FEWEST_ROWS = DEGREE + 1
 #: Rows on either side of a block: 0.43 ** 128 = 1e-47; irregular steps need about 50 rows, measured.
 HALO = 128
@@ -67,21 +66,20 @@ def _window(rows: Array, start: int, first: int, stop: int, halo: int) -> Window
     return Window(first, rows[low : stop + halo - start], slice(first - start - low, stop - start - low))
 
 
-def derivatives(time: Array, values: Array, core: slice) -> tuple[Array, Array]:
+def derivatives(time: Array, values: Array, core: slice, first_row: int = 0) -> tuple[Array, Array]:
     """Compute the first two time derivatives of sampled values, by an interpolating quintic spline.
 
     Args:
         time: Strictly increasing times, shape (rows,), [s]; at least `FEWEST_ROWS`.
         values: Samples, shape (rows, n).
         core: Rows whose derivatives are wanted.
+        first_row: Number of the first row in its table, as in `Spline`.
 
     Returns:
         First and second derivatives, shape (core rows, n) each, [1/s], [1/s^2].
     """
-    from scipy.interpolate import make_interp_spline  # half a second, needed only here
-
-    spline = make_interp_spline(time, values, k=DEGREE)
-    return spline.derivative(1)(time[core]), spline.derivative(2)(time[core])
+    spline = Spline(time, values, first_row)
+    return spline(time[core], 1), spline(time[core], 2)
 
 
 def aligned(quaternions: Array) -> Array:

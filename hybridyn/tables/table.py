@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Iterator
 from typing import NamedTuple, Self
 
@@ -12,7 +11,7 @@ from ..errors import TrajectoryError
 #: Rows per block: enough for an efficient batch, few enough for the memory of any robot.
 BLOCK_ROWS = 2_000
 #: Characters of plain numbers; other forms that float() accepts (1_000, digits of other scripts) are errors.
-NUMBERS = re.compile(r"[0-9eE+\-.,; \t]*")
+NUMBERS = b"0123456789eE+-.,; \t"
 EMPTY_CELL = "the cell is empty"
 
 
@@ -87,9 +86,14 @@ def check_columns(columns: tuple[str, ...], file: str | None) -> None:
         seen.add(name)
 
 
+def is_plain(text: str) -> bool:
+    """Return whether a text has characters of plain numbers and separators only."""
+    return not text.encode(errors="surrogatepass").translate(None, NUMBERS)
+
+
 def as_number(cell: str) -> float | None:
     """Return the number in a cell, or None if there is none."""
     try:
-        return float(cell) if NUMBERS.fullmatch(cell) else None
+        return float(cell) if is_plain(cell) else None
     except ValueError:
         return None

@@ -24,6 +24,8 @@ LARGEST_TURN = 2.0 * np.pi / 3.0
 Triple = tuple[Array, Array, Array]  # position, velocity, acceleration
 #: A whole pose or its rates, shape (T, 7) or (T, 6), or some coordinates by name, shape (T,) each.
 Parts = Array | dict[str, Array]
+#: First and second derivatives of a signal's samples, shape (T, n) each.
+Fits = dict[Signal, tuple[Array, Array]]
 
 
 @dataclass(frozen=True)
@@ -103,13 +105,14 @@ def read_motions(table: Table, layout: Layout) -> Iterator[Motion]:
         if fitted and len(window.values) < FEWEST_ROWS:
             message = f"{len(window.values)} rows are too few to fit the missing rates ({FEWEST_ROWS} needed)"
             raise TrajectoryError(f"{message}; give velocities and accelerations", file=file)
+        fits = _fits(layout, window, time) if fitted else {}
         own = window.values[window.core]
         yield Motion(
             first_row=window.first_row,
             size=len(own),
             time=None if time is None else time[window.core],
-            joints={name: _joint(signal, window, time, file) for name, signal in layout.joints.items()},
-            platforms={key: _platform(signal, window, time, file) for key, signal in layout.poses.items()},
+            joints={name: _joint(signal, window, fits, file) for name, signal in layout.joints.items()},
+            platforms={key: _platform(signal, window, fits, file) for key, signal in layout.poses.items()},
             wrenches={link: own[:, list(columns)] for link, columns in layout.wrenches.items()},
             efforts={joint: own[:, column] for joint, column in layout.efforts.items()},
         )
@@ -151,24 +154,19 @@ def _check_quaternions(block: Block, signal: Signal, columns: Sequence[str], fil
         raise TrajectoryError(message, file=file, row=row, column=columns[part[0]])
 
 
-def _joint(signal: Signal, window: Window, time: Array | None, file: str | None) -> Triple:
-    triple = _levels(signal, window, time, file)
+def _joint(signal: Signal, window: Window, fits: Fits, file: str | None) -> Triple:
+    triple = _levels(signal, window, fits, file)
     return triple if len(signal.components) > 1 else (triple[0][:, 0], triple[1][:, 0], triple[2][:, 0])
 
 
-def _platform(
-    signal: Signal, window: Window, time: Array | None, file: str | None
-) -> tuple[Parts, Parts, Parts]:
+def _platform(signal: Signal, window: Window, fits: Fits, file: str | None) -> tuple[Parts, Parts, Parts]:
+    pose, velocity, acceleration = _levels(signal, window, fits, file)
     if signal.components != POSE:
-        pose, velocity, acceleration = _levels(signal, window, time, file)
         return (
             dict(zip(signal.components, pose.T, strict=True)),
             dict(zip(signal.components, velocity.T, strict=True)),
             dict(zip(signal.components, acceleration.T, strict=True)),
         )
-    if signal.velocity is None:
-        _check_turns(signal, window, file)
-    pose, velocity, acceleration = _levels(signal, window, time, file)
     lengths = np.linalg.norm(pose[:, 3:], axis=1, keepdims=True)
     return np.hstack([pose[:, :3], pose[:, 3:] / lengths]), velocity, acceleration
 
@@ -186,44 +184,65 @@ def _check_turns(signal: Signal, window: Window, file: str | None) -> None:
         raise TrajectoryError(message, file=file, row=row, column=f"{signal.name}/pose/qx")
 
 
-def _levels(signal: Signal, window: Window, time: Array | None, file: str | None) -> Triple:
+def _levels(signal: Signal, window: Window, fits: Fits, file: str | None) -> Triple:
     """Return position, velocity and acceleration of a block's own rows, fitted where columns are missing."""
     core = window.core
-    position = window.values[:, list(signal.position)]
-    velocity = window.values[:, list(signal.velocity)] if signal.velocity else None
-    acceleration = window.values[:, list(signal.acceleration)] if signal.acceleration else None
+    position = window.values[:, list(signal.position)][core]
+    velocity = window.values[:, list(signal.velocity)][core] if signal.velocity else None
+    acceleration = window.values[:, list(signal.acceleration)][core] if signal.acceleration else None
     if velocity is not None and acceleration is not None:
-        return position[core], velocity[core], acceleration[core]
+        return position, velocity, acceleration
     if not signal.missing:
         assert velocity is not None
-        return position[core], velocity[core], np.zeros_like(velocity[core])
-    assert time is not None  # read_layout requires it where rates are missing
-    try:
-        with np.errstate(all="ignore"):  # numbers too large for a fit are found below
-            if velocity is None:
-                first, second = _fit(signal, time, position, core)
-            else:
-                first, second = velocity[core], derivatives(time, velocity, core)[0]
-    except ValueError as error:  # scipy finds no spline: LinAlgError, or overflow on the way to it
-        message = f"the times are too close together or too far apart to fit the rates of '{signal.name}'"
-        raise TrajectoryError(message, file=file, column="time") from error
+        return position, velocity, np.zeros_like(velocity)
+    first, second = fits[signal]
+    if velocity is not None:
+        first, second = velocity, first
+    elif signal.components == POSE:
+        quaternions = aligned(window.values[:, list(signal.position[3:])])[core]
+        omega, omega_dot = angular_rates(quaternions, first[:, 3:], second[:, 3:])
+        first, second = np.hstack([first[:, :3], omega]), np.hstack([second[:, :3], omega_dot])
     wrong = np.flatnonzero(~np.isfinite(np.hstack([first, second])).all(axis=1))
     if len(wrong):
         message = f"no finite rates of '{signal.name}' can be fitted around here"
         raise TrajectoryError(message, file=file, row=window.first_row + int(wrong[0]))
-    return position[core], first, second if acceleration is None else acceleration[core]
+    return position, first, second if acceleration is None else acceleration
 
 
-def _fit(signal: Signal, time: Array, position: Array, core: slice) -> tuple[Array, Array]:
-    """Compute velocity and acceleration from positions; those of an orientation are angular."""
-    values = position.copy()
-    values[:, list(signal.wraps)] = np.unwrap(values[:, list(signal.wraps)], axis=0)
-    if signal.components != POSE:
-        return derivatives(time, values, core)
-    values[:, 3:] = aligned(values[:, 3:])
-    first, second = derivatives(time, values, core)
-    omega, omega_dot = angular_rates(values[core, 3:], first[:, 3:], second[:, 3:])
-    return np.hstack([first[:, :3], omega]), np.hstack([second[:, :3], omega_dot])
+def _fits(layout: Layout, window: Window, time: Array | None) -> Fits:
+    """Fit all signals that lack rates at once, and return two derivatives of their samples by signal.
+
+    Raises:
+        TrajectoryError: An orientation turns too far between two rows, or the times have no spline.
+    """
+    assert time is not None  # read_layout requires it where rates are missing
+    signals = [signal for signal in layout.signals if signal.missing]
+    for signal in signals:
+        if signal.components == POSE and signal.velocity is None:
+            _check_turns(signal, window, layout.file)
+    samples = [_samples(signal, window.values) for signal in signals]
+    try:
+        with np.errstate(all="ignore"):  # `_levels` finds what overflows
+            first, second = derivatives(
+                time, np.hstack(samples), window.core, window.first_row - window.core.start
+            )
+    except ValueError as error:  # a singular system, or overflow on the way to it
+        message = f"the times are too close together or too far apart to fit the rates of '{signals[0].name}'"
+        raise TrajectoryError(message, file=layout.file, column="time") from error
+    ends = np.cumsum([values.shape[1] for values in samples])[:-1]
+    parts = np.split(first, ends, axis=1), np.split(second, ends, axis=1)
+    return dict(zip(signals, zip(*parts, strict=True), strict=True))
+
+
+def _samples(signal: Signal, values: Array) -> Array:
+    """Return the samples of a spline: a signal's rates, or positions without jumps, shape (rows, n)."""
+    if signal.velocity is not None:
+        return values[:, list(signal.velocity)]
+    out = values[:, list(signal.position)]
+    out[:, list(signal.wraps)] = np.unwrap(out[:, list(signal.wraps)], axis=0)
+    if signal.components == POSE:
+        out[:, 3:] = aligned(out[:, 3:])
+    return out
 
 
 def full_state(motion: Motion, joints: Sequence[Joint], root: str | None = None) -> Triple:

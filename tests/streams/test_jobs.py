@@ -17,7 +17,7 @@ import hybridyn
 from hybridyn.cli.common.tables import _processes
 from hybridyn.errors import AssemblyError, HybridynError, TrajectoryError
 from hybridyn.streams import blocks as blocks_file
-from hybridyn.streams.blocks import Block, Done, blocks, in_order, rows_at_once
+from hybridyn.streams.blocks import LONG_FOR_COMPILED, Block, Done, blocks, in_order, rows_at_once
 from hybridyn.streams.workers import Failure, Workers
 from hybridyn.tables.opening import open_table
 from hybridyn.tables.trajectory import Motion
@@ -367,8 +367,10 @@ def test_how_many_processes_and_rows(tmp_path: Path) -> None:
     long_table(path, 1)
     with open_table(path) as table:
         assert table.rows == pytest.approx(1_000, rel=0.5)
-        assert _processes(None, table) == 0
-        assert _processes(1, table) == 0
-        assert _processes(3, table) == 3
+        assert _processes(None, table, False) == 0
+        assert _processes(1, table, False) == 0
+        assert _processes(3, table, True) == 3
         table.rows = 1_000_000
-        assert _processes(None, table) in (0, len(os.sched_getaffinity(0)))
+        assert _processes(None, table, False) in (0, len(os.sched_getaffinity(0)))
+        table.rows = LONG_FOR_COMPILED // len(table.columns)
+        assert _processes(None, table, True) == 0

@@ -2,9 +2,11 @@
 
 import numpy as np
 import pytest
+from scipy.interpolate import make_interp_spline
 from scipy.spatial.transform import Rotation
 
 from hybridyn.tables.rates import aligned, angular_rates, derivatives, turns, windows
+from hybridyn.tables.spline import BLOCK, DEGREE, Spline
 from hybridyn.tables.table import Block
 
 ROUNDING = 1e-13
@@ -81,3 +83,23 @@ def test_angular_rates_do_not_see_the_length_of_the_quaternion() -> None:
     scaled = (s * p, s_dot * p + s * p_dot, s_ddot * p + 2 * s_dot * p_dot + s * p_ddot)
     for one, other in zip(angular_rates(p, p_dot, p_ddot), angular_rates(*scaled), strict=True):
         assert one == pytest.approx(other, rel=1e-9, abs=1e-9)  # ill-scaled draws lose a few digits
+
+
+@pytest.mark.parametrize("rows", [6, 7, 68, 69, 70, 200])
+def test_splines_are_those_of_scipy(rows: int) -> None:
+    generator = np.random.default_rng(rows)
+    time = np.cumsum(generator.uniform(0.1, 1.0, rows))
+    values = generator.normal(size=(rows, 3))
+    between = np.sort(np.concatenate([time, generator.uniform(time[0], time[-1], 20)]))
+    wanted = make_interp_spline(time, values, k=DEGREE)
+    for first_row in (0, 1, BLOCK - 1):
+        found = Spline(time, values, first_row)
+        for order in range(DEGREE):
+            derivative = wanted.derivative(order)(between) if order else wanted(between)
+            error = np.abs(found(between, order) - derivative).max()
+            assert error < ROUNDING * np.abs(derivative).max()
+
+
+def test_times_without_a_spline_are_refused() -> None:
+    with np.errstate(all="ignore"), pytest.raises(ValueError, match="too close together"):
+        Spline(np.array([0.0, 1e-320, 2e-320, 3e-320, 4e-320, 5e-320, 1.0]), np.zeros((7, 1)))

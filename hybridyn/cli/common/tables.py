@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import click
 
-from ...streams.blocks import LONG_TABLE, Model, Work, blocks, in_order, rows_at_once
+from ...streams.blocks import LONG_FOR_COMPILED, LONG_TABLE, Model, Work, blocks, in_order, rows_at_once
 from ...streams.memory import keep_freed_memory
 from ...streams.postures import Assemble
 from ...streams.workers import Workers
@@ -128,7 +128,7 @@ takes_jobs = click.option(
     "--jobs",
     type=click.IntRange(1, 256),
     help="Number of processes.  [default: 1; one per core where the table has more than "
-    f"{LONG_TABLE:,} numbers, or there are several]",
+    f"{LONG_TABLE:,} numbers ({LONG_FOR_COMPILED:,} with compiled models), or there are several]",
 )
 
 
@@ -218,7 +218,8 @@ def run(
 
     keep_freed_memory()
     started = time.perf_counter()
-    with open_table(tables.source) as table, Workers(_processes(tables.jobs, table)) as workers:
+    with contextlib.ExitStack() as opened:
+        table = opened.enter_context(open_table(tables.source))
         robot = load()
         layout = read_layout(
             table.columns,
@@ -229,6 +230,8 @@ def run(
             efforts=efforts,
         )
         planned = plan(robot, layout, table.rows)
+        compiled = planned.assemble is not None
+        workers = opened.enter_context(Workers(_processes(tables.jobs, table, compiled)))
         work = Work(robot, layout, planned.model, planned.assemble)
         workers.prepare(work)
         rows = rows_at_once(robot)
@@ -256,11 +259,12 @@ def run(
                 click.echo(line, err=True)
 
 
-def _processes(jobs: int | None, table: Table) -> int:
+def _processes(jobs: int | None, table: Table, compiled: bool) -> int:
     """Return the number of processes to start, 0 to compute in this one."""
+    long = LONG_FOR_COMPILED if compiled else LONG_TABLE
     if jobs is None:
         cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-        jobs = cores if (table.rows or 0) * len(table.columns) > LONG_TABLE else 1
+        jobs = cores if (table.rows or 0) * len(table.columns) > long else 1
     return 0 if jobs == 1 else jobs
 
 
