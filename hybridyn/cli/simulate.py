@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from .common.engine import WORTH_IN_TIME, Engine, choose_engine, takes_engine
+from .common.engine import WORTH_IN_TIME, WORTH_OF_POSTURES, Engine, choose_engine, takes_engine
 from .common.figures import save_chart, takes_plot
 from .common.options import complete_robot, existing_file, result_file, scene_file
 from .common.progress import Progress
@@ -110,8 +110,8 @@ def command(
 def _engine(ready: Stage, asked: str | None) -> Engine:
     """Choose the engine that computes the accelerations."""
     evaluations = _evaluations(ready) if asked is None else None
-    obstacles = {"a prescribed motion": ready.motion is not None}
-    return choose_engine(asked, ready.robot, ready.effects, evaluations, obstacles, WORTH_IN_TIME)
+    worth = WORTH_IN_TIME if ready.motion is None else WORTH_OF_POSTURES * ready.robot.nv
+    return choose_engine(asked, ready.robot, ready.effects, evaluations, {}, worth)
 
 
 def _evaluations(ready: Stage) -> int:

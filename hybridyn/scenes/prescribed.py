@@ -37,7 +37,7 @@ def follow_motion(
         times: Times of the samples, shape (T,), [s].
         effects: The effects that are computed.
         guess: Posture near the start, shape (nq,).
-        compiled: The robot's compiled models, which close the loops; None for the general path.
+        compiled: The robot's compiled models with these effects; None for the general path.
 
     Raises:
         AssemblyError: A posture is out of reach, or motors do not determine the motion.
@@ -51,7 +51,8 @@ def follow_motion(
         q, v, a = compiled.assemble(motors=motors, guess=guess)
     if effects.base is not None:
         q, v, a = effects.base.into(robot, times, q, v, a)
-    tau = idm(robot, q, v, a, effects=effects, time=times)
+    quick = None if compiled is None else compiled.idm(q, v, a)
+    tau = idm(robot, q, v, a, effects=effects, time=times) if quick is None else quick
     stored = energy(robot, q, v, effects=effects)
     return Result(
         origin=Origin(robot.name, "prescribed"), t=times, q=q, v=v, a=a, tau=tau, kinetic=stored.kinetic,

@@ -96,6 +96,7 @@ class Between:
         q = manifold.retraction.move(self._before.q, xi)
         v = manifold.retraction.push(xi, QUINTIC @ rates @ self._ends / h)
         if self._project and manifold.looped:
-            q, v = manifold.project(q, v)
+            lifted = self._system.lift(self._before, xi, v)
+            q, v = manifold.project(q, v) if lifted is None else lifted
         self._system.law.place_base(t, q, v)
         return q, v

@@ -30,7 +30,7 @@ PART = 0.38
 SPLITS = 8
 #: Maximum number of steps that the compiled path takes in one call, and where each calls a law in Python:
 #: an interrupt waits for them.
-AHEAD, AHEAD_CALLING = 64, 8
+AHEAD, AHEAD_CALLING = 256, 16
 
 
 class Method(Protocol):

@@ -143,6 +143,16 @@ class System:
         steps = self.law.steps
         return None if steps is None or not self.bound else steps.chart(state.q)
 
+    def lift(self, state: State, xi: Array, v: Array) -> tuple[Array, Array] | None:
+        """Close the loops on the compiled path from a displacement of a state, with the independent rates.
+
+        Returns:
+            Positions and rates, shapes (nq,), (nv,), or None if the general path must close them.
+        """
+        steps = self.law.steps if self.bound else None
+        lifted = None if steps is None else steps.lift(state.q, xi, v)
+        return None if lifted is None else (lifted[0][0], lifted[0][2])
+
     def posture(
         self, chart: Coordinates, t: float, y: Array, u: Array, start: State | None = None
     ) -> Posture:

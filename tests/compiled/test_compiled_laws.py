@@ -15,6 +15,7 @@ from hybridyn.description.shipped import shipped_robots
 from hybridyn.effects import Limits
 from hybridyn.errors import TrajectoryError
 from hybridyn.scenes import controllers
+from hybridyn.scenes.prescribed import follow_motion
 from hybridyn.scenes.references import Point, Reference, from_points
 from hybridyn.simulation import stepping
 from hybridyn.simulation.result import Result
@@ -166,6 +167,15 @@ def test_a_law_in_python_may_keep_what_it_receives_and_may_simulate(flown: Run) 
     np.testing.assert_array_equal(run.q, quiet.q)
     np.testing.assert_array_equal(inner[0].q, flown(np.array([1.0, 2.0])).q)
     assert len({q.tobytes() for q, _ in kept}) > 100
+
+
+def test_a_prescribed_motion_on_the_compiled_path(model: CompiledRobot, reference: Reference) -> None:
+    times = np.linspace(0.0, 0.1, 12)
+    given = model.robot, reference, times, model.effects, model.robot.home
+    ours, theirs = follow_motion(*given, model), follow_motion(*given)
+    for key in ("q", "v", "a", "tau"):
+        agree = SOLVED * (1.0 + np.abs(getattr(theirs, key)).max())
+        np.testing.assert_allclose(getattr(ours, key), getattr(theirs, key), rtol=0, atol=agree)
 
 
 def test_computed_torque_of_a_free_joint_stays_in_python(model: CompiledRobot, laws: dict[str, Any]) -> None:

@@ -16,6 +16,7 @@ from hybridyn.errors import ModelError
 from hybridyn.oracle import Base
 from hybridyn.structure.building import build_robot
 from hybridyn.structure.robot import HybridRobot
+from tests import ROOT
 from tests.mechanisms import KINDS, random_mechanism
 from tests.shipped import ROBOTS, shipped
 
@@ -153,3 +154,15 @@ def test_effects_that_need_time_or_contact_are_refused() -> None:
         request(robot, ["default", wrench])
     with pytest.raises(ModelError, match="without the effect 'inertia'"):
         request(robot, ["gravity"])
+
+
+def test_a_dead_centre_among_the_generic_postures_is_a_map_of_rank_zero() -> None:
+    """The slider-crank's home is one: its motor map is 0 there, and 0 / 0 hid how regular the others are."""
+    robot = hybridyn.load(ROOT / "benchmarks/robots/slider_crank.urdf")
+    with np.errstate(divide="raise", invalid="raise"):
+        program = programs(robot, models=("idm",))["idm"]
+    crank = {"crank": (0.7, 1.3, -2.0)}
+    q, v, a = hybridyn.assemble(robot, motors=crank)
+    tau, guard = (np.array(x).ravel() for x in function_of(program)(q, v, a))
+    assert guard[0] <= 1.0
+    np.testing.assert_allclose(tau, hybridyn.idm(robot, q, v, a), rtol=1e-10)

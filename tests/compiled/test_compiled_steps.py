@@ -170,6 +170,7 @@ def test_events_outputs_and_backward_runs(five_bar: CompiledRobot) -> None:
     sampled = flown(five_bar, output_times=times)
     general = flown(five_bar, compiled=False, output_times=times)
     np.testing.assert_allclose(sampled.q, general.q, rtol=0, atol=1e-9)
+    assert sampled.residual.max() < CLOSED
     last = sampled.q[-1][0]
     event = hybridyn.Event("there", lambda t, q, v: q[0] - last, terminal=True)
     stopped = flown(five_bar, events=[event])

@@ -68,6 +68,7 @@ def motor_pivots(plan: Plan, positions: Array, motors: tuple[int, ...]) -> Pivot
     )  # of a motion that no motor drives: rounding
     rows, cols = 1.0 / np.where(size > 0, size, 1.0), 1.0 / np.where(unit > 0, unit, 1.0)
     s = np.linalg.svd(samples * rows[:, None] * cols, compute_uv=False)
-    if np.median(s[:, -1] / s[:, 0]) < SINGULAR_MOTOR_MAP:
+    regular = np.divide(s[:, -1], s[:, 0], out=np.zeros(len(s)), where=s[:, 0] > 0)  # dead centres: zero maps
+    if np.median(regular) < SINGULAR_MOTOR_MAP:
         return None
     return choose_pivots(samples, len(motors), rows, cols)

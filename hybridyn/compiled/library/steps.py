@@ -115,6 +115,7 @@ class Steps:
         self._lift.restype = ctypes.c_int
         self._lift.argtypes = [ctypes.c_void_p] * 5
         self._ends = np.cumsum([size for _, size in lifted])
+        self._parts = [slice(end - size, end) for end, (_, size) in zip(self._ends, lifted[:4], strict=False)]
         nq, nv = lifted[0][1], lifted[1][1]
         out, pivot = np.empty(self._ends[-1]), np.ones(1)
         nowhere = np.zeros(nq), np.zeros(nv), np.zeros(nv)
@@ -133,7 +134,7 @@ class Steps:
         given = [np.ascontiguousarray(x) for x in (q_0, xi, v)]
         if self._lift(*(x.ctypes.data for x in given), out.ctypes.data, pivot.ctypes.data):
             return None
-        return np.split(out, self._ends[:4])[:4], float(pivot[0])
+        return [out[at] for at in self._parts], float(pivot[0])
 
     def chart(self, q: Array) -> JointChart:
         """Return a chart about an assembled posture."""
