@@ -1,4 +1,4 @@
-"""Derivatives of both dynamic models, exact to rounding, by CasADi's automatic differentiation.
+"""Derivatives of both dynamic models, exact to rounding: local derivatives of each module, joined in C.
 
 Derivatives over positions are taken in the tangent space: each column of "q" belongs to a freedom of v, also
 for cosine-sine pairs and quaternions. The differentiated formulas hold where the loops are closed. Along
@@ -8,36 +8,42 @@ Single columns also depend on the choice of eliminated closure rows.
 
 from __future__ import annotations
 
+from functools import cached_property
+
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..effects.choice import Choice, choose
+from ..effects.choice import Choice, Effects, choose
 from ..errors import CompileError, ModelError, SingularityError, TrajectoryError
-from ..linkage.joints import NV
 from ..spatial import Array
 from ..structure.leg_model import pinocchio_inertia
 from ..structure.robot import HybridRobot
 from ..structure.samples import as_batch, same_samples
-from .code.scalars import GUARD_LIMIT
+from .code.scalars import GUARD_LIMIT, Scalar
 from .failures import as_compile_error
+from .library.cache import cached
+from .library.calls import Library, loaded
+from .library.compilers import best_lanes, find_compiler
 from .needs import WITHOUT_CASADI
+from .program import Program
 from .programs.general import GENERAL, general
 
 try:
     import casadi as ca
 
-    from .equations.expressions import unpack
-    from .equations.rigid import quaternion_matrix
+    from .code.library_source import library_source
+    from .equations.request import request
+    from .programs.derivatives.direct import direct_derivatives
+    from .programs.derivatives.inverse import inverse_derivatives
     from .programs.interpreter import function_of
     from .programs.sources import robot_key
-    from .programs.whole_robot import programs
 except ModuleNotFoundError as error:
     raise CompileError(WITHOUT_CASADI) from error
 
 Jacobians = dict[str, Array]
 
 
-#: Number of prepared derivatives that are kept: those of the LX4 take some hundred megabytes.
+#: Number of prepared derivatives that are kept.
 KEPT = 4
 #: Largest allowed difference from the general path of a model whose guard is above its limit, relative to the
 #: largest entry.
@@ -45,7 +51,13 @@ DERIVATIVE_AGREES = 1e-6
 
 
 def idm_jacobian(
-    robot: HybridRobot, q: ArrayLike, v: ArrayLike, a: ArrayLike, *, effects: Choice = None
+    robot: HybridRobot,
+    q: ArrayLike,
+    v: ArrayLike,
+    a: ArrayLike,
+    *,
+    effects: Choice = None,
+    parameters: bool = False,
 ) -> Jacobians:
     """Compute the derivatives of motor efforts.
 
@@ -55,21 +67,29 @@ def idm_jacobian(
         v: Rates, shape (nv,) or (T, nv), [m/s, rad/s].
         a: Accelerations, shape (nv,) or (T, nv), [m/s^2, rad/s^2].
         effects: Effects to include, as for `hybridyn.idm`.
+        parameters: Whether to differentiate over inertial parameters, too.
 
     Returns:
         "q", "v", "a": derivatives of tau over the freedoms of q, over v and over a, shapes
-        ([T,] motors, nv); "parameters": derivatives over the ten inertial parameters of each body of
-        `robot.bodies`, shape (motors, 10 bodies).
+        ([T,] motors, nv); where asked for, "parameters": derivatives over the ten inertial parameters of each
+        body of `robot.bodies`, shape ([T,] motors, 10 bodies).
 
     Raises:
         ModelError: An effect is not available in compiled models, or has no derivative.
+        CompileError: The derivatives cannot be generated or built.
         HybridynError: As `Derivatives` raises for the samples.
     """
-    return prepared(robot, "idm", effects)(q, v, a)
+    return prepared(robot, "idm", effects, parameters)(q, v, a)
 
 
 def ddm_jacobian(
-    robot: HybridRobot, q: ArrayLike, v: ArrayLike, tau: ArrayLike, *, effects: Choice = None
+    robot: HybridRobot,
+    q: ArrayLike,
+    v: ArrayLike,
+    tau: ArrayLike,
+    *,
+    effects: Choice = None,
+    parameters: bool = False,
 ) -> Jacobians:
     """Compute the derivatives of accelerations.
 
@@ -79,34 +99,39 @@ def ddm_jacobian(
         v: Rates, shape (nv,) or (T, nv), [m/s, rad/s].
         tau: Motor efforts, shape (motors,) or (T, motors), [N or N m].
         effects: Effects to include, as for `hybridyn.ddm`.
+        parameters: Whether to differentiate over inertial parameters, too.
 
     Returns:
         "q", "v": derivatives of a over the freedoms of q and over v, shape (nv, nv) or (T, nv, nv); "tau":
-        derivatives over the efforts, shape (nv, motors); "parameters": derivatives over the ten inertial
-        parameters of each body of `robot.bodies`, shape (nv, 10 bodies).
+        derivatives over the efforts, shape ([T,] nv, motors); where asked for, "parameters": derivatives over
+        the ten inertial parameters of each body of `robot.bodies`, shape ([T,] nv, 10 bodies).
 
     Raises:
         ModelError: An effect is not available in compiled models, or has no derivative.
+        CompileError: The derivatives cannot be generated or built.
         HybridynError: As `Derivatives` raises for the samples.
     """
-    return prepared(robot, "ddm", effects)(q, v, tau)
+    return prepared(robot, "ddm", effects, parameters)(q, v, tau)
 
 
-def prepared(robot: HybridRobot, model: str, effects: Choice = None) -> Derivatives:
+def prepared(robot: HybridRobot, model: str, effects: Choice = None, parameters: bool = False) -> Derivatives:
     """Return the derivatives of a model, which are kept for the last `KEPT` robots and models.
 
     Args:
         robot: The robot.
         model: "idm" or "ddm".
         effects: Effects to include, as for `hybridyn.idm`.
+        parameters: Whether to differentiate over inertial parameters, too.
 
     Raises:
         ModelError: As `Derivatives`.
+        CompileError: As `Derivatives`.
     """
     robot.check_model()
     with as_compile_error(robot):
-        key = model, robot_key(robot, choose(robot, effects))
-    found = _prepared.pop(key, None) or Derivatives(robot, model, effects)
+        on = choose(robot, effects)
+        key = model, robot_key(robot, on), parameters
+    found = _prepared.pop(key, None) or Derivatives(robot, model, on, parameters=parameters)
     _prepared[key] = found
     if len(_prepared) > KEPT:
         del _prepared[next(iter(_prepared))]
@@ -116,48 +141,70 @@ def prepared(robot: HybridRobot, model: str, effects: Choice = None) -> Derivati
 class Derivatives:
     """The derivatives of one model of one robot, prepared once and evaluated often."""
 
-    def __init__(self, robot: HybridRobot, model: str, effects: Choice = None) -> None:
-        """Generate the model and differentiate it.
+    def __init__(
+        self, robot: HybridRobot, model: str, effects: Choice = None, *, parameters: bool = False
+    ) -> None:
+        """Load the derivatives from the cache, or generate and build them.
+
+        Without a C compiler CasADi runs them.
 
         Args:
             robot: The robot.
             model: "idm" or "ddm".
             effects: Effects to include, as for `hybridyn.idm`.
+            parameters: Whether to differentiate over inertial parameters, too.
 
         Raises:
             ModelError: `model` is unknown, or an effect is not available in compiled models or has no
                 derivative.
+            CompileError: The derivatives cannot be generated or built.
         """
         if model not in GENERAL:
             raise ModelError(f"there are derivatives of 'idm' and 'ddm', not of '{model}'")
-        self._effects = choose(robot, effects)
+        self._effects = effects if isinstance(effects, Effects) else choose(robot, effects)
         if self._effects.limits is not None:
             raise ModelError(
                 "the effect 'limits' has no derivative: clip the efforts before the call", element="limits"
             )
-        self._robot, self._model = robot, model
+        self._robot, self._model, self._parameters = robot, model, parameters
         with as_compile_error(robot):
-            program = programs(robot, self._effects, models=(model,), parameters=True)[model]
-        self._value = function_of(program)
-        self._sizes = dict(program.inputs)
-        columns = [ca.SX.sym(name, size) for name, size in program.inputs]
-        out, guard = self._value.call(columns)
-        blocks = []
-        for name, column in zip(self._sizes, columns, strict=True):
-            J = ca.jacobian(out, column)
-            blocks.append(J @ _tangent(robot, column) if name == "q" else J)
-        self._jacobian = ca.Function(
-            f"{model}_jacobian", columns, [*blocks, guard], list(self._sizes),
-            [*(f"d_{name}" for name in self._sizes), "guard"],
-        )  # fmt: skip
-        self._parameters = np.concatenate(
-            [pinocchio_inertia(body).toDynamicParameters() for body in robot.bodies.bodies]
-        )
+            self._library = self._built()
+            about = self._program if self._library is None else self._library.programs[f"{model}_jacobian"]
+        self._inputs, self._outputs = dict(about.inputs), dict(about.outputs)
 
-    @property
+    def _built(self) -> Library | None:
+        """Return the library from the cache, or build it; None without a C compiler."""
+        try:
+            find_compiler()
+        except CompileError:
+            return None
+        scalar = Scalar("float64", best_lanes())
+        key = f"{self._model}_jacobian {self._parameters} {robot_key(self._robot, self._effects)} {scalar!r}"
+        return loaded(lambda: cached(key, lambda: library_source([self._program], scalar)))
+
+    @cached_property
+    def _program(self) -> Program:
+        """The model and its derivatives as a program."""
+        asked = request(self._robot, self._effects, parameters=self._parameters)
+        return direct_derivatives(asked) if self._model == "ddm" else inverse_derivatives(asked)
+
+    @cached_property
+    def _flat(self) -> ca.Function:
+        """The program as one CasADi function."""
+        with as_compile_error(self._robot):
+            return function_of(self._program)
+
+    @cached_property
     def casadi(self) -> ca.Function:
         """The derivatives as a CasADi function with named inputs and outputs, and "guard" last."""
-        return self._jacobian
+        columns = [ca.SX.sym(name, size) for name, size in self._inputs.items()]
+        value, *flat, guard = self._flat.call(columns)
+        rows = value.numel()
+        blocks = [ca.reshape(x, x.numel() // rows if rows else 0, rows).T for x in flat]
+        names = list(self._inputs)
+        return ca.Function(
+            f"{self._model}_jacobian", columns, [*blocks, guard], names, [*(f"d_{n}" for n in names), "guard"]
+        )
 
     def __call__(self, *given: ArrayLike) -> Jacobians:
         """Evaluate at one sample or many.
@@ -171,7 +218,7 @@ class Derivatives:
             HybridynError: The loops are open or rank is lost at a state (errors of the general path).
             SingularityError: The pivots of the elimination vanish at a state, so digits are lost.
         """
-        wanted = {name: size for name, size in self._sizes.items() if name != "parameters"}
+        wanted = {name: size for name, size in self._inputs.items() if name != "parameters"}
         if len(given) == 3 and "base_acceleration" in wanted:
             given = (*given, np.zeros((*np.shape(given[0])[:-1], 6)))
         if len(given) != len(wanted):
@@ -180,22 +227,37 @@ class Derivatives:
         checked = {name: as_batch(array, size, name) for array, (name, size) in pairs}
         arrays = {name: array for name, (array, _) in checked.items()}
         same_samples(**arrays)
-        samples = len(arrays["q"])
-        shapes = [self._jacobian.size_out(i) for i in range(len(self._sizes))]
-        blocks = [np.empty((samples, *shape)) for shape in shapes]
-        guard = np.empty(samples)
-        for t in range(samples):
-            *J, worst = self._jacobian.call([*(x[t] for x in arrays.values()), self._parameters])
-            guard[t] = float(worst)
-            for block, value in zip(blocks, J, strict=True):
-                block[t] = value
+        (value, *flat), guard = self._run(arrays)
         doubtful = np.flatnonzero(~(guard <= GUARD_LIMIT))
         if len(doubtful):
-            self._check_doubtful(arrays, doubtful.tolist())
-        out = dict(zip(self._sizes, blocks, strict=True))
+            self._check_doubtful(arrays, value, doubtful.tolist())
+        samples, rows = value.shape
+        widths = {name: self._robot.nv if name == "q" else size for name, size in self._inputs.items()}
+        pairs_out = zip(widths.items(), flat, strict=True)
+        out = {name: x.reshape(samples, rows, width) for (name, width), x in pairs_out}
         return {name: block[0] for name, block in out.items()} if checked["q"][1] else out
 
-    def _check_doubtful(self, arrays: dict[str, Array], doubtful: list[int]) -> None:
+    def _run(self, arrays: dict[str, Array]) -> tuple[tuple[Array, ...], Array]:
+        """Return the program's outputs, shapes (T, size), and the samples' guards, shape (T,)."""
+        samples = len(arrays["q"])
+        rows = list(arrays.values())
+        if self._parameters:
+            rows.append(np.tile(self._numbers, (samples, 1)))
+        if self._library is not None:
+            return self._library.batch(f"{self._model}_jacobian", *rows)
+        outs = tuple(np.empty((samples, size)) for size in (*self._outputs.values(), 1))
+        for t in range(samples):
+            for out, found in zip(outs, self._flat.call([x[t] for x in rows]), strict=True):
+                out[t] = np.array(found).ravel()
+        return outs[:-1], outs[-1][:, 0]
+
+    @cached_property
+    def _numbers(self) -> Array:
+        """The inertial parameters of the bodies, shape (10 bodies,)."""
+        bodies = self._robot.bodies.bodies
+        return np.concatenate([pinocchio_inertia(body).toDynamicParameters() for body in bodies])
+
+    def _check_doubtful(self, arrays: dict[str, Array], values: Array, doubtful: list[int]) -> None:
         """Compare samples whose guard is above its limit with the general path.
 
         Raises:
@@ -203,8 +265,7 @@ class Derivatives:
         """
         wanted = general(self._robot, self._effects, self._model, arrays)
         for t in doubtful:
-            value = self._value.call([*(x[t] for x in arrays.values()), self._parameters])[0]
-            off = np.abs(np.array(value).ravel() - wanted[t]).max() / np.abs(wanted[t]).max(initial=1e-300)
+            off = np.abs(values[t] - wanted[t]).max() / np.abs(wanted[t]).max(initial=1e-300)
             if not off <= DERIVATIVE_AGREES:
                 raise SingularityError(
                     f"derivatives of '{self._model}' are not to be trusted at sample {t}: the pivots of the "
@@ -214,37 +275,4 @@ class Derivatives:
                 )
 
 
-_prepared: dict[tuple[str, str], Derivatives] = {}
-
-
-def _tangent(robot: HybridRobot, q: ca.SX) -> ca.SX:
-    """Return the derivative of the coordinates q over the freedoms, shape (nq, nv)."""
-    E = ca.SX(robot.nq, robot.nv)
-    for kind, at, to in zip(robot.kinds, robot.q_slices, robot.v_slices, strict=True):
-        x = q[at.start : at.stop]
-        if kind in ("revolute", "prismatic"):
-            block = ca.SX(1)
-        elif kind == "continuous":
-            block = ca.vertcat(-x[1], x[0])
-        elif kind == "planar":
-            c, s = x[2], x[3]
-            block = ca.vertcat(
-                ca.horzcat(c, -s, 0), ca.horzcat(s, c, 0), ca.horzcat(0, 0, -s), ca.horzcat(0, 0, c)
-            )
-        elif kind == "spherical":
-            block = _quaternion_rates(x)
-        else:
-            R = quaternion_matrix(unpack(x[3:]))
-            turn = ca.vertcat(*[ca.horzcat(*row) for row in R])
-            block = ca.diagcat(turn, _quaternion_rates(x[3:]))
-        assert block.shape[1] == NV[kind]
-        E[at.start : at.stop, to.start : to.stop] = block
-    return E
-
-
-def _quaternion_rates(x: ca.SX) -> ca.SX:
-    """Return the derivative of a quaternion (x, y, z, w) over a rotation in the body frame, shape (4, 3)."""
-    a, b, c, w = x[0], x[1], x[2], x[3]
-    return 0.5 * ca.vertcat(
-        ca.horzcat(w, -c, b), ca.horzcat(c, w, -a), ca.horzcat(-b, a, w), ca.horzcat(-a, -b, -c)
-    )
+_prepared: dict[tuple[str, str, bool], Derivatives] = {}

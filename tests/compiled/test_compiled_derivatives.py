@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+import casadi as ca
 import numpy as np
+import pinocchio as pin
 import pytest
 
 import hybridyn
 from hybridyn.compiled.code.scalars import GUARD_LIMIT
 from hybridyn.compiled.derivatives import DERIVATIVE_AGREES, Derivatives
+from hybridyn.compiled.equations.request import request
 from hybridyn.compiled.equations.states import random_states
 from hybridyn.compiled.library.calls import load
+from hybridyn.compiled.programs.derivatives.direct import direct_derivatives
+from hybridyn.compiled.programs.derivatives.inverse import inverse_derivatives
+from hybridyn.compiled.programs.interpreter import function_of
 from hybridyn.compiled.programs.whole_robot import programs
 from hybridyn.errors import HybridynError, ModelError, SingularityError, TrajectoryError
 from hybridyn.structure.building import build_robot
@@ -22,9 +28,10 @@ STEP = 1e-4  # [s]; central differences of fourth order leave STEP^4 and roundin
 DIFFERENCES = 1e-8
 QUADRATIC = 1e-12  # central differences of what is quadratic are exact at any step: rounding alone
 EXACT = 1e-12  # linear in what is changed: rounding alone
+SOLVED = 1e-10  # rounding times the condition of the mass matrix: 1e4 for the snake
 
 
-@pytest.fixture(scope="module", params=["five_bar", "gough_stewart"])
+@pytest.fixture(scope="module", params=["five_bar", slow("gough_stewart")])
 def robot(request: pytest.FixtureRequest) -> HybridRobot:
     return build_robot(shipped(request.param))
 
@@ -72,7 +79,8 @@ def test_models_are_quadratic_in_rates_and_linear_in_what_drives(name: str) -> N
     q, v, a, tau = (x[0] for x in random_states(robot, 1))
     library = load(list(programs(robot, models=("idm", "ddm"), parameters=True).values()))
     parameters = parameters_of(robot)
-    idm, ddm = hybridyn.idm_jacobian(robot, q, v, a), hybridyn.ddm_jacobian(robot, q, v, tau)
+    idm = hybridyn.idm_jacobian(robot, q, v, a, parameters=True)
+    ddm = hybridyn.ddm_jacobian(robot, q, v, tau, parameters=True)
     for name, given, J in (("idm", (q, v, a), idm), ("ddm", (q, v, tau), ddm)):
         for at, block in ((1, "v"), (2, "a" if name == "idm" else "tau")):
             size = np.abs(given[at]).max()
@@ -87,23 +95,19 @@ def test_models_are_quadratic_in_rates_and_linear_in_what_drives(name: str) -> N
 
 def test_efforts_are_linear_in_accelerations_and_parameters(robot: HybridRobot) -> None:
     q, v, a, given = (x[0] for x in random_states(robot, 1))
-    J = hybridyn.idm_jacobian(robot, q, v, a)
+    J = hybridyn.idm_jacobian(robot, q, v, a, parameters=True)
     tau = hybridyn.idm(robot, q, v, a)
     other = hybridyn.ddm(robot, q, v, 2 * given)
-    still = hybridyn.idm_jacobian(robot, q, v, other)["a"]
-    parameters = np.concatenate(
-        [pinocchio_inertia(body).toDynamicParameters() for body in robot.bodies.bodies]
-    )
+    still = hybridyn.idm_jacobian(robot, q, v, other, parameters=True)["a"]
+    parameters = parameters_of(robot)
     np.testing.assert_allclose(J["parameters"] @ parameters, tau, atol=EXACT * np.abs(tau).max())
     np.testing.assert_allclose(J["a"], still, atol=EXACT * np.abs(still).max())
 
 
 def test_heavier_bodies_accelerate_less(robot: HybridRobot) -> None:
     q, v, _, tau = (x[0] for x in random_states(robot, 1))
-    J = hybridyn.ddm_jacobian(robot, q, v, tau)
-    parameters = np.concatenate(
-        [pinocchio_inertia(body).toDynamicParameters() for body in robot.bodies.bodies]
-    )
+    J = hybridyn.ddm_jacobian(robot, q, v, tau, parameters=True)
+    parameters = parameters_of(robot)
     # All inertias times k under efforts times k move alike: d a / d log k = 0.
     moved = J["parameters"] @ parameters + J["tau"] @ tau
     np.testing.assert_allclose(moved, 0.0, atol=EXACT * np.abs(J["tau"] @ tau).max())
@@ -142,7 +146,7 @@ def test_where_pivots_vanish_the_general_path_judges(monkeypatch: pytest.MonkeyP
     q = hybridyn.assemble(robot, motors=motors)
     v, tau = np.zeros(robot.nv), np.array([0.3, -0.2])
     derive = Derivatives(robot, "ddm")
-    assert float(derive.casadi.call([q[0], v, tau, parameters_of(robot)])[-1]) > GUARD_LIMIT
+    assert float(derive.casadi.call([q[0], v, tau])[-1]) > GUARD_LIMIT
     linear = hybridyn.ddm(robot, q[0], v, 2 * tau) - hybridyn.ddm(robot, q[0], v, tau)
     np.testing.assert_allclose(
         derive(q[0], v, tau)["tau"] @ tau, linear, atol=DERIVATIVE_AGREES * np.abs(linear).max()
@@ -154,12 +158,68 @@ def test_where_pivots_vanish_the_general_path_judges(monkeypatch: pytest.MonkeyP
 
 def test_batches_and_casadi(robot: HybridRobot) -> None:
     q, v, a, _ = random_states(robot, 3)
-    derive = Derivatives(robot, "idm")
+    derive = Derivatives(robot, "idm", parameters=True)
     many = derive(q, v, a)
     assert many["q"].shape == (3, len(robot.motors), robot.nv)
     assert (many["q"][1] == derive(q[1], v[1], a[1])["q"]).all()
     assert derive.casadi.name_in() == ["q", "v", "a", "parameters"]
     assert derive.casadi.name_out() == ["d_q", "d_v", "d_a", "d_parameters", "guard"]
+    found = derive.casadi.call([q[1], v[1], a[1], parameters_of(robot)])
+    for name, block in zip(("q", "v", "a", "parameters"), found[:4], strict=True):
+        np.testing.assert_allclose(np.array(block), many[name][1], atol=EXACT * np.abs(many[name]).max())
+
+
+def test_without_a_compiler_casadi_runs_them(monkeypatch: pytest.MonkeyPatch) -> None:
+    robot = build_robot(shipped("five_bar"))
+    q, v, a, _ = random_states(robot, 2)
+    built = Derivatives(robot, "idm")(q, v, a)
+    monkeypatch.setenv("CC", "no-such-compiler")
+    run = Derivatives(robot, "idm")(q, v, a)
+    for name, block in built.items():
+        np.testing.assert_allclose(run[name], block, atol=EXACT * np.abs(block).max())
+
+
+@pytest.mark.parametrize(
+    ("name", "base"),
+    [("rps3", "fixed"), slow("five_bar", "moving"), slow("rps3", "floating"), slow("gough_stewart", "moving"),
+     slow("gough_stewart", "floating"), slow("scara_delta", "fixed"), slow("delta", "fixed"),
+     slow("tanev", "fixed"), slow("stewart_ur5", "floating"), slow("lx4", "fixed"), slow("snake", "fixed")],
+)  # fmt: skip
+def test_the_joined_blocks_are_the_derivatives_of_the_whole_program(name: str, base: str) -> None:
+    """CasADi differentiates the whole program; single columns, too, are the same to rounding."""
+    robot = build_robot(shipped(name), base=base)
+    assert_as_whole(robot)
+
+
+def assert_as_whole(robot: HybridRobot) -> None:
+    """Compare the derivatives of both models with those of the whole program."""
+    q, v, a, tau = (x[0] for x in random_states(robot, 1))
+    asked = request(robot, None)
+    base = [np.linspace(-1.0, 1.0, 6)] if robot.base == "moving" else []
+    for model, derive, given in (
+        ("idm", inverse_derivatives, [q, v, a]),
+        ("ddm", direct_derivatives, [q, v, tau, *base]),
+    ):
+        whole = function_of(programs(robot, models=(model,))[model])
+        columns = [ca.SX.sym(f"x{i}", len(x)) for i, x in enumerate(given)]
+        value = whole.call(columns)[0]
+        J = ca.Function("J", columns, [ca.densify(ca.jacobian(value, x)) for x in columns])
+        wanted = [np.array(x) for x in J.call(given)]
+        wanted[0] = wanted[0] @ tangent(robot, q)
+        found = function_of(derive(asked)).call(given)
+        for x, block in zip(wanted, found[1:-1], strict=True):
+            atol = SOLVED * np.abs(x).max(initial=0.0)
+            np.testing.assert_allclose(np.array(block).reshape(x.shape), x, rtol=0, atol=atol)
+
+
+def tangent(robot: HybridRobot, q: np.ndarray) -> np.ndarray:
+    """Return the derivative of the coordinates q over the freedoms by differences of fourth order."""
+    step, weights = 1e-3, {-2: 1 / 12, -1: -8 / 12, 1: 8 / 12, 2: -1 / 12}
+    columns = [
+        sum(x * pin.integrate(robot.model, q, n * step * e) for n, x in weights.items()) / step
+        for e in np.eye(robot.nv)
+    ]
+    return np.array(columns).T
 
 
 def test_one_robot_is_prepared_once(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -169,9 +229,11 @@ def test_one_robot_is_prepared_once(monkeypatch: pytest.MonkeyPatch) -> None:
     made: list[tuple[str, ...]] = []
 
     class Counted(file.Derivatives):
-        def __init__(self, robot: hybridyn.HybridRobot, model: str, effects: object = None) -> None:
+        def __init__(
+            self, robot: hybridyn.HybridRobot, model: str, effects: object = None, *, parameters: bool = False
+        ) -> None:
             made.append((robot.name, model))
-            super().__init__(robot, model, effects)  # type: ignore[arg-type]
+            super().__init__(robot, model, effects, parameters=parameters)  # type: ignore[arg-type]
 
     monkeypatch.setattr(file, "Derivatives", Counted)
     monkeypatch.setattr(file, "_prepared", {})

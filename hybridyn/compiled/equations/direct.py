@@ -7,7 +7,7 @@ V_dot_base + y_0, and u_dot = A_t^-1 (Q_0 - E V_dot_base).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import casadi as ca
@@ -31,7 +31,7 @@ from .options import DirectOptions
 from .paths import wrist_accelerations
 from .quadratic_form import bias_of, quadratic_form
 from .rigid import classical, inertia_matrix, to_child
-from .stages import cut
+from .stages import Stage, cut
 from .static_elimination import solve, solve_definite
 
 #: Ratio of an inertia's pivot to its diagonal entry below which a motion has nearly no inertia.
@@ -79,13 +79,28 @@ class _Solved:
     u_0: Expression
     guard: Any
 
+    def u_dot(self, A_base: Expression) -> Expression:
+        """Compute the accelerations along the module's motions from the base's, Eq. (51)."""
+        out: Expression = self.u_0 - dot(self.G, A_base)
+        return out
+
     def y(self, A_base: Expression) -> Expression:
         """Compute the core's accelerations from the base's, Eq. (51)."""
-        return dot(self.Psi, self.u_0 - dot(self.G, A_base)) + dot(self.Psi_b, A_base) + self.y_0
+        return dot(self.Psi, self.u_dot(A_base)) + dot(self.Psi_b, A_base) + self.y_0
 
 
-def write_direct(name: str, plan: Plan, options: DirectOptions, *, counted: bool = False) -> DirectModule:
-    """Write a module's direct model and cut it into its stages; `counted` as in `Request`."""
+def write_direct(
+    name: str, plan: Plan, options: DirectOptions, *, motions: bool = False, counted: bool = False
+) -> DirectModule:
+    """Write a module's direct model and cut it into its stages.
+
+    Args:
+        name: Prefix of the functions' names.
+        plan: The module.
+        options: Options of the direct model.
+        motions: Whether the third stage has the output "u_dot", the accelerations along its motions.
+        counted: As in `Request`.
+    """
     parts, spanning = plan.parts, plan.mechanism.spanning
     at_q, at_v = read_by_core(plan)
     (q_column, q), (v_column, v) = scattered("q", at_q, spanning.nq), scattered("v", at_v, spanning.nv)
@@ -104,12 +119,11 @@ def write_direct(name: str, plan: Plan, options: DirectOptions, *, counted: bool
     s = np.concatenate([base.A, solved.y(base.A)])
     joints = [k for k, col in enumerate(parts.v) if col >= 0]
     outputs[2] |= _accelerations_outwards(core, options, s, joints)
+    if motions:
+        outputs[2]["u_dot"] = pack(solved.u_dot(base.A))
     # Wrists.
     legs = _legs_on_paths(plan)
-    legs_column, a_legs = symbols("a_legs", len(legs))
-    known = dict(zip(legs.tolist(), a_legs, strict=True)) | {int(parts.v[k]): s[6 + k] for k in joints}
-    wrists, guard = _wrists(core, plan, (q, v), base, s, known)
-    inputs[3] |= {"a_legs": legs_column} if len(legs) else {}
+    wrists, guard = _add_wrists(core, plan, (q, v), base, s, inputs[3])
     outputs[3] |= {"a_wrists": pack(list(wrists.values())), "guard": ca.SX(guard)} if wrists else {}
     inertia = (M, b, solved.Psi, solved.Psi_b, solved.E, solved.G, solved.f, solved.u_0)
     marks = [core.motion(), pack(*inertia)] if counted else None
@@ -117,6 +131,32 @@ def write_direct(name: str, plan: Plan, options: DirectOptions, *, counted: bool
         cut(name, inputs, outputs, marks), at_q, at_v, tuple(sorted(core.platforms)),
         parts.v[joints], np.array(list(wrists), dtype=int), legs, parts.tree_v[forced],
     )  # fmt: skip
+
+
+def write_motion(name: str, plan: Plan, options: DirectOptions) -> list[Stage]:
+    """Write the accelerations of a module's joints from those along its motions, "u_dot".
+
+    The stages are those of `write_direct` without its second one, with the same names.
+    """
+    parts, spanning = plan.parts, plan.mechanism.spanning
+    at_q, at_v = read_by_core(plan)
+    (q_column, q), (v_column, v) = scattered("q", at_q, spanning.nq), scattered("v", at_v, spanning.nv)
+    base = base_motion(options.base, options.velocity)
+    core = write_core(plan, q, v, base.V)
+    X, _ = _closed(core, plan)
+    column, u_dot = symbols("u_dot", X.shape[1] - 7)
+    s = np.concatenate([base.A, dot(X[:, 7:], u_dot) + dot(X[:, :6], base.A) + X[:, 6]])
+    joints = [k for k, col in enumerate(parts.v) if col >= 0]
+    inputs = [
+        {"q": q_column, "v": v_column} | parameters_of(plan) | base.V_column,
+        base.A_column | {"u_dot": column},
+        {},
+    ]
+    still = replace(options, carries=(False,) * len(options.carries))
+    outputs = [_motion_outwards(core, plan, still), _accelerations_outwards(core, still, s, joints), {}]
+    wrists, _ = _add_wrists(core, plan, (q, v), base, s, inputs[2])
+    outputs[2] |= {"a_wrists": pack(list(wrists.values()))} if wrists else {}
+    return cut(name, inputs, outputs)
 
 
 def _motion_outwards(core: Core, plan: Plan, options: DirectOptions) -> dict[str, ca.SX]:
@@ -137,8 +177,7 @@ def _motion_outwards(core: Core, plan: Plan, options: DirectOptions) -> dict[str
 
 def _solve(core: Core, plan: Plan, options: DirectOptions, M: Expression, b: Expression) -> _Solved:
     """Solve a module for y as a function of its base's acceleration."""
-    right = np.concatenate([-core.rows.K[:, :6], -core.rows.gamma[:, None]], axis=1)
-    X, trust = solve(core.rows.K[:, 6:], right, plan.loop_pivots)
+    X, trust = _closed(core, plan)
     Psi_b, y_0, Psi = X[:, :6], X[:, 6], X[:, 7:]
     M_yy, M_yb = M[6:, 6:], M[6:, :6]
     f = b[6:] + dot(M_yy, y_0)
@@ -152,6 +191,12 @@ def _solve(core: Core, plan: Plan, options: DirectOptions, M: Expression, b: Exp
         if usual > 0:
             guard = ca.fmax(guard, 2.0 - ca.fmin(A_t[k, k] / (OF_LOCKED * usual), 2.0))
     return _Solved(Psi, Psi_b, y_0, E, solved[:, :6], f, solved[:, 6], guard)
+
+
+def _closed(core: Core, plan: Plan) -> tuple[Expression, Any]:
+    """Solve the core's closures for y over [V_dot_base, 1, u_dot]; return also the pivots' trust."""
+    right = np.concatenate([-core.rows.K[:, :6], -core.rows.gamma[:, None]], axis=1)
+    return solve(core.rows.K[:, 6:], right, plan.loop_pivots)
 
 
 def _onto_base(x: _Solved, M: Expression, b: Expression) -> dict[str, ca.SX]:
@@ -195,15 +240,19 @@ def _legs_on_paths(plan: Plan) -> Index:
     return np.array(sorted({int(c) for path in plan.paths for c in path.v} - own - wrists), dtype=int)
 
 
-def _wrists(
+def _add_wrists(
     core: Core, plan: Plan, given: tuple[Expression, Expression], base: BaseMotion, s: Expression,
-    known: dict[int, Any],
+    received: dict[str, ca.SX],
 ) -> tuple[dict[int, Any], Any]:  # fmt: skip
     """Compute the wrists' accelerations by freedom of the spanning tree, and the guard of their pivots.
 
-    Given are q and v of the spanning tree, s = [V_dot_base; y], and the tree's other accelerations.
+    Given are q and v of the spanning tree and s = [V_dot_base; y]. `received` gets the legs' accelerations.
     """
-    q, v = given
+    (q, v), parts, legs = given, plan.parts, _legs_on_paths(plan)
+    column, a_legs = symbols("a_legs", len(legs))
+    received |= {"a_legs": column} if len(legs) else {}
+    known = dict(zip(legs.tolist(), a_legs, strict=True))
+    known |= {int(col): s[6 + k] for k, col in enumerate(parts.v) if col >= 0}
     out: dict[int, Any] = {}
     guard: Any = ca.SX(0.0)
     for path, pivots in zip(plan.paths, plan.wrist_pivots, strict=True):

@@ -79,9 +79,25 @@ class _RequiredForces:
 
 
 def write_inverse(
-    name: str, plan: Plan, options: InverseOptions, pivots: Pivots | None, *, counted: bool = False
+    name: str,
+    plan: Plan,
+    options: InverseOptions,
+    pivots: Pivots | None,
+    *,
+    balance: bool = False,
+    counted: bool = False,
 ) -> InverseModule:
-    """Write a module's inverse model and cut it into its stages; `counted` as in `Request`."""
+    """Write a module's inverse model and cut it into its stages.
+
+    Args:
+        name: Prefix of the functions' names.
+        plan: The module.
+        options: Options of the inverse model.
+        pivots: Pivots of the motor map.
+        balance: Whether the output is "Q" = Psi^T b, what is left of the forces along the module's motions,
+            instead of the motor efforts "tau". Motor efforts are then among the laws.
+        counted: As in `Request`.
+    """
     parts, spanning = plan.parts, plan.mechanism.spanning
     at_q, at_v = read_by_core(plan)
     q_column, q = scattered("q", at_q, spanning.nq)
@@ -100,8 +116,11 @@ def write_inverse(
     X, trust = solve(core.rows.K[:, 6:], zeros(len(core.rows.K), 1), plan.loop_pivots)
     guard = ca.fmax(ca.fmax(core.rows.guard, trusted(trust)), _acceleration_guard(core, plan, a, base.A))
     guard = rank_guard(plan, core.rows, guard, X[:, 1:])
-    tau, measure = _efforts(core, plan, options, X[:, 1:], needed, pivots)
-    efforts = {"guard": ca.SX(ca.fmax(guard, measure))} | ({"tau": pack(tau)} if len(tau) else {})
+    if balance:
+        efforts = {"guard": ca.SX(guard), "Q": pack(dot(X[:, 1:].T, needed.b[6:]))}
+    else:
+        tau, measure = _efforts(core, plan, options, X[:, 1:], needed, pivots)
+        efforts = {"guard": ca.SX(ca.fmax(guard, measure))} | ({"tau": pack(tau)} if len(tau) else {})
     if options.base is None:
         efforts["F_base"] = pack(_base_wrench(core, needed.b))
     stages = cut(

@@ -121,6 +121,12 @@ def inverse_options(request: Request, k: int) -> InverseOptions:
     )
 
 
+def balance_options(request: Request, k: int) -> InverseOptions:
+    """Return the options of the forces left in module k: all efforts are laws, and no motor is solved for."""
+    forced = tuple(i for i, mark in enumerate(request.marks(request.robot.modules[k])) if mark)
+    return InverseOptions(**_of_both(request, k), motors=(), moving=(), share=(), laws=forced)
+
+
 def _of_both(request: Request, k: int) -> dict[str, Any]:
     """Return the options of both models of module k, by name."""
     module = request.robot.modules[k]

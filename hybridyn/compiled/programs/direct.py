@@ -18,7 +18,7 @@ from ..equations.quadratic_form import LEG_SUMS
 from ..equations.request import Request
 from ..equations.rigid import inertia_matrix
 from ..equations.stages import Stage
-from ..program import Add, Program, Source, Target, Worst
+from ..program import Add, Call, Program, Shared, Source, Target, Worst
 from .efforts import Efforts
 from .module_calls import ModuleCalls, read
 from .roots import moving_base, same_structure, unit_base
@@ -30,55 +30,81 @@ LEG_PARTS = ["legs", "legs' accelerations"]
 
 
 @dataclass
-class _DirectCalls(ModuleCalls):
+class DirectCalls(ModuleCalls):
     """Calls of one module in the direct model.
 
     Attributes:
         articulated: Articulated inertia and bias of its outputs that carry modules, by output.
         legs: Its groups of legs, with their calls and their own numbers.
         efforts: Source of its efforts; empty without any.
+        deltas: Acceleration of each platform relative to the base, by the platform's link of the core.
+        u_dot: Accelerations along its motions, where they are asked for.
+        leg_calls: Calls of its legs: their contributions, then their accelerations.
     """
 
     options: DirectOptions
     written: DirectModule
-    below: _DirectCalls | None
+    below: DirectCalls | None
     articulated: dict[int, tuple[Add, Add]] = field(default_factory=dict)
     legs: list[tuple[tuple[Leg, ...], Stages, Source]] = field(default_factory=list)
     efforts: dict[str, Source] = field(default_factory=dict)
+    deltas: dict[int, Shared] = field(default_factory=dict)
+    u_dot: Shared | None = None
+    leg_calls: list[Call] = field(default_factory=list)
 
 
 def direct_program(request: Request) -> Program:
     """Build the program of a robot's direct model."""
+    w = Writer("ddm", direct_inputs(request), [("a", request.robot.nv)])
+    write_direct_sweeps(request, w)
+    return w.program()
+
+
+def direct_inputs(request: Request) -> list[tuple[str, int]]:
+    """Return name and length of each input of the direct model."""
     robot = request.robot
     inputs = [("q", robot.nq), ("v", robot.nv), ("tau", len(robot.motors))]
     if robot.base == "moving":
         inputs.append(("base_acceleration", 6))
-    inputs += request.parameter_inputs
-    w = Writer("ddm", inputs, [("a", robot.nv)])
+    return inputs + request.parameter_inputs
+
+
+def write_direct_sweeps(request: Request, w: Writer, *, motions: bool = False) -> list[DirectCalls]:
+    """Add the sweeps of the direct model to a program, and return the calls of each module.
+
+    Args:
+        request: The robot and its effects.
+        w: The program under construction.
+        motions: Whether the accelerations along the modules' motions are kept (`DirectCalls.u_dot`).
+    """
+    robot = request.robot
     unit_base(request, w)
     same_structure(request, w)
     given = w.from_given("base_acceleration", np.arange(6)) if robot.base == "moving" else None
-    sweeps = _Sweeps(request, w, moving_base(request, w, given, report=True) if given else None)
-    modules: list[_DirectCalls] = []
+    root = moving_base(request, w, given, report=True) if given else None
+    sweeps = _Sweeps(request, w, root, motions)
+    modules: list[DirectCalls] = []
     for k in range(len(robot.modules)):
         modules.append(sweeps.outwards(k, modules))
     for calls in reversed(modules):
         sweeps.inwards(calls)
     for calls in modules:
         sweeps.accelerate(calls)
-    return w.program()
+    return modules
 
 
 class _Sweeps:
     """Add the calls of the modules to the program, sweep by sweep."""
 
-    def __init__(self, request: Request, writer: Writer, root: tuple[Source, Source] | None) -> None:
-        self.request, self.w, self.root = request, writer, root
+    def __init__(
+        self, request: Request, writer: Writer, root: tuple[Source, Source] | None, motions: bool
+    ) -> None:
+        self.request, self.w, self.root, self.motions = request, writer, root, motions
         self.efforts = Efforts(request, writer)
         self._code: dict[Any, DirectModule] = {}
         self._leg_code: dict[Any, tuple[list[Stage], Array]] = {}
 
-    def outwards(self, k: int, modules: list[_DirectCalls]) -> _DirectCalls:
+    def outwards(self, k: int, modules: list[DirectCalls]) -> DirectCalls:
         """Add the motion outwards: platforms, twists, and the legs' inertias and biases."""
         w, calls = self.w, self._calls(k, modules)
         targets = calls.place_platforms(18)
@@ -95,7 +121,7 @@ class _Sweeps:
             self._legs_outwards(calls, n)
         return calls
 
-    def inwards(self, calls: _DirectCalls) -> None:
+    def inwards(self, calls: DirectCalls) -> None:
         """Add the articulated inertias inwards."""
         sources = calls.sources() | calls.summed()
         for o, (inertia, bias) in calls.articulated.items():
@@ -111,41 +137,46 @@ class _Sweeps:
             targets |= {"I_base": self.w.shared(21), "b_base": self.w.shared(6)}
         calls.stages.call(1, sources, targets)
 
-    def accelerate(self, calls: _DirectCalls) -> None:
+    def accelerate(self, calls: DirectCalls) -> None:
         """Add the accelerations outwards: the core, the legs, the wrists."""
         w, written, v_index = self.w, calls.written, calls.module.v_index
-        deltas = {i: w.shared(6) for i in written.platforms}
+        calls.deltas = {i: w.shared(6) for i in written.platforms}
         calls.A = {o: w.shared(6) for o in calls.V}
-        targets: dict[str, Target] = {f"delta {i}": place for i, place in deltas.items()}
+        targets: dict[str, Target] = {f"delta {i}": place for i, place in calls.deltas.items()}
         targets |= {f"A {o}": place for o, place in calls.A.items()}
+        if self.motions:
+            calls.u_dot = w.shared(calls.module.mobility)
+            targets["u_dot"] = calls.u_dot
         sources = calls.sources() | calls.efforts
         calls.stages.call(2, sources, targets | {"a_core": w.result("a", v_index[written.joints])})
         for group, legs, numbers in calls.legs:
             at = v_index[np.array([leg.v for leg in group])]
-            legs.call(1, {"numbers": numbers, "delta": deltas[group[0].platform]}, {"a": w.result("a", at)})
+            delta = calls.deltas[group[0].platform]
+            legs.call(1, {"numbers": numbers, "delta": delta}, {"a": w.result("a", at)})
+            calls.leg_calls.append(w.last)
         sources["a_legs"] = w.result("a", v_index[written.legs])
         wrists = w.result("a", v_index[written.wrists])
         calls.stages.call(3, sources, {"a_wrists": wrists, "guard": Worst()})
 
-    def _calls(self, k: int, modules: list[_DirectCalls]) -> _DirectCalls:
+    def _calls(self, k: int, modules: list[DirectCalls]) -> DirectCalls:
         """Return the still empty calls of module k; equal modules share their code."""
         plan, options = self.request.plans[k], direct_options(self.request, k)
         key = (id(plan), options)
         if key not in self._code:
             name, counted = f"module_{len(self._code)}", self.request.counted
-            self._code[key] = write_direct(name, plan, options, counted=counted)
+            self._code[key] = write_direct(name, plan, options, motions=self.motions, counted=counted)
         written, parent = self._code[key], self.request.robot.modules[k].parent
         stages = Stages(self.w, key, written.stages, PARTS)
         below = modules[parent] if parent >= 0 else None
-        return _DirectCalls(self.request, self.w, k, options, written, stages, below, self.root)
+        return DirectCalls(self.request, self.w, k, options, written, stages, below, self.root)
 
-    def _own(self, calls: _DirectCalls, o: int) -> Array:
+    def _own(self, calls: DirectCalls, o: int) -> Array:
         """Return an output's own inertia, the start of its articulated inertia; zero if it is an argument."""
         if self.request.plans[calls.k].inertias is not None:
             return np.zeros(21)
         return upper(inertia_matrix(plain(calls.options.inertias[o]))).astype(float)
 
-    def _legs_outwards(self, calls: _DirectCalls, n: int) -> None:
+    def _legs_outwards(self, calls: DirectCalls, n: int) -> None:
         """Add the inertias and biases of a group of legs, summed by platform."""
         plan, options, group = self.request.plans[calls.k], calls.options, calls.groups[n]
         key = (id(plan), n, options.base is None, options.velocity, options.rotor)
@@ -158,4 +189,5 @@ class _Sweeps:
         if forced:
             sources["tau"] = self.efforts.of(calls.k, np.array([leg.tree_v[forced] for leg in group]))
         legs.call(0, sources, calls.sums_of(group[0].platform, LEG_SUMS))
+        calls.leg_calls.append(self.w.last)
         calls.legs.append((group, legs, numbers))

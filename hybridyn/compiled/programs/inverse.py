@@ -12,7 +12,7 @@ from ..equations.inverse import InverseModule, write_inverse
 from ..equations.inverse_legs import LEG_SUMS, driven_joints, lawful_joints, write_inverse_legs
 from ..equations.module_graph import twist_width
 from ..equations.motor_pivots import motor_pivots
-from ..equations.options import InverseOptions, inverse_options
+from ..equations.options import InverseOptions, balance_options, inverse_options
 from ..equations.request import Request
 from ..equations.stages import Stage
 from ..equations.static_elimination import Pivots
@@ -44,27 +44,61 @@ class _InverseCalls(ModuleCalls):
 
 def inverse_program(request: Request) -> Program:
     """Build the program of a robot's inverse model."""
+    w = Writer("idm", inverse_inputs(request), [("tau", len(request.robot.motors))])
+    write_inverse_sweeps(request, w)
+    return w.program()
+
+
+def inverse_inputs(request: Request) -> list[tuple[str, int]]:
+    """Return name and length of each input of the inverse model."""
     robot = request.robot
-    inputs = [("q", robot.nq), ("v", robot.nv), ("a", robot.nv), *request.parameter_inputs]
-    w = Writer("idm", inputs, [("tau", len(robot.motors))])
+    return [("q", robot.nq), ("v", robot.nv), ("a", robot.nv), *request.parameter_inputs]
+
+
+def write_inverse_sweeps(request: Request, w: Writer) -> None:
+    """Add the sweeps of the inverse model to a program."""
     unit_base(request, w)
     same_structure(request, w)
+    _write_sweeps(request, w, None)
+
+
+def write_balance(request: Request, w: Writer) -> list[Shared]:
+    """Add the sweeps that compute what is left of the forces along each module's motions, zero for `ddm`.
+
+    The inputs are those of the direct model, and its accelerations.
+
+    Returns:
+        Place of the remaining forces of each module, shape (mobility,).
+    """
+    balance = [w.shared(module.mobility) for module in request.robot.modules]
+    _write_sweeps(request, w, balance)
+    return balance
+
+
+def _write_sweeps(request: Request, w: Writer, balance: list[Shared] | None) -> None:
+    """Add the sweeps; with `balance` (see `write_balance`), motor efforts are inputs."""
+    robot = request.robot
     root = moving_base(request, w, w.from_given("a", np.arange(6)), report=False)
-    sweeps = _Sweeps(request, w, root)
+    sweeps = _Sweeps(request, w, root, balance)
     modules: list[_InverseCalls] = []
     for k in range(len(robot.modules)):
         modules.append(sweeps.outwards(k, modules))
     for calls in reversed(modules):
         sweeps.inwards(calls)
-    return w.program()
 
 
 class _Sweeps:
     """Add the calls of the modules to the program, sweep by sweep."""
 
-    def __init__(self, request: Request, writer: Writer, root: tuple[Source, Source] | None) -> None:
-        self.request, self.w, self.root = request, writer, root
-        self.efforts = Efforts(request, writer, motors=False)
+    def __init__(
+        self,
+        request: Request,
+        writer: Writer,
+        root: tuple[Source, Source] | None,
+        balance: list[Shared] | None,
+    ) -> None:
+        self.request, self.w, self.root, self.balance = request, writer, root, balance
+        self.efforts = Efforts(request, writer, motors=balance is not None)
         self._code: dict[Any, InverseModule] = {}
         self._leg_code: dict[Any, tuple[list[Stage], Array]] = {}
         self._pivots: dict[Any, Pivots | None] = {}
@@ -91,10 +125,11 @@ class _Sweeps:
             sources[f"motors {n}"] = Shared(each.start, each.size * len(calls.groups[n]))
         if len(calls.written.laws):
             sources["laws"] = self.efforts.of(calls.k, calls.written.laws[None])
-        targets: dict[str, Target] = {
-            "guard": Worst(),
-            "tau": self.w.result("tau", calls.module.motor_index),
-        }
+        targets: dict[str, Target] = {"guard": Worst()}
+        if self.balance is None:
+            targets["tau"] = self.w.result("tau", calls.module.motor_index)
+        else:
+            targets["Q"] = self.balance[calls.k]
         if calls.below is not None:
             targets["F_base"] = calls.below.received[calls.module.parent_output]
         elif self.root is not None:
@@ -103,12 +138,14 @@ class _Sweeps:
 
     def _calls(self, k: int, modules: list[_InverseCalls]) -> _InverseCalls:
         """Return the still empty calls of module k; equal modules share their code."""
-        plan, options = self.request.plans[k], inverse_options(self.request, k)
-        key = (id(plan), options)
+        balance = self.balance is not None
+        plan = self.request.plans[k]
+        options = balance_options(self.request, k) if balance else inverse_options(self.request, k)
+        key = (id(plan), options, balance)
         if key not in self._code:
-            pivots = self._motor_pivots(k, options)
+            pivots = None if balance else self._motor_pivots(k, options)
             name, counted = f"module_{len(self._code)}", self.request.counted
-            self._code[key] = write_inverse(name, plan, options, pivots, counted=counted)
+            self._code[key] = write_inverse(name, plan, options, pivots, balance=balance, counted=counted)
         written, parent = self._code[key], self.request.robot.modules[k].parent
         stages = Stages(self.w, key, written.stages, PARTS)
         below = modules[parent] if parent >= 0 else None

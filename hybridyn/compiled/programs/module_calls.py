@@ -78,7 +78,7 @@ class ModuleCalls:
         q = self.module.q_index[np.array([reader.q for reader in readers])]
         v = self.module.v_index[np.array([reader.v for reader in readers])]
         out: dict[str, Source] = {"q": w.from_given("q", q), "v": w.from_given("v", v)}
-        return out | ({"a": w.from_given("a", v)} if "a" in w.given else {})
+        return out | ({"a": w.from_given("a", v)} if "a" in w.given or "a" in w.computed else {})
 
     def _base(self) -> dict[str, Source]:
         """Return the sources of the base's twist and acceleration that are known so far."""

@@ -54,7 +54,7 @@ def moving_base(
     A[:3] = A[:3] - dot(quaternion_matrix(q).T, plain(request.gravity))
     V = pack(v[3:]) if velocity else v_col
     outputs = [V, pack(A), pack(a)] if report else [V, pack(A)]
-    kernel = w.kernel("root", ca.Function("root", [q_col, v_col, a_col], outputs), "kinematics")
+    kernel = w.kernel(("root", report), ca.Function("root", [q_col, v_col, a_col], outputs), "kinematics")
     twist, at = w.shared(3 if velocity else 6), w.shared(6)
     targets: list[Target] = [twist, at, w.result("a", np.arange(6))] if report else [twist, at]
     sources: list[Source] = [

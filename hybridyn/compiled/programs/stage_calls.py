@@ -42,10 +42,7 @@ class Stages:
         outs: list[Target] = []
         for i, name in enumerate(stage.outputs):
             if isinstance(name, tuple):
-                size = stage.function.numel_out(i)
-                place = (
-                    self._writer.shared(size) if self._copies == 1 else self._writer.own(self._copies, size)
-                )
+                place = self._writer.hand(self._copies, stage.function.numel_out(i))
                 self._handed[s, name[1]] = place
                 outs.append(place)
             else:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import casadi as ca
@@ -32,14 +33,26 @@ class Writer:
     Attributes:
         given: Start of each user input.
         results: Start of each user output.
+        computed: User outputs that an earlier model computes, where a later one reads them as its inputs.
+        kernels: The kernels so far.
+        steps: The steps so far.
+        handed: Places of the numbers that stages of a module pass on.
     """
 
-    def __init__(self, name: str, inputs: list[tuple[str, int]], outputs: list[tuple[str, int]]) -> None:
+    def __init__(
+        self,
+        name: str,
+        inputs: list[tuple[str, int]],
+        outputs: list[tuple[str, int]],
+        computed: tuple[str, ...] = (),
+    ) -> None:
         self.name, self.inputs, self.outputs = name, tuple(inputs), tuple(outputs)
         self.given, self.results = _starts(inputs), _starts(outputs)
-        self._kernels: list[Kernel] = []
+        self.computed = computed
+        self.kernels: list[Kernel] = []
+        self.steps: list[Start | Call] = []
+        self.handed: set[Shared | Own] = set()
         self._number: dict[Any, int] = {}
-        self._steps: list[Start | Call] = []
         self._shared = self._own = 0
 
     def numbers(self, values: Array, parameters: ca.SX | None) -> Source:
@@ -61,14 +74,16 @@ class Writer:
     def kernel(
         self,
         key: Any,
-        function: ca.Function,
+        function: ca.Function | Callable[[], ca.Function],
         part: str,
         shares: tuple[tuple[str, ca.Function], ...] = (),
     ) -> int:
-        """Return the index of a kernel; equal keys share one kernel."""
+        """Return the index of a kernel; equal keys share one kernel, which the first one makes."""
         if key not in self._number:
-            self._number[key] = len(self._kernels)
-            self._kernels.append(Kernel(f"{self.name}_{len(self._kernels)}", function, part, shares))
+            if not isinstance(function, ca.Function):
+                function = function()
+            self._number[key] = len(self.kernels)
+            self.kernels.append(Kernel(f"{self.name}_{len(self.kernels)}", function, part, shares))
         return self._number[key]
 
     def shared(self, size: int) -> Shared:
@@ -87,11 +102,19 @@ class Writer:
 
     def start(self, place: Shared, values: Array) -> Add:
         """Set shared numbers to the start of a sum and return the target that adds to them."""
-        self._steps.append(Start(place.start, np.asarray(values, dtype=float)))
+        self.steps.append(Start(place.start, np.asarray(values, dtype=float)))
         return Add(place.start, place.size)
 
-    def from_given(self, name: str, index: Index) -> Given:
+    def hand(self, copies: int, size: int) -> Shared | Own:
+        """Allocate numbers that a stage passes on: shared for a single copy, the copies' own for several."""
+        place = self.shared(size) if copies == 1 else self.own(copies, size)
+        self.handed.add(place)
+        return place
+
+    def from_given(self, name: str, index: Index) -> Given | Result:
         """Return the source of entries of a user input, shape (entries,) or (copies, entries)."""
+        if name in self.computed:
+            return self.result(name, index)
         return Given(np.atleast_2d(index).astype(int) + self.given[name])
 
     def result(self, name: str, index: Index) -> Result:
@@ -100,7 +123,14 @@ class Writer:
 
     def call(self, kernel: int, copies: int, sources: list[Source], targets: list[Target]) -> None:
         """Add the call of a kernel."""
-        self._steps.append(Call(kernel, copies, tuple(sources), tuple(targets)))
+        self.steps.append(Call(kernel, copies, tuple(sources), tuple(targets)))
+
+    @property
+    def last(self) -> Call:
+        """The last step, a call."""
+        step = self.steps[-1]
+        assert isinstance(step, Call)
+        return step
 
     def program(self) -> Program:
         """Return the program."""
@@ -108,8 +138,8 @@ class Writer:
             self.name,
             self.inputs,
             self.outputs,
-            tuple(self._kernels),
-            tuple(self._steps),
+            tuple(self.kernels),
+            tuple(self.steps),
             self._shared,
             self._own,
         )

@@ -1,0 +1,141 @@
+"""Join the stages of a program to functions of what is not passed from stage to stage."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable
+from dataclasses import dataclass, field
+from typing import Any
+
+import casadi as ca
+
+from ...program import Add, Call, Constants, Each, Given, Kernel, Own, Result, Shared, Source, Target, Worst
+
+#: A number of a program: the place it is stored in, and its index there.
+Number = tuple[str, int]
+
+
+@dataclass(frozen=True)
+class Node:
+    """A call whose function has the earlier stages of its module inlined.
+
+    Attributes:
+        key: Equal keys mean equal functions.
+        function: Function of the sources, one output for each target.
+        copies: Number of copies.
+        sources: Sources of its inputs, each once.
+        targets: Targets of its outputs; guards and what is passed to later stages are left out.
+    """
+
+    key: Any
+    function: ca.Function
+    copies: int
+    sources: tuple[Source, ...]
+    targets: tuple[Target, ...]
+
+    def numbers(self, end: Source | Target) -> list[Number]:
+        """Return the numbers that its copies read from a source or write to a target."""
+        return [number for copy in range(self.copies) for number in numbers_of(end, copy)]
+
+
+def numbers_of(end: Source | Target, copy: int) -> list[Number]:
+    """Return the numbers that one copy reads from a source or writes to a target; none for constants."""
+    match end:
+        case Given(index) | Result(index):
+            place = "given" if isinstance(end, Given) else "result"
+            return [(place, int(k)) for k in index[copy]]
+        case Shared(start, size) | Add(start, size):
+            return [("shared", start + k) for k in range(size)]
+        case Each(start, size):
+            return [("shared", start + copy * size + k) for k in range(size)]
+        case Own(start, size):
+            return [("own", start + copy * size + k) for k in range(size)]
+    return []
+
+
+@dataclass
+class Joiner:
+    """Turn the calls of a program into nodes.
+
+    Attributes:
+        kernels: The program's kernels.
+        handed: Places of the numbers that stages pass on.
+    """
+
+    kernels: list[Kernel]
+    handed: Collection[Shared | Own]
+    _functions: dict[Any, ca.Function] = field(default_factory=dict)
+
+    def nodes(self, calls: Iterable[Call]) -> list[Node]:
+        """Return the nodes of calls in their order; each producer of passed numbers is among the calls."""
+        producers: dict[Source, tuple[Call, int]] = {}
+        out = []
+        for call in calls:
+            out.append(self._node(call, producers))
+            for n, target in enumerate(call.targets):
+                if isinstance(target, Shared | Own) and target in self.handed:
+                    producers[target] = call, n
+        return out
+
+    def _node(self, call: Call, producers: dict[Source, tuple[Call, int]]) -> Node:
+        """Return the node of one call."""
+        sources: list[Source] = []
+        known: dict[Any, int] = {}
+
+        def tree(call: Call) -> tuple[Any, ...]:
+            arguments: list[Any] = []
+            for source in call.sources:
+                if isinstance(source, Shared | Own) and source in producers:
+                    producer, n = producers[source]
+                    arguments.append((n, tree(producer)))
+                    continue
+                identity = _identity(source)
+                if identity not in known:
+                    known[identity] = len(sources)
+                    sources.append(source)
+                arguments.append(known[identity])
+            return (call.kernel, *arguments)
+
+        whole = tree(call)
+        kept = tuple(
+            n
+            for n, target in enumerate(call.targets)
+            if not isinstance(target, Worst)
+            and not (isinstance(target, Shared | Own) and target in self.handed)
+        )
+        key = (whole, kept)
+        if key not in self._functions:
+            self._functions[key] = self._joined(whole, len(sources), kept)
+        targets = tuple(call.targets[n] for n in kept)
+        return Node(key, self._functions[key], call.copies, tuple(sources), targets)
+
+    def _joined(self, whole: tuple[Any, ...], count: int, kept: tuple[int, ...]) -> ca.Function:
+        """Return the function of a tree of kernels."""
+        columns: list[Any] = [None] * count
+        done: dict[Any, list[ca.SX]] = {}
+
+        def outputs(tree: tuple[Any, ...]) -> list[ca.SX]:
+            if tree not in done:
+                function = self.kernels[tree[0]].function
+                arguments = []
+                for i, argument in enumerate(tree[1:]):
+                    if isinstance(argument, tuple):
+                        arguments.append(outputs(argument[1])[argument[0]])
+                        continue
+                    if columns[argument] is None:
+                        columns[argument] = ca.SX.sym(f"x{argument}", function.nnz_in(i))
+                    arguments.append(columns[argument])
+                done[tree] = function.call(arguments)
+            return done[tree]
+
+        out = outputs(whole)
+        return ca.Function("joined", columns, [out[n] for n in kept])
+
+
+def _identity(source: Source) -> Any:
+    """Return what equal sources have in common."""
+    match source:
+        case Given(index) | Result(index):
+            return type(source), index.shape, index.tobytes()
+        case Constants(values):
+            return Constants, values.shape, values.tobytes()
+    return source
