@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from ..errors import ModelError
@@ -14,7 +15,7 @@ from .closing_frames import apply_closing_frames
 from .frame_names import apply_frame_names
 from .motors import choose_motors
 from .names import listed
-from .records import Description
+from .records import Description, ReadFrom
 from .robot_file import RobotFile
 from .sdf.sdf import read_sdf
 from .side_cars.companions import find_model_file, find_side_car, find_submechanisms
@@ -70,7 +71,15 @@ def read(
     home = _read_model_file(robot, file)
     validate(robot)
     refuse_unclosed_frames(robot)
-    return complete(robot, motors=motors, home=home, source=file)
+    return replace(
+        complete(robot, motors=motors, home=home, source=file),
+        read_from=ReadFrom(
+            file,
+            None if motors is None else tuple(motors),
+            dict(xacro_args or {}),
+            tuple(os.fspath(folder) for folder in package_dirs),
+        ),
+    )
 
 
 def complete(

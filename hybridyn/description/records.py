@@ -144,6 +144,23 @@ class Coupling:
 
 
 @dataclass(frozen=True)
+class ReadFrom:
+    """The file that a description was read from, and what the reader was told.
+
+    Attributes:
+        file: Path of the file.
+        motors: Names of the driven joints, or None.
+        xacro_args: Arguments of a xacro file by name.
+        package_dirs: Folders that hold packages.
+    """
+
+    file: str
+    motors: tuple[str, ...] | None
+    xacro_args: dict[str, object]
+    package_dirs: tuple[str, ...]
+
+
+@dataclass(frozen=True)
 class Description:
     """The description of one robot, from all of its files.
 
@@ -164,6 +181,7 @@ class Description:
         base_home: Pose of a floating root link in the home posture, shape (7,): x, y, z [m], quaternion x, y,
             z, w; None is identity.
         gravity: Acceleration of gravity that the file states [m/s^2], or None.
+        read_from: What it was read from; None for a model in memory.
         format: Format of the robot file; "Pinocchio" for a model in memory, whose order of joints is kept.
     """
 
@@ -182,6 +200,7 @@ class Description:
     base_home: tuple[float, ...] | None = None
     gravity: tuple[float, float, float] | None = None
     format: Format = "URDF"
+    read_from: ReadFrom | None = field(default=None, compare=False)
 
     @property
     def root(self) -> str:

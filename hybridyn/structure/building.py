@@ -19,10 +19,13 @@ from .graph import ModuleGraph, find_modules, undo_cuts
 from .mechanism import Mechanism, Tolerances
 from .module import Module, check_mechanism
 from .module_spec import ModuleSpec, module_spec
+from .parameters.changed import with_numbers
 from .robot import Base, HybridRobot
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Mapping, Sequence
+
+    from numpy.typing import ArrayLike
 
     from .payload import Payload
 
@@ -50,6 +53,7 @@ class ModuleBuilder:
         v_slices: tuple[slice, ...],
         home: Array,
         tolerances: Tolerances,
+        like: Sequence[Module] = (),
     ) -> None:
         """Prepare an empty robot.
 
@@ -61,7 +65,9 @@ class ModuleBuilder:
             v_slices: Slice of v of each joint.
             home: Home position, shape (nq,).
             tolerances: Tolerances of the robot.
+            like: Modules of a robot that may differ in lengths and masses only.
         """
+        self.like = {module.mechanism.spec.topology: module.mechanism for module in like}
         self.bodies, self.description = bodies, description
         self.number = {name: i for i, name in enumerate(joints)}
         self.q_slices, self.v_slices, self.home = q_slices, v_slices, home
@@ -129,7 +135,8 @@ class ModuleBuilder:
         """Return the mechanism of a module; equal modules get the same object."""
         key = spec.key
         if key not in self.shared:
-            self.shared[key] = Mechanism(spec, self.tolerances, self.bodies.size)
+            like = self.like.get(spec.topology) if self.like else None
+            self.shared[key] = Mechanism(spec, self.tolerances, self.bodies.size, like)
         return self.shared[key]
 
     def _append(
@@ -191,6 +198,7 @@ def build_robot(
     closure_tolerance: float = 1e-4,
     held: Iterable[str] = (),
     payloads: tuple[Payload, ...] = (),
+    like: HybridRobot | None = None,
 ) -> HybridRobot:
     """Build a robot from its description.
 
@@ -204,6 +212,8 @@ def build_robot(
         closure_tolerance: Largest residual that counts as closed, relative to the length of the module.
         held: Joints that must not be cut as part of a wrist, so that they can have joint effects.
         payloads: Payloads that the links of the description already include.
+        like: A robot that may differ in lengths and masses only. Ranks are then checked near its postures
+            instead of decided anew.
 
     Raises:
         ModelError: The description does not define a robot, or the rank of a module's closures is in doubt.
@@ -225,7 +235,8 @@ def build_robot(
     q_slices, v_slices = (tuple(slices(size[kind] for kind in kinds)) for size in (NQ, NV))
     home = _home(description, bodies, kinds, base)
     tolerances = Tolerances(rank_tolerance, closure_tolerance)
-    build = ModuleBuilder(bodies, description, joints, q_slices, v_slices, home, tolerances)
+    alike = like.modules if like is not None else ()
+    build = ModuleBuilder(bodies, description, joints, q_slices, v_slices, home, tolerances, alike)
     if base == "floating":
         build.add_base()
     for graph in graphs:
@@ -246,7 +257,26 @@ def build_robot(
         rank_tolerance=rank_tolerance,
         held=kept,
         payloads=payloads,
+        rebuild=_with_parameters,
     )
+
+
+def _with_parameters(robot: HybridRobot, values: Mapping[str, ArrayLike]) -> HybridRobot:
+    """Build a robot with other parameters, see `HybridRobot.with_parameters`."""
+    return rebuilt(robot, with_numbers(robot.description, values))
+
+
+def rebuilt(robot: HybridRobot, description: Description) -> HybridRobot:
+    """Build a robot of another description as a robot was built, which may be like it.
+
+    Raises:
+        ModelError: The description is no robot, or the rank of a module's closures is in doubt.
+        AssemblyError: No posture closes the loops of a module.
+    """
+    return build_robot(
+        description, base=robot.base, gravity=robot.gravity, rank_tolerance=robot.rank_tolerance,
+        closure_tolerance=robot.closure_tolerance, held=robot.held, payloads=robot.payloads, like=robot,
+    )  # fmt: skip
 
 
 def _held(description: Description, held: Iterable[str]) -> frozenset[str]:

@@ -20,6 +20,7 @@ from ..linkage.closures import Closures
 from ..linkage.elimination import least_squares
 from ..linkage.generic_postures import generic_postures
 from ..linkage.gimbal_lock import GIMBAL_LOCK
+from ..linkage.newton import LoopProblem, close
 from ..linkage.reduction import RANK_TOLERANCE, Basis
 from ..linkage.tree import Motion
 from ..spatial import Array, Index, Mask, spatial_inertia, to_body_axes
@@ -34,6 +35,9 @@ from .wrist_motion import WristMotion
 #: A freedom is locked if it moves no more than this when its module moves by one (rad, module lengths). The
 #: limit is about 5e4 times the machine epsilon.
 STILL = 1e-11
+#: Number of postures of another mechanism near which the ranks of this one are checked, and the part of them
+#: near which it must close.
+CHECKED, LEAST_FOLLOW = 8, 0.5
 #: Largest number of freedoms for `LegModel`; larger modules use `LongLegs`. Pinocchio's `Data` grows with the
 #: cube of the number: 20 MB here.
 MOST_PINOCCHIO_FREEDOMS = 128
@@ -78,13 +82,17 @@ class Mechanism:
             length.
     """
 
-    def __init__(self, spec: ModuleSpec, tolerances: Tolerances, robot_size: float) -> None:
+    def __init__(
+        self, spec: ModuleSpec, tolerances: Tolerances, robot_size: float, like: Mechanism | None = None
+    ) -> None:
         """Compute the length, the ranks and generic postures of a module.
 
         Args:
             spec: Numbers of the module.
             tolerances: Tolerances of the robot.
             robot_size: Characteristic length of the robot [m], for modules that have no extent themselves.
+            like: A mechanism of the same topology, near whose postures those of this one are looked for, and
+                whose ranks are expected; without them, everything is decided anew.
         """
         self.spec = spec
         self.rank_is_given = tolerances.rank is not None
@@ -101,18 +109,44 @@ class Mechanism:
         self.spanning_col_scale = freedom_units(self.spanning, self.length)
         self.spanning_row_scale = row_factors(self.spanning, self.spanning_closures, self.length)
         self.wrists = WristMotion(spec.wrists, self.cut, self.length, self.spanning_col_scale)
+        if like is not None and self._follows(like, tolerances):
+            return
+        if like is not None:  # blocks may have been merged
+            self.reduction = leg_by_leg(spec, self.tree, self.closures, self.length)
         open_by = self._find_postures(tolerances.closure)
         self._fix_ranks(tolerances.rank, open_by)
 
-    def _find_postures(self, tolerance: float) -> float:
-        """Find generic postures that close the loops, and return the largest residual at home."""
+    def _follows(self, like: Mechanism, tolerances: Tolerances) -> bool:
+        """Close the loops near the postures of another mechanism; return whether the ranks are the same."""
+        if like.rank_decision or not like.reduction.report.clear or not len(like.postures):
+            return False
+        near = like.postures[:CHECKED]
+        open_by = self._find_postures(tolerances.closure, near)
+        if len(self.postures) < len(near) * LEAST_FOLLOW:
+            return False
+        self._fix_ranks(like.rank_tolerance, open_by)
+        report = self.reduction.report
+        return report.clear and report.doubted is None and report.rank == like.reduction.rank
+
+    def _find_postures(self, tolerance: float, near: Array | None = None) -> float:
+        """Find generic postures that close the loops, and return the largest residual at home.
+
+        Args:
+            tolerance: Largest residual of a closed posture, relative to the length.
+            near: Postures near which they are looked for, shape (samples, nq), or None.
+        """
         home = self.cut.positions(self.spec.home[None])
         row_scale, col_scale = self.reduction.row_scale, self.reduction.col_scale
         residual = self.closures.residual(home, self.tree.sweep(home)) * row_scale
         open_by = float(np.abs(residual).max(initial=0.0))
         self.home, self.home_closes = home[0], open_by <= tolerance
         self.postures, self.best_residual = home, 0.0
-        if self.closures.rows:
+        if self.closures.rows and near is not None:
+            every = np.ones(self.tree.nv, dtype=bool)
+            found = close(LoopProblem(self.closures, row_scale, col_scale, every), near)
+            self.postures = found.q[found.residual <= tolerance]
+            self.best_residual = float(found.residual.min())
+        elif self.closures.rows:
             self.postures, self.best_residual = generic_postures(
                 self.closures, self.home, row_scale, col_scale, tolerance
             )

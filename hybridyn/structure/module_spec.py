@@ -80,6 +80,20 @@ class ModuleSpec:
     leg_bodies: tuple[Body | None, ...]
     home: Array
 
+    @property
+    def topology(self) -> tuple[object, ...]:
+        """Everything but lengths, angles and masses: modules with equal topology may differ in these only."""
+        trees = tuple(
+            tuple((j.kind, j.parent, tuple(np.asarray(j.axis).tolist())) for j in tree)
+            for tree in (self.spanning, self.tree)
+        )
+        loops = tuple(
+            tuple((c.body_a, c.body_b, c.translations, c.rotation) for c in closures)
+            for closures in (self.closures, self.cut_closures)
+        )
+        wrists = tuple((w.joints, w.end, w.target, w.carries) for w in self.wrists)
+        return trees, loops, wrists, tuple(c.terms for c in self.couplings), self.platforms, self.outputs
+
     @cached_property  # pickled once: a mechanism may later cache values in the spec's joints
     def key(self) -> bytes:
         """Pickled content, equal for equal modules."""

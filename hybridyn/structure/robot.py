@@ -21,7 +21,10 @@ from .bodies import Bodies
 from .module import Module
 
 if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
     import pinocchio as pin
+    from numpy.typing import ArrayLike
 
     from .payload import Payload
 
@@ -50,6 +53,7 @@ class HybridRobot:
         rank_tolerance: Argument of `build_robot`.
         held: Joints that must not be cut as part of a wrist.
         payloads: Payloads that were added to the links (`hybridyn.with_effects`).
+        rebuild: Builds the robot with other parameters (`with_parameters`).
     """
 
     description: Description
@@ -67,6 +71,7 @@ class HybridRobot:
     rank_tolerance: float | None = None
     held: frozenset[str] = frozenset()
     payloads: tuple[Payload, ...] = ()
+    rebuild: Callable[[HybridRobot, Mapping[str, ArrayLike]], HybridRobot] | None = None
 
     def __repr__(self) -> str:
         """Describe the robot in two lines: its structure, and its coordinates."""
@@ -179,6 +184,20 @@ class HybridRobot:
             ModelError: The robot has more than 10,000 joints, which Pinocchio cannot hold.
         """
         return self._models[0]
+
+    def with_parameters(self, values: Mapping[str, ArrayLike]) -> HybridRobot:
+        """Build the robot with other parameters; where its topology is the same, ranks are only checked.
+
+        Args:
+            values: Parameters by name: numbers of the description such as "mass:LINK" or "position:JOINT" (as
+                in `hybridyn.compile`), or arguments of the robot's xacro file.
+
+        Raises:
+            ModelError: A parameter is unknown, or there is no such robot.
+            AssemblyError: No posture closes the loops of a module.
+        """
+        assert self.rebuild is not None
+        return self.rebuild(self, values)
 
     @cached_property
     def _models(self) -> tuple[pin.Model, pin.Model]:

@@ -9,12 +9,12 @@ import pytest
 
 import hybridyn
 from hybridyn.compiled.equations.states import random_states
+from hybridyn.compiled.programs.designs import changed
 from hybridyn.compiled.programs.interpreter import function_of
 from hybridyn.compiled.programs.whole_robot import programs
 from hybridyn.errors import ModelError, TrajectoryError
 from hybridyn.spatial import Array
 from hybridyn.structure.building import build_robot
-from hybridyn.structure.parameters.changed import changed
 from hybridyn.structure.parameters.entries import Parameters
 from tests.shipped import shipped
 from tests.structure.test_parameters import CASES
@@ -26,8 +26,8 @@ FEW = {"five_bar": ("mass:m1_tool", "position:m1_left_elbow"), "gough_stewart": 
 def states(compiled: hybridyn.CompiledRobot, factor: float, seed: int) -> dict[str, Array]:
     """Return states of a design, its parameters, and both models by the general path."""
     p = factor * compiled.parameters.nominal
-    slots = compiled.parameters.slot_values(p[None])[0].tolist()
-    robot = changed(compiled.robot, compiled.parameters.slots, slots)
+    slots = compiled.parameters.slot_values(p[None])[0]
+    robot = changed(compiled.robot, compiled.parameters, slots)
     q, v, a, tau = random_states(robot, 5, seed)
     return {
         "q": q, "v": v, "a": a, "tau": tau, "p": np.tile(p, (5, 1)),
@@ -51,7 +51,7 @@ def test_written_models_take_the_numbers_of_a_design(name: str) -> None:
         for model, program in programs(robot, models=("idm", "ddm"), parameters=parameters.slots).items()
     }
     slots = parameters.slot_values(1.04 * parameters.nominal[None])[0]
-    other = changed(robot, parameters.slots, slots.tolist())
+    other = changed(robot, parameters, slots)
     q, v, a, tau = random_states(other, 4)
     for model, last in (("idm", a), ("ddm", tau)):
         wanted = getattr(hybridyn, model)(other, q, v, last)
@@ -85,12 +85,26 @@ def test_a_batch_has_a_design_for_each_sample(name: str) -> None:
 
 
 @pytest.mark.slow
+def test_arguments_of_a_xacro_file_are_expanded_for_each_design() -> None:
+    robot = hybridyn.load("five_bar")
+    compiled = hybridyn.compile(robot, parameters=["upper_length", "tool_mass"])
+    designs = np.array([[0.27, 0.7], [0.25, 0.4]])
+    for design in designs:
+        names = ("upper_length", "tool_mass")
+        fresh = hybridyn.load("five_bar", xacro_args={n: str(x) for n, x in zip(names, design, strict=True)})
+        q, v, a, tau = random_states(fresh, 4)
+        assert off(compiled.idm(q, v, a, parameters=design), hybridyn.idm(fresh, q, v, a)) <= AGREE
+        assert off(compiled.ddm(q, v, tau, parameters=design), hybridyn.ddm(fresh, q, v, tau)) <= AGREE
+    assert compiled.recomputed == 0
+
+
+@pytest.mark.slow
 def test_samples_of_another_structure_go_to_the_general_path() -> None:
     """A wrist that no longer meets in one point is not cut: its robot has other equations."""
     compiled = hybridyn.compile(hybridyn.load("gough_stewart"), parameters=["position:m1_leg1_wrist_x"])
     p = compiled.parameters.nominal + np.array([0.0, 0.02, 0.03])
-    slots = compiled.parameters.slot_values(p[None])[0].tolist()
-    other = changed(compiled.robot, compiled.parameters.slots, slots)
+    slots = compiled.parameters.slot_values(p[None])[0]
+    other = changed(compiled.robot, compiled.parameters, slots)
     q, v, a, _ = random_states(other, 3)
     assert off(compiled.idm(q, v, a, parameters=p), hybridyn.idm(other, q, v, a)) <= AGREE
     assert compiled.recomputed == len(q)

@@ -3,20 +3,24 @@
 from __future__ import annotations
 
 import dataclasses
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from hybridyn.errors import ModelError
+from hybridyn import HybridRobot, assemble, idm, load
+from hybridyn.description.records import Description
+from hybridyn.errors import AssemblyError, ModelError
 from hybridyn.structure.building import build_robot
-from hybridyn.structure.parameters.changed import changed
 from hybridyn.structure.parameters.entries import Parameters
 from hybridyn.structure.parameters.expressed import expressed
+from hybridyn.structure.parameters.slots import values_of, with_values
 from hybridyn.structure.parameters.traced import Traced
 from tests.samples import slow
 from tests.shipped import shipped
 
+SAME = 1e-11  # of a robot that is loaded anew
 ROUNDED = 1e-15  # the same formulas on other numbers
 
 CASES = {
@@ -50,7 +54,7 @@ def test_the_numbers_of_modules_follow_from_the_parameters(name: str) -> None:
     parameters = Parameters(robot.description, CASES[name])
     numbers = parameters.slot_values(1.07 * parameters.nominal[None])[0].tolist()
     found = expressed(robot, parameters.slots, numbers)
-    other = changed(robot, parameters.slots, numbers)
+    other = build_robot(with_values(robot.description, parameters.slots, numbers))
     for spec, module in zip(found.specs, other.modules, strict=True):
         own, wanted = (
             at_the_other_design(dataclasses.replace(x, home=np.zeros(0)))
@@ -69,6 +73,101 @@ def test_parameters_are_the_numbers_of_the_description() -> None:
     np.testing.assert_allclose(slots[1:4], joint.placement[:3, 3])
     np.testing.assert_allclose(slots[4:].reshape(3, 3), joint.placement[:3, :3], atol=ROUNDED)
     assert parameters.vector({"mass:m1_tool": 2.0})[0] == 2.0
+
+
+def same_robot(one: HybridRobot, other: HybridRobot) -> None:
+    """Check that two robots have the same home, postures and efforts."""
+    np.testing.assert_allclose(one.home, other.home, rtol=0, atol=SAME)
+    motors = {name: np.linspace(0.0, 0.1, 4) for name in one.motors}
+    q, wanted = (assemble(robot, motors=motors)[0] for robot in (one, other))
+    np.testing.assert_allclose(q, wanted, rtol=0, atol=SAME)
+    efforts = [idm(robot, q, np.zeros((4, one.nv)), np.zeros((4, one.nv))) for robot in (one, other)]
+    np.testing.assert_allclose(*efforts, rtol=SAME, atol=SAME)
+
+
+def test_with_parameters_builds_the_robot_with_these_numbers(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Ranks are checked near the robot's postures: the search for generic postures does not run."""
+    robot = build_robot(shipped("five_bar"))
+    values = {"mass:m1_tool": 0.7, "position:m1_left_elbow": (0.27, 0.0, 0.0)}
+    fresh = build_robot(replaced(robot.description, 0.7, 0.27))
+    monkeypatch.setattr("hybridyn.structure.mechanism.generic_postures", None)
+    other = robot.with_parameters(values)
+    assert [m.mechanism.reduction.rank for m in other.modules] == [2]
+    same_robot(other, fresh)
+
+
+def replaced(description: Description, mass: float, length: float) -> Description:
+    """Return the five-bar with another tool and another left upper link."""
+    links = [dataclasses.replace(x, mass=mass) if x.name == "m1_tool" else x for x in description.links]
+    joints = []
+    for joint in description.joints:
+        placement = joint.placement.copy()
+        placement[0, 3] = length if joint.name == "m1_left_elbow" else placement[0, 3]
+        joints.append(dataclasses.replace(joint, placement=placement))
+    return dataclasses.replace(description, links=tuple(links), joints=tuple(joints))
+
+
+def test_a_design_of_other_rank_is_decided_anew() -> None:
+    """An axis that is no longer parallel to the others: the loop closes nowhere, as in a fresh robot."""
+    robot = build_robot(shipped("five_bar"))
+    with pytest.raises(AssemblyError, match="no posture closes its loops"):
+        robot.with_parameters({"position:m1_left_elbow": (0.25, 0.1, 0.0)})
+
+
+@pytest.mark.slow
+def test_arguments_of_a_xacro_file_are_parameters() -> None:
+    robot = load("five_bar")
+    values = {"upper_length": 0.27, "tool_mass": 0.7}
+    fresh = load("five_bar", xacro_args={name: str(value) for name, value in values.items()})
+    same_robot(robot.with_parameters(values), fresh)
+    parameters = Parameters(robot.description, [*values, "mass:m1_base"])
+    assert parameters.labels == ("upper_length", "tool_mass", "mass:m1_base")
+    np.testing.assert_array_equal(parameters.nominal, [0.25, 0.4, 6.0])
+    found = parameters.slot_values(np.array([[0.27, 0.7, 6.0]]))[0]
+    np.testing.assert_array_equal(found, values_of(fresh.description, parameters.slots))
+    with pytest.raises(ModelError, match=r"no parameter 'upper_lenght' .did you mean 'upper_length'"):
+        Parameters(robot.description, ["upper_lenght"])
+    with pytest.raises(ModelError, match="no longer those of its xacro file"):
+        Parameters(robot.with_parameters({"mass:m1_tool": 1.0}).description, ["upper_length"])
+
+
+COUNTED = """<robot name="stack" xmlns:xacro="http://www.ros.org/wiki/xacro">
+  <xacro:arg name="length" default="0.5"/>
+  <xacro:arg name="rods" default="2"/>
+  <xacro:arg name="colour" default="red"/>
+  <link name="rod_0"/>
+  <xacro:macro name="rods" params="i n">
+    <xacro:if value="${i &lt; n}">
+      <link name="rod_${i + 1}"><inertial><mass value="1"/>
+        <inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link>
+      <joint name="turn_${i}" type="revolute"><parent link="rod_${i}"/><child link="rod_${i + 1}"/>
+        <origin xyz="0 0 ${$(arg length) * (2 if $(arg length) > 0.8 else 1)}"/><axis xyz="0 1 0"/>
+        <limit lower="-1" upper="1" effort="1" velocity="1"/></joint>
+      <xacro:rods i="${i + 1}" n="${n}"/>
+    </xacro:if>
+  </xacro:macro>
+  <xacro:rods i="0" n="$(arg rods)"/>
+</robot>"""
+
+
+def test_a_robot_in_memory_has_no_arguments() -> None:
+    description = dataclasses.replace(shipped("five_bar"), read_from=None)
+    with pytest.raises(ModelError, match="'upper_length': the robot was not read from a xacro file"):
+        Parameters(description, ["upper_length"])
+
+
+@pytest.mark.slow
+def test_arguments_that_change_the_structure_are_refused(tmp_path: Path) -> None:
+    file = tmp_path / "stack.urdf.xacro"
+    file.write_text(COUNTED)
+    robot = load(file)
+    with pytest.raises(ModelError, match=r"rods = 2\.026: the links are others.*another structure"):
+        Parameters(robot.description, ["rods"])
+    with pytest.raises(ModelError, match="'colour' is 'red', which is no number"):
+        Parameters(robot.description, ["colour"])
+    parameters = Parameters(robot.description, ["length"])
+    assert len(robot.with_parameters({"rods": 3}).joints) == 3
+    np.testing.assert_allclose(parameters.slot_values(np.array([[0.4], [0.9]])), [[0.4, 0.4], [1.8, 1.8]])
 
 
 @pytest.mark.parametrize(

@@ -10,8 +10,9 @@ from numpy.typing import ArrayLike
 
 from ...errors import HybridynError, ModelError, TrajectoryError
 from ...spatial import Array, Index
-from ...structure.parameters.changed import changed
+from ...structure.building import rebuilt
 from ...structure.parameters.entries import Parameters
+from ...structure.parameters.slots import with_values
 from ...structure.robot import HybridRobot
 
 #: Factors on the parameters of the designs at which a new model is verified.
@@ -55,10 +56,19 @@ def designs_to_verify(
             yield numbers, robot, True
             continue
         try:
-            like = changed(robot, parameters.slots, numbers.tolist())
+            like = changed(robot, parameters, numbers)
         except HybridynError:  # no such robot
             continue
         yield numbers, like, False
+
+
+def changed(robot: HybridRobot, parameters: Parameters, numbers: Array) -> HybridRobot:
+    """Build the robot with numbers in the slots of parameters, shape (slots,).
+
+    Raises:
+        HybridynError: There is no such robot.
+    """
+    return rebuilt(robot, with_values(robot.description, parameters.slots, numbers.tolist()))
 
 
 class Designs:
@@ -121,7 +131,7 @@ class Designs:
             return self.robot
         key = numbers.tobytes()
         found = self._robots.pop(key, None)
-        self._robots[key] = found or changed(self.robot, self.parameters.slots, numbers.tolist())
+        self._robots[key] = found or changed(self.robot, self.parameters, numbers)
         if len(self._robots) > KEPT_ROBOTS:
             del self._robots[next(iter(self._robots))]
         return self._robots[key]

@@ -1,28 +1,31 @@
-"""Robots with other numbers in some slots of their description."""
+"""Descriptions with other values of parameters."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Mapping
 
-from ..building import build_robot
-from ..robot import HybridRobot
-from .slots import Slot, with_values
+from numpy.typing import ArrayLike
+
+from ...description.records import Description
+from .entries import Parameters
+from .slots import with_values
+from .xacro import XacroArguments
 
 
-def changed(robot: HybridRobot, slots: Sequence[Slot], values: Iterable[float]) -> HybridRobot:
-    """Build a robot with other numbers in slots of its description.
+def with_numbers(description: Description, values: Mapping[str, ArrayLike]) -> Description:
+    """Return a description with other values of parameters.
 
     Args:
-        robot: The robot.
-        slots: The slots.
-        values: Their numbers.
+        description: The robot's description.
+        values: Values by name: parameters as in `entries.entry_of`, and arguments of the robot's xacro file.
 
     Raises:
-        ModelError: The numbers are no robot, or the rank of a module's closures is in doubt.
-        AssemblyError: No posture closes the loops of a module.
+        ModelError: A parameter is unknown, or a value has a wrong size.
     """
-    return build_robot(
-        with_values(robot.description, slots, values), base=robot.base, gravity=robot.gravity,
-        rank_tolerance=robot.rank_tolerance, closure_tolerance=robot.closure_tolerance, held=robot.held,
-        payloads=robot.payloads,
-    )  # fmt: skip
+    arguments = {name: value for name, value in values.items() if ":" not in name}
+    named = {name: value for name, value in values.items() if ":" in name}
+    if arguments:
+        description = XacroArguments(description, tuple(arguments)).expanded(list(arguments.values()))
+    parameters = Parameters(description, list(named))
+    slots = parameters.slot_values(parameters.vector(named)[None])[0]
+    return with_values(description, parameters.slots, slots.tolist())

@@ -13,6 +13,7 @@ from ...description.records import Description
 from ...errors import ModelError
 from ...spatial import Array
 from .slots import Slot, values_of
+from .xacro import XacroArguments
 
 
 @dataclass(frozen=True)
@@ -154,6 +155,13 @@ def _known(name: str, of: str, names: Sequence[str], what: str) -> None:
         raise ModelError(f"parameter '{name}': there is no {what} '{of}'{hint}", element=of)
 
 
+def of_xacro(arguments: XacroArguments) -> Entry:
+    """Return the parameter whose numbers are arguments of a xacro file."""
+    return Entry(
+        ", ".join(arguments.names), arguments.names, arguments.slots, arguments.numbers, arguments.own
+    )
+
+
 class Parameters:
     """The parameters of a model, in order.
 
@@ -169,12 +177,18 @@ class Parameters:
 
         Args:
             description: The robot's description.
-            names: Names as `entry_of` takes them.
+            names: Names as `entry_of` takes them, and arguments of the robot's xacro file. These stand
+                together, where the first of them is named.
 
         Raises:
             ModelError: A name is unknown, or two parameters set the same number.
         """
-        self.entries = tuple(entry_of(description, name) for name in names)
+        arguments = [name for name in names if ":" not in name]
+        self.entries = tuple(
+            entry_of(description, name) if ":" in name else of_xacro(XacroArguments(description, arguments))
+            for name in names
+            if ":" in name or name == arguments[0]
+        )
         self.labels = tuple(label for entry in self.entries for label in entry.labels)
         self.slots = tuple(slot for entry in self.entries for slot in entry.slots)
         owner: dict[Slot, str] = {}

@@ -3,15 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
 
 from ...description.records import Description
+from ...errors import ModelError
 
+#: Fields with slots, by the tuple of a description.
+NUMBERS = {
+    "links": ("mass", "com", "inertia"),
+    "joints": ("placement",),
+    "closures": ("frame_a", "frame_b"),
+    "couplings": ("offset",),
+}
 #: Tuples of a description whose records have slots.
-TABLES = ("links", "joints", "closures", "couplings")
+TABLES = tuple(NUMBERS)
+#: Fields on which no equation depends.
+WITHOUT_EFFECT = ("lower", "upper", "velocity", "effort", "line", "turn")
 
 
 @dataclass(frozen=True, order=True)
@@ -81,3 +91,48 @@ def with_values(description: Description, slots: Sequence[Slot], values: Iterabl
 def _entry(field: Any, index: tuple[int, ...]) -> Any:
     """Return an entry of a field."""
     return field[index] if index else field
+
+
+def differences(one: Description, other: Description) -> list[Slot]:
+    """Return the slots in which two descriptions differ.
+
+    Limits, home, lines and notes may differ: the equations do not depend on them.
+
+    Raises:
+        ModelError: They differ in more than numbers that have slots.
+    """
+    out = []
+    for table in TABLES:
+        ours, theirs = getattr(one, table), getattr(other, table)
+        if [x.name for x in ours] != [x.name for x in theirs]:
+            raise ModelError(f"the {table} are others: the robot has another structure")
+        for x, y in zip(ours, theirs, strict=True):
+            out += _differing(table, x, y)
+    for field in ("motors", "effects", "base", "gravity"):
+        if getattr(one, field) != getattr(other, field):
+            raise ModelError(f"the {field} are others: the robot has another structure")
+    return out
+
+
+def _differing(table: str, x: Any, y: Any) -> list[Slot]:
+    """Return the slots in which two records differ.
+
+    Raises:
+        ModelError: They differ elsewhere.
+    """
+    out = []
+    for field in fields(x):
+        a, b = getattr(x, field.name), getattr(y, field.name)
+        if field.name in WITHOUT_EFFECT or np.array_equal(a, b):
+            continue
+        if field.name not in NUMBERS[table]:
+            raise ModelError(
+                f"{field.name} of '{x.name}' differs, which is no number of the models: the robot has "
+                "another structure or other effects",
+                element=x.name,
+            )
+        places = [tuple(int(i) for i in at) for at in np.argwhere(np.asarray(a) != np.asarray(b))]
+        if field.name == "inertia":
+            places = sorted({(min(at), max(at)) for at in places})
+        out += [Slot(table, x.name, field.name, at) for at in places]
+    return out

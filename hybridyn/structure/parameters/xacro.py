@@ -1,0 +1,177 @@
+"""Arguments of a robot's xacro file as parameters: the numbers of the description that depend on them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from ...description.names import did_you_mean
+from ...description.reading import read
+from ...description.records import Description
+from ...description.urdf.xml_node import parse
+from ...errors import ModelError
+from ...spatial import Array
+from .slots import Slot, differences, values_of
+
+#: Factors on all arguments at which the file is expanded to find what depends on them. A number that changes
+#: at none of them, but at a design, is refused there.
+PROBES = (1.013, 0.991)
+#: Added to arguments that are zero.
+PROBE_OF_ZERO = 1e-3
+
+
+class XacroArguments:
+    """Arguments of a robot's xacro file.
+
+    Attributes:
+        names: Their names.
+        nominal: Their values in the robot's description, shape (size,).
+        slots: The numbers of the description that depend on them.
+    """
+
+    def __init__(self, description: Description, names: Sequence[str]) -> None:
+        """Find the values of arguments.
+
+        Args:
+            description: The robot's description.
+            names: Names of arguments whose values are numbers.
+
+        Raises:
+            ModelError: The robot was not read from xacro, or an argument is unknown or no number.
+        """
+        self.names, self._description = tuple(names), description
+        origin = description.read_from
+        if origin is None or not (stated := _stated(origin.file)):
+            raise ModelError(
+                f"there is no parameter '{names[0]}': the robot was not read from a xacro file with "
+                "arguments. Write KIND:NAME, such as mass:LINK",
+                element=names[0],
+            )
+        self._origin, values = origin, stated | origin.xacro_args
+        for name in names:
+            if name not in values:
+                raise ModelError(
+                    f"there is no parameter '{name}'{did_you_mean(name, values)}: the file has the arguments "
+                    f"{', '.join(values)}; for others write KIND:NAME, such as mass:LINK",
+                    file=origin.file,
+                    element=name,
+                )
+        self.nominal = np.array([_number(name, values[name], origin.file) for name in names])
+
+    @cached_property
+    def slots(self) -> tuple[Slot, ...]:
+        """The numbers of the description that depend on them.
+
+        Raises:
+            ModelError: The arguments change the structure, or the description is no longer that of the file.
+        """
+        if differences(self._description, self.expanded(self.nominal.tolist())):
+            raise ModelError(
+                "the robot's numbers are no longer those of its xacro file: take arguments of a robot that "
+                "was loaded from it",
+                file=self._origin.file,
+            )
+        found: dict[Slot, None] = {}
+        for probe in PROBES:
+            values = np.where(self.nominal == 0.0, PROBE_OF_ZERO, probe * self.nominal)
+            for one in range(len(values)):
+                alone = self.nominal.copy()
+                alone[one] = values[one]
+                found |= dict.fromkeys(self._changes(alone))
+            found |= dict.fromkeys(self._changes(values))
+        return tuple(sorted(found))
+
+    def numbers(self, p: Array) -> Array:
+        """Compute the numbers in the slots, shape (T, slots), by expanding the file at each design.
+
+        Args:
+            p: Values of the arguments, shape (T, size).
+
+        Raises:
+            ModelError: A design has another structure, or numbers change that did not change before.
+        """
+        designs, which = np.unique(p, axis=0, return_inverse=True)
+        rows = np.array([self._numbers(design) for design in designs])
+        return rows[which.ravel()].reshape(len(p), len(self.slots))
+
+    def _numbers(self, values: Array) -> list[float]:
+        """Return the numbers in the slots of one design."""
+        description = self.expanded(values.tolist())
+        try:
+            others = set(differences(self._description, description)) - set(self.slots)
+        except ModelError as error:
+            raise ModelError(f"with {self._text(values)}, {error}; compile a model of its own") from error
+        if others:
+            raise ModelError(
+                f"with {self._text(values)}, {min(others)} changes, which did not change near the robot's "
+                "own arguments: compile a model of its own"
+            )
+        return values_of(description, self.slots)
+
+    def own(self, _: Array) -> Array:
+        """Return the values of the arguments, whatever the numbers in the slots."""
+        return self.nominal
+
+    def expanded(self, values: Sequence[Any]) -> Description:
+        """Read the robot's file with other values of the arguments.
+
+        Args:
+            values: Their values, in order.
+
+        Raises:
+            ModelError: The file is wrong with them.
+        """
+        chosen = {name: text_of(value) for name, value in zip(self.names, values, strict=True)}
+        origin = self._origin
+        return read(
+            origin.file,
+            motors=origin.motors,
+            xacro_args=origin.xacro_args | chosen,
+            package_dirs=origin.package_dirs,
+        )
+
+    def _changes(self, values: Array) -> list[Slot]:
+        """Return the numbers that change with other values."""
+        try:
+            return differences(self._description, self.expanded(values.tolist()))
+        except ModelError as error:
+            raise ModelError(f"with {self._text(values)}: {error}", file=self._origin.file) from error
+
+    def _text(self, values: Array) -> str:
+        """Describe values of the arguments in messages."""
+        return ", ".join(f"{name} = {value:g}" for name, value in zip(self.names, values, strict=True))
+
+
+def text_of(value: object) -> str:
+    """Write the value of a xacro argument: whole numbers without a point, others to the last bit."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, str):
+        return value
+    number = float(np.asarray(value, dtype=float))
+    return str(int(number)) if number == int(number) else repr(number)
+
+
+def _stated(file: str) -> dict[str, object]:
+    """Return the arguments that a xacro file states, with their defaults; empty for another file."""
+    with open(file, "rb") as stream:
+        root = parse(stream.read(), file)
+    arguments = [node for node in root.descendants() if node.tag == "xacro:arg"]
+    return {node.text("name"): node.text("default") for node in arguments if "default" in node.attributes()}
+
+
+def _number(name: str, value: object, file: str) -> float:
+    """Return an argument as a number.
+
+    Raises:
+        ModelError: It is none.
+    """
+    try:
+        return float(str(value))
+    except ValueError:
+        raise ModelError(
+            f"xacro argument '{name}' is '{value}', which is no number: it cannot be a parameter", file=file
+        ) from None
