@@ -15,6 +15,7 @@ MODULES = {
     "io": "polars", "mjcf": "mujoco", "sdf": "rod", "usd": "pxr", "view": "viser", "bench": "mujoco",
     "docs": "sphinx", "plot": "matplotlib", "compiled": "casadi", "sweep": "joblib", "dask": "distributed",
     "sensitivity": "SALib",
+    "ray": "ray", "search": "optuna",
 }  # fmt: skip
 
 

@@ -13,9 +13,12 @@ from .common.text import aligned_rows, counted
 
 if TYPE_CHECKING:
     from ..studies.sweep.best import Best
+    from ..studies.sweep.engines import Engine
     from ..studies.sweep.sensitivity import Index
     from ..studies.sweep.sweep import Swept
 
+#: Engines of `hybridyn.studies.sweep.engines`, which is imported when it is used.
+ENGINES = ("loky", "dask", "ray")
 #: Designs of the Pareto front that are printed; the others are counted.
 MOST_PRINTED = 50
 
@@ -24,10 +27,14 @@ MOST_PRINTED = 50
 @click.argument("study", required=False, metavar="[STUDY]", type=click.Path(dir_okay=False))
 @click.option("-o", "--output", metavar="FOLDER", default="results", show_default=True, help="The results.")
 @click.option(
-    "--engine", type=click.Choice(["loky", "dask"]), default="loky", show_default=True,
-    help="Processes of this machine (loky), or Dask: of this machine, or of a cluster.",
+    "--engine", type=click.Choice(ENGINES), default="loky", show_default=True,
+    help="Processes of this machine (loky), or Dask or Ray: of this machine, or of a cluster.",
 )  # fmt: skip
-@click.option("--scheduler", metavar="ADDRESS", help="A Dask cluster that stands, tcp://host:8786.")
+@click.option(
+    "--scheduler",
+    metavar="ADDRESS",
+    help="A cluster that stands: tcp://host:8786 (Dask), host:6379 (Ray).",
+)
 @click.option(
     "-j", "--jobs", type=click.IntRange(1, 4096), help="Number of processes.  [default: one per core]"
 )
@@ -49,7 +56,7 @@ MOST_PRINTED = 50
 def command(
     study: str | None,
     output: str,
-    engine: str,
+    engine: Engine,
     scheduler: str | None,
     jobs: int | None,
     resume: bool,
@@ -99,7 +106,7 @@ def command(
 
 
 def _run(
-    study: str, output: str, engine: str, scheduler: str | None, jobs: int | None, resume: bool,
+    study: str, output: str, engine: Engine, scheduler: str | None, jobs: int | None, resume: bool,
     allow_python: bool, format: str | None,
 ) -> None:  # fmt: skip
     """Evaluate a study, and print what became of its designs."""
@@ -116,7 +123,7 @@ def _run(
                 bar.show(state.now, state.now / open_before)
 
             state = sweep(
-                study, output, engine="dask" if engine == "dask" else "loky", jobs=jobs, scheduler=scheduler,
+                study, output, engine=engine, jobs=jobs, scheduler=scheduler,
                 resume=resume, allow_python=allow_python, format=format, progress=show,
             )  # fmt: skip
     except BaseException:

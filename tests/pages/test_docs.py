@@ -12,6 +12,7 @@ import pytest
 import hybridyn
 from hybridyn.description import Description
 from tests import ROOT
+from tests.extras import needs
 from tests.samples import slow
 from tests.snippets import PAGES, Block, blocks, run_python, stand_where_a_user_does
 
@@ -26,7 +27,10 @@ TOLD_IN_ORDER = {"tutorial.md"}  # its commands and its Python need each other: 
 LONG = {
     "cost.md", "scenes.md", "compiled.md", "view-and-plot.md", "units-and-conventions.md", "tables.md",
     "quantities.md", "pinocchio.md",
+    "search.md",
 }  # fmt: skip
+#: Extras that the Python of a page needs.
+EXTRAS = {"search.md": "search"}
 RUN = [page for page in PAGES[1:] if page.name not in TOLD_IN_ORDER and blocks(page, "python")]
 
 
@@ -34,6 +38,8 @@ RUN = [page for page in PAGES[1:] if page.name not in TOLD_IN_ORDER and blocks(p
     "page", [slow(page) if page.name in LONG else page for page in RUN], ids=lambda page: page.name
 )
 def test_python_of_a_page_runs(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    if page.name in EXTRAS:
+        needs(EXTRAS[page.name])
     stand_where_a_user_does(tmp_path, monkeypatch)
     run_python(page)
 

@@ -44,12 +44,12 @@ def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("engine", ["loky", "dask"])
+@pytest.mark.parametrize("engine", ["loky", "dask", "ray"])
 def test_a_killed_worker_loses_nothing_and_counts_nothing_twice(
     place: Path, engine: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    if engine == "dask":
-        needs("dask")
+    if engine != "loky":
+        needs(engine)
     monkeypatch.setattr("hybridyn.studies.sweep.sweep.CHUNK_SECONDS", 0.1)
     Path("killer.py").write_text(KILLER.format(mark=place / "killed", pid=os.getpid()))
     path = written("method = 'grid'", MANY, "{ mass = 'killer.py:mass' }")
@@ -89,17 +89,17 @@ def test_a_scheduler_that_does_not_answer_is_one_line(
         ) as caught:
             hybridyn.sweep(path, "out", engine="dask", scheduler=address, format="csv")
     assert "\n" not in str(caught.value)
-    with pytest.raises(HybridynError, match="belongs to the engine 'dask'"):
+    with pytest.raises(HybridynError, match="belongs to the engine 'dask' or 'ray'"):
         hybridyn.sweep(path, "out2", scheduler=address, format="csv")
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("engine", ["loky", "dask"])
+@pytest.mark.parametrize("engine", ["loky", "dask", "ray"])
 def test_a_design_that_ends_every_process_is_named(
     place: Path, engine: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    if engine == "dask":
-        needs("dask")
+    if engine != "loky":
+        needs(engine)
     monkeypatch.setattr("hybridyn.studies.sweep.sweep.CHUNK_SECONDS", 0.1)
     text = KILLER.format(mark=place / "never", pid=os.getpid()).replace("6.5 / 39) and", "38.5 / 39) and")
     Path("killer.py").write_text(re.sub(r"Path\(.*\).write_text.*", "pass", text))

@@ -49,10 +49,10 @@ def takes_many(
     options = (
         click.option("--resume", is_flag=True, help="Of several tables: compute those without a shard."),
         click.option(
-            "--pool", type=click.Choice(["loky", "dask"]),
-            help="Of several tables: processes of this machine (loky), or Dask.  [default: loky]",
+            "--pool", type=click.Choice(["loky", "dask", "ray"]),
+            help="Of several tables: processes of this machine (loky), or Dask or Ray.  [default: loky]",
         ),
-        click.option("--scheduler", metavar="ADDRESS", help="A Dask cluster that stands, tcp://host:8786."),
+        click.option("--scheduler", metavar="ADDRESS", help="A cluster that stands, as in 'sweep'."),
     )  # fmt: skip
 
     def decorate(function: Callable[..., Any]) -> Callable[..., Any]:
@@ -60,7 +60,7 @@ def takes_many(
         bodies[function.__module__] = function
 
         @functools.wraps(function)
-        def body(resume: bool, pool: str | None, scheduler: str | None, **rest: Any) -> Any:
+        def body(resume: bool, pool: Engine | None, scheduler: str | None, **rest: Any) -> Any:
             """Call the function, once for each table."""
             context = click.get_current_context()
             if several(rest["source"]):
@@ -91,7 +91,7 @@ class _Batch:
     status: int = 0
     done: int = 0
 
-    def run(self, engine: str, scheduler: str | None, *, resume: bool) -> int:
+    def run(self, engine: Engine, scheduler: str | None, *, resume: bool) -> int:
         """Compute every table that has no shard, and return the exit status.
 
         Raises:
@@ -112,8 +112,7 @@ class _Batch:
         left = _begin(folder, self._identity(), shards, resume=resume)
         tasks = [self._of_one(source, shards[source], elsewhere=scheduler is not None) for source in left]
         if left:
-            chosen: Engine = "dask" if engine == "dask" else "loky"
-            with open_pool(chosen, self.options["jobs"], scheduler) as pool, Progress("tables") as bar:
+            with open_pool(engine, self.options["jobs"], scheduler) as pool, Progress("tables") as bar:
                 try:
                     for outcome in outcomes(pool, self.module, tasks):
                         self._take(outcome)

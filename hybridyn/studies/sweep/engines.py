@@ -1,4 +1,4 @@
-"""Other processes: joblib's loky on this machine, or Dask on this machine or on a cluster."""
+"""Other processes: joblib's loky on this machine, or Dask or Ray on this machine or on a cluster."""
 
 from __future__ import annotations
 
@@ -13,10 +13,13 @@ from ...errors import HybridynError, install_advice
 from .loky_pool import LokyPool
 from .pool import Pool
 
-Engine = Literal["loky", "dask"]
-ENGINES: tuple[Engine, ...] = ("loky", "dask")
-#: Address of a scheduler.
-ADDRESS = re.compile(r"(tcp|tls|ucx|wss?)://\S+:\d+(/\S*)?")
+Engine = Literal["loky", "dask", "ray"]
+ENGINES: tuple[Engine, ...] = ("loky", "dask", "ray")
+#: Address of a scheduler by engine, and an example.
+ADDRESSES = {
+    "dask": (re.compile(r"(tcp|tls|ucx|wss?)://\S+:\d+(/\S*)?"), "tcp://host:8786"),
+    "ray": (re.compile(r"(ray://)?[^\s:/]+:\d+|auto"), "host:6379"),
+}
 
 
 @contextlib.contextmanager
@@ -24,9 +27,9 @@ def open_pool(engine: Engine, jobs: int | None, scheduler: str | None) -> Iterat
     """Start processes, or connect to a cluster.
 
     Args:
-        engine: "loky", or "dask".
+        engine: "loky", "dask" or "ray".
         jobs: Number of processes; one per core by default. A cluster has its own number.
-        scheduler: Address of a Dask cluster that stands, "tcp://host:8786".
+        scheduler: Address of a cluster that stands: of Dask, "tcp://host:8786", or of Ray, "host:6379".
 
     Raises:
         HybridynError: A package is missing, or the scheduler does not answer.
@@ -34,6 +37,13 @@ def open_pool(engine: Engine, jobs: int | None, scheduler: str | None) -> Iterat
     check_engine(engine, scheduler)
     if engine == "loky":
         yield LokyPool(jobs or cores(), _package("joblib", "sweep"))
+        return
+    if engine == "ray":
+        _package("ray", "ray")
+        from .ray_pool import open_ray
+
+        with open_ray(jobs or cores(), scheduler) as cluster:
+            yield cluster
         return
     _package("distributed", "dask")
     from .dask_pool import open_dask
@@ -50,10 +60,13 @@ def check_engine(engine: str, scheduler: str | None) -> None:
     """
     if engine not in ENGINES:
         raise HybridynError(f"there is no engine '{engine}'; the engines are {', '.join(ENGINES)}")
-    if scheduler is not None and engine != "dask":
-        raise HybridynError("a scheduler belongs to the engine 'dask'")
-    if scheduler is not None and not ADDRESS.fullmatch(scheduler):
-        raise HybridynError(f"'{scheduler}' is no address of a scheduler, like tcp://host:8786")
+    if scheduler is None:
+        return
+    if engine not in ADDRESSES:
+        raise HybridynError("a scheduler belongs to the engine 'dask' or 'ray'")
+    form, example = ADDRESSES[engine]
+    if not form.fullmatch(scheduler):
+        raise HybridynError(f"'{scheduler}' is no address of a scheduler, like {example}")
 
 
 def cores() -> int:

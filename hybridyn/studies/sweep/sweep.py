@@ -87,9 +87,10 @@ def sweep(
     Args:
         study: The study's TOML file, see docs/sweeps.md.
         output: Folder of the results.
-        engine: "loky" (processes on this machine) or "dask".
+        engine: "loky" (processes on this machine), "dask" or "ray".
         jobs: Number of processes; one per core by default.
-        scheduler: Address of a Dask cluster that stands, "tcp://host:8786"; its workers need the same files.
+        scheduler: Address of a cluster that stands: of Dask, "tcp://host:8786", or of Ray, "host:6379"; its
+            workers need the same files.
         resume: Whether to continue from the shards in the folder.
         allow_python: Whether measures may be functions of Python files, which run with all rights of the
             processes.
