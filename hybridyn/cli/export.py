@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from .common.options import RobotCommand, takes_effects, takes_robot
+from .common.options import RobotCommand, split_names, takes_effects, takes_robot
 
 if TYPE_CHECKING:
     from ..structure.robot import HybridRobot
@@ -27,6 +27,13 @@ if TYPE_CHECKING:
     "--stats", is_flag=True, help="Print the number of operations of each part, and before simplification."
 )
 @click.option("--float32", is_flag=True, help="Single precision, for processors without double.")
+@click.option(
+    "--map",
+    "map_joints",
+    metavar="A,B,...",
+    callback=split_names,
+    help="Output joints: also write their map to the motors that move them, as in 'hybridyn map'.",
+)
 @takes_effects("default")
 def command(
     load: Callable[[], HybridRobot],
@@ -34,6 +41,7 @@ def command(
     name: str | None,
     stats: bool,
     float32: bool,
+    map_joints: list[str] | None,
     effects: tuple[str, ...],
 ) -> None:
     """Write the inverse and the direct dynamic model of ROBOT (URDF, MJCF, SDF, USD) as C99.
@@ -53,7 +61,7 @@ def command(
     robot = load()
     dtype = "float32" if float32 else "float64"
     if output is not None:
-        for path in export(robot, output, effects, name=name, dtype=dtype):
+        for path in export(robot, output, effects, name=name, dtype=dtype, map_joints=map_joints or ()):
             click.echo(str(path), err=True)
     if stats:
         click.echo(statistics(robot, effects))

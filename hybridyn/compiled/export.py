@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 
 from ..description.writing import write_text
+from ..dynamics.quantities.joint_map import motors_beside
 from ..effects.choice import Choice, choose
 from ..errors import CompileError, ModelError
 from ..structure.robot import HybridRobot
@@ -17,30 +18,24 @@ from .needs import WITHOUT_CASADI
 from .verifying import check_trusted
 
 try:
-    from .code.plain_c import REAL, WRITTEN, plain_source, prototype, work_type
+    from .code.plain_c import REAL, WRITTEN, plain_source, prototype
+    from .code.transmission_package import Place, transmission_package
     from .equations.request import request
     from .export_reference import SAMPLES, guards_of, test_text
     from .program import Program
+    from .programs.c_header import header_text
     from .programs.close import largest_turn
-    from .programs.closing.platform_program import close_platforms_program, posed_modules
+    from .programs.closing.platform_program import close_platforms_program
+    from .programs.map_programs import map_programs
     from .programs.whole_robot import programs
 except ModuleNotFoundError as error:
     raise CompileError(WITHOUT_CASADI) from error
 
-WHAT = {
-    "idm": "Inverse dynamic model: motor efforts tau [N, N m] from positions q, rates v and accelerations a.",
-    "ddm": "Direct dynamic model: accelerations a from positions q, rates v and motor efforts tau.",
-    "kinematics": "Motion of every body in the world, 24 numbers each: axes row by row, origin, velocity, "
-    "angular velocity, acceleration (classical), angular acceleration.",
-    "close": "Loops closed from what the motors do: one Newton step from a posture `near`, in which the "
-    "motors are where they are and the others where they were, and all joints' rates and accelerations; of v "
-    "and a the motors' entries are read, a free base's, and those of joints that no motor moves. Call it "
-    "again with its q until the guard is at most 1: three or four times from the last tick's posture.",
-    "close_platforms": "Loops closed from where the platforms are: `pose` (x, y, z, qx, qy, qz, qw) of each "
-    "platform in the base of its module, `twist` (velocity of its origin, angular velocity) and `twist_dot` "
-    "(their time derivatives, classical) in the axes of that base. Other modules follow their motors as in "
-    "`close`. Call it again with its q until the guard is at most 1.",
-}
+#: Largest step in which a transmission follows positions, in the robot's units: Newton's method stays on the
+#: branch.
+FOLLOWED = 0.1
+#: Models that are exported of every robot; those that it does not have are left out.
+ALWAYS = ("idm", "ddm", "kinematics", "close")
 
 
 def export(
@@ -50,6 +45,7 @@ def export(
     *,
     name: str | None = None,
     dtype: str = "float64",
+    map_joints: Sequence[str] = (),
 ) -> list[Path]:
     """Write a robot's models as C source for other programs.
 
@@ -59,6 +55,7 @@ def export(
         effects: Effects to include, as for `hybridyn.idm`.
         name: Prefix of the files and of all C identifiers; default the robot's name.
         dtype: "float64", or "float32" for processors with single precision only.
+        map_joints: Output joints whose map to their motors is written, too, as for `hybridyn.joint_map`.
 
     Returns:
         Paths of the written files.
@@ -68,12 +65,9 @@ def export(
             identifier, or a file of the same name exists that hybridyn did not write.
         CompileError: casadi is not installed, the models cannot be generated, or their guards are above 1 at
             every random state.
+        SingularityError, TrajectoryError: The output joints do not fit their modules, or are unknown.
     """
-    name = c_name(robot.description.name) if name is None else name
-    if not re.fullmatch(r"[A-Za-z_]\w*", name, re.ASCII):
-        raise ModelError(
-            f"'{name}' is not a C identifier: use letters, digits and _, no digit first", element=name
-        )
+    name = checked_name(robot, name)
     if dtype not in REAL:
         raise ModelError(f"dtype must be 'float64' or 'float32', not {dtype!r}")
     on = choose(robot, effects)
@@ -82,24 +76,88 @@ def export(
             "the effect 'limits' is not exported: clip the efforts before the call", element="limits"
         )
     with as_compile_error(robot):
-        names = tuple(name for name in WHAT if name != "close_platforms")
-        models = list(programs(robot, on, models=names, dtype=dtype).values())
-        posed = close_platforms_program(request(robot, on, dtype=dtype))
+        models = list(programs(robot, on, models=ALWAYS, dtype=dtype).values())
+        asked = request(robot, on, dtype=dtype)
+        posed = close_platforms_program(asked)
         models += [] if posed is None else [posed]
         check_trusted(guards_of(models), robot, on)
+        models += map_programs(asked, map_joints) if map_joints else []
         contents = {
-            f"{name}.h": _header(robot, models, name, dtype),
+            f"{name}.h": header_text(robot, models, name, dtype, map_joints),
             f"{name}.c": plain_source(models, name, dtype),
-            f"test_{name}.c": test_text(robot, on, models, name, dtype),
+            f"test_{name}.c": test_text(robot, on, models, name, dtype, map_joints),
             "Makefile": _makefile(name),
             "README.md": _readme(robot, on.names, models, name, dtype),
         }
-    folder = Path(directory)
+    return written(Path(directory), contents)
+
+
+def export_transmission(
+    robot: HybridRobot, directory: str | Path, joints: Sequence[str], *, name: str | None = None
+) -> list[Path]:
+    """Write a ROS 2 package: a transmission of ros2_control around the map between joints and motors in C.
+
+    Args:
+        robot: The robot.
+        directory: Folder of the package; it is created if it does not exist.
+        joints: The output joints, as for `hybridyn.joint_map`.
+        name: Prefix of the package and of all C identifiers; default the robot's name.
+
+    Returns:
+        Paths of the written files.
+
+    Raises:
+        SingularityError, TrajectoryError: The output joints do not fit their modules, or are unknown.
+        ModelError: `name` is not a C identifier, or a file exists that hybridyn did not write.
+        CompileError: casadi is not installed, or the map cannot be generated.
+    """
+    name = checked_name(robot, name)
+    with as_compile_error(robot):
+        models = map_programs(request(robot, None), joints)
+        exported = {
+            f"{name}.h": header_text(robot, models, name, "float64", joints),
+            f"{name}.c": plain_source(models, name),
+        }
+        sides = _on_side(robot, joints), _on_side(robot, motors_beside(robot, joints))
+        package = transmission_package(robot.description.name, name, exported, sides, robot.home.tolist())
+    return written(Path(directory), package)
+
+
+def _on_side(robot: HybridRobot, joints: Sequence[str]) -> list[Place]:
+    """Return the joints on one side of a map as a transmission follows them."""
+    out = []
+    for joint in joints:
+        at, column = (x[robot.joint_index[joint]].start for x in (robot.q_slices, robot.v_slices))
+        turns = robot.kinds[robot.joint_index[joint]] == "continuous"
+        out.append(Place(joint, at, turns, FOLLOWED * float(robot.unit[column])))
+    return out
+
+
+def checked_name(robot: HybridRobot, name: str | None) -> str:
+    """Return the prefix of the files and of all C identifiers.
+
+    Raises:
+        ModelError: It is not a C identifier.
+    """
+    name = c_name(robot.description.name) if name is None else name
+    if not re.fullmatch(r"[A-Za-z_]\w*", name, re.ASCII):
+        raise ModelError(
+            f"'{name}' is not a C identifier: use letters, digits and _, no digit first", element=name
+        )
+    return name
+
+
+def written(folder: Path, contents: Mapping[str, str]) -> list[Path]:
+    """Write files into a folder, and return their paths.
+
+    Raises:
+        ModelError: A file of the same name exists that hybridyn did not write.
+    """
     paths = [folder / file for file in contents]
     for path in paths:
         _check_replaceable(path)
-    folder.mkdir(parents=True, exist_ok=True)
     for path, text in zip(paths, contents.values(), strict=True):
+        path.parent.mkdir(parents=True, exist_ok=True)
         write_text(path, text)
     return paths
 
@@ -118,68 +176,6 @@ def c_name(text: str) -> str:
     """Convert any name to a C identifier."""
     name = re.sub(r"\W", "_", text, flags=re.ASCII).lower() or "robot"
     return name if not name[0].isdigit() else f"robot_{name}"
-
-
-def _body_names(robot: HybridRobot) -> list[str]:
-    """Return a name for each body: its first link, whose frame is the body's."""
-    names = [""] * len(robot.bodies.bodies)
-    for link, (body, _, _) in robot.bodies.place.items():
-        names[body] = names[body] or link
-    return names
-
-
-def _places(names: Sequence[str], places: Sequence[slice]) -> list[str]:
-    """Return lines that list the index range of each name."""
-    return [f"     {at.start}..{at.stop - 1}  {name}" for name, at in zip(names, places, strict=True)]
-
-
-def _comment(lines: Sequence[str]) -> str:
-    """Return a C comment; line breaks and comment signs inside names are made harmless."""
-    text = "\n".join(" ".join(re.split(r"[\r\n]", line)) for line in lines)
-    return f"/* {re.sub(r'/(?=[*])|[*](?=/)', lambda sign: sign.group() + ' ', text)} */"
-
-
-def _header(robot: HybridRobot, programs: list[Program], name: str, dtype: str) -> str:
-    """Return the header."""
-    from .equations.guards import GUARD_CLOSED
-
-    motors = [f"     {i}  {motor}" for i, motor in enumerate(robot.motors)]
-    bodies = [f"     {24 * i}..{24 * i + 23}  {link}" for i, link in enumerate(_body_names(robot))]
-    about = [
-        f"Dynamics of the robot '{robot.description.name}', base {robot.base}. {WRITTEN}.",
-        "   SI units; positions and rates in the order and the coordinates of Pinocchio:",
-        "   q", *_places(robot.joints, robot.q_slices),
-        "   v, a", *_places(robot.joints, robot.v_slices),
-        "   tau", *motors,
-        "   bodies", *bodies,
-        *(["   pose, twist, twist_dot", *_posed(robot)] if posed_modules(robot) else []),
-        "",
-        "   Each function gives a guard: use the results where `guard <= 1`, and nowhere else. Above 1,",
-        "   positions, rates or accelerations do not close the loops (to "
-        f"{GUARD_CLOSED[dtype]:g} of their size),",
-        "   or the robot is near a posture where the pivots of the elimination vanish. NaN: a number that",
-        "   is not finite came in or out. `work` is memory of yours; nothing in it is kept between calls,",
-        "   and nothing else is written: calls may run at the same time, each with its own.",
-    ]  # fmt: skip
-    guard = f"{name.upper()}_H"
-    lines = [_comment(about), f"#ifndef {guard}\n#define {guard}", '#ifdef __cplusplus\nextern "C" {\n#endif']
-    for program in programs:
-        lines.append(work_type(program, name, dtype))
-        lines.append(f"/* {WHAT[program.name]} */\n{prototype(program, name, dtype)};")
-    return "\n\n".join([*lines, "#ifdef __cplusplus\n}\n#endif", "#endif"]) + "\n"
-
-
-def _posed(robot: HybridRobot) -> list[str]:
-    """Return lines that list the platforms of the function `close_platforms` with their bases."""
-    names = _body_names(robot)
-    out = []
-    for i, k in enumerate(posed_modules(robot)):
-        module = robot.modules[k]
-        m = module.mechanism
-        joint = module.joints[int(m.cut.bodies[m.spec.platforms[0] + 1]) - 1]
-        platform, base = names[robot.body_of_joint[joint]], names[robot.bodies.place[module.base][0]]
-        out.append(f"     {7 * i}..{7 * i + 6}, {6 * i}..{6 * i + 5}  {platform} in {base}")
-    return out
 
 
 def _makefile(name: str) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import reduce
 
 import numpy as np
@@ -18,6 +18,7 @@ from .code.plain_c import REAL, WRITTEN
 from .program import Program
 from .programs.body_rows import body_rows
 from .programs.closing.platform_program import platform_motions
+from .programs.map_programs import map_values
 
 #: Number of reference states in the test.
 SAMPLES = 5
@@ -61,7 +62,14 @@ CHECK = """    trusted = 0;
     }}"""
 
 
-def test_text(robot: HybridRobot, effects: Effects, programs: list[Program], name: str, dtype: str) -> str:
+def test_text(
+    robot: HybridRobot,
+    effects: Effects,
+    programs: list[Program],
+    name: str,
+    dtype: str,
+    map_joints: Sequence[str],
+) -> str:
     """Generate the test in C.
 
     Args:
@@ -70,13 +78,14 @@ def test_text(robot: HybridRobot, effects: Effects, programs: list[Program], nam
         programs: The models.
         name: Prefix of the files and of all C identifiers.
         dtype: "float64" or "float32".
+        map_joints: Output joints of the programs of the map.
     """
     lines = [
         f'/* {WRITTEN}. */\n#include <math.h>\n#include <stdio.h>\n\n#include "{name}.h"',
         DIFFERENCE.format(real=REAL[dtype]),
     ]
     checks: list[str] = []
-    for program, values in zip(programs, _references(robot, effects, programs), strict=True):
+    for program, values in zip(programs, _references(robot, effects, programs, map_joints), strict=True):
         if values:
             arrays = (*program.inputs, *program.outputs)
             lines += [_array(f"{program.name}_{n}", values[n], dtype) for n, _ in arrays]
@@ -90,7 +99,9 @@ def test_text(robot: HybridRobot, effects: Effects, programs: list[Program], nam
     return "\n\n".join([*lines, "\n".join(body)]) + "\n"
 
 
-def _references(robot: HybridRobot, effects: Effects, programs: list[Program]) -> list[dict[str, Array]]:
+def _references(
+    robot: HybridRobot, effects: Effects, programs: list[Program], map_joints: Sequence[str]
+) -> list[dict[str, Array]]:
     """Compute each program's inputs and outputs, shapes (SAMPLES, n).
 
     The entry of the inverse model is empty if the motors cannot produce the motion.
@@ -119,6 +130,8 @@ def _references(robot: HybridRobot, effects: Effects, programs: list[Program]) -
             read[: 0 if robot.base == "fixed" else 6] = 1.0
             values = {"near": q, "v": v * read, "a": a * read, "q": q, "v_closed": v, "a_closed": a}
             values |= platform_motions(robot, q, v, a)
+        elif program.name.startswith("map_to_"):
+            values = {"near": q, "q": q, **map_values(robot, q, map_joints, v)}
         elif robot.base == "moving":
             values["a"] = ddm(robot, q, v, tau, effects=effects, base_acceleration=a[:, :6])
         out.append(values)

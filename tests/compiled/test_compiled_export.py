@@ -17,8 +17,9 @@ from hybridyn.cli import main
 from hybridyn.compiled.code.operations import Counts, operations, operations_table
 from hybridyn.compiled.code.plain_c import plain_source
 from hybridyn.compiled.equations.states import moving_states
-from hybridyn.compiled.export import _comment, c_name, export
+from hybridyn.compiled.export import c_name, export
 from hybridyn.compiled.library.compilers import find_compiler
+from hybridyn.compiled.programs.c_header import comment
 from hybridyn.compiled.programs.whole_robot import programs
 from hybridyn.description.shipped import shipped_robots
 from hybridyn.errors import ModelError
@@ -178,9 +179,9 @@ def test_no_other_file_is_written_over(bar: Path, tmp_path: Path) -> None:
 
 
 def test_names_cannot_end_a_comment() -> None:
-    comment = _comment(["leg*/ int x; /*", "a//*b", "new\nline", "* /"])
-    assert comment.count("*/") == comment.count("/*") == 1
-    assert "\nline" not in comment
+    text = comment(["leg*/ int x; /*", "a//*b", "new\nline", "* /"])
+    assert text.count("*/") == text.count("/*") == 1
+    assert "\nline" not in text
 
 
 def test_limits_are_not_exported(tmp_path: Path) -> None:

@@ -80,8 +80,8 @@ def following_program(request: Request, name: str, driven: set[int]) -> Program:
     return w.program()
 
 
-def largest_turn(modules: Iterable[Module]) -> float:
-    """Return how far motors of modules may turn between calls, [rad]; infinity if no gear limits it.
+def largest_turn(modules: Iterable[Module], joints: Iterable[str] | None = None) -> float:
+    """Return how far joints of modules, by default motors, may turn between calls, [rad]; mostly infinity.
 
     Cosines and sines do not count turns, so that a gear between endless joints is closed on sheets. A motor
     that turns by more than half the distance between them leaves the other joints on a wrong sheet.
@@ -89,7 +89,7 @@ def largest_turn(modules: Iterable[Module]) -> float:
     turn = np.inf
     for module in modules:
         m = module.mechanism
-        driven = set(module.motors)
+        driven = set(module.motors if joints is None else joints) & set(module.joints)
         for coupling in m.spanning_closures.couplings:
             endless = [(j, abs(c)) for j, c in coupling.terms if m.spanning.joints[j].kind == "continuous"]
             known = [c for j, c in endless if module.joints[j] in driven]

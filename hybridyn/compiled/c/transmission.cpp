@@ -1,0 +1,267 @@
+// @WRITTEN@.
+#include "@PACKAGE@/@PACKAGE@.hpp"
+
+#include <cmath>
+#include <limits>
+
+#include "pluginlib/class_list_macros.hpp"
+#include "transmission_interface/exception.hpp"
+
+namespace @PACKAGE@
+{
+namespace
+{
+
+using transmission_interface::ActuatorHandle;
+using transmission_interface::JointHandle;
+
+/// A joint of the robot: its name, its first place in the posture, whether cosine and sine stand there, and
+/// the step in which it is followed.
+struct Place
+{
+  const char * name;
+  std::size_t at;
+  bool turns;
+  double step;
+};
+
+const std::array<Place, @K@> JOINTS{{
+@JOINT_PLACES@
+}};
+const std::array<Place, @M@> MOTORS{{
+@MOTOR_PLACES@
+}};
+const std::array<double, @NQ@> HOME{{@HOME@}};
+
+constexpr double WHOLE_TURN = 6.283185307179586;
+/// Steps between two calls, and Newton steps in each, after which the result is NaN.
+constexpr int MOST_STEPS = 100, NEWTON_STEPS = 12;
+
+/// Positions, velocities and efforts of one side.
+template<std::size_t N>
+struct Motion
+{
+  std::array<double, N> position{}, velocity{}, effort{};
+};
+
+/// Close the loops where positions of one side are given, step by step from a posture, which it replaces.
+/// `map` makes one Newton step and returns the guard. Returns whether it arrived.
+template<std::size_t N, class Map>
+bool follow(
+  std::array<double, @NQ@> & posture, const std::array<Place, N> & places,
+  const std::array<double, N> & target, const Map & map)
+{
+  std::array<double, N> from, way, position;
+  double largest = 0.0;
+  for (std::size_t i = 0; i < N; i++) {
+    const double x = posture[places[i].at];
+    from[i] = places[i].turns ? std::atan2(posture[places[i].at + 1], x) : x;
+    way[i] = target[i] - from[i];
+    if (places[i].turns) {
+      way[i] = std::remainder(way[i], WHOLE_TURN);
+    }
+    if (!std::isfinite(way[i])) {
+      return false;
+    }
+    largest = std::fmax(largest, std::fabs(way[i]) / places[i].step);
+  }
+  if (largest > MOST_STEPS) {
+    return false;
+  }
+  const int steps = largest > 1.0 ? static_cast<int>(std::ceil(largest)) : 1;
+  std::array<double, @NQ@> near = posture, next;
+  for (int s = 1; s <= steps; s++) {
+    for (std::size_t i = 0; i < N; i++) {
+      position[i] = s == steps ? from[i] + way[i] : from[i] + way[i] * s / steps;
+    }
+    bool closed = false;
+    for (int n = 0; n < NEWTON_STEPS && !closed; n++) {
+      closed = map(near.data(), position.data(), next.data()) <= 1.0;
+      near = next;
+    }
+    if (!closed) {
+      return false;
+    }
+  }
+  posture = near;
+  return true;
+}
+
+/// Select the handles of one quantity by the names of the ports, in their order: all or none.
+template<class Handle, std::size_t N>
+std::vector<Handle> selected(
+  const std::vector<Handle> & handles, const std::array<Port, N> & ports, const std::string & quantity)
+{
+  std::vector<Handle> out;
+  std::string missing;
+  for (const auto & port : ports) {
+    bool found = false;
+    for (const auto & handle : handles) {
+      if (!found && handle && handle.get_prefix_name() == port.name &&
+        handle.get_interface_name() == quantity)
+      {
+        out.push_back(handle);
+        found = true;
+      }
+    }
+    missing = found ? missing : port.name;
+  }
+  if (!out.empty() && out.size() != N) {
+    throw transmission_interface::Exception("the handle '" + missing + "/" + quantity + "' is missing");
+  }
+  return out;
+}
+
+template<class Handle, std::size_t N>
+Handles<Handle> all_handles(const std::vector<Handle> & handles, const std::array<Port, N> & ports)
+{
+  return {
+    selected(handles, ports, "position"), selected(handles, ports, "velocity"),
+    selected(handles, ports, "effort")};
+}
+
+/// Read one side; what has no handle is zero.
+template<class Handle, std::size_t N>
+Motion<N> read(const Handles<Handle> & handles, const std::array<Port, N> & ports)
+{
+  Motion<N> out;
+  for (std::size_t i = 0; i < N; i++) {
+    const Port & port = ports[i];
+    out.position[i] = handles.position[i].get_value() / port.reduction + port.offset;
+    if (!handles.velocity.empty()) {
+      out.velocity[i] = handles.velocity[i].get_value() / port.reduction;
+    }
+    if (!handles.effort.empty()) {
+      out.effort[i] = handles.effort[i].get_value() * port.reduction;
+    }
+  }
+  return out;
+}
+
+/// Write one side: NaN where the loops are open; only quantities that the other side has handles of.
+template<class Handle, std::size_t N, class Read>
+void write(
+  Handles<Handle> & handles, const std::array<Port, N> & ports, const Motion<N> & motion, bool closed,
+  const Read & from)
+{
+  const double none = std::numeric_limits<double>::quiet_NaN();
+  for (std::size_t i = 0; i < N; i++) {
+    const Port & port = ports[i];
+    if (!handles.position.empty()) {
+      handles.position[i].set_value(
+        closed ? (motion.position[i] - port.offset) * port.reduction : none);
+    }
+    if (!handles.velocity.empty() && !from.velocity.empty()) {
+      handles.velocity[i].set_value(closed ? motion.velocity[i] * port.reduction : none);
+    }
+    if (!handles.effort.empty() && !from.effort.empty()) {
+      handles.effort[i].set_value(closed ? motion.effort[i] / port.reduction : none);
+    }
+  }
+}
+
+/// Return the ports of the robot's joints, without gears.
+template<std::size_t N>
+std::array<Port, N> plain_ports(const std::array<Place, N> & places)
+{
+  std::array<Port, N> out;
+  for (std::size_t i = 0; i < N; i++) {
+    out[i].name = places[i].name;
+  }
+  return out;
+}
+
+/// Return the ports that the URDF states.
+template<std::size_t N, class Info>
+std::array<Port, N> ports_of(const std::array<Place, N> & places, const std::vector<Info> & infos)
+{
+  std::array<Port, N> out;
+  for (std::size_t i = 0; i < N; i++) {
+    bool found = false;
+    for (const auto & info : infos) {
+      if (!found && (info.role.empty() ? info.name : info.role) == places[i].name) {
+        out[i].name = info.name;
+        out[i].reduction = info.mechanical_reduction;
+        out[i].offset = info.offset;
+        found = true;
+      }
+    }
+    if (!found || infos.size() != N || !(out[i].reduction < 0.0 || out[i].reduction > 0.0)) {
+      throw transmission_interface::Exception(
+        std::string("the transmission needs '") + places[i].name +
+        "' by its name or role, with a reduction that is not zero, and no others on its side");
+    }
+  }
+  return out;
+}
+
+}  // namespace
+
+Transmission::Transmission()
+: joint_ports_(plain_ports(JOINTS)), actuator_ports_(plain_ports(MOTORS)), posture_(HOME), to_joints_(),
+  to_motors_()
+{
+}
+
+Transmission::Transmission(const hardware_interface::TransmissionInfo & info)
+: joint_ports_(ports_of(JOINTS, info.joints)), actuator_ports_(ports_of(MOTORS, info.actuators)),
+  posture_(HOME), to_joints_(), to_motors_()
+{
+}
+
+void Transmission::configure(
+  const std::vector<JointHandle> & joint_handles, const std::vector<ActuatorHandle> & actuator_handles)
+{
+  joints_ = all_handles(joint_handles, joint_ports_);
+  actuators_ = all_handles(actuator_handles, actuator_ports_);
+  if (joints_.position.empty() && actuators_.position.empty()) {
+    throw transmission_interface::Exception(
+      "no handles of positions: velocities and efforts of closed loops depend on the posture");
+  }
+}
+
+void Transmission::actuator_to_joint()
+{
+  if (actuators_.position.empty()) {
+    throw transmission_interface::Exception("actuator_to_joint needs the actuators' positions");
+  }
+  const Motion<@M@> given = read(actuators_, actuator_ports_);
+  Motion<@K@> found;
+  std::array<double, @KM@> rates;
+  const bool closed = follow(
+    posture_, MOTORS, given.position,
+    [&](const double * near, const double * position, double * q) {
+      return @NAME@_map_to_joints(
+        near, position, given.velocity.data(), given.effort.data(), q, found.position.data(),
+        found.velocity.data(), found.effort.data(), rates.data(), &to_joints_);
+    });
+  write(joints_, joint_ports_, found, closed, actuators_);
+}
+
+void Transmission::joint_to_actuator()
+{
+  if (joints_.position.empty()) {
+    throw transmission_interface::Exception("joint_to_actuator needs the joints' positions");
+  }
+  const Motion<@K@> given = read(joints_, joint_ports_);
+  Motion<@M@> found;
+  std::array<double, @KM@> rates;
+  const bool closed = follow(
+    posture_, JOINTS, given.position,
+    [&](const double * near, const double * position, double * q) {
+      return @NAME@_map_to_motors(
+        near, position, given.velocity.data(), given.effort.data(), q, found.position.data(),
+        found.velocity.data(), found.effort.data(), rates.data(), &to_motors_);
+    });
+  write(actuators_, actuator_ports_, found, closed, joints_);
+}
+
+std::shared_ptr<transmission_interface::Transmission> TransmissionLoader::load(
+  const hardware_interface::TransmissionInfo & transmission_info)
+{
+  return std::make_shared<Transmission>(transmission_info);
+}
+
+}  // namespace @PACKAGE@
+
+PLUGINLIB_EXPORT_CLASS(@PACKAGE@::TransmissionLoader, transmission_interface::TransmissionLoader)

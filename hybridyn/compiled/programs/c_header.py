@@ -1,0 +1,105 @@
+"""Header of exported C: what each number means, and the declarations."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+
+from ...dynamics.quantities.joint_map import motors_beside
+from ...structure.robot import HybridRobot
+from ..code.plain_c import WRITTEN, prototype, work_type
+from ..equations.guards import GUARD_CLOSED
+from ..program import Program
+from .closing.platform_program import posed_modules
+
+WHAT = {
+    "idm": "Inverse dynamic model: motor efforts tau [N, N m] from positions q, rates v and accelerations a.",
+    "ddm": "Direct dynamic model: accelerations a from positions q, rates v and motor efforts tau.",
+    "kinematics": "Motion of every body in the world, 24 numbers each: axes row by row, origin, velocity, "
+    "angular velocity, acceleration (classical), angular acceleration.",
+    "close": "Loops closed from what the motors do: one Newton step from a posture `near`, in which the "
+    "motors are where they are and the others where they were, and all joints' rates and accelerations; of v "
+    "and a the motors' entries are read, a free base's, and those of joints that no motor moves. Call it "
+    "again with its q until the guard is at most 1: three or four times from the last tick's posture.",
+    "close_platforms": "Loops closed from where the platforms are: `pose` (x, y, z, qx, qy, qz, qw) of each "
+    "platform in the base of its module, `twist` (velocity of its origin, angular velocity) and `twist_dot` "
+    "(their time derivatives, classical) in the axes of that base. Other modules follow their motors as in "
+    "`close`. Call it again with its q until the guard is at most 1.",
+    "map_to_joints": "Output joints from motors: positions through the loops, rates, efforts of equal power, "
+    "and the rates' matrix by rows. One Newton step from the posture `near`: call it again with its q until "
+    "the guard is at most 1.",
+    "map_to_motors": "Motors from output joints, as `map_to_joints` the other way.",
+}
+
+
+def _body_names(robot: HybridRobot) -> list[str]:
+    """Return a name for each body: its first link, whose frame is the body's."""
+    names = [""] * len(robot.bodies.bodies)
+    for link, (body, _, _) in robot.bodies.place.items():
+        names[body] = names[body] or link
+    return names
+
+
+def _places(names: Sequence[str], places: Sequence[slice]) -> list[str]:
+    """Return lines that list the index range of each name."""
+    return [f"     {at.start}..{at.stop - 1}  {name}" for name, at in zip(names, places, strict=True)]
+
+
+def comment(lines: Sequence[str]) -> str:
+    """Return a C comment; line breaks and comment signs inside names are made harmless."""
+    text = "\n".join(" ".join(re.split(r"[\r\n]", line)) for line in lines)
+    return f"/* {re.sub(r'/(?=[*])|[*](?=/)', lambda sign: sign.group() + ' ', text)} */"
+
+
+def header_text(
+    robot: HybridRobot, programs: list[Program], name: str, dtype: str, joints: Sequence[str] = ()
+) -> str:
+    """Return the header."""
+    motors = [f"     {i}  {motor}" for i, motor in enumerate(robot.motors)]
+    bodies = [f"     {24 * i}..{24 * i + 23}  {link}" for i, link in enumerate(_body_names(robot))]
+    about = [
+        f"Dynamics of the robot '{robot.description.name}', base {robot.base}. {WRITTEN}.",
+        "   SI units; positions and rates in the order and the coordinates of Pinocchio:",
+        "   q", *_places(robot.joints, robot.q_slices),
+        "   v, a", *_places(robot.joints, robot.v_slices),
+        "   tau", *motors,
+        "   bodies", *bodies,
+        *(["   pose, twist, twist_dot", *_posed(robot)] if posed_modules(robot) else []),
+        *(_sides(robot, joints) if joints else []),
+        "",
+        "   Each function gives a guard: use the results where `guard <= 1`, and nowhere else. Above 1,",
+        "   positions, rates or accelerations do not close the loops (to "
+        f"{GUARD_CLOSED[dtype]:g} of their size),",
+        "   or the robot is near a posture where the pivots of the elimination vanish. NaN: a number that",
+        "   is not finite came in or out. `work` is memory of yours; nothing in it is kept between calls,",
+        "   and nothing else is written: calls may run at the same time, each with its own.",
+    ]  # fmt: skip
+    guard = f"{name.upper()}_H"
+    lines = [comment(about), f"#ifndef {guard}\n#define {guard}", '#ifdef __cplusplus\nextern "C" {\n#endif']
+    for program in programs:
+        lines.append(work_type(program, name, dtype))
+        lines.append(f"/* {WHAT[program.name]} */\n{prototype(program, name, dtype)};")
+    return "\n\n".join([*lines, "#ifdef __cplusplus\n}\n#endif", "#endif"]) + "\n"
+
+
+def _posed(robot: HybridRobot) -> list[str]:
+    """Return lines that list the platforms of the function `close_platforms` with their bases."""
+    names = _body_names(robot)
+    out = []
+    for i, k in enumerate(posed_modules(robot)):
+        module = robot.modules[k]
+        m = module.mechanism
+        joint = module.joints[int(m.cut.bodies[m.spec.platforms[0] + 1]) - 1]
+        platform, base = names[robot.body_of_joint[joint]], names[robot.bodies.place[module.base][0]]
+        out.append(f"     {7 * i}..{7 * i + 6}, {6 * i}..{6 * i + 5}  {platform} in {base}")
+    return out
+
+
+def _sides(robot: HybridRobot, joints: Sequence[str]) -> list[str]:
+    """Return lines that list both sides of the map."""
+    sides = {"joint": joints, "motor": motors_beside(robot, joints)}
+    lines: list[str] = []
+    for side, names in sides.items():
+        lines += [f"   {side}_position, {side}_rate, {side}_effort"]
+        lines += [f"     {i}  {name}" for i, name in enumerate(names)]
+    return lines

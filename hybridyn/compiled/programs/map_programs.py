@@ -1,0 +1,261 @@
+"""Programs of the map between motors and output joints, for exported C: one from each side to the other.
+
+With E_A the rates of all joints over those of side A, and E_B over those of side B, both from the closures:
+
+    rates of B = E_A[B] rates of A            efforts of B = E_B[A]^T efforts of A        (equal power)
+
+One Newton step closes the loops, as in the program "close".
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from ...dynamics.quantities.coordinates import check_joints
+from ...dynamics.quantities.joint_map import JointMap, joint_map, motors_beside
+from ...dynamics.quantities.map_table import regular_map
+from ...dynamics.quantities.posture import modules_of
+from ...errors import ModelError, SingularityError
+from ...linkage.tree import Tree
+from ...spatial import Array, Index
+from ...structure.module import Module
+from ...structure.robot import HybridRobot
+from ..equations.displacement import by_joint, moved_joint
+from ..equations.expressions import Expression, pack, symbols, zeros
+from ..equations.folding import Folding
+from ..equations.guards import GUARD_CLOSED, largest, trusted
+from ..equations.request import Request
+from ..equations.spanning import dependent_pivots, spanning_closures
+from ..equations.states import moving_states
+from ..equations.static_elimination import solve
+from ..program import Constants, Program, Source, Target, Worst
+from .close import LEAST_TURN, largest_turn
+from .writer import Writer
+
+#: Random postures at which the joints are tried before the map is written.
+TRIED = 8
+
+
+@dataclass(frozen=True)
+class Side:
+    """Joints on one side of a map.
+
+    Attributes:
+        name: "motor" or "joint".
+        joints: Their names.
+    """
+
+    name: str
+    joints: tuple[str, ...]
+
+
+def map_programs(request: Request, joints: Sequence[str]) -> list[Program]:
+    """Build "map_to_joints" and "map_to_motors".
+
+    Inputs are "near", a posture of the last tick, and positions, rates and efforts of one side, named after
+    it ("motor_position", ...). Outputs are "q", the posture after a Newton step from "near" with these
+    positions, positions, rates and efforts of the other side, and the matrix of rates by rows
+    ("joints_per_motors", "motors_per_joints"). The guard is at most 1 if the loops were closed before the
+    step; else call again with "q".
+
+    Args:
+        request: The robot.
+        joints: The output joints.
+
+    Raises:
+        SingularityError: The joints do not fit their modules.
+        TrajectoryError: A joint is unknown, or has several freedoms.
+        ModelError: A gear between endless joints loses count of its turns.
+    """
+    robot = request.robot
+    check_joints(robot, joints)
+    regular_posture(robot, joints)
+    sides = Side("joint", tuple(joints)), Side("motor", motors_beside(robot, joints))
+    numbers = modules_of(robot, joints)
+    for side in sides:
+        turn = largest_turn([robot.modules[k] for k in numbers], side.joints)
+        if turn < LEAST_TURN:
+            raise ModelError(
+                f"the map of the joints {', '.join(joints)} is not exported: a gear between endless joints "
+                f"loses count of its turns, where a {side.name} may turn by {turn:.2g} rad between calls"
+            )
+    return [_program(request, numbers, sides[1], sides[0]), _program(request, numbers, sides[0], sides[1])]
+
+
+def regular_posture(robot: HybridRobot, joints: Sequence[str]) -> JointMap:
+    """Return the map at a posture that is not singular: home, or a random one.
+
+    Raises:
+        SingularityError: All are singular, or the joints do not fit their modules.
+    """
+    postures = np.concatenate([robot.home[None], moving_states(robot, TRIED)[0]])
+    found, kept = regular_map(robot, postures, joints)
+    if found is not None:
+        return found
+    return joint_map(robot, postures[kept[0] if kept else 0], joints)
+
+
+def map_values(robot: HybridRobot, q: Array, joints: Sequence[str], rates: Array) -> dict[str, Array]:
+    """Compute inputs and outputs of both programs at postures by the general path, by name.
+
+    Args:
+        robot: The robot.
+        q: Positions, shape (T, nq). Singular ones get zeros.
+        joints: The output joints.
+        rates: Any numbers, shape (T, n), from which rates and efforts of the motors are taken.
+    """
+    motors = len(motors_beside(robot, joints))
+    found, kept = regular_map(robot, q, joints)
+    out = {name: np.zeros((len(q), motors)) for name in ("motor_rate", "motor_effort")}
+    for shift, values in enumerate(out.values()):
+        values[:] = np.resize(np.roll(rates, shift, axis=1), (len(q), motors))
+    wide = {"joint_position": len(joints), "motor_position": motors, "joint_rate": len(joints)}
+    wide |= {"joint_effort": len(joints), "joints_per_motors": len(joints) * motors}
+    out |= {name: np.zeros((len(q), size)) for name, size in wide.items()}
+    out["motors_per_joints"] = out["joints_per_motors"].copy()
+    if found is None:
+        return out
+    for name in ("joint_position", "motor_position"):
+        out[name][kept] = getattr(found, f"{name}s")
+    for name in ("joints_per_motors", "motors_per_joints"):
+        out[name][kept] = getattr(found, name).reshape(len(kept), -1)
+    out["joint_rate"][kept] = found.joint_rates(out["motor_rate"][kept])
+    out["joint_effort"][kept] = found.joint_efforts(out["motor_effort"][kept])
+    return out
+
+
+def _program(request: Request, numbers: list[int], given: Side, wanted: Side) -> Program:
+    """Build the program from one side to the other."""
+    robot, m, k = request.robot, len(given.joints), len(wanted.joints)
+    rows = f"{wanted.name}s_per_{given.name}s"
+    parts = ("position", "rate", "effort")
+    inputs = [("near", robot.nq), *((f"{given.name}_{part}", m) for part in parts)]
+    outputs = [("q", robot.nq), *((f"{wanted.name}_{part}", k) for part in parts), (rows, k * m)]
+    w = Writer(f"map_to_{wanted.name}s", inputs, outputs)
+    block = np.zeros((k, m), dtype=bool)
+    for number in numbers:
+        module = robot.modules[number]
+        own, other = (_of_module(module, side) for side in (given, wanted))
+        block[np.ix_(other, own)] = True
+        function, table = _kernel(robot, module, given, wanted, GUARD_CLOSED[request.dtype])
+        sources: list[Source] = [
+            w.from_given("near", module.q_index),
+            *(w.from_given(f"{given.name}_{part}", own) for part in parts),
+            Constants(table),
+        ]
+        targets: list[Target] = [
+            w.result("q", module.q_index),
+            *(w.result(f"{wanted.name}_{part}", other) for part in parts),
+            w.result(rows, (other[:, None] * m + own).ravel()),
+            Worst(),
+        ]
+        w.call(w.kernel(("map", number), function, "closures"), 1, sources, targets)
+    _fill(w, robot, numbers, rows, np.flatnonzero(~block))
+    return w.program()
+
+
+def _fill(w: Writer, robot: HybridRobot, numbers: list[int], rows: str, nothing: Index) -> None:
+    """Add what the modules of the map do not write: positions of other joints, and zeros of the matrix."""
+    own = [robot.modules[k].q_index for k in numbers]
+    rest = np.setdiff1d(np.arange(robot.nq), np.concatenate(own))
+    if len(rest):
+        column = ca.SX.sym("q", len(rest))
+        kernel = w.kernel("rest", ca.Function("rest", [column], [column]), "closures")
+        w.call(kernel, 1, [w.from_given("near", rest)], [w.result("q", rest)])
+    if len(nothing):
+        kernel = w.kernel("zeros", ca.Function("zeros", [], [pack(zeros(len(nothing)))]), "closures")
+        w.call(kernel, 1, [], [w.result(rows, nothing)])
+
+
+def _of_module(module: Module, side: Side) -> Index:
+    """Return the numbers of the joints of a side that a module holds."""
+    return np.array([i for i, name in enumerate(side.joints) if name in module.joints], dtype=int)
+
+
+def _kernel(
+    robot: HybridRobot, module: Module, given: Side, wanted: Side, closed: float
+) -> tuple[ca.Function, Array]:
+    """Return the kernel of a module and the table of its numbers."""
+    m, folding = module.mechanism, Folding()
+    tree = m.spanning
+    A, B = (_freedoms(module, side) for side in (given, wanted))
+    near_col, near = symbols("near", tree.nq)
+    columns = [symbols(name, len(A)) for name in ("position", "rate", "effort")]
+    position, rate, effort = (values for _, values in columns)
+    q = _placed(tree, near, A, position)
+    step, guard = zeros(tree.nv), ca.SX(0.0)
+    there, back = zeros(len(B), len(A)), zeros(len(A), len(B))
+    if m.spanning_closures.rows:
+        K, residual = spanning_closures([module], folding, q)
+        solved, guard, there = _followed(robot, module, K, -residual, A, B, given)
+        _, of_back, back = _followed(robot, module, K, -residual, B, A, wanted)
+        step = solved
+        guard = ca.fmax(ca.fmax(guard, of_back), largest(step / m.spanning_col_scale) / closed)
+    else:
+        there[[B.index(a) for a in A], range(len(A))] = 1.0
+        back[[A.index(b) for b in B], range(len(B))] = 1.0
+    moved = by_joint(tree, moved_joint, q, step, positions=1)
+    outputs = [
+        pack(moved), pack(_positions(tree, moved, B)), pack(there.dot(rate)), pack(back.T.dot(effort)),
+        pack(there), ca.SX(guard),
+    ]  # fmt: skip
+    inputs = [near_col, *(column for column, _ in columns), folding.symbol()]
+    return ca.Function("map", inputs, outputs), folding.table(1)
+
+
+def _followed(
+    robot: HybridRobot,
+    module: Module,
+    K: Expression,
+    right: Expression,
+    A: list[int],
+    B: list[int],
+    side: Side,
+) -> tuple[Expression, Any, Expression]:
+    """Solve K x = right for x with x_A = 0, and for the rates of B over those of A.
+
+    Returns:
+        x, shape (nv,), the guard of the pivots, and the rates, shape (len(B), len(A)).
+
+    Raises:
+        SingularityError: The joints of A are not independent at any generic posture.
+    """
+    pivots = dependent_pivots([module], tuple(A))
+    if set(pivots.cols) & set(A):
+        raise SingularityError(
+            f"module '{module.name}': the {side.name}s {', '.join(side.joints)} are not independent",
+            module=module.name,
+            what=f"{side.name}s",
+        )
+    X, trust = solve(K, right[:, None], pivots)
+    free = [c for c in range(K.shape[1]) if c not in pivots.cols]
+    return X[:, 0], trusted(trust), X[np.ix_(B, [1 + free.index(a) for a in A])]
+
+
+def _freedoms(module: Module, side: Side) -> list[int]:
+    """Return the freedoms of a module's spanning tree that the joints of a side are, in their order."""
+    slices = dict(zip(module.joints, module.mechanism.spanning.v_slices, strict=True))
+    return [slices[name].start for name in side.joints if name in slices]
+
+
+def _placed(tree: Tree, q: Expression, freedoms: list[int], positions: Expression) -> Expression:
+    """Return a posture with other positions of some joints."""
+    out = q.copy()
+    for joint, at, to in zip(tree.joints, tree.q_slices, tree.v_slices, strict=True):
+        if to.start in freedoms:
+            x = positions[freedoms.index(to.start)]
+            out[at] = [ca.cos(x), ca.sin(x)] if joint.kind == "continuous" else [x]
+    return out
+
+
+def _positions(tree: Tree, q: Expression, freedoms: list[int]) -> Expression:
+    """Return the positions of some joints, those of continuous ones within half a turn."""
+    starts = [at.start for at in tree.v_slices]
+    places = [tree.q_slices[starts.index(freedom)] for freedom in freedoms]
+    entries = [ca.atan2(*q[at][::-1]) if at.stop - at.start == 2 else q[at.start] for at in places]
+    return np.array([*entries, None], dtype=object)[:-1]

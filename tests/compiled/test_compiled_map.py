@@ -1,0 +1,214 @@
+"""The map between motors and joints in exported C, and as a transmission of ros2_control."""
+
+from __future__ import annotations
+
+import ctypes
+import shutil
+import subprocess
+from collections.abc import Iterable
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+
+import hybridyn
+from hybridyn.compiled.export import export, export_transmission
+from hybridyn.compiled.library.compilers import find_compiler
+from hybridyn.errors import ModelError, SingularityError
+from tests.command_line import call
+from tests.comparing import SOLVED, close_to
+from tests.compiled.ros2_control import HEADERS, PROGRAM
+from tests.compiled.test_compiled_export import STRICT, run_test
+from tests.dynamics.test_idm import flat_five_bar
+from tests.quantities.ankle import JOINTS, MOTORS, ankle, ankle_text, leg
+
+PACKAGE = "ankle_transmission"
+GEAR, SHIFT = 20.0, 0.1
+#: Actuators and joints in another order than the robot's, by other names.
+PORTS = (
+    ("actuator", "b_actuator", "motor_left", GEAR, SHIFT),
+    ("actuator", "a_actuator", "motor_right", 1.0, 0.0),
+    ("joint", "z_roll", "roll", 1.0, 0.0),
+    ("joint", "pitch", "pitch", 1.0, SHIFT),
+)
+CPP = ["g++", "-std=c++17", "-Wall", "-Wextra", "-Wpedantic", "-Wshadow", "-Wconversion", "-Werror"]
+TARGETS = np.array([[0.1, -0.2], [0.3, 0.15], [-0.4, 0.1]])
+needs_cpp = pytest.mark.skipif(shutil.which("g++") is None, reason="there is no C++ compiler")
+
+
+@pytest.fixture(scope="module")
+def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Export the ankle's transmission, and build it with a minimal stand-in of ros2_control's headers."""
+    folder = tmp_path_factory.mktemp("ros2")
+    export_transmission(ankle(folder), folder / PACKAGE, JOINTS)
+    for file, text in HEADERS.items():
+        (folder / file).parent.mkdir(exist_ok=True)
+        (folder / file).write_text(text)
+    (folder / "main.cpp").write_text(PROGRAM)
+    include = [
+        f"-I{folder}",
+        f"-I{folder / PACKAGE / 'include'}",
+        f"-I{folder / PACKAGE / 'include' / PACKAGE}",
+    ]
+    source = folder / PACKAGE / "src"
+    commands = (
+        [*find_compiler().command, *STRICT, *include, "-c", source / "ankle.c", "-o", folder / "ankle.o"],
+        [*CPP, *include, source / f"{PACKAGE}.cpp", folder / "main.cpp", folder / "ankle.o", "-lm",
+         "-o", folder / "main"],
+    )  # fmt: skip
+    for command in commands:
+        done = subprocess.run([*map(str, command)], capture_output=True, text=True)
+        assert (done.returncode, done.stderr) == (0, "")
+    return folder
+
+
+def told(built: Path, *lines: str) -> list[str]:
+    """Return what the program prints to a plan whose first lines are the ports."""
+    ports = [" ".join(map(str, port)) for port in PORTS]
+    done = subprocess.run([built / "main"], input="\n".join([*ports, *lines]), capture_output=True, text=True)
+    assert done.returncode == 0
+    return done.stdout.splitlines()
+
+
+def numbers(line: str) -> np.ndarray:
+    return np.array(line.split(), dtype=float).reshape(-1, 2)
+
+
+def shown(word: str, values: Iterable[np.ndarray]) -> str:
+    return " ".join([word, *(repr(float(x)) for part in values for x in part)])
+
+
+def test_the_map_in_c_follows_from_another_posture(tmp_path: Path) -> None:
+    """A few Newton steps from home lead to the numbers of the general path, both ways."""
+    robot = ankle(tmp_path)
+    export_transmission(robot, tmp_path / PACKAGE, JOINTS)
+    source, library = tmp_path / PACKAGE / "src" / "ankle.c", tmp_path / "ankle.so"
+    command = [*find_compiler().command, *STRICT, f"-I{tmp_path / PACKAGE / 'include' / PACKAGE}", "-fPIC"]
+    done = subprocess.run(
+        [*command, "-shared", str(source), "-o", str(library), "-lm"], capture_output=True, text=True
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+    loaded = ctypes.CDLL(str(library))
+    found = hybridyn.joint_map(robot, {"pitch": 0.1, "roll": -0.2}, JOINTS)
+    rates, efforts = np.random.default_rng(0).normal(size=(2, 2))
+    sides = {
+        "joints": (found.motor_positions, found.joint_positions, found.joints_per_motors,
+                   found.joint_rates(rates), found.joint_efforts(efforts)),
+        "motors": (found.joint_positions, found.motor_positions, found.motors_per_joints,
+                   found.motor_rates(rates), found.motor_efforts(efforts)),
+    }  # fmt: skip
+    for side, (given, wanted, matrix, other_rates, other_efforts) in sides.items():
+        function = getattr(loaded, f"ankle_map_to_{side}")
+        function.restype = ctypes.c_double
+        near, work = robot.home.copy(), np.zeros(1000)
+        q, position, rate, effort, rows = np.zeros(8), *np.zeros((3, 2)), np.zeros((2, 2))
+        arrays = near, given, rates, efforts, q, position, rate, effort, rows, work
+        guards = []
+        for _ in range(6):
+            guards.append(function(*(ctypes.c_void_p(x.ctypes.data) for x in arrays)))
+            near[:] = q
+        assert guards[0] > 1.0 >= guards[-1]
+        for result, expected in (
+            (q, found.q), (position, wanted), (rate, other_rates), (effort, other_efforts), (rows, matrix)
+        ):  # fmt: skip
+            close_to(result, expected, SOLVED)
+
+
+@pytest.mark.slow
+@needs_cpp
+def test_a_transmission_maps_positions_velocities_and_efforts(built: Path, tmp_path: Path) -> None:
+    """Far targets are followed step by step; gears, offsets and the order of names are as the URDF states."""
+    robot, rng = ankle(tmp_path), np.random.default_rng(0)
+    gear, shift = np.array([GEAR, 1.0]), np.array([SHIFT, 0.0])
+    lines, expected = ["handles position velocity effort", "configure"], []
+    for pitch, roll in TARGETS:
+        found = hybridyn.joint_map(robot, {"pitch": pitch, "roll": roll}, JOINTS)
+        rates, efforts = rng.normal(size=(2, 2))  # of the motors
+        outside = [(found.motor_positions - shift) * gear, rates * gear, efforts / gear]
+        lines.append(shown("to_joints", outside))
+        joints = [(pitch, roll), found.joint_rates(rates), found.joint_efforts(efforts)]
+        expected.append(np.array(joints)[:, ::-1] - [[0.0, SHIFT], [0.0, 0.0], [0.0, 0.0]])
+        rates, efforts = rng.normal(size=(2, 2))  # of the joints
+        lines.append(shown("to_actuators", [(roll, pitch - SHIFT), rates[::-1], efforts[::-1]]))
+        motors = found.motor_positions, found.motor_rates(rates), found.motor_efforts(efforts)
+        expected.append(np.array([(motors[0] - shift) * gear, motors[1] * gear, motors[2] / gear]))
+    answers = told(built, *lines)
+    assert answers[0] == "2 2"
+    for answer, values in zip(answers[1:], expected, strict=True):
+        close_to(numbers(answer), values, SOLVED)
+
+
+@pytest.mark.slow
+@needs_cpp
+def test_what_cannot_be_closed_is_nan_and_the_next_posture_is_not(built: Path) -> None:
+    plan = ["handles position effort", "configure"]
+    asked = [(-0.2, 0.1), (0.0, 2.9), (float("nan"), 0.0), (1e9, 0.0), (-0.2, 0.1)]
+    plan += [shown("to_actuators", [at, (1.0, 2.0)]) for at in asked]
+    good, *bad, again = [numbers(line) for line in told(built, *plan)[1:]]
+    assert np.isfinite(good).all()
+    assert all(np.isnan(values).all() for values in bad)
+    close_to(again, good, SOLVED)
+
+
+@pytest.mark.slow
+@needs_cpp
+def test_handles_that_are_missing_are_named(built: Path) -> None:
+    answers = told(
+        built, "handles effort", "configure", "handles position", "actuator more x 1 0", "configure"
+    )
+    assert answers[0].startswith("no handles of positions: velocities and efforts of closed loops depend on")
+    assert answers[1].startswith("the transmission needs 'motor_left' by its name or role, with a reduction")
+
+
+def test_the_package_is_one_that_ros2_reads(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file, folder = tmp_path / "ankle.urdf", tmp_path / "ws"
+    file.write_text(ankle_text().replace('name="ankle"', 'name="a&lt;b"'))
+    words = ["map", file, "--motors", ",".join(MOTORS), "--joints", ",".join(JOINTS), "--ros2", folder]
+    said = call(capsys, *words)
+    assert (said.status, said.out) == (0, "")
+    assert len(said.err.splitlines()) == 8
+    package = ElementTree.parse(folder / "package.xml").getroot()
+    assert package.findtext("name") == "a_b_transmission"
+    assert "transmission_interface" in [tag.text for tag in package.findall("depend")]
+    library = ElementTree.parse(folder / "a_b_transmission.xml").getroot()
+    kind = library[0].attrib
+    assert kind["base_class_type"] == "transmission_interface::TransmissionLoader"
+    assert f"PLUGINLIB_EXPORT_CLASS({kind['type']}," in (folder / "src/a_b_transmission.cpp").read_text()
+    assert "@" not in (folder / "include/a_b_transmission/a_b_transmission.hpp").read_text()
+    assert (
+        "plugin_description_file(transmission_interface a_b_transmission.xml)"
+        in (folder / "CMakeLists.txt").read_text()
+    )
+    assert call(capsys, *words, "--efforts").status == 2
+
+
+def test_joints_that_do_not_fit_are_refused(tmp_path: Path) -> None:
+    robot = ankle(tmp_path)
+    with pytest.raises(SingularityError, match="1 chosen joints for 2 freedoms leave the motion of"):
+        export_transmission(robot, tmp_path / "made", ["pitch"])
+    with pytest.raises(ModelError, match="'a b' is not a C identifier"):
+        export_transmission(robot, tmp_path / "made", JOINTS, name="a b")
+    assert not (tmp_path / "made").exists()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("robot", ["leg", "five_bar"])
+def test_the_exported_test_judges_the_map(tmp_path: Path, robot: str) -> None:
+    """Other modules keep their positions; the five-bar's joints turn without end."""
+    loaded = leg(tmp_path) if robot == "leg" else flat_five_bar()[0]
+    joints = JOINTS if robot == "leg" else ["left_elbow", "right_elbow"]
+    export(loaded, tmp_path / "made", name="machine", map_joints=joints)
+    printed = run_test(tmp_path / "made", "machine")
+    assert printed.count("map_to_joints") == printed.count("map_to_motors") == 5
+
+
+@pytest.mark.slow
+def test_the_command_line_exports_the_map(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = tmp_path / "ankle.urdf"
+    file.write_text(ankle_text())
+    words = ["export", file, "--motors", ",".join(MOTORS), "--map", ",".join(JOINTS), "-o", tmp_path / "made"]
+    assert call(capsys, *words).status == 0
+    header = (tmp_path / "made" / "ankle.h").read_text()
+    assert "joint_position, joint_rate, joint_effort\n     0  pitch\n     1  roll" in header
+    run_test(tmp_path / "made", "ankle")
