@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..description import Description, read
+from ..description.reading import split_model
 from ..description.records import StatedBase
 from ..description.shipped import find_robot
 from ..description.side_cars.companions import find_model_file, find_side_car
@@ -88,7 +89,7 @@ def convert(
         raise ModelError(f"the tightness is {tightness:g} m; it must be above zero and finite")
     if isinstance(robot, str | os.PathLike):
         file = find_robot(robot)
-        _refuse_input(target, file)
+        _refuse_input(target, split_model(file)[0])
         description = read(file, xacro_args=xacro_args, package_dirs=package_dirs)
     else:
         description = _as_loaded(robot)

@@ -85,8 +85,8 @@ def motion_of(joint: Joint, positions: Mapping[str, tuple[float, ...]]) -> Array
     if joint.kind == "floating":
         return free_pose(at)
     if joint.kind == "planar":
-        return placement_from(_turn(joint.axis, math.atan2(at[3], at[2])), np.array([at[0], at[1], 0.0]))
-    return placement_from(_turn(joint.axis, angle_of(at)), np.zeros(3))
+        return placement_from(turn_about(joint.axis, math.atan2(at[3], at[2])), np.array([at[0], at[1], 0.0]))
+    return placement_from(turn_about(joint.axis, angle_of(at)), np.zeros(3))
 
 
 def angle_of(at: tuple[float, ...]) -> float:
@@ -99,6 +99,7 @@ def free_pose(at: tuple[float, ...]) -> Array:
     return placement_from(rotation_from_quaternion(*at[3:7]), np.array(at[:3]))
 
 
-def _turn(axis: Array, angle: float) -> Array:
+def turn_about(axis: Array, angle: float) -> Array:
+    """Return the rotation about a unit axis (3,) by an angle [rad], shape (3, 3)."""
     x, y, z = math.sin(angle / 2) * axis
     return rotation_from_quaternion(float(x), float(y), float(z), math.cos(angle / 2))

@@ -18,6 +18,7 @@ from .names import listed
 from .records import Description, ReadFrom
 from .robot_file import RobotFile
 from .sdf.sdf import read_sdf
+from .sdf.world import keep_model
 from .side_cars.companions import find_model_file, find_side_car, find_submechanisms
 from .unread_forms import unread_form, unread_format
 from .urdf.foreign import refuse_unclosed_frames, refuse_unread_side_cars
@@ -49,7 +50,8 @@ def read(
     """Read a robot file and the files beside it.
 
     Args:
-        path: A URDF, xacro (`.xacro`), MJCF, SDF or USD file.
+        path: A URDF, xacro (`.xacro`), MJCF, SDF or USD file; `world.sdf#arm` is one of several models in
+            an SDF file.
         motors: Names of the driven joints, in order; None takes them from the files
             (see `motors.choose_motors`).
         xacro_args: Arguments of a xacro file by name.
@@ -62,8 +64,8 @@ def read(
     Raises:
         ModelError: A file is invalid; the message names the file, the line and the correction.
     """
-    file = os.fspath(path)
-    root, notes = _open(file, xacro_args or {}, package_dirs)
+    file = split_model(path)[0]
+    root, notes = _open(path, xacro_args or {}, package_dirs)
     robot = _reader(root)(root, package_dirs)
     robot.notes += notes
     if root.tag == "robot":
@@ -137,10 +139,34 @@ def open_robot(
     Raises:
         ModelError: The file cannot be read, is not XML, or xacro reports an error.
     """
-    return _open(os.fspath(path), xacro_args or {}, package_dirs)[0]
+    return _open(path, xacro_args or {}, package_dirs)[0]
+
+
+def split_model(path: str | os.PathLike[str]) -> tuple[str, str]:
+    """Split `world.sdf#arm` into the file and the name of its model, "" where none is named.
+
+    Args:
+        path: The path.
+    """
+    whole = os.fspath(path)
+    file, _, model = whole.rpartition("#")
+    return (whole, "") if not file or not model or os.path.exists(whole) else (file, model)
 
 
 def _open(
+    path: str | os.PathLike[str],
+    xacro_args: Mapping[str, object],
+    package_dirs: Sequence[str | os.PathLike[str]],
+) -> tuple[Node, list[str]]:
+    """Return the root element of a file, of one model if the path names it, and the notes of xacro."""
+    file, model = split_model(path)
+    root, notes = _expanded(file, xacro_args, package_dirs)
+    if model:
+        keep_model(root, model)
+    return root, notes
+
+
+def _expanded(
     file: str, xacro_args: Mapping[str, object], package_dirs: Sequence[str | os.PathLike[str]]
 ) -> tuple[Node, list[str]]:
     """Return the root element of a file, expanded if it is xacro, and the notes of that expansion."""

@@ -28,11 +28,10 @@ from tests.comparing import close_to
 
 #: The claim of a round trip: each rotation passes through angles or a quaternion once.
 SAME = 1e-12
-#: The same after solving with matrices of condition up to some hundreds, relative to the largest entry.
-SOLVED = 1e-11
-
 #: Efforts and accelerations of a locked robot are rounding: they are compared with this [N, m/s^2, ...].
 LOCKED = 1e-2
+#: A link that MuJoCo has beside those of the robot.
+WORLD = "world"
 #: Motors of a robot of which one state is enough.
 LARGE = 20
 
@@ -107,13 +106,17 @@ def order(a: HybridRobot, b: HybridRobot) -> list[int]:
     ]
 
 
-def same_robot(a: Description, b: Description, states: States) -> None:
+def same_robot(
+    a: Description, b: Description, states: States, *, links: bool = True, tolerance: float = SAME
+) -> None:
     """Compare two robots whose joints have the same names.
 
     Args:
         a: A robot.
         b: The robot as read back.
         states: Closed positions, rates and accelerations of the first, shapes (T, nq), (T, nv), (T, nv).
+        links: Whether links of the same name have the same frames.
+        tolerance: Difference of efforts and accelerations, relative to the largest.
     """
     one, two = build_robot(a), build_robot(b)
     q, v, acc = states
@@ -122,22 +125,22 @@ def same_robot(a: Description, b: Description, states: States) -> None:
         closure_residual(one, q).max(initial=0.0), 1e-13
     )
     mine = answer(idm, one, q, v, acc, effects="model")
-    same_answer(answer(idm, two, theirs, v[:, columns], acc[:, columns], effects="model"), mine)
+    same_answer(answer(idm, two, theirs, v[:, columns], acc[:, columns], effects="model"), mine, tolerance)
     mine = answer(idm, one, q, v, acc)
-    same_answer(answer(idm, two, theirs, v[:, columns], acc[:, columns]), mine)
+    same_answer(answer(idm, two, theirs, v[:, columns], acc[:, columns]), mine, tolerance)
     tau = np.random.default_rng(7).normal(size=(len(q), len(a.motors)))
     tau *= max(np.abs(mine).max(initial=0.0), 1.0) if isinstance(mine, np.ndarray) else 1.0
     mine = answer(ddm, one, q, v, tau)
     mine = mine[:, columns] if isinstance(mine, np.ndarray) else mine
-    same_answer(answer(ddm, two, theirs, v[:, columns], tau), mine)
-    same_structure(one, two)
+    same_answer(answer(ddm, two, theirs, v[:, columns], tau), mine, tolerance)
+    same_structure(one, two, links=links)
 
 
-def same_structure(one: HybridRobot, two: HybridRobot) -> None:
-    """Compare joints, motors, closures, couplings and home."""
+def same_structure(one: HybridRobot, two: HybridRobot, *, links: bool = True) -> None:
+    """Compare joints, motors, frames of links, closures, couplings and home."""
     assert sorted(one.joints) == sorted(two.joints)
     assert two.motors == one.motors
-    same_closures(one, two, open_postures(one, 3))
+    same_frames(one, two, open_postures(one, 3), links=links)
     same_couplings(one, two)
     ours, theirs = mapped(one, two, one.home[None])[0], two.home.copy()
     for kind, at in zip(two.kinds, two.q_slices, strict=True):
@@ -156,11 +159,11 @@ def answer(model: Callable[..., np.ndarray], *given: object, **more: object) -> 
         return type(error)
 
 
-def same_answer(theirs: np.ndarray | type, ours: np.ndarray | type) -> None:
+def same_answer(theirs: np.ndarray | type, ours: np.ndarray | type, tolerance: float) -> None:
     """Compare two answers."""
     if isinstance(ours, np.ndarray) and isinstance(theirs, np.ndarray):
         scale = max(np.abs(ours).max(initial=0.0), LOCKED)
-        assert np.abs(theirs - ours).max(initial=0.0) <= SOLVED * scale
+        assert np.abs(theirs - ours).max(initial=0.0) <= tolerance * scale
     else:
         assert theirs is ours
 
@@ -176,22 +179,22 @@ def open_postures(robot: HybridRobot, count: int) -> np.ndarray:
     )
 
 
-def same_closures(a: HybridRobot, b: HybridRobot, q: np.ndarray) -> None:
-    """Compare rows and frames of the closures, by name, at open postures."""
+def same_frames(a: HybridRobot, b: HybridRobot, q: np.ndarray, *, links: bool) -> None:
+    """Compare frames of links, and rows and frames of the closures, by name, at open postures."""
     ours, theirs = ({c.name: c for c in robot.description.closures} for robot in (a, b))
     assert [(c.name, c.translations, c.rotation) for c in theirs.values()] == [
         (c.name, c.translations, c.rotation) for c in ours.values()
     ]
     for x, y in zip(q, mapped(a, b, q), strict=True):
         here, there = poses(a, x), poses(b, y)
+        for name in (here.keys() & there.keys()) - {WORLD} if links else ():
+            np.testing.assert_allclose(there[name], here[name], rtol=0, atol=SAME)
         for name, closure in ours.items():
             for end, other in zip(ends(here, closure), ends(there, theirs[name]), strict=True):
-                np.testing.assert_allclose(other[:3, 3], end[:3, 3], rtol=0, atol=SAME * 10)
+                np.testing.assert_allclose(other[:3, 3], end[:3, 3], rtol=0, atol=SAME)
                 axes = {"free": 0, "perpendicular": 1, "parallel": 1, "fixed": 3}[closure.rotation]
                 axes = 3 if closure.translations not in ((), (0, 1, 2)) else axes
-                np.testing.assert_allclose(
-                    other[:3, 3 - axes : 3], end[:3, 3 - axes : 3], rtol=0, atol=SAME * 10
-                )
+                np.testing.assert_allclose(other[:3, 3 - axes : 3], end[:3, 3 - axes : 3], rtol=0, atol=SAME)
 
 
 def poses(robot: HybridRobot, q: np.ndarray) -> dict[str, np.ndarray]:
@@ -219,7 +222,7 @@ def same_couplings(a: HybridRobot, b: HybridRobot) -> None:
             out.append(
                 {name: factor / largest for name, factor in coupling.terms} | {"": coupling.offset / largest}
             )
-        return sorted(out, key=lambda terms: sorted(terms))
+        return sorted(out, key=lambda terms: (sorted(terms), sorted(terms.items())))
 
     for ours, theirs in zip(plain(a), plain(b), strict=True):
         assert ours.keys() == theirs.keys()

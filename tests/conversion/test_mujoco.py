@@ -21,7 +21,7 @@ from hybridyn.structure.building import build_robot
 from tests.comparing import close_to
 from tests.conversion.judge import bodily, open_postures, read_back, same_robot, same_structure, states
 from tests.extras import needs
-from tests.mechanisms import KINDS, random_mechanism
+from tests.mechanisms import KINDS, random_mechanism, random_states
 from tests.mjcf_texts import ROBOTS as ROBOTS_OF_MJCF
 from tests.mujoco_matrices import mass_matrix
 from tests.samples import slow, some
@@ -165,11 +165,43 @@ def test_followers_stay_as_tight_as_asked(kind: str) -> None:
 def test_massless_ends_of_closures_come_back(name: str, tmp_path: Path) -> None:
     description = read(find_robot(name))
     other, out = read_back(description, tmp_path / "robot.xml")
-    assert {line.split()[0] for line in out.losses} <= {"speed"}
+    assert {line.split()[0] for line in out.losses} <= {"speed", "names"}
     assert [link.name for link in other.links if link.mass == 0 and link.name.startswith("strut")] == (
         ["strut_end"] if name == "andrews" else []
     )
     same_robot(description, other, states(description))
+
+
+@pytest.mark.parametrize("kind", ["andrews", "gear_three", slow("flyball_governor"), slow("gear_rack")])
+def test_loops_are_closed_where_mujoco_weighs_equalities(kind: str) -> None:
+    """At `qpos0` equalities hold by MuJoCo's own account, and struts have their length, at zero none."""
+    description = random_mechanism(3, kind=kind) if kind in KINDS else read(find_robot(kind))
+    written = Model(bodily(description))
+    m, d = written.model, written.data
+    mujoco.mj_resetData(m, d)
+    mujoco.mj_forward(m, d)
+    held = d.efc_type == int(mujoco.mjtConstraint.mjCNSTR_EQUALITY)
+    assert held.any()
+    np.testing.assert_allclose(d.efc_pos[held], 0.0, atol=SAME)
+    assert (m.dof_invweight0 * np.diag(written.mass_matrix())).max() < 1e6  # 1 for each joint by itself
+    home = np.array(d.qpos)
+    mujoco.mj_resetDataKeyframe(m, d, 0)
+    np.testing.assert_array_equal(home, d.qpos)
+
+
+@pytest.mark.parametrize(
+    "kind", ["serial_all", slow("planar_rpr"), slow("gough_floating"), slow("star_five")]
+)
+def test_joints_that_mujoco_does_not_have_come_back(kind: str, tmp_path: Path) -> None:
+    description = bodily(random_mechanism(3, kind=kind))
+    other, out = read_back(description, tmp_path / "robot.xml")
+    assert {line.split()[0] for line in out.losses} <= {"names"}
+    assert {joint.name: joint.kind for joint in other.joints if joint.kind in ("planar", "floating")} == {
+        joint.name: joint.kind for joint in description.joints if joint.kind in ("planar", "floating")
+    }
+    same_robot(description, other, random_states(description, "fixed", 3, 1))
+    said = " ".join(out.notes)
+    assert all(joint.name in said for joint in description.joints if joint.kind == "planar")
 
 
 @pytest.mark.parametrize("name", some(ROBOTS_OF_MJCF, ("balls", "a foot on the ground")))
@@ -227,9 +259,32 @@ def test_what_could_not_be_read_back_is_refused() -> None:
     ],
 )
 def test_edited_marks_are_refused(old: str, new: str, message: str, tmp_path: Path) -> None:
-    file = tmp_path / "robot.xml"
-    text = writer_of(file)(Request(shipped("five_bar"), file)).text
+    refused(shipped("five_bar"), f'"{old}"', f'"{new}"', message, tmp_path / "robot.xml")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ('joint:{}"', 'joint:tabel"', "marks the joint 'tabel', but there is no joint 'tabel_x'"),
+        (
+            'data="planar 1',
+            'data="plan 1',
+            "text 'hybridyn joint:.*' states none of spherical, planar, floating",
+        ),
+        ('data="planar 1', 'data="planar 0', "states none of"),
+        ('data="planar 1 0', 'data="planar 1 x', "states none of"),
+    ],
+)
+def test_edited_marks_of_joints_are_refused(old: str, new: str, message: str, tmp_path: Path) -> None:
+    description = bodily(random_mechanism(3, kind="planar_rpr"))
+    (name,) = (joint.name for joint in description.joints if joint.kind == "planar")
+    refused(description, old.format(name), new, message, tmp_path / "robot.xml")
+
+
+def refused(description: Description, old: str, new: str, message: str, file: Path) -> None:
+    """Check that an edited file of a robot is refused."""
+    text = writer_of(file)(Request(description, file)).text
     assert old in text
-    file.write_text(text.replace(f'"{old}"', f'"{new}"'))
+    file.write_text(text.replace(old, new))
     with pytest.raises(ModelError, match=message):
         read(file)

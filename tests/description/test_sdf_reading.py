@@ -265,6 +265,35 @@ def test_a_world_places_its_robot_and_has_gravity(tmp_path: Path) -> None:
     np.testing.assert_array_equal(hybridyn.load(file).gravity, [0, 0, -9.8])
 
 
+def test_one_of_several_models_is_chosen_by_name(tmp_path: Path) -> None:
+    """With its own world; an included model has the name that its world gives it, else that of its folder."""
+    arm = sdf(link("base"), link("a"), WORLD, joint("j", "revolute", "base", "a"), name="arm")
+    folder = tmp_path / "leg"
+    folder.mkdir()
+    (folder / "model.sdf").write_text(arm.replace('"arm"', '"other"').replace('"j"', '"k"'))
+    (folder / "model.config").write_text("<model><sdf>model.sdf</sdf></model>")
+    uri = "<include>{}<uri>model://leg</uri></include>"
+    models = uri.format("") + uri.format("<name>two</name>")
+    moon = f"<world name='moon'><gravity>0 0 -1.62</gravity>{models}</world>"
+    file = tmp_path / "robots.sdf"
+    file.write_text(arm.replace("</model>", "</model>" + moon))
+    for name, joints, gravity in (("arm", ("j",), -9.81), ("leg", ("k",), -1.62), ("two", ("k",), -1.62)):
+        robot = hybridyn.load(f"{file}#{name}")
+        assert (robot.joints, robot.gravity[2], robot.description.source) == (joints, gravity, str(file))
+    unknown = r"no model is named 'legs' .did you mean 'leg'.*'arm', 'leg', 'two'"
+    for name, message in (("legs", unknown), ("", "cannot be read")):
+        with pytest.raises(hybridyn.ModelError, match=message):
+            read(f"{file}#{name}")
+    urdf = tmp_path / "robot.urdf"
+    urdf.write_text('<robot name="r"><link name="l"/></robot>')
+    with pytest.raises(hybridyn.ModelError, match="only an SDF file has several models; remove '#arm'"):
+        read(f"{urdf}#arm")
+    with pytest.raises(hybridyn.ModelError, match="own file"):
+        hybridyn.convert(f"{file}#arm", file)
+    urdf.rename(tmp_path / "robot#1.urdf")
+    assert read(tmp_path / "robot#1.urdf").name == "r"
+
+
 def test_a_model_that_nothing_holds_floats(tmp_path: Path) -> None:
     file = save(
         tmp_path, "<pose>0 0 1 0 0 0.4</pose>", link("base"), link("a"), joint("j", "revolute", "base", "a")

@@ -21,6 +21,7 @@ from hybridyn.conversion.usd.joints import add_ends, axis_of
 from hybridyn.conversion.usd.prims import Prim
 from hybridyn.description import Description, read
 from hybridyn.description.placement import placement_from, rotation_from_rpy
+from tests.comparing import SOLVED
 from tests.conversion.judge import same_robot, states
 from tests.extras import needs
 from tests.mechanisms import random_mechanism, random_states
@@ -106,7 +107,8 @@ def plain(d: Description) -> Description:
 def test_a_shipped_robot_in_other_frames(name: str, tmp_path: Path) -> None:
     description = plain(shipped(name))
     (tmp_path / "robot.usda").write_text(scrambled(description, 4))
-    same_robot(description, read(tmp_path / "robot.usda"), states(description))
+    found = read(tmp_path / "robot.usda")
+    same_robot(description, found, states(description), links=False, tolerance=SOLVED)  # far from the bodies
 
 
 @pytest.mark.parametrize("kind", some(OTHERS, ("loop_planar",)))
@@ -116,4 +118,6 @@ def test_a_random_mechanism_in_other_frames(kind: str, tmp_path: Path) -> None:
     if any(joint.kind not in TYPES for joint in description.joints):
         pytest.skip("has joints of several freedoms")
     (tmp_path / "robot.usda").write_text(scrambled(description, 4))
-    same_robot(description, read(tmp_path / "robot.usda"), random_states(description, "fixed", 3, 2))
+    same_robot(
+        description, read(tmp_path / "robot.usda"), random_states(description, "fixed", 3, 2), links=False
+    )

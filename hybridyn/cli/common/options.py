@@ -62,9 +62,16 @@ def existing_file(ctx: click.Context, param: click.Parameter, value: str) -> str
 
 
 def robot_file(ctx: click.Context, param: click.Parameter, value: str) -> str:
-    """Return the file of a robot: an existing file, or that of the shipped robot of this name."""
+    """Return the file of a robot: an existing file, or that of the shipped robot of this name.
+
+    `world.sdf#arm` is the model `arm` of a file.
+    """
     from ...description.shipped import BARE_NAME, no_such_robot, shipped_robots, shown
 
+    file, hash_, _ = value.rpartition("#")
+    if hash_ and not os.path.exists(value):
+        existing_file(ctx, param, file)
+        return value
     if os.path.exists(value) or not BARE_NAME.fullmatch(value):
         return existing_file(ctx, param, value)
     if value not in shipped_robots():

@@ -1,8 +1,10 @@
 """Write links and joints as nested bodies.
 
 A massless link that only carries one joint has no body: its joint stands in the body of the next link, before
-that link's own, as MuJoCo writes universal joints. Positions and axes of joints are those at joint positions
-zero, in the frame of their body.
+that link's own, as MuJoCo writes universal joints.
+
+Bodies stand where hinges and slides are at home and all other joints at zero: that is MuJoCo's `qpos0`, where
+it weighs equalities, and home is `ref`. Positions and axes of joints are in the frame of their body there.
 """
 
 from __future__ import annotations
@@ -14,20 +16,21 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 
+from ...description.mjcf.joint_marks import PARTS
 from ...description.mjcf.marks import FOLLOWER
 from ...description.placement import inverse
 from ...description.records import Array, Description, Joint
-from ..home import home_of
+from ..home import home_of, motion_of
 from ..losses import Losses
-from ..numerals import numerals, quaternion_of
+from ..numerals import numeral, numerals, quaternion_of
 from .followers import Follower
 from .inertias import Inertias, add_inertial
 
 #: Name of MuJoCo's own body, which does not move.
 WORLD = "world"
-#: The three numbers of a planar joint.
-PLANAR = ("_x", "_y", "_turn")
 AXES = np.eye(3)
+#: Kinds of joints with one freedom.
+SINGLE = ("revolute", "continuous", "prismatic")
 
 
 @dataclass
@@ -41,6 +44,8 @@ class Tree:
         balls: Elements of the joints that turn about three axes.
         qpos: Home positions of all joints, in MuJoCo's order.
         ends: Frame of each follower's end of its closure in the follower's body, shapes (4, 4).
+        refs: Positions at `qpos0` of the joints with one freedom, by name [m or rad].
+        marks: Kind and frame of the joints that stand as other joints, as texts, by name.
     """
 
     worldbody: ET.Element
@@ -49,10 +54,12 @@ class Tree:
     balls: dict[str, ET.Element] = field(default_factory=dict)
     qpos: list[float] = field(default_factory=list)
     ends: dict[str, Array] = field(default_factory=dict)
+    refs: dict[str, float] = field(default_factory=dict)
+    marks: dict[str, str] = field(default_factory=dict)
 
 
 class _Carried(NamedTuple):
-    """A joint whose body is still to come: the joint, and the body's frame at zero in the joint's frame."""
+    """A joint whose body is still to come, and the body's frame at `qpos0` in the joint's frame."""
 
     joint: Joint
     frame: Array
@@ -67,6 +74,7 @@ class Builder:
         followers: Bodies that follow links.
         ends: Links that have no body, because they only end a closure.
         losses: Receives what is changed.
+        remarks: Receives joints that stand as other joints, which hybridyn reads back.
     """
 
     def __init__(
@@ -76,7 +84,9 @@ class Builder:
         followers: Iterable[Follower],
         ends: Collection[str],
         losses: Losses,
+        remarks: Losses,
     ) -> None:
+        self._remarks = remarks
         self._d, self._inertias, self._losses, self._ends = d, inertias, losses, ends
         self._children: dict[str, list[Joint]] = {}
         for joint in d.joints:
@@ -107,10 +117,8 @@ class Builder:
         todo = [(element, joint, np.eye(4), ()) for joint in reversed(below)]
         while todo:  # depth first, which is the order of MuJoCo's qpos
             element, joint, M, carried = todo.pop()
-            at, here = (
-                M @ joint.placement,
-                tuple(_Carried(j, frame @ joint.placement) for j, frame in carried),
-            )
+            step = joint.placement @ self._to_reference(joint)
+            at, here = M @ step, tuple(_Carried(j, frame @ step) for j, frame in carried)
             if joint.kind != "fixed":
                 here = (*here, _Carried(joint, np.eye(4)))
             if here and self._only_carries(joint.child):
@@ -149,6 +157,12 @@ class Builder:
         """Return the follower of a link that only ends a closure and has no body, or None."""
         return self._followers[link][0] if link in self._ends else None
 
+    def _to_reference(self, joint: Joint) -> Array:
+        """Return the motion of a joint from position zero to `qpos0`, shape (4, 4)."""
+        if joint.kind not in SINGLE:
+            return np.eye(4)
+        return motion_of(joint, {joint.name: home_of(self._d, joint)})
+
     def _floats(self, joint: Joint, carried: tuple[_Carried, ...]) -> bool:
         """Say whether a joint can be a free joint of MuJoCo: it hangs on a root at rest, at its origin."""
         return (
@@ -179,29 +193,30 @@ class Builder:
         return body
 
     def _add_joint(self, body: ET.Element, joint: Joint, frame: Array) -> None:
-        """Add a joint of the tree; `frame` is its frame in the body at zero."""
+        """Add a joint of the tree; `frame` is its frame in the body at `qpos0`."""
         home = home_of(self._d, joint)
-        if joint.kind in ("revolute", "continuous", "prismatic"):
+        if joint.kind in SINGLE:
             kind = "slide" if joint.kind == "prismatic" else "hinge"
-            self.tree.joints[joint.name] = self._add(body, joint.name, kind, frame, joint.axis, home)
-        elif joint.kind == "spherical":
-            self.tree.balls[joint.name] = self._add(body, joint.name, "ball", frame, AXES[2], home)
-        elif joint.kind == "planar":
-            self._losses.add(
-                f"planar joints, which MuJoCo does not have: written as {_three(PLANAR)}", joint.name
-            )
-            for i, ending in enumerate(PLANAR):
-                kind = "hinge" if i == 2 else "slide"
-                element = self._add(body, joint.name + ending, kind, frame, AXES[i], home[i : i + 1])
-                self.tree.joints[joint.name + ending] = element
+            element = self._add(body, joint.name, kind, frame, joint.axis, home, at=home[0])
+            self.tree.joints[joint.name], self.tree.refs[joint.name] = element, home[0]
+            return
+        parts = [joint.name + ending for ending in PARTS[joint.kind]]
+        for i, part in enumerate(parts[:-1]):
+            self.tree.joints[part] = self._add(body, part, "slide", frame, AXES[i], home[i : i + 1])
+        kind, at = ("hinge", home[2:]) if joint.kind == "planar" else ("ball", home[-4:])
+        turns = self._add(body, parts[-1], kind, frame, AXES[2], at)
+        (self.tree.joints if joint.kind == "planar" else self.tree.balls)[parts[-1]] = turns
+        turned = not np.array_equal(frame[:3, :3], np.eye(3))
+        if turned or len(parts) > 1:
+            x, y, z, w = quaternion_of(frame[:3, :3])
+            self.tree.marks[joint.name] = f"{joint.kind} {numerals((w, x, y, z) if turned else (1, 0, 0, 0))}"
+        if joint.kind == "spherical":
+            what = "ball joints whose coordinates MuJoCo counts about other axes" if turned else ""
         else:
-            self._losses.add(
-                "floating joints that do not hang on the world's origin: written as three slides and a ball",
-                joint.name,
-            )
-            for i, ending in enumerate(("_x", "_y", "_z")):
-                self._add(body, joint.name + ending, "slide", frame, AXES[i], home[i : i + 1])
-            self._add(body, joint.name + "_turn", "ball", frame, AXES[2], home[3:])
+            count = {"planar": "two slides and a hinge", "floating": "three slides and a ball"}[joint.kind]
+            what = f"{joint.kind} joints, which MuJoCo does not have there: written as {count}"
+        if what:
+            self._remarks.add(what, joint.name)
 
     def _add(
         self,
@@ -212,20 +227,19 @@ class Builder:
         axis: Array,
         home: tuple[float, ...],
         *,
-        stated: bool = True,
+        at: float = 0.0,
     ) -> ET.Element:
-        """Add a joint of MuJoCo, one of the robot's own if `stated`, and its home position."""
+        """Add a joint of MuJoCo, with its positions at `qpos0` and at home."""
         element = ET.SubElement(body, "joint", name=name, type=kind)
         if kind != "slide" and frame[:3, 3].any():
             element.set("pos", numerals(frame[:3, 3]))
         if kind == "ball":
-            turn = frame[:3, :3]
-            if not np.array_equal(turn, np.eye(3)) and stated:
-                self._losses.add("coordinates of ball joints: MuJoCo turns them about other axes", name)
-            x, y, z = turn @ np.array(home[:3])
+            x, y, z = frame[:3, :3] @ np.array(home[:3])
             self.tree.qpos += [home[3], x, y, z]
         else:
             element.set("axis", numerals(frame[:3, :3] @ axis))
+            if at:
+                element.set("ref", numeral(at))
             self.tree.qpos += home
         return element
 
@@ -239,14 +253,22 @@ class Builder:
         """Add a body that follows a link; its frame is that of the link where the link has no body."""
         name = f"{follower.name}:{FOLLOWER}"
         frame = np.eye(4) if at is None else follower.frame
-        body = ET.SubElement(parent, "body", {"name": name} | pose(follower.frame if at is None else at))
+        after: Array = np.eye(4)
+        behind: list[Array] = []
+        for axis in reversed(follower.joints):
+            behind.insert(0, inverse(after))
+            after = axis.motion() @ after
+        moved = frame @ after @ inverse(frame)  # the body's own motion to `qpos0`
+        start = follower.frame if at is None else at
+        body = ET.SubElement(parent, "body", {"name": name} | pose(start @ moved))
         for joint, place in carried:
-            self._add_joint(body, joint, inverse(place))
-        for number, axis in enumerate(follower.joints, 1):
-            self._add(body, f"{follower.name}:{number}", axis.kind, frame, axis.axis, axis.home, stated=False)
-        turn, own = frame[:3, :3], follower.body
-        moved = replace(own, com=turn @ own.com + frame[:3, 3], inertia=turn @ own.inertia @ turn.T)
-        add_inertial(body, moved, self._inertias, True, self._losses)
+            self._add_joint(body, joint, inverse(place @ moved))
+        for number, (axis, back) in enumerate(zip(follower.joints, behind, strict=True), 1):
+            own, zero = f"{follower.name}:{number}", axis.home[0] if axis.kind != "ball" else 0.0
+            self._add(body, own, axis.kind, frame @ back, axis.axis, axis.home, at=zero)
+        turn, share = frame[:3, :3], follower.body
+        share = replace(share, com=turn @ share.com + frame[:3, 3], inertia=turn @ share.inertia @ turn.T)
+        add_inertial(body, share, self._inertias, True, self._losses)
         self.tree.bodies[name] = body
         self.tree.ends[name] = frame
 
@@ -264,7 +286,3 @@ def pose(at: Array) -> dict[str, str]:
         x, y, z, w = quaternion_of(at[:3, :3])
         out["quat"] = numerals((w, x, y, z))
     return out
-
-
-def _three(endings: Iterable[str]) -> str:
-    return "joints that end in " + ", ".join(f"'{ending}'" for ending in endings)

@@ -1,20 +1,27 @@
-"""Write couplings as equalities of joints, or of a fixed tendon where they hold more than two joints."""
+"""Write couplings as equalities of joints, or of a fixed tendon where they hold more than two joints.
+
+MuJoCo counts positions in equalities from those at `qpos0`.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from xml.etree import ElementTree as ET
 
 from ...description.records import Coupling
 from ..numerals import numerals
 
 
-def add_couplings(root: ET.Element, equality: ET.Element, couplings: tuple[Coupling, ...]) -> None:
+def add_couplings(
+    root: ET.Element, equality: ET.Element, couplings: tuple[Coupling, ...], refs: Mapping[str, float]
+) -> None:
     """Add the couplings of a robot.
 
     Args:
         root: The root element, which receives `<tendon>`.
         equality: The element `<equality>`; its names stay unique.
         couplings: The couplings.
+        refs: Positions of joints at `qpos0`, by name [m or rad].
     """
     taken = {str(element.get("name")) for element in equality}
     for coupling in couplings:
@@ -22,6 +29,7 @@ def add_couplings(root: ET.Element, equality: ET.Element, couplings: tuple[Coupl
         while name in taken:
             name += "_"
         taken.add(name)
+        offset = coupling.offset - sum(coefficient * refs[joint] for joint, coefficient in coupling.terms)
         (first, factor), *others = coupling.terms
         if len(others) > 1 or not factor:
             tendon = root.find("tendon")
@@ -29,7 +37,7 @@ def add_couplings(root: ET.Element, equality: ET.Element, couplings: tuple[Coupl
             fixed = ET.SubElement(tendon, "fixed", name=name)
             for joint, coefficient in coupling.terms:
                 ET.SubElement(fixed, "joint", joint=joint, coef=numerals([coefficient]))
-            polynomial = (coupling.offset, 0, 0, 0, 0)
+            polynomial = (offset, 0, 0, 0, 0)
             ET.SubElement(equality, "tendon", name=name, tendon1=name, polycoef=numerals(polynomial))
             continue
         element = ET.SubElement(equality, "joint", name=name, joint1=first)
@@ -37,4 +45,4 @@ def add_couplings(root: ET.Element, equality: ET.Element, couplings: tuple[Coupl
         for second, coefficient in others:
             element.set("joint2", second)
             slope = -coefficient / factor
-        element.set("polycoef", numerals((coupling.offset / factor, slope, 0, 0, 0)))
+        element.set("polycoef", numerals((offset / factor, slope, 0, 0, 0)))

@@ -14,6 +14,7 @@ import numpy as np
 from ...description.closure_forms import SIDEWAYS
 from ...description.placement import inverse, placement_from
 from ...description.records import Array, Closure, Link
+from ..home import turn_about
 from ..losses import Losses
 from ..numerals import quaternion_of
 from .inertias import Inertias
@@ -28,6 +29,14 @@ class Axis:
     kind: str
     axis: Array
     home: tuple[float, ...]
+
+    def motion(self) -> Array:
+        """Return the motion from position zero to the reference position, shape (4, 4); a ball has none."""
+        if self.kind == "slide":
+            return placement_from(np.eye(3), self.home[0] * self.axis)
+        if self.kind == "hinge":
+            return placement_from(turn_about(self.axis, self.home[0]), np.zeros(3))
+        return np.eye(4)
 
 
 @dataclass(frozen=True)

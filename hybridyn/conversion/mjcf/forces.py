@@ -7,10 +7,11 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 
+from ...description.mjcf.joint_marks import PARTS
 from ...description.records import Description, Joint
 from ..losses import Losses
 from ..numerals import numeral, numerals
-from .bodies import PLANAR, Tree
+from .bodies import Tree
 
 #: Effects that stand in the file itself; the others go to model.toml.
 SAID = ("spring", "damper")
@@ -29,14 +30,19 @@ def add_forces(d: Description, tree: Tree, losses: Losses) -> None:
     for joint in d.joints:
         if joint.kind == "fixed":
             continue
-        names = [joint.name + ending for ending in PLANAR] if joint.kind == "planar" else [joint.name]
+        several = PARTS.get(joint.kind, ())
+        names = [joint.name + ending for ending in several or ("",)]
         damping = joint.damping + effects.get("damper", {}).get("coefficient", {}).get(joint.name, 0.0)
         for name in names:
             element = tree.joints.get(name, tree.balls.get(name))
             if damping and element is not None:
                 element.set("damping", numeral(damping))
-        if damping and joint.kind == "floating":
-            losses.add("damping of floating joints", joint.name)
+        if damping and names[0] not in {**tree.joints, **tree.balls}:
+            losses.add("damping of free joints", joint.name)
+        if several and (joint.friction or joint.rotor_inertia):
+            losses.add("dry friction and rotors of joints with several freedoms", joint.name)
+        if several and np.isfinite((joint.lower, joint.upper, joint.effort)).any():
+            losses.add("limits of joints with several freedoms", joint.name)
         if np.isfinite(joint.velocity):
             losses.add("speed limits, which MuJoCo does not have", joint.name)
         if joint.name in tree.joints:

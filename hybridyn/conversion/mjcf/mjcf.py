@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from xml.etree import ElementTree as ET
 
+from ...description.mjcf.joint_marks import JOINT
 from ...description.mjcf.marks import BASE, LINK
 from ...description.records import Description
 from ..home import poses_at
@@ -44,7 +45,8 @@ def write_mjcf(request: Request) -> Written:
     chosen = softness(d, request.tightness)
     if d.closures or d.couplings:
         add_softness(root, option, chosen)
-    tree = _add_robot(root, d, losses)
+    remarks = Losses()
+    tree = _add_robot(root, d, losses, remarks)
     add_visuals(root, request, tree, losses)
     add_motors(root, d, losses)
     if tree.qpos:
@@ -53,7 +55,7 @@ def write_mjcf(request: Request) -> Written:
     check_names(root, d)
     ET.indent(root)
     beside = [name for name, _ in d.effects if name not in SAID]
-    notes = []
+    notes = [*remarks.lines()]
     if d.closures or d.couplings:
         tight = (
             f"closures stay within {numeral(request.tightness)} m up to accelerations of "
@@ -68,7 +70,7 @@ def write_mjcf(request: Request) -> Written:
     return Written(text, losses.lines(), tuple(notes), {".model.toml": model} if model else {})
 
 
-def _add_robot(root: ET.Element, d: Description, losses: Losses) -> Tree:
+def _add_robot(root: ET.Element, d: Description, losses: Losses, remarks: Losses) -> Tree:
     """Add bodies, closures, couplings and forces."""
     inertias, poses, still = inertias_of(d), poses_at(d, d.home), _still(d)
     ends = _weightless_ends(d, still)
@@ -77,19 +79,32 @@ def _add_robot(root: ET.Element, d: Description, losses: Losses) -> Tree:
         for closure in d.closures
         if needs_follower(closure) or closure.link_a in ends or closure.link_b in ends
     }
-    tree = Builder(d, inertias, followers.values(), ends, losses).build()
+    tree = Builder(d, inertias, followers.values(), ends, losses, remarks).build()
     root.append(tree.worldbody)
     add_forces(d, tree, losses)
     if d.closures or d.couplings:
         equality = ET.SubElement(root, "equality")
         add_closures(root, equality, d.closures, followers, tree, inertias.size)
-        add_couplings(root, equality, d.couplings)
+        add_couplings(root, equality, d.couplings, tree.refs)
     for link, closure in ends.items():
         if link not in tree.bodies:
             _add_text(root, LINK + closure, link)
+    for name, data in tree.marks.items():
+        _add_text(root, JOINT + name, data)
     if d.base == "fixed" and any(joint.kind == "floating" for joint in d.joints):
         _add_text(root, BASE, "fixed")
+    _add_lost_names(d, {*tree.bodies, *ends}, losses)
     return tree
+
+
+def _add_lost_names(d: Description, kept: set[str], losses: Losses) -> None:
+    """List the fixed joints and the links whose names the file does not hold; `kept` are those of links."""
+    for link in d.links:
+        if link.name not in kept:
+            losses.add("names of massless links that only carry a joint: they have no body", link.name)
+    for joint in d.joints:
+        if joint.kind == "fixed" and joint.child in kept and joint.name != f"{joint.child}_fixed":
+            losses.add("names of fixed joints, which MuJoCo does not have", joint.name)
 
 
 def _add_text(root: ET.Element, name: str, data: str) -> None:

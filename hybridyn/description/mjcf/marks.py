@@ -8,7 +8,7 @@ other. A text in `<custom>` names such a closure and its rows:
 The equality "slider" then holds the frames. Other equalities, bodies and joints whose names start with
 "slider:" belong to it; the mass of such a body is the other half of the link that it is welded to. The text
 "hybridyn link:slider" names a massless link whose joints stand in that body. The text "hybridyn base" says
-that a free body hangs on the world by a joint and is not the base.
+that a free body hangs on the world by a joint and is not the base. For joints see `joint_marks`.
 """
 
 from __future__ import annotations
@@ -22,10 +22,14 @@ from ...errors import ModelError
 from ..closure_forms import FORMS, SIDEWAYS, RowsForm, form_of_rows
 from ..names import did_you_mean
 from ..placement import inverse, placement_from
-from ..records import Array, Closure, Joint
+from ..records import Array, Closure, Joint, JointKind, Link
 from ..robot_file import RobotFile
 from .document import Document
+from .joint_marks import JOINT, apply_joint_mark, read_joint_mark
+from .naming import unique
 
+#: Difference of two frames that is rounding.
+SAME_FRAME = 1e-14
 #: What the name of a text starts with, before the closure's name.
 MARK = "hybridyn:"
 #: Name of the text that says that the base is fixed.
@@ -43,22 +47,25 @@ class Marks(NamedTuple):
         rows: Rows of closures, by the closure's name.
         links: Names of massless links at the end of closures, by the closure's name.
         fixed: Whether the base is fixed though one body floats.
+        joints: Kind and frame of the joints that stand as other joints, by name.
     """
 
     rows: dict[str, RowsForm]
     links: dict[str, str]
     fixed: bool
+    joints: dict[str, tuple[JointKind, Array]]
 
 
 def read_marks(document: Document) -> Marks:
-    """Return what the texts of a file say of closures, and of the base.
+    """Return what the texts of a file say of closures, joints, and of the base.
 
     Args:
         document: The file.
 
     Raises:
-        ModelError: A text holds no rows.
+        ModelError: A text holds no rows, or no frame of a joint.
     """
+    joints: dict[str, tuple[JointKind, Array]] = {}
     marks: dict[str, RowsForm] = {}
     links: dict[str, str] = {}
     fixed = False
@@ -69,6 +76,8 @@ def read_marks(document: Document) -> Marks:
         fixed = fixed or (name == BASE and node.xml.get("data") == "fixed")
         if name.startswith(LINK):
             links[name.removeprefix(LINK)] = str(node.xml.get("data", ""))
+        if name.startswith(JOINT):
+            joints[name.removeprefix(JOINT)] = read_joint_mark(node)
         if name.startswith(MARK):
             try:
                 marks[name.removeprefix(MARK)] = form_of_rows(str(node.xml.get("data", "")))
@@ -76,19 +85,21 @@ def read_marks(document: Document) -> Marks:
                 raise node.error(
                     f"text '{name}': {error}; remove it to read the equalities by themselves"
                 ) from None
-    return Marks(marks, links, fixed)
+    return Marks(marks, links, fixed, joints)
 
 
 def apply_marks(robot: RobotFile, marks: Marks) -> None:
-    """Turn the equalities and bodies of marked closures into these closures.
+    """Turn the equalities, bodies and joints of what is marked into these closures and joints.
 
     Args:
         robot: The robot, with its links, joints, closures and home.
         marks: What the texts of the file say.
 
     Raises:
-        ModelError: There is no equality of this name.
+        ModelError: There is no equality or joint of this name.
     """
+    for name, (joint_kind, frame) in marks.joints.items():
+        apply_joint_mark(robot, name, joint_kind, frame)
     names = [closure.name for closure in robot.closures]
     for name, rows in marks.rows.items():
         if name not in names:
@@ -103,6 +114,9 @@ def apply_marks(robot: RobotFile, marks: Marks) -> None:
         closure, follower = _unfollowed(closure, own, rows)
         if follower is not None:
             _join(robot, *follower)
+            if name in marks.links:
+                on, place = _hung(follower[0], np.eye(4), own)
+                closure = _name_end(robot, closure, on, place, marks.links[name])
         kinds = [
             kind
             for kind, form in FORMS.items()
@@ -113,9 +127,6 @@ def apply_marks(robot: RobotFile, marks: Marks) -> None:
             closure, kind=kind, translations=rows.translations, rotation=rows.rotation
         )
         _remove(robot, prefix)
-        if name in marks.links and follower is not None:
-            on = closure.link_b if closure.link_a == follower[1] else closure.link_a
-            _rename(robot, on, marks.links[name])
         names = [closure.name for closure in robot.closures]
 
 
@@ -168,6 +179,28 @@ def _remove(robot: RobotFile, prefix: str) -> None:
     robot.links = [link for link in robot.links if link.name not in gone.values()]
     robot.closures = [closure for closure in robot.closures if not closure.name.startswith(prefix)]
     robot.home = {name: at for name, at in robot.home.items() if name not in gone}
+
+
+def _name_end(robot: RobotFile, closure: Closure, on: str, place: Array, name: str) -> Closure:
+    """Name the massless link at the end of a closure, and return the closure.
+
+    Args:
+        robot: The robot.
+        closure: The closure.
+        on: The link that the closure's follower hung on.
+        place: The frame of the massless link in it, shape (4, 4). If it is another frame, a fixed joint
+            leads to the massless link.
+        name: Name of the massless link.
+    """
+    if np.abs(place - np.eye(4)).max() > SAME_FRAME:
+        joint = unique(f"{name}_fixed", {joint.name for joint in robot.joints})
+        robot.joints.append(Joint(joint, "fixed", on, name, place, np.array([1.0, 0.0, 0.0])))
+        robot.links.append(Link(name, 0.0, np.zeros(3), np.zeros((3, 3))))
+    else:
+        _rename(robot, on, name)
+    if closure.link_a == on:
+        return replace(closure, link_a=name, frame_a=inverse(place) @ closure.frame_a)
+    return replace(closure, link_b=name, frame_b=inverse(place) @ closure.frame_b)
 
 
 def _rename(robot: RobotFile, name: str, new: str) -> None:

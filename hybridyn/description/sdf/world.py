@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from ...errors import ModelError
-from ..names import listed
+from ..names import did_you_mean, listed
 from ..robot_file import RobotFile
 from ..urdf.xml_node import Node
 from . import fields
@@ -17,7 +17,7 @@ SCENERY = ("sun", "ground_plane")
 #: Gravity of a world that states none [m/s^2].
 GRAVITY = (0.0, 0.0, -9.8)
 
-ONE_ROBOT = "hybridyn reads one robot: keep one of them in the file, or nest them in one <model>"
+ONE_ROBOT = "hybridyn reads one robot: name it after the file, 'FILE#MODEL', or nest them in one <model>"
 
 STATIC = (
     "a static model does not move at all, nor do its joints; to hold only its base, remove <static> and "
@@ -78,6 +78,41 @@ def choose_model(root: Node, library: Library, robot: RobotFile) -> Chosen:
     if world is not None and world.child("state") is not None:
         robot.notes.append("the <state> of the world is not read: poses are those of the models")
     return found[0]
+
+
+def keep_model(root: Node, name: str) -> None:
+    """Remove all models and worlds but one model and its world.
+
+    Args:
+        root: Root element of a robot file; it is changed.
+        name: Name of the model, or of the folder from which a world includes it.
+
+    Raises:
+        ModelError: The file is not SDF, or no model or several ones have this name.
+    """
+    if root.tag != "sdf":
+        raise root.error(f"only an SDF file has several models; remove '#{name}'")
+    worlds = root.children("world")
+    stated = [(holder, own) for holder in (root, *worlds) for own in holder.children("model", "include")]
+    kept = [(holder, own) for holder, own in stated if name in _names(own)]
+    if len(kept) != 1:
+        known = [known for _, own in stated for known in _names(own)]
+        count = f"{len(kept)} models are" if kept else "no model is"
+        raise root.error(f"{count} named '{name}'{did_you_mean(name, known)}; the file has {listed(known)}")
+    ((home, chosen),) = kept
+    for holder, own in stated:
+        if own.xml is not chosen.xml:
+            holder.xml.remove(own.xml)
+    for world in worlds:
+        if world.xml is not home.xml:
+            root.xml.remove(world.xml)
+
+
+def _names(own: Node) -> list[str]:
+    """Return the name of a model as its world knows it, or the folder of an included one."""
+    if own.tag == "model":
+        return [own.text("name")]
+    return [fields.word(own, "name") or fields.word(own, "uri").rstrip("/").rpartition("/")[2]]
 
 
 def gravity_of(world: Node | None) -> tuple[float, float, float] | None:
