@@ -17,6 +17,7 @@ from ...errors import ModelError
 from ..closure_forms import FORMS
 from ..names import did_you_mean, listed
 from ..records import Closure
+from .checking import check_constraint
 
 #: Kinds of closure by the names of Pinocchio's classes, those of its development branch included.
 ANCHORS = {
@@ -98,12 +99,7 @@ def _closure(model: pin.Model, constraint: Any, name: str, links: Sequence[str],
             element=name,
         )
     _refuse_moving(constraint, name)
-    for joint in (constraint.joint1_id, constraint.joint2_id):
-        if not 0 <= joint < model.njoints:
-            raise ModelError(
-                f"constraint '{name}': joint {joint} does not exist; the model has {model.njoints}",
-                element=name,
-            )
+    check_constraint(constraint, name, model.njoints)
     form = FORMS[kind or own]
     frames = (constraint.joint1_placement, constraint.joint2_placement)
     frame_a, frame_b = (np.array(frame.homogeneous) for frame in frames)

@@ -14,11 +14,15 @@ from ..mjcf.naming import unique
 from ..names import counted, listed
 from ..records import Array, Joint, Link
 from ..robot_file import RobotFile
+from .checking import check_model, is_finite
 from .constraints import closures_of, plain_constraints
 from .joints import coupling_of, joints_of, pieces_of
 
 #: Frames that become links; frames of joints and of welds are not links.
 LINKS = (pin.FrameType.BODY, pin.FrameType.OP_FRAME, pin.FrameType.SENSOR)
+
+#: Difference from 1 of the norm of a quaternion, or of a cosine with its sine, that is rounding.
+UNIT = 1e-4
 
 
 def read_model(
@@ -42,6 +46,7 @@ def read_model(
     """
     if not isinstance(model, pin.Model):
         raise ModelError(f"the model is a {type(model).__name__}, not a pinocchio.Model")
+    check_model(model)
     robot = RobotFile(str(model.name) or "robot", f"Pinocchio model '{model.name}'", format="Pinocchio")
     constraints = plain_constraints(constraint_models)
     tied = {
@@ -159,20 +164,21 @@ def _posture(model: pin.Model, home: Any, notes: list[str]) -> Array:
     if home is None:
         if not stated:
             return np.array(pin.neutral(model))
-        name = "home" if "home" in stated else next(iter(stated))
-        notes.append(f"home is the reference configuration '{name}' of the Pinocchio model")
-        return stated[name]
+        home = "home" if "home" in stated else next(iter(stated))
+        notes.append(f"home is the reference configuration '{home}' of the Pinocchio model")
     if isinstance(home, str):
         if home not in stated:
             raise ModelError(
                 f"home: the model has no reference configuration {home!r}; it has {listed(stated) or 'none'}"
             )
-        return stated[home]
+        home = stated[home]
     q = np.asarray(home, dtype=float)
-    if q.shape != (model.nq,) or not np.isfinite(q).all():
+    if q.shape != (model.nq,) or not is_finite(q):
         raise ModelError(
             f"home must have {counted(model.nq, 'finite coordinate')} of the model, not {q.shape}"
         )
+    if not pin.isNormalized(model, q, UNIT):
+        raise ModelError("home: a quaternion, or a cosine with its sine, is no unit vector")
     return q
 
 
