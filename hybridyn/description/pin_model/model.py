@@ -22,7 +22,7 @@ from .joints import coupling_of, joints_of, pieces_of
 LINKS = (pin.FrameType.BODY, pin.FrameType.OP_FRAME, pin.FrameType.SENSOR)
 
 #: Difference from 1 of the norm of a quaternion, or of a cosine with its sine, that is rounding.
-UNIT = 1e-4
+CONFIGURATION_SLACK = 1e-4
 
 
 def read_model(
@@ -177,7 +177,7 @@ def _posture(model: pin.Model, home: Any, notes: list[str]) -> Array:
         raise ModelError(
             f"home must have {counted(model.nq, 'finite coordinate')} of the model, not {q.shape}"
         )
-    if not pin.isNormalized(model, q, UNIT):
+    if not pin.isNormalized(model, q, CONFIGURATION_SLACK):
         raise ModelError("home: a quaternion, or a cosine with its sine, is no unit vector")
     return q
 
