@@ -80,6 +80,7 @@ def add_joint(
         losses.add(
             "floating joints have the name of their link and _free, and start at the world", joint.name
         )
+        _add_lost_numbers(joint, losses)
         return None
     if joint.kind == "planar":
         return _add_planar(root, joint, posture, losses)
@@ -91,8 +92,8 @@ def add_joint(
     if joint.gear_ratio != 1:
         add_number(element, "drake:gear_ratio", joint.gear_ratio)
     if joint.kind in ("fixed", "spherical"):
-        if joint.damping or joint.friction:
-            losses.add("damping and friction of ball joints", joint.name)
+        if joint.kind == "spherical":
+            _add_lost_numbers(joint, losses)
         return element
     axis = add_axis(element, joint.axis)
     zero = posture.single(joint.name)
@@ -105,6 +106,14 @@ def add_joint(
         add_number(dynamics, "spring_reference", rest - zero if stiffness else 0.0)
         add_number(dynamics, "spring_stiffness", stiffness)
     return element
+
+
+def _add_lost_numbers(joint: Joint, losses: Losses) -> None:
+    """List a joint with several freedoms whose numbers SDF cannot say."""
+    if joint.damping or joint.friction or joint.rotor_inertia:
+        losses.add("damping, friction and rotors of joints with several freedoms", joint.name)
+    if np.isfinite((joint.lower, joint.upper, joint.velocity, joint.effort)).any():
+        losses.add("limits of joints with several freedoms", joint.name)
 
 
 def _add_limit(axis: ET.Element, joint: Joint, zero: float) -> None:
@@ -122,6 +131,7 @@ def _add_limit(axis: ET.Element, joint: Joint, zero: float) -> None:
 def _add_planar(root: ET.Element, joint: Joint, posture: Posture, losses: Losses) -> ET.Element:
     """Add two slides and a hinge with massless links between them."""
     losses.add("planar joints are two slides and a hinge", joint.name)
+    _add_lost_numbers(joint, losses)
     parent = joint.parent
     for word, axis in SLIDES.items():
         link = f"{joint.child}_{word}"

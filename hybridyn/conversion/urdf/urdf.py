@@ -129,12 +129,23 @@ def _side_car(d: Description) -> str:
 
 
 def _add_losses(d: Description, losses: Losses) -> None:
+    for joint in d.joints:
+        if _lost_limits(joint):
+            losses.add("limits of joints with several freedoms", joint.name)
     if d.base == "floating":
         losses.add("the base floats, which URDF cannot say: load the file with base='floating'")
         if d.base_home is not None:
             losses.add("pose of the floating base in the home posture")
     if d.gravity is not None and not np.allclose(d.gravity, USUAL_GRAVITY, rtol=0, atol=1e-12):
         losses.add(f"gravity of {numerals(d.gravity)} m/s^2, which URDF cannot say")
+
+
+def _lost_limits(joint: Joint) -> bool:
+    """Say whether a joint with several freedoms has limits that are not read back."""
+    bounds = [joint.lower, joint.upper]
+    if joint.kind == "spherical":
+        bounds += [joint.effort, joint.velocity]
+    return FREEDOMS[joint.kind] > 1 and bool(np.isfinite(bounds).any())
 
 
 def _notes(d: Description) -> list[str]:
