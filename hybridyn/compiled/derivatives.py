@@ -9,6 +9,7 @@ Single columns also depend on the choice of eliminated closure rows.
 from __future__ import annotations
 
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -168,9 +169,12 @@ class Derivatives:
             )
         self._robot, self._model, self._parameters = robot, model, parameters
         with as_compile_error(robot):
-            self._library = self._built()
-            about = self._program if self._library is None else self._library.programs[f"{model}_jacobian"]
+            self.library = self._built()
+            about = self.program if self.library is None else self.library.programs[f"{model}_jacobian"]
         self._inputs, self._outputs = dict(about.inputs), dict(about.outputs)
+        self._widths = {name: robot.nv if name == "q" else size for name, size in self._inputs.items()}
+        self._rows, *ends = np.cumsum(list(self._outputs.values())).tolist()
+        self._ends = [self._rows, *ends]
 
     def _built(self) -> Library | None:
         """Return the library from the cache, or build it; None without a C compiler."""
@@ -180,10 +184,10 @@ class Derivatives:
             return None
         scalar = Scalar("float64", best_lanes())
         key = f"{self._model}_jacobian {self._parameters} {robot_key(self._robot, self._effects)} {scalar!r}"
-        return loaded(lambda: cached(key, lambda: library_source([self._program], scalar)))
+        return loaded(lambda: cached(key, lambda: library_source([self.program], scalar)))
 
     @cached_property
-    def _program(self) -> Program:
+    def program(self) -> Program:
         """The model and its derivatives as a program."""
         asked = request(self._robot, self._effects, parameters=self._parameters)
         return direct_derivatives(asked) if self._model == "ddm" else inverse_derivatives(asked)
@@ -192,7 +196,7 @@ class Derivatives:
     def _flat(self) -> ca.Function:
         """The program as one CasADi function."""
         with as_compile_error(self._robot):
-            return function_of(self._program)
+            return function_of(self.program)
 
     @cached_property
     def casadi(self) -> ca.Function:
@@ -218,6 +222,8 @@ class Derivatives:
             HybridynError: The loops are open or rank is lost at a state (errors of the general path).
             SingularityError: The pivots of the elimination vanish at a state, so digits are lost.
         """
+        if (found := self._single(given)) is not None:
+            return found
         wanted = {name: size for name, size in self._inputs.items() if name != "parameters"}
         if len(given) == 3 and "base_acceleration" in wanted:
             given = (*given, np.zeros((*np.shape(given[0])[:-1], 6)))
@@ -231,11 +237,21 @@ class Derivatives:
         doubtful = np.flatnonzero(~(guard <= GUARD_LIMIT))
         if len(doubtful):
             self._check_doubtful(arrays, value, doubtful.tolist())
-        samples, rows = value.shape
-        widths = {name: self._robot.nv if name == "q" else size for name, size in self._inputs.items()}
-        pairs_out = zip(widths.items(), flat, strict=True)
-        out = {name: x.reshape(samples, rows, width) for (name, width), x in pairs_out}
+        pairs_out = zip(self._widths.items(), flat, strict=True)
+        out = {name: x.reshape(len(value), self._rows, width) for (name, width), x in pairs_out}
         return {name: block[0] for name, block in out.items()} if checked["q"][1] else out
+
+    def _single(self, given: tuple[ArrayLike, ...]) -> Jacobians | None:
+        """Evaluate one sample without checks; None unless C takes the arrays and trusts the result."""
+        at_once = None if self.library is None else self.library.programs[f"{self._model}_jacobian"].at_once
+        numbers = (*given, self._numbers) if self._parameters else given
+        if at_once is None or len(numbers) != len(self._inputs):
+            return None
+        out = np.empty(self._ends[-1])
+        if at_once(*numbers, out) != 0:
+            return None
+        pairs = zip(self._widths.items(), pairwise(self._ends), strict=True)
+        return {name: out[a:b].reshape(self._rows, width) for (name, width), (a, b) in pairs}
 
     def _run(self, arrays: dict[str, Array]) -> tuple[tuple[Array, ...], Array]:
         """Return the program's outputs, shapes (T, size), and the samples' guards, shape (T,)."""
@@ -243,8 +259,8 @@ class Derivatives:
         rows = list(arrays.values())
         if self._parameters:
             rows.append(np.tile(self._numbers, (samples, 1)))
-        if self._library is not None:
-            return self._library.batch(f"{self._model}_jacobian", *rows)
+        if self.library is not None:
+            return self.library.batch(f"{self._model}_jacobian", *rows)
         outs = tuple(np.empty((samples, size)) for size in (*self._outputs.values(), 1))
         for t in range(samples):
             for out, found in zip(outs, self._flat.call([x[t] for x in rows]), strict=True):

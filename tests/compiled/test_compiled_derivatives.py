@@ -8,6 +8,7 @@ import pinocchio as pin
 import pytest
 
 import hybridyn
+from hybridyn.compiled.code.rules import check, trimmed
 from hybridyn.compiled.code.scalars import GUARD_LIMIT
 from hybridyn.compiled.derivatives import DERIVATIVE_AGREES, Derivatives
 from hybridyn.compiled.equations.request import request
@@ -206,7 +207,9 @@ def assert_as_whole(robot: HybridRobot) -> None:
         J = ca.Function("J", columns, [ca.densify(ca.jacobian(value, x)) for x in columns])
         wanted = [np.array(x) for x in J.call(given)]
         wanted[0] = wanted[0] @ tangent(robot, q)
-        found = function_of(derive(asked)).call(given)
+        joined = derive(asked)
+        check(trimmed(joined))
+        found = function_of(joined).call(given)
         for x, block in zip(wanted, found[1:-1], strict=True):
             atol = SOLVED * np.abs(x).max(initial=0.0)
             np.testing.assert_allclose(np.array(block).reshape(x.shape), x, rtol=0, atol=atol)

@@ -19,6 +19,7 @@ from ..writer import Writer
 from .adjoints import Adjoints
 from .columns import Coordinates, collect, coordinates_of, parameters_of
 from .dense import Block, add_product, inverse, new_block
+from .memory import compacted
 from .motion import Motions
 from .nodes import Joiner
 
@@ -42,7 +43,7 @@ def direct_derivatives(request: Request) -> Program:
             rows.add("tau", module.motor_index)
     for index in parameters_of(request):
         rows.add("parameters", index)
-    return w.program()
+    return compacted(w.program())
 
 
 class _Rows:

@@ -11,6 +11,7 @@ from ..inverse import inverse_inputs, write_inverse_sweeps
 from ..writer import Writer
 from .adjoints import Adjoints
 from .columns import collect, coordinates_of, parameters_of
+from .memory import compacted
 from .nodes import Joiner
 
 
@@ -26,7 +27,7 @@ def inverse_derivatives(request: Request) -> Program:
     w = Writer("idm_jacobian", inputs, outputs)
     write_inverse_sweeps(request, w)
     if not motors:
-        return w.program()
+        return compacted(w.program())
     nodes = Joiner(w.kernels, w.handed).nodes(step for step in w.steps if isinstance(step, Call))
     adjoints = Adjoints(w, motors)
     adjoints.seed(w.result("tau", np.arange(motors)))
@@ -42,4 +43,4 @@ def inverse_derivatives(request: Request) -> Program:
             collect(adjoints, name, at.v, [block(name, at.v)])
     for index in parameters_of(request):
         collect(adjoints, "parameters", index, [block("parameters", index)])
-    return w.program()
+    return compacted(w.program())
