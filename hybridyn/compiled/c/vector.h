@@ -7,11 +7,29 @@ typedef I M __attribute__((vector_size(W * sizeof(S))));
 #define C(x) ((S)(x) - (V){0}) /* exact, also for -0 */
 #define LANE(x, i) ((x)[i])
 
+/* GCC's builtins are what its intrinsics expand to. <immintrin.h> takes longer to parse than most units. */
+#if defined(__has_builtin) && !defined(__clang__) && defined(__FMA__) && defined(DOUBLE)
+#if defined(__AVX512F__) && W == 8
+#if __has_builtin(__builtin_ia32_vfnmsubpd512_mask) && __has_builtin(__builtin_ia32_ptestmq512)
+#define FUSED(operation, a, b, c) __builtin_ia32_v##operation##pd512_mask(a, b, c, -1, 4)
+#define ROOT(x) __builtin_ia32_sqrtpd512_mask(x, x, -1, 4)
+#define ANY_BIT(m) (__builtin_ia32_ptestmq512(m, m, -1) != 0)
+#endif
+#elif W == 4
+#if __has_builtin(__builtin_ia32_vfnmsubpd256) && __has_builtin(__builtin_ia32_sqrtpd256)
+#define FUSED(operation, a, b, c) __builtin_ia32_v##operation##pd256(a, b, c)
+#define ROOT(x) __builtin_ia32_sqrtpd256(x)
+#endif
+#endif
+#endif
+
+#ifndef ROOT
 #if defined(__AVX__) || defined(__SSE2__)
 #include <immintrin.h>
 #endif
 #if defined(__AVX512F__) && W == 8 && defined(DOUBLE)
 #define X86(operation) _mm512_##operation##_pd
+#define ANY_BIT(m) (_mm512_test_epi64_mask((__m512i)m, (__m512i)m) != 0)
 #elif defined(__AVX__) && W == 4 && defined(DOUBLE)
 #define X86(operation) _mm256_##operation##_pd
 #elif defined(__SSE2__) && W == 2 && defined(DOUBLE)
@@ -23,13 +41,20 @@ typedef I M __attribute__((vector_size(W * sizeof(S))));
 #elif defined(__SSE2__) && W == 4 && !defined(DOUBLE)
 #define X86(operation) _mm_##operation##_ps
 #endif
+#ifdef X86
+#define ROOT(x) X86(sqrt)(x)
+#ifdef __FMA__
+#define FUSED(operation, a, b, c) X86(operation)(a, b, c)
+#endif
+#endif
+#endif
 
 /* a b + c with one rounding where the machine has it; never left to the compiler's taste. */
-#if defined(X86) && defined(__FMA__)
-INLINE V FMA(V a, V b, V c) { return (V)X86(fmadd)(a, b, c); }
-INLINE V FMS(V a, V b, V c) { return (V)X86(fmsub)(a, b, c); }
-INLINE V FNMA(V a, V b, V c) { return (V)X86(fnmadd)(a, b, c); }
-INLINE V FNMS(V a, V b, V c) { return (V)X86(fnmsub)(a, b, c); }
+#ifdef FUSED
+INLINE V FMA(V a, V b, V c) { return (V)FUSED(fmadd, a, b, c); }
+INLINE V FMS(V a, V b, V c) { return (V)FUSED(fmsub, a, b, c); }
+INLINE V FNMA(V a, V b, V c) { return (V)FUSED(fnmadd, a, b, c); }
+INLINE V FNMS(V a, V b, V c) { return (V)FUSED(fnmsub, a, b, c); }
 #elif defined(__FMA__) || defined(__aarch64__)
 INLINE V FMA(V a, V b, V c) {
     V r;
@@ -46,8 +71,8 @@ INLINE V FNMA(V a, V b, V c) { return c - a * b; }
 INLINE V FNMS(V a, V b, V c) { return -(a * b) - c; }
 #endif
 
-#ifdef X86
-INLINE V SQRT(V x) { return (V)X86(sqrt)(x); }
+#ifdef ROOT
+INLINE V SQRT(V x) { return (V)ROOT(x); }
 #else
 INLINE V SQRT(V x) {
     V r;
@@ -65,8 +90,8 @@ INLINE V NUMBER(M m) { return CHOOSE(m, C(1)); }
 #define OR(a, b) ((a) | (b))
 INLINE V FABS(V x) { return (V)((M)x & ~(M)C(-0.0)); }
 INLINE int ANY(M m) {
-#if defined(X86) && defined(__AVX512F__) && W * 8 == 64 && defined(DOUBLE)
-    return _mm512_test_epi64_mask((__m512i)m, (__m512i)m) != 0;
+#ifdef ANY_BIT
+    return ANY_BIT(m);
 #else
     I any = 0;
     for (int i = 0; i < W; i++) any |= m[i];
