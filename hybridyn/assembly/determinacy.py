@@ -142,11 +142,11 @@ def full_rank_blocks(generic: Array, free: Mask, tolerance: float) -> list[Block
     touched: Mask = np.abs(generic[:, :, cols]).max(axis=0, initial=0.0) > 1e-12
     label = np.arange(len(cols))
     for row in touched:
-        members = np.unique(label[row])
+        members = set(label[row].tolist())
         if len(members) > 1:
-            label[np.isin(label, members)] = members[0]
+            label[[one in members for one in label.tolist()]] = min(members)
     blocks = []
-    for name in np.unique(label):
+    for name in sorted(set(label.tolist())):
         own = label == name
         rows = np.flatnonzero(touched[:, own].any(axis=1))
         K = generic[:, rows[:, None], cols[own]]

@@ -231,14 +231,15 @@ def _coarse_to_fine(task: Task, start: Array, samples: Index) -> tuple[Array, Ma
     good = np.ones(n, dtype=bool)
     have = np.array([0])
     for stride in STRIDES:
-        todo = np.setdiff1d(np.arange(0, n, stride), have)
+        known = set(have.tolist())
+        todo = np.array([i for i in range(0, n, stride) if i not in known], dtype=int)
         if not len(todo):
             continue
         before = have[np.searchsorted(have, todo, side="right") - 1]
         start, step = _interpolated(task, q, have, todo, before)
         result = task.solve(tree.integrate(start, step), samples[todo])
         q[todo], good[todo] = result.q, task.closed(result)
-        have = np.union1d(have, todo)
+        have = np.sort(np.concatenate([have, todo]))
     return q, good
 
 

@@ -17,8 +17,6 @@ from .motors import choose_motors
 from .names import listed
 from .records import Description, ReadFrom
 from .robot_file import RobotFile
-from .sdf.sdf import read_sdf
-from .sdf.world import keep_model
 from .side_cars.companions import find_model_file, find_side_car, find_submechanisms
 from .unread_forms import unread_form, unread_format
 from .urdf.foreign import refuse_unclosed_frames, refuse_unread_side_cars
@@ -31,7 +29,7 @@ from .validate import validate
 FORMATS: dict[str, Callable[[Node, Sequence[str | os.PathLike[str]]], RobotFile]] = {
     "robot": lambda root, _: read_urdf(root),
     "mujoco": lambda root, package_dirs: _read_mjcf(root, package_dirs),
-    "sdf": read_sdf,
+    "sdf": lambda root, package_dirs: _read_sdf(root, package_dirs),
     "_usd": lambda root, package_dirs: _read_usd(root, package_dirs),
 }
 
@@ -162,6 +160,8 @@ def _open(
     file, model = split_model(path)
     root, notes = _expanded(file, xacro_args, package_dirs)
     if model:
+        from .sdf.world import keep_model
+
         keep_model(root, model)
     return root, notes
 
@@ -254,6 +254,13 @@ def _read_mjcf(root: Node, package_dirs: Sequence[str | os.PathLike[str]]) -> Ro
     from .mjcf.mjcf import read_mjcf
 
     return read_mjcf(root, package_dirs)
+
+
+def _read_sdf(root: Node, package_dirs: Sequence[str | os.PathLike[str]]) -> RobotFile:
+    """Read SDF; imported only here, since its reader has many files."""
+    from .sdf.sdf import read_sdf
+
+    return read_sdf(root, package_dirs)
 
 
 def _read_usd(root: Node, package_dirs: Sequence[str | os.PathLike[str]]) -> RobotFile:

@@ -128,7 +128,9 @@ class Reduction:
         self.n = len(col_scale)
         self._blocks, self._shared = blocks, shared
         taken = np.concatenate([b.rows for b in blocks]) if blocks else np.zeros(0, dtype=int)
-        self._shared_rows = np.setdiff1d(np.arange(len(row_scale)), taken)
+        alone = np.ones(len(row_scale), dtype=bool)
+        alone[taken] = False
+        self._shared_rows = np.flatnonzero(alone)
         self.rank = 0
         self.report = RankReport(0, len(row_scale), 1.0, 0.0)
         self._groups: list[list[Block]] = []

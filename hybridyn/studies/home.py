@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..assembly.assemblies import assemblies
 from ..description.names import did_you_mean
 from ..errors import ModelError
 from ..spatial import Array
@@ -77,6 +76,8 @@ def homes(
         if name not in robot.motors:
             raise ModelError(f"no such motor '{name}'{did_you_mean(name, robot.motors)}", element=name)
     home = {name: values[0] for name, values in positions(robot, robot.home).items() if name in robot.motors}
+    from ..assembly.assemblies import assemblies  # not needed to name the branch, as most commands do
+
     found = assemblies(robot, motors={**home, **given}, starts=starts, seed=seed)
     out = []
     for q, count, residual, within in zip(
