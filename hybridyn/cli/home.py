@@ -108,17 +108,29 @@ def _save(robot: HybridRobot, found: Homes, target: str) -> None:
         write(state_rows(robot, np.arange(1.0, len(q) + 1), q, rest, rest))
 
 
+def _names(found: Homes) -> list[str]:
+    """Name each posture by the joints that are farthest from home, as many as make the names differ."""
+    names = ["home"] * len(found.postures)  # of a robot without joints
+    for count in range(1, len(found.postures[0].distances) + 1):
+        names = []
+        for posture in found.postures:
+            far = [f"{joint} {x:.3g}" for joint, x in list(posture.distances.items())[:count]]
+            names.append("home" if posture.distance < AT_HOME else f"{', '.join(far)} from home")
+        if len({*names}) == len(names):
+            break
+    return names
+
+
 def _lines(found: Homes, everything: bool, choose: int) -> Iterator[str]:
     """Yield the postures, one per line."""
-    shown = [(number, posture) for number, posture in enumerate(found.postures, 1)]
     rows = [
         (
             f"{number}",
-            "home" if posture.distance < AT_HOME else f"{posture.joint} {posture.distance:.3g} from home",
+            name,
             "within limits" if posture.within_limits else "beyond limits",
             f"closed to {posture.residual:.1e}",
         )
-        for number, posture in shown
+        for number, (posture, name) in enumerate(zip(found.postures, _names(found), strict=True), 1)
         if everything or number == choose
     ]
     yield from aligned_rows(rows)

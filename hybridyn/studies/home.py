@@ -33,6 +33,7 @@ class HomePosture:
         joint: The joint that is farthest from the present home posture.
         distance: Its distance [m or rad].
         count: Number of random starts that led to the posture.
+        distances: Distance of each joint from the present home posture, the farthest first [m or rad].
     """
 
     q: Array
@@ -41,6 +42,7 @@ class HomePosture:
     joint: str
     distance: float
     count: int
+    distances: Mapping[str, float]
 
 
 @dataclass(frozen=True)
@@ -83,11 +85,9 @@ def homes(
     for q, count, residual, within in zip(
         found.q, found.counts, found.residual, found.within_limits, strict=True
     ):
-        distances = _distances(robot, q, robot.home)
-        joint = max(distances, key=lambda name: distances[name], default="")
-        out.append(
-            HomePosture(q, float(residual), bool(within), joint, distances.get(joint, 0.0), int(count))
-        )
+        distances = dict(sorted(_distances(robot, q, robot.home).items(), key=lambda item: -item[1]))
+        joint, distance = next(iter(distances.items()), ("", 0.0))
+        out.append(HomePosture(q, float(residual), bool(within), joint, distance, int(count), distances))
     return Homes(tuple(out), found.unseen)
 
 

@@ -64,6 +64,15 @@ def test_motors_may_stand_elsewhere(file: Path) -> None:
         homes(robot, {"driwe": 0.1})
 
 
+def test_postures_have_names_that_differ(capsys: pytest.CaptureFixture[str]) -> None:
+    """Two postures of this mechanism have the same farthest joint at the same distance."""
+    rows = call(capsys, "home", "andrews", "--all").out.splitlines()[:-1]
+    names = [re.split(r"  +", row)[1] for row in rows]
+    assert names[0] == "home"
+    assert len({*names}) == len(names) == 4
+    assert len({name.split(",")[0].removesuffix(" from home") for name in names}) == 3
+
+
 def test_a_written_posture_is_the_next_home(file: Path, capsys: pytest.CaptureFixture[str]) -> None:
     listed = call(capsys, "home", file, "--all")
     assert listed.status == 0
