@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Mapping, Sequence
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,7 +15,7 @@ from ..assembly.requests import Requests, gather_requests
 from ..dynamics.link_motion import LinkMotion, motions_of, named_links
 from ..effects.choice import Effects
 from ..errors import ModelError
-from ..spatial import Array
+from ..spatial import Array, Mask
 from ..structure.parameters.entries import Parameters
 from ..structure.robot import HybridRobot
 from .code.scalars import Scalar
@@ -25,6 +26,7 @@ from .programs.body_rows import body_motion
 from .programs.closing.assembling import Assembler
 from .programs.closing.given import requests_of_motors
 from .programs.designs import Designs
+from .programs.evaluating import DesignTable, Evaluator
 from .programs.general import as_batches, check_batches, everywhere, general, general_rows
 from .programs.quantities.calls import Quantities
 from .programs.sources import built_library, write_programs
@@ -140,6 +142,7 @@ class CompiledRobot(Quantities):
         motors: Mapping[str, object] | None = None,
         platforms: Mapping[str, object] | None = None,
         guess: Array | None = None,
+        parameters: ArrayLike | None = None,
     ) -> tuple[Array, Array, Array]:
         """Compute postures that close all loops, like `hybridyn.assemble`, row after row in C.
 
@@ -151,6 +154,8 @@ class CompiledRobot(Quantities):
             motors: As in `hybridyn.assemble`.
             platforms: As in `hybridyn.assemble`.
             guess: Initial posture, shape (nq,), such as the last one; the home posture by default.
+            parameters: Numbers of one design, shape (k,), which then starts from its home posture. `designs`
+                takes many.
 
         Returns:
             q, v, a as `hybridyn.assemble` returns them, equal up to rounding, in double precision.
@@ -158,7 +163,48 @@ class CompiledRobot(Quantities):
         Raises:
             HybridynError: The same errors with the same messages as `hybridyn.assemble`.
         """
-        return self._assemble(gather_requests(self.robot, by_name(motors), by_name(platforms)), guess)
+        requests = gather_requests(self.robot, by_name(motors), by_name(platforms))
+        if parameters is None:
+            return self._assemble(requests, guess)
+        q, v, a = self._evaluator.assemble(self._designs.numbers(parameters, ()), requests)
+        return (q[0], v[0], a[0]) if requests.single else (q, v, a)
+
+    def designs(
+        self,
+        parameters: ArrayLike,
+        *,
+        motors: Mapping[str, object] | None = None,
+        platforms: Mapping[str, object] | None = None,
+    ) -> DesignTable:
+        """Compute the motion and the efforts of many designs along one table, each from its home posture.
+
+        Postures and efforts are computed in C, with a design in each lane. The general path computes designs
+        of which the C is not certain, and finds what is wrong with those that cannot make the motion.
+
+        Args:
+            parameters: Numbers of each design in the order of `parameters.labels`, shape (designs, k).
+            motors: As in `hybridyn.assemble`.
+            platforms: As in `hybridyn.assemble`.
+
+        Returns:
+            States, efforts, and the postures that are unreachable or singular; no design raises an error.
+
+        Raises:
+            TrajectoryError: The table or the parameters are wrong.
+        """
+        found = self._evaluator.table(parameters, by_name(motors), by_name(platforms))
+        self.recomputed += found.recomputed * found.q.shape[1]
+        return found
+
+    @cached_property
+    def _evaluator(self) -> Evaluator:
+        """Evaluator of designs."""
+
+        def batch(given: list[Array]) -> tuple[Array, Mask]:
+            (tau,), guard = self._idm.batch(given, self.threads)
+            return tau, guard <= self._idm.trusted
+
+        return Evaluator(self._designs, self.effects, batch)
 
     def _assemble(self, requests: Requests, guess: Array | None) -> tuple[Array, Array, Array]:
         """Assemble postures for requests that have been gathered."""

@@ -38,7 +38,12 @@ class Folding:
         return out
 
     def _argument(self, values: Expression) -> ca.SX:
-        """Return the symbol of a number that is an argument in some copies."""
+        """Return the symbol of a number that is an argument in some copies; equal numbers share one."""
+        for column, known in zip(self.columns, self.values, strict=True):
+            if known.dtype == object and all(
+                ca.is_equal(ca.SX(x), ca.SX(y)) for x, y in zip(values, known, strict=True)
+            ):
+                return column
         self.columns.append(ca.SX.sym(f"number_{len(self.columns)}"))
         self.values.append(values)
         return self.columns[-1]
@@ -66,3 +71,10 @@ class Folding:
     def table(self, copies: int) -> Array:
         """Return the copies' numbers, shape (copies, symbols); an object array if some are arguments."""
         return np.array(self.values).T.reshape(copies, len(self.values))
+
+
+def scalar(x: Any) -> Expression:
+    """Return a number, which may be an expression, as an array of shape (1,)."""
+    out = np.empty(1, dtype=object)
+    out[0] = x
+    return settled(out)

@@ -11,7 +11,7 @@ import numpy as np
 from ...structure.module import Module
 from .chains import sweep
 from .expressions import Expression, pack, symbols, zeros
-from .folding import Folding
+from .folding import Folding, scalar
 from .legs import fold_links
 from .links import links_of
 from .residuals import SpanningRows, coupling_row
@@ -66,7 +66,7 @@ def spanning_closures(
         off, over = rows.closure(same[0], (frames[0], frames[1], frames[2], frames[3]))
         residual, K = [*residual, off], [*K, over]
     for coupled in zip(*(s.couplings for s in specs), strict=True):
-        offset = folding.array([np.array([c.offset]) for c in coupled])[0]
+        offset = folding.array([scalar(c.offset) for c in coupled])[0]
         miss, row = coupling_row(chain, coupled[0], positions, offset)
         residual, K = [*residual, np.array([miss], dtype=object)], [*K, row[None]]
     return np.concatenate(K), np.concatenate(residual)

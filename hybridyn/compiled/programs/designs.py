@@ -87,7 +87,7 @@ class Designs:
             shape: Shape of the samples, () or (T,).
 
         Raises:
-            ModelError: The model was compiled without parameters.
+            ModelError: The model was compiled without parameters, or a mass is negative.
             TrajectoryError: The shape is wrong, or a number is not finite.
         """
         size = self.parameters.size
@@ -105,6 +105,10 @@ class Designs:
                 + f" ({', '.join(self.parameters.labels[:6])}{', ...' if size > 6 else ''})"
             )
         slots = self.parameters.slot_values(np.atleast_2d(values))
+        for i, slot in enumerate(self.parameters.slots):
+            if slot.field == "mass" and (slots[:, i] < 0).any():
+                first = int(np.flatnonzero(slots[:, i] < 0)[0])
+                raise ModelError(f"{slot} is negative in design {first}", element=slot.name)
         return slots[0] if not shape else np.broadcast_to(slots, (*shape, slots.shape[1]))
 
     def by_design(self, numbers: Array, rows: Index) -> Iterator[tuple[HybridRobot, Index]]:

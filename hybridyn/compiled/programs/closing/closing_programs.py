@@ -10,7 +10,8 @@ import numpy as np
 
 from ....spatial import Index
 from ....structure.robot import HybridRobot
-from ...program import Constants, Program, Source, Target, Worst
+from ...equations.arguments.chosen import ChosenNumbers
+from ...program import Program, Source, Target, Worst
 from ..writer import Writer
 from .extended import extended
 from .kernels import ModuleKernels, Written
@@ -20,7 +21,9 @@ from .part import Part
 Form = tuple[list[tuple[str, str]], list[tuple[str, str]]]
 
 
-def closing_programs(robot: HybridRobot, parts: Sequence[Part]) -> dict[str, Program]:
+def closing_programs(
+    robot: HybridRobot, parts: Sequence[Part], chosen: ChosenNumbers | None = None
+) -> dict[str, Program]:
     """Write the programs "newton", "settle" and "branch", see `kernels`.
 
     Inputs and outputs are those of the kernels for the whole robot, "p" the poses of the platforms, module by
@@ -29,8 +32,11 @@ def closing_programs(robot: HybridRobot, parts: Sequence[Part]) -> dict[str, Pro
     Args:
         robot: The robot.
         parts: Its modules but a free base.
+        chosen: Numbers that are arguments, the input "parameters" of each program, or None.
     """
     shapes: dict[Any, list[int]] = {}
+    index = [robot.modules.index(part.module) for part in parts]
+    own = [None if chosen is None else chosen.of_modules[i] for i in index]
     for k, part in enumerate(parts):
         blocks = tuple(tuple(block.cols.tolist()) for block in part.blocks)
         key = extended(part.module.mechanism).shape, part.given, blocks, part.module.mobility
@@ -38,6 +44,7 @@ def closing_programs(robot: HybridRobot, parts: Sequence[Part]) -> dict[str, Pro
     sizes = {
         "q": robot.nq, "p": sum(part.platforms for part in parts), "v": robot.nv, "each": len(parts),
         "g": sum(part.given.size for part in parts), "rates": sum(part.given.rates for part in parts),
+        "slots": 0 if chosen is None else chosen.size,
     }  # fmt: skip
     posture = [("q_0", "q"), ("p_0", "p")]
     twice = [("q_1", "q"), ("p_1", "p"), ("q_2", "q"), ("p_2", "p")]
@@ -50,13 +57,19 @@ def closing_programs(robot: HybridRobot, parts: Sequence[Part]) -> dict[str, Pro
         ),
         "branch": ([*posture, *twice, ("g", "g")], _each("off", "turned")),
     }
-    writers = {name: _Writer(name, form, sizes) for name, form in forms.items()}
+    if chosen is not None:
+        forms = {name: ([*ins, ("parameters", "slots")], outs) for name, (ins, outs) in forms.items()}
+    column = None if chosen is None else chosen.column
+    writers = {name: _Writer(name, form, sizes, column) for name, form in forms.items()}
     for name in ("newton", "settle"):
         if robot.base != "fixed":
             writers[name].keep_base()
     for shape, numbers in shapes.items():
         same = [parts[k] for k in numbers]
-        written = ModuleKernels([part.module for part in same], same[0].given, same[0].blocks).write()
+        kernels = ModuleKernels(
+            [part.module for part in same], same[0].given, same[0].blocks, [own[k] for k in numbers]
+        )
+        written = kernels.write()
         places = _places(parts, numbers)
         for writer in writers.values():
             writer.add(shape, written, places, len(numbers))
@@ -89,8 +102,8 @@ def _places(parts: Sequence[Part], numbers: Sequence[int]) -> dict[str, Index]:
 class _Writer:
     """Writes one of the programs."""
 
-    def __init__(self, name: str, form: Form, sizes: dict[str, int]) -> None:
-        self.name, self.form = name, form
+    def __init__(self, name: str, form: Form, sizes: dict[str, int], column: ca.SX | None) -> None:
+        self.name, self.form, self.column = name, form, column
         inputs, outputs = ([(n, sizes[kind]) for n, kind in side] for side in form)
         self.writer = Writer(name, inputs, outputs)
 
@@ -98,10 +111,11 @@ class _Writer:
         """Add the call of the kernel of some modules."""
         inputs, outputs = self.form
         w = self.writer
-        sources: list[Source] = [w.from_given(name, places[kind]) for name, kind in inputs]
+        sources: list[Source] = [w.from_given(name, places[kind]) for name, kind in inputs if kind in places]
         targets: list[Target] = [w.result(name, places[kind]) for name, kind in outputs]
         kernel = w.kernel(shape, getattr(written, self.name), "closures")
-        w.call(kernel, copies, [*sources, Constants(written.table)], [*targets, Worst()])
+        numbers = w.numbers(written.table, self.column)
+        w.call(kernel, copies, [*sources, numbers], [*targets, Worst()])
 
     def keep_base(self) -> None:
         """Hand on the pose of the base; its rates are not the program's."""

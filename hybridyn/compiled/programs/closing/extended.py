@@ -11,9 +11,11 @@ from functools import cache
 import numpy as np
 
 from ....linkage.closures import TreeClosure, TreeCoupling
+from ....linkage.joints import TreeJoint
 from ....linkage.tree import Tree
 from ....spatial import Array
 from ....structure.mechanism import Mechanism
+from ....structure.module_spec import ModuleSpec
 
 
 @dataclass(frozen=True)
@@ -22,6 +24,7 @@ class Extended:
 
     Attributes:
         tree: The tree: first the joints of `Mechanism.tree`, then those of the wrists.
+        joints: Its joints; their numbers may be arguments.
         cut: Number of joints of `Mechanism.tree`.
         source: For each joint its number in the spanning tree, or None for a platform.
         closures: The closures after the cuts.
@@ -33,6 +36,7 @@ class Extended:
     """
 
     tree: Tree
+    joints: tuple[TreeJoint, ...]
     cut: int
     source: tuple[int | None, ...]
     closures: tuple[TreeClosure, ...]
@@ -71,6 +75,19 @@ class Extended:
         return np.concatenate([cut, *wrists], axis=1)
 
 
+def with_arguments(m: Mechanism, spec: ModuleSpec) -> Extended:
+    """Return the extended tree of a mechanism with other numbers, which may be arguments."""
+    e = extended(m)
+    numbers = [*spec.tree, *(spec.spanning[i] for wrist in spec.wrists for i in wrist.joints)]
+    return replace(
+        e,
+        joints=tuple(replace(j, R=x.R, p=x.p) for j, x in zip(e.joints, numbers, strict=True)),
+        closures=spec.cut_closures,
+        couplings=spec.cut_couplings,
+        welds=tuple(replace(c, R_b=w.R, p_b=w.p) for c, w in zip(e.welds, spec.wrists, strict=True)),
+    )
+
+
 @cache
 def extended(m: Mechanism) -> Extended:
     """Return the extended tree of a mechanism."""
@@ -90,6 +107,7 @@ def extended(m: Mechanism) -> Extended:
         )
     return Extended(
         Tree(joints),
+        tuple(joints),
         len(m.tree.joints),
         tuple(source),
         m.closures.closures,

@@ -24,6 +24,7 @@ from ....linkage.newton import LONGEST_STEP
 from ....linkage.reduction import Block
 from ....spatial import Array, Index
 from ....structure.module import Module
+from ...equations.arguments.module_arguments import ModuleArguments
 from ...equations.displacement import by_joint, moved_joint, position_rate
 from ...equations.expressions import Expression, dot, is_zero, pack, symbols, unpack, zeros
 from ...equations.folding import Folding
@@ -31,7 +32,7 @@ from ...equations.guards import largest, trusted
 from ...equations.states import generic_positions, seen_postures
 from ...equations.static_elimination import Pivots, choose_pivots, solve
 from .differences import joint_difference
-from .extended import Extended, extended
+from .extended import Extended, extended, with_arguments
 from .given import ANGLE, WIDTH, Given
 from .rows import Rows, row_scales, rows_at
 
@@ -49,7 +50,8 @@ class Written:
         newton: From (q, p, g, numbers) to (q_next, p_next, step, wrist, open, guard).
         settle: From (q, p, g, g_dot, g_ddot, numbers) to (q_next, p_next, v, a, step, open, guard).
         branch: From (q_0, p_0, q_1, p_1, q_2, p_2, g, numbers) to (off, turned, guard).
-        table: The numbers in which the modules differ, shape (modules, numbers).
+        table: The numbers in which the modules differ, shape (modules, numbers); expressions where they
+            are arguments.
     """
 
     newton: ca.Function
@@ -61,18 +63,29 @@ class Written:
 class ModuleKernels:
     """Writes the kernels of modules of one shape with the same given joints and targets."""
 
-    def __init__(self, modules: Sequence[Module], given: Given, blocks: Sequence[Block]) -> None:
+    def __init__(
+        self,
+        modules: Sequence[Module],
+        given: Given,
+        blocks: Sequence[Block],
+        arguments: Sequence[ModuleArguments | None] = (),
+    ) -> None:
         """Choose the pivots.
 
         Args:
             modules: The modules.
             given: What is prescribed.
             blocks: Blocks of the free freedoms that do not depend on each other; none for one block.
+            arguments: Arguments of each module, or None; nothing where no module has any.
         """
         self.modules, self.given, self.blocks = modules, given, blocks
         self.m = modules[0].mechanism
         self.trees = [extended(module.mechanism) for module in modules]
         self.e: Extended = self.trees[0]
+        self.with_arguments = [
+            tree if own is None else with_arguments(module.mechanism, own.spec)
+            for tree, module, own in zip(self.trees, modules, arguments or [None] * len(modules), strict=True)
+        ]
         self.platforms = self.e.platforms
         held = set(given.columns(self.e.tree).tolist())
         self.free = np.array([k for k in range(self.e.tree.nv) if k not in held], dtype=int)
@@ -173,7 +186,7 @@ class ModuleKernels:
         """Write the kernels."""
         folding = Folding()
         z = self.positions(0)
-        rows = rows_at(self.trees, self.given, folding, z, self._poses())
+        rows = rows_at(self.with_arguments, self.given, folding, z, self._poses())
         functions = self._newton(rows, z, folding), self._settle(rows, z, folding)
         return Written(*functions, self._branch(rows, folding), folding.table(len(self.modules)))
 
@@ -280,7 +293,7 @@ class ModuleKernels:
         The first posture is the start, the second the predicted one, the third the one that was found.
         """
         predicted, found = self.positions(1), self.positions(2)
-        there = rows_at(self.trees, self.given, folding, found, self._poses())
+        there = rows_at(self.with_arguments, self.given, folding, found, self._poses())
         tree = self.e.tree
         both = (np.concatenate([zeros(0), *z]) for z in (predicted, found))
         off = by_joint(tree, joint_difference, *both, positions=2)

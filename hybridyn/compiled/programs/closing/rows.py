@@ -12,7 +12,7 @@ from ....linkage.closures import TreeClosure
 from ....spatial import Array
 from ...equations.chains import Chain, sweep
 from ...equations.expressions import Expression, dot, plain, zeros
-from ...equations.folding import Folding
+from ...equations.folding import Folding, scalar
 from ...equations.legs import fold_links
 from ...equations.links import links_of
 from ...equations.residuals import Frames, SpanningRows, coupling_row
@@ -50,7 +50,7 @@ def rows_at(
         z: Positions of each joint.
         poses: Poses of the targets, shape (7 targets,).
     """
-    links = fold_links(folding, [links_of(t.tree.joints, [np.zeros(10)] * len(t.tree.joints)) for t in trees])
+    links = fold_links(folding, [links_of(t.joints, [np.zeros(10)] * len(t.joints)) for t in trees])
     nv = trees[0].tree.nv
     chain = sweep(links, np.concatenate([zeros(0), *z]), zeros(nv), zeros(6))
     out = Rows(zeros(0, nv), zeros(0), [], [])
@@ -59,7 +59,7 @@ def rows_at(
         _add(out, chain, writer, same[0], _folded(folding, same))
     positions = list(z)
     for coupled in zip(*(t.couplings for t in trees), strict=True):
-        offset = folding.array([np.array([c.offset]) for c in coupled])[0]
+        offset = folding.array([scalar(c.offset) for c in coupled])[0]
         miss, row = coupling_row(chain, coupled[0], positions, offset)
         out.K = np.concatenate([out.K, row[None]])
         out.residual = np.concatenate([out.residual, np.array([miss], dtype=object)])

@@ -1,0 +1,215 @@
+"""Rows of a table closed for many designs at once: each lane of the vector unit holds a design.
+
+The steps are those of `c/closing.h`, row after row: Newton's method from the row before, until the step is
+rounding, and the comparison of the step with its prediction. Designs at which that is not certain are left to
+the general path.
+"""
+
+from __future__ import annotations
+
+import logging
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ....assembly.follow import MOST_TURNING, SAME_BRANCH, SMALL_STEP
+from ....assembly.requests import Requests
+from ....errors import CompileError, HybridynError
+from ....linkage.newton import LONGEST_STEP
+from ....spatial import Array, Index, Mask
+from ....structure.parameters.slots import Slot
+from ....structure.robot import HybridRobot
+from ...code.scalars import GUARD_LIMIT, Scalar
+from ...failures import as_compile_error
+from ...library.cache import cached
+from ...library.calls import Library, loaded
+from ...library.compilers import best_lanes
+from ...needs import needs_casadi
+from ..sources import robot_key
+from .choosing import module_requests, numbers, parts_of, structure_of
+from .closing_source import ITERATIONS, LAST_ROW_STEP, PATIENCE, QUADRATIC
+from .part import CLOSED_TO_ROUNDING, Part
+
+if TYPE_CHECKING:
+    from ....assembly.module_request import ModuleRequest
+    from ...code.library_source import Source
+
+log = logging.getLogger("hybridyn.compiled")
+
+#: Most last steps: each squares the one before.
+LAST_STEPS = 3
+
+
+@dataclass
+class Postures:
+    """Postures of designs, (q, p) as in `kernels`."""
+
+    q: Array
+    p: Array
+
+    def take(self, rows: Index | Mask) -> Postures:
+        """Return those of some designs."""
+        return Postures(self.q[rows], self.p[rows])
+
+
+@dataclass(frozen=True)
+class DesignStates:
+    """States of designs along a table.
+
+    Attributes:
+        q, v, a: Shapes (T, designs, nq), (T, designs, nv), (T, designs, nv).
+        certain: Designs whose states are certain at every row, shape (designs,).
+    """
+
+    q: Array
+    v: Array
+    a: Array
+    certain: Mask
+
+
+class DesignRows:
+    """Closes rows for designs of one robot; programs are kept for each choice of given joints and targets."""
+
+    def __init__(self, robot: HybridRobot, slots: tuple[Slot, ...]) -> None:
+        self.robot, self.slots = robot, slots
+        self._known: dict[tuple[object, ...], tuple[list[Part], Library] | None] = {}
+
+    def follow(self, requests: Requests, slots: Array) -> DesignStates:
+        """Compute the states of each design along a table.
+
+        Args:
+            requests: The table.
+            slots: Numbers in the slots, shape (designs, slots).
+        """
+        T, D, robot = requests.samples, len(slots), self.robot
+        q, v, a = (np.full((T, D, width), np.nan) for width in (robot.nq, robot.nv, robot.nv))
+        out = DesignStates(q, v, a, np.zeros(D, dtype=bool))
+        wanted = module_requests(robot, requests) if robot.base == "fixed" else None
+        closing = None if wanted is None else self._closing(requests, wanted)
+        if wanted is None or closing is None:
+            return out
+        parts, library = closing
+        g, g_dot, g_ddot = numbers(parts, wanted)
+        step = _Step(library, slots, len(parts))
+        live = np.arange(D)
+        at, good = step.reached(self._home(parts, D), g[0])
+        for t in range(T):
+            if not good.all():
+                live, at = live[good], at.take(good)
+            if not len(live):
+                return out
+            at, v, a, good = step.advanced(live, at, (g[t], g_dot[t], g_ddot[t]), free=t == 0)
+            out.q[t, live], out.v[t, live], out.a[t, live] = at.q, v, a
+        out.certain[live[good]] = True
+        return out
+
+    def _home(self, parts: list[Part], designs: int) -> Postures:
+        """Return the robot's home posture for each design; its platforms are where the robot has them."""
+        q, poses = self.robot.home, [np.zeros(0)]
+        for part in parts:
+            m = part.module.mechanism
+            x = m.cut.positions(q[None, part.module.q_index])[0]
+            poses += [x[m.tree.q_slices[i]] for i in m.spec.platforms]
+        return Postures(np.tile(q, (designs, 1)), np.tile(np.concatenate(poses), (designs, 1)))
+
+    def _closing(self, requests: Requests, wanted: list[ModuleRequest]) -> tuple[list[Part], Library] | None:
+        """Return the parts and the library for a choice of given joints and targets, or None."""
+        key = structure_of(requests)
+        if key not in self._known:
+            try:
+                parts = parts_of(self.robot, wanted)
+                self._known[key] = None if parts is None else (parts, self._library(parts, key))
+            except CompileError as error:
+                log.warning("designs: the general path closes the loops (%s)", error)
+                self._known[key] = None
+            except HybridynError:  # the nominal design cannot be assembled: others may be
+                return None
+        return self._known[key]
+
+    def _library(self, parts: list[Part], key: tuple[object, ...]) -> Library:
+        """Load the library, and build it if it is new."""
+        scalar, robot = Scalar("float64", best_lanes()), self.robot
+
+        def source() -> Source:
+            needs_casadi()
+            from ...code.library_source import library_source
+            from ...equations.arguments.chosen import ChosenNumbers
+            from .closing_programs import closing_programs
+
+            with as_compile_error(robot):
+                programs = closing_programs(robot, parts, ChosenNumbers(robot, self.slots))
+                return library_source(list(programs.values()), scalar)
+
+        name = f"designs {key!r} {robot_key(robot, None)} {scalar!r} {self.slots!r}"
+        return loaded(lambda: cached(name, source))
+
+
+class _Step:
+    """One row for many designs."""
+
+    def __init__(self, library: Library, slots: Array, modules: int) -> None:
+        self.library, self.slots, self.modules = library, slots, modules
+
+    def _run(self, name: str, live: Index, *inputs: Array) -> tuple[list[Array], Mask]:
+        """Run a program for designs; return its outputs and where its guard is within the limit."""
+        slots = self.slots if len(live) == len(self.slots) else self.slots[live]
+        outputs, guard = self.library.batch(name, *inputs, slots)
+        return list(outputs), guard <= GUARD_LIMIT
+
+    def reached(self, at: Postures, g: Array) -> tuple[Postures, Mask]:
+        """Go by Newton's method from a guess to the given positions, without damping (`reaches`)."""
+        live = np.arange(len(at.q))
+        given, good = np.tile(g, (len(live), 1)), np.ones(len(live), dtype=bool)
+        before = np.full((len(live), self.modules), np.inf)
+        for _ in range(PATIENCE):
+            (q, p, step, wrist, far), trusted = self._run("newton", live, at.q, at.p, given)
+            near: Mask = np.all(np.maximum(step, wrist) <= QUADRATIC, axis=1)
+            good &= trusted & ((far < before) | (step < QUADRATIC)).all(axis=1)
+            at, before = Postures(q, p), far
+            if near[good].all():
+                break
+        return at, good & near
+
+    def advanced(
+        self, live: Index, start: Postures, given: tuple[Array, Array, Array], *, free: bool
+    ) -> tuple[Postures, Array, Array, Mask]:
+        """Close a row on the branch of the row before; `free` where there is no row before.
+
+        Returns:
+            The postures, rates, accelerations, and where they are certain.
+        """
+        many = [np.broadcast_to(x, (len(live), len(x))) for x in given]
+        (q, p, first, wrist, _), good = self._run("newton", live, start.q, start.p, many[0])
+        at = predicted = Postures(q, p)
+        before = np.maximum(first, wrist).max(axis=1)
+        for _ in range(ITERATIONS):
+            if not (before[good] > QUADRATIC).any():
+                break
+            (q, p, step, wrist, _), trusted = self._run("newton", live, at.q, at.p, many[0])
+            size = np.maximum(step, wrist).max(axis=1)
+            good &= trusted & ((size <= before) | (before <= QUADRATIC))
+            at, before = Postures(q, p), size
+        good &= before <= LONGEST_STEP
+        for _ in range(LAST_STEPS):
+            (q, p, v, a, step, far), trusted = self._run("settle", live, at.q, at.p, *many)
+            at = Postures(q, p)
+            settled = step.max(axis=1) <= LAST_ROW_STEP
+            if settled[good].all():
+                break
+        good &= trusted & settled & (far.max(axis=1) <= CLOSED_TO_ROUNDING)
+        if not free:
+            good &= self._on_branch(live, start, predicted, at, many[0], first)
+        return at, v, a, good
+
+    def _on_branch(
+        self, live: Index, start: Postures, predicted: Postures, found: Postures, g: Array, first: Array
+    ) -> Mask:
+        """Compare a step with its prediction, as `assembly.follow` does."""
+        (off, turned), trusted = self._run(
+            "branch", live, start.q, start.p, predicted.q, predicted.p, found.q, found.p, g
+        )
+        near = off <= SAME_BRANCH * first + SMALL_STEP
+        straight = (first <= SMALL_STEP) | (turned <= MOST_TURNING)
+        out: Mask = trusted & near.all(axis=1) & straight.all(axis=1)
+        return out

@@ -1,0 +1,179 @@
+"""Designs along a table of motions: postures in C for many designs at once, efforts, and what goes wrong."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ...assembly.assemble import assemble_requests
+from ...assembly.reach import closed_postures
+from ...assembly.requests import Requests, gather_requests
+from ...dynamics.inverse import idm
+from ...effects.choice import Effects
+from ...errors import AssemblyError, HybridynError, SingularityError
+from ...spatial import Array, Index, Mask
+from ...structure.robot import HybridRobot
+from .closing.design_rows import DesignRows
+from .designs import Designs
+
+#: Numbers of the states that are computed at once: they stay in the processor's cache.
+AT_ONCE = 3_000_000
+#: Least number of designs at once: a call of a program costs as much as some hundred of them.
+LEAST_DESIGNS = 256
+
+
+@dataclass(frozen=True)
+class DesignTable:
+    """Motions and efforts of designs along a table.
+
+    Attributes:
+        q, v, a: Motion of the spanning tree, shapes (designs, T, nq), (designs, T, nv), (designs, T, nv).
+        tau: Motor efforts, shape (designs, T, motors), [N or N m]. Numbers are NaN where there are none.
+        reached: Postures whose loops close, shape (designs, T).
+        singular: Closed postures at which a matrix loses rank, shape (designs, T).
+        errors: The first error of each design that has one, by its number.
+        recomputed: Number of designs that the general path has computed.
+    """
+
+    q: Array
+    v: Array
+    a: Array
+    tau: Array
+    reached: Mask
+    singular: Mask
+    errors: dict[int, str]
+    recomputed: int
+
+    @property
+    def good(self) -> Mask:
+        """Designs that can make the whole motion, shape (designs,)."""
+        every = np.ones(len(self.q), dtype=bool)
+        every[list(self.errors)] = False
+        return every
+
+    @property
+    def peak_effort(self) -> Array:
+        """Largest absolute effort of each motor, shape (designs, motors); NaN for other designs."""
+        out: Array = np.abs(self.tau).max(axis=1, initial=0.0)
+        return np.where(self.good[:, None], out, np.nan)
+
+
+@dataclass(frozen=True)
+class _Wanted:
+    """The motions that all designs make: as the caller gave them, and as requests."""
+
+    motors: Mapping[str, object]
+    platforms: Mapping[str, object]
+    requests: Requests
+
+
+class Evaluator:
+    """Evaluates designs of one compiled robot."""
+
+    def __init__(
+        self, designs: Designs, effects: Effects, batch: Callable[[list[Array]], tuple[Array, Mask]]
+    ) -> None:
+        """Prepare the evaluation.
+
+        Args:
+            designs: The robot's designs.
+            effects: Effects in the models.
+            batch: The compiled inverse model: from q, v, a and numbers in slots to efforts, and where they
+                can be trusted.
+        """
+        self.designs, self.effects, self.batch = designs, effects, batch
+        self.rows = DesignRows(designs.robot, designs.parameters.slots)
+
+    def assemble(self, numbers: Array, requests: Requests) -> tuple[Array, Array, Array]:
+        """Assemble the postures of one design, with numbers in the slots of shape (slots,).
+
+        Raises:
+            HybridynError: The same errors as `hybridyn.assemble` of the design.
+        """
+        found = self.rows.follow(requests, numbers[None])
+        if found.certain[0]:
+            return found.q[:, 0], found.v[:, 0], found.a[:, 0]
+        robot = self.designs.robot_of(numbers)
+        return assemble_requests(robot, requests, robot.home)
+
+    def table(
+        self, parameters: ArrayLike, motors: Mapping[str, object], platforms: Mapping[str, object]
+    ) -> DesignTable:
+        """Evaluate designs, see `CompiledRobot.designs`."""
+        robot = self.designs.robot
+        p = np.atleast_2d(np.asarray(parameters, dtype=float))
+        numbers = self.designs.numbers(p, (len(p),))
+        wanted = _Wanted(motors, platforms, gather_requests(robot, motors, platforms))
+        T, D = wanted.requests.samples, len(p)
+        chunk = max(LEAST_DESIGNS, AT_ONCE // (T * (robot.nq + 2 * robot.nv + numbers.shape[1])))
+        widths = (robot.nq, robot.nv, robot.nv, len(robot.motors))
+        q, v, a, tau = (np.empty((D, T, width)) for width in widths)
+        reached, singular = (np.zeros((D, T), dtype=bool) for _ in range(2))
+        out = DesignTable(q, v, a, tau, reached, singular, {}, 0)
+        others = [self._chunk(out, at, numbers, wanted.requests) for at in range_of(D, chunk)]
+        recomputed = np.concatenate([np.zeros(0, dtype=int), *others])
+        for design in recomputed.tolist():
+            self._by_the_general_path(out, design, numbers[design], wanted)
+        return replace(out, recomputed=len(recomputed))
+
+    def _chunk(self, out: DesignTable, at: slice, numbers: Array, requests: Requests) -> Index:
+        """Evaluate some designs; return those that are left to the general path."""
+        T, own = requests.samples, numbers[at]
+        found = self.rows.follow(requests, own)
+        states = [x.reshape(T * len(own), -1) for x in (found.q, found.v, found.a)]
+        tau, trusted = self.batch([*states, np.tile(own, (T, 1))])
+        for room, rows in zip((out.q, out.v, out.a, out.tau), (*states, tau), strict=True):
+            room[at] = rows.reshape(T, len(own), -1).swapaxes(0, 1)
+        out.reached[at] = True
+        certain = trusted.reshape(T, len(own)).all(axis=0) & found.certain
+        left: Index = np.flatnonzero(~certain) + at.start
+        return left
+
+    def _by_the_general_path(self, out: DesignTable, k: int, numbers: Array, wanted: _Wanted) -> None:
+        """Evaluate one design by the general path."""
+        for room in (out.q, out.v, out.a, out.tau):
+            room[k] = np.nan
+        try:
+            robot = self.designs.robot_of(numbers)
+        except HybridynError as error:
+            out.errors[k], out.reached[k] = str(error), False
+            return
+        try:
+            out.q[k], out.v[k], out.a[k] = assemble_requests(robot, wanted.requests, robot.home)
+            out.tau[k] = idm(robot, out.q[k], out.v[k], out.a[k], effects=self.effects)
+        except HybridynError as error:
+            out.errors[k] = str(error)
+            if isinstance(error, AssemblyError):
+                self._find_unreached(out, k, robot, wanted)
+            self._find_singular(out, k, robot)
+
+    def _find_unreached(self, out: DesignTable, k: int, robot: HybridRobot, wanted: _Wanted) -> None:
+        """Find the postures of a design that do not close."""
+        try:
+            out.q[k], out.reached[k] = closed_postures(
+                robot, motors=wanted.motors, platforms=wanted.platforms, guess=robot.home
+            )
+        except AssemblyError:
+            out.reached[k] = False
+        if out.reached[k].all():  # each posture closes, but they are not one motion
+            out.reached[k] = False
+
+    def _find_singular(self, out: DesignTable, k: int, robot: HybridRobot) -> None:
+        """Find the closed postures of a design at which a matrix loses rank, by the inverse model at rest."""
+        rest = np.zeros(robot.nv)
+        for t in np.flatnonzero(out.reached[k]):
+            try:
+                idm(robot, out.q[k, t], rest, rest, effects=self.effects)
+            except SingularityError:
+                out.singular[k, t] = True
+            except HybridynError:
+                continue
+
+
+def range_of(count: int, chunk: int) -> Iterator[slice]:
+    """Yield consecutive slices of at most `chunk` of `count` designs."""
+    for start in range(0, count, chunk):
+        yield slice(start, min(start + chunk, count))

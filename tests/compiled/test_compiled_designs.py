@@ -1,0 +1,93 @@
+"""Many designs along one table: every design as a robot of its own, and what cannot be is counted."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+
+import hybridyn
+from hybridyn import CompiledRobot, HybridRobot
+from hybridyn.compiled.programs.designs import changed
+from hybridyn.errors import HybridynError, ModelError, TrajectoryError
+from hybridyn.spatial import Array
+
+AGREE = 1e-11  # of the largest entry
+ROWS = 30
+
+NAMES = {
+    "five_bar": ["mass:m1_tool", "position:m1_left_elbow", "position:m1_right_elbow"],
+    "gough_stewart": ["mass:m1_platform", "position:m1_leg1_cross_y", "position:m1_leg3_ball/successor"],
+}
+SWING = {"five_bar": 0.2, "gough_stewart": 0.01}
+
+
+def waves(robot: HybridRobot, size: float) -> dict[str, tuple[Array, Array, Array]]:
+    """Return a swing of each motor, with rates and accelerations."""
+    x = np.linspace(0.0, 2 * np.pi, ROWS)
+    return {
+        name: (size * np.sin(x + i), size * np.cos(x + i), -size * np.sin(x + i))
+        for i, name in enumerate(robot.motors)
+    }
+
+
+def robot_of(compiled: CompiledRobot, p: Array) -> HybridRobot:
+    """Return the robot of a design."""
+    return changed(compiled.robot, compiled.parameters, compiled.parameters.slot_values(p[None])[0])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", NAMES)
+def test_designs_are_the_robots_with_these_numbers(name: str) -> None:
+    robot = hybridyn.load(name)
+    compiled = hybridyn.compile(robot, parameters=NAMES[name])
+    motors = waves(robot, SWING[name])
+    rng, nominal = np.random.default_rng(1), compiled.parameters.nominal
+    p = nominal * (1.0 + 0.04 * rng.uniform(-1.0, 1.0, (20, len(nominal))))
+    found = compiled.designs(p, motors=motors)
+    assert found.good.all()
+    assert found.reached.all()
+    assert found.recomputed == 0
+    for k in range(0, len(p), 6):
+        other = robot_of(compiled, p[k])
+        states = hybridyn.assemble(other, motors=motors)
+        for x, wanted in zip((found.q, found.v, found.a), states, strict=True):
+            np.testing.assert_allclose(x[k], wanted, rtol=AGREE, atol=AGREE)
+        efforts = hybridyn.idm(other, *states)
+        size = np.abs(efforts).max()
+        np.testing.assert_allclose(found.tau[k], efforts, rtol=0, atol=AGREE * size)
+        np.testing.assert_allclose(found.peak_effort[k], np.abs(efforts).max(axis=0), rtol=1e-9)
+    one = compiled.assemble(motors=motors, parameters=p[3])
+    np.testing.assert_allclose(one[0], found.q[3], rtol=0, atol=AGREE)
+
+
+@pytest.mark.slow
+def test_postures_that_cannot_be_are_counted() -> None:
+    compiled = hybridyn.compile(hybridyn.load("five_bar"), parameters=["position:m1_left_elbow"])
+    wide = {name: (x[0] * 5, x[1] * 5, x[2] * 5) for name, x in waves(compiled.robot, 0.2).items()}
+    nominal = compiled.parameters.nominal
+    p = nominal + np.array([[0.0, 0, 0], [0.65, 0, 0], [0, 0.1, 0], [0.15, 0, 0]])
+    found = compiled.designs(p, motors=wide)
+    assert 0 < found.reached[1].sum() < ROWS  # too long: the loop closes at some postures only
+    assert not found.reached[2].any()  # out of the plane
+    assert set(found.errors) >= {1, 2}
+    assert np.isnan(found.peak_effort[~found.good]).all()
+    for k in range(len(p)):
+        if found.good[k]:
+            states = hybridyn.assemble(robot_of(compiled, p[k]), motors=wide)
+            np.testing.assert_allclose(found.q[k], states[0], rtol=0, atol=AGREE)
+        else:
+            with pytest.raises(HybridynError, match=re.escape(found.errors[k])):
+                hybridyn.assemble(robot_of(compiled, p[k]), motors=wide)
+    assert found.recomputed >= 2
+
+
+@pytest.mark.slow
+def test_wrong_designs_are_refused() -> None:
+    compiled = hybridyn.compile(hybridyn.load("five_bar"), parameters=["mass:m1_tool"])
+    motors = waves(compiled.robot, 0.1)
+    with pytest.raises(ModelError, match="mass of 'm1_tool' is negative in design 1"):
+        compiled.designs([[0.4], [-0.1]], motors=motors)
+    with pytest.raises(TrajectoryError, match="parameters has shape"):
+        compiled.designs([[0.4, 1.0]], motors=motors)
