@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from benchmarks import accuracy, callgrind, job, peak, scaling, simulation, singular, throughput
+from benchmarks import accuracy, callgrind, controlled, job, peak, scaling, simulation, singular, throughput
 from benchmarks.cases import ROOT
 from benchmarks.methods import NotMeasuredError
 from benchmarks.processes import in_own_process
@@ -87,6 +87,7 @@ def short() -> list[Task]:
         mujoco=(2e-3,),
         part=0.1,
     )
+    few = controlled.Steps(ours=(1e-5,), fixed=(), python=None, mujoco=(1e-4,), duration=0.1)
     return [
         Task("ddm", "five_bar", accuracy.measure, ("ddm", "five_bar", effort)),
         Task("idm", "gough_stewart", accuracy.measure, ("idm", "gough_stewart", effort)),
@@ -97,6 +98,7 @@ def short() -> list[Task]:
             "scaling", "stack 2", scaling.measure, ("stack", 2, 8, ("hybridyn, general", "pin.lcaba")), False
         ),
         Task("simulation", "five_bar", simulation.measure, ("five_bar, let go, 1 s", steps)),
+        Task("controlled", controlled.GOVERNOR, controlled.measure, (controlled.GOVERNOR, few)),
         Task("throughput", "five_bar", throughput.measure, ("ddm", "five_bar", load)),
         *(Task("singular", name, singular.measure, (name, (1.0, 1e-3))) for name in singular.APPROACHES),
         Task("job", "idm 1000 2", job.measure, (1_000, 2)),
@@ -119,6 +121,8 @@ def full() -> list[Task]:
     for name in simulation.MOTIONS:
         steps = LONG if name == simulation.LONG else simulation.Steps()
         out.append(Task("simulation", name, simulation.measure, (name, steps)))
+    for case in controlled.CASES:
+        out.append(Task("controlled", case, controlled.measure, (case, controlled.Steps())))
     for case in ("lx4", "five_bar"):
         for model in ("ddm", "idm"):
             out.append(

@@ -10,9 +10,9 @@ from typing import Any
 from benchmarks.fronts import cheapest, exponent, grouped
 from benchmarks.goals import Goal, goals
 from benchmarks.results import SECTIONS, Check, read_machines, read_rows
-from benchmarks.standing import flown, losses, standing
+from benchmarks.standing import fastest, flown, losses, standing
 from benchmarks.tables import number, table
-from benchmarks.texts import CALLGRIND, HEAD, JOB, LIMITS, METHODS, PEAK, SINGULAR, THROUGHPUT
+from benchmarks.texts import CALLGRIND, CONTROLLED, HEAD, JOB, LIMITS, METHODS, PEAK, SINGULAR, THROUGHPUT
 
 Results = dict[str, list[Any]]
 
@@ -57,6 +57,7 @@ def report(results: Results, machines: dict[str, dict[str, str]], drawn: Sequenc
         ("idm", "Inverse model", lambda r: _models(r, "idm")),
         ("scaling", "Cost against the number of modules", _scaling),
         ("simulation", "Simulation", _simulation),
+        ("controlled", "Scenes with controllers", _controlled),
         ("throughput", "Throughput", _throughput),
         ("singular", "Close to singular postures", _singular),
         ("callgrind", "Instructions", _callgrind),
@@ -150,6 +151,19 @@ def _simulation(results: Results) -> Iterator[str]:
         ]
         yield table(["method", "setting", "time [s]", "final state", "energy", "closures", ""], rows)
         yield from flown(own)
+
+
+def _controlled(results: Results) -> Iterator[str]:
+    yield CONTROLLED
+    for case, own in grouped(results["controlled"], "case").items():
+        yield f"### {case}\n"
+        rows = [
+            [r.method, r.setting, number(r.per_second), f"{r.steps:,}", number(r.error), r.note]
+            for r in own
+            if math.isfinite(r.per_second)
+        ]
+        yield table(["method", "setting", "time [s/s]", "steps", "final state", ""], rows)
+        yield from fastest(own)
 
 
 def _throughput(results: Results) -> Iterator[str]:

@@ -108,6 +108,28 @@ class Flight(NamedTuple):
     note: str
 
 
+class Controlled(NamedTuple):
+    """A run of a scene.
+
+    Attributes:
+        case: Scene.
+        method: Integrator and model.
+        setting: Step or tolerance.
+        per_second: Processor time per simulated second [s].
+        steps: Steps taken.
+        error: Error of the final state, relative to the way and to the largest rate.
+        note: Why it was not measured, or how it ended.
+    """
+
+    case: str
+    method: str
+    setting: str
+    per_second: float
+    steps: int
+    error: float
+    note: str
+
+
 class Near(NamedTuple):
     """Error close to a singular posture.
 
@@ -200,6 +222,7 @@ SECTIONS: dict[str, type[Any]] = {
     "idm": Point,
     "scaling": Size,
     "simulation": Flight,
+    "controlled": Controlled,
     "throughput": Point,
     "singular": Near,
     "callgrind": Count,

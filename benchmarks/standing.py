@@ -7,11 +7,13 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 from benchmarks.fronts import cheapest, grouped
-from benchmarks.results import Flight, Point
+from benchmarks.results import Controlled, Flight, Point
 from benchmarks.tables import number, table
 from benchmarks.texts import FLOWN, LOSSES, STANDING
 
 Results = dict[str, list[Any]]
+#: Method, setting, time [s] and error of a run.
+Run = tuple[str, str, float, float]
 
 #: What is hybridyn's own, its oracle included.
 OWN = ("hybridyn", "dense null space")
@@ -57,16 +59,26 @@ def losses(results: Results) -> Iterator[str]:
 
 
 def flown(flights: Sequence[Flight]) -> Iterator[str]:
-    """Write the fastest runs that reach each error of the final state."""
+    """Write the fastest simulations that reach each error of the final state."""
+    return _fastest([(f.method, f.setting, f.seconds, f.state) for f in flights], "time [s]")
+
+
+def fastest(runs: Sequence[Controlled]) -> Iterator[str]:
+    """Write the fastest runs of a scene that reach each error of the final state."""
+    return _fastest([(r.method, r.setting, r.per_second, r.error) for r in runs], "time [s/s]")
+
+
+def _fastest(runs: Sequence[Run], unit: str) -> Iterator[str]:
+    """Write the fastest runs that reach each error."""
     rows = []
     for wanted in WANTED:
-        good = [f for f in flights if f.state <= wanted and math.isfinite(f.seconds)]
-        sides = ([f for f in good if f.method.startswith("hybridyn") == own] for own in (True, False))
-        ours, peer = (min(side, key=lambda f: f.seconds, default=None) for side in sides)
-        ratio = _ratio(ours.seconds / peer.seconds) if ours and peer else ""
-        rows.append([f"{wanted:.0e}", *_flight(ours), *_flight(peer), ratio])
+        good = [run for run in runs if run[3] <= wanted and math.isfinite(run[2])]
+        sides = ([run for run in good if run[0].startswith("hybridyn") == own] for own in (True, False))
+        ours, peer = (min(side, key=lambda run: run[2], default=None) for side in sides)
+        ratio = _ratio(ours[2] / peer[2]) if ours and peer else ""
+        rows.append([f"{wanted:.0e}", *_run(ours), *_run(peer), ratio])
     yield FLOWN
-    yield table(["error", "hybridyn", "time [s]", "fastest peer", "time [s]", "ratio"], rows)
+    yield table(["error", "hybridyn", unit, "fastest peer", unit, "ratio"], rows)
 
 
 def _compared(results: Results) -> Iterator[tuple[str, str, Point, list[Point]]]:
@@ -104,8 +116,6 @@ def _ratio(ratio: float) -> str:
     return f"**{ratio:.3g}**" if ratio > 1 else f"{ratio:.3g}"
 
 
-def _flight(flight: Flight | None) -> list[str]:
+def _run(run: Run | None) -> list[str]:
     """Return method and setting of a run, and its time."""
-    if flight is None:
-        return ["none", ""]
-    return [f"{flight.method}, {flight.setting}", number(flight.seconds)]
+    return ["none", ""] if run is None else [f"{run[0]}, {run[1]}", number(run[2])]

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 import hybridyn
-from benchmarks import accuracy, callgrind, peak, peers, timing
+from benchmarks import accuracy, callgrind, controlled, peak, peers, timing
 from benchmarks.__main__ import COMMITTED, store, summary
 from benchmarks.callgrind import by_library
 from benchmarks.cases import LX4_TRAJECTORY, case_of, stack_motion, write_long_trajectory
@@ -31,7 +31,17 @@ from benchmarks.plan import Cache, Task
 from benchmarks.processes import in_own_process
 from benchmarks.reference import Reference, digits, extended, floor, refer
 from benchmarks.report import read_results, report
-from benchmarks.results import SECTIONS, Check, Count, Flight, Point, read_machines, read_rows, write_rows
+from benchmarks.results import (
+    SECTIONS,
+    Check,
+    Controlled,
+    Count,
+    Flight,
+    Point,
+    read_machines,
+    read_rows,
+    write_rows,
+)
 from benchmarks.simulation import LONG, MOTIONS, ours, start
 from benchmarks.singular import APPROACHES, load
 from benchmarks.slow import table
@@ -354,6 +364,26 @@ def test_goals_are_met_or_missed() -> None:
     assert found["ddm", "one thread"].verdict(0) == "missed"
     assert found["simulate", "the same on pin.constraintDynamics"].verdict(0) == "met"
     assert found["idm", "pin.rnea, loops open"].verdict(0) == "not measured"
+
+
+def test_scenes_are_compared_at_equal_error() -> None:
+    runs = [
+        Controlled("a", name, "step 1", seconds, 10, error, "")
+        for name, seconds, error in (("hybridyn, compiled", 0.2, 1e-7), ("MuJoCo, RK4", 0.5, 1e-4))
+    ]
+    said = report({name: [] for name in SECTIONS} | {"controlled": runs, "gate": []}, {}, [])
+    assert "| 1e-03 | hybridyn, compiled, step 1 | 0.2 | MuJoCo, RK4, step 1 | 0.5 | 0.4 |" in said
+    assert "| 1e-06 | hybridyn, compiled, step 1 | 0.2 | none |  |  |" in said
+
+
+@pytest.mark.slow
+def test_an_excavator_follows_its_reference_by_computed_torque() -> None:
+    few = controlled.Steps(ours=(1e-7,), fixed=(5e-4,), python=None, mujoco=(5e-4,), duration=0.2)
+    check, *rows = controlled.measure(controlled.EXCAVATOR, few)
+    assert check.error < 1e-10
+    for row in rows:
+        if math.isfinite(row.per_second):  # MuJoCo may be absent
+            assert row.error < (1e-2 if row.method.startswith("MuJoCo") else 1e-6)
 
 
 def test_losses_are_said() -> None:
