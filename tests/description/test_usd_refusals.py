@@ -53,8 +53,8 @@ SCENE = prim("PhysicsScene", "t", "float physics:gravityMagnitude = 1")
 CASES = {
     "no body": (usda(prim("Xform", "x")), "no prim has PhysicsRigidBodyAPI"),
     "distance": (
-        usda(A, joint("Distance", "j", "", "a")),
-        "</robot/j>: a distance joint .* two spherical joints",
+        usda(A, joint("Distance", "j", "", "a", "float physics:maxDistance = 2")),
+        "</robot/j>: a range of distances is an inequality",
     ),
     "universal": (
         usda(A, B, HELD, d6(*TRANS, "rotX")),

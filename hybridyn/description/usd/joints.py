@@ -90,11 +90,6 @@ def read_joints(bodies: Bodies, notes: list[str]) -> list[UsdJoint]:
     """
     out = []
     for prim in bodies.stage.prims.values():
-        if prim.kind == "PhysicsDistanceJoint":
-            raise prim.error(
-                "a distance joint is an inequality, and with equal distances a rod without mass; write the "
-                "rod as a body with two spherical joints"
-            )
         if prim.kind not in TYPES:
             continue
         if not prim.flag("physics:jointEnabled", True):
@@ -111,6 +106,24 @@ def read_joints(bodies: Bodies, notes: list[str]) -> list[UsdJoint]:
 
 def _joint(bodies: Bodies, prim: Prim) -> UsdJoint:
     """Return a joint prim in the common form."""
+    (first, first_frame), (second, second_frame) = ends_of(bodies, prim)
+    free, limits = _freedoms(prim)
+    return UsdJoint(
+        prim, (first, second), (first_frame, second_frame), free, limits,
+        prim.flag("physics:excludeFromArticulation", False),
+    )  # fmt: skip
+
+
+def ends_of(bodies: Bodies, prim: Prim) -> list[tuple[Prim | None, Array]]:
+    """Return both bodies of a joint and its frame in each, shape (4, 4), [m].
+
+    Args:
+        bodies: The bodies.
+        prim: The joint.
+
+    Raises:
+        ModelError: The joint breaks, its bodies do not exist, or they are one.
+    """
     for name in ("physics:breakForce", "physics:breakTorque"):
         if np.isfinite(prim.any_number(name, np.inf)):
             raise prim.error(f"'{name}' is finite, but joints do not break here; remove it")
@@ -119,11 +132,7 @@ def _joint(bodies: Bodies, prim: Prim) -> UsdJoint:
     if first is second:
         what = f"<{first.path}> to itself" if first else "two parts of the world, or bodies that do not move"
         raise prim.error(f"joins {what}; correct physics:body0 and physics:body1, or remove it")
-    free, limits = _freedoms(prim)
-    return UsdJoint(
-        prim, (first, second), (ends[0][1], ends[1][1]), free, limits,
-        prim.flag("physics:excludeFromArticulation", False),
-    )  # fmt: skip
+    return ends
 
 
 def _check_instances(joint: UsdJoint) -> None:

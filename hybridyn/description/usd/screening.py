@@ -40,6 +40,7 @@ NEUTRAL: dict[str, tuple[float, str]] = {
     "physxRigidBody:enableGyroscopicForces": (1, "set it to true"),
     "physxRigidBody:lockedPosAxis": (0, "set it to 0, and write a joint"),
     "physxRigidBody:lockedRotAxis": (0, "set it to 0, and write a joint"),
+    "physxPhysicsDistanceJoint:springEnabled": (0, "set it to false"),
     "newton:jointsAddMobility": (0, "set it to false, and write bodies between the joints"),
     **dict.fromkeys(
         (
@@ -58,7 +59,8 @@ READ = (
     "physics:mass", "physics:density", "physics:centerOfMass", "physics:diagonalInertia",
     "physics:principalAxes", "physics:rigidBodyEnabled", "physics:kinematicEnabled",
     "physics:simulationOwner", "physics:startsAsleep", "physics:approximation", "physics:coneAngle",
-    "physics:velocity", "physics:angularVelocity", "physxJoint:", "physxJointAxis:", "physxMimicJoint:",
+    "physics:velocity", "physics:angularVelocity", "physics:minDistance",
+    "physics:maxDistance", "physxJoint:", "physxJointAxis:", "physxMimicJoint:",
     "newton:mimic", "newton:selfCollision", "physxArticulation:", "physxCollision", "physxConvex",
     "physxTriangle", "physxSDF", "physxLimit:", "physxRigidBody:sleep", "physxRigidBody:solver",
     "physxRigidBody:max", "physxRigidBody:stabilization", "physxRigidBody:enable", "physxRigidBody:cfm",

@@ -25,6 +25,7 @@ from .masses import Mass, masses
 from .mimics import bound_joints, couplings
 from .naming import NAME, names_of
 from .opening import open_usd
+from .rods import Rod, add_rod, read_rods
 from .scenes import gravity_of
 from .screening import screen
 from .stage import Stage
@@ -51,10 +52,10 @@ def read_usd(file: str, package_dirs: Sequence[str | os.PathLike[str]] = ()) -> 
     bodies = Bodies(stage)
     if not bodies.moving:
         raise ModelError("no prim has PhysicsRigidBodyAPI; a robot has at least one body", file=file)
-    joints = read_joints(bodies, robot.notes)
+    joints, rods = read_joints(bodies, robot.notes), read_rods(bodies, robot.notes)
     bound = bound_joints(stage) | {joint.prim.path for joint in joints if is_driven(joint)}
     tree = grow(bodies.moving.values(), joints, bound, robot.notes)
-    _build(robot, bodies, joints, tree)
+    _build(robot, bodies, joints, rods, tree)
     robot.gravity = gravity_of(stage)
     _add_notes(robot, bodies)
     return robot
@@ -68,10 +69,10 @@ def _name(stage: Stage) -> str:
     return default.word(NAME, default.name)
 
 
-def _build(robot: RobotFile, bodies: Bodies, joints: list[UsdJoint], tree: Tree) -> None:
+def _build(robot: RobotFile, bodies: Bodies, joints: list[UsdJoint], rods: list[Rod], tree: Tree) -> None:
     """Add links, joints, closures, couplings, motors and home to the robot."""
     stage = bodies.stage
-    base = _base(bodies, tree)
+    base = _base(bodies, tree, rods)
     links = names_of(bodies.moving.values(), {ROOT} if base is None else set())
     if base is None:
         links[WORLD] = ROOT
@@ -81,7 +82,7 @@ def _build(robot: RobotFile, bodies: Bodies, joints: list[UsdJoint], tree: Tree)
         robot.base_home = pose_coordinates(bodies.pose(bodies.moving[base]).frame)
     else:
         links[WORLD] = links[base]
-    own_names = names_of([joint.prim for joint in joints], set())
+    own_names = names_of([*(joint.prim for joint in joints), *(rod.prim for rod in rods)], set())
     taken = {*links.values()}, {*own_names.values()}
     found = masses(bodies)
     robot.links += [
@@ -102,6 +103,9 @@ def _build(robot: RobotFile, bodies: Bodies, joints: list[UsdJoint], tree: Tree)
     for joint in tree.closures:
         ends = links[joint.ends[0]], links[joint.ends[1]]
         robot.closures.append(closure_of(joint, own_names[joint.prim.path], ends))
+    for rod in rods:
+        ends = links[rod.ends[0]], links[rod.ends[1]]
+        add_rod(robot, bodies, rod, own_names[rod.prim.path], ends, taken)
     limited = [joint.prim.path for joint in tree.closures if _is_limited(joint)]
     if limited:
         robot.notes.append(f"limits of joints that close loops are not read: {listed(limited)}")
@@ -111,12 +115,14 @@ def _build(robot: RobotFile, bodies: Bodies, joints: list[UsdJoint], tree: Tree)
     add_home(robot, bodies, kept, names)
 
 
-def _base(bodies: Bodies, tree: Tree) -> str | None:
+def _base(bodies: Bodies, tree: Tree, rods: list[Rod]) -> str | None:
     """Return the path of the body that is the root of the robot, or None if the world is.
 
     A body is the root if it floats and everything else hangs on it, or if a fixed joint holds it at the
     origin of the world and nothing else touches the world.
     """
+    if any(WORLD in rod.ends for rod in rods):
+        return None
     if len(tree.roots) == 1 and len(bodies.moving) == 1 + sum(bool(up) for up in tree.parents.values()):
         return tree.roots[0]
     held = [joint for joint, _ in tree.joints if WORLD in joint.ends]
