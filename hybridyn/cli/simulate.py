@@ -28,6 +28,8 @@ if TYPE_CHECKING:
 FAILED = ("unreachable", "unsolved", "singular")
 #: Number of steps of the trial run that estimates the length of steps.
 TRIAL = 12
+#: Time of an evaluation with computed torque on the general path, in those of the direct model alone.
+WITH_INVERSE_MODEL = 3
 #: Number of rows that are written together.
 AT_ONCE = 4096
 
@@ -110,6 +112,9 @@ def command(
 def _engine(ready: Stage, asked: str | None) -> Engine:
     """Choose the engine that computes the accelerations."""
     evaluations = _evaluations(ready) if asked is None else None
+    controller = ready.source.scene.controller
+    if evaluations is not None and controller is not None and controller.kind == "computed_torque":
+        evaluations *= WITH_INVERSE_MODEL
     worth = WORTH_IN_TIME if ready.motion is None else WORTH_OF_POSTURES * ready.robot.nv
     return choose_engine(asked, ready.robot, ready.effects, evaluations, {}, worth)
 
