@@ -28,6 +28,7 @@ from hybridyn.description.cache_folder import folder
 from hybridyn.effects.choice import choose
 from hybridyn.errors import CompileError, ModelError
 from hybridyn.structure.building import build_robot
+from hybridyn.structure.parameters.entries import Parameters
 from tests import ROOT
 from tests.compiled_toys import inputs, toy
 from tests.shipped import shipped
@@ -150,7 +151,7 @@ def test_a_folder_that_cannot_be_written_does_no_harm(
 def test_a_robot_from_another_process_is_built_anew_where_its_library_is_gone(tmp_path: Path) -> None:
     robot = build_robot(shipped("five_bar"))
     gone = Built(tmp_path / "gone.so", {"number": "float32"})
-    compiled = _restored(robot, choose(robot, None), gone, 2)
+    compiled = _restored(robot, choose(robot, None), gone, 2, Parameters(robot.description, ()))
     assert (compiled.dtype, compiled.threads) == (np.float32, 2)
 
 

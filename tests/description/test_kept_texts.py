@@ -43,6 +43,7 @@ def at(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 @pytest.fixture
 def expand(at: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., tuple[str, bool]]:
     """Expand a file, and return its text and whether a child was started."""
+    xacro_process.drop_child()  # of a study that this process evaluated
     monkeypatch.setattr(xacro_process, "START", CHILD)
     monkeypatch.setattr(xacro, "START", CHILD)
     started = []
