@@ -93,4 +93,4 @@ def test_a_distance_without_limits_is_noted(tmp_path: Path) -> None:
     (tmp_path / "r.usda").write_text(text())
     found = read(tmp_path / "r.usda")
     assert found.closures == ()
-    assert any("</robot/rod> is disabled or limits no distance" in note for note in found.notes)
+    assert any("</robot/rod> limits no distance" in note for note in found.notes)

@@ -66,11 +66,11 @@ def test_motors_may_stand_elsewhere(file: Path) -> None:
 
 def test_postures_have_names_that_differ(capsys: pytest.CaptureFixture[str]) -> None:
     """Two postures of this mechanism have the same farthest joint at the same distance."""
-    rows = call(capsys, "home", "andrews", "--all").out.splitlines()[:-1]
+    rows = call(capsys, "home", "andrews", "--all", "--starts", 40).out.splitlines()[:-1]
     names = [re.split(r"  +", row)[1] for row in rows]
     assert names[0] == "home"
-    assert len({*names}) == len(names) == 4
-    assert len({name.split(",")[0].removesuffix(" from home") for name in names}) == 3
+    assert len({*names}) == len(names)
+    assert len({name.split(",")[0].removesuffix(" from home") for name in names}) < len(names)
 
 
 def test_a_written_posture_is_the_next_home(file: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -58,16 +58,19 @@ def read_rods(bodies: Bodies, notes: list[str]) -> list[Rod]:
     for prim in bodies.stage.prims.values():
         if prim.kind != "PhysicsDistanceJoint":
             continue
+        if not prim.flag("physics:jointEnabled", True):
+            notes.append(f"<{prim.path}> has physics:jointEnabled = false: it is not read")
+            continue
+        ((first, a), (second, b)) = ends_of(bodies, prim)
         least, most = (prim.any_number(f"physics:{word}Distance", -1.0) for word in ("min", "max"))
-        if not prim.flag("physics:jointEnabled", True) or (least < 0 and not 0 <= most < np.inf):
-            notes.append(f"<{prim.path}> is disabled or limits no distance: it is not read")
+        if least < 0 and not 0 <= most < np.inf:
+            notes.append(f"<{prim.path}> limits no distance: it is not read")
             continue
         if least != most:
             raise prim.error(
                 "a range of distances is an inequality, which is not read; set physics:minDistance and "
                 "physics:maxDistance to one value, which is a rod, or remove the joint"
             )
-        ((first, a), (second, b)) = ends_of(bodies, prim)
         out.append(Rod(prim, (first, second), (a[:3, 3], b[:3, 3]), most * bodies.stage.meters))
     return out
 
