@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -22,6 +22,7 @@ from .code.scalars import Scalar
 from .library.cache import Built
 from .library.calls import REFUSED, Calls, Library, Numbers
 from .library.compilers import best_lanes
+from .library.replacing import Replacement
 from .programs.body_rows import body_motion
 from .programs.closing.assembling import Assembler
 from .programs.closing.given import requests_of_motors
@@ -29,7 +30,7 @@ from .programs.designs import Designs
 from .programs.evaluating import DesignTable, Evaluator
 from .programs.general import as_batches, check_batches, everywhere, general, general_rows
 from .programs.quantities.calls import Quantities
-from .programs.sources import built_library, write_programs
+from .programs.sources import library_of, write_programs
 
 if TYPE_CHECKING:
     import casadi as ca
@@ -65,15 +66,34 @@ class CompiledRobot(Quantities):
         self.robot, self.effects, self.threads = robot, effects, threads
         self.parameters = Parameters(robot.description, ()) if parameters is None else parameters
         self._designs = Designs(robot, self.parameters)
-        self.library, self.dtype = library, library.dtype
         self.recomputed, self._followings = 0, {}
         self._assembler, self._close_at_once = Assembler(robot), _refuse
         self._motors_still = np.zeros(len(robot.motors))
-        self._idm, self._ddm = library.programs["idm"], library.programs["ddm"]
         self._moving = robot.base == "moving"
-        plain = effects.limits is None and not self.parameters.size
+        self._replacement: Replacement | None = None
+        self._use(library)
+
+    def _use(self, library: Library) -> None:
+        """Take the programs of a library; another thread may do this between two calls."""
+        self.library, self.dtype = library, library.dtype
+        self._idm, self._ddm = library.programs["idm"], library.programs["ddm"]
+        plain = self.effects.limits is None and not self.parameters.size
         self._idm_at_once = self._idm.at_once if self._idm.at_once and plain else _refuse
         self._ddm_at_once = self._ddm.at_once if self._ddm.at_once and plain and not self._moving else _refuse
+
+    def optimise(self, find: Callable[..., Built]) -> None:
+        """Build the optimised library in a thread, and use it when it is there; `find` is `cache.cached`."""
+        self._replacement = Replacement(self.library, find, self._use)
+
+    @property
+    def quick(self) -> bool:
+        """Whether the programs are those of a quick build, with the same bits in a third more time."""
+        return self.library.built.quick
+
+    def wait_until_optimised(self) -> None:
+        """Wait until the optimised programs have replaced the quick ones, or cannot be built."""
+        if self._replacement is not None:
+            self._replacement.wait()
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle the path of the library's file; the receiving process loads it again."""
@@ -371,7 +391,7 @@ def _restored(
     except OSError:
         number = str(built.about["number"])
         scalar = Scalar(number, best_lanes(number))
-        library = Library(built_library(robot, effects, scalar, parameters=parameters.slots))
+        library = Library(library_of(robot, effects, scalar, parameters.slots)())
     return CompiledRobot(robot, effects, library, threads, parameters)
 
 

@@ -193,7 +193,7 @@ def test_what_goes_wrong_inside_leaves_the_general_path(
     def broken(*_: Any, **__: Any) -> Any:
         raise ZeroDivisionError("float division by zero")
 
-    monkeypatch.setattr("hybridyn.compiled.compiling.built_library", broken)
+    monkeypatch.setattr("hybridyn.compiled.compiling.library_of", broken)
     monkeypatch.setattr(engine, "WORTH_OF_POSTURES", 2_000 // 4)
     monkeypatch.setattr(engine, "WORTH", 2_000)
     status = main(["idm", "five_bar", *asked, "-o", str(tmp_path / "efforts.csv")])

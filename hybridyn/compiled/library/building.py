@@ -6,6 +6,7 @@ import os
 import platform
 import subprocess
 import tempfile
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -18,7 +19,28 @@ NATIVE = ("-mcpu=native",) if platform.machine() in ("aarch64", "arm64") else ("
 ADVICE = "Name another compiler in the environment variable CC; the general path works without one"
 
 
-def build(units: tuple[str, ...], compiler: Compiler, target: Path, libraries: tuple[str, ...] = ()) -> None:
+#: Runs commands of the compiler; raises CompileError if one fails.
+Runner = Callable[[list[list[str]]], None]
+
+
+def run_at_once(commands: list[list[str]]) -> None:
+    """Run commands of the compiler, one per core at once.
+
+    Raises:
+        CompileError: The compiler cannot be started, or it fails.
+    """
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        list(pool.map(run_one, commands))
+
+
+def build(
+    units: tuple[str, ...],
+    compiler: Compiler,
+    target: Path,
+    libraries: tuple[str, ...] = (),
+    flags: tuple[str, ...] = FLAGS,
+    run: Runner = run_at_once,
+) -> None:
     """Compile sources into a library.
 
     Args:
@@ -26,6 +48,8 @@ def build(units: tuple[str, ...], compiler: Compiler, target: Path, libraries: t
         compiler: The compiler.
         target: Path of the library; the sources are kept beside it during the build.
         libraries: Linker flags of further libraries; -lm is always linked.
+        flags: Flags of every unit.
+        run: Runs the compiler.
 
     Raises:
         CompileError: The compiler fails; the message quotes its output.
@@ -35,37 +59,63 @@ def build(units: tuple[str, ...], compiler: Compiler, target: Path, libraries: t
         for path, text in zip(sources, units, strict=True):
             path.write_text(text)
         longest_first = sorted(sources, key=lambda path: -path.stat().st_size)
-
-        def compiled(source: Path) -> str:
-            """Compile a unit and return the path of its object file."""
-            command = [*compiler.command, *FLAGS, *NATIVE, "-c", str(source), "-o", f"{source}.o"]
-            _run(command)
-            return f"{source}.o"
-
-        with ThreadPoolExecutor(os.cpu_count()) as pool:
-            objects = list(pool.map(compiled, longest_first))
-        _run([*compiler.command, "-shared", "-o", str(target), *objects, *libraries, "-lm"])
+        objects = [f"{source}.o" for source in longest_first]
+        run(
+            [
+                [*compiler.command, *flags, *NATIVE, "-c", str(source), "-o", made]
+                for source, made in zip(longest_first, objects, strict=True)
+            ]
+        )
+        run([[*compiler.command, "-shared", "-o", str(target), *objects, *libraries, "-lm"]])
     if not target.exists():
         raise CompileError(
             f"the C compiler '{compiler.command[0]}' reported success, but there is no library. {ADVICE}"
         )
 
 
-def _run(command: list[str]) -> None:
-    """Run the compiler.
+def run_one(command: list[str]) -> None:
+    """Run the compiler; errors are those of `start` and `finish`."""
+    finish(start(command), command)
+
+
+def start(command: list[str], *, apart: bool = False) -> subprocess.Popen[str]:
+    """Start the compiler.
+
+    Args:
+        command: Its command line.
+        apart: Whether it gets a process group of its own, with which all that it starts can be ended.
 
     Raises:
-        CompileError: The compiler cannot be started, or it fails.
+        CompileError: The compiler cannot be started.
     """
     try:
-        done = subprocess.run(
-            command, stdin=subprocess.DEVNULL, capture_output=True, text=True, errors="replace"
+        return subprocess.Popen(
+            command,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            errors="replace",
+            process_group=0 if apart else None,
         )
     except OSError as error:
         raise CompileError(f"the C compiler '{command[0]}' cannot be started: {error}") from error
-    if done.returncode:
-        said = " ".join((done.stderr or done.stdout).split())[:600]
+
+
+def finish(process: subprocess.Popen[str], command: list[str]) -> None:
+    """Wait for a compiler.
+
+    Raises:
+        CompileError: The compiler fails.
+    """
+    with process:
+        try:
+            said, _ = process.communicate()
+        except BaseException:
+            process.kill()
+            raise
+    if process.returncode:
         raise CompileError(
-            f"the C compiler '{command[0]}' failed (status {done.returncode}): {said or 'no output'}. "
-            f"{ADVICE}"
+            f"the C compiler '{command[0]}' failed (status {process.returncode}): "
+            f"{' '.join(said.split())[:600] or 'no output'}. {ADVICE}"
         )

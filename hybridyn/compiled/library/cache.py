@@ -12,12 +12,13 @@ written it (`description.cache_folder`).
 from __future__ import annotations
 
 import contextlib
+import functools
 import hashlib
 import json
 import os
 import tempfile
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -25,8 +26,8 @@ from typing import TYPE_CHECKING, Any
 from ...description.cache_folder import VARIABLE, check_ownership, folder, hashed, is_own
 from ...description.writing import appearing
 from ...errors import CompileError
-from .building import NATIVE, build
-from .compilers import FLAGS, find_compiler, machine
+from .building import NATIVE, Runner, build, run_at_once
+from .compilers import FLAGS, QUICK_FLAGS, find_compiler, machine
 from .eviction import remove_unused
 
 if TYPE_CHECKING:
@@ -40,10 +41,12 @@ class Built:
     Attributes:
         path: Its file.
         about: Description of its programs (`Source.about`).
+        quick: Whether it was built with `QUICK_FLAGS`.
     """
 
     path: Path
     about: dict[str, Any]
+    quick: bool = False
 
 
 def cached(
@@ -51,6 +54,9 @@ def cached(
     make_source: Callable[[], Source],
     libraries: tuple[str, ...] = (),
     accept: Callable[[Built], None] = lambda built: None,
+    *,
+    quick: bool = False,
+    run: Runner = run_at_once,
 ) -> Built:
     """Return the library of a model from the cache, or build it.
 
@@ -59,6 +65,8 @@ def cached(
         make_source: Generates the source; called only for a new key.
         libraries: Linker flags of further libraries; -lm is always linked.
         accept: Checks a library and raises if it is wrong; its key is then not stored.
+        quick: Whether a library without the slow optimisations will do, where there is none with them.
+        run: Runs the compiler.
 
     Raises:
         CompileError: There is no compiler, the compiler fails, the cache folder cannot be used, or other
@@ -66,15 +74,20 @@ def cached(
     """
     at = _writable(folder())
     check_ownership(at)
-    tools = _tools(libraries)
-    pointer = at / "keys" / hashed(key, package_state(), tools)
-    with contextlib.suppress(OSError, ValueError):  # the file does not exist, or is no text
-        if is_own(pointer) and (known := _load(at, pointer.read_text())) is not None:
-            return known
+    for flags in (FLAGS, QUICK_FLAGS) if quick else (FLAGS,):
+        tools = _tools(libraries, flags)
+        pointer = at / "keys" / hashed(key, package_state(), tools)
+        with contextlib.suppress(OSError, ValueError):  # the file does not exist, or is no text
+            if is_own(pointer) and (known := _load(at, pointer.read_text())) is not None:
+                return replace(known, quick=flags is QUICK_FLAGS)
     source = make_source()
     name = hashed(*source.units, json.dumps(source.about, sort_keys=True), tools)
     try:
-        found = _load(at, name) or _build(at, name, source, libraries)
+        found = _load(at, name)
+        if found is None:
+            made = functools.partial(build, source.units, find_compiler(), libraries=libraries)
+            found = _build(at, name, source, functools.partial(made, flags=flags, run=run))
+        found = replace(found, quick=flags is QUICK_FLAGS)
         accept(found)
         _write(pointer, name.encode())
     except OSError as error:  # a full disk, a folder where a file should be
@@ -84,10 +97,10 @@ def cached(
     return found
 
 
-def _tools(libraries: tuple[str, ...]) -> str:
+def _tools(libraries: tuple[str, ...], flags: tuple[str, ...]) -> str:
     """Return a text that identifies compiler, flags and machine."""
     compiler = find_compiler()
-    return " ".join([compiler.identity, *compiler.command, *FLAGS, *NATIVE, *libraries, machine()])
+    return " ".join([compiler.identity, *compiler.command, *flags, *NATIVE, *libraries, machine()])
 
 
 @cache
@@ -118,12 +131,12 @@ def _load(at: Path, name: str) -> Built | None:
         return None
 
 
-def _build(at: Path, name: str, source: Source, libraries: tuple[str, ...]) -> Built:
-    """Build a library and move it to its place in the cache."""
+def _build(at: Path, name: str, source: Source, make: Callable[[Path], None]) -> Built:
+    """Build a library at a path with `make`, and move it to its place in the cache."""
     at.mkdir(parents=True, exist_ok=True)  # the cache may have been emptied meanwhile
     with tempfile.TemporaryDirectory(dir=at, prefix="building-") as temporary:
         target = Path(temporary, "library.so")
-        build(source.units, find_compiler(), target, libraries)
+        make(target)
         digest = hashlib.sha256(target.read_bytes()).hexdigest()
         path = at / "libraries" / f"{digest}.so"
         path.parent.mkdir(exist_ok=True, mode=0o700)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import hashlib
 import pickle
 from collections.abc import Callable, Sequence
@@ -29,27 +30,20 @@ def robot_key(robot: HybridRobot, effects: Effects | None) -> str:
     return hashlib.sha256(pickle.dumps(facts)).hexdigest()
 
 
-def built_library(
-    robot: HybridRobot,
-    effects: Effects,
-    scalar: Scalar,
-    accept: Callable[[Built], None] = lambda built: None,
-    parameters: Sequence[Slot] = (),
-) -> Built:
-    """Return the library of a robot's models from the cache, or build it.
+def library_of(
+    robot: HybridRobot, effects: Effects, scalar: Scalar, parameters: Sequence[Slot] = ()
+) -> Callable[..., Built]:
+    """Return `cache.cached` for a robot's models, without its key and source; the source is generated once.
 
     Args:
         robot: The robot.
         effects: Effects in the models.
         scalar: Scalar type and number of lanes.
-        accept: Checks a new library and raises if it is wrong.
         parameters: Numbers of the description that are arguments of the models.
-
-    Raises:
-        CompileError: There is no compiler, the compiler fails, or casadi is not installed.
     """
     key = robot_key(robot, effects) + repr(scalar) + (repr(parameters) if parameters else "")
-    return cached(key, lambda: source_of(robot, effects, scalar, parameters), accept=accept)
+    source = functools.cache(lambda: source_of(robot, effects, scalar, parameters))
+    return functools.partial(cached, key, source)
 
 
 def source_of(
