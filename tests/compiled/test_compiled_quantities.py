@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,7 @@ from hybridyn.oracle import Oracle
 from hybridyn.structure.robot import HybridRobot
 from tests.comparing import SOLVED, close_to
 from tests.dynamics.test_idm import flat_five_bar
+from tests.dynamics.test_lost_rank import parallelogram
 from tests.quantities.reduced import columns_of, oracle_bias, oracle_map, oracle_mass
 from tests.samples import slow
 from tests.shipped import ROBOTS
@@ -134,6 +136,16 @@ def test_the_words_at_singular_postures() -> None:
         assert words.startswith(SingularityError.__name__)
         assert "motors lose a direction at sample 2 (parallel singularity" in words
         assert words == error_of(getattr(hybridyn, name), robot, *arguments)
+
+
+@pytest.mark.slow
+def test_the_words_where_closures_lose_rank(tmp_path: Path) -> None:
+    robot = parallelogram(tmp_path)
+    compiled = hybridyn.compile(robot)
+    for name in ("mass_matrix", "gravity", "motion_map"):
+        words = error_of(getattr(compiled, name), np.zeros(3))
+        assert "closures lose rank at sample 0" in words
+        assert words == error_of(getattr(hybridyn, name), robot, np.zeros(3))
 
 
 def test_the_words_where_loops_are_open(bar: hybridyn.CompiledRobot) -> None:

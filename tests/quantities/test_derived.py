@@ -20,7 +20,7 @@ from tests.mechanisms import random_mechanism, random_states
 from tests.peers import describe, example_urdf
 from tests.quantities.flow import DIFFERENCE, neighbours, rate_along
 from tests.quantities.reduced import columns_of
-from tests.shipped import shipped, states_near_home
+from tests.shipped import ROBOTS, shipped, states_near_home
 
 #: Of the largest entry: a few sums of rounded terms.
 EXACT = 1e-12
@@ -46,6 +46,24 @@ def test_the_coriolis_matrix(kind: str, base: Base) -> None:
     M_dot = rate_along(hybridyn.mass_matrix(robot, neighbours(robot, q, v)))
     skew = M_dot - 2 * C
     assert np.abs(skew + skew.T).max() <= DIFFERENCE * np.abs(C).max()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ROBOTS)
+def test_identities_of_shipped_robots(name: str) -> None:
+    """C u = c, M_dot - 2C is skew, M is positive, and u . (c + g) is the rate of energy at u_dot = 0."""
+    description = shipped(name)
+    robot = build_robot(description)
+    q, v, _ = (x[0] for x in states_near_home(description, "fixed", 3, 1))
+    u = v[columns_of(Oracle(description), robot.motors)]
+    C, near = hybridyn.coriolis_matrix(robot, q, v), neighbours(robot, q, v)
+    close_to(C @ u, hybridyn.coriolis(robot, q, v), SOLVED)
+    skew = rate_along(hybridyn.mass_matrix(robot, near)) - 2 * C
+    assert np.abs(skew + skew.T).max() <= DIFFERENCE * max(np.abs(C).max(), 1.0)
+    assert np.linalg.eigvalsh(hybridyn.mass_matrix(robot, q))[0] > 0
+    rates = np.einsum("tij,j->ti", hybridyn.motion_map(robot, near), u)
+    supplied, energy = u @ hybridyn.bias(robot, q, v), hybridyn.energy(robot, near, rates).total
+    assert abs(rate_along(energy) - supplied) <= DIFFERENCE * (abs(supplied) + np.abs(energy).max())
 
 
 @pytest.mark.parametrize("kind", ["planar_rpr", "on_leg"])

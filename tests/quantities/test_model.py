@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -13,7 +15,8 @@ from hybridyn.structure.building import build_robot
 from hybridyn.structure.robot import HybridRobot
 from tests.comparing import SOLVED, close_to
 from tests.mechanisms import KINDS, random_mechanism, random_states
-from tests.peers import describe, example_urdf
+from tests.peers import Peer, describe, example_urdf
+from tests.quantities.ankle import ankle
 from tests.quantities.flow import DIFFERENCE, neighbours, rate_along
 from tests.quantities.reduced import columns_of, oracle_bias, oracle_drift, oracle_map, oracle_mass
 from tests.samples import in_turn
@@ -71,6 +74,36 @@ def test_a_serial_robot_against_pinocchio(base: Base) -> None:
         close_to(M[t], (upper + np.triu(upper, 1).T)[np.ix_(columns, columns)], SOLVED)
         close_to(force[t], pin.nonLinearEffects(robot.model, data, q[t], v[t])[columns], SOLVED)
         close_to(weight[t], pin.computeGeneralizedGravity(robot.model, data, q[t])[columns], SOLVED)
+
+
+def test_a_closed_robot_against_pinocchio(tmp_path: Path) -> None:
+    """M is E^T crba E with E from Pinocchio's constraint Jacobian; M u_dot + c + g = tau of its dynamics."""
+    robot = ankle(tmp_path)
+    peer, rng = Peer(robot.description), np.random.default_rng(0)
+    motors = {m: (at, *rng.normal(size=2)) for m, at in zip(robot.motors, (0.1, -0.2), strict=True)}
+    q, v, _ = hybridyn.assemble(robot, motors=motors)
+    order = [peer.model.joints[peer.model.getJointId(name)].idx_v for name in robot.joints]
+    x, x_dot = np.zeros((2, peer.model.nv))
+    x[order], x_dot[order] = q, v
+    models, data = peer.constraint_models(), peer.model.createData()
+    datas = pin.StdVec_RigidConstraintData()
+    for model in models:
+        datas.append(model.createData())
+    pin.initConstraintDynamics(peer.model, data, models, datas)
+    settings = pin.ProximalSettings(1e-15, 0.0, 5)
+    pin.constraintDynamics(peer.model, data, x, x_dot, np.zeros_like(x), models, datas, settings)
+    J = pin.getConstraintsJacobian(peer.model, data, models, datas)[:, order]
+    columns = columns_of(Oracle(robot.description), robot.motors)
+    Z = np.linalg.svd(J)[2][len(J) :].T
+    E = np.linalg.solve(Z[columns].T, Z.T).T
+    close_to(hybridyn.motion_map(robot, q), E, SOLVED)
+    upper = np.triu(pin.crba(peer.model, data, x))
+    tree = (upper + np.triu(upper, 1).T)[np.ix_(order, order)]
+    M, force = hybridyn.mass_matrix(robot, q), hybridyn.bias(robot, q, v)
+    close_to(M, E.T @ tree @ E, SOLVED)
+    for tau in rng.normal(size=(2, 2)):
+        a = peer.constraint_dynamics(x, x_dot, tau, mu=0.0)[order]
+        assert np.abs(M @ a[columns] + force - tau).max() <= SOLVED * np.abs(force).max()
 
 
 @pytest.mark.parametrize(
