@@ -55,6 +55,7 @@ def test_identities_of_shipped_robots(name: str) -> None:
     description = shipped(name)
     robot = build_robot(description)
     q, v, _ = (x[0] for x in states_near_home(description, "fixed", 3, 1))
+    v = v / 4  # the error of the differences grows with the fifth power, C with the first
     u = v[columns_of(Oracle(description), robot.motors)]
     C, near = hybridyn.coriolis_matrix(robot, q, v), neighbours(robot, q, v)
     close_to(C @ u, hybridyn.coriolis(robot, q, v), SOLVED)
