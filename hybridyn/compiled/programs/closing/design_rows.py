@@ -16,7 +16,6 @@ import numpy as np
 from ....assembly.follow import MOST_TURNING, SAME_BRANCH, SMALL_STEP
 from ....assembly.requests import Requests
 from ....errors import CompileError, HybridynError
-from ....linkage.newton import LONGEST_STEP
 from ....spatial import Array, Index, Mask
 from ....structure.parameters.slots import Slot
 from ....structure.robot import HybridRobot
@@ -51,6 +50,12 @@ class Postures:
     def take(self, rows: Index | Mask) -> Postures:
         """Return those of some designs."""
         return Postures(self.q[rows], self.p[rows])
+
+    def moved(self, other: Postures, where: Mask) -> Postures:
+        """Return those of another step for some designs: no design depends on how many steps others need."""
+        if where.all():
+            return other
+        return Postures(*(np.where(where[:, None], x, y) for x, y in ((other.q, self.q), (other.p, self.p))))
 
 
 @dataclass(frozen=True)
@@ -91,7 +96,7 @@ class DesignRows:
             return out
         parts, library = closing
         g, g_dot, g_ddot = numbers(parts, wanted)
-        step = _Step(library, slots, len(parts))
+        step = _Step(library, slots, len(parts), robot.nv)
         live = np.arange(D)
         at, good = step.reached(self._home(parts, D), g[0])
         for t in range(T):
@@ -148,8 +153,8 @@ class DesignRows:
 class _Step:
     """One row for many designs."""
 
-    def __init__(self, library: Library, slots: Array, modules: int) -> None:
-        self.library, self.slots, self.modules = library, slots, modules
+    def __init__(self, library: Library, slots: Array, modules: int, rates: int) -> None:
+        self.library, self.slots, self.modules, self.rates = library, slots, modules, rates
 
     def _run(self, name: str, live: Index, *inputs: Array) -> tuple[list[Array], Mask]:
         """Run a program for designs; return its outputs and where its guard is within the limit."""
@@ -161,12 +166,12 @@ class _Step:
         """Go by Newton's method from a guess to the given positions, without damping (`reaches`)."""
         live = np.arange(len(at.q))
         given, good = np.tile(g, (len(live), 1)), np.ones(len(live), dtype=bool)
-        before = np.full((len(live), self.modules), np.inf)
+        before, near = np.full((len(live), self.modules), np.inf), ~good
         for _ in range(PATIENCE):
             (q, p, step, wrist, far), trusted = self._run("newton", live, at.q, at.p, given)
-            near: Mask = np.all(np.maximum(step, wrist) <= QUADRATIC, axis=1)
-            good &= trusted & ((far < before) | (step < QUADRATIC)).all(axis=1)
-            at, before = Postures(q, p), far
+            good &= near | trusted & ((far < before) | (step < QUADRATIC)).all(axis=1)
+            at, before = at.moved(Postures(q, p), ~near), far
+            near |= (np.maximum(step, wrist) <= QUADRATIC).all(axis=1)
             if near[good].all():
                 break
         return at, good & near
@@ -184,20 +189,25 @@ class _Step:
         at = predicted = Postures(q, p)
         before = np.maximum(first, wrist).max(axis=1)
         for _ in range(ITERATIONS):
-            if not (before[good] > QUADRATIC).any():
+            left = before > QUADRATIC
+            if not left[good].any():
                 break
             (q, p, step, wrist, _), trusted = self._run("newton", live, at.q, at.p, many[0])
             size = np.maximum(step, wrist).max(axis=1)
-            good &= trusted & ((size <= before) | (before <= QUADRATIC))
-            at, before = Postures(q, p), size
-        good &= before <= LONGEST_STEP
+            good &= ~left | (trusted & (size <= before))
+            at, before = at.moved(Postures(q, p), left), np.where(left, size, before)
+        good &= before <= QUADRATIC
+        left, v, a = np.ones(len(live), dtype=bool), *np.empty((2, len(live), self.rates))
         for _ in range(LAST_STEPS):
-            (q, p, v, a, step, far), trusted = self._run("settle", live, at.q, at.p, *many)
-            at = Postures(q, p)
+            (q, p, *rates, step, far), trusted = self._run("settle", live, at.q, at.p, *many)
+            at = at.moved(Postures(q, p), left)
+            v, a = (np.where(left[:, None], new, old) for new, old in zip(rates, (v, a), strict=True))
             settled = step.max(axis=1) <= LAST_ROW_STEP
-            if settled[good].all():
+            good &= ~left | (trusted & (~settled | (far.max(axis=1) <= CLOSED_TO_ROUNDING)))
+            left &= ~settled
+            if not left[good].any():
                 break
-        good &= trusted & settled & (far.max(axis=1) <= CLOSED_TO_ROUNDING)
+        good &= ~left
         if not free:
             good &= self._on_branch(live, start, predicted, at, many[0], first)
         return at, v, a, good
