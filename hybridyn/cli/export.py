@@ -34,6 +34,12 @@ if TYPE_CHECKING:
     callback=split_names,
     help="Output joints: also write their map to the motors that move them, as in 'hybridyn map'.",
 )
+@click.option(
+    "--parameters",
+    metavar="A,B,...",
+    callback=split_names,
+    help="Numbers that are arguments of the functions: mass:LINK, position:JOINT, arguments of a xacro file.",
+)
 @takes_effects("default")
 def command(
     load: Callable[[], HybridRobot],
@@ -42,6 +48,7 @@ def command(
     stats: bool,
     float32: bool,
     map_joints: list[str] | None,
+    parameters: list[str] | None,
     effects: tuple[str, ...],
 ) -> None:
     """Write the inverse and the direct dynamic model of ROBOT (URDF, MJCF, SDF, USD) as C99.
@@ -61,7 +68,11 @@ def command(
     robot = load()
     dtype = "float32" if float32 else "float64"
     if output is not None:
-        for path in export(robot, output, effects, name=name, dtype=dtype, map_joints=map_joints or ()):
+        paths = export(
+            robot, output, effects, name=name, dtype=dtype, map_joints=map_joints or (),
+            parameters=parameters or (),
+        )  # fmt: skip
+        for path in paths:
             click.echo(str(path), err=True)
     if stats:
         click.echo(statistics(robot, effects))

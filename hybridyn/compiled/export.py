@@ -12,6 +12,8 @@ from ..description.writing import write_text
 from ..dynamics.quantities.joint_map import motors_beside
 from ..effects.choice import Choice, choose
 from ..errors import CompileError, ModelError
+from ..structure.parameters.entries import Parameters
+from ..structure.parameters.slots import values_of
 from ..structure.robot import HybridRobot
 from .failures import as_compile_error
 from .needs import WITHOUT_CASADI
@@ -46,6 +48,7 @@ def export(
     name: str | None = None,
     dtype: str = "float64",
     map_joints: Sequence[str] = (),
+    parameters: Sequence[str] = (),
 ) -> list[Path]:
     """Write a robot's models as C source for other programs.
 
@@ -56,12 +59,14 @@ def export(
         name: Prefix of the files and of all C identifiers; default the robot's name.
         dtype: "float64", or "float32" for processors with single precision only.
         map_joints: Output joints whose map to their motors is written, too, as for `hybridyn.joint_map`.
+        parameters: Numbers of the robot that are arguments of the functions, as for `hybridyn.compile`; the
+            header lists them. The functions that close loops are then left out.
 
     Returns:
         Paths of the written files.
 
     Raises:
-        ModelError: An effect is not available in compiled models, `dtype` is invalid, `name` is not a C
+        ModelError: A parameter is unknown, or together with `map_joints`; an effect is not available in compiled models, `dtype` is invalid, `name` is not a C
             identifier, or a file of the same name exists that hybridyn did not write.
         CompileError: casadi is not installed, the models cannot be generated, or their guards are above 1 at
             every random state.
@@ -75,19 +80,23 @@ def export(
         raise ModelError(
             "the effect 'limits' is not exported: clip the efforts before the call", element="limits"
         )
+    slots = Parameters(robot.description, parameters).slots
+    if slots and map_joints:
+        raise ModelError("the map of output joints has no parameters: export it by itself")
+    values = np.array(values_of(robot.description, slots))
     with as_compile_error(robot):
-        models = list(programs(robot, on, models=ALWAYS, dtype=dtype).values())
+        models = list(programs(robot, on, models=ALWAYS, dtype=dtype, parameters=slots).values())
         asked = request(robot, on, dtype=dtype)
-        posed = close_platforms_program(asked)
+        posed = None if slots else close_platforms_program(asked)
         models += [] if posed is None else [posed]
-        check_trusted(guards_of(models), robot, on)
+        check_trusted(guards_of(models, values), robot, on)
         models += map_programs(asked, map_joints) if map_joints else []
         contents = {
-            f"{name}.h": header_text(robot, models, name, dtype, map_joints),
+            f"{name}.h": header_text(robot, models, name, dtype, map_joints, slots),
             f"{name}.c": plain_source(models, name, dtype),
-            f"test_{name}.c": test_text(robot, on, models, name, dtype, map_joints),
+            f"test_{name}.c": test_text(robot, on, models, name, dtype, map_joints, values),
             "Makefile": _makefile(name),
-            "README.md": _readme(robot, on.names, models, name, dtype),
+            "README.md": _readme(robot, on.names, models, name, dtype, closes=not slots),
         }
     return written(Path(directory), contents)
 
@@ -192,10 +201,17 @@ def _makefile(name: str) -> str:
 
 
 def _readme(
-    robot: HybridRobot, effects: Sequence[str], programs: list[Program], name: str, dtype: str
+    robot: HybridRobot,
+    effects: Sequence[str],
+    programs: list[Program],
+    name: str,
+    dtype: str,
+    *,
+    closes: bool,
 ) -> str:
     """Return the README."""
     functions = "\n".join(f"    {prototype(program, name, dtype)};" for program in programs)
+    closing = _closing(robot, programs, name) if closes else ". `parameters` are numbers of the robot"
     return f"""# Dynamics of '{robot.description.name}' in C
 
 {WRITTEN}. C99, also for C++ (compile the source as C). The code allocates no memory and needs no library but
@@ -206,7 +222,7 @@ the C library's mathematics. Base: {robot.base}. Effects: {", ".join(effects) or
 
 Each function returns a guard. Use the results only if it is at most 1, and provide a fallback for other
 samples. The guard is above 1 near singular postures and if the loops are open, and NaN if a number is not
-finite. `q`, `v` and `a` are those of all joints and must close the loops{_closing(robot, programs, name)}.
+finite. `q`, `v` and `a` are those of all joints and must close the loops{closing}.
 The caller provides the memory `work`, one for each thread. `-ffast-math` would remove the NaN of the guard
 and is refused.
 

@@ -69,6 +69,7 @@ def test_text(
     name: str,
     dtype: str,
     map_joints: Sequence[str],
+    parameters: Array,
 ) -> str:
     """Generate the test in C.
 
@@ -79,13 +80,16 @@ def test_text(
         name: Prefix of the files and of all C identifiers.
         dtype: "float64" or "float32".
         map_joints: Output joints of the programs of the map.
+        parameters: Values of the input "parameters", shape (slots,).
     """
     lines = [
         f'/* {WRITTEN}. */\n#include <math.h>\n#include <stdio.h>\n\n#include "{name}.h"',
         DIFFERENCE.format(real=REAL[dtype]),
     ]
     checks: list[str] = []
-    for program, values in zip(programs, _references(robot, effects, programs, map_joints), strict=True):
+    for program, values in zip(
+        programs, _references(robot, effects, programs, map_joints, parameters), strict=True
+    ):
         if values:
             arrays = (*program.inputs, *program.outputs)
             lines += [_array(f"{program.name}_{n}", values[n], dtype) for n, _ in arrays]
@@ -100,7 +104,11 @@ def test_text(
 
 
 def _references(
-    robot: HybridRobot, effects: Effects, programs: list[Program], map_joints: Sequence[str]
+    robot: HybridRobot,
+    effects: Effects,
+    programs: list[Program],
+    map_joints: Sequence[str],
+    parameters: Array,
 ) -> list[dict[str, Array]]:
     """Compute each program's inputs and outputs, shapes (SAMPLES, n).
 
@@ -134,12 +142,19 @@ def _references(
             values = {"near": q, "q": q, **map_values(robot, q, map_joints, v)}
         elif robot.base == "moving":
             values["a"] = ddm(robot, q, v, tau, effects=effects, base_acceleration=a[:, :6])
+        if values:
+            values["parameters"] = np.tile(parameters, (SAMPLES, 1))
         out.append(values)
     return out
 
 
-def guards_of(programs: list[Program]) -> Callable[..., dict[str, Array]]:
-    """Return a function of q, v, a, tau that computes the guards of the models, for `check_trusted`."""
+def guards_of(programs: list[Program], parameters: Array) -> Callable[..., dict[str, Array]]:
+    """Return a function of q, v, a, tau that computes the guards of the models, for `check_trusted`.
+
+    Args:
+        programs: The models.
+        parameters: Values of the input "parameters", shape (slots,).
+    """
     from .programs.interpreter import function_of
 
     models = {program.name: program for program in programs if program.name in ("idm", "ddm")}
@@ -148,6 +163,7 @@ def guards_of(programs: list[Program]) -> Callable[..., dict[str, Array]]:
     def guards(q: Array, v: Array, a: Array, tau: Array) -> dict[str, Array]:
         """Return the guards of the samples by model, shape (T,) each."""
         known = {"q": q, "v": v, "a": a, "tau": tau, "base_acceleration": np.zeros((len(q), 6))}
+        known["parameters"] = np.tile(parameters, (len(q), 1))
         given = {name: [known[n] for n, _ in program.inputs] for name, program in models.items()}
         return {
             name: np.array([float(function(*sample)[-1]) for sample in zip(*given[name], strict=True)])

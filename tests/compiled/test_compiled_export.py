@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import re
 import shutil
 import subprocess
@@ -292,3 +293,36 @@ def test_a_root_link_may_be_called_world(tmp_path: Path) -> None:
     _, v, _ = moving_states(robot, 2)
     assert v.all()
     assert export(robot, tmp_path / "c", name="bar")
+
+
+@pytest.mark.slow
+def test_exported_functions_take_parameters(tmp_path: Path) -> None:
+    """The C at another design, called through ctypes, gives the numbers of that robot."""
+    robot, names = shipped("five_bar"), ["mass:m1_tool", "position:m1_left_elbow"]
+    command = ["export", "five_bar", "-o", str(tmp_path), "--name", "bar", "--parameters", ",".join(names)]
+    assert main([*command]) == 0
+    header = (tmp_path / "bar.h").read_text()
+    assert "0  mass of 'm1_tool' (0.4)" in header
+    assert "bar_close(" not in header
+    assert "idm 0: guard" in run_test(tmp_path, "bar")
+    library = tmp_path / "bar.so"
+    sources = [
+        *find_compiler().command,
+        "-shared",
+        "-fPIC",
+        "-o",
+        str(library),
+        str(tmp_path / "bar.c"),
+        "-lm",
+    ]
+    subprocess.run(sources, check=True)
+    model = ctypes.CDLL(str(library)).bar_idm
+    model.restype = ctypes.c_double
+    other = robot.with_parameters({names[0]: 0.7, names[1]: (0.27, 0.0, 0.0)})
+    q, v, tau = moving_states(other, 3)
+    a = hybridyn.ddm(other, q, v, tau)
+    for t in range(3):
+        found, work = np.empty(2), np.empty(10_000)
+        given = [q[t], v[t], a[t], np.array([0.7, 0.27, 0.0, 0.0]), found, work]
+        assert model(*(ctypes.c_void_p(x.ctypes.data) for x in map(np.ascontiguousarray, given))) <= 1.0
+        np.testing.assert_allclose(found, hybridyn.idm(other, q, v, a)[t], rtol=1e-11)

@@ -6,6 +6,7 @@ import re
 from collections.abc import Sequence
 
 from ...dynamics.quantities.joint_map import motors_beside
+from ...structure.parameters.slots import Slot, values_of
 from ...structure.robot import HybridRobot
 from ..code.plain_c import WRITTEN, prototype, work_type
 from ..equations.guards import GUARD_CLOSED
@@ -52,9 +53,25 @@ def comment(lines: Sequence[str]) -> str:
 
 
 def header_text(
-    robot: HybridRobot, programs: list[Program], name: str, dtype: str, joints: Sequence[str] = ()
+    robot: HybridRobot,
+    programs: list[Program],
+    name: str,
+    dtype: str,
+    joints: Sequence[str] = (),
+    parameters: Sequence[Slot] = (),
 ) -> str:
-    """Return the header."""
+    """Return the header.
+
+    Args:
+        robot: The robot.
+        programs: The models.
+        name: Prefix of the files and of all C identifiers.
+        dtype: "float64" or "float32".
+        joints: Output joints of the programs of the map.
+        parameters: Numbers of the description that are arguments.
+    """
+    values = zip(parameters, values_of(robot.description, parameters), strict=True)
+    arguments = [f"     {i}  {slot} ({value!r})" for i, (slot, value) in enumerate(values)]
     motors = [f"     {i}  {motor}" for i, motor in enumerate(robot.motors)]
     bodies = [f"     {24 * i}..{24 * i + 23}  {link}" for i, link in enumerate(_body_names(robot))]
     about = [
@@ -64,6 +81,7 @@ def header_text(
         "   v, a", *_places(robot.joints, robot.v_slices),
         "   tau", *motors,
         "   bodies", *bodies,
+        *(["   parameters (the robot's own numbers)", *arguments] if arguments else []),
         *(["   pose, twist, twist_dot", *_posed(robot)] if posed_modules(robot) else []),
         *(_sides(robot, joints) if joints else []),
         "",
