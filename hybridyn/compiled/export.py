@@ -66,8 +66,9 @@ def export(
         Paths of the written files.
 
     Raises:
-        ModelError: A parameter is unknown, or together with `map_joints`; an effect is not available in compiled models, `dtype` is invalid, `name` is not a C
-            identifier, or a file of the same name exists that hybridyn did not write.
+        ModelError: A parameter is unknown, or together with `map_joints`; an effect is not available in
+            compiled models, `dtype` is invalid, `name` is not a C identifier, or a file of the same name
+            exists that hybridyn did not write.
         CompileError: casadi is not installed, the models cannot be generated, or their guards are above 1 at
             every random state.
         SingularityError, TrajectoryError: The output joints do not fit their modules, or are unknown.
