@@ -10,6 +10,7 @@ from ..linkage.threads import one_thread
 from ..structure.parameters.entries import Parameters
 from ..structure.robot import HybridRobot
 from .code.scalars import Scalar
+from .equations.arguments.coefficients import at_robot, check_coefficients
 from .failures import as_compile_error
 from .library.cache import Built
 from .library.calls import Library, loaded
@@ -65,11 +66,17 @@ def compile(
     scalar = Scalar(dtype, best_lanes(dtype))
 
     chosen = Parameters(robot.description, parameters)
+    check_coefficients(robot, on, chosen.slots)
 
     def accept(built: Built) -> None:
         library = Library(built)
         for design, like, required in designs_to_verify(robot, chosen):
-            verify(AtDesign(library, design) if parameters else library, like, on, required=required)
+            verify(
+                AtDesign(library, design) if parameters else library,
+                like,
+                at_robot(on, like) if parameters else on,
+                required=required,
+            )
 
     with as_compile_error(robot):
         find = library_of(robot, on, scalar, chosen.slots)

@@ -19,6 +19,7 @@ from ..spatial import Array, Mask
 from ..structure.parameters.entries import Parameters
 from ..structure.robot import HybridRobot
 from .code.scalars import Scalar
+from .equations.arguments.coefficients import at_robot
 from .library.cache import Built
 from .library.calls import REFUSED, Calls, Library, Numbers
 from .library.compilers import best_lanes
@@ -373,7 +374,8 @@ class CompiledRobot(Quantities):
             )  # fmt: skip
             numbers = many.pop("parameters", np.zeros((len(result), 0)))
             for robot, rows in self._designs.by_design(numbers, doubtful):
-                result[rows] = general_rows(robot, self.effects, name, many, rows)
+                effects = self.effects if robot is self.robot else at_robot(self.effects, robot)
+                result[rows] = general_rows(robot, effects, name, many, rows)
         if limits is not None and name == "idm":
             limits.check(self.robot, result)
         return result[0] if np.ndim(given["q"]) == 1 else result

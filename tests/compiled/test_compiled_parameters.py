@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -121,3 +122,21 @@ def test_wrong_arguments_are_named() -> None:
         compiled.idm(robot.home, still, still, parameters=[1.0, 2.0])
     with pytest.raises(ModelError, match="has no parameters"):
         hybridyn.compile(robot).idm(robot.home, still, still, parameters=[1.0])
+
+
+@pytest.mark.slow
+def test_coefficients_of_friction_are_parameters() -> None:
+    """The laws read the number of each sample; the general path builds the robot with it."""
+    description = shipped("five_bar")
+    joints = tuple(replace(j, damping=0.3) if j.name == "m1_left_elbow" else j for j in description.joints)
+    robot = build_robot(replace(description, joints=joints))
+    name, effects = "viscous_friction:m1_left_elbow", ["default", "viscous_friction"]
+    compiled = hybridyn.compile(robot, effects, parameters=[name])
+    other = robot.with_parameters({name: 0.8})
+    q, v, a, tau = random_states(other, 4)
+    for model, last in (("idm", a), ("ddm", tau)):
+        wanted = getattr(hybridyn, model)(other, q, v, last, effects=effects)
+        assert off(getattr(compiled, model)(q, v, last, parameters=[0.8]), wanted) <= AGREE
+    assert off(compiled.idm(q, v, a), hybridyn.idm(robot, q, v, a, effects=effects)) <= AGREE
+    with pytest.raises(ModelError, match="'viscous_friction' does not act on the joint"):
+        hybridyn.compile(robot, parameters=[name])

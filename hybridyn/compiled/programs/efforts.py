@@ -8,8 +8,11 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from ...effects.joints import OnJoints
 from ...errors import ModelError
 from ...spatial import Index
+from ..equations.arguments.chosen import ChosenNumbers
+from ..equations.arguments.coefficients import slot_of
 from ..equations.expressions import pack
 from ..equations.request import Request
 from ..program import Constants, Shared, Source
@@ -95,13 +98,22 @@ class Efforts:
             q_at = int(law.at[i])
             inputs += [p, x, v]
             sources += [
-                Constants(np.array([[row[i] for row in law.p]])),
+                self._coefficients(law, i),
                 w.from_given("q", np.arange(q_at, q_at + x.numel())),
                 w.from_given("v", np.array([at])),
             ]
             total = total + effort
             key = (*key, turns, repr(law.effect.name))
         return inputs, sources, total, key
+
+    def _coefficients(self, law: OnJoints, i: int) -> Source:
+        """Return the source of a law's coefficients on its freedom i: constants, or an argument."""
+        arguments = self._request.arguments
+        if isinstance(arguments, ChosenNumbers):
+            slot = slot_of(self._request.robot, law, i)
+            if slot in arguments.slots:
+                return self._writer.from_given("parameters", np.array([arguments.slots.index(slot)]))
+        return Constants(np.array([[row[i] for row in law.p]]))
 
 
 def _written(effect: Any, p: ca.SX, x: Any, v: ca.SX) -> Any:

@@ -16,6 +16,7 @@ from ...effects.choice import Effects
 from ...errors import AssemblyError, HybridynError, SingularityError
 from ...spatial import Array, Index, Mask
 from ...structure.robot import HybridRobot
+from ..equations.arguments.coefficients import at_robot
 from .closing.design_rows import DesignRows
 from .designs import Designs
 
@@ -143,7 +144,7 @@ class Evaluator:
             return
         try:
             out.q[k], out.v[k], out.a[k] = assemble_requests(robot, wanted.requests, robot.home)
-            out.tau[k] = idm(robot, out.q[k], out.v[k], out.a[k], effects=self.effects)
+            out.tau[k] = idm(robot, out.q[k], out.v[k], out.a[k], effects=at_robot(self.effects, robot))
         except HybridynError as error:
             out.errors[k] = str(error)
             if isinstance(error, AssemblyError):
@@ -166,7 +167,7 @@ class Evaluator:
         rest = np.zeros(robot.nv)
         for t in np.flatnonzero(out.reached[k]):
             try:
-                idm(robot, out.q[k, t], rest, rest, effects=self.effects)
+                idm(robot, out.q[k, t], rest, rest, effects=at_robot(self.effects, robot))
             except SingularityError:
                 out.singular[k, t] = True
             except HybridynError:

@@ -87,10 +87,12 @@ _OF_LINKS = {
     "centre": ("com", tuple((i,) for i in range(3)), _XYZ),
     "inertia": ("inertia", tuple((i, j) for i in range(3) for j in range(i, 3)), _UPPER),
 }
+#: Fields of joints, which count with the effect of that name.
+OF_EFFECTS = {"viscous_friction": "damping", "coulomb_friction": "friction"}
 #: What follows the name of a closure: its frame on the predecessor and on the successor.
 _SIDES = {"predecessor": "frame_a", "successor": "frame_b"}
 #: Kinds of parameters, before the colon.
-KINDS = (*_OF_LINKS, *_FRAMED, "offset")
+KINDS = (*_OF_LINKS, *_FRAMED, "offset", *OF_EFFECTS)
 
 
 def entry_of(description: Description, name: str) -> Entry:
@@ -100,7 +102,8 @@ def entry_of(description: Description, name: str) -> Entry:
         description: The robot's description.
         name: "mass:LINK", "centre:LINK" or "inertia:LINK" (about the centre of mass: xx, xy, xz, yy, yz,
             zz); "position:JOINT", "rotation:JOINT" (roll, pitch, yaw) or "placement:JOINT" (both), also of
-            "CLOSURE/predecessor" and "CLOSURE/successor"; "offset:COUPLING".
+            "CLOSURE/predecessor" and "CLOSURE/successor"; "offset:COUPLING"; "viscous_friction:JOINT" and
+            "coulomb_friction:JOINT", the coefficients in the robot's files.
 
     Raises:
         ModelError: The name has another form, or there is no such link, joint, closure or coupling.
@@ -120,6 +123,9 @@ def entry_of(description: Description, name: str) -> Entry:
         _known(name, of, [c.name for c in description.couplings], "coupling")
         return _entry(name, ("offset",), [Slot("couplings", of, "offset")])
     joints = [joint.name for joint in description.joints]
+    if kind in OF_EFFECTS:
+        _known(name, of, joints, "joint")
+        return _entry(name, (kind,), [Slot("joints", of, OF_EFFECTS[kind])])
     labels, places, numbers, own = _FRAMED[kind]
     base, _, side = of.rpartition("/")
     if side in _SIDES:

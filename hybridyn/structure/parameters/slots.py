@@ -14,7 +14,7 @@ from ...errors import ModelError
 #: Fields with slots, by the tuple of a description.
 NUMBERS = {
     "links": ("mass", "com", "inertia"),
-    "joints": ("placement",),
+    "joints": ("placement", "damping", "friction"),
     "closures": ("frame_a", "frame_b"),
     "couplings": ("offset",),
 }
