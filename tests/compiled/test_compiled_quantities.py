@@ -32,6 +32,9 @@ def equal(compiled: hybridyn.CompiledRobot, q: np.ndarray, v: np.ndarray, **opti
     for name in ("bias", "coriolis"):
         expected = getattr(hybridyn, name)(robot, q, v, effects=effects, **options)
         close_to(getattr(compiled, name)(q, v, **options), expected, SOLVED)
+    if robot.base != "moving":
+        expected = hybridyn.coriolis_matrix(robot, q, v, effects=effects, **options)
+        close_to(compiled.coriolis_matrix(q, v, **options), expected, SOLVED)
     expected = hybridyn.motion_map(robot, q, v, **options)
     close_to(np.array(compiled.motion_map(q, v, **options)), np.array(expected), SOLVED)
     close_to(compiled.motion_map(q, **options), expected[0], SOLVED)
@@ -105,10 +108,13 @@ def test_robots_on_other_bases(base: str) -> None:
     compiled = hybridyn.compile(hybridyn.load("five_bar", base=base))
     q, v, _ = moving_states(compiled.robot, 3, 1)
     equal(compiled, q, v)
-    forces = ("mass_matrix", "gravity", "bias", "coriolis")
+    forces = ("mass_matrix", "gravity", "bias", "coriolis", "coriolis_matrix")
     assert compiled.recomputed == (3 * len(forces) if base == "floating" else 0)
     given = np.arange(6.0)
     if base == "moving":
+        words = error_of(compiled.coriolis_matrix, q, v)
+        assert words == error_of(hybridyn.coriolis_matrix, compiled.robot, q, v)
+        assert "the moving base has a twist" in words
         expected = hybridyn.bias(compiled.robot, q, v, base_acceleration=given)
         close_to(compiled.bias(q, v, base_acceleration=given), expected, SOLVED)
 
@@ -128,8 +134,8 @@ def test_the_words_at_singular_postures() -> None:
     v = np.zeros((3, robot.nv))
     link = list(robot.bodies.place)[-1]
     calls: list[tuple[str, tuple[Any, ...]]] = [
-        ("mass_matrix", (q,)), ("bias", (q, v)), ("coriolis", (q, v)), ("gravity", (q,)),
-        ("motion_map", (q,)), ("motion_map", (q, v)), ("link_jacobian", (q, link)),
+        ("mass_matrix", (q,)), ("bias", (q, v)), ("coriolis", (q, v)), ("coriolis_matrix", (q, v)),
+        ("gravity", (q,)), ("motion_map", (q,)), ("motion_map", (q, v)), ("link_jacobian", (q, link)),
     ]  # fmt: skip
     for name, arguments in calls:
         words = error_of(getattr(compiled, name), *arguments)

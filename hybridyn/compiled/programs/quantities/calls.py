@@ -14,6 +14,7 @@ from ....dynamics.energy import Energy, energy
 from ....dynamics.link_motion import named_links
 from ....dynamics.quantities.bias import bias, coriolis, gravity
 from ....dynamics.quantities.coordinates import independent_coordinates
+from ....dynamics.quantities.coriolis_matrix import coriolis_matrix
 from ....dynamics.quantities.link_jacobian import link_jacobian
 from ....dynamics.quantities.mass_matrix import mass_matrix
 from ....dynamics.quantities.motion_map import motion_map, rate_of_map, refuse_idle
@@ -94,6 +95,20 @@ class Quantities:
             return coriolis(self.robot, q, v, joints=joints, effects=self.effects)
 
         return self._finished("coriolis", rows.coriolis if rows else None, general, 3, single, q, v)
+
+    def coriolis_matrix(self, q: ArrayLike, v: ArrayLike, *, joints: Joints = None) -> Numbers:
+        """Compute C(q, v) with c = C u, shape (N, N) or (T, N, N), like `hybridyn.coriolis_matrix`."""
+        q, v, single = checked_state(self.robot, q, v)
+        rows = None if self._has(Stop) else self._rows(joints)
+        if self.robot.base == "moving" and v[:, :6].any():
+            rows = None  # the general path refuses it
+
+        def general(q: Array, v: Array) -> Array:
+            return coriolis_matrix(self.robot, q, v, joints=joints, effects=self.effects)
+
+        lanes = 6 * rows.moves.u.size if rows else 1
+        compute = rows.coriolis_matrix if rows else None
+        return self._finished("coriolis_matrix", compute, general, lanes, single, q, v)
 
     def gravity(self, q: ArrayLike, *, joints: Joints = None) -> Numbers:
         """Compute g(q), shape (N,) or (T, N), like `hybridyn.gravity`."""

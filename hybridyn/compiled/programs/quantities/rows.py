@@ -17,6 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ....dynamics.energy import add_energy_of_laws, leg_bodies
+from ....dynamics.quantities.polar import polar_form
 from ....effects.choice import Effects
 from ....spatial import Array, Index, Mask
 from ....structure.robot import HybridRobot
@@ -79,6 +80,19 @@ class QuantityRows:
         )  # fmt: skip
         force, mapped = self._mapped(q, np.ldexp((there + back) / 2 - rest, -2 * s))
         return force, good & one & other & still & mapped
+
+    def coriolis_matrix(self, q: Array, v: Array) -> Computed:
+        """Compute C with c = C u, shape (T, N, N): the polar form of c between v and the columns of dq/du."""
+        E, good = self.moves.map(q)
+        parts = [good]
+
+        def force(x: Array, rates: Array) -> Array:
+            out, trusted = self.coriolis(x, rates)
+            parts.append(np.asarray(trusted.reshape(len(q), -1).all(axis=1)))
+            return out
+
+        C = polar_form(self.robot, force, q, v, E)
+        return C, np.logical_and.reduce(parts)
 
     def gravity(self, q: Array) -> Computed:
         """Compute g, shape (T, N)."""
