@@ -63,6 +63,11 @@ def write_mjcf(request: Request) -> Written:
         )
         notes.append(tight)
         root.insert(0, ET.Comment(f" {tight} "))
+        if any(name in SAID for name, _ in d.effects):
+            notes.append(
+                "this does not count springs and dampers: stiff ones open the closures further, or break up "
+                "the simulation; then convert with a smaller tightness"
+            )
     if beside:
         notes.append(f"MuJoCo does not see these effects, which the model.toml holds: {', '.join(beside)}")
     model = model_file(d, motors=not d.motors, effects=beside)
