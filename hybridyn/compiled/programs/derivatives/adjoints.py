@@ -12,6 +12,7 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
+from numpy.typing import NDArray
 
 from ...equations.expressions import pack
 from ...program import Add, Constants, Own, Shared, Source, Target
@@ -22,6 +23,7 @@ from .nodes import Node, Number, numbers_of
 #: Heading of derivatives in operation counts.
 PART = "derivatives"
 
+Pattern = NDArray[np.bool_]
 #: Parts of an adjoint: the block and the entry in it.
 Parts = list[tuple[Own | Constants, int]]
 
@@ -84,18 +86,32 @@ class Adjoints:
         writer: The program under construction.
         rows: Number of rows.
         of: The parts of each number's adjoint.
+        patterns: Which entries of each block are not always zero, by the block's identity.
     """
 
     writer: Writer
     rows: int
     of: dict[Number, Parts] = field(default_factory=dict)
+    patterns: dict[int, Pattern] = field(default_factory=dict)
 
     def seed(self, target: Target, first: int = 0) -> None:
         """Take the numbers of a target as those to be differentiated, in the rows from `first` on."""
         numbers = numbers_of(target, 0)
         block = Constants(np.eye(self.rows)[:, first : first + len(numbers)])
+        self._add(block, block.values != 0.0, numbers)
+
+    def _add(self, block: Own | Constants, pattern: Pattern, numbers: list[Number]) -> None:
+        """Add a block to the adjoints of numbers."""
+        self.patterns[id(block)] = pattern
         for k, number in enumerate(numbers):
             self.of.setdefault(number, []).append((block, k))
+
+    def pattern(self, parts: Parts) -> Pattern:
+        """Return in which rows an adjoint is not always zero, shape (rows,)."""
+        out = np.zeros(self.rows, dtype=bool)
+        for block, k in parts:
+            out |= self.patterns[id(block)][:, k]
+        return out
 
     def sweep(self, nodes: list[Node], live: set[Number]) -> None:
         """Add the calls that compute the adjoints of live numbers.
@@ -154,6 +170,7 @@ class Adjoints:
         key = ("reverse", local.key, summed, reading.key, tuple(wanted), outs)
 
         def function() -> ca.Function:
+            """Return the products of derivatives and adjoints."""
             J = ca.SX.sym("J", len(entries))
             blocks, adjoints = reading.symbols()
             sums: dict[tuple[int, int], Any] = {}
@@ -166,10 +183,14 @@ class Adjoints:
         w = self.writer
         places = [w.own(self.rows, len(cols)) for cols in columns.values()]
         w.call(w.kernel(key, function, PART), self.rows, [values, *reading.blocks], list(places))
+        rows = {(n, row): self.pattern(self.of[numbers[n][row]]) for n, row in wanted}
         for place, (s, cols) in zip(places, columns.items(), strict=True):
             source = numbers_of(node.sources[s], copy)
-            for k, col in enumerate(cols):
-                self.of.setdefault(source[col], []).append((place, k))
+            pattern = np.zeros((self.rows, len(cols)), dtype=bool)
+            for n, row, s_of, col in entries:
+                if s_of == s and (n, row) in at and col in cols:
+                    pattern[:, cols.index(col)] |= rows[n, row]
+            self._add(place, pattern, [source[col] for col in cols])
 
     def parts(self, source: Source) -> list[Parts]:
         """Return the parts of the adjoints of a source's numbers."""

@@ -4,18 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
+from ....linkage.joints import NQ, NV
 from ....spatial import Index
 from ....structure.robot import HybridRobot
 from ...equations.expressions import Expression, dot, pack, symbols
 from ...equations.request import Request
 from ...equations.rigid import quaternion_matrix
 from ...program import Source, Target
-from .adjoints import PART, Adjoints, Parts, Reading
+from .adjoints import PART, Adjoints, Parts, Pattern, Reading
 
 
 @dataclass(frozen=True)
@@ -58,7 +60,7 @@ def parameters_of(request: Request) -> list[Index]:
 
 def collect(
     adjoints: Adjoints, name: str, index: Index, targets: Sequence[Target], at: Coordinates | None = None
-) -> None:
+) -> Pattern:
     """Add the call that adds up the adjoints of numbers of a user input.
 
     Args:
@@ -67,6 +69,9 @@ def collect(
         index: Indices of the numbers in it.
         targets: Targets of the sums, which all receive the same.
         at: Coordinates whose positions the numbers are: the sums are taken along their freedoms.
+
+    Returns:
+        Which sums are not always zero, shape (rows, sums).
     """
     w = adjoints.writer
     read = adjoints.parts(w.from_given(name, index))
@@ -74,7 +79,7 @@ def collect(
     if at is not None and any(kind not in ONE for kind in at.kinds):
         sources = [w.from_given(name, np.tile(index, (adjoints.rows, 1)))]
     kinds = at.kinds if at is not None and sources else ()
-    add_up(adjoints, read, targets, kinds, sources)
+    return add_up(adjoints, read, targets, kinds, sources)
 
 
 def add_up(
@@ -83,11 +88,16 @@ def add_up(
     targets: Sequence[Target],
     kinds: tuple[str, ...] = (),
     q: Sequence[Source] = (),
-) -> None:
-    """Add the call that adds up the parts of adjoints; with kinds, along the freedoms of joints at q."""
+) -> Pattern:
+    """Add the call that adds up the parts of adjoints; with kinds, along the freedoms of joints at q.
+
+    Returns:
+        Which sums are not always zero, shape (rows, sums).
+    """
     w, reading = adjoints.writer, Reading.of(read)
 
     def function() -> ca.Function:
+        """Return the sums."""
         blocks, values = reading.symbols()
         columns = list(blocks)
         if kinds:
@@ -97,6 +107,13 @@ def add_up(
 
     kernel = w.kernel(("collect", reading.key, kinds, len(targets)), function, PART)
     w.call(kernel, adjoints.rows, [*q, *reading.blocks], list(targets))
+    pattern = np.array([adjoints.pattern(parts) for parts in read]).reshape(len(read), adjoints.rows)
+    if not kinds:
+        return pattern.T
+    ends = np.cumsum([0, *(NQ[kind] for kind in kinds)]).tolist()
+    joints = zip(kinds, pairwise(ends), strict=True)
+    rows = [pattern[a:b].any(axis=0) for kind, (a, b) in joints for _ in range(NV[kind])]
+    return np.array(rows).T
 
 
 #: Kinds of joints with one coordinate, whose rate is the coordinate's.

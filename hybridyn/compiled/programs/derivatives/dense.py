@@ -18,7 +18,10 @@ from ...equations.expressions import Expression, dot, eye, pack, symbols
 from ...equations.static_elimination import solve_definite
 from ...program import Constants, Each, Own, Shared, Source, Target
 from ..writer import Writer
-from .adjoints import PART, block_size
+from .adjoints import PART, Pattern, block_size
+
+#: Rows, a matrix for all lanes, and which of its entries are not always zero (None: all).
+Term = tuple[Own, Shared, Pattern | None]
 
 
 @dataclass(frozen=True)
@@ -28,10 +31,12 @@ class Block:
     Attributes:
         rows: Its rows in lanes.
         all: Its rows one after the other, for all lanes.
+        pattern: Which entries are not always zero; None where that is not known.
     """
 
     rows: Own
     all: Each
+    pattern: Pattern | None = None
 
     def some(self, first: int, count: int) -> Shared:
         """Return some rows for all lanes."""
@@ -71,6 +76,7 @@ def inverse(w: Writer, blocks: list[Block]) -> list[Block]:
         widths = tuple(block.rows.size for block in blocks)
 
         def function(widths: tuple[int, ...] = widths) -> ca.Function:
+            """Return one step of Gauss and Jordan for one row."""
             n = widths[0]
             (mine_col, mine), (others_col, others) = symbols("mine", n), symbols("others", 1)
             own = [symbols("row", width) for width in widths]
@@ -95,6 +101,7 @@ def _pivot_rows(w: Writer, blocks: list[Block], first: int) -> list[Shared]:
     n = widths[0]
 
     def function() -> ca.Function:
+        """Return the rows of the pivots, solved."""
         columns, values = zip(*(matrix("rows", n, width) for width in widths), strict=True)
         right = np.concatenate([eye(n), *values[1:]], axis=1)
         X, _ = solve_definite(values[0], right, 1.0)
@@ -110,7 +117,7 @@ def _pivot_rows(w: Writer, blocks: list[Block], first: int) -> list[Shared]:
 def add_product(
     w: Writer,
     copies: int,
-    terms: list[tuple[Own, Shared]],
+    terms: Sequence[Term],
     more: Sequence[Own | Constants],
     targets: list[Target],
     sign: float = 1.0,
@@ -120,26 +127,28 @@ def add_product(
     Args:
         w: The program under construction.
         copies: Number of rows.
-        terms: Pairs of rows x_i and matrices B_i.
+        terms: Rows x_i, matrices B_i, and which entries of B_i are not always zero (None: all).
         more: Further rows y_j.
         targets: Targets of the result, which all receive it.
         sign: 1.0 or -1.0.
     """
-    sizes = tuple((x.size, B.size // x.size) for x, B in terms)
+    sizes = tuple((x.size, B.size // x.size) for x, B, _ in terms)
+    patterns = tuple(None if pattern is None else pattern.tobytes() for *_, pattern in terms)
     widths = tuple(map(block_size, more))
-    key = ("product", sizes, widths, len(targets), sign)
+    key = ("product", sizes, patterns, widths, len(targets), sign)
 
     def function() -> ca.Function:
+        """Return the product."""
         rows = [symbols("x", n) for n, _ in sizes]
         matrices = [matrix("B", n, m) for n, m in sizes]
         others = [symbols("y", m) for m in widths]
         total: Any = 0.0
         for _, y in others:
             total = total + y
-        for (_, x), (_, B) in zip(rows, matrices, strict=True):
-            total = total + dot(x, B) * sign
+        for (_, x), (_, B), (*_, pattern) in zip(rows, matrices, terms, strict=True):
+            total = total + dot(x, B if pattern is None else np.where(pattern, B, 0.0)) * sign
         columns = [column for part in (rows, matrices, others) for column, _ in part]
         return ca.Function("product", columns, [pack(total)] * len(targets))
 
-    sources: list[Source] = [*(x for x, _ in terms), *(B for _, B in terms), *more]
+    sources: list[Source] = [*(x for x, *_ in terms), *(B for _, B, _ in terms), *more]
     w.call(w.kernel(key, function, PART), copies, sources, targets)

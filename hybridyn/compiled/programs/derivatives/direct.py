@@ -4,6 +4,10 @@ At the solution the remaining forces r(q, v, a, tau) vanish, and in each module 
 So with M = r_a Psi, and the index x for derivatives over q, v, tau or parameters,
 
     u_dot_x = -M^-1 (r_x + r_a (Psi_x u_dot + a_0,x)),   a_x = Psi u_dot_x + Psi_x u_dot + a_0,x
+
+Along motions that keep the loops closed this is the derivative of the direct model. Single columns, which
+open the loops, may differ from those of its program where a base that moves carries a module with closures in
+its core: there the program projects the base's forces by the closures, and r by rigid motion.
 """
 
 from __future__ import annotations
@@ -18,7 +22,7 @@ from ..inverse import write_balance
 from ..writer import Writer
 from .adjoints import Adjoints
 from .columns import Coordinates, collect, coordinates_of, parameters_of
-from .dense import Block, add_product, inverse, new_block
+from .dense import Block, Term, add_product, inverse, new_block
 from .memory import compacted
 from .motion import Motions
 from .nodes import Joiner
@@ -85,9 +89,9 @@ class _Rows:
     def _mass(self, k: int) -> Block:
         """Add the columns of the mass matrix of module k's motions, M = r_a Psi."""
         motion, rows = self._motions[k], self._adjoints.rows
-        block = new_block(self._w, rows, motion.Psi.size)
+        block = new_block(self._w, rows, motion.Psi.rows.size)
         over_a = self._over_a[self._root + k]
-        term = (over_a, _some(motion.Psi_all, 0, over_a.size))
+        term = (over_a, motion.Psi.some(0, over_a.size), motion.Psi.pattern)
         add_product(self._w, rows, [term], [], [block.rows, block.all])
         return block
 
@@ -99,13 +103,11 @@ class _Rows:
             self._spread("base_acceleration", np.arange(6), [], self._over_a[j], -1)
             return
         motion = self._motions[j - self._root]
-        for name, own, everywhere in (
-            ("q", motion.over_q, motion.over_q_all), ("v", motion.over_v, motion.over_v_all),
-        ):  # fmt: skip
+        for name, over in (("q", motion.over_q), ("v", motion.over_v)):
             remaining = self._w.own(self._adjoints.rows, len(at.v))
             self._collect(name, at.q if name == "q" else at.v, remaining, at if name == "q" else None)
-            term = (self._over_a[j], _some(everywhere, 0, len(at.v)))
-            self._spread(name, at.v, [term], remaining, j - self._root, own)
+            term = (self._over_a[j], over.some(0, len(at.v)), over.pattern)
+            self._spread(name, at.v, [term], remaining, j - self._root, over.rows)
 
     def add(self, name: str, index: Index, at: Coordinates | None = None) -> None:
         """Add the columns of some inputs on which no motion depends."""
@@ -122,7 +124,7 @@ class _Rows:
         self,
         name: str,
         index: Index,
-        terms: list[tuple[Own, Shared]],
+        terms: list[Term],
         remaining: Own,
         module: int,
         own: Own | None = None,
@@ -142,20 +144,21 @@ class _Rows:
         if n:
             add_product(w, n, terms, [remaining], [forces])
             solved = [
-                (block.rows, _some(forces, self._first[k], block.rows.size))
+                (block.rows, _some(forces, self._first[k], block.rows.size), None)
                 for k, block in zip(self._moving, self._inverse, strict=True)
             ]
             add_product(w, n, solved, [], [u_dot], -1.0)
         for i, at in enumerate(self.coordinates):
             k = i - self._root
             more: list[Own | Constants] = []
-            moved: list[tuple[Own, Shared]] = []
+            moved: list[Term] = []
             if k == module and own is not None:
                 more.append(own)
             if k < 0:
                 more = [Constants(np.eye(6) if name == "base_acceleration" else np.zeros((6, columns)))]
             elif k in self._moving:
-                moved.append((self._motions[k].Psi, _some(u_dot, self._first[k], self._motions[k].Psi.size)))
+                Psi = self._motions[k].Psi.rows
+                moved.append((Psi, _some(u_dot, self._first[k], Psi.size), None))
             elif not more:
                 more = [Constants(np.zeros((len(at.v), columns)))]
             place = w.result(f"d_{name}", at.v[:, None] * self._widths[name] + index)

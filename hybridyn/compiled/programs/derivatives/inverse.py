@@ -34,6 +34,7 @@ def inverse_derivatives(request: Request) -> Program:
     adjoints.sweep(nodes, {("given", k) for k in range(sum(size for _, size in inputs))})
 
     def block(name: str, columns: Index) -> Target:
+        """Return the place of some columns."""
         rows = np.arange(motors)[:, None] * widths[name]
         return w.result(f"d_{name}", rows + columns)
 

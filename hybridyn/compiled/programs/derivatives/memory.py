@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Any
 
+from ...code.rules import check
 from ...program import Add, Call, Each, Own, Program, Shared, Start
 
 
@@ -26,12 +27,18 @@ class _Region:
 
 
 def compacted(program: Program) -> Program:
-    """Return a program that computes the same in less memory."""
+    """Return a program that computes the same in less memory.
+
+    Raises:
+        ValueError: As `check`; what is read before it is written would be hidden afterwards.
+    """
+    check(program)
     shared, own = _regions(program, shared=True), _regions(program, shared=False)
     sizes = _allocate(shared), _allocate(own)
     moved_shared, moved_own = _moves(shared), _moves(own)
 
     def moved(end: Any) -> Any:
+        """Return a source or target in its new place."""
         if isinstance(end, Own):
             return replace(end, start=moved_own.get(end.start, 0))
         return (

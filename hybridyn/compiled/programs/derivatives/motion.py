@@ -2,36 +2,33 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from ...equations.direct import write_motion
 from ...equations.stages import Stage
-from ...program import Call, Each, Own, Target
+from ...program import Call, Target
 from ..direct import DirectCalls
 from ..stage_calls import Stages
 from ..writer import Writer
 from .adjoints import Adjoints
 from .columns import Coordinates, add_up, collect
+from .dense import Block, new_block
 from .nodes import Joiner, numbers_of
 
 
 @dataclass(frozen=True)
 class Motion:
-    """Derivatives of a module's accelerations, a = Psi u_dot + a_0, each as rows in lanes and for all lanes.
+    """Derivatives of a module's accelerations, a = Psi u_dot + a_0.
 
     Attributes:
         Psi: Over u_dot.
         over_q, over_v: Over its positions (along its freedoms) and rates, at fixed u_dot.
-        Psi_all, over_q_all, over_v_all: The same.
     """
 
-    Psi: Own
-    over_q: Own
-    over_v: Own
-    Psi_all: Each
-    over_q_all: Each
-    over_v_all: Each
+    Psi: Block
+    over_q: Block
+    over_v: Block
 
 
 class Motions:
@@ -40,6 +37,7 @@ class Motions:
     def __init__(self, writer: Writer) -> None:
         self._writer = writer
         self._code: dict[Any, list[Stage]] = {}
+        self._joiner = Joiner(writer.kernels, writer.handed, limit=0.0)
 
     def of(self, calls: DirectCalls, at: Coordinates) -> Motion:
         """Add the calls of one module.
@@ -50,19 +48,20 @@ class Motions:
         """
         w, rows = self._writer, len(at.v)
         assert calls.u_dot is not None
-        nodes = Joiner(w.kernels, w.handed).nodes(self._calls(calls))
+        nodes = self._joiner.nodes(self._calls(calls))
         adjoints = Adjoints(w, rows)
         adjoints.seed(w.result("a", at.v))
         leaves = (w.from_given("q", at.q), w.from_given("v", at.v), calls.u_dot)
         adjoints.sweep(nodes, {x for leaf in leaves for x in numbers_of(leaf, 0)})
-        both = []
-        for size in (calls.u_dot.size, rows, rows):
-            both.append((w.own(rows, size), w.each(rows, size)))
-        (Psi, Psi_all), (over_q, over_q_all), (over_v, over_v_all) = both
-        add_up(adjoints, adjoints.parts(calls.u_dot), [Psi, Psi_all])
-        collect(adjoints, "q", at.q, [over_q, over_q_all], at)
-        collect(adjoints, "v", at.v, [over_v, over_v_all])
-        return Motion(Psi, over_q, over_v, Psi_all, over_q_all, over_v_all)
+        blocks = [new_block(w, rows, size) for size in (calls.u_dot.size, rows, rows)]
+        places: list[list[Target]] = [[block.rows, block.all] for block in blocks]
+        patterns = (
+            add_up(adjoints, adjoints.parts(calls.u_dot), places[0]),
+            collect(adjoints, "q", at.q, places[1], at),
+            collect(adjoints, "v", at.v, places[2]),
+        )
+        pairs = zip(blocks, patterns, strict=True)
+        return Motion(*(replace(block, pattern=pattern) for block, pattern in pairs))
 
     def _calls(self, calls: DirectCalls) -> list[Call]:
         """Return the calls that lead from u_dot to the accelerations; they are not made."""

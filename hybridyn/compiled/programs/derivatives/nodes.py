@@ -14,6 +14,10 @@ from ...program import Add, Call, Constants, Each, Given, Kernel, Own, Result, S
 Number = tuple[str, int]
 
 
+#: Passed numbers over results, above which stages are joined: their derivatives are then fewer.
+INLINED = 2.0
+
+
 @dataclass(frozen=True)
 class Node:
     """A call whose function has the earlier stages of its module inlined.
@@ -59,33 +63,55 @@ class Joiner:
     Attributes:
         kernels: The program's kernels.
         handed: Places of the numbers that stages pass on.
+        limit: Passed numbers over results, above which stages are joined; 0 joins all, for calls that are
+            not made and leave no numbers behind.
     """
 
     kernels: list[Kernel]
     handed: Collection[Shared | Own]
+    limit: float = INLINED
     _functions: dict[Any, ca.Function] = field(default_factory=dict)
 
     def nodes(self, calls: Iterable[Call]) -> list[Node]:
         """Return the nodes of calls in their order; each producer of passed numbers is among the calls."""
-        producers: dict[Source, tuple[Call, int]] = {}
+        calls = list(calls)
+        inlined = self._inlined(calls)
+        producers: dict[Shared | Own | None, tuple[Call, int]] = {}
         out = []
         for call in calls:
-            out.append(self._node(call, producers))
+            out.append(self._node(call, producers, inlined))
             for n, target in enumerate(call.targets):
-                if isinstance(target, Shared | Own) and target in self.handed:
-                    producers[target] = call, n
+                if _place(target) in inlined:
+                    producers[_place(target)] = call, n
         return out
 
-    def _node(self, call: Call, producers: dict[Source, tuple[Call, int]]) -> Node:
+    def _inlined(self, calls: list[Call]) -> set[Shared | Own]:
+        """Return the places of passed numbers of which there are more than results that need them."""
+        needed: dict[Shared | Own | None, int] = dict.fromkeys(self.handed, 0)
+        for call in calls:
+            results = sum(
+                self.kernels[call.kernel].function.nnz_out(n)
+                for n, target in enumerate(call.targets)
+                if not isinstance(target, Worst) and _place(target) not in needed
+            )
+            for source in call.sources:
+                if (place := _place(source)) in needed:
+                    needed[place] += results
+        return {place for place, count in needed.items() if place and place.size > self.limit * count}
+
+    def _node(
+        self, call: Call, producers: dict[Shared | Own | None, tuple[Call, int]], inlined: set[Shared | Own]
+    ) -> Node:
         """Return the node of one call."""
         sources: list[Source] = []
         known: dict[Any, int] = {}
 
         def tree(call: Call) -> tuple[Any, ...]:
+            """Return the kernel and its arguments: numbers of sources, or outputs of other trees."""
             arguments: list[Any] = []
             for source in call.sources:
-                if isinstance(source, Shared | Own) and source in producers:
-                    producer, n = producers[source]
+                if (place := _place(source)) in producers:
+                    producer, n = producers[place]
                     arguments.append((n, tree(producer)))
                     continue
                 identity = _identity(source)
@@ -99,8 +125,7 @@ class Joiner:
         kept = tuple(
             n
             for n, target in enumerate(call.targets)
-            if not isinstance(target, Worst)
-            and not (isinstance(target, Shared | Own) and target in self.handed)
+            if not isinstance(target, Worst) and _place(target) not in inlined
         )
         key = (whole, kept)
         if key not in self._functions:
@@ -114,6 +139,7 @@ class Joiner:
         done: dict[Any, list[ca.SX]] = {}
 
         def outputs(tree: tuple[Any, ...]) -> list[ca.SX]:
+            """Return the outputs of a tree's kernel."""
             if tree not in done:
                 function = self.kernels[tree[0]].function
                 arguments = []
@@ -129,6 +155,11 @@ class Joiner:
 
         out = outputs(whole)
         return ca.Function("joined", columns, [out[n] for n in kept])
+
+
+def _place(end: Source | Target) -> Shared | Own | None:
+    """Return a source or target that may hold passed numbers, else None."""
+    return end if isinstance(end, Shared | Own) else None
 
 
 def _identity(source: Source) -> Any:
