@@ -28,19 +28,35 @@ class Options(NamedTuple):
     Attributes:
         short: Whether a fraction of the work will do.
         folder: Where the figure goes.
+        number: How many designs or samples are computed; 0 where the example has none.
     """
 
     short: bool
     folder: Path
+    number: int = 0
 
 
-def options(what: str | None, words: list[str] | None = None) -> Options:
-    """Read the options of an example."""
+def options(
+    what: str | None, words: list[str] | None = None, number: tuple[str, int, int] | None = None
+) -> Options:
+    """Read the options of an example.
+
+    Args:
+        what: What the example does.
+        words: The words after its name; None takes those of the program.
+        number: Name of a number, its value for the picture, and that for a short run.
+    """
     parser = argparse.ArgumentParser(description=what, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--short", action="store_true", help="do a fraction of the work")
     parser.add_argument("--to", type=Path, default=HERE, metavar="FOLDER", help="where the picture goes")
+    if number is not None:
+        name, usual, few = number
+        help_ = f"number of {name} [{usual}; {few} if short]"
+        parser.add_argument(f"--{name}", dest="number", type=int, metavar="N", help=help_)
     given = parser.parse_args(words)
-    return Options(given.short, given.to)
+    if number is None:
+        return Options(given.short, given.to)
+    return Options(given.short, given.to, given.number or (few if given.short else usual))
 
 
 def snapshots(

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from tests import ROOT
+from tests.extras import needs
 from tests.samples import some
 
 FOLDER = ROOT / "docs" / "examples"
@@ -16,6 +17,8 @@ LARGEST = 150_000  # bytes of a committed picture
 
 
 def run(name: str, words: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    if "hybridyn.sweep(" in (FOLDER / f"{name}.py").read_text():
+        needs("sweep")
     monkeypatch.syspath_prepend(FOLDER)
     importlib.import_module(name).main(words)
 

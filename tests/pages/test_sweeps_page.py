@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from benchmarks.sweeps import read, table
 from hybridyn.cli import main
 from hybridyn.studies.sweep.evaluation import STATUSES
 from hybridyn.studies.sweep.measures import OF_MOTORS, OF_WORKSPACE, STATISTICS
@@ -47,6 +48,10 @@ def test_the_study_of_the_page_is_right(tmp_path: Path, monkeypatch: pytest.Monk
     write_files()
     assert len(read_study("study.toml").columns) == 4
     assert read_study("falls.toml").columns == ["landing", "speed", "braking"]
+
+
+def test_the_costs_are_those_that_were_measured() -> None:
+    assert table(read()) in PAGE.read_text()
 
 
 def test_every_key_and_measure_is_named() -> None:

@@ -1,0 +1,103 @@
+"""Which arms and which height should a Delta have that picks and places 0.3 m apart in 0.6 s?
+
+A sweep draws designs, lets each follow the path, and measures what its motors need. The best designs trade
+torque for speed: `hybridyn sweep` prints them with `--best "peak_effort, peak_speed"`. The picture is of 64
+designs; `--designs 100000` is for a cluster.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+
+import numpy as np
+from delta_pick_and_place import half
+from pictures import COLOURS, INK, figure, options, plain, row, save, snapshots
+
+import hybridyn
+from hybridyn.studies.sweep.best import find_best
+from hybridyn.studies.sweep.shards import read_shards
+
+HALF_CYCLE = 0.3  # [s]
+ROWS = 31
+PARAMETERS = {
+    "base_radius": (0.14, 0.26), "platform_radius": (0.04, 0.10), "arm_length": (0.22, 0.38),
+    "height": (0.55, 0.75),
+}  # fmt: skip
+MEASURES = ("peak_effort", "peak_speed", "rms_effort", "stroke_margin")
+STUDY = """[robot]
+file = "delta"
+[designs]
+method = "sobol"
+count = {count}
+seed = 1
+[parameters]
+{parameters}
+[tasks.pick]
+trajectory = "path.csv"
+measure = {measures}
+"""
+
+
+def write_study(folder: Path, count: int) -> Path:
+    """Write the path of the platform, there and back, and the study."""
+    position, velocity, acceleration = half(ROWS, HALF_CYCLE, 1.0)
+    t = np.linspace(0.0, HALF_CYCLE, ROWS)
+    columns = {"time": np.concatenate([t, t[1:] + HALF_CYCLE])}
+    back = half(ROWS, HALF_CYCLE, -1.0)
+    for name, there, again in zip(
+        ("pose", "velocity", "acceleration"), (position, velocity, acceleration), back, strict=True
+    ):
+        for axis in "xyz":
+            columns[f"m1_platform/{name}/{axis}"] = np.concatenate([there[axis], again[axis][1:]])
+    np.savetxt(folder / "path.csv", np.column_stack(list(columns.values())), "%.9f", ",",
+               header=",".join(columns), comments="")  # fmt: skip
+    ranges = "\n".join(f"{name} = {{ range = {list(bounds)} }}" for name, bounds in PARAMETERS.items())
+    path = folder / "study.toml"
+    path.write_text(STUDY.format(count=count, parameters=ranges, measures=list(MEASURES)))
+    return path
+
+
+def main(words: list[str] | None = None) -> None:
+    """Evaluate the designs, and draw the trade of torque for speed."""
+    asked = options(__doc__, words, ("designs", 64, 2))
+    with tempfile.TemporaryDirectory() as place:
+        study = write_study(Path(place), asked.number)
+        jobs = 1 if asked.short else None
+        state = hybridyn.sweep(study, Path(place, "results"), jobs=jobs)
+        shards = list(read_shards(Path(place, "results")))
+        found = find_best(Path(place, "results"), "peak_effort, peak_speed", "stroke_margin > 0.05")
+    rows = {name: np.concatenate([part[name] for part in shards]) for name in (*PARAMETERS, *MEASURES)}
+    ok = np.concatenate([np.array(part["status"]) == "ok" for part in shards])
+    front = {name: np.array([line[i] for line in found.front]) for i, name in enumerate(found.columns)}
+    print(
+        f"{state.done} designs: {int(ok.sum())} follow the path, {len(found.front)} are on the Pareto front; "
+        f"{state.work / max(state.now, 1) * 1e3:.0f} ms a design"
+    )
+    good = rows["stroke_margin"] > 0.05
+    for effort, speed in zip(front["peak_effort"], front["peak_speed"], strict=True):
+        assert not (good & (rows["peak_effort"] < effort) & (rows["peak_speed"] < speed)).any()
+
+    picture = figure(8.4, 5.4)
+    ends = (0, len(found.front) // 2, len(found.front) - 1)
+    views = row(picture, 3, 0.5, 0.44, views=True)
+    for axis, i in zip(views, ends, strict=True):
+        arguments = {name: repr(float(front[name][i])) for name in PARAMETERS}
+        robot = hybridyn.load("delta", xacro_args=arguments)
+        snapshots([axis], robot, [robot.home], turn=-np.pi / 2 + 0.6, lift=0.35)
+        axis.set_title(
+            f"{front['peak_effort'][i]:.1f} N m, {front['peak_speed'][i]:.1f} rad/s", fontsize=9, color=INK
+        )
+    trade, arms, heights = row(picture, 3, 0.1, 0.33)
+    trade.plot(rows["peak_effort"][good], rows["peak_speed"][good], ".", ms=3, color="#b8bec6")
+    trade.plot(front["peak_effort"], front["peak_speed"], ".-", color=COLOURS[1], lw=1)
+    plain(trade, "peak speed over peak torque", "[rad/s]", "[N m]")
+    for axis, name in ((arms, "arm_length"), (heights, "height")):
+        axis.plot(rows[name][ok], rows["peak_effort"][ok], ".", ms=3, color="#b8bec6")
+        axis.plot(front[name], front["peak_effort"], ".", color=COLOURS[1])
+        plain(axis, f"peak torque over {name.replace('_', ' ')}", "[N m]", "[m]")
+    print(save(picture, asked, "delta_sizing"))
+
+
+if __name__ == "__main__":
+    main()
