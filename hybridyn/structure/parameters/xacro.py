@@ -11,6 +11,7 @@ import numpy as np
 from ...description.names import did_you_mean
 from ...description.reading import read
 from ...description.records import Description
+from ...description.urdf.xacro_process import drop_child, is_kept, keep_child
 from ...description.urdf.xml_node import parse
 from ...errors import ModelError
 from ...spatial import Array
@@ -94,7 +95,13 @@ class XacroArguments:
             ModelError: A design has another structure, or numbers change that did not change before.
         """
         designs, which = np.unique(p, axis=0, return_inverse=True)
-        rows = np.array([self._numbers(design) for design in designs])
+        kept = is_kept()
+        keep_child()  # of many expansions
+        try:
+            rows = np.array([self._numbers(design) for design in designs])
+        finally:
+            if not kept:
+                drop_child()
         return rows[which.ravel()].reshape(len(p), len(self.slots))
 
     def _numbers(self, values: Array) -> list[float]:
