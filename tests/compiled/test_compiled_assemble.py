@@ -53,7 +53,8 @@ def compare(assembler: Assembler, within: float = SAME, **wanted: Any) -> States
 def test_motors_give_the_rows_of_the_general_path(name: str) -> None:
     robot = build_robot(shipped(name))
     assembler = Assembler(robot)
-    compare(assembler, motors=waves(robot, np.linspace(0, 1, 60), 0.04))
+    size = 0.02 if name == "tanev" else 0.04  # tanev reaches a singularity in the twenty-first row of larger waves
+    compare(assembler, motors=waves(robot, np.linspace(0, 1, 60), size))
     assert assembler.recomputed == 0
 
 
