@@ -53,7 +53,7 @@ def compare(assembler: Assembler, within: float = SAME, **wanted: Any) -> States
 def test_motors_give_the_rows_of_the_general_path(name: str) -> None:
     robot = build_robot(shipped(name))
     assembler = Assembler(robot)
-    size = 0.02 if name == "tanev" else 0.04  # tanev reaches a singularity in the twenty-first row of larger waves
+    size = 0.02 if name == "tanev" else 0.04  # larger waves lead tanev to a singularity
     compare(assembler, motors=waves(robot, np.linspace(0, 1, 60), size))
     assert assembler.recomputed == 0
 
