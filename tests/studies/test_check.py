@@ -119,7 +119,7 @@ TWO_ARMS = link("other", BALL) + joint("follow", "arm", "other", inside='<mimic 
 SIMILAR_HEXAGONS = (
     (ROOT / "urdf/gough_stewart.urdf.xacro")
     .read_text()
-    .replace('platform_half_angle="48"', 'platform_half_angle="12"')
+    .replace('platform_half_angle" default="48"', 'platform_half_angle" default="12"')
     .replace('filename="modules/', f'filename="{ROOT}/urdf/modules/')
 )
 

@@ -10,14 +10,8 @@ from ....structure.robot import HybridRobot
 from ...code.library_source import Source, library_source
 from ...code.scalars import Scalar, text_of
 from .closing_programs import closing_programs
-from .part import CLOSED_TO_ROUNDING, Part, motors_given
+from .part import CLOSED_TO_ROUNDING, ITERATIONS, LAST_ROW_STEP, PATIENCE, QUADRATIC, Part, motors_given
 
-#: Newton steps below this (rad, module lengths) are followed by the rates: the next step is its square.
-QUADRATIC = 1e-6
-#: Largest last step: the rates before it are those after it to rounding.
-LAST_ROW_STEP = 2e-13
-#: Most Newton steps from row to row, and from a guess.
-ITERATIONS, PATIENCE = 12, 60
 #: Shortest part of the way between two rows that is tried.
 SHORTEST = 2.0**-8
 

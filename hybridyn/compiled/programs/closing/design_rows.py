@@ -27,8 +27,7 @@ from ...library.compilers import best_lanes
 from ...needs import needs_casadi
 from ..sources import robot_key
 from .choosing import module_requests, numbers, parts_of, structure_of
-from .closing_source import ITERATIONS, LAST_ROW_STEP, PATIENCE, QUADRATIC
-from .part import CLOSED_TO_ROUNDING, Part
+from .part import CLOSED_TO_ROUNDING, ITERATIONS, LAST_ROW_STEP, PATIENCE, QUADRATIC, Part
 
 if TYPE_CHECKING:
     from ....assembly.module_request import ModuleRequest

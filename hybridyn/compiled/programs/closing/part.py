@@ -18,6 +18,12 @@ CLOSED_TO_ROUNDING = 1e-13
 #: Largest rounding of over-determined closures in the robot's file. Above it they can only be met in the
 #: least-squares sense, which elimination with pivots cannot do.
 CONTRADICTING_FILE = 1e-12
+#: Newton steps below this (rad, module lengths) are followed by the rates: the next step is its square.
+QUADRATIC = 1e-6
+#: Largest last step: the rates before it are those after it to rounding.
+LAST_ROW_STEP = 2e-13
+#: Most Newton steps from row to row, and from a guess.
+ITERATIONS, PATIENCE = 12, 60
 #: Most free freedoms of a module: its kernels grow with their cube.
 MOST_FREEDOMS = 60
 
