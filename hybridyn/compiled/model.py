@@ -187,7 +187,8 @@ class CompiledRobot(Quantities):
         requests = gather_requests(self.robot, by_name(motors), by_name(platforms))
         if parameters is None:
             return self._assemble(requests, guess)
-        q, v, a = self._evaluator.assemble(self._designs.numbers(parameters, ()), requests)
+        q, v, a, others = self._evaluator.assemble(self._designs.numbers(parameters, ()), requests)
+        self.recomputed += others
         return (q[0], v[0], a[0]) if requests.single else (q, v, a)
 
     def designs(

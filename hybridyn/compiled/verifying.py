@@ -83,7 +83,7 @@ def verify(library: Built, robot: HybridRobot, effects: Effects, *, required: bo
     for name in nowhere:
         log.warning(
             "robot '%s': the compiled '%s' hands every one of %d random states to the general path%s",
-            robot.description.name, name, drawn, _reason(robot),
+            robot.description.name, name, drawn, comparison.reason or _reason(robot),
         )  # fmt: skip
 
 
@@ -163,19 +163,35 @@ class _Comparison:
             wanted = ddm(robot, q, v, tau, effects=self._effects)
         except HybridynError as error:  # correct, as long as it refuses none of the good samples
             self.reason = f", which refuses them ({error})"
-            q, v, tau, a, good = q[good], v[good], tau[good], a[good], good[good]
-            if not len(q):
+            if not good.any():
+                self._without_direct_model(q, v, tau)
                 return
+            q, v, tau, a, good = q[good], v[good], tau[good], a[good], good[good]
             wanted = self._general(ddm, "ddm", q, v, tau)
         self._compare("ddm", ddm, (q[good], v[good], tau[good]), a[good], wanted[good])
-        (rows,), guard = self._library.batch("kinematics", q, v, wanted)
+        self._at_accelerations(q, v, wanted)
+
+    def _without_direct_model(self, q: Array, v: Array, tau: Array) -> None:
+        """Compare the other models where the effects leave a motion without inertia.
+
+        Any accelerations that keep the loops closed will do: those under the default effects.
+        """
+        try:
+            a = ddm(self._robot, q, v, tau)
+        except HybridynError:
+            return
+        self._at_accelerations(q, v, a)
+
+    def _at_accelerations(self, q: Array, v: Array, a: Array) -> None:
+        """Compare kinematics, Newton's steps and the inverse model."""
+        (rows,), guard = self._library.batch("kinematics", q, v, a)
         good = guard <= GUARD_LIMIT
         if good.any():
-            given = (q[good], v[good], wanted[good])
-            self._compare("kinematics", body_rows, given, rows[good], body_rows(robot, *given))
+            given = (q[good], v[good], a[good])
+            self._compare("kinematics", body_rows, given, rows[good], body_rows(self._robot, *given))
         if not self._lifted:
-            self._lifted = _lift(self._library, robot, q, v, self._agree)
-        self._inverse(q, v, wanted)
+            self._lifted = _lift(self._library, self._robot, q, v, self._agree)
+        self._inverse(q, v, a)
 
     def _inverse(self, q: Array, v: Array, a: Array) -> None:
         """Compare the inverse model on samples that it computes itself."""

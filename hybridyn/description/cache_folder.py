@@ -22,13 +22,22 @@ _OTHERS_WRITE = stat.S_IWGRP | stat.S_IWOTH
 
 
 def folder() -> Path:
-    """Return the cache folder: $HYBRIDYN_CACHE, or hybridyn/compiled in the user's cache folder."""
+    """Return the cache folder: $HYBRIDYN_CACHE, or hybridyn/compiled in the user's cache folder.
+
+    Raises:
+        CompileError: The user has no home folder, as in a container that runs under a bare number.
+    """
     if named := os.environ.get(VARIABLE):
         return Path(named)
-    if sys.platform == "darwin":
-        base = Path.home() / "Library" / "Caches"
-    else:
-        base = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+    try:
+        if sys.platform == "darwin":
+            base = Path.home() / "Library" / "Caches"
+        else:
+            base = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+    except RuntimeError:
+        raise CompileError(
+            f"this user has no home folder for the cache: name a folder of your own in {VARIABLE}"
+        ) from None
     return base / "hybridyn" / "compiled"
 
 

@@ -30,8 +30,8 @@ def kept(name: str) -> Any:
     Args:
         name: A hash of all that the entry depends on.
     """
-    path = _texts() / name
     with contextlib.suppress(OSError, ValueError, zlib.error, CompileError):
+        path = _texts() / name
         check_ownership(folder())
         if is_own(path):
             entry = json.loads(zlib.decompress(path.read_bytes()))
@@ -50,8 +50,8 @@ def keep(name: str, entry: Any) -> None:
     content = zlib.compress(json.dumps(entry).encode(), 1)
     if len(content) > LARGEST_ENTRY:
         return
-    at = _texts()
     with contextlib.suppress(OSError, CompileError):
+        at = _texts()
         at.mkdir(parents=True, exist_ok=True, mode=0o700)
         check_ownership(folder())
         with appearing(at / name) as draft:

@@ -175,7 +175,7 @@ class ComputedTorque:
             if not same_without_limits(self._robot, compiled.effects, self._on):
                 models = compile_models(self._robot, self._on)
         except HybridynError as error:
-            log.info("computed torque is evaluated in Python: %s", error)
+            log.warning("computed torque is evaluated in Python, which takes longer: %s", error)
             return None
         self._programs = TorquePrograms(closing, models.library.built)  # the law holds their addresses
         return Law.tracking(self._reference.pieces, self._axes, (self._kp, self._kd), self._programs.at)

@@ -16,6 +16,7 @@ Source:
 
 from __future__ import annotations
 
+import contextlib
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -80,7 +81,8 @@ class Explicit:
         """
         taken = self.steps(system, state, np.array([state.t, state.t + h]), h)
         if taken is None:
-            return in_quickest_chart(system, state, lambda chart: self._step(system, state, h, chart))
+            with system.law.counted_as_general() if system.law.steps else contextlib.nullcontext():
+                return in_quickest_chart(system, state, lambda chart: self._step(system, state, h, chart))
         system.law.evaluations += len(self.b)
         errors = (None, None) if self.e is None or taken.error is None else taken.error
         after = State(state.t + h, taken.q[0], taken.v[0], taken.a[0])

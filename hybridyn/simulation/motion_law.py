@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from functools import cached_property
 from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
@@ -126,6 +127,17 @@ class MotionLaw:
             law = made or Law.function(self._law, (robot.nq, robot.nv, len(robot.motors)))
         limits = self.on.limits
         return law if limits is None else law.bounded(limits.bounds(self.robot))
+
+    @contextmanager
+    def counted_as_general(self) -> Iterator[None]:
+        """Count each state that is evaluated inside as one that the general path computes."""
+        compiled, before = self._compiled, self.evaluations
+        earlier = 0 if compiled is None else compiled.recomputed
+        try:
+            yield
+        finally:
+            if compiled is not None:
+                compiled.recomputed = earlier + self.evaluations - before
 
     def closure_residual(self, q: Array) -> Array:
         """Compute the worst relative closure residual of assembled postures, shapes (T, nq) and (T,)."""

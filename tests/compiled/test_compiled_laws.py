@@ -18,6 +18,7 @@ from hybridyn.scenes import controllers
 from hybridyn.scenes.prescribed import follow_motion
 from hybridyn.scenes.references import Point, Reference, from_points
 from hybridyn.simulation import stepping
+from hybridyn.simulation.explicit import RK4, Explicit
 from hybridyn.simulation.result import Result
 
 SOLVED = 1e-12  # two solutions of the loops and of the inertia, relative
@@ -184,3 +185,14 @@ def test_computed_torque_of_a_free_joint_stays_in_python(model: CompiledRobot, l
     other = hybridyn.load(str(shipped_robots()["five_bar"].file))
     law = controllers.ComputedTorque(other, laws["torque"]._reference, 1.0, 1.0)
     assert law.in_c(model) is None  # of another robot
+
+
+def test_steps_of_the_general_path_are_counted(
+    flown: Run, model: CompiledRobot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    before = model.recomputed
+    flown(np.ones(2), end=5e-3)
+    assert model.recomputed == before
+    monkeypatch.setattr(Explicit, "steps", lambda *_: None)  # as near a singularity
+    flown(np.ones(2), end=5e-3)
+    assert model.recomputed - before == 5 * len(RK4.b)

@@ -133,6 +133,22 @@ def test_no_compiler_outlives_the_program(tmp_path: Path) -> None:
     wait_until(lambda: not Path(f"/proc/{number}").exists(), "the end of what the compiler started")
 
 
+@pytest.mark.filterwarnings("ignore::DeprecationWarning")  # of forks beside threads
+def test_a_fork_leaves_the_compiler_alone() -> None:
+    unused: Any = Shifted(SimpleNamespace(inputs=[]))
+    replacement = Replacement(unused, lambda accept, run: run([["sleep", "60"]]), unused.batch)
+    wait_until(lambda: replacement._process is not None, "the compiler")
+    process = replacement._process
+    assert process is not None
+    if (fork := os.fork()) == 0:
+        replacement.stop()
+        os._exit(0)
+    os.waitpid(fork, 0)
+    assert process.poll() is None
+    replacement.stop()
+    assert process.poll() is not None
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["lx4", "five_bar", "delta"])
 def test_robots_keep_their_bits(name: str, monkeypatch: pytest.MonkeyPatch) -> None:

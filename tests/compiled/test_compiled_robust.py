@@ -16,9 +16,10 @@ from hybridyn.compiled import verifying
 from hybridyn.compiled.equations.states import moving_states, random_states
 from hybridyn.compiled.equations.static_elimination import choose_pivots
 from hybridyn.compiled.export import export
+from hybridyn.compiled.programs.body_rows import body_rows
 from hybridyn.compiled.verifying import MODEL_AGREES, SAMPLES, difference, verify
 from hybridyn.description.records import Closure, Coupling, Description, Joint, Link
-from hybridyn.effects.choice import choose
+from hybridyn.effects.choice import Effects, choose
 from hybridyn.errors import AssemblyError, CompileError, SingularityError
 from hybridyn.manifold.manifold import Manifold
 from hybridyn.structure.building import build_robot
@@ -363,6 +364,40 @@ def test_models_that_trust_themselves_nowhere_are_said_to(caplog: pytest.LogCapt
     with caplog.at_level(logging.WARNING):
         verify(Edited(robot, half), robot, effects)
     assert "'door': the compiled 'idm' hands every one of" in caplog.text
+
+
+class WithoutDirectModel:
+    """Models of a robot by the general path; the direct model trusts no sample."""
+
+    dtype, programs = "float64", ("idm", "ddm", "kinematics")
+
+    def __init__(self, robot: HybridRobot, effects: Effects, off: float) -> None:
+        self.robot, self.effects, self.off = robot, effects, off
+
+    def batch(self, name: str, *inputs: np.ndarray) -> Any:
+        """Run a model; efforts are off by a number."""
+        q, v, x = inputs
+        good = np.zeros(len(q))
+        if name == "ddm":
+            return (np.zeros_like(v),), good + 2.0
+        if name == "kinematics":
+            return (body_rows(self.robot, q, v, x),), good
+        return (hybridyn.idm(self.robot, q, v, x, effects=self.effects) + self.off,), good
+
+
+def test_the_inverse_model_is_verified_where_a_motion_has_no_inertia(
+    caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The five-bar moves legs alone: without their inertia its direct model is not defined."""
+    monkeypatch.setattr(verifying, "ROUNDS", 1)
+    robot = hybridyn.load("five_bar")
+    effects = choose(robot, ["gravity", "inertia", "velocity"])
+    with caplog.at_level(logging.WARNING):
+        verify(WithoutDirectModel(robot, effects, 0.0), robot, effects)
+    assert "the compiled 'ddm' hands every one of" in caplog.text
+    assert "has no inertia" in caplog.text
+    with pytest.raises(CompileError, match="'idm' of the robot 'five_bar' differs"):
+        verify(WithoutDirectModel(robot, effects, 1e-5), robot, effects)
 
 
 def test_the_reason_is_the_files_rounding() -> None:

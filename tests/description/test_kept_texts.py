@@ -15,7 +15,7 @@ from hybridyn.description import kept_texts
 from hybridyn.description.cache_folder import folder
 from hybridyn.description.side_cars import model_toml
 from hybridyn.description.urdf import xacro, xacro_process
-from hybridyn.errors import ModelError
+from hybridyn.errors import CompileError, ModelError
 from tests.robot_texts import FOUR_BAR, save
 
 #: A stand-in for the child: it asks for the files that its first one lists, and answers with their content.
@@ -150,3 +150,15 @@ def test_a_large_text_and_a_folder_that_cannot_be_used_keep_nothing(
     monkeypatch.setenv("HYBRIDYN_CACHE", str(at / "in_the_way"))
     kept_texts.keep("any", json.loads("{}"))
     assert kept_texts.kept("any") is None
+    monkeypatch.delenv("HYBRIDYN_CACHE")
+    monkeypatch.delenv("XDG_CACHE_HOME", raising=False)
+    monkeypatch.setattr(Path, "home", classmethod(_homeless))
+    kept_texts.keep("any", {})
+    assert kept_texts.kept("any") is None
+    with pytest.raises(CompileError, match=r"no home folder for the cache: name .* HYBRIDYN_CACHE"):
+        folder()
+
+
+def _homeless(_: type[Path]) -> Path:
+    """Fail as `Path.home` does for a user without a home folder."""
+    raise RuntimeError("Could not determine home directory.")

@@ -2,7 +2,7 @@
 
 One thread runs the compiler, one unit after the other, so that the program keeps its other cores. The
 optimised library is used only if it gives the same bits. A program that ends first ends the compiler; the
-next one begins again.
+next one begins again. A program that a signal ends leaves the compiler at its unit, a few seconds at most.
 """
 
 from __future__ import annotations
@@ -50,6 +50,7 @@ class Replacement:
         """
         self._quick, self._find, self._use = quick, find, weakref.WeakMethod(use)
         self._lock, self._stopped = threading.Lock(), False
+        self._owner = os.getpid()
         self._process: subprocess.Popen[str] | None = None
         self._thread = threading.Thread(target=self._replace, name="hybridyn-build", daemon=True)
         atexit.register(self.stop)
@@ -60,7 +61,9 @@ class Replacement:
         self._thread.join()
 
     def stop(self) -> None:
-        """End the compiler and the thread."""
+        """End the compiler and the thread; do nothing in a fork of the process that started them."""
+        if os.getpid() != self._owner:
+            return
         with self._lock:
             self._stopped = True
             if self._process is not None:

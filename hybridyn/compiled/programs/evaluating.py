@@ -88,17 +88,20 @@ class Evaluator:
         self.designs, self.effects, self.batch = designs, effects, batch
         self.rows = DesignRows(designs.robot, designs.parameters.slots)
 
-    def assemble(self, numbers: Array, requests: Requests) -> tuple[Array, Array, Array]:
+    def assemble(self, numbers: Array, requests: Requests) -> tuple[Array, Array, Array, int]:
         """Assemble the postures of one design, with numbers in the slots of shape (slots,).
+
+        Returns:
+            q, v, a, shapes (T, nq), (T, nv), (T, nv), and how many of them the general path computed.
 
         Raises:
             HybridynError: The same errors as `hybridyn.assemble` of the design.
         """
         found = self.rows.follow(requests, numbers[None])
         if found.certain[0]:
-            return found.q[:, 0], found.v[:, 0], found.a[:, 0]
+            return found.q[:, 0], found.v[:, 0], found.a[:, 0], 0
         robot = self.designs.robot_of(numbers)
-        return assemble_requests(robot, requests, robot.home)
+        return *assemble_requests(robot, requests, robot.home), requests.samples
 
     def table(
         self, parameters: ArrayLike, motors: Mapping[str, object], platforms: Mapping[str, object]
