@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scipy.stats import qmc
 
 import hybridyn
 from hybridyn.cli import main
@@ -403,6 +402,8 @@ def test_the_command_evaluates_and_asks(folder: Path, here: Any, capsys: pytest.
 def test_sensitivities_are_those_of_a_linear_function(tmp_path: Path) -> None:
     """Of y = 3 x + z over a square, x explains 9/10 of the variance and z 1/10."""
     needs("sensitivity")
+    from scipy.stats import qmc
+
     x = qmc.Sobol(2, seed=8).random(4096)
     about = About("study.toml", "", len(x), ["x", "z"], ["y"], "csv")
     rows = [Row(i, (a, b), "ok", 0, 0, (3 * a + b,), "") for i, (a, b) in enumerate(x.tolist())]
@@ -460,6 +461,8 @@ def test_figures_of_a_sweep_are_drawn(tmp_path: Path) -> None:
     from hybridyn.figures.sweep import figure_of_coordinates, figure_of_indices
 
     needs("sensitivity")
+    from scipy.stats import qmc
+
     x = qmc.Sobol(2, seed=8).random(64)
     about = About("study.toml", "", len(x), ["x", "z"], ["y"], "csv")
     bad = Row(0, (0.0, 0.0), "unreachable", 1, 0, (np.nan,), "")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 from scipy.special import ndtri
-from scipy.stats import qmc
 
 from ...errors import TrajectoryError
 from ...spatial import Array, Index
@@ -57,6 +56,8 @@ class Designs:
             self._all = draw(self.method, len(self.names), self.count, self.seed)
             self.count = len(self._all)
         if self.method == "latin_hypercube":
+            from scipy.stats import qmc  # imported where it is needed: it takes a second
+
             self._all = qmc.LatinHypercube(len(self.names), seed=self.seed).random(self.count)
 
     def values(self, start: int, stop: int) -> Array:
@@ -79,6 +80,8 @@ class Designs:
         size = len(self.names)
         if self.method == "random":
             return np.array([generator(self.seed, int(i)).random(size) for i in numbers]).reshape(-1, size)
+        from scipy.stats import qmc
+
         engine = qmc.Sobol(size, seed=self.seed)
         if not len(numbers):
             return np.empty((0, size))
