@@ -227,6 +227,7 @@ def test_a_page_needs_no_network(tmp_path: Path, capsys: pytest.CaptureFixture[s
     assert not re.search(r"<(script|link)[^>]+(src|href)=.https?:", text)
 
 
+@pytest.mark.slow
 def test_ddm_effects_and_simulate_draw(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     from PIL import Image
 

@@ -167,6 +167,7 @@ def test_scaled_robots_are_assembled_and_followed_alike(name: str, claim: Claim)
     held(claim, name, "assemble", pairs)
 
 
+@pytest.mark.slow
 def test_a_walk_around_a_fold_is_the_same_at_every_scale(claim: Claim) -> None:
     """Long steps, which are walked in smaller ones: the step that counts as none has no unit."""
     description = shipped("gough_stewart")

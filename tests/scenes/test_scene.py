@@ -132,6 +132,7 @@ def everything(folder: Path):
     return stage(written(folder, EVERYTHING))
 
 
+@pytest.mark.slow
 def test_power_balance_under_every_effect(tmp_path: Path) -> None:
     """d(energy)/dt = motors + wrenches + base's reaction - lost, integrated over the run."""
     from scipy.integrate import simpson
