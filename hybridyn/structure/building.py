@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..description.names import did_you_mean
 from ..description.records import Description
 from ..errors import ModelError
 from ..linkage.joints import NQ, NV, ROOT_JOINT, TreeJoint
@@ -21,6 +20,7 @@ from .module import Module, check_mechanism
 from .module_spec import ModuleSpec, module_spec
 from .parameters.changed import with_numbers
 from .robot import Base, HybridRobot
+from .stated import home_of, joints_to_keep
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
@@ -226,14 +226,14 @@ def build_robot(
     gravity = np.asarray(gravity, dtype=float)
     if gravity.shape != (3,) or not (np.abs(gravity) <= LARGEST).all():
         raise ModelError(f"gravity must be three finite numbers of at most {LARGEST:.0e}, not {gravity}")
-    kept = _held(description, held)
+    kept = joints_to_keep(description, held)
     bodies, graphs = find_modules(description, kept)
     joints = [j.joint.name for j in bodies.joints]
     kinds = [str(j.joint.kind) for j in bodies.joints]
     if base != "fixed":
         joints, kinds = [ROOT_JOINT, *joints], ["floating", *kinds]
     q_slices, v_slices = (tuple(slices(size[kind] for kind in kinds)) for size in (NQ, NV))
-    home = _home(description, bodies, kinds, base)
+    home = home_of(description, bodies, kinds, base)
     tolerances = Tolerances(rank_tolerance, closure_tolerance)
     alike = like.modules if like is not None else ()
     build = ModuleBuilder(bodies, description, joints, q_slices, v_slices, home, tolerances, alike)
@@ -277,41 +277,3 @@ def rebuilt(robot: HybridRobot, description: Description) -> HybridRobot:
         description, base=robot.base, gravity=robot.gravity, rank_tolerance=robot.rank_tolerance,
         closure_tolerance=robot.closure_tolerance, held=robot.held, payloads=robot.payloads, like=robot,
     )  # fmt: skip
-
-
-def _held(description: Description, held: Iterable[str]) -> frozenset[str]:
-    """Return the joints that must not be cut: those in `held`, and those with an effect in the description.
-
-    Raises:
-        ModelError: A name in `held` is not a movable joint.
-    """
-    movable = [joint.name for joint in description.joints if joint.kind != "fixed"]
-    for name in held:
-        if name not in movable:
-            raise ModelError(
-                f"held: no such movable joint '{name}'{did_you_mean(name, movable)}", element=name
-            )
-    tables = [
-        numbers
-        for _, values in description.effects
-        for numbers in values.values()
-        if isinstance(numbers, dict)
-    ]
-    stated = {name for numbers in tables for name in numbers}
-    stated |= {joint.name for joint in description.joints if joint.rotor_inertia}
-    return frozenset(held) | (stated & set(movable)) - set(description.motors)
-
-
-def _home(description: Description, bodies: Bodies, kinds: list[str], base: str) -> Array:
-    """Return the home position of the whole robot, shape (nq,)."""
-    parts = [np.array(description.base_home or (0.0, 0, 0, 0, 0, 0, 1))] if base != "fixed" else []
-    for joint, kind in zip(bodies.joints, kinds[len(parts) :], strict=True):
-        value = np.asarray(description.home.get(joint.joint.name, (0.0,)), dtype=float)
-        if len(value) == NQ[kind] and kind != "continuous":
-            parts.append(value)
-        elif kind == "continuous":
-            angle = value[0] if len(value) == 1 else np.arctan2(value[1], value[0])
-            parts.append(np.array([np.cos(angle), np.sin(angle)]))
-        else:
-            parts.append(TreeJoint("", joint.joint.kind, 0, joint.R, joint.p, joint.joint.axis).neutral)
-    return np.concatenate(parts) if parts else np.zeros(0)

@@ -1,0 +1,157 @@
+"""Closed postures of compiled models: of one robot row after row, and of many designs along one table."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ...assembly.assemble import by_name, first_guess
+from ...assembly.requests import Requests, gather_requests
+from ...effects.choice import Effects
+from ...spatial import Array, Mask
+from ...structure.robot import HybridRobot
+from ..library.calls import REFUSED, Calls
+from .closing.assembling import Assembler
+from .closing.given import requests_of_motors
+from .designs import Designs
+from .evaluating import DesignTable, Evaluator
+
+
+class Postures:
+    """The closed postures of a `CompiledRobot`.
+
+    The general path computes postures of which the C is not certain.
+    """
+
+    robot: HybridRobot
+    effects: Effects
+    threads: int
+    recomputed: int
+    _designs: Designs
+    _idm: Calls
+
+    def _begin_postures(self) -> None:
+        """Prepare the closing of loops for `robot`; programs are built when they are first needed."""
+        self._assembler = Assembler(self.robot)
+        self._close_at_once: Callable[..., int] = refuse
+        self._motors_still = np.zeros(len(self.robot.motors))
+
+    def assemble(
+        self,
+        *,
+        motors: Mapping[str, object] | None = None,
+        platforms: Mapping[str, object] | None = None,
+        guess: Array | None = None,
+        parameters: ArrayLike | None = None,
+    ) -> tuple[Array, Array, Array]:
+        """Compute postures that close all loops, like `hybridyn.assemble`, row after row in C.
+
+        Newton's method starts from the row before; a row counts only if the step agrees with its prediction
+        as the general path demands of a motion on one assembly branch. The general path computes other rows.
+        The first call with a new choice of given motors and platforms builds a program for it, which is kept.
+
+        Args:
+            motors: As in `hybridyn.assemble`.
+            platforms: As in `hybridyn.assemble`.
+            guess: Initial posture, shape (nq,), such as the last one; the home posture by default.
+            parameters: Numbers of one design, shape (k,), which then starts from its home posture. `designs`
+                takes many.
+
+        Returns:
+            q, v, a as `hybridyn.assemble` returns them, equal up to rounding, in double precision.
+
+        Raises:
+            HybridynError: The same errors with the same messages as `hybridyn.assemble`.
+        """
+        requests = gather_requests(self.robot, by_name(motors), by_name(platforms))
+        if parameters is None:
+            return self._assemble(requests, guess)
+        q, v, a, others = self._evaluator.assemble(self._designs.numbers(parameters, ()), requests)
+        self.recomputed += others
+        return (q[0], v[0], a[0]) if requests.single else (q, v, a)
+
+    def designs(
+        self,
+        parameters: ArrayLike,
+        *,
+        motors: Mapping[str, object] | None = None,
+        platforms: Mapping[str, object] | None = None,
+    ) -> DesignTable:
+        """Compute the motion and the efforts of many designs along one table, each from its home posture.
+
+        Postures and efforts are computed in C, with a design in each lane. The general path computes designs
+        of which the C is not certain, and finds what is wrong with those that cannot make the motion.
+
+        Args:
+            parameters: Numbers of each design in the order of `parameters.labels`, shape (designs, k).
+            motors: As in `hybridyn.assemble`.
+            platforms: As in `hybridyn.assemble`.
+
+        Returns:
+            States, efforts, and the postures that are unreachable or singular; no design raises an error.
+
+        Raises:
+            TrajectoryError: The table or the parameters are wrong.
+        """
+        found = self._evaluator.table(parameters, by_name(motors), by_name(platforms))
+        self.recomputed += found.recomputed * found.q.shape[1]
+        return found
+
+    def close(
+        self,
+        position: ArrayLike,
+        rate: ArrayLike | None = None,
+        acceleration: ArrayLike | None = None,
+        *,
+        last: Array | None = None,
+    ) -> tuple[Array, Array, Array]:
+        """Compute the motion of all joints from the motors', as a controller needs it at every tick.
+
+        Args:
+            position: Positions in the order of `robot.motors`, shape (motors,) or (T, motors), [m or rad].
+            rate: Their rates, of the same shape; zero by default.
+            acceleration: Their accelerations, of the same shape; zero by default.
+            last: Posture of the last tick, shape (nq,), as this function returned it; the home posture by
+                default. A row from another posture takes longer.
+
+        Returns:
+            q, v, a on the spanning tree, on the assembly branch of `last`; a base keeps its pose.
+
+        Raises:
+            HybridynError: The same errors with the same messages as `hybridyn.assemble`.
+        """
+        nq, nv = self.robot.nq, self.robot.nv
+        out = np.empty(nq + 2 * nv)
+        speed = self._motors_still if rate is None else rate
+        change = self._motors_still if acceleration is None else acceleration
+        if self._close_at_once(last, position, speed, change, out) == 0:
+            return out[:nq], out[nq : nq + nv], out[nq + nv :]
+        requests = requests_of_motors(self.robot, position, (rate, acceleration))
+        q, v, a = self._assemble(requests, last)
+        self._close_at_once = self._assembler.follow_motors(requests, np.atleast_2d(q)[-1]) or refuse
+        return q, v, a
+
+    @cached_property
+    def _evaluator(self) -> Evaluator:
+        """Evaluator of designs."""
+
+        def batch(given: list[Array]) -> tuple[Array, Mask]:
+            (tau,), guard = self._idm.batch(given, self.threads)
+            return tau, guard <= self._idm.trusted
+
+        return Evaluator(self._designs, self.effects, batch)
+
+    def _assemble(self, requests: Requests, guess: Array | None) -> tuple[Array, Array, Array]:
+        """Assemble postures for requests that have been gathered."""
+        before = self._assembler.recomputed
+        q, v, a = self._assembler.assemble(requests, first_guess(self.robot, guess))
+        self.recomputed += self._assembler.recomputed - before
+        return (q[0], v[0], a[0]) if requests.single else (q, v, a)
+
+
+def refuse(*_: object) -> int:
+    """Refuse every single call; stands for the fast C call of a program that has none."""
+    return REFUSED
