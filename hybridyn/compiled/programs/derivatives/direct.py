@@ -16,13 +16,13 @@ import numpy as np
 
 from ....spatial import Index
 from ...equations.request import Request
-from ...program import Call, Constants, Each, Own, Program, Shared
+from ...program import Call, Constants, Own, Program, Shared
 from ..direct import DirectCalls, direct_inputs, write_direct_sweeps
 from ..inverse import write_balance
 from ..writer import Writer
 from .adjoints import Adjoints
 from .columns import Coordinates, collect, coordinates_of, parameters_of
-from .dense import Block, Term, add_product, inverse, new_block
+from .dense import Block, Term, add_product, factorise, new_block, solve
 from .memory import compacted
 from .motion import Motions
 from .nodes import Joiner
@@ -60,16 +60,15 @@ class _Rows:
     def __init__(
         self, request: Request, w: Writer, modules: list[DirectCalls], widths: dict[str, int]
     ) -> None:
-        """Add the derivatives of the remaining forces and of the motions, and invert the mass matrix."""
+        """Add the derivatives of the remaining forces and of the motions, and factorise the mass matrix."""
         self._w, self._widths = w, widths
         self.coordinates = coordinates_of(request.robot)
         start = len(w.steps)
         balance = write_balance(request, w)
         calls = [step for step in w.steps[start:] if isinstance(step, Call)]
         sizes = [place.size for place in balance]
-        self._first = np.cumsum([0, *sizes]).tolist()
         self._adjoints = Adjoints(w, sum(sizes))
-        for left, first in zip(balance, self._first, strict=False):
+        for left, first in zip(balance, np.cumsum([0, *sizes]).tolist(), strict=False):
             self._adjoints.seed(left, first)
         live = {("given", k) for k in range(sum(size for _, size in w.inputs))}
         self._adjoints.sweep(
@@ -84,15 +83,16 @@ class _Rows:
         for at, place in zip(self.coordinates, self._over_a, strict=True):
             self._collect("a", at.v, place)
         self._moving = [k for k, size in enumerate(sizes) if size]
-        self._inverse = inverse(w, [self._mass(k) for k in self._moving])
+        self._factors = factorise(w, [self._mass(k) for k in self._moving])
 
     def _mass(self, k: int) -> Block:
         """Add the columns of the mass matrix of module k's motions, M = r_a Psi."""
         motion, rows = self._motions[k], self._adjoints.rows
         block = new_block(self._w, rows, motion.Psi.rows.size)
         over_a = self._over_a[self._root + k]
-        term = (over_a, motion.Psi.some(0, over_a.size), motion.Psi.pattern)
-        add_product(self._w, rows, [term], [], [block.rows, block.all])
+        term = Term(over_a, motion.Psi.some(0, over_a.size), motion.Psi.pattern)
+        read = [block.all] if k == self._moving[0] else []
+        add_product(self._w, rows, [term], [], [block.rows, *read])
         return block
 
     def add_motion(self, j: int, at: Coordinates) -> None:
@@ -106,7 +106,7 @@ class _Rows:
         for name, over in (("q", motion.over_q), ("v", motion.over_v)):
             remaining = self._w.own(self._adjoints.rows, len(at.v))
             self._collect(name, at.q if name == "q" else at.v, remaining, at if name == "q" else None)
-            term = (self._over_a[j], over.some(0, len(at.v)), over.pattern)
+            term = Term(self._over_a[j], over.some(0, len(at.v)), over.pattern)
             self._spread(name, at.v, [term], remaining, j - self._root, over.rows)
 
     def add(self, name: str, index: Index, at: Coordinates | None = None) -> None:
@@ -140,14 +140,11 @@ class _Rows:
             own: Derivatives of its accelerations at fixed u_dot.
         """
         w, n, columns = self._w, self._adjoints.rows, len(index)
-        forces, u_dot = w.each(n, columns), w.each(n, columns)
+        u_dot: dict[int, Shared] = {}
         if n:
+            forces = w.each(n, columns)
             add_product(w, n, terms, [remaining], [forces])
-            solved = [
-                (block.rows, _some(forces, self._first[k], block.rows.size), None)
-                for k, block in zip(self._moving, self._inverse, strict=True)
-            ]
-            add_product(w, n, solved, [], [u_dot], -1.0)
+            u_dot = dict(zip(self._moving, solve(w, self._factors, forces, columns), strict=True))
         for i, at in enumerate(self.coordinates):
             k = i - self._root
             more: list[Own | Constants] = []
@@ -157,14 +154,8 @@ class _Rows:
             if k < 0:
                 more = [Constants(np.eye(6) if name == "base_acceleration" else np.zeros((6, columns)))]
             elif k in self._moving:
-                Psi = self._motions[k].Psi.rows
-                moved.append((Psi, _some(u_dot, self._first[k], Psi.size), None))
+                moved.append(Term(self._motions[k].Psi.rows, u_dot[k], by_columns=True))
             elif not more:
                 more = [Constants(np.zeros((len(at.v), columns)))]
             place = w.result(f"d_{name}", at.v[:, None] * self._widths[name] + index)
             add_product(w, len(at.v), moved, more, [place])
-
-
-def _some(place: Each, first: int, count: int) -> Shared:
-    """Return some rows of a block for all lanes."""
-    return Shared(place.start + first * place.size, count * place.size)
