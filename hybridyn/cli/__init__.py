@@ -149,9 +149,11 @@ def _program_manners() -> Iterator[None]:
     """Print warnings as one line, clean up on SIGTERM as on an error, and collect garbage rarely."""
 
     def show(message: Warning | str, *_: object, **__: object) -> None:
+        """Print a warning as one line on standard error."""
         click.echo(f"warning: {' '.join(str(message).split())}", err=True)
 
     def terminate(number: int, frame: FrameType | None) -> None:
+        """End the program with the exit status of a termination."""
         raise SystemExit(TERMINATED)
 
     thresholds = gc.get_threshold()

@@ -69,6 +69,7 @@ def compile(
     check_coefficients(robot, on, chosen.slots)
 
     def accept(built: Built) -> None:
+        """Compare a new library with the general path at each design to verify."""
         library = Library(built)
         for design, like, required in designs_to_verify(robot, chosen):
             verify(

@@ -44,6 +44,7 @@ def _event(source: SceneFile, robot: HybridRobot, number: int, table: EventTable
         )
 
     def height(t: float, q: Array, v: Array) -> float:
+        """Compute the coordinate of the link's origin, minus the threshold."""
         return (
             float(link_motions(robot, q[None], np.zeros((1, robot.nv)), [link])[link].p[0, axis]) - table.at
         )

@@ -221,6 +221,7 @@ class Mechanism:
         K = r.scaled(self.closures.matrix(motion.take(samples)))
 
         def missing(rates: Array, drift: Array) -> Array:
+            """Compute the platforms' rates that close what other rates and a drift leave open."""
             miss = np.einsum("tij,tj->ti", K, rates / r.col_scale) + drift * r.row_scale
             out: Array = least_squares(K[:, :, cols], -miss, relative=GIMBAL_LOCK) * r.col_scale[cols]
             return out

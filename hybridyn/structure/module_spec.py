@@ -116,9 +116,11 @@ def module_spec(bodies: Bodies, graph: ModuleGraph, home: Array) -> ModuleSpec:
     tree_of = {joint: i for i, joint in enumerate(tree_joint) if joint is not None}
 
     def closure(c: TreeClosure, number: dict[int, int]) -> TreeClosure:
+        """Return a closure without names, its bodies numbered in the module."""
         return replace(c, name="", kind="", body_a=number[c.body_a], body_b=number[c.body_b])
 
     def coupling(c: TreeCoupling, number: dict[int, int]) -> TreeCoupling:
+        """Return a coupling without its name, its joints numbered in the module."""
         return replace(c, name="", terms=tuple((number[i], k) for i, k in c.terms))
 
     to_tree = {body: of_tree[n] for body, n in local.items() if n in of_tree}

@@ -47,6 +47,7 @@ def open_csv(file: str, block_rows: int) -> Table:
         size = os.fstat(text.fileno()).st_size
 
     def fraction() -> float | None:
+        """Return the part of the file that has been read, None where its size is unknown."""
         return min(text.buffer.tell() / size, 1.0) if size else None
 
     try:

@@ -135,6 +135,7 @@ def _handed(
     needed: dict[tuple[int, int], dict[Node, None]] = {}
 
     def ask(node: Node, by: int) -> None:
+        """Note that a stage needs a node of an earlier one."""
         if graph.stage[node] < by and graph.code[node][0] not in (ca.OP_CONST, ca.OP_INPUT):
             needed.setdefault((graph.stage[node], by), {})[node] = None
 

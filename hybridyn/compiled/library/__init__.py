@@ -1,7 +1,7 @@
 """Build C source into a shared library and call it from Python.
 
-Read `compilers`, `building`, `cache`, `trust` (ownership of the cache's files), `calls` (one sample or a
-batch), `laws` and `steps` (efforts and time steps in C).
+Read `compilers`, `building`, `cache`, `calls` (one sample or a batch; `direct_calls` without ctypes), `laws`
+and `steps` (efforts and time steps in C), `replacing` (the optimised library after a quick build).
 
 May import: `code`, `program`, and what `compiled` may.
 """

@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..code.scalars import GUARD_LIMIT, Scalar
 from .cache import Built, cached
 from .compilers import best_lanes
+from .direct_calls import METH_FASTCALL, REFUSED, Method, knows_arrays
 from .steps import Steps
 
 if TYPE_CHECKING:
@@ -31,15 +32,6 @@ BORDER = {
     "longdouble": np.longdouble,
     "float128": np.float64,  # NumPy has no such type: inputs are exact, outputs are rounded
 }
-
-#: Status of a single call whose arguments are not contiguous arrays of the library's type.
-REFUSED = 1
-
-#: CPython's flag for a C function that receives its arguments in one array.
-METH_FASTCALL = 0x0080
-
-#: Status of a single call: done, refused, or done but the guard is above its limit.
-ANSWERS = (0, REFUSED, 2)
 
 #: Unit of a thread's share of a batch [samples], a multiple of every vector width.
 BLOCK = 512
@@ -109,25 +101,6 @@ class Library:
             Its outputs, shapes (T, n), and the samples' guards, shape (T,).
         """
         return self.programs[name].batch(inputs, threads)
-
-
-class Method(ctypes.Structure):
-    """CPython's `PyMethodDef`: a C function that Python calls directly, without ctypes."""
-
-    _fields_ = (
-        ("name", ctypes.c_char_p),
-        ("address", ctypes.c_void_p),
-        ("flags", ctypes.c_int),
-        ("doc", ctypes.c_char_p),
-    )
-
-    def function(self) -> Callable[..., int]:
-        """Return the function; this structure must stay alive as long as the function."""
-        new = ctypes.pythonapi.PyCFunction_NewEx
-        new.restype = ctypes.py_object
-        new.argtypes = [ctypes.POINTER(Method), ctypes.c_void_p, ctypes.c_void_p]
-        made: Callable[..., int] = new(ctypes.byref(self), None, None)
-        return made
 
 
 class Calls:
@@ -236,6 +209,7 @@ class Calls:
         guard_at = _address(guard)
 
         def run(start: int) -> None:
+            """Run one block of samples."""
             stop = min(start + block, samples)
             self._batch(start, stop, pointers[0], pointers[1], guard_at, self._workspace())
 
@@ -270,24 +244,6 @@ def pool(threads: int) -> ThreadPoolExecutor:
 
 if hasattr(os, "register_at_fork"):  # a forked child has none of the threads and must not wait for them
     os.register_at_fork(after_in_child=pool.cache_clear)
-
-
-def knows_arrays(held: ctypes.PyDLL, dtype: np.dtype[Any]) -> bool:
-    """Set up the reading of NumPy arrays in C, and return whether C sees their layout correctly."""
-    held.hybridyn_setup.argtypes = [ctypes.c_void_p] * 4
-    held.hybridyn_setup.restype = None
-    answers = (ctypes.c_void_p * len(ANSWERS))(*map(id, ANSWERS))
-    increment = ctypes.cast(ctypes.pythonapi.Py_IncRef, ctypes.c_void_p)
-    held.hybridyn_setup(id(np.ndarray), id(dtype), answers, increment)
-    held.hybridyn_layout.argtypes = [ctypes.py_object, ctypes.c_void_p, ctypes.c_longlong, ctypes.c_longlong]
-    held.hybridyn_layout.restype = ctypes.c_int
-    for shape in ((3, 5), (7, 2)):
-        array = np.zeros(shape, dtype)
-        if type(array) is not np.ndarray or array.dtype is not dtype:
-            return False
-        if not held.hybridyn_layout(array, array.ctypes.data, shape[0], dtype.itemsize):
-            return False
-    return True
 
 
 def load(

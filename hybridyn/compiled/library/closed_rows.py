@@ -11,7 +11,7 @@ import numpy as np
 
 from ...spatial import Array
 from .cache import Built
-from .calls import METH_FASTCALL, REFUSED, Method, knows_arrays
+from .direct_calls import METH_FASTCALL, REFUSED, Method, knows_arrays
 
 #: Type of all arrays: loops are closed in double precision for models in single precision, too.
 DOUBLE = np.dtype(np.float64)

@@ -13,7 +13,8 @@ from ...assembly.requests import Requests, gather_requests
 from ...effects.choice import Effects
 from ...spatial import Array, Mask
 from ...structure.robot import HybridRobot
-from ..library.calls import REFUSED, Calls
+from ..library.calls import Calls
+from ..library.direct_calls import REFUSED
 from .closing.assembling import Assembler
 from .closing.given import requests_of_motors
 from .designs import Designs
@@ -139,6 +140,7 @@ class Postures:
         """Evaluator of designs."""
 
         def batch(given: list[Array]) -> tuple[Array, Mask]:
+            """Compute efforts, and where they can be trusted."""
             (tau,), guard = self._idm.batch(given, self.threads)
             return tau, guard <= self._idm.trusted
 

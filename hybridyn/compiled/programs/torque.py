@@ -47,6 +47,7 @@ def closing_of_motors(robot: HybridRobot) -> Built | None:
     scalar = Scalar("float64", best_lanes())
 
     def source() -> Source:
+        """Generate the C source; it has no program where the motors do not determine the motion."""
         from ..code.library_source import library_source
         from ..equations.request import request
         from ..needs import needs_casadi

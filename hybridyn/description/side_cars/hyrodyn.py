@@ -30,8 +30,6 @@ from ..robot_file import MotorStatement, RobotFile
 from ..zero_posture import poses_at_zero, relative
 from .yaml_file import Place, YamlFile
 
-FILES = ("submechanisms.yml", "submechanisms.yaml")
-
 #: Rows by the position in HyRoDyn's spatial vectors: rotations first.
 ORDER = (*ROWS[3:], *ROWS[:3])
 

@@ -85,6 +85,7 @@ def apply_model_file(
     by_name = {joint.name: joint for joint in robot.joints}
 
     def wrong(table: str, name: str, message: str) -> ModelError:
+        """Return the error of a key, with its line."""
         line = line_of(text, (table, name))
         return ModelError(f"[{table}] '{name}': {message}", file=file, line=line, element=name)
 

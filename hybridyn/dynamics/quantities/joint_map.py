@@ -128,6 +128,7 @@ class JointMap:
         E = _motions(self.robot, q, np.zeros((len(q), self.robot.nv)), side)[0]
 
         def drift(x: Array, rates: Array) -> Array:
+            """Compute the motors' accelerations at zero accelerations of the joints."""
             return _motions(self.robot, x, rates, side)[1][:, motors]
 
         bends = [polar_form(self.robot, drift, q, E[:, :, i], E) for i in range(len(self.joints))]

@@ -259,6 +259,7 @@ class _ModuleCheck:
         units = np.array([m.length] * 3 + [1.0] * 3)[:, None]
 
         def values(q: Array, Psi: Array) -> Array:
+            """Compute the singular values of the outputs' Jacobian at postures."""
             motion = m.tree.sweep(q)
             J = np.concatenate([m.tree.jacobian(motion, body) / units for body in m.spec.outputs], axis=1)
             motions = np.linalg.qr(Psi / m.reduction.col_scale[:, None])[0]

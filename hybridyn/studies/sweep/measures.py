@@ -39,6 +39,7 @@ def _margin(of: Callable[[MotorLoad], float]) -> Callable[[Loads], float]:
 
 def _sum(of: Callable[[MotorLoad], float | None]) -> Callable[[Loads], float]:
     def total(loads: Loads) -> float:
+        """Add a number over the motors; NaN where one has none."""
         parts = [of(load) for load in loads]
         return math.nan if None in parts else float(sum(part for part in parts if part is not None))
 

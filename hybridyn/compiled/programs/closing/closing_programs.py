@@ -85,6 +85,7 @@ def _places(parts: Sequence[Part], numbers: Sequence[int]) -> dict[str, Index]:
     """Return the indices of some modules' numbers of each kind, shape (modules, numbers) each."""
 
     def after(sizes: list[int]) -> Index:
+        """Return the places of the chosen modules' entries, given the sizes of all."""
         starts = np.cumsum([0, *sizes])
         return np.array([np.arange(starts[k], starts[k + 1]) for k in numbers], dtype=int)
 

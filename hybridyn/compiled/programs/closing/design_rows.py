@@ -136,6 +136,7 @@ class DesignRows:
         scalar, robot = Scalar("float64", best_lanes()), self.robot
 
         def source() -> Source:
+            """Generate the C source."""
             needs_casadi()
             from ...code.library_source import library_source
             from ...equations.arguments.chosen import ChosenNumbers

@@ -87,6 +87,7 @@ class QuantityRows:
         parts = [good]
 
         def force(x: Array, rates: Array) -> Array:
+            """Compute c in C, and note where it can be trusted."""
             out, trusted = self.coriolis(x, rates)
             parts.append(np.asarray(trusted.reshape(len(q), -1).all(axis=1)))
             return out

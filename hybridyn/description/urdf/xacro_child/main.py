@@ -129,15 +129,18 @@ def prepare(
     expand, absolute = xacro.parse, xacro.abs_filename_spec
 
     def note(*words: Any, **options: Any) -> str:
+        """Keep a message of xacro as a note."""
         notes.append("xacro: " + " ".join(" ".join(map(str, words)).split()))
         return ""
 
     def parse(text: Any, filename: str | None = None) -> Any:
+        """Parse a text, or a file that the parent reads."""
         if text is not None or filename is None:
             return expand(text, filename)
         return xml.dom.minidom.parseString(read_xml(xacro, parent, filename))
 
     def locate(name: str) -> str:
+        """Return the path of an included file."""
         package, _, rest = name.removeprefix("package://").partition("/")
         where = os.path.join(parent.find(package), rest) if name.startswith("package://") else absolute(name)
         return str(where)
@@ -152,6 +155,7 @@ def prepare(
     evaluate = Evaluator(functions_in(symbols, dollar), (xacro.NameSpace, xacro.YamlDictWrapper))
 
     def dollar_eval(expression: str, context: Any) -> str:
+        """Evaluate the expression of `$(eval ...)`."""
         given = {name: substitution_args.convert_value(value, "auto") for name, value in arguments.items()}
         return str(evaluate(expression, {**symbols["python"], **given, **dollar}))
 
