@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import signal
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -47,6 +49,16 @@ def test_expansions_of_a_kept_child_are_those_of_fresh_ones(file: str) -> None:
     xacro_process.drop_child()
     assert child.returncode is not None
     assert kept == [xacro.expand(file, {"a": a}, ()) for a in (1, 2, 3)]
+
+
+def test_a_child_that_was_killed_is_replaced(file: str) -> None:
+    good = xacro.expand(file, {}, ())
+    child = xacro_process._kept.child
+    assert child is not None
+    os.kill(child.pid, signal.SIGKILL)
+    os.waitid(os.P_PID, child.pid, os.WEXITED | os.WNOWAIT)
+    assert xacro.expand(file, {}, ()) == good
+    assert child.returncode == -signal.SIGKILL
 
 
 @pytest.mark.slow

@@ -84,7 +84,7 @@ def expand(
     name = hashed(START, sys.version, json.dumps(request, sort_keys=True), *map(state_of, codes))
     known = None if is_kept() else kept(name)
     if known is not None and _unchanged(folders(), known["replies"]):
-        return known["text"].encode(), known["notes"]
+        return known["text"].encode(errors="surrogateescape"), known["notes"]
     replies: list[list[str]] = []
     with child_of(file) as child:
         header, text = _converse(child, file, request, folders(), replies)
@@ -97,7 +97,7 @@ def expand(
         raise ModelError(message, file=where, line=header["line"])
     notes = list(header["notes"]) + ([] if header["locks"] else [UNLOCKED])
     if not is_kept():  # the many files of a sweep would replace those of the next commands
-        keep(name, {"replies": replies, "text": text.decode(), "notes": notes})
+        keep(name, {"replies": replies, "text": text.decode(errors="surrogateescape"), "notes": notes})
     return text, notes
 
 

@@ -85,6 +85,8 @@ def child_of(file: str) -> Iterator[subprocess.Popen[bytes]]:
                 _kill(child)
         return
     with _kept.lock:
+        if _kept.child is not None and _kept.child.poll() is not None:  # killed while it waited
+            _end_kept()
         child = _kept.child = _kept.child or _start(file)
         try:
             with _watched(child):
