@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from .common.options import RobotChoice, RobotCommand, complete_data, takes_robot
+from .common.files import complete_data
+from .common.options import RobotChoice, RobotCommand, takes_robot
 
 if TYPE_CHECKING:
     from ..studies.compare.compare import Comparison

@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from .common.options import RobotCommand, complete_robot, robot_file, takes_packages, takes_xacro_arguments
+from .common.files import complete_robot, robot_file
+from .common.options import RobotCommand, takes_packages, takes_xacro_arguments
 
 if TYPE_CHECKING:
     from ..description.records import StatedBase

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import click
 
 from .common.figures import figure_file, save
-from .common.options import complete_data, complete_robot, existing_file, result_file, robot_file, scene_file
+from .common.files import complete_data, complete_robot, existing_file, result_file, robot_file, scene_file
 from .common.progress import Progress
 from .common.text import aligned_rows
 

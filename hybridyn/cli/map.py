@@ -9,14 +9,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from .common.options import (
-    RobotCommand,
-    complete_data,
-    existing_file,
-    result_file,
-    split_names,
-    takes_robot,
-)
+from .common.files import complete_data, existing_file, result_file
+from .common.options import RobotCommand, split_names, takes_robot
 from .common.text import counted
 
 if TYPE_CHECKING:

@@ -7,14 +7,8 @@ import os
 import click
 
 from .common.figures import chart_file, save_chart
-from .common.options import (
-    RobotCommand,
-    complete_robot,
-    existing_file,
-    robot_file,
-    takes_packages,
-    takes_xacro_arguments,
-)
+from .common.files import complete_robot, existing_file, robot_file
+from .common.options import RobotCommand, takes_packages, takes_xacro_arguments
 
 
 @click.command(

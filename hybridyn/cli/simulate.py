@@ -16,7 +16,7 @@ import click
 
 from .common.engine import WORTH_IN_TIME, WORTH_OF_POSTURES, Engine, choose_engine, takes_engine
 from .common.figures import save_chart, takes_plot
-from .common.options import complete_robot, existing_file, result_file, scene_file
+from .common.files import complete_robot, existing_file, result_file, scene_file
 from .common.progress import Progress
 from .common.summary import effects_line
 from .common.text import counted

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING
 import click
 
 from ..errors import install_advice
-from .common.options import RobotChoice, RobotCommand, ends_in, existing_file, takes_effects, takes_robot
+from .common.files import ends_in, existing_file
+from .common.options import RobotChoice, RobotCommand, takes_effects, takes_robot
 from .common.progress import Progress
 
 if TYPE_CHECKING:

@@ -13,7 +13,8 @@ import click
 from ..streams.memory import keep_freed_memory
 from ..streams.workers import Failure, Workers
 from .common.figures import save, takes_plot
-from .common.options import RobotChoice, RobotCommand, result_file, takes_robot
+from .common.files import result_file
+from .common.options import RobotChoice, RobotCommand, takes_robot
 from .common.progress import Progress
 from .common.text import aligned_rows, counted
 

@@ -212,7 +212,10 @@ def _begin(folder: Path, identity: str, shards: dict[str, Path], *, resume: bool
                 "folder"
             )
         if about.read_text(encoding="utf-8").strip() != identity:
-            raise HybridynError(f"{folder}: its shards are of other options, or of a robot that has changed")
+            raise HybridynError(
+                f"{folder}: its shards are of other options, or of a robot that has changed: choose another "
+                "folder"
+            )
     about.write_text(identity + "\n", encoding="utf-8")
     return [file for file, shard in shards.items() if not _is_newer(shard, Path(file))]
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ...errors import install_advice
-from .options import ends_in
+from .files import ends_in
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -8,7 +8,7 @@ import json
 from collections.abc import Sequence
 from typing import Any
 
-from .options import ends_in
+from .files import ends_in
 
 #: Checks the ending and the folder of a report's file, before any work is done.
 report_file = ends_in(".csv", ".json")

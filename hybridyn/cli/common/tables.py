@@ -18,7 +18,7 @@ from ...streams.postures import Assemble
 from ...streams.workers import Workers
 from .batch import several, takes_many
 from .figures import Drawing, takes_plot
-from .options import complete_data, existing_file, result_file
+from .files import complete_data, existing_file, result_file
 from .progress import Progress
 
 if TYPE_CHECKING:

@@ -1,0 +1,129 @@
+"""Files that commands read and write: checks before any work is done, and completions in the shell."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+import click
+
+if TYPE_CHECKING:
+    from click.shell_completion import CompletionItem
+
+
+def existing_file(ctx: click.Context, param: click.Parameter, value: str) -> str:
+    """Check that a file exists ("-" is standard input); the error suggests the nearest one.
+
+    A word that is not a path may name a file of a shipped robot, "lx4/traj.csv".
+    """
+    if value == "-" or os.path.isfile(value):
+        return value
+    if not os.path.exists(value):
+        from ...description.shipped import find_data
+
+        if shipped := find_data(value):
+            return shipped
+    if os.path.isdir(value):
+        raise click.BadParameter(f"'{value}' is a folder", ctx, param)
+    if os.path.exists(value):
+        raise click.BadParameter(f"'{value}' is not a regular file but a pipe or a device", ctx, param)
+    from ...description.names import closest
+
+    folder, name = os.path.split(value)
+    if folder and not os.path.isdir(folder):
+        raise click.BadParameter(f"there is no folder '{folder}'", ctx, param)
+    if os.path.islink(value):
+        raise click.BadParameter(f"'{value}' is a link to a file that does not exist", ctx, param)
+    near = closest(name, os.listdir(folder or "."))
+    hint = f" (did you mean '{os.path.join(folder, near)}'?)" if near else ""
+    raise click.BadParameter(f"there is no file '{value}'{hint}", ctx, param)
+
+
+def robot_file(ctx: click.Context, param: click.Parameter, value: str) -> str:
+    """Return the file of a robot: an existing file, or that of the shipped robot of this name.
+
+    `world.sdf#arm` is the model `arm` of a file.
+    """
+    from ...description.shipped import BARE_NAME, no_such_robot, shipped_robots, shown
+
+    file, hash_, _ = value.rpartition("#")
+    if hash_ and not os.path.exists(value):
+        existing_file(ctx, param, file)
+        return value
+    if os.path.exists(value) or not BARE_NAME.fullmatch(value):
+        return existing_file(ctx, param, value)
+    if value not in shipped_robots():
+        raise click.BadParameter(no_such_robot(value), ctx, param)
+    return shown(shipped_robots()[value].file)
+
+
+def complete_robot(ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
+    """Return completions: the shipped robots, and files."""
+    from click.shell_completion import CompletionItem
+
+    from ...description.shipped import shipped_robots
+
+    names = [
+        CompletionItem(name, help=robot.what)
+        for name, robot in shipped_robots().items()
+        if name.startswith(incomplete)
+    ]
+    return [CompletionItem(incomplete, type="file"), *names]  # bash drops items before a file
+
+
+def complete_data(ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
+    """Return completions: files, and those of a shipped robot after its name, "lx4/traj.csv"."""
+    from click.shell_completion import CompletionItem
+
+    from ...description.shipped import shipped_robots
+
+    robot = shipped_robots().get(incomplete.partition("/")[0])
+    files = [] if robot is None else [*robot.scenes, *filter(None, [robot.trajectory])]
+    words = [f"{robot.name}/{file.name}" for file in files] if robot else []
+    return [CompletionItem(incomplete, type="file"), *map(CompletionItem, words)]
+
+
+def scene_file(ctx: click.Context, param: click.Parameter, value: str) -> str:
+    """Return the file of a scene: an existing file, or the scene of the shipped robot of this name."""
+    from ...description.shipped import shipped_robots, shown
+
+    if not os.path.exists(value) and value in shipped_robots():
+        scenes = shipped_robots()[value].scenes
+        if len(scenes) == 1:
+            return shown(scenes[0])
+        names = ", ".join(f"'{value}/{scene.name}'" for scene in scenes) or "none"
+        raise click.BadParameter(f"the scenes of '{value}' are: {names}", ctx, param)
+    return existing_file(ctx, param, value)
+
+
+def result_file(ctx: click.Context, param: click.Parameter, value: str | None) -> str | None:
+    """Check, before any work is done, that a result file can be written."""
+    if value is None or value == "-":
+        return value
+    from ...errors import TrajectoryError
+    from ...tables.results import check_target
+
+    try:
+        check_target(value)
+    except TrajectoryError as error:
+        raise click.BadParameter(str(error), ctx, param) from error
+    return value
+
+
+def ends_in(*endings: str) -> Callable[[click.Context, click.Parameter, str | None], str | None]:
+    """Return a callback that checks the ending and the folder of a file, before any work is done."""
+
+    def check(ctx: click.Context, param: click.Parameter, value: str | None) -> str | None:
+        """Check the file, if one is named."""
+        if value is None:
+            return None
+        if not value.lower().endswith(endings):
+            wanted = " or ".join(endings) if len(endings) < 3 else ", ".join(endings)
+            raise click.BadParameter(f"'{value}' must end in {wanted}", ctx, param)
+        folder = os.path.dirname(value)
+        if folder and not os.path.isdir(folder):
+            raise click.BadParameter(f"there is no folder '{folder}'", ctx, param)
+        return value
+
+    return check
