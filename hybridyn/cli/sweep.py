@@ -41,6 +41,7 @@ MOST_PRINTED = 50
 @click.option("--resume", is_flag=True, help="Continue from the shards in FOLDER.")
 @click.option("--format", type=click.Choice(["parquet", "csv"]), help="Format of the shards.")
 @click.option("--allow-python", is_flag=True, help="Allow measures that are functions of Python files.")
+@click.option("--no-compile", is_flag=True, help="Evaluate every design by the general path.")
 @click.option(
     "--best", metavar="A,-B,...",
     help="Print the designs in which A is smallest and B largest; with several, the Pareto front.",
@@ -62,6 +63,7 @@ def command(
     resume: bool,
     format: str | None,
     allow_python: bool,
+    no_compile: bool,
     best: str | None,
     where: str | None,
     top: int,
@@ -86,7 +88,7 @@ def command(
     if where is not None and best is None and plot is None:
         raise click.UsageError("--where belongs to --best or --plot")
     if study is not None:
-        _run(study, output, engine, scheduler, jobs, resume, allow_python, format)
+        _run(study, output, engine, scheduler, jobs, resume, allow_python, format, no_compile)
     if best is not None:
         from ..studies.sweep.best import find_best
 
@@ -107,7 +109,7 @@ def command(
 
 def _run(
     study: str, output: str, engine: Engine, scheduler: str | None, jobs: int | None, resume: bool,
-    allow_python: bool, format: str | None,
+    allow_python: bool, format: str | None, no_compile: bool,
 ) -> None:  # fmt: skip
     """Evaluate a study, and print what became of its designs."""
     from ..studies.sweep.sweep import sweep
@@ -124,7 +126,8 @@ def _run(
 
             state = sweep(
                 study, output, engine=engine, jobs=jobs, scheduler=scheduler,
-                resume=resume, allow_python=allow_python, format=format, progress=show,
+                resume=resume, allow_python=allow_python, format=format, compiled=not no_compile,
+                progress=show,
             )  # fmt: skip
     except BaseException:
         if states:
@@ -143,6 +146,10 @@ def _summary(state: Swept, output: str) -> list[str]:
     lines += [f"  {status}: {count:,}" for status, count in sorted(state.statuses.items(), key=_ok_first)]
     if state.unreachable or state.singular:
         lines.append(f"postures out of reach: {state.unreachable:,}; singular: {state.singular:,}")
+    if state.compiled:
+        lines.append(f"by compiled models: {state.compiled:,}")
+    if state.why_general:
+        lines.append(f"by the general path, without compiled models: {state.why_general}")
     if state.restarts:
         lines.append(
             f"a worker process died {counted(state.restarts, 'time')}; its designs were evaluated again"

@@ -8,6 +8,7 @@ from ..effects.choice import Choice, choose
 from ..errors import ModelError
 from ..linkage.threads import one_thread
 from ..structure.parameters.entries import Parameters
+from ..structure.parameters.slots import Slot
 from ..structure.robot import HybridRobot
 from .code.scalars import Scalar
 from .equations.arguments.coefficients import at_robot, check_coefficients
@@ -26,7 +27,7 @@ def compile(
     robot: HybridRobot,
     effects: Choice = None,
     *,
-    parameters: Sequence[str] = (),
+    parameters: Sequence[str | Slot] = (),
     threads: int = 1,
     dtype: str = "float64",
     quick: bool = False,
@@ -39,7 +40,8 @@ def compile(
         robot: The robot.
         effects: Effects to include, as for `hybridyn.idm`.
         parameters: Numbers of the robot that calls may change, such as "mass:LINK" or "position:JOINT"
-            (`structure.parameters.entries.entry_of` lists them); all others are constants of the code.
+            (`structure.parameters.entries.entry_of` lists them), or slots; all others are constants of the
+            code.
         threads: Number of threads that share a batch.
         dtype: "float64", or "float32", which computes a batch twice as fast with seven digits.
         quick: Whether to return after a quick build of the library (-O1), which gives the same bits in about

@@ -51,7 +51,7 @@ def designs_to_verify(
         parameters: Its parameters.
     """
     for factor in TRIED if parameters.size else TRIED[:1]:
-        numbers = parameters.slot_values(factor * parameters.nominal[None])[0]
+        numbers = parameters.slot_values(parameters.near(factor)[None])[0]
         if factor == 1.0:
             yield numbers, robot, True
             continue

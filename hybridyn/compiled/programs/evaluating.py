@@ -104,9 +104,22 @@ class Evaluator:
         return *assemble_requests(robot, requests, robot.home), requests.samples
 
     def table(
-        self, parameters: ArrayLike, motors: Mapping[str, object], platforms: Mapping[str, object]
+        self,
+        parameters: ArrayLike,
+        motors: Mapping[str, object],
+        platforms: Mapping[str, object],
+        *,
+        doubtful: bool = True,
     ) -> DesignTable:
-        """Evaluate designs, see `CompiledRobot.designs`."""
+        """Evaluate designs, see `CompiledRobot.designs`.
+
+        Args:
+            parameters: Numbers of each design, shape (designs, k).
+            motors: As in `hybridyn.assemble`.
+            platforms: As in `hybridyn.assemble`.
+            doubtful: Whether the general path computes the designs of which the C is not certain; if not,
+                they have an error.
+        """
         robot = self.designs.robot
         p = np.atleast_2d(np.asarray(parameters, dtype=float))
         numbers = self.designs.numbers(p, (len(p),))
@@ -120,8 +133,11 @@ class Evaluator:
         others = [self._chunk(out, at, numbers, wanted.requests) for at in range_of(D, chunk)]
         recomputed = np.concatenate([np.zeros(0, dtype=int), *others])
         for design in recomputed.tolist():
-            self._by_the_general_path(out, design, numbers[design], wanted)
-        return replace(out, recomputed=len(recomputed))
+            if doubtful:
+                self._by_the_general_path(out, design, numbers[design], wanted)
+            else:
+                out.errors[design] = "not certain"
+        return replace(out, recomputed=len(recomputed) if doubtful else 0)
 
     def _chunk(self, out: DesignTable, at: slice, numbers: Array, requests: Requests) -> Index:
         """Evaluate some designs; return those that are left to the general path."""

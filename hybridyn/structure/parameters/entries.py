@@ -35,6 +35,11 @@ class Entry:
     own: Callable[[Array], Array]
 
     @property
+    def of_matrix(self) -> bool:
+        """Whether it is an entry of a rotation matrix itself."""
+        return self.numbers is _same and any(slot.in_rotation for slot in self.slots)
+
+    @property
     def size(self) -> int:
         """Number of its numbers."""
         return len(self.labels)
@@ -161,6 +166,11 @@ def _known(name: str, of: str, names: Sequence[str], what: str) -> None:
         raise ModelError(f"parameter '{name}': there is no {what} '{of}'{hint}", element=of)
 
 
+def of_slot(slot: Slot) -> Entry:
+    """Return the parameter that is a slot."""
+    return _entry(str(slot), ("value",), [slot])
+
+
 def of_xacro(arguments: XacroArguments) -> Entry:
     """Return the parameter whose numbers are arguments of a xacro file."""
     return Entry(
@@ -178,23 +188,25 @@ class Parameters:
         nominal: The numbers in the robot's description, shape (size,).
     """
 
-    def __init__(self, description: Description, names: Sequence[str]) -> None:
+    def __init__(self, description: Description, names: Sequence[str | Slot]) -> None:
         """Find the parameters in a description.
 
         Args:
             description: The robot's description.
-            names: Names as `entry_of` takes them, and arguments of the robot's xacro file. These stand
+            names: Names as `entry_of` takes them, slots, and arguments of the robot's xacro file. These stand
                 together, where the first of them is named.
 
         Raises:
             ModelError: A name is unknown, or two parameters set the same number.
         """
-        arguments = [name for name in names if ":" not in name]
+        arguments = [name for name in names if isinstance(name, str) and ":" not in name]
         self.entries = tuple(
-            entry_of(description, name) if ":" in name else of_xacro(XacroArguments(description, arguments))
+            of_slot(name) if isinstance(name, Slot)
+            else entry_of(description, name) if ":" in name
+            else of_xacro(XacroArguments(description, arguments))
             for name in names
-            if ":" in name or name == arguments[0]
-        )
+            if name not in arguments[1:]
+        )  # fmt: skip
         self.labels = tuple(label for entry in self.entries for label in entry.labels)
         self.slots = tuple(slot for entry in self.entries for slot in entry.slots)
         owner: dict[Slot, str] = {}
@@ -213,6 +225,11 @@ class Parameters:
     def size(self) -> int:
         """Number of numbers."""
         return len(self.labels)
+
+    def near(self, factor: float) -> Array:
+        """Return the numbers of another design, shape (size,): all but those of rotation matrices, scaled."""
+        fixed = [entry.of_matrix for entry in self.entries for _ in entry.labels]
+        return np.where(np.array(fixed, dtype=bool), 1.0, factor) * self.nominal
 
     def slot_values(self, p: Array) -> Array:
         """Compute the numbers in the slots, shape (T, slots), from parameters, shape (T, size)."""

@@ -79,10 +79,12 @@ class Evaluated:
     Attributes:
         rows: The rows.
         seconds: Time that they took [s].
+        compiled: Number of rows from compiled models.
     """
 
     rows: tuple[Row, ...]
     seconds: float
+    compiled: int = 0
 
 
 @one_thread()

@@ -44,6 +44,7 @@ class About:
         measures: Columns of the measures.
         format: Format of the shards, "parquet" or "csv".
         method: How the designs were drawn.
+        compiled: Whether compiled models evaluate designs.
     """
 
     study: str
@@ -53,6 +54,7 @@ class About:
     measures: list[str]
     format: str
     method: str = ""
+    compiled: bool = False
 
     @property
     def columns(self) -> list[str]:

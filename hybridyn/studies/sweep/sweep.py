@@ -13,9 +13,12 @@ import numpy as np
 
 from ...description.urdf.xacro_process import drop_child
 from ...errors import HybridynError
+from ...spatial import Index
+from .compiled_chunks import evaluate_chunk, plan_for
+from .compiled_designs import Plan
 from .designs import Designs
 from .engines import Engine, check_engine, open_pool
-from .evaluation import Chunk, Designer, Evaluated, Row, evaluate
+from .evaluation import Chunk, Designer, Evaluated, Row
 from .pool import Pool, WorkerDiedError
 from .reading import read_study
 from .shards import About, Shards, best_format, read_shards, shards_in
@@ -49,6 +52,8 @@ class Swept:
         workers: Number of processes.
         seconds: Wall time [s].
         work: Time of all processes spent on designs [s].
+        compiled: Number of designs that compiled models evaluated now.
+        why_general: Why the general path evaluates all designs, or "".
     """
 
     folder: Path
@@ -62,6 +67,8 @@ class Swept:
     workers: int = 0
     seconds: float = 0.0
     work: float = 0.0
+    compiled: int = 0
+    why_general: str = ""
 
 
 Progress = Callable[[Swept], None]
@@ -77,6 +84,7 @@ def sweep(
     resume: bool = False,
     allow_python: bool = False,
     format: str | None = None,
+    compiled: bool = True,
     progress: Progress | None = None,
 ) -> Swept:
     """Evaluate every design of a study: one row per design, in shards in a folder.
@@ -95,44 +103,58 @@ def sweep(
         allow_python: Whether measures may be functions of Python files, which run with all rights of the
             processes.
         format: Format of the shards, "parquet" or "csv"; by default Parquet where polars is installed.
+        compiled: Whether compiled models may evaluate designs, where the study allows it. A run that
+            continues does as the one before.
         progress: Called after each chunk.
 
     Returns:
         What was done.
 
     Raises:
-        HybridynError: The study is wrong, none of its designs loads, the folder has other results, or the
-            scheduler does not answer.
+        HybridynError: The study is wrong, none of its designs loads, the folder has other results, the
+            scheduler does not answer, or compiled models differ from the general path.
         OSError: The disk is full; the shards written so far are complete.
     """
     try:
-        return _sweep(study, output, engine, jobs, scheduler, resume, allow_python, format, progress)
+        return _sweep(
+            study, output, engine, jobs, scheduler, resume, allow_python, format, compiled, progress
+        )
     finally:
         drop_child()
 
 
 def _sweep(
     study: str | PathLike[str], output: str | PathLike[str], engine: Engine, jobs: int | None,
-    scheduler: str | None, resume: bool, allow_python: bool, format: str | None, progress: Progress | None,
+    scheduler: str | None, resume: bool, allow_python: bool, format: str | None, compiled: bool,
+    progress: Progress | None,
 ) -> Swept:  # fmt: skip
     """Evaluate every design that has no row, see `sweep`."""
     started = time.perf_counter()
     check_engine(engine, scheduler)
     source = read_study(Path(study), allow_python=allow_python)
     designs = Designs(source)
+    state, pace, plan = Swept(Path(output), designs.count), CHUNK_SECONDS, None
+    new = not shards_in(Path(output))
+    if new:
+        pace = _try_some(source, designs)
+        if compiled:
+            plan, state.why_general = plan_for(source, designs, _tried(designs))
     about = About(
         str(study), source.identity, designs.count, designs.names, source.columns, format or best_format(),
-        designs.method,
+        designs.method, plan is not None,
     )  # fmt: skip
-    state = Swept(Path(output), designs.count)
-    pace = None if shards_in(Path(output)) else _try_some(source, designs)
     shards = Shards.create(Path(output), about, resume=resume)
     _count_rows(state)
+    if not new and shards.about.compiled and shards.gaps():
+        plan, why = plan_for(source, designs, _tried(designs))
+        if plan is None:
+            raise HybridynError(
+                f"{output}: its results are of compiled models, which are not to be had: {why}"
+            )
     if shards.gaps():
         with open_pool(engine, jobs, scheduler) as pool:
             state.workers = pool.workers
-            run = _Run(source, designs, shards, state, pool, pace or CHUNK_SECONDS, progress, started)
-            run.all()
+            _Run(source, designs, shards, state, pool, plan, pace, progress, started).all()
     state.seconds = time.perf_counter() - started
     return state
 
@@ -141,11 +163,11 @@ class _Run:
     """The chunks of a sweep, given to processes until every design has a row."""
 
     def __init__(
-        self, source: StudyFile, designs: Designs, shards: Shards, state: Swept, pool: Pool, pace: float,
-        progress: Progress | None, started: float,
+        self, source: StudyFile, designs: Designs, shards: Shards, state: Swept, pool: Pool,
+        plan: Plan | None, pace: float, progress: Progress | None, started: float,
     ) -> None:  # fmt: skip
         self.source, self.designs, self.shards, self.state = source, designs, shards, state
-        self.pool, self.pace, self.progress, self.started = pool, pace, progress, started
+        self.pool, self.plan, self.pace, self.progress, self.started = pool, plan, pace, progress, started
         self.given: dict[int, Chunk] = {}
 
     def all(self) -> None:
@@ -160,8 +182,8 @@ class _Run:
 
     def _some(self, chunks: Iterator[Chunk], at_once: int) -> None:
         """Evaluate chunks and write their shards."""
-        tasks = ((self.source, chunk) for chunk in chunks)
-        for done in self.pool.run(evaluate, tasks, at_once=at_once):
+        tasks = ((self.source, chunk, self.plan) for chunk in chunks)
+        for done in self.pool.run(evaluate_chunk, tasks, at_once=at_once):
             self._keep(done)
 
     def _keep(self, done: Evaluated) -> None:
@@ -169,6 +191,7 @@ class _Run:
         self.shards.write(done.rows)
         self.given.pop(done.rows[0].design, None)
         self.state.work += done.seconds
+        self.state.compiled += done.compiled
         self.state.now += len(done.rows)
         if done.seconds > 0:
             self.pace += (done.seconds / len(done.rows) - self.pace) / 2
@@ -232,6 +255,12 @@ def _add(state: Swept, status: str, unreachable: int, singular: int) -> None:
     state.singular += singular
 
 
+def _tried(designs: Designs) -> Index:
+    """Return the numbers of designs that are spread over the study."""
+    out: Index = np.unique(np.linspace(0, designs.count - 1, TRIALS).astype(int))
+    return out
+
+
 def _try_some(source: StudyFile, designs: Designs) -> float:
     """Evaluate designs in this process until one loads; return the time that it took [s].
 
@@ -240,7 +269,7 @@ def _try_some(source: StudyFile, designs: Designs) -> float:
     """
     designer = Designer(source)
     first: Row | None = None
-    tried = np.unique(np.linspace(0, designs.count - 1, TRIALS).astype(int))
+    tried = _tried(designs)
     for number in tried.tolist():
         started = time.perf_counter()
         row = designer(number, designs.values(number, number + 1)[0])

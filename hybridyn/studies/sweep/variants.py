@@ -34,6 +34,17 @@ class Variants:
             HybridynError: The files are wrong with these values, a link is unknown, or no posture closes the
                 loops.
         """
+        return self.robot(self.description(values))
+
+    def description(self, values: Mapping[str, float]) -> Description:
+        """Return the description of a design.
+
+        Args:
+            values: Values of the parameters by name.
+
+        Raises:
+            HybridynError: The files are wrong with these values, or a link is unknown.
+        """
         stated, parameters = self.source.study.robot, self.source.study.parameters
         arguments = {name: argument(value) for name, value in stated.xacro.items()}
         arguments |= {
@@ -44,6 +55,15 @@ class Variants:
             for link in one.links:
                 with naming(self.source, ("parameters", name, "scale_inertia")):
                     description = scaled(description, link, values[name])
+        return description
+
+    def robot(self, description: Description) -> HybridRobot:
+        """Build the robot of a design's description.
+
+        Raises:
+            HybridynError: It is no robot, or no posture closes the loops.
+        """
+        stated = self.source.study.robot
         gravity = stated.gravity
         return build_robot(
             description,

@@ -1,0 +1,135 @@
+"""Sweeps by compiled models: the rows of the general path, whatever the division, and what happens without."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import hybridyn
+from hybridyn.errors import HybridynError
+from hybridyn.studies.sweep import compiled_chunks, compiled_designs
+from hybridyn.studies.sweep import sweep as sweeping
+from hybridyn.studies.sweep.compiled_designs import _divided
+from hybridyn.studies.sweep.shards import about_of
+from tests.extras import needs
+from tests.studies.test_sweep import SCALES, Here, folder, here, rows_of, written
+
+__all__ = ["folder", "here"]
+
+#: Largest relative difference of a measure between compiled models and the general path.
+SAME = 1e-11
+FIVE_BAR = """[robot]
+file = "five_bar"
+[designs]
+method = "sobol"
+count = 16
+[parameters]
+upper_length = { range = [0.18, 0.30] }
+upper = { scale_inertia = "m1_left_upper", range = [0.8, 1.2] }
+spacing = { range = [0.1, 0.7] }
+[tasks.swing]
+trajectory = "motors.csv"
+measure = { peak = "peak_effort", given = "energy", left = "stroke_margin", fast = "max m1_left_elbow/velocity" }
+"""
+
+
+@pytest.fixture(autouse=True)
+def few(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Compile models for few designs."""
+    monkeypatch.setattr(compiled_chunks, "LEAST_DESIGNS", 1)
+
+
+def test_steps_are_divided_evenly_and_given_rows_stay() -> None:
+    levels = tuple(np.random.default_rng(0).normal(size=(3, 5)))
+    position, *rates = _divided(levels)
+    wanted = np.interp(np.arange(17) / 4, np.arange(5), levels[0])
+    assert np.allclose(position, wanted, rtol=0, atol=1e-15)
+    for level, given in zip((position, *rates), levels, strict=True):
+        assert np.array_equal(level[::4], given)
+
+
+def test_without_compiled_models_the_general_path_runs_and_the_report_says_why(
+    folder: Path, here: Any, capsys: pytest.CaptureFixture[str]
+) -> None:
+    here(Here())
+    study = written("method = 'grid'", SCALES)
+    state = hybridyn.sweep(study, "out", format="csv")
+    assert "every joint" in state.why_general
+    assert (state.compiled, state.statuses) == (0, {"ok": 6})
+    assert not about_of("out").compiled
+    plain = hybridyn.sweep(study, "plain", format="csv", compiled=False)
+    assert (plain.compiled, plain.why_general) == (0, "")
+    assert rows_of("out") == rows_of("plain")
+
+
+def five_bar_in(folder: Path) -> Path:
+    """Write a study of a five-bar whose motors swing; some designs do not reach all postures."""
+    t = np.linspace(0.0, 0.8, 41)
+    w = 2 * np.pi / 0.8
+    wave = [0.3 * np.sin(w * t), 0.3 * w * np.cos(w * t), -0.3 * w**2 * np.sin(w * t)]
+    sides = ("m1_left_drive", "m1_right_drive")
+    header = [f"{side}/{level}" for side in sides for level in ("position", "velocity", "acceleration")]
+    rows = np.column_stack([t, *(-x for x in wave), *wave])
+    np.savetxt("motors.csv", rows, "%.17g", ",", header=",".join(["time", *header]), comments="")
+    study = folder / "five_bar.toml"
+    study.write_text(FIVE_BAR)
+    return study
+
+
+@pytest.mark.slow
+def test_compiled_rows_are_those_of_the_general_path_however_the_work_is_divided(
+    folder: Path, here: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    needs("compiled")
+    here(Here())
+    study = five_bar_in(folder)
+    state = hybridyn.sweep(study, "compiled", format="csv")
+    assert state.why_general == ""
+    assert 8 <= state.compiled <= state.statuses["ok"] < 16
+    general = hybridyn.sweep(study, "general", format="csv", compiled=False)
+    assert (state.statuses, state.unreachable) == (general.statuses, general.unreachable)
+    ours, theirs = rows_of("compiled"), rows_of("general")
+    for name in ("design", "status", "unreachable", "singular", "message"):
+        assert ours[name] == theirs[name]
+    for name in about_of("compiled").measures:
+        assert np.allclose(ours[name], theirs[name], rtol=SAME, atol=0, equal_nan=True)
+
+    monkeypatch.setattr(sweeping, "CHUNK_SECONDS", 60.0)  # one chunk
+    hybridyn.sweep(study, "whole", format="csv")
+    for file in sorted(Path("compiled").glob("designs-*"))[::2]:
+        file.unlink()
+    resumed = hybridyn.sweep(study, "compiled", format="csv", resume=True)
+    assert 0 < resumed.now < 16
+    for name, values in rows_of("whole").items():
+        assert repr(values) == repr(rows_of("compiled")[name])  # the same bits
+
+    monkeypatch.setattr(compiled_chunks, "CompiledDesigns", refuse)
+    next(Path("compiled").glob("designs-*")).unlink()
+    with pytest.raises(HybridynError, match=r"are of compiled models.*: no C compiler$"):
+        hybridyn.sweep(study, "compiled", format="csv", resume=True)
+
+
+def refuse(*_: object) -> None:
+    """Stand for a machine without a compiler."""
+    raise hybridyn.CompileError("no C compiler")
+
+
+@pytest.mark.slow
+def test_models_that_differ_are_refused_and_tables_of_some_coordinates_are_left(
+    folder: Path, here: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    needs("compiled")
+    here(Here())
+    study = five_bar_in(folder)
+    monkeypatch.setattr(compiled_designs, "EQUAL", 0.0)
+    with pytest.raises(HybridynError, match=r"five_bar.toml: design \d+, task 'swing': compiled .* differ by"):
+        hybridyn.sweep(study, "out", format="csv")
+    rows = np.column_stack([np.linspace(0, 0.1, 5), np.linspace(0, 0.01, 5), np.full(5, -0.45)])
+    header = "time,m1_tool/pose/x,m1_tool/pose/z"
+    np.savetxt("motors.csv", rows, "%.17g", ",", header=header, comments="")
+    state = hybridyn.sweep(study, "out", format="csv")
+    assert "some coordinates of a pose" in state.why_general
+    assert state.compiled == 0
