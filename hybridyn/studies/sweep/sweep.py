@@ -26,6 +26,8 @@ from .study_file import StudyFile
 
 #: Work of a chunk [s]: long against the transfer to another process, short against a wait.
 CHUNK_SECONDS = 1.0
+#: Work of a chunk of compiled models over that: their calls cost as much for one design as for many.
+COMPILED_CHUNKS = 5
 #: Largest number of designs in a chunk.
 MOST_IN_CHUNK = 10_000
 #: Designs, spread over the study, of which one has to load before the sweep starts.
@@ -204,9 +206,10 @@ class _Run:
     def _chunks(self, gaps: list[tuple[int, int]]) -> Iterator[Chunk]:
         """Divide designs into chunks of about a second, by the pace so far."""
         self.given.clear()
+        seconds = CHUNK_SECONDS if self.plan is None else COMPILED_CHUNKS * CHUNK_SECONDS
         for start, stop in gaps:
             while start < stop:
-                size = min(max(1, round(CHUNK_SECONDS / max(self.pace, 1e-9))), MOST_IN_CHUNK, stop - start)
+                size = min(max(1, round(seconds / max(self.pace, 1e-9))), MOST_IN_CHUNK, stop - start)
                 chunk = Chunk(start, self.designs.values(start, start + size))
                 self.given[start] = chunk
                 yield chunk
