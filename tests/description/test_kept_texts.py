@@ -49,9 +49,9 @@ def expand(at: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., tuple[str
     started = []
     child = xacro.child_of
 
-    def counted(file: str) -> Any:
+    def counted(file: str, *, kept: bool) -> Any:
         started.append(file)
-        return child(file)
+        return child(file, kept=kept)
 
     monkeypatch.setattr(xacro, "child_of", counted)
 

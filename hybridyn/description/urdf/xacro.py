@@ -66,7 +66,7 @@ def expand(
         ModelError: xacro reports an error, or the expansion exceeds its limits; the message names the file
             and the macro.
     """
-    path = os.path.abspath(file)
+    path, again = os.path.abspath(file), is_kept()  # once: another thread may change it meanwhile
     paths = [_folder_of(module) for module in PACKAGES]
     request = {
         "file": path,
@@ -75,18 +75,18 @@ def expand(
         "paths": paths,
         "memory": MEMORY,
         "seconds": SECONDS,
-        "again": is_kept(),
+        "again": again,
     }
     named = [os.fspath(folder) for folder in package_dirs]
     folders = functools.partial(RobotFolders, path, named, _share_dirs(), LARGEST_FILE, _shipped_dirs())
     own = Path(__file__).parent / "xacro_child"
     codes = [own, *(Path(of, package) for of, package in zip(paths, PACKAGES, strict=True))]
     name = hashed(START, sys.version, json.dumps(request, sort_keys=True), *map(state_of, codes))
-    known = None if is_kept() else kept(name)
+    known = None if again else kept(name)
     if known is not None and _unchanged(folders(), known["replies"]):
         return known["text"].encode(errors="surrogateescape"), known["notes"]
     replies: list[list[str]] = []
-    with child_of(file) as child:
+    with child_of(file, kept=again) as child:
         header, text = _converse(child, file, request, folders(), replies)
     if "error" in header:
         inner = header["file"]
@@ -96,7 +96,7 @@ def expand(
             message = message[:LONGEST_MESSAGE] + " ..."
         raise ModelError(message, file=where, line=header["line"])
     notes = list(header["notes"]) + ([] if header["locks"] else [UNLOCKED])
-    if not is_kept():  # the many files of a sweep would replace those of the next commands
+    if not again:  # the many files of a sweep would replace those of the next commands
         keep(name, {"replies": replies, "text": text.decode(errors="surrogateescape"), "notes": notes})
     return text, notes
 

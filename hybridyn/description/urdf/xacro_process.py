@@ -65,18 +65,19 @@ def is_kept() -> bool:
 
 
 @contextlib.contextmanager
-def child_of(file: str) -> Iterator[subprocess.Popen[bytes]]:
+def child_of(file: str, *, kept: bool) -> Iterator[subprocess.Popen[bytes]]:
     """Yield a child that waits for a request; end it at the latest after `PATIENCE`.
 
     A child that is kept ends only on an error. It must have sent its whole answer otherwise.
 
     Args:
         file: The file to expand, for messages.
+        kept: Whether it is the child that is kept for all expansions.
 
     Raises:
         ModelError: No process can be started.
     """
-    if not _kept.wanted:
+    if not kept:
         with _start(file) as child:
             try:
                 with _watched(child):
