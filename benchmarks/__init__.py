@@ -5,7 +5,6 @@
     python -m benchmarks --full --only ddm  some sections; what is done is remembered, `--fresh` forgets
     python -m benchmarks --report           report and figures again, from the committed results
     python -m benchmarks.closing            loops closed in C: control steps, rows of tables; prints a table
-    python -m benchmarks.derivatives        derivatives of both models, and Pinocchio's; prints a table
 
 Files in the order of use: `cases` (robots and motions), `methods` (the one interface of everything that
 is compared), `peers/` (one file each), `reference` (answers with their own error), `gate` (are the models

@@ -1,95 +1,199 @@
 """Derivatives of both models beside Pinocchio's, of robots with loops and of serial arms.
 
-Run `python -m benchmarks.derivatives [robots]`. Times are per sample [us], of single calls and of batches of
-`SAMPLES`. Pinocchio's `computeConstraintDynamicsDerivatives` needs `constraintDynamics`, which is called
-before and not counted; arms have `computeRNEADerivatives` and `computeABADerivatives`. Ratios are to
-Pinocchio's time of the same robot and model. Operations are those of one sample, beside those of the model.
+Errors are those of one directional derivative, along a random motion that keeps the loops closed, against
+differences of the oracle in long double. Pinocchio's `computeConstraintDynamicsDerivatives` needs
+`constraintDynamics`, which is called before and not counted.
 """
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Iterator
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
 
-import hybridyn
 from benchmarks.cases import case_of
-from benchmarks.methods import NotMeasuredError
+from benchmarks.gate import refuse
+from benchmarks.methods import Model, NotMeasuredError, Setting, grid, written
 from benchmarks.peers.pinocchio_loops import loops
-from benchmarks.timing import interleaved, one_thread
+from benchmarks.reference import LongDouble
+from benchmarks.results import Check, Point
+from benchmarks.timing import interleaved
+from hybridyn import HybridRobot
 from hybridyn.compiled.code.kernels import kernel_graph
 from hybridyn.compiled.derivatives import Derivatives
 from hybridyn.compiled.equations.states import random_states
 from hybridyn.compiled.program import Call, Program
-from hybridyn.compiled.programs.whole_robot import programs
+from hybridyn.oracle import Oracle
 from hybridyn.spatial import Array
 
 ROBOTS = ("ur5", "five_bar", "gough_stewart", "lx4")
-#: Samples in a batch, and how often it is measured.
-SAMPLES, ROUNDS = 32, 15
-#: Pinocchio's proximal iterations, as accurate as they get.
-ACCURACY, MU, ITERATIONS = 1e-14, 1e-12, 3
+#: Largest error of hybridyn's derivatives.
+LIMIT = 1e-10
+#: Step of the differences: its fourth power, and the rounding of long doubles over it, are about 1e-15.
+STEP = 1e-4
+#: Pinocchio's proximal settings.
+SETTINGS = grid(mu=(1e-8, 1e-12), iterations=(1,))
+ACCURACY = 1e-14
 
-Calls = dict[str, Callable[[], object]]
-
-
-def main() -> int:
-    """Measure the robots that are named, and print a table."""
-    one_thread()
-    print(f"{'robot':<15}{'model':<6}{'what':<44}{'us':>9}{'ratio':>8}{'operations':>12}")
-    for name in sys.argv[1:] or ROBOTS:
-        robot = case_of(name).load()
-        q, v, a, tau = random_states(robot, SAMPLES)
-        given = {"idm": (q, v, a), "ddm": (q, v, tau)}
-        for model in ("idm", "ddm"):
-            measure(robot, name, model, given[model])
-    return 0
+Blocks = tuple[Array, Array, Array]
 
 
-def measure(robot: hybridyn.HybridRobot, name: str, model: str, given: tuple[Array, ...]) -> None:
-    """Print the rows of one model of a robot."""
-    derivatives = Derivatives(robot, model)
-    library = derivatives.library
-    assert library is not None
-    one = [np.ascontiguousarray(x[0]) for x in given]
-    calls: Calls = {"pinocchio": peer(robot, model, one)} if not closed(robot, model) else {}
-    program = f"{model}_jacobian"
-    calls["one call"] = lambda: library.programs[program].single(*one)
-    calls["one call, checked arrays from Python"] = lambda: derivatives(*one)
-    calls["batch"] = lambda: library.batch(program, *given)
-    times = dict(zip(calls, interleaved(list(calls.values()), ROUNDS), strict=True))
-    least = {what: time.least / (SAMPLES if what == "batch" else 1) for what, time in times.items()}
-    count = operations(derivatives.program), operations(programs(robot, models=(model,))[model])
-    for what, time in least.items():
-        ratio = f"{time / least['pinocchio']:8.3f}" if "pinocchio" in least else " " * 8
-        shown = f"{count[0]:12}" if what == "one call" else ""
-        print(f"{name:<15}{model:<6}{what:<44}{1e6 * time:9.2f}{ratio}{shown}", flush=True)
-    print(f"{name:<15}{model:<6}{'the model itself':<44}{'':17}{count[1]:12}", flush=True)
+class Exact(NamedTuple):
+    """A directional derivative.
+
+    Attributes:
+        along: Changes of q (along the freedoms), of v, and of a or tau.
+        value: Change of tau or a.
+        error: Its own estimated error, relative to the largest entry.
+    """
+
+    along: Blocks
+    value: Array
+    error: float
+
+    def off(self, blocks: Blocks) -> float:
+        """Return the error of derivatives, relative to the largest entry of the exact change."""
+        found = sum(J @ x for J, x in zip(blocks, self.along, strict=True))
+        error = np.abs(found - self.value).max() / np.abs(self.value).max()
+        return float(error) if np.isfinite(error) else math.inf
 
 
-def closed(robot: hybridyn.HybridRobot, model: str) -> bool:
-    """Return whether Pinocchio has no such derivatives: those of the inverse model of a robot with loops."""
-    return model == "idm" and bool(robot.description.closures)
+def exact(robot: HybridRobot, model: Model, q: Array, v: Array, given: Array) -> Exact:
+    """Compute a directional derivative along a random motion that keeps the loops closed."""
+    oracle = Oracle(robot.description, robot.base, arithmetic=LongDouble())
+    rng = np.random.default_rng(1)
+    start = oracle.close(q)
+    dq, dv, dx = (rng.uniform(-1.0, 1.0, len(x)) * np.abs(x).max() for x in (v, v, given))
+
+    def state(h: float) -> list[Array]:
+        """Return q, v, what is given and the result a step away."""
+        at = oracle.close(oracle.integrate(start, np.longdouble(h) * dq))
+        rates = oracle.project_velocity(at, v + np.longdouble(h) * dv)
+        x = given + np.longdouble(h) * dx
+        if model == "idm":
+            x = oracle.consistent_acceleration(at, rates, x)
+            return [at, rates, x, oracle.idm(at, rates, x)]
+        return [at, rates, x, oracle.ddm(at, rates, x)]
+
+    at = {n: state(n * STEP) for n in (-4, -2, -1, 1, 2, 4)}
+    fine, coarse = (
+        [_rate([at[n * k][i] for n in (-2, -1, 1, 2)], k * STEP) for i in range(4)] for k in (1, 2)
+    )
+    moves = [
+        _rate([oracle.integrate(start, np.longdouble(n * STEP) * e) for n in (-2, -1, 1, 2)], STEP)
+        for e in np.eye(robot.nv)
+    ]
+    along: Array = np.linalg.lstsq(np.array(moves).T, fine[0], rcond=None)[0].astype(float)
+    error = float(np.abs(fine[3] - coarse[3]).max() / np.abs(fine[3]).max())
+    return Exact((along, fine[1], fine[2]), fine[3], error)
 
 
-def peer(robot: hybridyn.HybridRobot, model: str, given: list[Array]) -> Callable[[], object]:
-    """Return the call of Pinocchio's derivatives at one sample."""
+def _rate(values: list[Array], h: float) -> Array:
+    """Return a derivative from values at -2 h, -h, h and 2 h."""
+    a, b, c, d = values
+    return np.asarray((a - 8 * b + 8 * c - d) / (12 * np.longdouble(h)), float)
+
+
+def measure(case: str, batch: int, rounds: int) -> list[Check | Point]:
+    """Measure the derivatives of both models of a robot.
+
+    Args:
+        case: The robot.
+        batch: Samples of a batch.
+        rounds: Measurements of each call.
+
+    Raises:
+        WrongModelError: hybridyn's derivatives are off.
+    """
+    robot = case_of(case).load()
+    q, v, a, tau = random_states(robot, batch)
+    out: list[Check | Point] = []
+    for model, given in (("idm", a), ("ddm", tau)):
+        out += _measure(robot, case, "idm" if model == "idm" else "ddm", (q, v, given), rounds)
+    return out
+
+
+def _measure(robot: HybridRobot, case: str, model: Model, given: Blocks, rounds: int) -> list[Check | Point]:
+    """Measure the derivatives of one model."""
+    batch, what = len(given[0]), f"{model}_jacobian"
+    q, v, x = (np.ascontiguousarray(array[0]) for array in given)
+    reference = exact(robot, model, q, v, x)
+    out: list[Check | Point] = [
+        Check(case, f"{what}: the reference (long double), its own error", reference.error, math.nan)
+    ]
+    derive = Derivatives(robot, model)
+    found = derive(q, v, x)
+    error = reference.off(tuple(found[name] for name in ("q", "v", "a" if model == "idm" else "tau")))  # type: ignore[arg-type]
+    refuse(error, LIMIT, f"{what} of {case}")
+    out.append(Check(case, f"{what} by hybridyn, compiled", error, LIMIT))
+    count = f"{operations(derive.program):,} operations"
+    rows = [("hybridyn, compiled", count, 1, error), ("hybridyn, compiled", count, batch, error)]
+    calls: list[Callable[[], object]] = [lambda: derive(q, v, x), lambda: derive(*given)]
     try:
-        own = loops(robot)
-    except NotMeasuredError:
-        return lambda: None
+        for name, setting, blocks, call in peers(robot, model, (q, v, x)):
+            rows.append((name, written(setting), 1, reference.off(blocks)))
+            calls.append(call)
+    except NotMeasuredError as why:
+        nothing = math.nan
+        out.append(Point(what, case, "pinocchio", "", 0, 0, nothing, nothing, nothing, str(why)))
+    times = interleaved(calls, rounds)
+    for (name, words, samples, off), time in zip(rows, times, strict=True):
+        us = 1e6 / samples
+        out.append(Point(what, case, name, words, samples, 1, off, us * time.least, us * time.median, ""))
+    return out
+
+
+Peer = tuple[str, Setting, Blocks, Callable[[], object]]
+
+
+def peers(robot: HybridRobot, model: Model, given: Blocks) -> Iterator[Peer]:
+    """Return Pinocchio's name, setting, derivatives at a sample, and the call to be timed.
+
+    Raises:
+        NotMeasuredError: Pinocchio cannot do this robot.
+    """
     q, v, x = given
-    if not robot.description.closures:
-        call = pin.computeRNEADerivatives if model == "idm" else pin.computeABADerivatives
-        numbers = x if model == "idm" else own.efforts(x)
-        return lambda: call(own.model, own.data, q, v, numbers)
-    pin.initConstraintDynamics(own.model, own.data, own.constraints, own.constraint_data)
-    settings = pin.ProximalSettings(ACCURACY, MU, ITERATIONS)
+    closed = bool(robot.description.closures)
+    if closed and model == "idm":
+        raise NotMeasuredError("Pinocchio has no derivatives of the inverse model of robots with loops")
+    own = loops(robot)
+    m, data = own.model, own.data
+    if not closed and model == "idm":
+        pin.computeRNEADerivatives(m, data, q, v, x)
+        whole = np.triu(data.M) + np.triu(data.M, 1).T
+        rnea = tuple(J[own.motors].copy() for J in (data.dtau_dq, data.dtau_dv, whole))
+        yield "pin.computeRNEADerivatives", {}, rnea, lambda: pin.computeRNEADerivatives(m, data, q, v, x)
+        return
+    efforts = own.efforts(x)
+    if not closed:
+        pin.computeABADerivatives(m, data, q, v, efforts)
+        whole = np.triu(data.Minv) + np.triu(data.Minv, 1).T
+        aba = (data.ddq_dq.copy(), data.ddq_dv.copy(), whole[:, own.motors])
+        yield "pin.computeABADerivatives", {}, aba, lambda: pin.computeABADerivatives(m, data, q, v, efforts)
+        return
+    for setting in SETTINGS:
+        yield _constrained(robot, given, setting)
+
+
+def _constrained(robot: HybridRobot, given: Blocks, setting: Setting) -> Peer:
+    """Return Pinocchio's derivatives of a robot with loops."""
+    own = loops(robot)
+    q, v, x = given
+    m, data = own.model, own.data
+    pin.initConstraintDynamics(m, data, own.constraints, own.constraint_data)
+    settings = pin.ProximalSettings(ACCURACY, setting["mu"], int(setting["iterations"]))
     closures = (own.constraints, own.constraint_data, settings)
-    pin.constraintDynamics(own.model, own.data, q, v, own.efforts(x), *closures)
-    return lambda: pin.computeConstraintDynamicsDerivatives(own.model, own.data, *closures)
+    pin.constraintDynamics(m, data, q, v, own.efforts(x), *closures)
+
+    def call() -> None:
+        pin.computeConstraintDynamicsDerivatives(m, data, *closures)
+
+    call()
+    blocks = (data.ddq_dq.copy(), data.ddq_dv.copy(), data.ddq_dtau[:, own.motors].copy())
+    return "pin.computeConstraintDynamicsDerivatives", setting, blocks, call
 
 
 def operations(program: Program) -> int:
@@ -99,7 +203,3 @@ def operations(program: Program) -> int:
         for kernel in program.kernels
     ]
     return sum(step.copies * counts[step.kernel] for step in program.steps if isinstance(step, Call))
-
-
-if __name__ == "__main__":
-    raise SystemExit(main())

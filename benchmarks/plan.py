@@ -13,7 +13,18 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from benchmarks import accuracy, callgrind, controlled, job, peak, scaling, simulation, singular, throughput
+from benchmarks import (
+    accuracy,
+    callgrind,
+    controlled,
+    derivatives,
+    job,
+    peak,
+    scaling,
+    simulation,
+    singular,
+    throughput,
+)
 from benchmarks.cases import ROOT
 from benchmarks.methods import NotMeasuredError
 from benchmarks.processes import in_own_process
@@ -100,6 +111,7 @@ def short() -> list[Task]:
         Task("simulation", "five_bar", simulation.measure, ("five_bar, let go, 1 s", steps)),
         Task("controlled", controlled.GOVERNOR, controlled.measure, (controlled.GOVERNOR, few)),
         Task("throughput", "five_bar", throughput.measure, ("ddm", "five_bar", load)),
+        Task("derivatives", "five_bar", derivatives.measure, ("five_bar", 32, 2)),
         *(Task("singular", name, singular.measure, (name, (1.0, 1e-3))) for name in singular.APPROACHES),
         Task("job", "idm 1000 2", job.measure, (1_000, 2)),
     ]
@@ -128,6 +140,7 @@ def full() -> list[Task]:
             out.append(
                 Task("throughput", f"{case} {model}", throughput.measure, (model, case, throughput.Load()))
             )
+    out += [Task("derivatives", case, derivatives.measure, (case, 100, 15)) for case in derivatives.ROBOTS]
     out += [Task("singular", name, singular.measure, (name, DISTANCES)) for name in singular.APPROACHES]
     for case in ("gough_stewart", "lx4"):
         for model in ("ddm", "idm"):

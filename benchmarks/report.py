@@ -12,7 +12,18 @@ from benchmarks.goals import Goal, goals
 from benchmarks.results import SECTIONS, Check, read_machines, read_rows
 from benchmarks.standing import fastest, flown, losses, standing
 from benchmarks.tables import number, table
-from benchmarks.texts import CALLGRIND, CONTROLLED, HEAD, JOB, LIMITS, METHODS, PEAK, SINGULAR, THROUGHPUT
+from benchmarks.texts import (
+    CALLGRIND,
+    CONTROLLED,
+    DERIVATIVES,
+    HEAD,
+    JOB,
+    LIMITS,
+    METHODS,
+    PEAK,
+    SINGULAR,
+    THROUGHPUT,
+)
 
 Results = dict[str, list[Any]]
 
@@ -59,6 +70,7 @@ def report(results: Results, machines: dict[str, dict[str, str]], drawn: Sequenc
         ("simulation", "Simulation", _simulation),
         ("controlled", "Scenes with controllers", _controlled),
         ("throughput", "Throughput", _throughput),
+        ("derivatives", "Derivatives", _derivatives),
         ("singular", "Close to singular postures", _singular),
         ("callgrind", "Instructions", _callgrind),
         ("peak", "Share of the peak rate", _peak),
@@ -175,6 +187,16 @@ def _throughput(results: Results) -> Iterator[str]:
         at = {p.batch: p.us for p in group}
         rows.append([case, model, method, str(threads), *(number(at.get(size, math.nan)) for size in sizes)])
     yield table(["robot", "model", "method", "threads", *(f"{size:,}" for size in sizes)], rows)
+
+
+def _derivatives(results: Results) -> Iterator[str]:
+    yield DERIVATIVES
+    rows = [
+        [p.model, p.case, p.method, p.setting, f"{p.batch:,}", number(p.error), number(p.us)]
+        for p in results["derivatives"]
+        if math.isfinite(p.us)
+    ]
+    yield table(["model", "robot", "method", "", "batch", "error", "us"], rows)
 
 
 def _singular(results: Results) -> Iterator[str]:

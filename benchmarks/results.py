@@ -36,7 +36,7 @@ class Point(NamedTuple):
     """A method at a setting on a robot: error and time.
 
     Attributes:
-        model: "ddm" or "idm".
+        model: "ddm" or "idm"; "ddm_jacobian" or "idm_jacobian" for their derivatives.
         case: Robot.
         method: Method.
         setting: Setting, in words.
@@ -224,6 +224,7 @@ SECTIONS: dict[str, type[Any]] = {
     "simulation": Flight,
     "controlled": Controlled,
     "throughput": Point,
+    "derivatives": Point,
     "singular": Near,
     "callgrind": Count,
     "peak": Limit,

@@ -19,6 +19,8 @@ Run = tuple[str, str, float, float]
 OWN = ("hybridyn", "dense null space")
 
 ENGINES = ("hybridyn, compiled", "hybridyn, general")
+#: Models and their derivatives.
+MODELS = ("ddm", "idm", "ddm_jacobian", "idm_jacobian")
 #: Errors of a simulation's final state.
 WANTED = (1e-3, 1e-6, 1e-9)
 
@@ -43,11 +45,11 @@ def losses(results: Results) -> Iterator[str]:
     """Write on which robots, and by how much, each engine is slower than the fastest peer."""
     rows = []
     for engine in ENGINES:
-        for model in ("ddm", "idm"):
+        for model in MODELS:
             for batch, words in ((False, "one call"), (True, "batch")):
                 ratios = {
                     case: ours.us / peer.us
-                    for _, case, peer, own in _compared({"ddm": [], "idm": [], model: results[model]})
+                    for _, case, peer, own in _compared(results, [model])
                     if (ours := _ours(own, engine, batch))
                 }
                 if ratios:
@@ -81,10 +83,13 @@ def _fastest(runs: Sequence[Run], unit: str) -> Iterator[str]:
     yield table(["error", "hybridyn", unit, "fastest peer", unit, "ratio"], rows)
 
 
-def _compared(results: Results) -> Iterator[tuple[str, str, Point, list[Point]]]:
+def _compared(
+    results: Results, models: Sequence[str] = MODELS
+) -> Iterator[tuple[str, str, Point, list[Point]]]:
     """Return model, robot, the fastest peer and everything measured of each robot that a peer can do."""
-    for model in ("ddm", "idm"):
-        for case, own in grouped(results[model], "case").items():
+    rows = [row for section in ("ddm", "idm", "derivatives") for row in results.get(section, [])]
+    for model in models:
+        for case, own in grouped((row for row in rows if row.model == model), "case").items():
             peer = cheapest(p for p in own if not p.method.startswith(OWN))
             if peer is not None:
                 yield model, case, peer, own

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 import hybridyn
-from benchmarks import accuracy, callgrind, controlled, peak, peers, timing
+from benchmarks import accuracy, callgrind, controlled, derivatives, peak, peers, timing
 from benchmarks.__main__ import COMMITTED, store, summary
 from benchmarks.callgrind import by_library
 from benchmarks.cases import LX4_TRAJECTORY, case_of, stack_motion, write_long_trajectory
@@ -398,6 +398,25 @@ def test_losses_are_said() -> None:
     assert "| hybridyn, compiled | ddm | one call | a | **1.5** (a) |" in said
     assert "| hybridyn, compiled | ddm | batch | none of 1 robots | 0.2 (a) |" in said
     assert "| hybridyn, general | ddm | one call | all 2 robots | **100** (a) |" in said
+    said = "\n".join(losses({"derivatives": [row._replace(model="ddm_jacobian") for row in rows]}))
+    assert "| hybridyn, compiled | ddm_jacobian | one call | a | **1.5** (a) |" in said
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("case", ["five_bar", "ur5"])
+def test_derivatives_are_measured_beside_pinocchio(case: str) -> None:
+    rows = derivatives.measure(case, 2, 1)
+    points = [row for row in rows if isinstance(row, Point) and math.isfinite(row.us)]
+    own = [row for row in points if row.method == "hybridyn, compiled"]
+    assert {(row.model, row.batch) for row in own} == {
+        (model, batch) for model in ("idm_jacobian", "ddm_jacobian") for batch in (1, 2)
+    }
+    assert max(row.error for row in own) < AGREES
+    others = {row.method: row.error for row in points if row.method.startswith("pin.")}
+    if case == "five_bar":
+        assert list(others) == ["pin.computeConstraintDynamicsDerivatives"]
+    else:
+        assert max(others[f"pin.compute{name}Derivatives"] for name in ("RNEA", "ABA")) < AGREES
 
 
 def test_the_first_at_an_error_is_named() -> None:
