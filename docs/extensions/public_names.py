@@ -41,7 +41,7 @@ class PublicNames(SphinxDirective):
                 directive = "autofunction" if kind == VERBS else "autoclass"
                 lines += [f".. {directive}:: hybridyn.{name}", ""]
                 if kind == RECORDS:
-                    lines[-1:] = ["   :members:", ""]
+                    lines[-1:] = ["   :members:", "   :inherited-members: tuple", ""]
         return self.parse_text_to_nodes("\n".join(lines), allow_section_headings=True)
 
 

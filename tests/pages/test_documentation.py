@@ -71,6 +71,8 @@ def test_every_public_name_has_its_place(built: Path) -> None:
     page = (built / "python.html").read_text()
     for name in set(hybridyn.__all__) - {"__version__"}:
         assert f'id="hybridyn.{name}"' in page, name
+    for method in ("idm", "assemble", "mass_matrix"):  # its own, and inherited ones
+        assert f'id="hybridyn.CompiledRobot.{method}"' in page, method
 
 
 def test_every_page_is_in_the_table_of_contents() -> None:
