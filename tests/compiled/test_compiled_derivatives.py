@@ -68,7 +68,7 @@ def rate(values: np.ndarray) -> np.ndarray:
     return out
 
 
-def test_along_a_closed_motion(robot: HybridRobot) -> None:
+def test_along_a_closed_motion(robot: HybridRobot, interpreted: None) -> None:
     times = 0.4 + STEP * np.arange(-2, 3)
     q, v, a = states_along(robot, times)
     tau = hybridyn.idm(robot, q, v, a)
@@ -81,7 +81,8 @@ def test_along_a_closed_motion(robot: HybridRobot) -> None:
     np.testing.assert_allclose(found, jerk, atol=DIFFERENCES * max(np.abs(a).max(), np.abs(jerk).max()))
 
 
-@pytest.mark.parametrize("name", ["five_bar", slow("gough_stewart")])
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["five_bar", "gough_stewart"])
 def test_models_are_quadratic_in_rates_and_linear_in_what_drives(name: str) -> None:
     """So that central differences of the models in C are exact however large the step."""
     robot = build_robot(shipped(name))
@@ -102,6 +103,7 @@ def test_models_are_quadratic_in_rates_and_linear_in_what_drives(name: str) -> N
             np.testing.assert_allclose(J[block], wanted, atol=QUADRATIC * np.abs(wanted).max())
 
 
+@pytest.mark.slow
 def test_efforts_are_linear_in_accelerations_and_parameters(robot: HybridRobot, interpreted: None) -> None:
     q, v, a, given = (x[0] for x in random_states(robot, 1))
     J = hybridyn.idm_jacobian(robot, q, v, a, parameters=True)
@@ -113,6 +115,7 @@ def test_efforts_are_linear_in_accelerations_and_parameters(robot: HybridRobot, 
     np.testing.assert_allclose(J["a"], still, atol=EXACT * np.abs(still).max())
 
 
+@pytest.mark.slow
 def test_heavier_bodies_accelerate_less(robot: HybridRobot, interpreted: None) -> None:
     q, v, _, tau = (x[0] for x in random_states(robot, 1))
     J = hybridyn.ddm_jacobian(robot, q, v, tau, parameters=True)
@@ -122,7 +125,7 @@ def test_heavier_bodies_accelerate_less(robot: HybridRobot, interpreted: None) -
     np.testing.assert_allclose(moved, 0.0, atol=EXACT * np.abs(J["tau"] @ tau).max())
 
 
-def test_states_without_derivatives_are_refused(robot: HybridRobot) -> None:
+def test_states_without_derivatives_are_refused(robot: HybridRobot, interpreted: None) -> None:
     q, v, a, tau = random_states(robot, 3)
     derive, forward = Derivatives(robot, "idm"), Derivatives(robot, "ddm")
     for bad, message in (
@@ -149,7 +152,9 @@ def test_states_without_derivatives_are_refused(robot: HybridRobot) -> None:
     assert derive(q[:0], v[:0], a[:0])["q"].shape == (0, len(robot.motors), robot.nv)
 
 
-def test_where_pivots_vanish_the_general_path_judges(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_where_pivots_vanish_the_general_path_judges(
+    monkeypatch: pytest.MonkeyPatch, interpreted: None
+) -> None:
     robot = build_robot(shipped("five_bar"))
     motors = dict(zip(robot.motors, np.array([[-1.0703831736303813], [0.88]]), strict=True))
     q = hybridyn.assemble(robot, motors=motors)
@@ -165,6 +170,7 @@ def test_where_pivots_vanish_the_general_path_judges(monkeypatch: pytest.MonkeyP
         derive(q[0], v, tau)
 
 
+@pytest.mark.slow
 def test_batches_and_casadi(robot: HybridRobot) -> None:
     q, v, a, _ = random_states(robot, 3)
     derive = Derivatives(robot, "idm", parameters=True)
@@ -190,8 +196,8 @@ def test_without_a_compiler_casadi_runs_them(monkeypatch: pytest.MonkeyPatch) ->
 
 @pytest.mark.parametrize(
     ("name", "base"),
-    [("five_bar", "moving"), slow("rps3", "fixed"), slow("rps3", "floating"), slow("gough_stewart", "moving"),
-     slow("gough_stewart", "floating"), slow("scara_delta", "fixed"), slow("delta", "fixed"),
+    [slow("five_bar", "moving"), slow("rps3", "fixed"), slow("rps3", "floating"),
+     slow("gough_stewart", "moving"), slow("gough_stewart", "floating"), slow("scara_delta", "fixed"), slow("delta", "fixed"),
      slow("tanev", "fixed"), slow("stewart_ur5", "floating"), slow("lx4", "fixed"), slow("snake", "fixed")],
 )  # fmt: skip
 def test_the_joined_blocks_are_the_derivatives_of_the_whole_program(name: str, base: str) -> None:
@@ -244,6 +250,7 @@ def tangent(robot: HybridRobot, q: np.ndarray) -> np.ndarray:
     return np.array(columns).T
 
 
+@pytest.mark.slow
 def test_one_robot_is_prepared_once(monkeypatch: pytest.MonkeyPatch, interpreted: None) -> None:
     """The same robot read again, too; another model, effect or robot is prepared anew."""
     import hybridyn.compiled.derivatives as file
