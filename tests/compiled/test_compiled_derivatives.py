@@ -208,7 +208,7 @@ def test_the_joined_blocks_are_the_derivatives_of_the_whole_program(name: str, b
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", [kind for kind in KINDS if kind != "sps_thin"])  # rods spin without inertia
 def test_joined_blocks_of_random_mechanisms(kind: str) -> None:
     """Along motions that efforts cause: columns that open loops may differ on a floating base."""
     base: Base = "floating" if list(KINDS).index(kind) % 2 else "fixed"
