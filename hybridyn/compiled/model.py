@@ -22,7 +22,7 @@ from .library.calls import Calls, Library, Numbers
 from .library.compilers import best_lanes
 from .library.replacing import Replacement
 from .programs.body_rows import body_motion
-from .programs.designs import Designs
+from .programs.designs import DesignsInSlots
 from .programs.general import as_batches, check_batches, everywhere, general, general_rows
 from .programs.postures import Postures, refuse
 from .programs.quantities.calls import Quantities
@@ -61,7 +61,7 @@ class CompiledRobot(Postures, Quantities):
     ) -> None:
         self.robot, self.effects, self.threads = robot, effects, threads
         self.parameters = Parameters(robot.description, ()) if parameters is None else parameters
-        self._designs = Designs(robot, self.parameters)
+        self._designs = DesignsInSlots(robot, self.parameters)
         self.recomputed, self._followings = 0, {}
         self._begin_postures()
         self._moving = robot.base == "moving"

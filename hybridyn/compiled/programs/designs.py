@@ -71,7 +71,7 @@ def changed(robot: HybridRobot, parameters: Parameters, numbers: Array) -> Hybri
     return rebuilt(robot, with_values(robot.description, parameters.slots, numbers.tolist()))
 
 
-class Designs:
+class DesignsInSlots:
     """The designs of calls of one compiled robot."""
 
     def __init__(self, robot: HybridRobot, parameters: Parameters) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,8 +17,9 @@ from ...errors import AssemblyError, HybridynError, SingularityError
 from ...spatial import Array, Index, Mask
 from ...structure.robot import HybridRobot
 from ..equations.arguments.coefficients import at_robot
+from ..library.calls import Calls
 from .closing.design_rows import DesignRows
-from .designs import Designs
+from .designs import DesignsInSlots
 
 #: Numbers of the states that are computed at once: they stay in the processor's cache.
 AT_ONCE = 3_000_000
@@ -71,21 +72,20 @@ class _Wanted:
     requests: Requests
 
 
-class Evaluator:
+class DesignEvaluator:
     """Evaluates designs of one compiled robot."""
 
-    def __init__(
-        self, designs: Designs, effects: Effects, batch: Callable[[list[Array]], tuple[Array, Mask]]
-    ) -> None:
+    def __init__(self, designs: DesignsInSlots, effects: Effects, inverse: Calls, threads: int = 1) -> None:
         """Prepare the evaluation.
 
         Args:
             designs: The robot's designs.
             effects: Effects in the models.
-            batch: The compiled inverse model: from q, v, a and numbers in slots to efforts, and where they
-                can be trusted.
+            inverse: The compiled inverse model: from q, v, a and numbers in slots to efforts.
+            threads: Number of threads that share a batch.
         """
-        self.designs, self.effects, self.batch = designs, effects, batch
+        self.designs, self.effects = designs, effects
+        self._inverse, self._threads = inverse, threads
         self.rows = DesignRows(designs.robot, designs.parameters.slots)
 
     def assemble(self, numbers: Array, requests: Requests) -> tuple[Array, Array, Array, int]:
@@ -144,13 +144,18 @@ class Evaluator:
         T, own = requests.samples, numbers[at]
         found = self.rows.follow(requests, own)
         states = [x.reshape(T * len(own), -1) for x in (found.q, found.v, found.a)]
-        tau, trusted = self.batch([*states, np.tile(own, (T, 1))])
+        tau, trusted = self._efforts([*states, np.tile(own, (T, 1))])
         for room, rows in zip((out.q, out.v, out.a, out.tau), (*states, tau), strict=True):
             room[at] = rows.reshape(T, len(own), -1).swapaxes(0, 1)
         out.reached[at] = True
         certain = trusted.reshape(T, len(own)).all(axis=0) & found.certain
         left: Index = np.flatnonzero(~certain) + at.start
         return left
+
+    def _efforts(self, given: list[Array]) -> tuple[Array, Mask]:
+        """Compute efforts in C, and where they can be trusted."""
+        (tau,), guard = self._inverse.batch(given, self._threads)
+        return tau, guard <= self._inverse.trusted
 
     def _by_the_general_path(self, out: DesignTable, k: int, numbers: Array, wanted: _Wanted) -> None:
         """Evaluate one design by the general path."""

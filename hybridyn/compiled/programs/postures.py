@@ -11,14 +11,14 @@ from numpy.typing import ArrayLike
 from ...assembly.assemble import by_name, first_guess
 from ...assembly.requests import Requests, gather_requests
 from ...effects.choice import Effects
-from ...spatial import Array, Mask
+from ...spatial import Array
 from ...structure.robot import HybridRobot
 from ..library.calls import Calls
 from ..library.direct_calls import REFUSED
 from .closing.assembling import Assembler
 from .closing.given import requests_of_motors
-from .designs import Designs
-from .evaluating import DesignTable, Evaluator
+from .designs import DesignsInSlots
+from .evaluating import DesignEvaluator, DesignTable
 
 
 class Postures:
@@ -31,7 +31,7 @@ class Postures:
     effects: Effects
     threads: int
     recomputed: int
-    _designs: Designs
+    _designs: DesignsInSlots
     _idm: Calls
 
     def _begin_postures(self) -> None:
@@ -136,15 +136,9 @@ class Postures:
         return q, v, a
 
     @cached_property
-    def _evaluator(self) -> Evaluator:
-        """Evaluator of designs."""
-
-        def batch(given: list[Array]) -> tuple[Array, Mask]:
-            """Compute efforts, and where they can be trusted."""
-            (tau,), guard = self._idm.batch(given, self.threads)
-            return tau, guard <= self._idm.trusted
-
-        return Evaluator(self._designs, self.effects, batch)
+    def _evaluator(self) -> DesignEvaluator:
+        """Compute many designs in C."""
+        return DesignEvaluator(self._designs, self.effects, self._idm, self.threads)
 
     def _assemble(self, requests: Requests, guess: Array | None) -> tuple[Array, Array, Array]:
         """Assemble postures for requests that have been gathered."""

@@ -58,6 +58,7 @@ def grow(bodies: Iterable[Prim], joints: list[UsdJoint], bound: Collection[str],
     chosen = _Parts([WORLD, *paths])
 
     def rank(joint: UsdJoint) -> tuple[bool, bool, bool, bool, bool, int]:
+        """Return the key of a joint in the order in which the tree takes joints."""
         return (
             joint.prim.path not in bound,
             joint.excluded,

@@ -15,12 +15,12 @@ from typing import NamedTuple
 import numpy as np
 
 from ...compiled.compiling import compile
-from ...compiled.programs.designs import Designs as DesignsInSlots
-from ...compiled.programs.evaluating import DesignTable, Evaluator
+from ...compiled.programs.designs import DesignsInSlots
+from ...compiled.programs.evaluating import DesignEvaluator, DesignTable
 from ...description.records import Description
 from ...effects import choose
 from ...errors import HybridynError, ModelError
-from ...spatial import Array, Mask
+from ...spatial import Array
 from ...streams.postures import Postures
 from ...structure.parameters.slots import Slot, differences, values_of
 from ...tables.trajectory import Motion
@@ -64,7 +64,7 @@ class _Task(NamedTuple):
     name: str
     stated: TaskTable
     motion: Motion
-    evaluator: Evaluator
+    evaluator: DesignEvaluator
 
 
 class CompiledDesigns:
@@ -113,14 +113,8 @@ class CompiledDesigns:
         chosen = choose(self.robot, task.effects)
         chosen = chosen.only([effect for effect in chosen.names if effect != "limits"])
         compiled = compile(self.robot, chosen, parameters=self.slots)
-        inverse = compiled.library.programs["idm"]
-
-        def batch(given: list[Array]) -> tuple[Array, Mask]:
-            """Compute efforts, and where they can be trusted."""
-            (tau,), guard = inverse.batch(given, 1)
-            return tau, guard <= inverse.trusted
-
-        evaluator = Evaluator(DesignsInSlots(self.robot, compiled.parameters), compiled.effects, batch)
+        designs = DesignsInSlots(self.robot, compiled.parameters)
+        evaluator = DesignEvaluator(designs, compiled.effects, compiled.library.programs["idm"])
         return _Task(name, task, motion, evaluator)
 
     def rows(self, chunk: Chunk) -> tuple[tuple[Row, ...], int]:

@@ -119,6 +119,7 @@ class Assembler:
         scalar, robot = Scalar("float64", min(lanes, lanes_for(parts))), self.robot
 
         def source() -> Source:
+            """Generate the C source."""
             needs_casadi()
             from .closing_source import closing_source
 

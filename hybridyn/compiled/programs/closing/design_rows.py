@@ -40,21 +40,23 @@ LAST_STEPS = 3
 
 
 @dataclass
-class Postures:
+class DesignPostures:
     """Postures of designs, (q, p) as in `kernels`."""
 
     q: Array
     p: Array
 
-    def take(self, rows: Index | Mask) -> Postures:
+    def take(self, rows: Index | Mask) -> DesignPostures:
         """Return those of some designs."""
-        return Postures(self.q[rows], self.p[rows])
+        return DesignPostures(self.q[rows], self.p[rows])
 
-    def moved(self, other: Postures, where: Mask) -> Postures:
+    def moved(self, other: DesignPostures, where: Mask) -> DesignPostures:
         """Return those of another step for some designs: no design depends on how many steps others need."""
         if where.all():
             return other
-        return Postures(*(np.where(where[:, None], x, y) for x, y in ((other.q, self.q), (other.p, self.p))))
+        return DesignPostures(
+            *(np.where(where[:, None], x, y) for x, y in ((other.q, self.q), (other.p, self.p)))
+        )
 
 
 @dataclass(frozen=True)
@@ -108,14 +110,14 @@ class DesignRows:
         out.certain[live[good]] = True
         return out
 
-    def _home(self, parts: list[Part], designs: int) -> Postures:
+    def _home(self, parts: list[Part], designs: int) -> DesignPostures:
         """Return the robot's home posture for each design; its platforms are where the robot has them."""
         q, poses = self.robot.home, [np.zeros(0)]
         for part in parts:
             m = part.module.mechanism
             x = m.cut.positions(q[None, part.module.q_index])[0]
             poses += [x[m.tree.q_slices[i]] for i in m.spec.platforms]
-        return Postures(np.tile(q, (designs, 1)), np.tile(np.concatenate(poses), (designs, 1)))
+        return DesignPostures(np.tile(q, (designs, 1)), np.tile(np.concatenate(poses), (designs, 1)))
 
     def _closing(self, requests: Requests, wanted: list[ModuleRequest]) -> tuple[list[Part], Library] | None:
         """Return the parts and the library for a choice of given joints and targets, or None."""
@@ -162,7 +164,7 @@ class _Step:
         outputs, guard = self.library.batch(name, *inputs, slots)
         return list(outputs), guard <= GUARD_LIMIT
 
-    def reached(self, at: Postures, g: Array) -> tuple[Postures, Mask]:
+    def reached(self, at: DesignPostures, g: Array) -> tuple[DesignPostures, Mask]:
         """Go by Newton's method from a guess to the given positions, without damping (`reaches`)."""
         live = np.arange(len(at.q))
         given, good = np.tile(g, (len(live), 1)), np.ones(len(live), dtype=bool)
@@ -170,15 +172,15 @@ class _Step:
         for _ in range(PATIENCE):
             (q, p, step, wrist, far), trusted = self._run("newton", live, at.q, at.p, given)
             good &= near | trusted & ((far < before) | (step < QUADRATIC)).all(axis=1)
-            at, before = at.moved(Postures(q, p), ~near), far
+            at, before = at.moved(DesignPostures(q, p), ~near), far
             near |= (np.maximum(step, wrist) <= QUADRATIC).all(axis=1)
             if near[good].all():
                 break
         return at, good & near
 
     def advanced(
-        self, live: Index, start: Postures, given: tuple[Array, Array, Array], *, free: bool
-    ) -> tuple[Postures, Array, Array, Mask]:
+        self, live: Index, start: DesignPostures, given: tuple[Array, Array, Array], *, free: bool
+    ) -> tuple[DesignPostures, Array, Array, Mask]:
         """Close a row on the branch of the row before; `free` where there is no row before.
 
         Returns:
@@ -186,7 +188,7 @@ class _Step:
         """
         many = [np.broadcast_to(x, (len(live), len(x))) for x in given]
         (q, p, first, wrist, _), good = self._run("newton", live, start.q, start.p, many[0])
-        at = predicted = Postures(q, p)
+        at = predicted = DesignPostures(q, p)
         before = np.maximum(first, wrist).max(axis=1)
         for _ in range(ITERATIONS):
             left = before > QUADRATIC
@@ -195,12 +197,12 @@ class _Step:
             (q, p, step, wrist, _), trusted = self._run("newton", live, at.q, at.p, many[0])
             size = np.maximum(step, wrist).max(axis=1)
             good &= ~left | (trusted & (size <= before))
-            at, before = at.moved(Postures(q, p), left), np.where(left, size, before)
+            at, before = at.moved(DesignPostures(q, p), left), np.where(left, size, before)
         good &= before <= QUADRATIC
         left, v, a = np.ones(len(live), dtype=bool), *np.empty((2, len(live), self.rates))
         for _ in range(LAST_STEPS):
             (q, p, *rates, step, far), trusted = self._run("settle", live, at.q, at.p, *many)
-            at = at.moved(Postures(q, p), left)
+            at = at.moved(DesignPostures(q, p), left)
             v, a = (np.where(left[:, None], new, old) for new, old in zip(rates, (v, a), strict=True))
             settled = step.max(axis=1) <= LAST_ROW_STEP
             good &= ~left | (trusted & (~settled | (far.max(axis=1) <= CLOSED_TO_ROUNDING)))
@@ -213,7 +215,13 @@ class _Step:
         return at, v, a, good
 
     def _on_branch(
-        self, live: Index, start: Postures, predicted: Postures, found: Postures, g: Array, first: Array
+        self,
+        live: Index,
+        start: DesignPostures,
+        predicted: DesignPostures,
+        found: DesignPostures,
+        g: Array,
+        first: Array,
     ) -> Mask:
         """Compare a step with its prediction, as `assembly.follow` does."""
         (off, turned), trusted = self._run(

@@ -51,6 +51,7 @@ def _few(function: Callable[..., Any]) -> Callable[..., Any]:
     """Return a combinatorial function that raises RefusedError for too large arguments."""
 
     def bounded(*numbers: Any) -> Any:
+        """Call the function, unless an argument is too large."""
         if any(number > _MOST_FACTORS for number in numbers):
             raise RefusedError(f"an argument of {function.__name__} is larger than {_MOST_FACTORS}")
         return function(*numbers)
