@@ -21,11 +21,7 @@ END = 300
 
 
 def shortened(message: str) -> str:
-    """Return a message of readable length, leaving out the middle of a long one.
-
-    Args:
-        message: The message.
-    """
+    """Return a message of readable length, leaving out the middle of a long one."""
     if len(message) <= LONGEST:
         return message
     return f"{message[: LONGEST - END - 5]} ... {message[-END:]}"

@@ -225,13 +225,6 @@ def _row(motion: RigidMotion, rows: int | Index) -> RigidMotion:
 def postures(robot: HybridRobot, module: Module, task: Task, starts: int, seed: int) -> Found:
     """Find the postures of one module.
 
-    Args:
-        robot: The robot.
-        module: The module.
-        task: Its problem, one sample.
-        starts: Number of random starts.
-        seed: Seed of the starts.
-
     Raises:
         AssemblyError: There is none.
     """

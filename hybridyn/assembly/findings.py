@@ -18,11 +18,7 @@ SINGULAR_POSTURE = 1e-5
 
 
 def home_residuals(robot: HybridRobot) -> list[float]:
-    """Compute the largest closure residual of each module at home, relative to the module's length.
-
-    Args:
-        robot: The robot.
-    """
+    """Compute the largest closure residual of each module at home, relative to the module's length."""
     out = []
     for module in robot.modules:
         m = module.mechanism
@@ -33,11 +29,7 @@ def home_residuals(robot: HybridRobot) -> list[float]:
 
 
 def findings(robot: HybridRobot) -> list[str]:
-    """Return what looks wrong in a robot, one sentence per finding, the reader's notes first.
-
-    Args:
-        robot: The robot.
-    """
+    """Return what looks wrong in a robot, one sentence per finding, the reader's notes first."""
     out = [*robot.notes, *of_files(robot.description)]
     known: dict[int, str] = {}
     for module, open_by in zip(robot.modules, home_residuals(robot), strict=True):
@@ -52,11 +44,7 @@ def findings(robot: HybridRobot) -> list[str]:
 
 
 def of_files(description: Description) -> list[str]:
-    """Return what the files seem to lack: loops, and the mass of moving bodies, one sentence per finding.
-
-    Args:
-        description: The robot's description.
-    """
+    """Return what the files seem to lack: loops, and the mass of moving bodies, one sentence per finding."""
     out = [f"{sign.message}; {sign.mend}" for sign in lost_loops(description)]
     light = [joint.child for joint in weightless(description)]
     if any(joint.kind != "fixed" for joint in description.joints) and not has_mass(description):
@@ -82,12 +70,7 @@ def _at_home(module: Module, robot: HybridRobot, open_by: float) -> list[str]:
 
 
 def singular_at_home(module: Module, robot: HybridRobot) -> str:
-    """Describe what loses rank at the home posture, or return an empty text if nothing does.
-
-    Args:
-        module: The module.
-        robot: Its robot.
-    """
+    """Describe what loses rank at the home posture, or return an empty text if nothing does."""
     m = module.mechanism
     motion = m.cut.motion(m.spanning.sweep(robot.home[None, module.q_index]))
     basis = m.basis(m.closures.matrix(motion))
@@ -123,9 +106,6 @@ def architecturally_singular(module: Module) -> str:
 
     At such a singularity, motors lose a direction in every posture. An example is six legs between similar
     hexagons: one motion of the platform never changes their lengths.
-
-    Args:
-        module: The module.
     """
     m = module.mechanism
     if not m.closures.rows or len(module.motors) != m.mobility:

@@ -38,11 +38,7 @@ class FreeMotions:
 
 
 def free_motions(module: Module) -> FreeMotions:
-    """Compute the motions of a module that lack a motor or inertia.
-
-    Args:
-        module: The module.
-    """
+    """Compute the motions of a module that lack a motor or inertia."""
     m = module.mechanism
     if not m.mobility:
         return FreeMotions((), (), ())

@@ -165,11 +165,6 @@ def efforts(
 def check_has_mass(robot: HybridRobot, effects: Effects, layout: Layout) -> None:
     """Check that efforts are not all zero for lack of mass.
 
-    Args:
-        robot: The robot.
-        effects: The effects that are computed.
-        layout: The meaning of the table's columns.
-
     Raises:
         ModelError: No link has mass, and neither effects nor the table's wrenches need an effort.
     """

@@ -18,12 +18,6 @@ def efforts_along(
 ) -> tuple[Array | None, str]:
     """Return the efforts along a motion: the table's where it has all of them, else the inverse model's.
 
-    Args:
-        robot: The robot.
-        file: The table.
-        found: The postures of the table, block by block.
-        effects: Names of the effects that are computed.
-
     Returns:
         Efforts, shape (T, motors), [N or N m], or None; and their origin, or the reason why there are none.
     """

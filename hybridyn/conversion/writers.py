@@ -51,9 +51,6 @@ WRITERS: dict[str, Callable[[Request], Written]] = {
 def writer_of(target: Path) -> Callable[[Request], Written]:
     """Return the writer of a file.
 
-    Args:
-        target: The file to be written.
-
     Raises:
         ModelError: No writer has this ending.
     """

@@ -25,11 +25,7 @@ LARGEST_ENTRY = 2**20
 
 
 def kept(name: str) -> Any:
-    """Return an entry, or None if there is none that can be trusted.
-
-    Args:
-        name: A hash of all that the entry depends on.
-    """
+    """Return an entry, or None if there is none that can be trusted."""
     with contextlib.suppress(OSError, ValueError, zlib.error, CompileError):
         path = _texts() / name
         check_ownership(folder())
@@ -41,12 +37,7 @@ def kept(name: str) -> Any:
 
 
 def keep(name: str, entry: Any) -> None:
-    """Keep an entry; if the folder cannot be used, nothing is kept.
-
-    Args:
-        name: A hash of all that the entry depends on.
-        entry: What JSON can hold.
-    """
+    """Keep an entry; if the folder cannot be used, nothing is kept."""
     content = zlib.compress(json.dumps(entry).encode(), 1)
     if len(content) > LARGEST_ENTRY:
         return

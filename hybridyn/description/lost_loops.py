@@ -55,11 +55,7 @@ class Sign(NamedTuple):
 
 
 def lost_loops(description: Description) -> list[Sign]:
-    """Return the signs that a robot had loops which its file does not state.
-
-    Args:
-        description: The description of the robot.
-    """
+    """Return the signs that a robot had loops which its file does not state."""
     out = [*_paired_frames(description)]
     if not description.closures:
         if description.format == "URDF":  # the others state passive joints and loops themselves

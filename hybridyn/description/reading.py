@@ -129,11 +129,6 @@ def open_robot(
 
     USD is no XML: its root is `USD`, without content.
 
-    Args:
-        path: The file.
-        xacro_args: Arguments of a xacro file by name.
-        package_dirs: Folders that hold packages.
-
     Raises:
         ModelError: The file cannot be read, is not XML, or xacro reports an error.
     """
@@ -141,11 +136,7 @@ def open_robot(
 
 
 def split_model(path: str | os.PathLike[str]) -> tuple[str, str]:
-    """Split `world.sdf#arm` into the file and the name of its model, "" where none is named.
-
-    Args:
-        path: The path.
-    """
+    """Split `world.sdf#arm` into the file and the name of its model, "" where none is named."""
     whole = os.fspath(path)
     file, _, model = whole.rpartition("#")
     return (whole, "") if not file or not model or os.path.exists(whole) else (file, model)

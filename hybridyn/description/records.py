@@ -212,8 +212,5 @@ class Description:
         """Order the joints of one parent link as q and v have them: by name, as `pin.buildModelFromXML` does.
 
         Joints of a Pinocchio model keep its order.
-
-        Args:
-            joints: The joints, in file order.
         """
         return list(joints) if self.format == "Pinocchio" else sorted(joints, key=lambda joint: joint.name)

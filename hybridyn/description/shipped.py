@@ -100,11 +100,7 @@ def find_robot(path: str | os.PathLike[str], folder: str | os.PathLike[str] = ""
 
 
 def no_such_robot(word: str) -> str:
-    """Return the message for a name that neither a file nor a shipped robot has.
-
-    Args:
-        word: The name.
-    """
+    """Return the message for a name that neither a file nor a shipped robot has."""
     from .names import did_you_mean  # imported late to keep shell completion fast
 
     known = shipped_robots()
@@ -119,11 +115,7 @@ def main_names() -> list[str]:
 
 
 def find_data(word: str) -> str | None:
-    """Return the path of a shipped robot's file, named like "lx4/traj.csv", or None if there is none.
-
-    Args:
-        word: The name that the user wrote.
-    """
+    """Return the path of a shipped robot's file, named like "lx4/traj.csv", or None if there is none."""
     folder = data_folder()
     if folder is None or not re.fullmatch(r"\w+(/[\w.]+)?", word):
         return None
@@ -134,11 +126,7 @@ def find_data(word: str) -> str | None:
 
 
 def own_trajectory(file: str) -> str | None:
-    """Return the path of the sample trajectory of a shipped robot, or None if there is none.
-
-    Args:
-        file: The robot's file.
-    """
+    """Return the path of the sample trajectory of a shipped robot, or None if there is none."""
     for robot in shipped_robots().values():
         if robot.trajectory is not None and os.path.realpath(file) == os.path.realpath(robot.file):
             return shown(robot.trajectory)
@@ -146,11 +134,7 @@ def own_trajectory(file: str) -> str | None:
 
 
 def shown(file: Path) -> str:
-    """Return a path relative to the working directory if the file is inside it, else the full path.
-
-    Args:
-        file: The file.
-    """
+    """Return a path relative to the working directory if the file is inside it, else the full path."""
     try:
         return str(file.relative_to(Path.cwd()))
     except ValueError:

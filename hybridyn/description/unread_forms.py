@@ -19,20 +19,12 @@ ELEMENT = re.compile(rb"<([A-Za-z_][\w:.-]*)")
 
 
 def unread_format(root: str) -> str:
-    """Return the message for a format that is not read, or an empty string for any other root element.
-
-    Args:
-        root: Name of the root element.
-    """
+    """Return the message for a format that is not read, or an empty string for any other root element."""
     return UNREAD_FORMATS.get(root, "")
 
 
 def unread_form(text: bytes) -> str:
-    """Return the message for a text that is not well-formed XML, or an empty string if it is not recognised.
-
-    Args:
-        text: The text of a file.
-    """
+    """Return the message for a text that is not well-formed XML, or "" if it is not recognised."""
     tags = dict.fromkeys(tag.decode("ascii", "replace") for tag in ELEMENT.findall(COMMENT.sub(b"", text)))
     root = next(iter(tags), "")
     if root in READ_FORMATS:

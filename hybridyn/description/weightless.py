@@ -47,11 +47,7 @@ def weightless(description: Description, shaped: Container[str] = ()) -> list[Jo
 
 
 def has_mass(description: Description) -> bool:
-    """Check whether any link has mass or inertia, or any joint has rotor inertia.
-
-    Args:
-        description: The description of the robot.
-    """
+    """Check whether any link has mass or inertia, or any joint has rotor inertia."""
     return any(link.mass or link.inertia.any() for link in description.links) or any(
         joint.rotor_inertia for joint in description.joints
     )
@@ -68,11 +64,7 @@ class Bodies:
     """
 
     def __init__(self, description: Description) -> None:
-        """Group the links of a description into bodies.
-
-        Args:
-            description: The description of the robot.
-        """
+        """Group the links of a description into bodies."""
         self._description = description
         above = {joint.child: joint for joint in description.joints}
         self.of: dict[str, str] = {}

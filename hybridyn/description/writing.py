@@ -20,9 +20,6 @@ def appearing(target: str | os.PathLike[str]) -> Iterator[Path]:
     The draft is beside the file and has its ending. If the target is a link, the file behind it is replaced.
     A device or a pipe is never replaced: it is its own draft.
 
-    Args:
-        target: The file to write.
-
     Raises:
         OSError: The file cannot be written; the error names the target and not the draft.
     """
@@ -48,9 +45,6 @@ def appearing(target: str | os.PathLike[str]) -> Iterator[Path]:
 def naming(target: str | os.PathLike[str]) -> Iterator[None]:
     """Add the name of a file to the error that reports no space for it on the disk.
 
-    Args:
-        target: The file being written.
-
     Raises:
         OSError: There is no space left; the error names the file.
     """
@@ -64,10 +58,6 @@ def naming(target: str | os.PathLike[str]) -> Iterator[None]:
 
 def write_text(target: str | os.PathLike[str], text: str) -> None:
     """Write a text file, which appears when it is complete; a file that it replaces keeps its permissions.
-
-    Args:
-        target: The file.
-        text: Its content.
 
     Raises:
         OSError: The file cannot be written; the error names it.

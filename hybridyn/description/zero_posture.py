@@ -15,9 +15,6 @@ def poses_at_zero(joints: Iterable[Joint]) -> dict[str, Array]:
     The joints need not form a tree yet: links of a cycle are left out, and a link with two parents takes the
     first.
 
-    Args:
-        joints: The joints.
-
     Returns:
         Placements by link name, each of shape (4, 4).
     """
@@ -30,12 +27,7 @@ def poses_at_zero(joints: Iterable[Joint]) -> dict[str, Array]:
 
 
 def outwards(joints: Iterable[Joint], roots: list[str]) -> Iterator[Joint]:
-    """Yield the joints from the roots outwards, each after the joint that carries it.
-
-    Args:
-        joints: The joints.
-        roots: Links to start from.
-    """
+    """Yield the joints from the roots outwards, each after the joint that carries it."""
     below: dict[str, list[Joint]] = {}
     for joint in joints:
         below.setdefault(joint.parent, []).append(joint)

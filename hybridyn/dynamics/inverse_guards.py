@@ -39,9 +39,6 @@ class Guards:
     def motions(self, s: ModuleState) -> Basis:
         """Compute the motions of a module; if its closures lose rank, those of the branch of its velocity.
 
-        Args:
-            s: State of the module.
-
         Raises:
             SingularityError: Closures lose rank and `on_singular` is "raise", or a velocity belongs to no
                 branch.
@@ -53,11 +50,6 @@ class Guards:
 
     def efforts(self, k: int, s: ModuleState, needed: ModuleForces) -> Array:
         """Compute the efforts of the motors of module k.
-
-        Args:
-            k: Number of the module.
-            s: State of the module.
-            needed: Forces that its motion needs.
 
         Returns:
             Efforts, shape (T, motors of the module), [N or N m].

@@ -54,10 +54,6 @@ class ModuleLoad:
     def through_wrist(self, state: ModuleState, number: int) -> Array:
         """Compute the wrench of a cut wrist's links on the wrist's target.
 
-        Args:
-            state: State of the module.
-            number: Number of the wrist.
-
         Returns:
             Shape (T, 6), base axes, at the origin of the wrist's end.
         """

@@ -189,11 +189,6 @@ def _closure_wrench(state: ModuleState, cut: TreeClosure, author: TreeClosure, l
 def _from_cut_wrists(state: ModuleState, load: ModuleLoad, author: TreeClosure) -> Array:
     """Compute the part of a closure's wrench that is due to loads on the links of a cut wrist.
 
-    Args:
-        state: State of the module.
-        load: Wrenches on its bodies.
-        author: The author's closure.
-
     Returns:
         Wrench on the successor link, shape (T, 6), in the frame of `_wrench_frame`.
     """

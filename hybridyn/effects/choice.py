@@ -263,11 +263,7 @@ def _meaning(robot: HybridRobot, word: str) -> tuple[str, ...]:
 
 
 def stated_names(robot: HybridRobot) -> tuple[str, ...]:
-    """Return the names of the effects with parameters in the robot's files.
-
-    Args:
-        robot: The robot.
-    """
+    """Return the names of the effects with parameters in the robot's files."""
     joints = [joint for joint in robot.description.joints if joint.kind != "fixed"]
     numbers = dict(
         zip(

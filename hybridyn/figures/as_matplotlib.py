@@ -22,9 +22,6 @@ MOST_NAMES = 12
 def figure_of_chart(chart: Chart) -> Figure:
     """Draw a chart as a matplotlib figure.
 
-    Args:
-        chart: The chart.
-
     Raises:
         HybridynError: matplotlib is missing.
     """

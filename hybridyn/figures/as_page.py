@@ -17,9 +17,6 @@ HEIGHT, MARGIN = 250, 120  # of a panel, around all of them [pixels]
 def page_of_chart(chart: Chart) -> str:
     """Return a chart as the text of a self-contained HTML file.
 
-    Args:
-        chart: The chart.
-
     Raises:
         HybridynError: plotly is missing.
     """
@@ -27,11 +24,7 @@ def page_of_chart(chart: Chart) -> str:
 
 
 def page_of_figure(figure: Figure) -> str:
-    """Return a plotly figure as the text of a self-contained HTML file.
-
-    Args:
-        figure: The figure.
-    """
+    """Return a plotly figure as the text of a self-contained HTML file."""
     text: str = figure.to_html(include_plotlyjs=True, full_html=True)
     return text
 

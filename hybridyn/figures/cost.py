@@ -20,12 +20,7 @@ UNORDERED = ("effects", "C in float64", "C in float32", "rates of the trajectory
 
 
 def figure_of(study: Study, source: str) -> Figure:
-    """Draw the work-precision diagram of a study.
-
-    Args:
-        study: The measurements.
-        source: Name of the robot's or scene's file.
-    """
+    """Draw the work-precision diagram of a study."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(9, 5.6), layout="constrained")

@@ -50,11 +50,7 @@ class Cloud:
 
 
 def clouds(sizing: Sizing) -> list[Cloud]:
-    """Return what is drawn of each motor.
-
-    Args:
-        sizing: The accumulated loads.
-    """
+    """Return what is drawn of each motor."""
     out = []
     for i, load in enumerate(sizing.loads()):
         points = sizing.cloud.points[:, i]
@@ -79,10 +75,6 @@ def clouds(sizing: Sizing) -> list[Cloud]:
 
 def figure_of_sizing(sizing: Sizing, *, title: str = "") -> Figure:
     """Draw one panel per motor: effort over speed at every sample, RMS effort, peaks, and the limits.
-
-    Args:
-        sizing: The accumulated loads.
-        title: Title of the figure.
 
     Raises:
         HybridynError: matplotlib is missing.

@@ -19,10 +19,6 @@ def page_of_sizing(sizing: Sizing, *, title: str = "") -> str:
 
     A name in the legend shows and hides its marks in all panels.
 
-    Args:
-        sizing: The accumulated loads.
-        title: Title of the page.
-
     Raises:
         HybridynError: plotly is missing.
     """

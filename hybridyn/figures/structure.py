@@ -50,9 +50,6 @@ class Place(NamedTuple):
 def layout(cards: list[Card]) -> tuple[list[Place], float, float]:
     """Compute the place of every card in columns; cards are indented where the tree branches.
 
-    Args:
-        cards: The cards.
-
     Returns:
         The places of the cards, and the width and height of the page [inch].
     """
@@ -77,9 +74,6 @@ def layout(cards: list[Card]) -> tuple[list[Place], float, float]:
 
 def figure_of_cards(cards: list[Card]) -> Figure:
     """Draw cards as a matplotlib figure.
-
-    Args:
-        cards: The cards.
 
     Raises:
         HybridynError: matplotlib is missing.

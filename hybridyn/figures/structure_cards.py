@@ -69,11 +69,7 @@ class Card:
 
 
 def cards(robot: HybridRobot) -> list[Card]:
-    """Build the cards of a robot in depth-first order, each after its parent.
-
-    Args:
-        robot: The robot.
-    """
+    """Build the cards of a robot in depth-first order, each after its parent."""
     return _Deck(robot).cards
 
 
@@ -186,11 +182,7 @@ def _name(module: Module) -> str:
 
 
 def dot_of_cards(drawn: list[Card]) -> str:
-    """Return the cards as a graph in the DOT language of Graphviz.
-
-    Args:
-        drawn: The cards.
-    """
+    """Return the cards as a graph in the DOT language of Graphviz."""
 
     def quoted(text: str) -> str:
         return '"' + text.replace("\\", "\\\\").replace('"', '\\"').replace("\n", "\\n") + '"'

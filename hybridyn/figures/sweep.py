@@ -30,10 +30,6 @@ def figure_of_sweep(folder: str | PathLike[str], where: str | None = None) -> Fi
 
     Designs that could not be evaluated are red marks at the bottom; those that do not meet `where` are grey.
 
-    Args:
-        folder: Folder of the results.
-        where: A condition on the columns.
-
     Raises:
         HybridynError: matplotlib is missing, the folder has no results, or the condition is wrong.
     """
@@ -58,10 +54,6 @@ def figure_of_coordinates(folder: str | PathLike[str], where: str | None = None)
 
     The colour is the first measure; designs that do not meet `where` are grey, and those that could not be
     evaluated are left out.
-
-    Args:
-        folder: Folder of the results.
-        where: A condition on the columns.
 
     Raises:
         HybridynError: matplotlib is missing, the folder has no results, or the condition is wrong.
@@ -100,9 +92,6 @@ def figure_of_coordinates(folder: str | PathLike[str], where: str | None = None)
 
 def figure_of_indices(folder: str | PathLike[str]) -> Figure:
     """Draw the sensitivity indices: a panel per measure, bars per parameter with their 95 % intervals.
-
-    Args:
-        folder: Folder of the results.
 
     Raises:
         HybridynError: matplotlib or SALib is missing, or the folder has too few results.

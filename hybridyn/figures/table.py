@@ -62,12 +62,7 @@ def chart_of_table(
 
 
 def joints_of_unknown_unit(columns: Sequence[str], kinds: Mapping[str, str]) -> list[str]:
-    """Return the joints that are drawn on an axis each, because their units may differ.
-
-    Args:
-        columns: Names of the columns.
-        kinds: Kind of each joint by name, as far as known.
-    """
+    """Return the joints that are drawn on an axis each, because their units may differ."""
     names = dict.fromkeys(name for part in QUANTITIES for name in _drawn(columns, part))
     unknown = [name for name in names if name not in kinds]
     return unknown if len(unknown) > 1 else []

@@ -33,11 +33,6 @@ Gains = float | Mapping[str, float]
 def by_motor(robot: HybridRobot, what: str, numbers: Gains) -> Array:
     """Return one number per motor, shape (motors,).
 
-    Args:
-        robot: The robot.
-        what: Name of the numbers, for messages.
-        numbers: One number for all motors, or one by motor.
-
     Raises:
         ModelError: An unknown motor, one without a number, or a number that is negative or not finite.
     """

@@ -117,12 +117,6 @@ def _base(source: SceneFile, robot: HybridRobot) -> list[Any]:
 def read_rows(source: SceneFile, keys: Keys, name: str, columns: list[str]) -> Array:
     """Read columns of a table that a scene names, time first, and check that it covers the scene.
 
-    Args:
-        source: The scene.
-        keys: Keys under which the scene names the table.
-        name: Path of the table.
-        columns: Names of the columns besides the time.
-
     Returns:
         Shape (rows, 1 + columns).
 

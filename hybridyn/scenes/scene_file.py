@@ -51,9 +51,6 @@ class SceneFile(TomlSource):
 def read_scene(path: str | Path) -> SceneFile:
     """Read a scene.
 
-    Args:
-        path: The TOML file.
-
     Raises:
         ModelError: The file cannot be read, is not TOML, or has a wrong key or value; the message names file,
             line and key.

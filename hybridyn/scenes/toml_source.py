@@ -54,11 +54,6 @@ def naming(source: TomlSource, keys: Keys) -> Iterator[None]:
 def read_schema(path: str | Path, schema: type[Whole], kinds: Kinds) -> tuple[TomlSource, Whole]:
     """Read a file, and check its content.
 
-    Args:
-        path: The TOML file.
-        schema: Schema of the whole file.
-        kinds: Schemas of the tables that have a kind.
-
     Raises:
         ModelError: The file cannot be read, is not TOML, or has a wrong key or value; the message names file,
             line and key.

@@ -140,12 +140,7 @@ def _assembled(
 
 @contextlib.contextmanager
 def rows_named(layout: Layout, motion: Motion) -> Iterator[None]:
-    """Prefix errors that have a sample with file, row and time, and replace sample numbers by rows.
-
-    Args:
-        layout: The meaning of the table's columns.
-        motion: The rows of the samples.
-    """
+    """Prefix errors that have a sample with file, row and time, and replace sample numbers by rows."""
     try:
         yield
     except HybridynError as error:

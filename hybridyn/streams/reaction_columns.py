@@ -11,11 +11,7 @@ if TYPE_CHECKING:
 
 
 def reaction_columns(robot: HybridRobot) -> list[str]:
-    """Return the names of the columns: those of the root, of the modules, of the closures.
-
-    Args:
-        robot: The robot.
-    """
+    """Return the names of the columns: those of the root, of the modules, of the closures."""
     from ..tables.signals import WRENCH
 
     couplings = {coupling.name for coupling in robot.description.couplings}
@@ -30,10 +26,6 @@ def reaction_columns(robot: HybridRobot) -> list[str]:
 def reaction_rows(robot: HybridRobot, reactions: Reactions) -> Array:
     """Return the rows of reactions in the order of `reaction_columns`.
 
-    Args:
-        robot: The robot.
-        reactions: Wrenches at T samples.
-
     Returns:
         Shape (T, columns), [N, N m].
     """
@@ -45,11 +37,7 @@ def reaction_rows(robot: HybridRobot, reactions: Reactions) -> Array:
 
 
 def shared_wrenches(robot: HybridRobot) -> list[str]:
-    """Return a sentence for each module whose closure wrenches are not unique.
-
-    Args:
-        robot: The robot.
-    """
+    """Return a sentence for each module whose closure wrenches are not unique."""
     from ..description.names import listed
 
     out = []

@@ -85,11 +85,7 @@ class Workers:
             self._send(process, text)
 
     def give(self, arguments: tuple[Any, ...]) -> None:
-        """Send a task to the next process, which must be idle: there are at most as many tasks as processes.
-
-        Args:
-            arguments: Arguments of the function.
-        """
+        """Send a task to the next process, which is idle: there are at most as many tasks as processes."""
         assert self._given - self._taken < len(self)
         text = pickle.dumps(arguments, protocol=pickle.HIGHEST_PROTOCOL)
         self._send(self._processes[self._given % len(self)], text)

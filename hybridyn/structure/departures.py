@@ -78,11 +78,7 @@ def departures(robot: HybridRobot, q: Array, v: Array, tau: Array | None = None)
 
 
 def position_limits(joint: Joint) -> tuple[float, float] | None:
-    """Return the lowest and the highest position that count as inside the limits, or None without limits.
-
-    Args:
-        joint: The joint.
-    """
+    """Return the lowest and the highest position that count as inside the limits, or None without limits."""
     lower, upper = joint.lower, joint.upper
     if joint.kind == "continuous" or not lower < upper or (np.isinf(lower) and np.isinf(upper)):
         return None

@@ -67,10 +67,6 @@ def build_model(bodies: Bodies, joints: Sequence[str], base: str, gravity: Array
 def refuse_changes(model: pin.Model, built: pin.Model) -> None:
     """Refuse a changed model.
 
-    Args:
-        model: The model.
-        built: The model as it was built.
-
     Raises:
         ModelError: The message names the changed parts and what to do instead.
     """

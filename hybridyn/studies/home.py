@@ -111,21 +111,13 @@ def positions(robot: HybridRobot, q: Array) -> dict[str, tuple[float, ...]]:
 
 
 def branch(robot: HybridRobot) -> list[str]:
-    """Return one line that names the branch on which postures are assembled; none where home is zero.
-
-    Args:
-        robot: The robot.
-    """
+    """Return one line that names the branch on which postures are assembled; none where home is zero."""
     far = far_from_zero(robot)
     return [f"branch: that of home, {far}"] if far else []
 
 
 def far_from_zero(robot: HybridRobot) -> str:
-    """Say how far from zero the home posture of a robot with loops lies, "" for not at all.
-
-    Args:
-        robot: The robot.
-    """
+    """Say how far from zero the home posture of a robot with loops lies, "" for not at all."""
     if not robot.description.closures:
         return ""
     zero = np.zeros(robot.nq)

@@ -107,11 +107,7 @@ class Sizing:
     """Loads of a robot's motors over a motion, accumulated block by block in time order."""
 
     def __init__(self, robot: HybridRobot) -> None:
-        """Start without samples.
-
-        Args:
-            robot: The robot.
-        """
+        """Start without samples."""
         self.joints = [robot.records[name] for name in robot.motors]
         count = len(self.joints)
         self.samples, self.duration = 0, 0.0
@@ -228,11 +224,7 @@ def motor_rows(robot: HybridRobot, q: Array, v: Array) -> tuple[Array, Array]:
 
 
 def violations(loads: Sequence[MotorLoad]) -> list[str]:
-    """Describe each limit that a motion exceeds in one sentence.
-
-    Args:
-        loads: Loads of the motors.
-    """
+    """Describe each limit that a motion exceeds in one sentence."""
     out = []
     for load in loads:
         units = ("N", "m/s") if load.linear else ("N m", "rad/s")

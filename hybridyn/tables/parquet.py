@@ -46,10 +46,6 @@ def load_polars(file: str) -> Any:
 def open_parquet(file: str, block_rows: int) -> Table:
     """Open a Parquet table and check its header.
 
-    Args:
-        file: Path of the file.
-        block_rows: Rows per block.
-
     Returns:
         The table; no block is read yet.
 

@@ -67,9 +67,6 @@ def _opened(target: str | Path, columns: Sequence[str], remarks: Sequence[str]) 
 def check_target(target: str | Path) -> None:
     """Check, before any work is done, that a result file can be written.
 
-    Args:
-        target: Path of the result file.
-
     Raises:
         TrajectoryError: The ending is unknown, the folder is missing or closed, or polars is missing.
     """

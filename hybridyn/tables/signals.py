@@ -129,11 +129,6 @@ def _rates(
 def wrench_columns(key: str, given: dict[str, int], file: str | None) -> tuple[int, ...]:
     """Return the columns of all six components of a wrench.
 
-    Args:
-        key: The link.
-        given: Columns by component.
-        file: Path of the table, for messages.
-
     Raises:
         TrajectoryError: A component is missing or unknown.
     """

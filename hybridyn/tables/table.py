@@ -65,10 +65,6 @@ class Table:
 def check_columns(columns: tuple[str, ...], file: str | None) -> None:
     """Check that every column has a readable and unique name.
 
-    Args:
-        columns: Names of the columns.
-        file: Path of the table, for messages.
-
     Raises:
         TrajectoryError: A name is empty, a number, unprintable, or not unique.
     """

@@ -34,13 +34,7 @@ LEG, SLIDE = 0.18, 0.5  # how much paler than its module's platform a leg is, an
 
 
 def draw(robot: HybridRobot, visuals: Sequence[Visual] = (), notes: Sequence[str] = ()) -> Picture:
-    """Build the picture of a robot.
-
-    Args:
-        robot: The robot.
-        visuals: Shapes from the robot's files.
-        notes: Remarks shown with the picture.
-    """
+    """Build the picture of a robot."""
     pen = _Pen(robot, {robot.bodies.place[visual.link][0] for visual in visuals})
     for visual in visuals:
         pen.add_visual(visual)

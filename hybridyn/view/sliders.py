@@ -70,12 +70,7 @@ class Sliders:
 
 
 def on_slide(slider: Any, act: Callable[[float], None]) -> None:
-    """Register a function that is called when the user moves a slider, but not when the program does.
-
-    Args:
-        slider: The slider.
-        act: Called with the new value.
-    """
+    """Register a function that is called when the user moves a slider, but not when the program does."""
 
     def moved(event: Any) -> None:
         if event.client is not None:

@@ -69,12 +69,7 @@ def takes_plot(what: str, *, page: bool = False) -> Callable[[Callable[..., Any]
 
 
 def save(figure: Figure, target: str) -> None:
-    """Write a figure; its file appears when it is complete.
-
-    Args:
-        figure: The figure.
-        target: Its file.
-    """
+    """Write a figure; its file appears when it is complete."""
     import matplotlib
 
     from ...description.writing import appearing
@@ -85,12 +80,7 @@ def save(figure: Figure, target: str) -> None:
 
 
 def save_chart(chart: Chart, target: str) -> None:
-    """Write a chart in the format of its file's ending; the file appears when it is complete.
-
-    Args:
-        chart: The chart.
-        target: Its file.
-    """
+    """Write a chart in the format of its file's ending; the file appears when it is complete."""
     if target.lower().endswith(PAGE):
         from ...description.writing import write_text
         from ...figures.as_page import page_of_chart
@@ -103,12 +93,7 @@ def save_chart(chart: Chart, target: str) -> None:
 
 
 def save_structure(robot: HybridRobot, target: str) -> None:
-    """Draw the tree of modules in the format of its file's ending.
-
-    Args:
-        robot: The robot.
-        target: The drawing's file.
-    """
+    """Draw the tree of modules in the format of its file's ending."""
     from ...description.writing import write_text
     from ...figures.structure_cards import cards, dot_of_cards
 
@@ -121,13 +106,7 @@ def save_structure(robot: HybridRobot, target: str) -> None:
 
 
 def save_sizing(sizing: Sizing, title: str, target: str) -> None:
-    """Draw the loads of motors in the format of the file's ending.
-
-    Args:
-        sizing: The accumulated loads.
-        title: Title of the figure.
-        target: Its file.
-    """
+    """Draw the loads of motors in the format of the file's ending."""
     if target.lower().endswith(PAGE):
         from ...description.writing import write_text
         from ...figures.sizing_page import page_of_sizing

@@ -53,11 +53,6 @@ class Outcome:
 def outcomes(pool: Pool, module: str, tasks: Sequence[dict[str, Any]]) -> Iterator[Outcome]:
     """Compute tables in other processes; after the death of one, its tables are computed one at a time.
 
-    Args:
-        pool: The processes.
-        module: Module of the command.
-        tasks: Options of the command for each table.
-
     Yields:
         What became of each table, as they end.
     """

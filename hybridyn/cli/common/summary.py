@@ -60,11 +60,7 @@ class Summary:
         self.squares = [0.0] * len(self.at)
 
     def add(self, done: Done) -> None:
-        """Add a block.
-
-        Args:
-            done: The results of the block.
-        """
+        """Add a block."""
         from ...studies.sizing import TIE
 
         self.samples += len(done.rows)
@@ -120,33 +116,19 @@ class Summary:
 
 
 def effects_line(effects: Effects) -> list[str]:
-    """Return one line that names the effects that were on and off.
-
-    Args:
-        effects: The effects of the command.
-    """
+    """Return one line that names the effects that were on and off."""
     return [f"effects on: {', '.join(effects.names) or 'none'}; off: {', '.join(effects.absent) or 'none'}"]
 
 
 def branch_line(robot: HybridRobot, layout: Layout) -> list[str]:
-    """Return one line on the branch of the postures, where the table is assembled, or no line.
-
-    Args:
-        robot: The robot.
-        layout: The meaning of the table's columns.
-    """
+    """Return one line on the branch of the postures, where the table is assembled, or no line."""
     from ...studies.home import branch
 
     return [] if layout.full_state else branch(robot)
 
 
 def not_computed(robot: HybridRobot, effects: Effects) -> list[str]:
-    """Return one line that names effects of the robot's files that are not computed, or no line.
-
-    Args:
-        robot: The robot.
-        effects: The effects of the command.
-    """
+    """Return one line that names effects of the robot's files that are not computed, or no line."""
     from ...effects.choice import stated_names
 
     missing = [name for name in stated_names(robot) if name not in effects.names]
@@ -157,9 +139,6 @@ def not_computed(robot: HybridRobot, effects: Effects) -> list[str]:
 
 def fitted_rates(layout: Layout) -> list[str]:
     """Return the lines that name the rates fitted by a spline.
-
-    Args:
-        layout: The meaning of the table's columns.
 
     Returns:
         One line per kind of missing rates.

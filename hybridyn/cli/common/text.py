@@ -12,10 +12,6 @@ __all__ = ["aligned_rows", "counted"]
 def aligned_rows(rows: Sequence[Sequence[str]], right: Sequence[int] = ()) -> list[str]:
     """Align cells in columns.
 
-    Args:
-        rows: Cells by row.
-        right: Indices of the right-aligned columns.
-
     Returns:
         One line per row.
     """

@@ -21,9 +21,6 @@ GROUPS = (("body",), ("joint", "freejoint"), ("site",), ("connect", "weld", "joi
 def check_depth(d: Description) -> None:
     """Refuse robots that are too deep to be written as nested bodies.
 
-    Args:
-        d: The robot.
-
     Raises:
         ModelError: More than `DEEPEST` joints follow one another.
     """
@@ -44,10 +41,6 @@ def check_depth(d: Description) -> None:
 
 def check_names(root: ET.Element, d: Description) -> None:
     """Refuse names that would be mixed up.
-
-    Args:
-        root: The root element of the MJCF file.
-        d: The robot.
 
     Raises:
         ModelError: A name occurs twice, or a link has the name of a part of a closure.

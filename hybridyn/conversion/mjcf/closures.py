@@ -24,11 +24,7 @@ FULL = (0, 1, 2)
 
 
 def needs_follower(closure: Closure) -> bool:
-    """Say whether MuJoCo has no equality with the rows of a closure.
-
-    Args:
-        closure: The closure.
-    """
+    """Say whether MuJoCo has no equality with the rows of a closure."""
     return closure.translations != FULL or closure.rotation == "perpendicular"
 
 

@@ -57,11 +57,7 @@ class Inertias:
 
 
 def inertias_of(d: Description) -> Inertias:
-    """Return the inertias of a robot's links.
-
-    Args:
-        d: The robot.
-    """
+    """Return the inertias of a robot's links."""
     steps = [float(np.linalg.norm(joint.placement[:3, 3])) for joint in d.joints]
     size = float(np.median([step for step in steps if step] or [1.0]))
     mass = min((link.mass for link in d.links if link.mass > 0), default=1.0)

@@ -30,9 +30,6 @@ USUAL_GRAVITY = (0.0, 0.0, -9.81)
 def write_mjcf(request: Request) -> Written:
     """Write a robot as MJCF.
 
-    Args:
-        request: The robot.
-
     Raises:
         ModelError: The robot is too deep for nested bodies, or names would occur twice.
     """

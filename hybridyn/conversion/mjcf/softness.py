@@ -47,11 +47,7 @@ def softness(d: Description, tightness: float) -> Softness:
 
 
 def acceleration(d: Description) -> float:
-    """Return the acceleration at which closures stay as tight as asked [m/s^2].
-
-    Args:
-        d: The robot.
-    """
+    """Return the acceleration at which closures stay as tight as asked [m/s^2]."""
     return FREE_FALL * (math.hypot(*d.gravity) if d.gravity and any(d.gravity) else EARTH)
 
 

@@ -20,21 +20,13 @@ class Posture:
     """
 
     def __init__(self, d: Description) -> None:
-        """Compute the posture.
-
-        Args:
-            d: The robot.
-        """
+        """Compute the posture."""
         self.positions = {joint.name: x for joint in d.joints if d.closures and (x := _position(joint, d))}
         self.step = {joint.child: joint.placement @ motion_of(joint, self.positions) for joint in d.joints}
         self.world = poses_at(d, self.positions)
 
     def single(self, joint: str) -> float:
-        """Return the position of a joint with one freedom [m or rad].
-
-        Args:
-            joint: Its name.
-        """
+        """Return the position of a joint with one freedom [m or rad]."""
         return self.positions.get(joint, (0.0,))[0]
 
 

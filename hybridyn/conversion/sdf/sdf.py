@@ -26,11 +26,7 @@ NAMESPACES = {"hybridyn": "urn:hybridyn", "drake": "http://drake.mit.edu"}
 
 
 def write_sdf(request: Request) -> Written:
-    """Write a robot as SDF.
-
-    Args:
-        request: The robot.
-    """
+    """Write a robot as SDF."""
     losses = Losses()
     d = allowed(request.description, losses)
     posture = Posture(d)

@@ -45,11 +45,7 @@ def add_closure(root: ET.Element, closure: Closure, losses: Losses) -> None:
 
 
 def kind_of(closure: Closure) -> str | None:
-    """Return the type of `<loop>` with the rows of a closure; None if there is none.
-
-    Args:
-        closure: The closure.
-    """
+    """Return the type of `<loop>` with the rows of a closure; None if there is none."""
     form = FORMS.get(closure.kind)
     if form is not None and (form.translations, form.rotation) == (closure.translations, closure.rotation):
         return closure.kind

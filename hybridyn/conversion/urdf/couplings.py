@@ -12,11 +12,6 @@ from ..numerals import numeral
 def add_couplings(root: ET.Element, d: Description, joints: Mapping[str, ET.Element]) -> list[Coupling]:
     """Add the couplings of a robot to a URDF.
 
-    Args:
-        root: The root element.
-        d: The robot.
-        joints: Element of each joint.
-
     Returns:
         The couplings that URDF cannot say.
     """

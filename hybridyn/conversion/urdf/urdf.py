@@ -26,11 +26,7 @@ USUAL_GRAVITY = (0.0, 0.0, -9.81)
 
 
 def write_urdf(request: Request) -> Written:
-    """Write a robot as URDF.
-
-    Args:
-        request: The robot.
-    """
+    """Write a robot as URDF."""
     d = request.description
     losses = Losses()
     root = ET.Element("robot", name=d.name)

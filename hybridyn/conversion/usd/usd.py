@@ -24,11 +24,7 @@ USUAL_GRAVITY = (0.0, 0.0, -9.81)
 
 
 def write_usd(request: Request) -> Written:
-    """Write a robot as USD.
-
-    Args:
-        request: The robot.
-    """
+    """Write a robot as USD."""
     d, losses = request.description, Losses()
     top = Prim("", "", "")
     robot = top.child("Xform", d.name or "robot")

@@ -23,10 +23,6 @@ MEND = "drive a joint, or name the driven joints: motors=[..], --motors, or moto
 def add_actuators(robot: RobotFile, compiled: Compiled) -> None:
     """Add the list of motors, and what actuators add to their joints, to the robot.
 
-    Args:
-        robot: The robot, with its joints.
-        compiled: The compiled model.
-
     Raises:
         ModelError: A motor's damping depends on its speed.
     """
@@ -75,21 +71,12 @@ def add_actuators(robot: RobotFile, compiled: Compiled) -> None:
 
 
 def count(compiled: Compiled) -> int:
-    """Return the number of actuators.
-
-    Args:
-        compiled: The compiled model.
-    """
+    """Return the number of actuators."""
     return len(compiled.model.actuator_trntype)
 
 
 def driven_joint(compiled: Compiled, actuator: int) -> tuple[str, float] | str:
-    """Return the joint that an actuator drives and the gear between them, or why there is none.
-
-    Args:
-        compiled: The compiled model.
-        actuator: Number of the actuator.
-    """
+    """Return the joint that an actuator drives and the gear between them, or why there is none."""
     model = compiled.model
     kind, target = int(model.actuator_trntype[actuator]), int(model.actuator_trnid[actuator][0])
     label = f"actuator '{compiled.name('actuator', actuator) or actuator}'"
@@ -109,13 +96,7 @@ def driven_joint(compiled: Compiled, actuator: int) -> tuple[str, float] | str:
 
 
 def effort_limit(compiled: Compiled, actuator: int, gear: float) -> float:
-    """Return the largest effort of an actuator at its joint [N or N m], infinite where the file states none.
-
-    Args:
-        compiled: The compiled model.
-        actuator: Number of the actuator.
-        gear: Gear between joint and actuator.
-    """
+    """Return the largest effort of an actuator at its joint [N or N m], infinite where none is stated."""
     model = compiled.model
     force = np.inf
     if model.actuator_forcelimited[actuator]:
@@ -132,12 +113,7 @@ def effort_limit(compiled: Compiled, actuator: int, gear: float) -> float:
 
 
 def has_servo(compiled: Compiled, actuator: int) -> bool:
-    """Say whether an actuator's force is more than gain x control.
-
-    Args:
-        compiled: The compiled model.
-        actuator: Number of the actuator.
-    """
+    """Say whether an actuator's force is more than gain x control."""
     model = compiled.model
     return bool(
         model.actuator_gaintype[actuator] != compiled.code("mjGAIN_FIXED")

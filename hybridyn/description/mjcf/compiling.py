@@ -131,10 +131,6 @@ class Compiled:
 def compile_text(document: Document, meshes: dict[str, bytes]) -> Compiled:
     """Compile an MJCF text.
 
-    Args:
-        document: The screened file.
-        meshes: Contents of the meshes by name.
-
     Raises:
         ModelError: MuJoCo is not installed, or refuses the text.
     """

@@ -21,10 +21,6 @@ KINDS = {"connect": FORMS["point"], "weld": FORMS["fixed"]}
 def add_equalities(robot: RobotFile, compiled: Compiled) -> None:
     """Add every active equality to the robot; those that start inactive are noted.
 
-    Args:
-        robot: The robot.
-        compiled: The compiled model.
-
     Raises:
         ModelError: An equality is of another kind, of higher order, or all are disabled.
     """

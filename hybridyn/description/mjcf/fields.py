@@ -8,24 +8,12 @@ import numpy as np
 
 
 def nonzero(model: Any, field: str, row: int) -> bool:
-    """Say whether a row of a model's array has a nonzero entry; False where MuJoCo has no such array.
-
-    Args:
-        model: MuJoCo's MjModel.
-        field: Name of the array.
-        row: Index of the row.
-    """
+    """Say whether a row of a model's array has a nonzero entry; False where MuJoCo has no such array."""
     values = getattr(model, field, None)
     return values is not None and bool(np.any(values[row]))
 
 
 def number(model: Any, field: str, row: int) -> float:
-    """Return an entry of a model's array; 0 where MuJoCo has no such array.
-
-    Args:
-        model: MuJoCo's MjModel.
-        field: Name of the array.
-        row: Index of the entry.
-    """
+    """Return an entry of a model's array; 0 where MuJoCo has no such array."""
     values = getattr(model, field, None)
     return 0.0 if values is None else float(np.ravel(values[row])[0])

@@ -15,13 +15,7 @@ HOME = "home"
 
 
 def add_home(robot: RobotFile, compiled: Compiled, root: Root) -> None:
-    """Add the home posture to the robot: the keyframe "home", else the first, else `qpos0`.
-
-    Args:
-        robot: The robot, with its joints.
-        compiled: The compiled model.
-        root: The robot's root.
-    """
+    """Add the home posture to the robot: the keyframe "home", else the first, else `qpos0`."""
     model = compiled.model
     q = np.array(model.qpos0)
     if model.nkey:

@@ -59,9 +59,6 @@ class Marks(NamedTuple):
 def read_marks(document: Document) -> Marks:
     """Return what the texts of a file say of closures, joints, and of the base.
 
-    Args:
-        document: The file.
-
     Raises:
         ModelError: A text holds no rows, or no frame of a joint.
     """

@@ -23,12 +23,7 @@ def names_of(kind: str, given: Sequence[str], made: Sequence[str] | None = None)
 
 
 def unique(name: str, taken: set[str]) -> str:
-    """Return a name that is not taken: the name itself, else with a number.
-
-    Args:
-        name: The wanted name.
-        taken: The names that exist.
-    """
+    """Return a name that is not taken: the name itself, else with a number."""
     number, out = 2, name
     while out in taken:
         out, number = f"{name}{number}", number + 1

@@ -30,9 +30,6 @@ def find_root(compiled: Compiled) -> Root:
     """Return the root: a free body whose tree is all that moves, and that no equality ties to the world.
 
     Otherwise the world is the root, and free bodies hang on it by floating joints.
-
-    Args:
-        compiled: The compiled model.
     """
     model = compiled.model
     free = [n for n in range(model.njnt) if model.jnt_type[n] == compiled.code("mjJNT_FREE")]
@@ -55,11 +52,7 @@ def find_root(compiled: Compiled) -> Root:
 
 
 def tied_bodies(compiled: Compiled) -> dict[int, tuple[int, int]]:
-    """Return the numbers of the two bodies of every connect and weld, by its number.
-
-    Args:
-        compiled: The compiled model.
-    """
+    """Return the numbers of the two bodies of every connect and weld, by its number."""
     model = compiled.model
     kinds = (compiled.code("mjEQ_CONNECT"), compiled.code("mjEQ_WELD"))
     out = {}

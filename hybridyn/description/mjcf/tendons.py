@@ -13,12 +13,7 @@ FORCES = {
 
 
 def fixed_terms(compiled: Compiled, tendon: int) -> dict[str, float] | None:
-    """Return the coefficient of each joint in a fixed tendon's length, or None for a spatial tendon.
-
-    Args:
-        compiled: The compiled model.
-        tendon: Number of the tendon.
-    """
+    """Return the coefficient of each joint in a fixed tendon's length, or None for a spatial tendon."""
     model = compiled.model
     first = int(model.tendon_adr[tendon])
     terms: dict[str, float] = {}
@@ -32,9 +27,6 @@ def fixed_terms(compiled: Compiled, tendon: int) -> dict[str, float] | None:
 
 def refuse_forces(compiled: Compiled) -> None:
     """Refuse tendons that pull by themselves.
-
-    Args:
-        compiled: The compiled model.
 
     Raises:
         ModelError: A tendon has a spring, a damper, friction or inertia.
@@ -50,10 +42,6 @@ def refuse_forces(compiled: Compiled) -> None:
 
 
 def limited(compiled: Compiled) -> list[str]:
-    """Return the names of the tendons that have limits.
-
-    Args:
-        compiled: The compiled model.
-    """
+    """Return the names of the tendons that have limits."""
     count = compiled.model.ntendon
     return [compiled.name("tendon", n) or str(n) for n in range(count) if compiled.model.tendon_limited[n]]

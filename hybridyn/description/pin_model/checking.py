@@ -28,9 +28,6 @@ ROTATION = 1e-5
 def check_model(model: pin.Model) -> None:
     """Check the tree, placements, inertias and numbers of a model.
 
-    Args:
-        model: The model.
-
     Raises:
         ModelError: A joint hangs on one that follows it, or a number is not finite, or out of its range.
     """
@@ -63,11 +60,6 @@ def check_model(model: pin.Model) -> None:
 
 def check_constraint(constraint: Any, name: str, joints: int) -> None:
     """Check the joints and placements of a constraint.
-
-    Args:
-        constraint: The constraint.
-        name: Its name.
-        joints: Number of joints of the model.
 
     Raises:
         ModelError: A joint does not exist, or a placement is not a finite rigid motion.

@@ -34,11 +34,7 @@ OFFSETS = (
 
 
 def plain_constraints(constraints: Any) -> list[Any]:
-    """Return the constraint models of a list, a single one or lists in a tuple, taken out of their variants.
-
-    Args:
-        constraints: What the caller passed.
-    """
+    """Return the constraint models of a list, one alone or lists in a tuple, taken out of their variants."""
     word = type(constraints).__name__
     if word.endswith("ConstraintModel") and not word.startswith("StdVec"):
         one = constraints.extract() if hasattr(constraints, "extract") else constraints

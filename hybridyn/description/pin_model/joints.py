@@ -60,10 +60,6 @@ class Piece:
 def pieces_of(model: pin.Model, number: int) -> list[Piece]:
     """Return the chain of joints that stands for a joint; the model's placement of the joint is left out.
 
-    Args:
-        model: The model.
-        number: Number of the joint in the model.
-
     Raises:
         ModelError: The description has no such joint.
     """
@@ -71,13 +67,7 @@ def pieces_of(model: pin.Model, number: int) -> list[Piece]:
 
 
 def joints_of(model: pin.Model, number: int, pieces: list[Piece]) -> list[Joint]:
-    """Return the joints of a chain with their numbers; the links are those of the caller.
-
-    Args:
-        model: The model.
-        number: Number of the joint in the model.
-        pieces: The chain.
-    """
+    """Return the joints of a chain with their numbers; the links are those of the caller."""
     name = str(model.names[number])
     at = np.asarray(model.jointPlacements[number].homogeneous)
     out: list[Joint] = []

@@ -15,13 +15,7 @@ UNLIMITED = 1e300
 
 
 def joint_error(model: pin.Model, joint: int, message: str) -> ModelError:
-    """Return the error about a joint of a model.
-
-    Args:
-        model: The model.
-        joint: Number of the joint in the model.
-        message: What is wrong, and the correction.
-    """
+    """Return the error about a joint of a model."""
     name = str(model.names[joint])
     return ModelError(f"Pinocchio model '{model.name}': joint '{name}': {message}", element=name)
 

@@ -62,36 +62,17 @@ class Names:
     parts: dict[Item, list[Part]] = field(default_factory=dict)
 
     def link(self, item: Item | None) -> str:
-        """Return the name of a link, None for the world.
-
-        Args:
-            item: The link.
-        """
+        """Return the name of a link, None for the world."""
         return self.root if item is None else item.full_name
 
 
 def add_branch(robot: RobotFile, branch: Branch, poses: Poses, names: Names) -> None:
-    """Add a joint of the tree to the robot, with massless links where it needs them.
-
-    Args:
-        robot: The robot.
-        branch: The joint and its direction.
-        poses: Where everything stands.
-        names: The robot's names.
-    """
+    """Add a joint of the tree to the robot, with massless links where it needs them."""
     add_chain(robot, branch, names.link(branch.below), poses, names)
 
 
 def add_chain(robot: RobotFile, branch: Branch, target: str, poses: Poses, names: Names) -> None:
-    """Add the joints from the link above to a link that stands where the link below stands.
-
-    Args:
-        robot: The robot.
-        branch: The joint and its direction.
-        target: Name of the last link.
-        poses: Where everything stands.
-        names: The robot's names.
-    """
+    """Add the joints from the link above to a link that stands where the link below stands."""
     stated, source = branch.joint, names.link(branch.above)
     line = stated.item.node.line if stated.item.node.file == robot.file else None
     parts = _parts(stated, names)

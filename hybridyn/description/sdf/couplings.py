@@ -26,13 +26,6 @@ def add_couplings(
 ) -> None:
     """Add the couplings of every joint to the robot.
 
-    Args:
-        robot: The robot, with its tree.
-        joints: Every joint, gearboxes too.
-        branches: The joints of the tree.
-        poses: Where everything stands.
-        names: The robot's names.
-
     Raises:
         ModelError: A leader has no such axis, or a gearbox turns what no sum of joint angles measures.
     """
@@ -56,10 +49,6 @@ def add_couplings(
 
 def reference_body(stated: Stated, poses: Poses) -> Item | None:
     """Return the link against which a gearbox measures its angles, None for the world.
-
-    Args:
-        stated: The gearbox.
-        poses: Where everything stands.
 
     Raises:
         ModelError: It is not stated, or unknown.

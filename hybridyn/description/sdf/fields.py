@@ -20,10 +20,6 @@ UNLIMITED = 1e16
 def word(node: Node, tag: str) -> str:
     """Return the text of a child, "" if it is absent.
 
-    Args:
-        node: The element.
-        tag: Name of the child.
-
     Raises:
         ModelError: The child is stated twice.
     """
@@ -49,11 +45,6 @@ def number(node: Node | None, tag: str, default: float = 0.0, *, infinite: bool 
 
 def flag(node: Node, tag: str, default: bool = False) -> bool:
     """Return a child as true or false.
-
-    Args:
-        node: The element.
-        tag: Name of the child.
-        default: The value of an absent child.
 
     Raises:
         ModelError: The text is neither, or the child is stated twice.

@@ -56,12 +56,7 @@ class Tree:
 
 
 def importance(joint: Stated, named: Collection[Item]) -> int:
-    """Return how much would be lost if a joint were only a closure.
-
-    Args:
-        joint: The joint.
-        named: Joints that motors and couplings name.
-    """
+    """Return how much would be lost if a joint were only a closure."""
     if joint.kind == "fixed":
         return KEPT + 1
     moved = any(axis.forceful or axis.mimic or axis.initial is not None for axis in joint.axes)

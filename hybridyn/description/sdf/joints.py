@@ -66,11 +66,6 @@ class Stated:
 def read_joint(item: Item, poses: Poses, remarks: Remarks) -> Stated:
     """Return a joint as its file states it.
 
-    Args:
-        item: The element.
-        poses: Where everything stands.
-        remarks: Takes what is noted.
-
     Raises:
         ModelError: The type is not read, a link or axis is missing, or a number is invalid.
     """

@@ -18,10 +18,6 @@ MOMENTS = {"ixx": 1.0, "ixy": 0.0, "ixz": 0.0, "iyy": 1.0, "iyz": 0.0, "izz": 1.
 def add_links(robot: RobotFile, world: Scope) -> None:
     """Add every link to the robot, in the order of the file; note those with SDFormat's default inertia.
 
-    Args:
-        robot: The robot.
-        world: The outermost scope.
-
     Raises:
         ModelError: A number is invalid, or a link states forces that hybridyn does not have.
     """

@@ -28,12 +28,6 @@ def add_loops(robot: RobotFile, cut: list[tuple[Stated, int]], poses: Poses, nam
 
     A joint with a position that something needs (a motor, a spring, a coupling) stays a joint: it carries a
     massless link, and a fixed closure welds that to its child.
-
-    Args:
-        robot: The robot, with its tree.
-        cut: The joints and their importance.
-        poses: Where everything stands.
-        names: The robot's names.
     """
     whole: list[str] = []
     limited: list[str] = []

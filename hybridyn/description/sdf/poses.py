@@ -19,9 +19,6 @@ class Poses:
     def __init__(self, world: Scope) -> None:
         """Compute every pose.
 
-        Args:
-            world: The outermost scope.
-
         Raises:
             ModelError: A frame is unknown, or frames are defined relative to each other in a circle.
         """
@@ -54,28 +51,15 @@ class Poses:
             self._in_scope[item] = at
 
     def world(self, item: Item | None) -> Array:
-        """Return the pose of an element in the world, shape (4, 4); None is the world itself.
-
-        Args:
-            item: The element.
-        """
+        """Return the pose of an element in the world, shape (4, 4); None is the world itself."""
         return self._within(item, self._world)
 
     def of_scope(self, scope: Scope) -> Array:
-        """Return the pose of a model's own frame in the world, shape (4, 4).
-
-        Args:
-            scope: The model, or the world.
-        """
+        """Return the pose of a model's own frame in the world, shape (4, 4)."""
         return self.world(scope.item)
 
     def named(self, scope: Scope, name: str, node: Node) -> Array:
         """Return the pose of a frame in the world by its name, shape (4, 4).
-
-        Args:
-            scope: Where the name stands.
-            name: The name.
-            node: The element that states it.
 
         Raises:
             ModelError: There is no such frame.

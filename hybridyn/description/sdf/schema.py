@@ -140,9 +140,6 @@ def _refuse_unknown(child: Node, node: Node, known: tuple[str, ...], unread: Unr
 def refuse_lost(node: Node) -> None:
     """Refuse joints, links and inertias inside an element that is left out; a plugin's own names are free.
 
-    Args:
-        node: The element that is left out.
-
     Raises:
         ModelError: There is one.
     """

@@ -89,9 +89,6 @@ class Scope:
     def add_node(self, node: Node) -> None:
         """Add a link, joint or frame.
 
-        Args:
-            node: The element.
-
         Raises:
             ModelError: As for `add`, or its name or pose is invalid.
         """
@@ -124,11 +121,7 @@ class Scope:
         return [*own, *(name for scope in self.merged for name in scope.names())]
 
     def everything(self, kind: Kind) -> Iterator[Item]:
-        """Yield every element of a kind, here and in all models inside.
-
-        Args:
-            kind: The kind.
-        """
+        """Yield every element of a kind, here and in all models inside."""
         yield from self.items[kind].values()
         for nested in self.items["model"].values():
             if nested.inner is not None:
@@ -148,11 +141,6 @@ class Scope:
 
 def resolve(scope: Scope, name: str, node: Node) -> Item | None:
     """Return the element that a name means, None for the scope's own frame.
-
-    Args:
-        scope: Where the name stands.
-        name: The name.
-        node: The element that states it, for messages.
 
     Raises:
         ModelError: There is no such element, or several.
@@ -176,11 +164,6 @@ def resolve(scope: Scope, name: str, node: Node) -> Item | None:
 
 def fill(scope: Scope, library: Library, depth: int = 0) -> None:
     """Read the elements of a model or world into its scope, with the models that it nests and includes.
-
-    Args:
-        scope: The scope, still empty.
-        library: Opens included files.
-        depth: How many models are around it.
 
     Raises:
         ModelError: A name is missing or doubled, a file cannot be included, or a nested model is static.

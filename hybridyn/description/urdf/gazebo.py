@@ -27,21 +27,13 @@ CHILDREN = ("parent", "child", "pose", "axis", "axis2", "physics", "sensor", "ge
 
 
 def gazebo_joints(root: Node) -> list[Node]:
-    """Return the joints directly below a `<gazebo>` that concerns the whole robot.
-
-    Args:
-        root: The root element of a URDF.
-    """
+    """Return the joints directly below a `<gazebo>` that concerns the whole robot."""
     blocks = [block for block in root.children("gazebo") if "reference" not in block.attributes()]
     return [joint for block in blocks for joint in block.children("joint")]
 
 
 def read_gazebo_joints(root: Node, robot: RobotFile) -> None:
     """Add a closure for each SDF joint below `<gazebo>`.
-
-    Args:
-        root: The root element of a URDF.
-        robot: The robot, with its links and joints.
 
     Raises:
         ModelError: A joint has a type that closes no loop here, or names what does not exist.

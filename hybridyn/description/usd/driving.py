@@ -34,11 +34,7 @@ class Driving:
 
 
 def is_driven(joint: UsdJoint) -> bool:
-    """Return whether a drive with a force acts on a joint.
-
-    Args:
-        joint: The joint.
-    """
+    """Return whether a drive with a force acts on a joint."""
     return any(
         joint.prim.any_number(f"drive:{name}:physics:maxForce", np.inf) != 0
         for name in joint.prim.instances("PhysicsDriveAPI")
@@ -80,12 +76,7 @@ def with_properties(joint: UsdJoint, axis: str, record: Joint, driving: Driving)
 
 
 def add_motors(robot: RobotFile, driving: Driving) -> None:
-    """Add the list of motors to the robot, in the order of the file.
-
-    Args:
-        robot: The robot.
-        driving: The motors.
-    """
+    """Add the list of motors to the robot, in the order of the file."""
     if driving.servos:
         robot.notes.append(
             f"drives of {listed(driving.servos)} have stiffness or damping, which are not read: the motors "

@@ -117,10 +117,6 @@ def _joint(bodies: Bodies, prim: Prim) -> UsdJoint:
 def ends_of(bodies: Bodies, prim: Prim) -> list[tuple[Prim | None, Array]]:
     """Return both bodies of a joint and its frame in each, shape (4, 4), [m].
 
-    Args:
-        bodies: The bodies.
-        prim: The joint.
-
     Raises:
         ModelError: The joint breaks, its bodies do not exist, or they are one.
     """

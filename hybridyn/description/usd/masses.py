@@ -47,9 +47,6 @@ class Mass:
 def masses(bodies: Bodies) -> dict[str, Mass]:
     """Return the mass properties of the moving bodies by path.
 
-    Args:
-        bodies: The bodies.
-
     Raises:
         ModelError: A mass is negative, or follows from a shape that is not computed.
     """

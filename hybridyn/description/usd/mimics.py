@@ -16,11 +16,7 @@ Names = Mapping[str, Mapping[str, str]]
 
 
 def bound_joints(stage: Stage) -> set[str]:
-    """Return the paths of all joints that are coupled.
-
-    Args:
-        stage: The stage.
-    """
+    """Return the paths of all joints that are coupled."""
     out: set[str] = set()
     for prim in stage.prims.values():
         followers = [f"physxMimicJoint:{axis}:referenceJoint" for axis in prim.instances(PHYSX)]

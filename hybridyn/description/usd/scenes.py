@@ -14,9 +14,6 @@ EARTH = 9.81
 def gravity_of(stage: Stage) -> tuple[float, float, float] | None:
     """Return the acceleration of gravity in the world [m/s^2], or None if the file states nothing about it.
 
-    Args:
-        stage: The stage.
-
     Raises:
         ModelError: Several scenes state different gravity.
     """

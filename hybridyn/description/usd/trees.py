@@ -118,11 +118,6 @@ def _needs_weld(axis: str, record: Joint, far: Array) -> bool:
 def closure_of(joint: UsdJoint, name: str, ends: tuple[str, str]) -> Closure:
     """Return a joint that closes a loop as a closure.
 
-    Args:
-        joint: The joint.
-        name: Its name.
-        ends: Names of the links of its first and second body.
-
     Raises:
         ModelError: It has a motor, friction or armature, which only joints of the tree have.
     """

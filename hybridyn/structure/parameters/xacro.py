@@ -125,9 +125,6 @@ class XacroArguments:
     def expanded(self, values: Sequence[Any]) -> Description:
         """Read the robot's file with other values of the arguments.
 
-        Args:
-            values: Their values, in order.
-
         Raises:
             ModelError: The file is wrong with them.
         """

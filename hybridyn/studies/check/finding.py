@@ -110,9 +110,5 @@ class Finding:
 
 
 def worst(findings: list[Finding]) -> Severity | None:
-    """Return the worst severity among findings, or None if there are none.
-
-    Args:
-        findings: The findings.
-    """
+    """Return the worst severity among findings, or None if there are none."""
     return next((level for level in SEVERITIES if any(f.severity == level for f in findings)), None)

@@ -16,11 +16,7 @@ REPORTED_ELSEWHERE = ("unphysical inertia", "no file says which joints", "both i
 
 
 def duplicated_names(root: Node) -> list[Finding]:
-    """Return a finding for every name that two elements of one kind share. Such a file cannot be read.
-
-    Args:
-        root: Root element.
-    """
+    """Return a finding for every name that two elements of one kind share. Such a file cannot be read."""
     out, places = [], Places(root)
     for kind in NAMED:
         lines: dict[str, int | None] = {}

@@ -32,11 +32,7 @@ class Places:
     """Looks up the places of a robot's elements."""
 
     def __init__(self, root: Node) -> None:
-        """Keep the file name; xacro files are searched on the first request.
-
-        Args:
-            root: Root element of the robot, xacro expanded.
-        """
+        """Keep the file name; xacro files are searched on the first request."""
         self.expanded = root.file.endswith(EXPANDED)
         self.file = root.file.removesuffix(EXPANDED)
 

@@ -10,12 +10,7 @@ from .judge_engine import judge_way
 
 
 def main(given: str, found: str) -> None:
-    """Judge the way into an engine that a file names, and write the verdict to another file.
-
-    Args:
-        given: Path of the task.
-        found: Path of the verdict.
-    """
+    """Judge the way into an engine that a file names, and write the verdict to another file."""
     task = pickle.loads(Path(given).read_bytes())
     Path(found).write_bytes(pickle.dumps(judge_way(*task)))
 

@@ -116,11 +116,6 @@ class SingleJoints:
 def refuse_other_joints(robot: HybridRobot, theirs: Sequence[str], engine: str) -> None:
     """Raise if the joints of an engine are not those of the robot.
 
-    Args:
-        robot: The robot.
-        theirs: Names of the engine's movable joints.
-        engine: What the engine's reader made, in words.
-
     Raises:
         NotComparableError: Joints are missing, or there are others.
     """

@@ -37,13 +37,7 @@ def own_file(
     xacro_args: Mapping[str, object] | None = None,
     package_dirs: Sequence[str | PathLike[str]] = (),
 ) -> OwnFile:
-    """Return the file of a robot; empty if it has none, or none of text.
-
-    Args:
-        robot: The robot.
-        xacro_args: Arguments of a xacro file by name.
-        package_dirs: Folders that hold packages.
-    """
+    """Return the file of a robot; empty if it has none, or none of text."""
     path = robot.description.source
     if path is None:
         return OwnFile()

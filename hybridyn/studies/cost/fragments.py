@@ -32,12 +32,7 @@ def solver_fragment(options: dict[str, Any], dtype: str) -> str:
 
 
 def effects_fragment(source: SceneFile, names: Sequence[str]) -> str:
-    """Write the table [effects] that requests some of the scene's effects.
-
-    Args:
-        source: The scene.
-        names: The effects to keep.
-    """
+    """Write the table [effects] that requests some of the scene's effects."""
     own = {name for name, _ in source.scene.effects.stated() if name in UNITS}
     use = [name for name in names if name not in own and name not in TABLES]
     lines = ["[effects]", f"use = [{', '.join(_toml(name) for name in use)}]"]

@@ -102,12 +102,7 @@ def _use(dtype: str, projection: str) -> Use:
 
 
 def of_effects(names: Sequence[str], options: dict[str, Any]) -> Iterator[Setting]:
-    """Yield the scene's own solver without one effect each, then without all effects that can be omitted.
-
-    Args:
-        names: Effects of the scene.
-        options: Its solver's options.
-    """
+    """Yield the scene's own solver without one effect each, then without all effects that can be omitted."""
     there = [name for name in DROPPABLE if name in names]
     for out in [*([name] for name in there), *([there] if len(there) > 1 else [])]:
         kept = tuple(name for name in names if name not in out)

@@ -90,10 +90,6 @@ class Evaluator:
     def __call__(self, expression: str, names: Names) -> Any:
         """Return the value of an expression.
 
-        Args:
-            expression: Text of the expression.
-            names: Values by name.
-
         Raises:
             RefusedError: The expression uses something that is not allowed, or exceeds a bound.
             Exception: Any error of its operators and functions.

@@ -39,10 +39,6 @@ def warm_up() -> None:
 def dump(stage: Any, most: int) -> dict[str, Any]:
     """Return the content of a stage.
 
-    Args:
-        stage: The stage.
-        most: Most prims.
-
     Returns:
         "meters", "kilograms", "up", "authored" (names of the stated ones among them), "default" (path of the
         default prim, or ""), and "prims": each with path, type, schemas, values, and more where it has it.

@@ -126,12 +126,7 @@ class DrakeEngine:
 
 
 def ways(robot: HybridRobot, own: OwnFile) -> Iterator[Way]:
-    """Yield the ways into Drake: by its reader, continuous and discrete.
-
-    Args:
-        robot: The robot.
-        own: Its file.
-    """
+    """Yield the ways into Drake: by its reader, continuous and discrete."""
     if own.format in PARSED:
         for word, discrete in (("continuous", False), ("discrete (SAP)", True)):
             way = f"its {own.format} reader, {word}"

@@ -146,12 +146,7 @@ class MujocoEngine:
 
 
 def ways(robot: HybridRobot, own: OwnFile) -> Iterator[Way]:
-    """Yield the ways into MuJoCo: by its reader, and by hybridyn's MJCF.
-
-    Args:
-        robot: The robot.
-        own: Its file.
-    """
+    """Yield the ways into MuJoCo: by its reader, and by hybridyn's MJCF."""
     if own.format in ("URDF", "MJCF"):
         yield f"its {own.format} reader", lambda: _read(robot, own)
     if ".xml" in WRITERS and own.format != "MJCF":

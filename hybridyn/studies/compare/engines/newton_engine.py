@@ -96,12 +96,7 @@ class NewtonEngine:
 
 
 def ways(robot: HybridRobot, own: OwnFile) -> Iterator[Way]:
-    """Yield the way into Newton: its reader.
-
-    Args:
-        robot: The robot.
-        own: Its file.
-    """
+    """Yield the way into Newton: its reader."""
     if own.format in ("URDF", "MJCF"):
         yield f"its {own.format} reader, SolverFeatherstone", lambda: _read(robot, own)
 

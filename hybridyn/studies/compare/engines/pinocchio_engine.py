@@ -108,12 +108,7 @@ class PinocchioEngine:
 
 
 def ways(robot: HybridRobot, own: OwnFile) -> Iterator[Way]:
-    """Yield the ways into Pinocchio: by its reader, and by constraint models.
-
-    Args:
-        robot: The robot.
-        own: Its file.
-    """
+    """Yield the ways into Pinocchio: by its reader, and by constraint models."""
     if own.format in ("URDF", "MJCF"):
         yield f"its {own.format} reader", lambda: _read(robot, own)
     yield "rigid constraints", lambda: _with_constraints(robot)
