@@ -26,8 +26,8 @@ class Missed:
 
     def pytest_sessionfinish(self, session: pytest.Session) -> None:
         """Keep the names for the next run."""
-        if session.config.cache is not None:
-            session.config.cache.set(CACHE, sorted(self.names))
+        if cache := _cache(session.config):
+            cache.set(CACHE, sorted(self.names))
 
     def _add(self, report: pytest.TestReport | pytest.CollectReport) -> None:
         if report.skipped and NEEDS in str(report.longrepr):
@@ -36,5 +36,11 @@ class Missed:
 
 def select(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Keep the tests that the last run skipped, by their own names or their files'."""
-    names = set(config.cache.get(CACHE, []) if config.cache else [])
+    cache = _cache(config)
+    names = set(cache.get(CACHE, []) if cache else [])
     items[:] = [item for item in items if item.nodeid in names or item.nodeid.split("::", 1)[0] in names]
+
+
+def _cache(config: pytest.Config) -> pytest.Cache | None:
+    """Return the cache, or None where it is switched off."""
+    return getattr(config, "cache", None)
