@@ -11,7 +11,7 @@ from ..structure.parameters.entries import Parameters
 from ..structure.parameters.slots import Slot
 from ..structure.robot import HybridRobot
 from .code.scalars import Scalar
-from .equations.arguments.coefficients import at_robot, check_coefficients
+from .equations.arguments.coefficients import at_robot, check_coefficients, with_stated_springs
 from .failures import as_compile_error
 from .library.cache import Built
 from .library.calls import Library, loaded
@@ -39,9 +39,9 @@ def compile(
     Args:
         robot: The robot.
         effects: Effects to include, as for `hybridyn.idm`.
-        parameters: Numbers of the robot that calls may change, such as "mass:LINK" or "position:JOINT"
-            (`structure.parameters.entries.entry_of` lists them), or slots; all others are constants of the
-            code.
+        parameters: Numbers of the robot that calls may change, such as "mass:LINK", "position:JOINT",
+            "spring_stiffness:JOINT" or "payload_mass:LINK" (`structure.parameters.entries.entry_of` lists
+            them), or slots; all others are constants of the code.
         threads: Number of threads that share a batch.
         dtype: "float64", or "float32", which computes a batch twice as fast with seven digits.
         quick: Whether to return after a quick build of the library (-O1), which gives the same bits in about
@@ -67,6 +67,7 @@ def compile(
     find_compiler()
     scalar = Scalar(dtype, best_lanes(dtype))
 
+    robot = with_stated_springs(robot, on) if parameters else robot
     chosen = Parameters(robot.description, parameters)
     check_coefficients(robot, on, chosen.slots)
 

@@ -15,6 +15,7 @@ from ..errors import CompileError, ModelError
 from ..structure.parameters.entries import Parameters
 from ..structure.parameters.slots import values_of
 from ..structure.robot import HybridRobot
+from .equations.arguments.coefficients import check_coefficients, with_stated_springs
 from .failures import as_compile_error
 from .needs import WITHOUT_CASADI
 from .verifying import check_trusted
@@ -81,7 +82,9 @@ def export(
         raise ModelError(
             "the effect 'limits' is not exported: clip the efforts before the call", element="limits"
         )
+    robot = with_stated_springs(robot, on) if parameters else robot
     slots = Parameters(robot.description, parameters).slots
+    check_coefficients(robot, on, slots)
     if slots and map_joints:
         raise ModelError("the map of output joints has no parameters: export it by itself")
     values = np.array(values_of(robot.description, slots))

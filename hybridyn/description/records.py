@@ -6,8 +6,8 @@ homogeneous matrix, "frame B in A": it holds the coordinates of B's axes and ori
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -40,6 +40,40 @@ class Link:
     inertia: Array
     line: int | None = None
     between_joints: bool = False
+
+
+@dataclass(frozen=True)
+class Load:
+    """A body that was added to a link, and the link's own numbers.
+
+    Attributes:
+        name: Name of the link.
+        mass, com, inertia: Those of the added body, as in `Link`.
+        own_mass, own_com, own_inertia: Those of the link without it.
+    """
+
+    name: str
+    mass: float
+    com: Array
+    inertia: Array
+    own_mass: float
+    own_com: Array
+    own_inertia: Array
+
+
+@dataclass(frozen=True)
+class StatedSpring:
+    """A spring that the files state for a joint.
+
+    Attributes:
+        name: Name of the joint.
+        stiffness: Stiffness [N/m or N m/rad].
+        rest: Position without force [m or rad].
+    """
+
+    name: str
+    stiffness: float
+    rest: float
 
 
 @dataclass(frozen=True)
@@ -183,6 +217,7 @@ class Description:
         gravity: Acceleration of gravity that the file states [m/s^2], or None.
         read_from: What it was read from; None for a model in memory.
         format: Format of the robot file; "Pinocchio" for a model in memory, whose order of joints is kept.
+        loads: Bodies that were added to links, whose numbers include them.
     """
 
     name: str
@@ -201,6 +236,27 @@ class Description:
     gravity: tuple[float, float, float] | None = None
     format: Format = "URDF"
     read_from: ReadFrom | None = field(default=None, compare=False)
+    loads: tuple[Load, ...] = ()
+
+    @property
+    def springs(self) -> tuple[StatedSpring, ...]:
+        """The springs in `effects`, joint by joint."""
+        return tuple(
+            StatedSpring(joint, stiffness, values.get("rest", {}).get(joint, 0.0))
+            for name, values in self.effects
+            if name == "spring"
+            for joint, stiffness in values["stiffness"].items()
+        )
+
+    def with_springs(self, springs: Iterable[StatedSpring]) -> Description:
+        """Return the description with other springs, in one table in place of all others."""
+        every = tuple(springs)
+        rest = tuple((name, values) for name, values in self.effects if name != "spring")
+        table = {
+            "stiffness": {one.name: one.stiffness for one in every},
+            "rest": {one.name: one.rest for one in every},
+        }
+        return replace(self, effects=(*rest, ("spring", table)))
 
     @property
     def root(self) -> str:

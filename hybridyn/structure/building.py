@@ -19,6 +19,7 @@ from .mechanism import Mechanism, Tolerances
 from .module import Module, check_mechanism
 from .module_spec import ModuleSpec, module_spec
 from .parameters.changed import with_numbers
+from .payload import payloads_of
 from .robot import Base, HybridRobot
 from .stated import home_of, joints_to_keep
 
@@ -275,5 +276,6 @@ def rebuilt(robot: HybridRobot, description: Description) -> HybridRobot:
     """
     return build_robot(
         description, base=robot.base, gravity=robot.gravity, rank_tolerance=robot.rank_tolerance,
-        closure_tolerance=robot.closure_tolerance, held=robot.held, payloads=robot.payloads, like=robot,
+        closure_tolerance=robot.closure_tolerance, held=robot.held, payloads=payloads_of(description),
+        like=robot,
     )  # fmt: skip

@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from ..description.names import did_you_mean
-from ..description.records import Description, Link
+from ..description.records import Description, Link, Load
 from ..errors import ModelError
 from ..spatial import LARGEST
 from .bodies import Body
@@ -68,10 +68,28 @@ class Payload:
             raise ModelError(
                 f"payload on unknown link '{self.link}'{did_you_mean(self.link, links)}", element=self.link
             )
-        body = Body("", -1)
-        origin = (np.eye(3), np.zeros(3))
-        body.add(links[self.link], *origin)
-        body.add(Link("", self.mass, np.array(self.com), np.array(self.inertia)), *origin)
-        heavier = replace(links[self.link], mass=body.mass, com=body.com, inertia=body.inertia)
-        every = tuple(heavier if link.name == self.link else link for link in description.links)
-        return replace(description, links=every)
+        own = links[self.link]
+        com, inertia = np.array(self.com), np.array(self.inertia)
+        load = Load(self.link, self.mass, com, inertia, own.mass, own.com, own.inertia)
+        every = tuple(loaded(link, load) if link.name == self.link else link for link in description.links)
+        return replace(description, links=every, loads=(*description.loads, load))
+
+
+def loaded(link: Link, load: Load) -> Link:
+    """Return a link with the numbers of its own in a load and of the body that was added."""
+    body, origin = Body("", -1), (np.eye(3), np.zeros(3))
+    body.add(replace(link, mass=load.own_mass, com=load.own_com, inertia=load.own_inertia), *origin)
+    body.add(Link("", load.mass, load.com, load.inertia), *origin)
+    return replace(link, mass=body.mass, com=body.com, inertia=body.inertia)
+
+
+def payloads_of(description: Description) -> tuple[Payload, ...]:
+    """Return the payloads that were added to the links of a description.
+
+    Raises:
+        ModelError: A payload has numbers of no body.
+    """
+    return tuple(
+        Payload(load.name, load.mass, tuple(load.com.tolist()), tuple(map(tuple, load.inertia.tolist())))
+        for load in description.loads
+    )

@@ -13,6 +13,7 @@ from hybridyn.compiled.equations.states import random_states
 from hybridyn.compiled.programs.designs import changed
 from hybridyn.compiled.programs.interpreter import function_of
 from hybridyn.compiled.programs.whole_robot import programs
+from hybridyn.effects import Payload, Spring
 from hybridyn.errors import ModelError, TrajectoryError
 from hybridyn.spatial import Array
 from hybridyn.structure.building import build_robot
@@ -122,6 +123,44 @@ def test_wrong_arguments_are_named() -> None:
         compiled.idm(robot.home, still, still, parameters=[1.0, 2.0])
     with pytest.raises(ModelError, match="has no parameters"):
         hybridyn.compile(robot).idm(robot.home, still, still, parameters=[1.0])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("many", [False, True])
+def test_springs_and_payloads_are_parameters(many: bool) -> None:
+    """Against a payload and a spring that are stated with the numbers of each design, down to none at all."""
+    robot = hybridyn.load("five_bar")
+    joint, link = "m1_left_elbow", "m1_tool"
+
+    def effects(p: list[float]) -> list[object]:
+        moments = ((p[6], p[7], p[8]), (p[7], p[9], p[10]), (p[8], p[10], p[11]))
+        return ["default", Spring({joint: p[0]}, {joint: p[1]}), Payload(link, p[2], tuple(p[3:6]), moments)]
+
+    first = [3.0, 0.2, 0.5, 0.01, 0.02, 0.03, 0.01, 0.001, 0.0, 0.02, 0.0, 0.015]
+    names = [f"spring_{x}:{joint}" for x in ("stiffness", "rest")]
+    names += [f"payload_{x}:{link}" for x in ("mass", "centre", "inertia")]
+    compiled = hybridyn.compile(
+        hybridyn.with_effects(robot, effects(first)), effects(first), parameters=names
+    )
+    assert compiled.parameters.nominal.tolist() == first
+    designs = [[5.0, -0.3, 1.2, 0.05, 0.0, 0.01, *(2 * x for x in first[6:])], [0.0] * 12]
+    for p in designs:
+        fresh = hybridyn.with_effects(robot, effects(p))
+        q, v, a, tau = random_states(fresh, 4)
+        given = np.tile(p, (4, 1)) if many else np.array(p)
+        wanted = hybridyn.idm(fresh, q, v, a, effects=effects(p))
+        assert off(compiled.idm(q, v, a, parameters=given), wanted) <= AGREE
+        wanted = hybridyn.ddm(fresh, q, v, tau, effects=effects(p))
+        assert off(compiled.ddm(q, v, tau, parameters=given), wanted) <= AGREE
+    assert compiled.recomputed == 0
+    motors = {name: np.linspace(0.0, 0.3, 5) for name in robot.motors}
+    table = compiled.designs(designs, motors=motors)
+    for p, found in zip(designs, table.tau, strict=True):
+        fresh = hybridyn.with_effects(robot, effects(p))
+        states = hybridyn.assemble(fresh, motors=motors)
+        assert off(found, hybridyn.idm(fresh, *states, effects=effects(p))) <= AGREE
+    with pytest.raises(ModelError, match="stiffness of 'm1_left_elbow' is negative in design 0"):
+        compiled.idm(q, v, a, parameters=[-1.0, *first[1:]])
 
 
 @pytest.mark.slow

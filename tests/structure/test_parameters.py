@@ -11,6 +11,7 @@ import pytest
 
 from hybridyn import HybridRobot, assemble, idm, load
 from hybridyn.description.records import Description
+from hybridyn.effects import Payload, Spring, with_effects
 from hybridyn.errors import AssemblyError, ModelError
 from hybridyn.structure.building import build_robot
 from hybridyn.structure.parameters.entries import Parameters
@@ -94,6 +95,43 @@ def test_with_parameters_builds_the_robot_with_these_numbers(monkeypatch: pytest
     other = robot.with_parameters(values)
     assert [m.mechanism.reduction.rank for m in other.modules] == [2]
     same_robot(other, fresh)
+
+
+def test_payloads_and_springs_are_parameters() -> None:
+    robot = build_robot(shipped("five_bar"))
+    loaded = with_effects(robot, [Payload("m1_tool", 0.5, (0.1, 0.0, 0.0))])
+    other = loaded.with_parameters({"payload_mass:m1_tool": 2.0, "payload_centre:m1_tool": (0.0, 0.1, 0.0)})
+    fresh = with_effects(robot, [Payload("m1_tool", 2.0, (0.0, 0.1, 0.0))])
+    assert other.payloads == fresh.payloads
+    same_robot(other, fresh)
+    table = {"stiffness": {"m1_left_elbow": 3.0, "m1_left_drive": 1.0}, "rest": {"m1_left_elbow": 0.2}}
+    sprung = build_robot(dataclasses.replace(shipped("five_bar"), effects=(("spring", table),)))
+    stiff = sprung.with_parameters({"spring_stiffness:m1_left_elbow": 9.0, "spring_rest:m1_left_drive": 0.1})
+    wanted = Spring(
+        {"m1_left_elbow": 9.0, "m1_left_drive": 1.0}, {"m1_left_elbow": 0.2, "m1_left_drive": 0.1}
+    )
+    still = np.zeros((1, robot.nv))
+    efforts = idm(stiff, robot.home[None], still, still, effects="model")
+    np.testing.assert_array_equal(
+        efforts, idm(robot, robot.home[None], still, still, effects=["model", wanted])
+    )
+
+
+def test_payloads_and_springs_that_are_not_there_are_named() -> None:
+    robot = build_robot(shipped("five_bar"))
+    with pytest.raises(ModelError, match="there is no spring on the joint 'm1_left_elbow'"):
+        robot.with_parameters({"spring_rest:m1_left_elbow": 1.0})
+    with pytest.raises(ModelError, match="there is no payload on the link 'm1_tool'"):
+        robot.with_parameters({"payload_mass:m1_tool": 1.0})
+    once = with_effects(robot, [Payload("m1_tool", 0.5)])
+    with pytest.raises(ModelError, match="there are 2 of payload on the link 'm1_tool'"):
+        with_effects(once, [Payload("m1_tool", 0.7)]).with_parameters({"payload_mass:m1_tool": 1.0})
+    with pytest.raises(ModelError, match="name one of both"):
+        once.with_parameters({"payload_mass:m1_tool": 1.0, "mass:m1_tool": 1.0})
+    with pytest.raises(ModelError, match="add the payload last"):
+        once.with_parameters({"mass:m1_tool": 9.0}).with_parameters({"payload_mass:m1_tool": 1.0})
+    with pytest.raises(ModelError, match="mass must not be negative"):
+        once.with_parameters({"payload_mass:m1_tool": -1.0})
 
 
 def replaced(description: Description, mass: float, length: float) -> Description:

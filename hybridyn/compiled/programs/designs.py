@@ -17,6 +17,8 @@ from ...structure.robot import HybridRobot
 
 #: Factors on the parameters of the designs at which a new model is verified.
 TRIED = (1.0, 1.03, 0.98)
+#: Fields whose numbers must not be negative.
+NOT_NEGATIVE = ("mass", "stiffness")
 #: Number of robots that are kept for samples that the general path computes.
 KEPT_ROBOTS = 8
 
@@ -87,7 +89,7 @@ class DesignsInSlots:
             shape: Shape of the samples, () or (T,).
 
         Raises:
-            ModelError: The model was compiled without parameters, or a mass is negative.
+            ModelError: The model was compiled without parameters, or a mass or a stiffness is negative.
             TrajectoryError: The shape is wrong, or a number is not finite.
         """
         size = self.parameters.size
@@ -106,7 +108,7 @@ class DesignsInSlots:
             )
         slots = self.parameters.slot_values(np.atleast_2d(values))
         for i, slot in enumerate(self.parameters.slots):
-            if slot.field == "mass" and (slots[:, i] < 0).any():
+            if slot.field in NOT_NEGATIVE and (slots[:, i] < 0).any():
                 first = int(np.flatnonzero(slots[:, i] < 0)[0])
                 raise ModelError(f"{slot} is negative in design {first}", element=slot.name)
         return slots[0] if not shape else np.broadcast_to(slots, (*shape, slots.shape[1]))

@@ -12,7 +12,7 @@ from ...effects.joints import OnJoints
 from ...errors import ModelError
 from ...spatial import Index
 from ..equations.arguments.chosen import ChosenNumbers
-from ..equations.arguments.coefficients import slot_of
+from ..equations.arguments.coefficients import slots_of
 from ..equations.expressions import pack
 from ..equations.request import Request
 from ..program import Constants, Shared, Source
@@ -89,31 +89,43 @@ class Efforts:
             if not len(here):
                 continue
             i = int(here[0])
-            p = ca.SX.sym("p", len(law.p))
+            coefficients = self._coefficients(law, i)
+            pieces = [ca.SX.sym("p", size) for size, _ in coefficients]
+            p = ca.vertcat(*pieces)
             turns = bool(law.turns[i])
             x = ca.SX.sym("x", 2 if turns else 1)
             v = ca.SX.sym("v")
             angle = ca.atan2(x[1], x[0]) if turns else x[0]
             effort = _written(law.effect, p, angle, v)
             q_at = int(law.at[i])
-            inputs += [p, x, v]
+            inputs += [*pieces, x, v]
             sources += [
-                self._coefficients(law, i),
+                *(source for _, source in coefficients),
                 w.from_given("q", np.arange(q_at, q_at + x.numel())),
                 w.from_given("v", np.array([at])),
             ]
             total = total + effort
-            key = (*key, turns, repr(law.effect.name))
+            key = (*key, turns, repr(law.effect.name), len(pieces))
         return inputs, sources, total, key
 
-    def _coefficients(self, law: OnJoints, i: int) -> Source:
-        """Return the source of a law's coefficients on its freedom i: constants, or an argument."""
+    def _coefficients(self, law: OnJoints, i: int) -> list[tuple[int, Source]]:
+        """Return the sources of a law's coefficients on its freedom i with their sizes.
+
+        Constants come from one source. If some are arguments, each has its own.
+        """
         arguments = self._request.arguments
+        values = np.array([[row[i] for row in law.p]])
         if isinstance(arguments, ChosenNumbers):
-            slot = slot_of(self._request.robot, law, i)
-            if slot in arguments.slots:
-                return self._writer.from_given("parameters", np.array([arguments.slots.index(slot)]))
-        return Constants(np.array([[row[i] for row in law.p]]))
+            slots = slots_of(self._request.robot, law, i)
+            at = [None if slot not in arguments.slots else arguments.slots.index(slot) for slot in slots]
+            if any(place is not None for place in at):
+                return [
+                    (1, Constants(values[:, n : n + 1]))
+                    if place is None
+                    else (1, self._writer.from_given("parameters", np.array([place])))
+                    for n, place in enumerate(at)
+                ]
+        return [(len(law.p), Constants(values))]
 
 
 def _written(effect: Any, p: ca.SX, x: Any, v: ca.SX) -> Any:

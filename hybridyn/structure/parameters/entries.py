@@ -12,7 +12,8 @@ from ...description.names import did_you_mean
 from ...description.records import Description
 from ...errors import ModelError
 from ...spatial import Array
-from .slots import Slot, values_of
+from ..payload import loaded
+from .slots import NUMBERS, Slot, values_of
 from .xacro import XacroArguments
 
 
@@ -92,12 +93,16 @@ _OF_LINKS = {
     "centre": ("com", tuple((i,) for i in range(3)), _XYZ),
     "inertia": ("inertia", tuple((i, j) for i in range(3) for j in range(i, 3)), _UPPER),
 }
+#: Prefix of the parameters of links that are those of the payload on a link.
+PAYLOAD = "payload_"
+#: Fields of springs by kind.
+_OF_SPRINGS = {"spring_stiffness": "stiffness", "spring_rest": "rest"}
 #: Fields of joints, which count with the effect of that name.
 OF_EFFECTS = {"viscous_friction": "damping", "coulomb_friction": "friction"}
 #: What follows the name of a closure: its frame on the predecessor and on the successor.
 _SIDES = {"predecessor": "frame_a", "successor": "frame_b"}
 #: Kinds of parameters, before the colon.
-KINDS = (*_OF_LINKS, *_FRAMED, "offset", *OF_EFFECTS)
+KINDS = (*_OF_LINKS, *_FRAMED, "offset", *OF_EFFECTS, *_OF_SPRINGS, *(PAYLOAD + kind for kind in _OF_LINKS))
 
 
 def entry_of(description: Description, name: str) -> Entry:
@@ -108,10 +113,13 @@ def entry_of(description: Description, name: str) -> Entry:
         name: "mass:LINK", "centre:LINK" or "inertia:LINK" (about the centre of mass: xx, xy, xz, yy, yz,
             zz); "position:JOINT", "rotation:JOINT" (roll, pitch, yaw) or "placement:JOINT" (both), also of
             "CLOSURE/predecessor" and "CLOSURE/successor"; "offset:COUPLING"; "viscous_friction:JOINT" and
-            "coulomb_friction:JOINT", the coefficients in the robot's files.
+            "coulomb_friction:JOINT", the coefficients in the robot's files; "spring_stiffness:JOINT" and
+            "spring_rest:JOINT"; "payload_mass:LINK", "payload_centre:LINK" and "payload_inertia:LINK", those
+            of the payload on a link.
 
     Raises:
-        ModelError: The name has another form, or there is no such link, joint, closure or coupling.
+        ModelError: The name has another form, or there is no such link, joint, closure, coupling, spring or
+            payload.
     """
     kind, colon, of = name.partition(":")
     if not colon or kind not in KINDS:
@@ -127,6 +135,14 @@ def entry_of(description: Description, name: str) -> Entry:
     if kind == "offset":
         _known(name, of, [c.name for c in description.couplings], "coupling")
         return _entry(name, ("offset",), [Slot("couplings", of, "offset")])
+    if kind in _OF_SPRINGS:
+        _one(name, of, [spring.name for spring in description.springs], "spring on the joint")
+        return _entry(name, (kind,), [Slot("springs", of, _OF_SPRINGS[kind])])
+    if kind.startswith(PAYLOAD):
+        _one(name, of, [load.name for load in description.loads], "payload on the link")
+        _check_load(name, description, of)
+        field, places, labels = _OF_LINKS[kind.removeprefix(PAYLOAD)]
+        return _entry(name, labels, [Slot("loads", of, field, at) for at in places])
     joints = [joint.name for joint in description.joints]
     if kind in OF_EFFECTS:
         _known(name, of, joints, "joint")
@@ -164,6 +180,35 @@ def _known(name: str, of: str, names: Sequence[str], what: str) -> None:
     if of not in names:
         hint = did_you_mean(of, names)
         raise ModelError(f"parameter '{name}': there is no {what} '{of}'{hint}", element=of)
+
+
+def _one(name: str, of: str, names: Sequence[str], what: str) -> None:
+    """Check that there is exactly one record of a name.
+
+    Raises:
+        ModelError: There is none, or there are several, which no parameter can tell apart.
+    """
+    _known(name, of, names, what)
+    if names.count(of) > 1:
+        raise ModelError(
+            f"parameter '{name}': there are {names.count(of)} of {what} '{of}': state one instead", element=of
+        )
+
+
+def _check_load(name: str, description: Description, of: str) -> None:
+    """Check that a link has the numbers of its own and of its payload.
+
+    Raises:
+        ModelError: They were changed after the payload was added.
+    """
+    link = next(link for link in description.links if link.name == of)
+    own = loaded(link, next(load for load in description.loads if load.name == of))
+    if not all(np.array_equal(getattr(link, field), getattr(own, field)) for field in NUMBERS["links"]):
+        raise ModelError(
+            f"parameter '{name}': the numbers of link '{of}' were changed after its payload was added: add "
+            "the payload last",
+            element=of,
+        )
 
 
 def of_slot(slot: Slot) -> Entry:
@@ -217,6 +262,14 @@ class Parameters:
                         f"parameters '{owner[slot]}' and '{entry.name}' both set {slot}", element=entry.name
                     )
                 owner[slot] = entry.name
+        both = {slot.name for slot in owner if slot.table == "loads"}
+        for slot, name in owner.items():
+            if slot.table == "links" and slot.name in both:
+                raise ModelError(
+                    f"parameter '{name}': link '{slot.name}' has parameters of its payload, which are part "
+                    "of its numbers: name one of both",
+                    element=slot.name,
+                )
         held = iter(values_of(description, self.slots))
         parts = [entry.own(np.array([next(held) for _ in entry.slots])) for entry in self.entries]
         self.nominal: Array = np.concatenate([np.zeros(0), *parts])

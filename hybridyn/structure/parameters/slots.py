@@ -10,6 +10,7 @@ import numpy as np
 
 from ...description.records import Description
 from ...errors import ModelError
+from ..payload import loaded
 
 #: Fields with slots, by the tuple of a description.
 NUMBERS = {
@@ -17,6 +18,8 @@ NUMBERS = {
     "joints": ("placement", "damping", "friction"),
     "closures": ("frame_a", "frame_b"),
     "couplings": ("offset",),
+    "springs": ("stiffness", "rest"),
+    "loads": ("mass", "com", "inertia"),
 }
 #: Tuples of a description whose records have slots.
 TABLES = tuple(NUMBERS)
@@ -49,7 +52,8 @@ class Slot:
     def __str__(self) -> str:
         """Describe the slot in messages."""
         at = "".join(f"[{i}]" for i in self.index)
-        return f"{self.field}{at} of '{self.name}'"
+        payload = "payload's " if self.table == "loads" else ""
+        return f"{payload}{self.field}{at} of '{self.name}'"
 
 
 def values_of(description: Description, slots: Sequence[Slot]) -> list[float]:
@@ -90,6 +94,13 @@ def with_values(description: Description, slots: Sequence[Slot], values: Iterabl
         for table in TABLES
         if changes[table]
     }
+    springs = tables.pop("springs", None)
+    if springs is not None:
+        description = description.with_springs(springs)
+    if changes["loads"]:
+        of = {load.name: load for load in tables["loads"] if load.name in changes["loads"]}
+        links = tables.get("links", description.links)
+        tables["links"] = tuple(loaded(link, of[link.name]) if link.name in of else link for link in links)
     return replace(description, **tables)
 
 
@@ -114,7 +125,10 @@ def differences(one: Description, other: Description) -> list[Slot]:
         for x, y in zip(ours, theirs, strict=True):
             out += _differing(table, x, y)
     for field in ("motors", "effects", "base", "gravity"):
-        if getattr(one, field) != getattr(other, field):
+        mine, others = getattr(one, field), getattr(other, field)
+        if field == "effects":
+            mine, others = ([x for x in effects if x[0] != "spring"] for effects in (mine, others))
+        if mine != others:
             raise ModelError(f"the {field} are others: the robot has another structure")
     return out
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import numpy as np
-
+from ....description.records import StatedSpring
 from ....effects.choice import Effects
-from ....effects.joints import OnJoints, placed
+from ....effects.elastic import Spring
+from ....effects.joints import JointEffect, OnJoints, placed
 from ....errors import ModelError
 from ....structure.parameters.entries import OF_EFFECTS
 from ....structure.parameters.slots import Slot
@@ -17,23 +17,65 @@ from ....structure.robot import HybridRobot
 STATED = {"viscous_friction": "coefficient", "coulomb_friction": "level"}
 
 
-def slot_of(robot: HybridRobot, law: OnJoints, i: int) -> Slot | None:
-    """Return the number of the description that is the coefficient of a law's freedom i, or None."""
+def slots_of(robot: HybridRobot, law: OnJoints, i: int) -> list[Slot | None]:
+    """Return for each coefficient of a law's freedom i the number of the description that it is, or None."""
+    none: list[Slot | None] = [None] * len(law.p)
+    if isinstance(law.effect, Spring):
+        joint = _joint_of(robot, law, i)
+        return [Slot("springs", joint, "stiffness"), Slot("springs", joint, "rest"), *none[2:]]
     field = OF_EFFECTS.get(law.effect.name)
     if field is None or getattr(law.effect, STATED[law.effect.name]) is not None:
-        return None
+        return none
+    return [Slot("joints", _joint_of(robot, law, i), field), *none[1:]]
+
+
+def _joint_of(robot: HybridRobot, law: OnJoints, i: int) -> str:
+    """Return the joint of a law's freedom i."""
     at = int(law.columns[i])
-    joint = next(n for n, slice_ in zip(robot.joints, robot.v_slices, strict=True) if slice_.start == at)
-    return Slot("joints", joint, field)
+    return next(n for n, slice_ in zip(robot.joints, robot.v_slices, strict=True) if slice_.start == at)
+
+
+def with_stated_springs(robot: HybridRobot, effects: Effects) -> HybridRobot:
+    """Return a robot whose description states the springs of its models, which are then parameters of it.
+
+    Raises:
+        ModelError: Several springs act on a joint.
+    """
+    springs = [
+        StatedSpring(joint, *values[:2])
+        for law in effects.joints
+        if isinstance(law.effect, Spring)
+        for joint, values in law.effect.numbers(robot).items()
+    ]
+    if not springs or tuple(springs) == robot.description.springs:
+        return robot
+    names = [spring.name for spring in springs]
+    for name in names:
+        if names.count(name) > 1:
+            raise ModelError(
+                f"several springs act on joint '{name}': a model with parameters takes one", element=name
+            )
+    return replace(robot, description=robot.description.with_springs(springs))
 
 
 def at_robot(effects: Effects, robot: HybridRobot) -> Effects:
-    """Return effects whose laws have the coefficients of another robot's files."""
+    """Return effects whose laws have the coefficients of another robot's description."""
     laws, rotors = (
-        tuple(law for one in group if (law := placed(one.effect, robot)) is not None)
+        tuple(law for one in group if (law := placed(_stated(one.effect, robot), robot)) is not None)
         for group in (effects.joints, effects.rotors)
     )
     return replace(effects, joints=laws, rotors=rotors)
+
+
+def _stated(effect: JointEffect, robot: HybridRobot) -> JointEffect:
+    """Return an effect with the coefficients that a robot's description states for its joints."""
+    if not isinstance(effect, Spring):
+        return effect
+    known = {spring.name: spring for spring in robot.description.springs if spring.name in effect.stiffness}
+    return Spring(
+        {**effect.stiffness, **{name: spring.stiffness for name, spring in known.items()}},
+        {**effect.rest, **{name: spring.rest for name, spring in known.items()}},
+    )
 
 
 def check_coefficients(robot: HybridRobot, effects: Effects, slots: tuple[Slot, ...]) -> None:
@@ -42,9 +84,17 @@ def check_coefficients(robot: HybridRobot, effects: Effects, slots: tuple[Slot, 
     Raises:
         ModelError: The effect is off, or the coefficient is zero in the robot's files.
     """
-    used = {slot_of(robot, law, i) for law in effects.joints for i in np.arange(len(law.columns)).tolist()}
+    used = {
+        slot for law in effects.joints for i in range(len(law.columns)) for slot in slots_of(robot, law, i)
+    }
     names = {field: name for name, field in OF_EFFECTS.items()}
     for slot in slots:
+        if slot.table == "springs" and slot not in used:
+            raise ModelError(
+                f"parameter 'spring_{slot.field}:{slot.name}': no spring acts on the joint; name the effect "
+                "in effects=",
+                element=slot.name,
+            )
         if slot.field in names and slot not in used:
             name = names[slot.field]
             raise ModelError(
