@@ -93,7 +93,6 @@ def assemble_requests(robot: HybridRobot, requests: Requests, guess: Array) -> t
     """Compute the postures of `assemble` from checked requests.
 
     Args:
-        robot: The robot.
         requests: Requests for T samples.
         guess: Initial posture, shape (nq,).
 
@@ -241,7 +240,6 @@ def spanning_positions(module: Module, x: Array, target: Motion, guess: Array) -
     """Compute positions of the spanning tree, including the wrists that connect ends with their targets.
 
     Args:
-        module: The module.
         x: Positions of the tree after the cuts, shape (T, its nq).
         target: Motion of that tree.
         guess: Posture near the first sample, shape (nq,), or one near each sample, shape (T, nq).
@@ -278,7 +276,6 @@ def move_module(robot: HybridRobot, number: int, joints: Mapping[str, float], gu
     """Move joints of one module along a path of closed loops; the other modules keep their positions.
 
     Args:
-        robot: The robot.
         number: Index of the module.
         joints: New position by joint name (joints with one freedom), [m or rad]; with the closures they
             determine the module's posture.

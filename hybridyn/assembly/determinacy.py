@@ -22,8 +22,6 @@ def check_determined(module: Module, problem: LoopProblem, generic: Array) -> in
     """Compute the generic rank of a problem's rows over its free freedoms, and check that it suffices.
 
     Args:
-        module: The module.
-        problem: Its closures and targets.
         generic: Scaled rows at generic postures, shape (samples, rows, nv).
 
     Raises:
@@ -79,8 +77,6 @@ def check_bounded(module: Module, problem: LoopProblem, K: Array, x: Array, want
     """Check that joint rates or accelerations stay bounded, which fails at singular postures.
 
     Args:
-        module: The module.
-        problem: Its closures and targets.
         K: Scaled rows over all freedoms, shape (T, rows, nv).
         x: Scaled solution, shape (T, nv).
         wanted: Scaled right-hand side of the rows, shape (T, rows).
@@ -120,8 +116,6 @@ def _what_is_singular(module: Module, problem: LoopProblem, K: Array) -> tuple[s
     """Determine what lost rank: "closures", "legs" or "motors", a description, and a remedy.
 
     Args:
-        module: The module.
-        problem: Its closures and targets.
         K: Scaled rows over all freedoms at one sample, shape (rows, nv).
     """
     m = module.mechanism

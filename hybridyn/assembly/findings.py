@@ -88,7 +88,6 @@ def motor_share(module: Module, Psi: Array) -> Array | None:
     Translations are divided by the module's length, so that metres and radians are comparable.
 
     Args:
-        module: The module.
         Psi: Basis of its motions, shape (T, n, N).
 
     Returns:

@@ -98,7 +98,6 @@ def follow(task: Task, guess: Array, *, keep_branch: bool = True) -> Array:
     """Compute a posture for every sample, on the branch of the previous one; the first on that of the guess.
 
     Args:
-        task: The task.
         guess: Initial posture, shape (nq,).
         keep_branch: Whether leaving the branch is an error. If False, whatever posture Newton finds is
             accepted (a wrist in gimbal lock has no branch to stay on).

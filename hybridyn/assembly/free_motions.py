@@ -69,7 +69,11 @@ def free_motions_of(robot: HybridRobot) -> list[str]:
         "idle": "idle, it moves no output and no centre of mass: the motion of {}",
         "massless": "the motion of {} has no inertia",
     }
-    return [sentences[kind].format(_unquoted(names)) for kind, names in found.items() if names]
+    return [
+        sentences[kind].format(listed(dict.fromkeys(names)).replace("'", ""))
+        for kind, names in found.items()
+        if names
+    ]
 
 
 def own_inertia(m: Mechanism, Psi: Array) -> Array:
@@ -95,7 +99,6 @@ def idle_motions(module: Module, motions: Array, motion: Motion) -> Iterator[Arr
     """Yield, sample by sample, the combinations of motions that are idle: no motor drives them, no effect.
 
     Args:
-        module: The module.
         motions: Its motions, orthonormal in scaled coordinates, shape (T, n, N).
         motion: Motion of its tree, T samples.
 
@@ -111,7 +114,6 @@ def are_idle(module: Module, motions: Array, motion: Motion) -> Mask:
     """Return the samples at which motions are idle: no combination moves an output or a centre of mass.
 
     Args:
-        module: The module.
         motions: The motions, orthonormal in scaled coordinates, shape (T, n, k).
         motion: Motion of its tree, T samples.
     """
@@ -124,7 +126,6 @@ def _undriven(module: Module, motions: Array, effects: Array) -> tuple[Array, Ar
     """Compute the combinations of motions that no motor drives, and which of these have no effect.
 
     Args:
-        module: The module.
         motions: Its motions, orthonormal in scaled coordinates, shape (n, N).
         effects: Rows of `_effects` at one sample, shape (rows, n).
     """
@@ -168,7 +169,3 @@ def _named(motions: Array, names: list[str]) -> tuple[str, ...]:
         return ()
     order = pivoted_qr(motions.T[None], len(motions), k)[1][0, :k]
     return tuple(names[i] for i in sorted(order))
-
-
-def _unquoted(names: list[str]) -> str:
-    return listed(dict.fromkeys(names)).replace("'", "")

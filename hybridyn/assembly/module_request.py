@@ -71,7 +71,6 @@ class ModuleRequest:
         """Set a link's complete pose: a platform's as given coordinates, another body's as a target.
 
         Args:
-            link: The link.
             place: The link's body in the tree after the cuts, and its placement R, p in the body.
             motion: The link's motion in the module's base body.
         """
@@ -114,7 +113,6 @@ def module_request(
 
     Args:
         requests: The requests for the whole robot.
-        robot: The robot.
         number: Index of the module.
         base_body: Index of its base body.
         bodies: Motions of the bodies assembled so far, in the root body.

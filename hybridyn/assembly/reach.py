@@ -32,7 +32,6 @@ def closed_postures(
     Newton's method starts at the guess, and then at the postures of the nearest samples that closed.
 
     Args:
-        robot: The robot.
         motors: As in `assemble`.
         platforms: As in `assemble`.
         guess: Initial posture, shape (nq,); the home posture by default.

@@ -16,7 +16,6 @@ def check_unwrapped(robot: HybridRobot, time: Array, joints: Mapping[str, tuple[
     """Check that positions of geared continuous joints do not jump by whole turns against their velocities.
 
     Args:
-        robot: The robot.
         time: Times, shape (T,), [s].
         joints: Joint name to position, velocity and acceleration, shape (T,) each.
 

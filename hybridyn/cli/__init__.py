@@ -98,9 +98,6 @@ def main(arguments: list[str] | None = None) -> int:
 
     Args:
         arguments: The words after `hybridyn`; None takes the program's own.
-
-    Returns:
-        The exit status.
     """
     start_none()
     words = sys.argv[1:] if arguments is None else list(arguments)

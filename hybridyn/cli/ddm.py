@@ -101,7 +101,6 @@ def accelerations(
     """Compute the accelerations of a block as rows of the result, and the reactions if they are wanted.
 
     Args:
-        robot: The robot.
         block: The states; of the accelerations only that of a moving base is used.
         effects: The effects that are computed.
         reactions: Whether reactions are computed.

@@ -109,9 +109,7 @@ def weigh(
     """Read a motion and evaluate the inverse model on it.
 
     Args:
-        robot: The robot.
         trajectory: The table's file.
-        effects: The effects to compare.
         engine: The engine that the user names, or None.
 
     Returns:

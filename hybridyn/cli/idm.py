@@ -184,10 +184,6 @@ def check_has_mass(robot: HybridRobot, effects: Effects, layout: Layout) -> None
 def read_weights(words: tuple[str, ...], motors: Sequence[str]) -> dict[str, float] | None:
     """Read the motors' weights from `motor=value` words or from a table.
 
-    Args:
-        words: Values of `--weights`.
-        motors: Names of the motors.
-
     Returns:
         Weights by motor, or None where none are given; `hybridyn.idm` checks that they are complete.
 

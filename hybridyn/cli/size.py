@@ -112,8 +112,6 @@ def motor_states(
     The positions of continuous joints are 0.
 
     Args:
-        robot: The robot.
-        block: The motion.
         passive: As in `hybridyn.idm`.
         effects: The effects that are computed.
         compiled: The robot's compiled models, or None for the general path.
@@ -217,7 +215,6 @@ def facts(load: MotorLoad, timed: bool) -> dict[str, Any]:
     """Return the load of a motor as flat names and values, None for unknown ones.
 
     Args:
-        load: The load.
         timed: Whether the table has time; if not, peaks are at rows.
     """
     out: dict[str, Any] = {}

@@ -176,7 +176,7 @@ def _table(found: Best) -> list[str]:
         if rows:
             more = f" ({len(rows):,} designs, {MOST_PRINTED} printed)" if len(rows) > MOST_PRINTED else ""
             lines.append(f"{title}{more}")
-            cells = [[_cell(value) for value in row] for row in rows[:MOST_PRINTED]]
+            cells = [[f"{value:.6g}" for value in row] for row in rows[:MOST_PRINTED]]
             aligned = aligned_rows([list(found.columns), *cells], right=range(len(found.columns)))
             lines += [f"  {line}" for line in aligned]
     return lines
@@ -201,7 +201,3 @@ def _index(one: Index) -> str:
     """Return an index with its bound: parts of the variance with two decimals, others with three digits."""
     digits = ".2f" if one.kind in ("first", "total") else ".3g"
     return f"{one.value:{digits}}" + ("" if math.isnan(one.bound) else f" ± {one.bound:{digits}}")
-
-
-def _cell(value: float) -> str:
-    return f"{value:.6g}"

@@ -18,7 +18,6 @@ def home_of(d: Description, joint: Joint) -> tuple[float, ...]:
     """Return the home position of a joint: angles as one number, other coordinates as Pinocchio's.
 
     Args:
-        d: The robot.
         joint: One of its joints, not fixed.
     """
     stated = d.home.get(joint.name)
@@ -52,7 +51,6 @@ def poses_at(
     """Return the pose of each link in a posture, shapes (4, 4); loops may be open.
 
     Args:
-        d: The robot.
         positions: Joint positions by name, as in `Description.home`; zero for those left out.
         root: Pose of the root link, shape (4, 4); None for the identity.
     """
@@ -69,12 +67,7 @@ def poses_at(
 
 
 def motion_of(joint: Joint, positions: Mapping[str, tuple[float, ...]]) -> Array:
-    """Return the motion of a joint from position zero, shape (4, 4).
-
-    Args:
-        joint: The joint.
-        positions: Joint positions by name, as for `poses_at`.
-    """
+    """Return the motion of a joint from position zero, shape (4, 4)."""
     at = positions.get(joint.name)
     if at is None or joint.kind == "fixed":
         return np.eye(4)

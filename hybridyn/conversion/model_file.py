@@ -24,11 +24,9 @@ def model_file(
     """Return the text of a model file, "" if there is nothing to say.
 
     Args:
-        description: The robot.
         motors: Whether to write the list of motors.
         home: Whether to write the home posture.
         joints: By joint, the numbers to write: rotor_inertia, gear_ratio, damping, friction.
-        couplings: The couplings to write.
         effects: Names of the effects to write, those of `description.effects`.
     """
     parts = []

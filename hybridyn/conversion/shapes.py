@@ -33,7 +33,6 @@ def read_shapes(
     """Read the shapes of a robot's links.
 
     Args:
-        d: The robot.
         target: The file to be written.
         xacro_args: Arguments of a xacro file by name.
         package_dirs: Folders in which `package://` searches.

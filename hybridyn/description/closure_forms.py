@@ -99,11 +99,6 @@ def form_of_rows(text: str) -> RowsForm:
 
 
 def words_of_rows(translations: tuple[int, ...], rotation: RotationKind) -> list[str]:
-    """Return the rows of a closure in canonical form, the inverse of `form_of_rows`.
-
-    Args:
-        translations: As in `records.Closure`.
-        rotation: As in `records.Closure`.
-    """
+    """Return the rows of a closure in canonical form, the inverse of `form_of_rows`."""
     turns = {"free": (), "perpendicular": (PERPENDICULAR,), "parallel": ROWS[3:5], "fixed": ROWS[3:]}
     return [ROWS[axis] for axis in translations] + [*turns[rotation]]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -106,7 +106,7 @@ def _checked(robot: RobotFile, statement: MotorStatement) -> tuple[str, ...]:
     kinds = {joint.name: joint.kind for joint in robot.joints}
     for index, name in enumerate(statement.names):
         if name not in kinds:
-            known = _drivable(robot)
+            known = [joint.name for joint in robot.joints if FREEDOMS[joint.kind] == 1]
             hint = did_you_mean(name, known) or f"; joints that can be driven: {listed(known)}"
             raise _error(statement, f"motor '{name}' is not a joint of the robot{hint}", name)
         if FREEDOMS[kinds[name]] != 1:
@@ -116,10 +116,6 @@ def _checked(robot: RobotFile, statement: MotorStatement) -> tuple[str, ...]:
         if name in statement.names[:index]:
             raise _error(statement, f"motor '{name}' is stated twice", name)
     return statement.names
-
-
-def _drivable(robot: RobotFile) -> Iterable[str]:
-    return [joint.name for joint in robot.joints if FREEDOMS[joint.kind] == 1]
 
 
 def _error(statement: MotorStatement, message: str, name: str) -> ModelError:

@@ -92,7 +92,6 @@ def complete(
     """Choose the motors of a valid robot and return its description.
 
     Args:
-        robot: The robot.
         motors: As in `read`.
         home: Home posture; None takes that of the robot.
         source: Path of its file, or None.

@@ -14,11 +14,6 @@ def urdf_root(
 ) -> Any:
     """Read a URDF or xacro file.
 
-    Args:
-        file: The robot's file.
-        xacro_args: Arguments of a xacro file by name.
-        package_dirs: Folders in which `$(find package)` searches.
-
     Returns:
         The lxml element of the robot, or None for a file of another format.
     """

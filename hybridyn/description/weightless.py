@@ -22,9 +22,6 @@ def weightless(description: Description, shaped: Container[str] = ()) -> list[Jo
     Args:
         description: The description of the robot.
         shaped: Links that have a shape; they are parts wherever their joints are placed.
-
-    Returns:
-        Joints in file order.
     """
     bodies = Bodies(description)
     exempt = {bodies.of[link.name] for link in description.links if link.mass or link.inertia.any()}

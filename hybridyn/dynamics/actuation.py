@@ -66,8 +66,6 @@ def motor_efforts(robot: HybridRobot, module: Module, Psi: Array, need: Need, sh
     """Compute the efforts of a module's motors.
 
     Args:
-        robot: The robot.
-        module: The module.
         Psi: Motions of the module, shape (T, n, N).
         need: Generalised force that the motors must produce.
         sharing: How the load is distributed among redundant motors.
@@ -154,8 +152,6 @@ def load_share(robot: HybridRobot, module: Module, sharing: Sharing, among: Inde
     """Return the share of each motor in the load: its effort limit, or 1 / sqrt(weight), [N or N m].
 
     Args:
-        robot: The robot.
-        module: The module.
         sharing: How the load is distributed among redundant motors.
         among: Numbers, in the module, of the motors that share the load.
 

@@ -82,7 +82,6 @@ def articulate(
     """Run the backward recursion: compute articulated inertias and biases, the outermost modules first.
 
     Args:
-        robot: The robot.
         states: States of its modules.
         loads: External wrenches and effects.
         tau: Motor efforts, shape (T, motors).
@@ -250,7 +249,6 @@ def accelerate(
     """Run the last forward recursion: compute the accelerations of the spanning tree, Eqs. (51), (53).
 
     Args:
-        robot: The robot.
         modules: Its modules after `articulate`.
         root: Acceleration of the base of the first modules minus gravity, shape (T, 6).
         q: Positions, shape (T, nq).

@@ -26,7 +26,6 @@ def backward(
     """Compute the forces that every module needs, the efforts of its motors and the wrench on its base.
 
     Args:
-        robot: The robot.
         states: States of its modules.
         loads: External wrenches and effects.
         guards: Checks of the results, and how the load is distributed among motors.
@@ -55,7 +54,6 @@ def reactions_of(robot: HybridRobot, motion: RobotMotion, tau: Array, loads: Loa
     """Compute the wrenches between modules and in the closures from a motion and known efforts.
 
     Args:
-        robot: The robot.
         motion: Motion of the robot.
         tau: Efforts of the motors, shape (T, motors).
         loads: External wrenches and effects.

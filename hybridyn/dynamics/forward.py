@@ -55,7 +55,6 @@ def forward(
     """Run the forward recursion.
 
     Args:
-        robot: The robot.
         q: Positions, shape (T, nq).
         v: Rates, shape (T, nv).
         a: Accelerations, shape (T, nv), or None if they are not needed; the accelerations in the states are

@@ -25,7 +25,6 @@ def efforts_in_blocks(
     """Compute motor efforts as `hybridyn.idm` does, block by block.
 
     Args:
-        robot: The robot.
         q: Positions, shape (T, nq).
         v: Rates, shape (T, nv), [m/s, rad/s].
         a: Accelerations, shape (T, nv), [m/s^2, rad/s^2].

@@ -26,7 +26,6 @@ class Guards:
         """Compute the forces with which rounding is compared.
 
         Args:
-            robot: The robot.
             motion: Motion of the robot.
             sharing: How the load is distributed among motors, or None if efforts are known.
         """

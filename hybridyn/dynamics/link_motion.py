@@ -75,7 +75,6 @@ def motions_of(
     """Compute the motion of links from that of bodies.
 
     Args:
-        robot: The robot.
         bodies: Motion of each body, by number.
         links: Names of the links.
         single: Whether to drop the axis of samples.
@@ -120,7 +119,6 @@ def body_motions(
     """Compute the motion of bodies in the world.
 
     Args:
-        robot: The robot.
         q: Positions, shape (T, nq).
         v: Rates, shape (T, nv).
         a: Accelerations, shape (T, nv).

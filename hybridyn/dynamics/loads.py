@@ -144,7 +144,6 @@ def all_loads(
     """Collect the wrenches given by the caller and the loads of the effects.
 
     Args:
-        robot: The robot.
         on: The effects that are computed.
         q: Positions, shape (T, nq).
         v: Rates, shape (T, nv).
@@ -166,7 +165,6 @@ def gather_loads(robot: HybridRobot, wrenches: Mapping[str, Array] | None, sampl
     """Assign wrenches on links to modules and bodies.
 
     Args:
-        robot: The robot.
         wrenches: Wrench on each link, by link name, shape (6,) or (samples, 6), in its frame at its origin.
         samples: Number of samples.
 

@@ -32,7 +32,6 @@ def warn_of_lost_efforts(module: Module, Q: Array, size: Array, weight: float) -
     """Log a warning for samples at which the efforts of a module have no correct digit.
 
     Args:
-        module: The module.
         Q: Generalised force needed along each motion, shape (T, N), [N m].
         size: Largest term in the sum Q, shape (T,), [N m].
         weight: Largest generalised force that the robot's weight can cause [N m].
@@ -47,7 +46,6 @@ def warn_of_lost_accelerations(module: Module, x_ddot: Array, terms: Array, grav
     """Log a warning for samples at which the accelerations of a module have no correct digit.
 
     Args:
-        module: The module.
         x_ddot: Accelerations of the module, shape (T, n).
         terms: Largest term in their sum, shape (T,), [rad/s^2].
         gravity: Norm of the acceleration of gravity [m/s^2].

@@ -51,7 +51,6 @@ def check_motor_map(module: Module, pivot: Array) -> None:
     """Raise if the accelerations of the motors do not determine the motion (parallel singularity).
 
     Args:
-        module: The module.
         pivot: Smallest pivot of its motors' map over the largest, shape (T,).
 
     Raises:
@@ -78,8 +77,6 @@ def check_effort_digits(module: Module, basis: Basis, Q: Array, size: Array, wei
     proportional to 1 / pivot^2. The efforts are the small difference of these large terms.
 
     Args:
-        module: The module.
-        basis: Its motions.
         Q: Generalised force needed along each motion, shape (T, N), [N m].
         size: Largest term in the sum Q, shape (T,), [N m].
         weight: Largest effort that the robot's weight can cause [N m]; rounding below it is harmless.
@@ -120,10 +117,6 @@ def along_motion(state: ModuleState, basis: Basis) -> Basis:
     If the module has one freedom and moves, its velocity is exactly the direction of the branch. At rest, or
     where branches are tangent, the branch is unknown: motions and pivots of these samples are not changed.
 
-    Args:
-        state: State of the module.
-        basis: Its motions as computed by the elimination.
-
     Raises:
         SingularityError: A velocity belongs to no branch.
     """
@@ -146,7 +139,6 @@ def possible_motions(module: Module, K: Array) -> Array:
     There are more of them than the mobility of the module.
 
     Args:
-        module: The module.
         K: Closure rows of the module at this posture, shape (rows, n).
 
     Returns:

@@ -22,8 +22,6 @@ def check_massless_forces(module: Module, basis: Basis, left: Array, size: Array
     """Raise if a force acts on a motion without inertia.
 
     Args:
-        module: The module.
-        basis: Its motions.
         left: Forces on massless motions (`InertiaFactor.solve`), shape (T, N), [N m].
         size: Largest term in the sum of these forces, shape (T,), [N m].
 
@@ -52,8 +50,6 @@ def choose_least_norm(module: Module, basis: Basis, inertia: InertiaFactor, u_do
     """Choose, in place, the least-norm accelerations along motions without inertia.
 
     Args:
-        module: The module.
-        basis: Its motions.
         inertia: Factor of its inertia.
         u_dot: Independent accelerations, shape (T, N); changed at samples with massless motions.
     """

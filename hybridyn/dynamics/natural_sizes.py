@@ -41,7 +41,6 @@ class NaturalSizes:
         """Compute the sizes for a motion of a robot.
 
         Args:
-            robot: The robot.
             v: Rates, shape (T, nv).
             a: Accelerations, shape (T, nv); zero if None.
         """
@@ -86,7 +85,6 @@ def force_rounding(robot: HybridRobot, v: Array, a: Array) -> Array:
     distance of the robot's size, the reference acceleration.
 
     Args:
-        robot: The robot.
         v: Rates, shape (T, nv).
         a: Accelerations, shape (T, nv).
 

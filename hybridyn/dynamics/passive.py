@@ -35,7 +35,6 @@ def solve_passive(robot: HybridRobot, q: Array, v: Array, a: Array, loads: Loads
     where Z spans the motions with fixed motors, and the drift includes the prescribed accelerations.
 
     Args:
-        robot: The robot.
         q: Positions, shape (T, nq).
         v: Rates, shape (T, nv).
         a: Accelerations, shape (T, nv).

@@ -22,7 +22,6 @@ def check_closed(
     """Check that states close the loops to `STATE_CLOSED`, or less precisely if the file itself is rounded.
 
     Args:
-        robot: The robot.
         states: States of its modules.
         q: Positions, shape (T, nq).
         v: Rates, shape (T, nv).

@@ -178,7 +178,6 @@ def choose(robot: HybridRobot, effects: Choice) -> Effects:
     """Select the effects of a call for a robot.
 
     Args:
-        robot: The robot.
         effects: None or "default" for gravity, inertia, the legs' inertia and velocity terms; "model" for
             those and all effects stated in the robot's files; "none"; or a list of names (including these
             words) and effect objects. Only named effects are computed: `["default", Spring({"elbow": 40.0})]`

@@ -32,11 +32,6 @@ def page_of_figure(figure: Figure) -> str:
 def subplots(rows: int, columns: int, **options: Any) -> Figure:
     """Return a plotly figure of empty panels.
 
-    Args:
-        rows: Rows of panels.
-        columns: Columns of panels.
-        options: As plotly's `make_subplots` takes them.
-
     Raises:
         HybridynError: plotly is missing.
     """

@@ -13,13 +13,7 @@ from .panels import Chart, Line, Panel
 
 
 def chart_of_effects(robot: HybridRobot, contributions: Sequence[Contribution], *, title: str = "") -> Chart:
-    """Build a chart of the RMS contribution of each effect to each motor's effort, one panel per module.
-
-    Args:
-        robot: The robot.
-        contributions: Contribution of each effect.
-        title: Title of the chart.
-    """
+    """Build a chart of the RMS contribution of each effect to each motor's effort, one panel per module."""
     number = {motor: i for i, motor in enumerate(robot.motors)}
     panels = []
     for group in groups(robot, "effort"):

@@ -46,7 +46,6 @@ def groups(robot: HybridRobot, quantity: str) -> list[Group]:
     """Return the motors grouped by panel.
 
     Args:
-        robot: The robot.
         quantity: One of `QUANTITIES`.
     """
     _, units, other = QUANTITIES[quantity]
@@ -78,7 +77,6 @@ def chart_of_rows(
     """Build a chart of the rows of a result of `idm`, `ddm` or `simulate`.
 
     Args:
-        robot: The robot.
         columns: Names of the columns.
         x: Times [s], or numbers of rows, shape (T,).
         rows: The rows, shape (T, columns).

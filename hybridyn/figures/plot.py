@@ -44,7 +44,6 @@ def figure_of_efforts(robot: HybridRobot, time: Array, tau: Array, *, title: str
     """Draw efforts over time, one panel per module, with limits and peaks marked.
 
     Args:
-        robot: The robot.
         time: Times, shape (T,), [s].
         tau: Efforts, shape (T, motors), [N or N m], as returned by `hybridyn.idm`.
         title: Title of the figure.

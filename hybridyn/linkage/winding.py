@@ -244,7 +244,6 @@ def winding_of(
     """Build the winding of a tree's couplings, or return None if no turn of a continuous joint matters.
 
     Args:
-        closures: The closures and couplings.
         known: Positions, shape (T, nq); only those of the joints in `given` are used.
         given: Indices of the joints whose positions are given.
         angles: Positions of the continuous ones, including whole turns, shape (T,), [rad].

@@ -127,10 +127,6 @@ def derivative(f: Callable[[float], Array]) -> Array:
 def along_branch(state: ModuleState, basis: Basis) -> Basis:
     """Compute the motions of a module; where its closures lose rank, those of its branch.
 
-    Args:
-        state: The module's state.
-        basis: Its motions as computed by the elimination.
-
     Raises:
         SingularityError: A velocity is on no branch.
     """

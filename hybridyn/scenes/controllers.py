@@ -95,7 +95,6 @@ class Pd:
         """Set motors, reference and gains.
 
         Args:
-            robot: The robot.
             reference: The reference motion x_d.
             kp: Stiffness, for all or by motor [N/m or N m/rad].
             kd: Damping, for all or by motor [N s/m or N m s/rad].
@@ -130,7 +129,6 @@ class ComputedTorque:
         """Set motors, reference, gains and effects.
 
         Args:
-            robot: The robot.
             reference: The reference motion x_d.
             kp: Gain of the position error, for all or by motor [1/s^2].
             kd: Gain of the rate error, for all or by motor [1/s].

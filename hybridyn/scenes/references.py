@@ -138,7 +138,6 @@ def from_points(robot: HybridRobot, points: Sequence[Point], start: Array) -> Re
     """Build a motion from point to point in the motors' coordinates, at rest in each point.
 
     Args:
-        robot: The robot.
         points: The points, at increasing times; unless the first is at 0, the motion starts at `start`.
         start: Posture at time 0, shape (nq,).
 

@@ -71,7 +71,6 @@ def stage(
     """Load a scene and assemble its start.
 
     Args:
-        path: The scene file.
         effort: A controller that replaces the scene's.
         allow_python: Whether a Python controller named by the scene may run; it has all rights of this
             process.
@@ -117,14 +116,7 @@ def play(
     ready: Stage, *, progress: Progress | None = None, checkpoint: str | PathLike[str] | None = None,
     resume: Result | str | PathLike[str] | None = None, compiled: CompiledRobot | None = None,
 ) -> Result:  # fmt: skip
-    """Simulate a scene to its end.
-
-    Args:
-        ready: The scene.
-        progress: As in `simulate`.
-        checkpoint: As in `simulate`.
-        resume: As in `simulate`.
-        compiled: As in `simulate`.
+    """Simulate a scene to its end; the other arguments are those of `simulate`.
 
     Raises:
         HybridynError: The motion cannot start from the scene's start.

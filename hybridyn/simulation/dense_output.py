@@ -37,7 +37,6 @@ class Between:
         """Set the ends of the step.
 
         Args:
-            system: The integrated system.
             before: Start of the step.
             after: End of the step.
             exact: True where both ends carry the direct model's accelerations.

@@ -65,7 +65,6 @@ def locate(event: Event, between: Between, t0: float, before: float) -> Found:
 
     Args:
         event: The event, whose function changes sign in the step.
-        between: The step.
         t0: Start of the step [s].
         before: Value of the function there.
     """

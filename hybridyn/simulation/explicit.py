@@ -57,7 +57,6 @@ class Explicit:
         tangent space at each step's start. The results of both agree to the method's error.
 
         Args:
-            system: The system.
             state: The state at the start.
             t: Times of the start and after each step, shape (steps + 1,), [s]; with `control`, only the
                 first is read.

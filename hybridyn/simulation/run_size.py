@@ -21,7 +21,6 @@ def check_run_size(robot: HybridRobot, rows: float, steps: float, mend: str) -> 
     """Check, before a run starts, that its rows and steps fit in memory.
 
     Args:
-        robot: The robot.
         rows: Number of output samples; may be infinite.
         steps: Number of fixed steps, 0 for adaptive methods; may be infinite.
         mend: Advice that ends the message.

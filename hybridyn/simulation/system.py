@@ -159,7 +159,6 @@ class System:
         """Compute a chart's posture, with a prescribed base at its pose.
 
         Args:
-            chart: The chart.
             t: Time [s].
             y: Coordinates, shape (N,).
             u: Velocities, shape (N,).

@@ -47,7 +47,6 @@ def state_rows(robot: HybridRobot, t: Array, q: Array, v: Array, a: Array) -> Ar
     """Return states in the order of `state_columns`, shape (T, columns).
 
     Args:
-        robot: The robot.
         t: Times, shape (T,), [s].
         q: Positions, shape (T, nq).
         v: Rates, shape (T, nv).

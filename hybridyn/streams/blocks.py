@@ -118,7 +118,6 @@ class Work:
         """Compute a block.
 
         Args:
-            block: The block.
             guess: Posture near its first row, shape (nq,), or None for the home posture.
 
         Raises:
@@ -153,9 +152,6 @@ def blocks(motions: Iterable[Motion], rows: int, connected: bool) -> Iterator[Bl
         motions: Consecutive rows of a table.
         rows: Maximum number of rows in a block.
         connected: Whether each block continues the one before.
-
-    Yields:
-        Blocks in order.
     """
     before: Motion | None = None
     for motion in motions:
@@ -177,9 +173,6 @@ def in_order(work: Work, given: Iterable[Block], workers: Workers) -> Iterator[D
         work: The computation for each block.
         given: The blocks; only as many as there are processes are held at once.
         workers: The processes; if there are none, this process computes.
-
-    Yields:
-        The results of the blocks, in order.
 
     Raises:
         HybridynError: The first error in the order of the rows.

@@ -57,7 +57,6 @@ def postures(
     """Compute the robot's postures: read them where the table names every joint, else assemble them.
 
     Args:
-        robot: The robot.
         motion: Some rows of the table.
         layout: The meaning of the table's columns.
         guess: Posture near the first row, shape (nq,); None means the home posture. Rows without time are
@@ -83,8 +82,6 @@ def all_postures(
     """Read a whole table and compute its postures.
 
     Args:
-        robot: The robot.
-        file: The table.
         instead: Joints, and the motors that a table which names one of these joints need not name.
 
     Returns:

@@ -73,11 +73,7 @@ class Cut:
         return self.coordinates(q, None, None, self.spanning.sweep(q))[0]
 
     def motion(self, spanning: Motion) -> Motion:
-        """Select the motion of the bodies of `tree` from the motion of the spanning tree.
-
-        Args:
-            spanning: Motion of the spanning tree.
-        """
+        """Select the motion of the bodies of `tree` from the motion of the spanning tree."""
         return Motion(*(select(x, self.bodies) for x in spanning.arrays))
 
     def to_spanning(self, x: Array, out: Array) -> None:

@@ -58,7 +58,6 @@ def departures(robot: HybridRobot, q: Array, v: Array, tau: Array | None = None)
     """Return the joints that exceed their limits in a motion, one entry per joint and quantity.
 
     Args:
-        robot: The robot.
         q: Positions, shape (T, nq).
         v: Rates, shape (T, nv).
         tau: Efforts of the motors, shape (T, motors), or None.

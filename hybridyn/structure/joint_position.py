@@ -12,7 +12,6 @@ def joint_position(robot: HybridRobot, q: Array, joint: str) -> Array:
     """Return the position of a joint with one freedom; for a continuous joint the angle in [-pi, pi].
 
     Args:
-        robot: The robot.
         q: Positions of the spanning tree, shape (..., nq).
         joint: Name of the joint.
 

@@ -105,7 +105,6 @@ def module_spec(bodies: Bodies, graph: ModuleGraph, home: Array) -> ModuleSpec:
 
     Args:
         bodies: The robot's bodies.
-        graph: The module.
         home: Home position of the module's spanning tree, shape (nq,).
     """
     local = {graph.base: 0} | {joint + 1: i + 1 for i, joint in enumerate(graph.joints)}

@@ -54,11 +54,7 @@ class WristMotion:
         return np.concatenate([every[self._cut.spanning.v_slices[i]] for i in self.specs[wrist].joints])
 
     def near_gimbal_lock(self, spanning: Motion) -> Index:
-        """Return the samples at which a wrist that carries a platform is near gimbal lock.
-
-        Args:
-            spanning: Motion of the spanning tree.
-        """
+        """Return the samples at which a wrist that carries a platform is near gimbal lock."""
         near = np.zeros(len(spanning.p), dtype=bool)
         for number, wrist in enumerate(self.specs):
             if wrist.carries and len(wrist.joints) == 3:
@@ -67,10 +63,6 @@ class WristMotion:
 
     def jacobian(self, motion: Motion, wrist: int) -> Array:
         """Compute the Jacobian from the scaled joint rates of a wrist to the twist of its end.
-
-        Args:
-            motion: Motion of the spanning tree.
-            wrist: Number of the wrist.
 
         Returns:
             Shape (T, 6, joints of the wrist). The twist is relative to the wrist's parent, at the origin of

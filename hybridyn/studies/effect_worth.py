@@ -116,7 +116,6 @@ class Worth:
         """Run the inverse model with all effects; other sets are run on request.
 
         Args:
-            robot: The robot.
             q: Positions, shape (T, nq).
             v: Rates, shape (T, nv).
             a: Accelerations, shape (T, nv).

@@ -64,7 +64,6 @@ def homes(
     """Find the closed postures of a robot with its motors at given positions.
 
     Args:
-        robot: The robot.
         motors: Positions of motors [m or rad]; motors left out stay at home.
         starts: Number of random starts per module with loops.
         seed: Seed of the starts.
@@ -95,7 +94,6 @@ def positions(robot: HybridRobot, q: Array) -> dict[str, tuple[float, ...]]:
     """Return the position of each joint of a posture as `model.toml` states it; a free base is left out.
 
     Args:
-        robot: The robot.
         q: Positions on the spanning tree, shape (nq,).
 
     Returns:

@@ -210,7 +210,6 @@ def motor_rows(robot: HybridRobot, q: Array, v: Array) -> tuple[Array, Array]:
     """Return positions and rates of the motors, shapes (T, motors); positions of continuous joints are nan.
 
     Args:
-        robot: The robot.
         q: Positions of the spanning tree, shape (T, nq).
         v: Rates, shape (T, nv).
     """

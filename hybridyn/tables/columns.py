@@ -109,7 +109,6 @@ def read_layout(
 
     Args:
         columns: Header of the table.
-        description: The robot.
         motors: Names of its driven joints.
         base: "fixed", "moving" or "floating".
         file: Path of the table, for messages.
@@ -171,7 +170,6 @@ def acceleration_columns(description: Description, joints: Iterable[str], base: 
     """Return the columns of accelerations, in the order of the spanning tree; a prescribed base has none.
 
     Args:
-        description: The robot.
         joints: Names of the movable joints in order; a name that is no joint's is that of the base.
         base: "fixed", "moving" or "floating".
     """
@@ -238,7 +236,11 @@ def _sorted_columns(
     time = None
     of_joints: _Columns = {}
     of_links: _Columns = {}
-    in_parts = {match["owner"] for match in map(_FORM.fullmatch, columns) if match and _is_part(match)}
+    in_parts = {
+        m["owner"]
+        for m in map(_FORM.fullmatch, columns)
+        if m and m["quantity"] == "position" and m["component"]
+    }
     for index, column in enumerate(columns):
         if column == "time":
             time = index
@@ -257,10 +259,6 @@ def _sorted_columns(
             _check_link(column, owner, joints, links, file)
             of_links.setdefault(owner, {}).setdefault(quantity, {})[component] = index
     return time, of_joints, of_links
-
-
-def _is_part(match: re.Match[str]) -> bool:
-    return match["quantity"] == "position" and match["component"] is not None
 
 
 def _check_joint(

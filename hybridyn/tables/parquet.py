@@ -26,12 +26,6 @@ PART_ROWS = 50_000
 def load_polars(file: str) -> Any:
     """Import polars; the error says how to install it.
 
-    Args:
-        file: Path of the table that needs it, for the message.
-
-    Returns:
-        The module.
-
     Raises:
         TrajectoryError: polars is not installed.
     """

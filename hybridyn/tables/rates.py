@@ -42,9 +42,6 @@ def windows(blocks: Iterable[Block], halo: int = HALO) -> Iterator[Window]:
     Args:
         blocks: Blocks of consecutive rows.
         halo: Rows wanted on either side; fewer only at the ends of the table.
-
-    Yields:
-        One window per block.
     """
     rows = np.empty((0, 0))
     start = 1  # number of the row that rows[0] is

@@ -57,7 +57,6 @@ def joint_signal(
     """Build the signal of a joint.
 
     Args:
-        joint: The joint.
         given: Columns by quantity and component.
         file: Path of the table, for messages.
         wanted: The needed ones of "velocity" and "acceleration".

@@ -91,9 +91,6 @@ def read_motions(table: Table, layout: Layout) -> Iterator[Motion]:
         table: The table; no block is read yet.
         layout: The meaning of its columns.
 
-    Yields:
-        The motion of each block, in order.
-
     Raises:
         TrajectoryError: Time does not increase, a quaternion is not normalised, or rows are too few or too
             coarse for the rates to be fitted.
@@ -249,7 +246,6 @@ def full_state(motion: Motion, joints: Sequence[Joint], root: str | None = None)
     """Return the state on the spanning tree from a motion that names every joint.
 
     Args:
-        motion: The motion.
         joints: The movable joints, in the order of q.
         root: Name of the root link, whose pose comes first, where the base moves; else None.
 

@@ -42,9 +42,7 @@ def frames_of_run(
     """Render the frames of a motion in real time, or faster if it is longer than `LONGEST`.
 
     Args:
-        robot: The robot.
         picture: The robot's shapes.
-        run: The motion.
         size: Width and height [pixels].
         own_colours: Whether shapes keep the colours of their files.
 
@@ -94,7 +92,6 @@ def save_mp4(frames: Iterator[Image], size: tuple[int, int], file: str) -> int:
     """Write frames as a video file.
 
     Args:
-        frames: The images.
         size: Width and height [pixels], even numbers.
         file: Name of the video file.
 

@@ -51,7 +51,6 @@ def efforts_html(robot: HybridRobot, tau: Array | None, span: Array | None, orig
     """Build effort bars grouped by module, each starting mid-track; red beyond a limit.
 
     Args:
-        robot: The robot.
         tau: Efforts, shape (motors,), [N or N m], or None.
         span: Efforts that scale the bars (full bar: largest of its unit), shape (..., motors), or None.
         origin: Source of the efforts, or the reason why there are none.

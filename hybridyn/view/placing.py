@@ -36,7 +36,6 @@ def place_bodies(robot: HybridRobot, q: Array) -> Placement:
     """Compute the poses of all bodies in the world.
 
     Args:
-        robot: The robot.
         q: Its posture, shape (nq,).
     """
     count = len(robot.bodies.bodies)

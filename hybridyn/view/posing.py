@@ -90,7 +90,6 @@ class Poser:
 
         Args:
             q: The current posture, shape (nq,).
-            joint: The joint.
             value: Requested position [m or rad].
 
         Returns:
@@ -182,7 +181,6 @@ def independent(module: Module, joints: Sequence[str]) -> list[str]:
     """Choose joints with independent positions, in the given order, at a generic posture.
 
     Args:
-        module: The module.
         joints: Joints of its tree with one freedom each.
 
     Returns:

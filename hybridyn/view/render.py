@@ -38,7 +38,6 @@ def render(picture: Picture, placement: Placement, camera: Camera, *, own_colour
     Args:
         picture: The robot's shapes.
         placement: Poses of the bodies.
-        camera: The camera.
         own_colours: Whether shapes have the colours of their files instead of those of their modules.
 
     Returns:
@@ -111,7 +110,6 @@ def labelled(image: Image, text: str) -> Image:
 
     Args:
         image: The image, shape (height, width, 3).
-        text: The text.
 
     Returns:
         A new image.

@@ -96,7 +96,6 @@ def choose_engine(
 
     Args:
         asked: "general", "compiled" or None.
-        robot: The robot.
         effects: The effects that are computed.
         samples: Number of samples, or None if unknown.
         obstacles: By name, whether the user asks for something that compiled models do not support.

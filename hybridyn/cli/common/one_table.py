@@ -51,11 +51,7 @@ class Outcome:
 
 
 def outcomes(pool: Pool, module: str, tasks: Sequence[dict[str, Any]]) -> Iterator[Outcome]:
-    """Compute tables in other processes; after the death of one, its tables are computed one at a time.
-
-    Yields:
-        What became of each table, as they end.
-    """
+    """Compute tables in other processes; after the death of one, its tables are computed one at a time."""
     from ...studies.sweep.pool import WorkerDiedError
 
     left = {task["source"]: (module, task) for task in tasks}
@@ -86,10 +82,6 @@ def outcomes(pool: Pool, module: str, tasks: Sequence[dict[str, Any]]) -> Iterat
 
 def compute(module: str, options: dict[str, Any]) -> Outcome:
     """Compute one table by a command's body.
-
-    Args:
-        module: Module of the command.
-        options: Options of the command, with the table and its shard.
 
     Raises:
         OSError: The disk is full.

@@ -201,9 +201,6 @@ def takes_robot(function: Callable[..., Any]) -> Callable[..., Any]:
 
     Args:
         function: The command's body; its keyword `load` is a `RobotChoice`.
-
-    Returns:
-        The body, with these options before its own.
     """
 
     @functools.wraps(function)

@@ -23,11 +23,7 @@ def write_report(target: str, rows: Sequence[dict[str, Any]]) -> None:
     """
     from ...description.writing import write_text
 
-    write_text(target, _json(rows) if target.lower().endswith(".json") else _csv(rows))
-
-
-def _json(rows: Sequence[dict[str, Any]]) -> str:
-    return json.dumps(rows, indent=2) + "\n"
+    write_text(target, json.dumps(rows, indent=2) + "\n" if target.lower().endswith(".json") else _csv(rows))
 
 
 def _csv(rows: Sequence[dict[str, Any]]) -> str:

@@ -35,11 +35,8 @@ class Summary:
         """Start an empty summary.
 
         Args:
-            robot: The robot.
             quantity: Quantity in the columns, "effort" or "acceleration".
             names: The motors, one line of the summary each.
-            units: Their units.
-            at: Their columns.
             others: Names of all columns, if the largest of the others is to be reported, too.
             remarks: Lines at the end of the summary.
             engine: The engine, which counts the samples handed to the general path.
@@ -138,11 +135,7 @@ def not_computed(robot: HybridRobot, effects: Effects) -> list[str]:
 
 
 def fitted_rates(layout: Layout) -> list[str]:
-    """Return the lines that name the rates fitted by a spline.
-
-    Returns:
-        One line per kind of missing rates.
-    """
+    """Return the lines that name the rates fitted by a spline."""
     from ...description.names import listed
 
     groups: dict[tuple[str, ...], list[str]] = {}

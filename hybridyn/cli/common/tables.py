@@ -141,9 +141,6 @@ def takes_table(
         metavar: Name of the table in the help.
         own: Whether a shipped robot's own trajectory is the default.
         plot: The content of a figure of the result, for the help.
-
-    Returns:
-        A decorator for the command's body.
     """
     options = (
         takes_source(metavar, own=own, many=True),
@@ -203,7 +200,6 @@ def run(
     """Read a table, compute block by block, write the result and print the summary.
 
     Args:
-        tables: The files.
         load: Function that loads the robot.
         plan: Function of the robot, the table's layout and its approximate number of rows, that returns the
             computation.

@@ -10,11 +10,7 @@ __all__ = ["aligned_rows", "counted"]
 
 
 def aligned_rows(rows: Sequence[Sequence[str]], right: Sequence[int] = ()) -> list[str]:
-    """Align cells in columns.
-
-    Returns:
-        One line per row.
-    """
+    """Align cells in columns."""
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     lines = []
     for row in rows:

@@ -20,7 +20,6 @@ def add_couplings(
     Args:
         root: The root element, which receives `<tendon>`.
         equality: The element `<equality>`; its names stay unique.
-        couplings: The couplings.
         refs: Positions of joints at `qpos0`, by name [m or rad].
     """
     taken = {str(element.get("name")) for element in equality}

@@ -21,8 +21,6 @@ def add_forces(d: Description, tree: Tree, losses: Losses) -> None:
     """Add to each joint its limits and the forces that act in it.
 
     Args:
-        d: The robot.
-        tree: The bodies.
         losses: Receives what MuJoCo cannot say.
     """
     effects = dict(d.effects)
@@ -82,8 +80,6 @@ def add_motors(root: ET.Element, d: Description, losses: Losses) -> None:
     """Add a motor without gear for each driven joint: its control is the effort at the joint.
 
     Args:
-        root: The root element.
-        d: The robot.
         losses: Receives effort limits of zero.
     """
     if not d.motors:

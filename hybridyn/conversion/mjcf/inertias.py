@@ -72,7 +72,6 @@ def add_inertial(body: ET.Element, link: Link, inertias: Inertias, moving: bool,
 
     Args:
         body: The body's element.
-        link: The link.
         inertias: Inertias of the robot.
         moving: Whether MuJoCo needs mass and inertia: the body has a joint.
         losses: Receives what is changed.

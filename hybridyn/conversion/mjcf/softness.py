@@ -37,7 +37,6 @@ def softness(d: Description, tightness: float) -> Softness:
     """Return time step and time constant.
 
     Args:
-        d: The robot.
         tightness: Distance by which closures may open [m].
     """
     step = min(math.sqrt(tightness / acceleration(d)) / 2, LONGEST_STEP)
@@ -57,7 +56,6 @@ def add_softness(root: ET.Element, option: ET.Element, chosen: Softness) -> None
     Args:
         root: The root element, which receives `<default>`.
         option: The element `<option>`.
-        chosen: The numbers.
     """
     option.set("timestep", numeral(chosen.step))
     default = ET.SubElement(root, "default")

@@ -22,8 +22,6 @@ def add_visuals(root: ET.Element, request: Request, tree: Tree, losses: Losses) 
 
     Args:
         root: The root element, which receives `<asset>`.
-        request: The robot.
-        tree: The bodies.
         losses: Receives the shapes that MuJoCo cannot read.
     """
     assets: dict[tuple[str, tuple[float, ...]], str] = {}

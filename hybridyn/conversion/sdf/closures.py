@@ -30,8 +30,6 @@ def add_closure(root: ET.Element, closure: Closure, posture: Posture, losses: Lo
     """Add a closure to a model.
 
     Args:
-        root: The model.
-        closure: The closure.
         posture: The posture of the file.
         losses: Receives what SDF cannot say.
     """

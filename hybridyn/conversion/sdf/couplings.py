@@ -14,7 +14,6 @@ def add_couplings(d: Description, joints: Mapping[str, ET.Element], posture: Pos
     """Add the couplings of two joints to a model.
 
     Args:
-        d: The robot.
         joints: Element of each joint.
         posture: The posture of the file, from which positions count.
 

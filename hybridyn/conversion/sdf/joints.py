@@ -45,8 +45,6 @@ def start_joint(root: ET.Element, name: str, kind: str, parent: str, child: str)
     """Add a joint between two links and return it.
 
     Args:
-        root: The model.
-        name: Its name.
         kind: Its type in SDF.
         parent: Name of the parent link, or "world".
         child: Name of the child link.
@@ -70,8 +68,6 @@ def add_joint(
     """Add a joint of the tree and return it; None for a floating joint, which SDF states by having none.
 
     Args:
-        root: The model.
-        joint: The joint.
         spring: Stiffness and rest position of its spring; stiffness 0 for none.
         posture: The posture of the file, from which positions count.
         losses: Receives what SDF cannot say.
@@ -147,8 +143,6 @@ def add_massless(root: ET.Element, name: str, parent: str, at: Array) -> None:
     """Add a link without mass.
 
     Args:
-        root: The model.
-        name: Its name.
         parent: Name of the link relative to which it stands.
         at: Its pose there, shape (4, 4).
     """

@@ -15,7 +15,6 @@ def allowed(d: Description, losses: Losses) -> Description:
     """Return a robot whose names SDF allows.
 
     Args:
-        d: The robot.
         losses: Receives the names that are changed.
     """
     taken: set[str] = set()

@@ -20,8 +20,6 @@ def add_closure(root: ET.Element, closure: Closure, losses: Losses) -> None:
     """Add a closure to a URDF.
 
     Args:
-        root: The root element.
-        closure: The closure.
         losses: Receives a closure that `<loop>` cannot say.
     """
     kind = kind_of(closure)

@@ -15,7 +15,6 @@ def add_visual(link: ET.Element, shape: Shape) -> None:
 
     Args:
         link: The link's element.
-        shape: The shape.
     """
     visual = ET.SubElement(link, "visual")
     at = shape.placement

@@ -16,8 +16,6 @@ def add_body(parent: Prim, link: Link, placement: Array) -> Prim:
     """Add a rigid body.
 
     Args:
-        parent: The prim above.
-        link: The link.
         placement: Its placement in the world, shape (4, 4).
     """
     body = parent.child("Xform", link.name)
@@ -53,7 +51,6 @@ def add_shape(body: Prim, shape: Shape, losses: Losses) -> None:
 
     Args:
         body: The prim of its link.
-        shape: The shape.
         losses: Receives meshes, which are not written.
     """
     if shape.kind == "mesh":

@@ -29,9 +29,6 @@ def add_closure(parent: Prim, closure: Closure, bodies: tuple[Prim, Prim], losse
     """Add a closure.
 
     Args:
-        parent: The prim above.
-        closure: The closure.
-        bodies: Its two bodies.
         losses: Receives a closure that locks nothing.
     """
     if not closure.translations and closure.rotation == "free":

@@ -24,9 +24,6 @@ def add_joint(
     """Add a joint.
 
     Args:
-        parent: The prim above.
-        joint: The joint.
-        bodies: Its parent and child.
         driven: Whether it is a motor.
         home: Its position at home, None for zero.
     """
@@ -54,7 +51,6 @@ def add_ends(prim: Prim, bodies: tuple[Prim | None, Prim], frames: tuple[Array, 
     """Add the bodies of a joint and its frames in them.
 
     Args:
-        prim: The joint.
         bodies: The bodies; None is the world.
         frames: The joint's frame in each, shape (4, 4).
     """

@@ -41,7 +41,6 @@ def add_bodies(robot: RobotFile, compiled: Compiled, root: Root) -> None:
 
     Args:
         robot: The robot; links, joints and their order are MuJoCo's.
-        compiled: The compiled model.
         root: Where the tree starts, and which bodies are left out.
     """
     model = compiled.model

@@ -98,13 +98,7 @@ class Compiled:
         return place.line if place.file == self.file else None
 
     def error(self, kind: str, number: int, message: str) -> ModelError:
-        """Return (not raise) the error that names an element, its file and its line.
-
-        Args:
-            kind: As for `line`.
-            number: Its number in the compiled model.
-            message: The problem, and its correction.
-        """
+        """Return (not raise) the error that names an element, its file and its line."""
         name = self.name(kind, number)
         if kind in ("body", "joint"):
             name = (self.bodies if kind == "body" else self.joints)[number]

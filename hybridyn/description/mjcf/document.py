@@ -93,10 +93,7 @@ class Document:
         return os.path.join(os.path.dirname(self._paths[0]), *parts)
 
     def text(self) -> tuple[str, list[Place]]:
-        """Write the tree, one element's start or end a line.
-
-        Returns:
-            The text, and the place of the element in each line.
+        """Write the tree, one element's start or end a line; return the text, and the element of each line.
 
         Raises:
             ModelError: An attribute has a namespace, which MJCF does not know.

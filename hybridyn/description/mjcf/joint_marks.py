@@ -36,9 +36,6 @@ PARTS: dict[JointKind, tuple[str, ...]] = {
 def read_joint_mark(node: Node) -> tuple[JointKind, Array]:
     """Return kind and frame of a joint, shape (4, 4), as a text states them.
 
-    Args:
-        node: The element `<text>`.
-
     Raises:
         ModelError: It states no kind, or no quaternion.
     """
@@ -64,7 +61,6 @@ def apply_joint_mark(robot: RobotFile, name: str, kind: JointKind, frame: Array)
     Args:
         robot: The robot, with its links, joints and home.
         name: Name of the joint.
-        kind: Its kind.
         frame: Its frame in the body, shape (4, 4).
 
     Raises:

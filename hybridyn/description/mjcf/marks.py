@@ -88,10 +88,6 @@ def read_marks(document: Document) -> Marks:
 def apply_marks(robot: RobotFile, marks: Marks) -> None:
     """Turn the equalities, bodies and joints of what is marked into these closures and joints.
 
-    Args:
-        robot: The robot, with its links, joints, closures and home.
-        marks: What the texts of the file say.
-
     Raises:
         ModelError: There is no equality or joint of this name.
     """

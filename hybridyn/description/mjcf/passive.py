@@ -33,7 +33,6 @@ def add_passive(robot: RobotFile, compiled: Compiled, root: Root) -> None:
 
     Args:
         robot: The robot, with its joints.
-        compiled: The compiled model.
         root: The robot's root, whose free joint is no joint of the tree.
 
     Raises:

@@ -52,8 +52,6 @@ def closures_of(
     """Return a closure for each constraint model.
 
     Args:
-        model: The model.
-        constraints: The constraint models.
         links: Name of the link of each joint of the model.
         kinds: Kinds of closure that replace those of the constraints, by the constraint's name or number;
             their axis is the third axis of the constraint's frames.

@@ -90,7 +90,6 @@ def coupling_of(model: pin.Model, number: int, leaders: dict[int, list[Joint]]) 
     """Return the coupling of a mimicking joint, None for any other joint.
 
     Args:
-        model: The model.
         number: Number of the joint in the model.
         leaders: The joints that stand for the joints before it, by number.
 

@@ -35,8 +35,6 @@ def read_model(
     """Read a Pinocchio model and its constraints.
 
     Args:
-        model: The model.
-        constraint_models: Its constraint models.
         kinds: Kinds of closure by constraint, as in `constraints.closures_of`.
         home: The home posture: a configuration of the model, shape (nq,), or the name of one of its reference
             configurations; None takes "home", else the first one, else the neutral one.

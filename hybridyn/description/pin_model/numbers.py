@@ -25,11 +25,6 @@ def numbers_of(model: pin.Model, joint: int, freedom: int) -> dict[str, Any]:
 
     Armature is what Pinocchio's algorithms add to the mass matrix. It becomes the rotor's inertia, unless
     rotor inertia and gear ratio of the model state the same armature.
-
-    Args:
-        model: The model.
-        joint: Number of the joint in the model.
-        freedom: Number of the freedom in the joint.
     """
     at = int(model.idx_vs[joint]) + freedom
     inertia, ratio = float(model.rotorInertia[at]), float(model.rotorGearRatio[at])

@@ -109,7 +109,6 @@ def read_axis(node: Node, item: Item, poses: Poses, remarks: Remarks) -> Axis:
 
     Args:
         node: The element `<axis>` or `<axis2>`.
-        item: The joint.
         poses: Where everything stands.
         remarks: Takes what is noted.
 
@@ -194,7 +193,6 @@ def refuse_idle(kind: str, idle: list[Node], item: Item, remarks: Remarks) -> No
     Args:
         kind: Type of the joint.
         idle: The axes that a joint of this type does not have.
-        item: The joint.
         remarks: Takes the note.
 
     Raises:

@@ -70,10 +70,6 @@ class Library:
     def open(self, node: Node, source: Source) -> tuple[Node, Source]:
         """Return the model of an included file.
 
-        Args:
-            node: The element `<include>`.
-            source: The file in which it stands.
-
         Raises:
             ModelError: The file is not local, cannot be read, includes itself, or holds no single model.
         """

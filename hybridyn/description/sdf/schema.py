@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from ...errors import ModelError
 from ..names import did_you_mean, listed
 from ..urdf.foreign import LEGACY_FORMS
 from ..urdf.xml_node import Node
@@ -150,8 +149,4 @@ def refuse_lost(node: Node) -> None:
         if node.tag in ("plugin", "sensor"):
             lost = inner.tag == "joint" and {"parent", "child"} <= {child.tag for child in inner.children()}
         if lost:
-            raise _misplaced(inner, node)
-
-
-def _misplaced(inner: Node, node: Node) -> ModelError:
-    return inner.error(f"is not read inside <{node.tag}>; move it to the place where SDFormat has it")
+            raise inner.error(f"is not read inside <{node.tag}>; move it to the place where SDFormat has it")

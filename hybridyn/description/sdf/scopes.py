@@ -183,7 +183,6 @@ def add_model(scope: Scope, model: Node, source: Source, own: Node, library: Lib
     """Add a nested or included model to a scope.
 
     Args:
-        scope: The scope.
         model: The element `<model>`.
         source: The file in which the model stands.
         own: The element `<include>`, or the model itself.

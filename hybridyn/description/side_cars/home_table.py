@@ -20,7 +20,6 @@ def key_of(name: str, *, bare: bool = True) -> str:
     """Return a name as a key or a string of TOML.
 
     Args:
-        name: The name.
         bare: Whether it may stand without quotes, as a key may.
     """
     if bare and _BARE.fullmatch(name):
@@ -45,10 +44,6 @@ def home_table(home: Mapping[str, tuple[float, ...]]) -> str:
 
 def write_home(robot_file: str, home: Mapping[str, tuple[float, ...]]) -> Path:
     """Write a home posture into the model file of a robot; keep all other content of the file.
-
-    Args:
-        robot_file: The robot's file.
-        home: As for `home_table`.
 
     Returns:
         The model file; one beside the robot's file, if there was none.

@@ -16,12 +16,7 @@ class Schema(BaseModel):
 
 
 def first_problem(error: ValidationError, known: Iterable[str]) -> tuple[tuple[str | int, ...], str]:
-    """Return the place (keys and indices) and the message of the first problem that pydantic found.
-
-    Args:
-        error: The error that pydantic raised.
-        known: Keys of the schema, for "did you mean".
-    """
+    """Return the place (keys and indices) and the message of the first problem that pydantic found."""
     problem = min(error.errors(), key=lambda entry: entry["type"] != "extra_forbidden")
     place = tuple(problem["loc"])
     if problem["type"] == "extra_forbidden":

@@ -73,7 +73,6 @@ def line_of(text: str, keys: Keys) -> int | None:
     """Return the line (from 1) that defines a key of a TOML text, else that of the innermost table around it.
 
     Args:
-        text: The text.
         keys: Tables, indices of tables in an array, and the key.
     """
     table: Keys = ()

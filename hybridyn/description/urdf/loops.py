@@ -106,7 +106,6 @@ def read_coupling(node: Node, parents: dict[str, Joint | None]) -> Coupling:
     The rotor (successor) of a gear with ratio 6 turns six times as fast as its link, in the same direction.
 
     Args:
-        node: The element.
         parents: The joint above each link, by the link's name; None for the root.
 
     Source: URDF+; the sign is that of its reference reader in the GRBDA library.

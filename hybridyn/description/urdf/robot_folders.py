@@ -119,7 +119,7 @@ class RobotFolders:
         if real == os.path.realpath(self.file):
             return real
         rests = [rest for folder in self._granted if (rest := _inside(real, folder)) is not None]
-        if any(not _is_hidden(rest) for rest in rests):
+        if any(not any(part.startswith(".") for part in rest.parts) for rest in rests):
             return real
         if rests:
             raise ModelError(f"'{path}' is hidden, and a robot file may not read it")
@@ -146,10 +146,6 @@ def _own_folder(file: str) -> str:
 
 def _is_package(folder: str) -> bool:
     return any(os.path.exists(os.path.join(folder, mark)) for mark in MARKS)
-
-
-def _is_hidden(path: Path) -> bool:
-    return any(part.startswith(".") for part in path.parts)
 
 
 def _inside(path: str, folder: str) -> Path | None:

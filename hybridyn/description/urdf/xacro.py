@@ -52,15 +52,7 @@ PACKAGES = ("xacro", "yaml")
 def expand(
     file: str, arguments: Mapping[str, object], package_dirs: Sequence[str | os.PathLike[str]]
 ) -> tuple[bytes, list[str]]:
-    """Expand a xacro file.
-
-    Args:
-        file: Path of the file.
-        arguments: Values of its arguments by name.
-        package_dirs: Folders for `$(find package)`.
-
-    Returns:
-        The expanded XML, and xacro's warnings as notes.
+    """Expand a xacro file; return the XML, and xacro's warnings as notes.
 
     Raises:
         ModelError: xacro reports an error, or the expansion exceeds its limits; the message names the file

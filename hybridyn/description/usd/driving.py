@@ -45,9 +45,7 @@ def with_properties(joint: UsdJoint, axis: str, record: Joint, driving: Driving)
     """Return the record of one axis of a joint with limits, armature, friction and motor.
 
     Args:
-        joint: The joint.
         axis: Its axis, or "ball" or "all" for a joint of several freedoms.
-        record: The record.
         driving: The motors found so far, to which its drive is added.
 
     Raises:

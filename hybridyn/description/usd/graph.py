@@ -41,8 +41,6 @@ def grow(bodies: Iterable[Prim], joints: list[UsdJoint], bound: Collection[str],
     """Return the spanning tree.
 
     Args:
-        bodies: The moving bodies.
-        joints: The joints.
         bound: Paths of joints that must be in the tree if possible: driven and coupled ones.
         notes: Remarks for the user, to which the choice is added.
 

@@ -29,8 +29,6 @@ def add_home(
     """Add the home posture to the robot; positions of zero are left out.
 
     Args:
-        robot: The robot.
-        bodies: The bodies.
         joints: The joints of the tree, each with whether its second body is the child.
         names: Names of their records by path and axis.
     """

@@ -82,7 +82,6 @@ def read_joints(bodies: Bodies, notes: list[str]) -> list[UsdJoint]:
     """Return the joints of a stage in file order.
 
     Args:
-        bodies: The bodies.
         notes: Remarks for the user, to which the disabled joints are added.
 
     Raises:

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...errors import ModelError
 from ..records import Array
 from .bodies import Bodies, inverse
 from .shapes import FLAT, solid_of
@@ -188,9 +187,5 @@ def _sum(parts: list[Mass], body: Prim) -> Mass:
     for part in parts:
         inertia += part.inertia + part.mass * _steiner(part.com - com)
     if not np.isfinite(inertia).all():
-        raise _unbounded(body)
+        raise body.error("the inertia that its colliders give is not finite")
     return Mass(float(mass), com, (inertia + inertia.T) / 2)
-
-
-def _unbounded(body: Prim) -> ModelError:
-    return body.error("the inertia that its colliders give is not finite")

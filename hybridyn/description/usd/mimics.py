@@ -30,8 +30,6 @@ def couplings(stage: Stage, joints: Mapping[str, UsdJoint], names: Names, notes:
     """Return the couplings of a stage.
 
     Args:
-        stage: The stage.
-        joints: Its joints by path.
         names: Names of the joints of the tree.
         notes: Remarks for the user, to which soft couplings are added.
 

@@ -16,7 +16,6 @@ def names_of(prims: Iterable[Prim], taken: set[str]) -> dict[str, str]:
     """Return a name for each prim by its path, each only once.
 
     Args:
-        prims: The prims.
         taken: Names that exist; the new ones are added.
     """
     prims = list(prims)

@@ -55,9 +55,6 @@ def open_usd(file: str, package_dirs: Sequence[str | os.PathLike[str]] = ()) -> 
         file: Path of the file.
         package_dirs: Folders, beside the robot's own, in which layers may be.
 
-    Returns:
-        Its prims.
-
     Raises:
         ModelError: usd-core is not installed, OpenUSD refuses the file, the file names layers elsewhere, or
             it takes too much time or memory.

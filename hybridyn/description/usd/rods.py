@@ -48,7 +48,6 @@ def read_rods(bodies: Bodies, notes: list[str]) -> list[Rod]:
     """Return the distance joints of a stage in file order.
 
     Args:
-        bodies: The bodies.
         notes: Remarks for the user, to which the joints are added that hold nothing.
 
     Raises:
@@ -86,10 +85,7 @@ def add_rod(
     """Add a rod to the robot; one without length is a ball.
 
     Args:
-        robot: The robot.
         bodies: The bodies, where they stand in the file.
-        rod: The rod.
-        name: Its name.
         ends: Names of the links of its first and second body.
         taken: Names of links and joints, to which those that are made are added.
     """

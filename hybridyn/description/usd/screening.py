@@ -83,7 +83,6 @@ def screen(stage: Stage, notes: list[str]) -> None:
     """Refuse what cannot be read.
 
     Args:
-        stage: The stage.
         notes: Remarks for the user, to which unread attributes are added.
 
     Raises:
@@ -109,7 +108,6 @@ def weighs(prim: Prim, limits: bool = True) -> bool:
     """Return whether a joint has armature or friction, or limits if these count too.
 
     Args:
-        prim: Its prim.
         limits: Whether limits count.
     """
     for name, value in prim.values.items():

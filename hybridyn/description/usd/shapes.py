@@ -34,7 +34,6 @@ def solid_of(prim: Prim, scale: Array) -> Solid | None:
     """Return the solid of a shape, or None if its type is none that is computed.
 
     Args:
-        prim: A shape.
         scale: Factors along its axes, units included, shape (3,), [m].
 
     Raises:

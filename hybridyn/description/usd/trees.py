@@ -46,10 +46,7 @@ def add_joint(
     """Add a joint of the tree to the robot, as a chain of joints where it has several axes.
 
     Args:
-        robot: The robot.
-        joint: The joint.
         forward: Whether its second body is the child.
-        name: Its name.
         ends: Names of the links of its first and second body.
         driving: The motors, to which its own are added.
         taken: Names of links and joints, to which those that are made are added.

@@ -39,7 +39,6 @@ def read_usd(file: str, package_dirs: Sequence[str | os.PathLike[str]] = ()) -> 
     """Read a USD file.
 
     Args:
-        file: Its path.
         package_dirs: Folders, beside the robot's own, in which layers may be.
 
     Raises:
@@ -92,7 +91,7 @@ def _build(robot: RobotFile, bodies: Bodies, joints: list[UsdJoint], rods: list[
     driving = Driving()
     names: dict[str, dict[str, str]] = {}
     kept = [
-        (joint, forward) for joint, forward in tree.joints if base is None or not _holds_base(joint, base)
+        (joint, forward) for joint, forward in tree.joints if base is None or {*joint.ends} != {WORLD, base}
     ]
     for joint, forward in kept:
         ends = links[joint.ends[0]], links[joint.ends[1]]
@@ -106,7 +105,7 @@ def _build(robot: RobotFile, bodies: Bodies, joints: list[UsdJoint], rods: list[
     for rod in rods:
         ends = links[rod.ends[0]], links[rod.ends[1]]
         add_rod(robot, bodies, rod, own_names[rod.prim.path], ends, taken)
-    limited = [joint.prim.path for joint in tree.closures if _is_limited(joint)]
+    limited = [joint.prim.path for joint in tree.closures if np.isfinite([*joint.limits.values()]).any()]
     if limited:
         robot.notes.append(f"limits of joints that close loops are not read: {listed(limited)}")
     by_path = {joint.prim.path: joint for joint in joints}
@@ -134,14 +133,6 @@ def _base(bodies: Bodies, tree: Tree, rods: list[Rod]) -> str | None:
         return None
     first, second = joint.ends
     return first or second
-
-
-def _is_limited(joint: UsdJoint) -> bool:
-    return bool(np.isfinite([*joint.limits.values()]).any())
-
-
-def _holds_base(joint: UsdJoint, base: str) -> bool:
-    return {*joint.ends} == {WORLD, base}
 
 
 def _link(name: str, mass: Mass, between: bool) -> Link:

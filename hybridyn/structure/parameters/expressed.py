@@ -32,8 +32,6 @@ def expressed(robot: HybridRobot, slots: Sequence[Slot], symbols: Sequence[Any])
 
     Args:
         robot: The robot; its values decide the structure.
-        slots: The slots.
-        symbols: An expression for each.
     """
     record = Record()
     values = values_of(robot.description, slots)

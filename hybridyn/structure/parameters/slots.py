@@ -66,8 +66,6 @@ def with_values(description: Description, slots: Sequence[Slot], values: Iterabl
     """Return a description with other numbers in slots.
 
     Args:
-        description: The description.
-        slots: The slots.
         values: Their numbers, floats or others with the operators of arithmetic.
     """
     changes: dict[str, dict[str, dict[str, Any]]] = {table: {} for table in TABLES}

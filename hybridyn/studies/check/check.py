@@ -83,11 +83,7 @@ def check(
 
 
 def is_readable(findings: Sequence[Finding]) -> bool:
-    """Return whether the file of these findings could be read.
-
-    Args:
-        findings: The findings that `check` returned.
-    """
+    """Return whether the file of these findings could be read."""
     return not any(finding.code in UNREADABLE for finding in findings)
 
 

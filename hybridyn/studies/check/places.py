@@ -41,7 +41,6 @@ class Places:
 
         Args:
             tag: Tag of the element: "link", "joint", "loop", ...
-            name: Its name.
             line: Its line in the text that was read; ignored if xacro wrote that text.
 
         Returns:

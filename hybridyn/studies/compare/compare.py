@@ -92,7 +92,6 @@ def compare(
     """Compare what engines make of a robot with hybridyn.
 
     Args:
-        robot: The robot.
         engines: Names of `ENGINES`; those that are not installed are named in `Comparison.skipped`.
         samples: Number of closed states.
         seed: Seed of the states.

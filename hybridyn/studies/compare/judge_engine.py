@@ -28,16 +28,7 @@ def judge_engine(
     tolerance: float,
     start: Array | None,
 ) -> list[Verdict]:
-    """Judge every way into an engine.
-
-    Args:
-        robot: The robot.
-        own: Its file.
-        states: Closed states.
-        names: Name and version of the engine.
-        tolerance: As in `judging.judge`.
-        start: As in `judging.judge`.
-    """
+    """Judge every way into an engine."""
     apart = {(names[0], ""), (names[0], own.format)} & APART
     out = []
     for number, (way, _) in enumerate(_ways(names[0])(robot, own)):
@@ -55,17 +46,7 @@ def judge_way(
     tolerance: float,
     start: Array | None,
 ) -> Verdict:
-    """Judge one way into an engine; a refusal becomes part of the verdict.
-
-    Args:
-        number: Number of the way.
-        robot: As in `judge_engine`, like all that follow.
-        own: See there.
-        states: See there.
-        names: See there.
-        tolerance: See there.
-        start: See there.
-    """
+    """Judge one way into an engine; a refusal becomes part of the verdict."""
     words, build = list(_ways(names[0])(robot, own))[number]
     try:
         engine = build()

@@ -107,9 +107,7 @@ def judge(
     """Judge an engine at closed states.
 
     Args:
-        robot: The robot.
         engine: The robot inside the engine.
-        states: The states.
         names: Name and version of the engine.
         tolerance: Part of the free opening up to which a closure counts as held.
         start: Posture from which the engine simulates; None leaves it out.

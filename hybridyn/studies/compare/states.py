@@ -56,7 +56,6 @@ def draw_states(robot: HybridRobot, count: int, seed: int, postures: Array | Non
     """Draw states near home, or at given postures.
 
     Args:
-        robot: The robot.
         count: Number of states.
         seed: Seed of the draws.
         postures: Closed postures, shape (T, nq), from which `count` are taken evenly; None draws them.
@@ -161,7 +160,6 @@ def apart(robot: HybridRobot, q: Array, v: Array, a: Array) -> list[float]:
     """Compute how fast accelerations open each closure and coupling, in the order of `closure_names`.
 
     Args:
-        robot: The robot.
         q: Positions, shape (nq,).
         v: Rates, shape (nv,).
         a: Accelerations, shape (nv,).

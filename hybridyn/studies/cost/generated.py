@@ -21,8 +21,6 @@ def generated_idm(robot: HybridRobot, effects: Effects, dtype: str = "float64") 
     """Build the inverse model as C code.
 
     Args:
-        robot: The robot.
-        effects: The effects.
         dtype: "float32", "float64", "longdouble" or "float128".
 
     Returns:

@@ -33,11 +33,9 @@ def by_closing(
     larger than that of float64. Tolerances that neither accepts are measured for comparison.
 
     Args:
-        robot: The robot.
         q: Positions, assembled, shape (T, nq).
         v: Rates, shape (T, nv).
         a: Accelerations, shape (T, nv).
-        effects: The effects.
         error: Computes the error of efforts.
     """
     looped = [Newton(module, q) for module in robot.modules if module.mechanism.closures.rows]
@@ -75,7 +73,6 @@ class Newton:
         """Start every sample from the posture of the sample before, with the motors at their positions.
 
         Args:
-            module: The module.
             q: Positions of the robot, assembled, shape (T, nq).
         """
         m = module.mechanism

@@ -65,12 +65,6 @@ def study_models(
     The error of a configuration is the largest difference of any effort from the reference, relative to the
     motor's largest effort. The reference is the model with all of `effects` in extended precision.
 
-    Args:
-        robot: The robot.
-        trajectory: The motion.
-        effects: All effects of the reference.
-        progress: Called with the name of each measurement.
-
     Raises:
         HybridynError: The model cannot follow the trajectory.
     """

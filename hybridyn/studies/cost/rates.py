@@ -30,12 +30,10 @@ def by_rates(
     """Compare rates from a spline and from differences of the motors' positions with those of the table.
 
     Args:
-        robot: The robot.
         time: Times, shape (T,), [s], or None.
         q: Positions, shape (T, nq).
         v: Rates, shape (T, nv).
         a: Accelerations, shape (T, nv).
-        effects: The effects.
     """
     kinds = {robot.kinds[robot.joint_index[motor]] for motor in robot.motors}
     obstacle = _obstacle(time, kinds - {"revolute", "prismatic"}, robot)

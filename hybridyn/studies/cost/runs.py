@@ -92,7 +92,6 @@ class Runner:
         """Run once.
 
         Args:
-            setting: The setting.
             limit: Time limit [s]; `self.limit` by default.
             watch: Whether the scene's events may end the run.
 
@@ -146,7 +145,6 @@ def study_runs(ready: Stage, duration: float, progress: Callable[[str], None], l
     tolerance that finishes in time. Its own error is the distance to the run with the next looser tolerance.
 
     Args:
-        ready: The scene.
         duration: Time to simulate [s]; an event that stops the scene ends every run there.
         progress: Called with the name of each measurement.
         limit: Time limit of a run [s]; three times the time of the scene's own solver if that is longer.

@@ -65,7 +65,6 @@ class Flood:
         """Start at the origin.
 
         Args:
-            work: The computations.
             start: Coordinates of the origin, shape (names,), [m, rad].
             step: Step of each swept coordinate, shape (axes,), [m, rad].
             q: Posture of the module at the origin, shape (its nq,).

@@ -50,7 +50,6 @@ def find_module(robot: HybridRobot, wanted: int | str | None) -> int:
     """Return the number of a module from its number (from 1), its name or that of one of its outputs.
 
     Args:
-        robot: The robot.
         wanted: Number or name; None selects the only module with closures.
 
     Raises:
@@ -80,7 +79,6 @@ def find_sweep(
     """Choose link and coordinates.
 
     Args:
-        robot: The robot.
         module: As for `find_module`.
         link: A link of the module; by default its platform.
         axes: Coordinates to sweep. By default all independent ones if there are at most three, else the
@@ -122,8 +120,6 @@ def coordinate_target(
     """Return the module of a link, and a target of all its coordinates in a base link, with zero values.
 
     Args:
-        robot: The robot.
-        link: The link.
         base: The base link of its module.
         length: Unit of length [m].
     """
@@ -137,12 +133,7 @@ def coordinate_target(
 
 
 def coordinates_of(target: CoordinateTarget, motion: Motion) -> Array:
-    """Compute a link's coordinates, shape (T, 6), [m, rad].
-
-    Args:
-        target: The link, as returned by `coordinate_target`.
-        motion: Motion of its module's cut tree.
-    """
+    """Compute a link's coordinates, shape (T, 6), [m, rad]."""
     R = motion.R[:, target.body]
     p = motion.p[:, target.body] + np.matmul(R, target.shift[1])
     turned = np.matmul(target.R.T, np.matmul(R, target.shift[0]))
@@ -222,7 +213,6 @@ def values_at(sweep: Sweep, at: Mapping[str, float]) -> Array:
     """Return the home values of a sweep's coordinates with some of them replaced, shape (names,), [m, rad].
 
     Args:
-        sweep: The sweep.
         at: Values by coordinate [m, rad].
 
     Raises:
@@ -241,7 +231,6 @@ def pose_of(sweep: Sweep, values: Array) -> Any:
     """Convert coordinates to a pose for `assemble`.
 
     Args:
-        sweep: The sweep.
         values: The coordinates, shape (T, names), [m, rad].
 
     Returns:

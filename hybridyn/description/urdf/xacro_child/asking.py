@@ -39,10 +39,6 @@ class Parent:
     def ask(self, what: str, of: str) -> bytes:
         """Send a file request and return the content of the reply.
 
-        Args:
-            what: "read", "glob" or "find".
-            of: Path, pattern or name of a package.
-
         Raises:
             OSError: The system cannot open or read the file.
             RefusedError: The parent rejects the request.

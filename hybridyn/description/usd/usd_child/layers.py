@@ -41,12 +41,8 @@ def open_stage(file: str, folders: Sequence[str], largest: int) -> Any:
     """Open a file with the layers that it names.
 
     Args:
-        file: Its absolute path.
         folders: Real paths of the folders in which layers may be.
         largest: Largest size of all layers together [bytes].
-
-    Returns:
-        The stage.
 
     Raises:
         RefusedError: A layer cannot be read, or may not be.
@@ -130,7 +126,8 @@ def _checked_size(asset: str, path: str, folders: Sequence[str]) -> int:
         RefusedError: It does not exist, lies outside the folders, or is hidden or not a regular file.
     """
     real = os.path.realpath(path)
-    inside = [os.path.relpath(real, folder) for folder in folders if _is_inside(real, folder)]
+    around = [at for at in folders if at != os.sep and os.path.commonpath([real, at]) == at]
+    inside = [os.path.relpath(real, at) for at in around]
     if not inside:
         raise RefusedError(
             f"layer '{asset}' is outside the robot's folder; copy it there, or name its folder with "
@@ -145,10 +142,6 @@ def _checked_size(asset: str, path: str, folders: Sequence[str]) -> int:
     if not stat.S_ISREG(about.st_mode):
         raise RefusedError(f"layer '{asset}' is not a regular file")
     return about.st_size
-
-
-def _is_inside(path: str, folder: str) -> bool:
-    return folder != os.sep and os.path.commonpath([path, folder]) == folder
 
 
 def _opened(path: str, asset: str | None = None) -> Any:

@@ -33,8 +33,6 @@ def own_plant(robot: HybridRobot, own: OwnFile, step: float) -> Any:
     """Build a plant from the robot's own file.
 
     Args:
-        robot: The robot.
-        own: Its file.
         step: Time step [s]; 0 for a continuous plant.
 
     Raises:
@@ -47,7 +45,6 @@ def constrained_plant(robot: HybridRobot, step: float) -> Any:
     """Build a plant from the robot's tree, with ball, weld and coupler constraints.
 
     Args:
-        robot: The robot.
         step: Time step [s].
 
     Raises:

@@ -34,7 +34,6 @@ def joinings(closure: Closure, size: float) -> list[Joining]:
     A hinge is two points on its axis: six rows, of which five are independent.
 
     Args:
-        closure: The closure.
         size: Size of the robot [m].
     """
     if closure.translations != (0, 1, 2) or closure.rotation == "perpendicular":
