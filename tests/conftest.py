@@ -66,13 +66,17 @@ def mark_slow_cases(items: list[pytest.Item], whole: bool) -> None:
         if item.nodeid in listed:
             item.add_marker(pytest.mark.slow)
     if whole and all_installed():
-        default = {name_of_test(item.nodeid) for item in items if not item.get_closest_marker("slow")}
+        default = {name_of_test(item.nodeid) for item in items if runs_by_default(item)}
         unknown = listed - {item.nodeid for item in items}
         wrong = unknown | {case for case in listed if name_of_test(case) not in default}
         if wrong:
             raise pytest.UsageError(
                 f"slow_cases.txt: no such case, or the only one of its test: {sorted(wrong)}"
             )
+
+
+def runs_by_default(item: pytest.Item) -> bool:
+    return not any(item.get_closest_marker(mark) for mark in ("slow", "fuzz"))
 
 
 def name_of_test(case: str) -> str:

@@ -20,6 +20,11 @@ def slow(*values: Any) -> Any:
     return pytest.param(*values, marks=pytest.mark.slow)
 
 
+def fuzz(*values: Any) -> Any:
+    """Return the parameters of a case that takes hours with its like."""
+    return pytest.param(*values, marks=pytest.mark.fuzz)
+
+
 def some(values: Iterable[str], chosen: Sequence[str] = CHOSEN) -> list[Any]:
     """Return parameters: the chosen ones as they are, all others as slow cases."""
     return [value if value in chosen else slow(value) for value in values]

@@ -16,6 +16,7 @@ from hybridyn.errors import HybridynError
 from hybridyn.structure.building import build_robot
 from tests.generated import Case, State, generated
 from tests.generated_judge import judge, natural_acceleration, states_of
+from tests.samples import fuzz, slow
 from tests.waiting import must_end
 from tests.written_out import Interpreted
 
@@ -79,8 +80,7 @@ def test_more_models_that_were_refused(seed: int) -> None:
     judge_all(seed, 1, LARGE)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("block", range(80))
+@pytest.mark.parametrize("block", [slow(0), *(fuzz(block) for block in range(1, 80))])
 def test_models_of_many(block: int) -> None:
     judge_all(1000 + 100 * block, 100, LARGE)
 
@@ -89,7 +89,6 @@ def test_written_out_models() -> None:
     assert judge_written_out(0, 3, 4) > 0
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("block", range(20))
+@pytest.mark.parametrize("block", [slow(0), *(fuzz(block) for block in range(1, 20))])
 def test_written_out_models_of_many(block: int) -> None:
     assert judge_written_out(1000 + 25 * block, 25, LARGE) > 0

@@ -22,6 +22,7 @@ from hybridyn.oracle import Oracle
 from hybridyn.structure.building import build_robot
 from hybridyn.structure.robot import HybridRobot
 from tests.any_mechanism import any_mechanism
+from tests.samples import slow
 from tests.waiting import must_end
 from tests.written_out import Interpreted
 
@@ -128,13 +129,23 @@ def test_a_motion_without_inertia_is_no_rounding_over_rounding(what: str) -> Non
     assert went_through(53, what) == "through"
 
 
-@pytest.mark.parametrize(("what", "count"), [("models", 16), ("compile", 1), ("simulate", 4)])
+@pytest.mark.parametrize(
+    ("what", "count"),
+    [
+        ("models", 16),
+        ("compile", 1),
+        ("simulate", 4),
+        slow("models", 160),
+        slow("compile", 10),
+        slow("simulate", 40),
+    ],
+)
 def test_generated_mechanisms(what: str, count: int) -> None:
     came = Counter(went_through(seed, what) for seed in range(count))
     assert came["through"] > count / 4, came
 
 
-@pytest.mark.slow
+@pytest.mark.fuzz
 @pytest.mark.parametrize("part", range(100))
 @pytest.mark.parametrize(("what", "count"), [("models", 700), ("compile", 100), ("simulate", 200)])
 def test_many_generated_mechanisms(what: str, count: int, part: int) -> None:
