@@ -25,7 +25,7 @@ from .programs.body_rows import body_motion
 from .programs.designs import DesignsInSlots
 from .programs.general import as_batches, check_batches, everywhere, general, general_rows
 from .programs.postures import Postures, refuse
-from .programs.quantities.calls import Quantities
+from .programs.quantities.link_calls import LinkQuantities
 from .programs.sources import library_of, write_programs
 
 if TYPE_CHECKING:
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 log = logging.getLogger("hybridyn.compiled")
 
 
-class CompiledRobot(Postures, Quantities):
+class CompiledRobot(Postures, LinkQuantities):
     """Compiled models of one robot with one choice of effects.
 
     Results equal those of `hybridyn.idm` and `hybridyn.ddm` up to rounding. The general path computes samples

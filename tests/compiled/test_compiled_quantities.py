@@ -20,6 +20,8 @@ from tests.quantities.reduced import columns_of, oracle_bias, oracle_map, oracle
 from tests.samples import slow
 from tests.shipped import ROBOTS
 
+#: Of the largest entry, in single precision: rounding times the condition of an operational-space inertia.
+SINGLE = 1e-3
 ELBOWS = ("m1_left_elbow", "m1_right_elbow")
 
 
@@ -42,6 +44,9 @@ def equal(compiled: hybridyn.CompiledRobot, q: np.ndarray, v: np.ndarray, **opti
     for axes in ("world", "link"):
         expected = hybridyn.link_jacobian(robot, q, link, axes=axes, **options)
         close_to(compiled.link_jacobian(q, link, axes=axes, **options), expected, SOLVED)
+        for links in (link, [link, robot.description.root, list(robot.bodies.place)[2]]):
+            expected = hybridyn.delassus(robot, q, links, axes=axes, effects=effects)
+            close_to(compiled.delassus(q, links, axes=axes), expected, SOLVED)
     energy = hybridyn.energy(robot, q, v, effects=effects)
     close_to(compiled.energy(q, v).kinetic, energy.kinetic, SOLVED)
     close_to(compiled.energy(q, v).potential, energy.potential, SOLVED)
@@ -108,7 +113,7 @@ def test_robots_on_other_bases(base: str) -> None:
     compiled = hybridyn.compile(hybridyn.load("five_bar", base=base))
     q, v, _ = moving_states(compiled.robot, 3, 1)
     equal(compiled, q, v)
-    forces = ("mass_matrix", "gravity", "bias", "coriolis", "coriolis_matrix")
+    forces = ("mass_matrix", "gravity", "bias", "coriolis", "coriolis_matrix", *4 * ["delassus"])
     assert compiled.recomputed == (3 * len(forces) if base == "floating" else 0)
     given = np.arange(6.0)
     if base == "moving":
@@ -136,12 +141,41 @@ def test_the_words_at_singular_postures() -> None:
     calls: list[tuple[str, tuple[Any, ...]]] = [
         ("mass_matrix", (q,)), ("bias", (q, v)), ("coriolis", (q, v)), ("coriolis_matrix", (q, v)),
         ("gravity", (q,)), ("motion_map", (q,)), ("motion_map", (q, v)), ("link_jacobian", (q, link)),
+        ("joint_map", (q, ["left_elbow", "right_elbow"])),
     ]  # fmt: skip
     for name, arguments in calls:
         words = error_of(getattr(compiled, name), *arguments)
         assert words.startswith(SingularityError.__name__)
         assert "motors lose a direction at sample 2 (parallel singularity" in words
         assert words == error_of(getattr(hybridyn, name), robot, *arguments)
+
+
+@pytest.mark.slow
+def test_links_of_a_robot_at_a_parallel_singularity_have_a_delassus_matrix() -> None:
+    """Motors lose a direction there, inertia does not: the general path computes these samples alone."""
+    robot, flat = flat_five_bar()
+    compiled, link = hybridyn.compile(robot), list(robot.bodies.place)[-1]
+    q = np.array([robot.home, flat])
+    close_to(compiled.delassus(q, link), hybridyn.delassus(robot, q, link), SOLVED)
+    assert compiled.recomputed == 1
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("dtype", ["float64", "float32"])
+def test_operational_inertia_and_its_refusal(dtype: str) -> None:
+    compiled = hybridyn.compile(hybridyn.load("gough_stewart"), dtype=dtype)
+    robot, link = compiled.robot, compiled.robot.modules[0].outputs[0]
+    q, _, _ = moving_states(robot, 3, 1)
+    expected = hybridyn.operational_inertia(robot, q, link)
+    found = compiled.operational_inertia(q, link)
+    assert found.dtype == dtype
+    close_to(found, expected, SOLVED if dtype == "float64" else SINGLE)
+    close_to(compiled.operational_inertia(q[1], link), expected[1], SOLVED if dtype == "float64" else SINGLE)
+    assert compiled.recomputed == 0
+    for links in (robot.description.root, [link, robot.description.root]):
+        words = error_of(compiled.operational_inertia, q, links)
+        assert words == error_of(hybridyn.operational_inertia, robot, q, links)
+        assert "cannot be moved in every direction at sample 0" in words
 
 
 @pytest.mark.slow

@@ -11,9 +11,9 @@ Only the modules that hold the joints take part.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -26,6 +26,10 @@ from .independent import module_motions
 from .polar import polar_form
 from .posture import holding, modules_of, positions_of, posture_at
 from .states import closed_states
+
+#: Computes dv/d(side), shape (T, nv, N), and the accelerations at rest of that side, shape (T, nv), at
+#: positions (T, nq) and rates (T, nv); without rates the accelerations are zero.
+Motions = Callable[[Array, Array | None, Coordinates], tuple[Array, Array]]
 
 
 @dataclass(frozen=True)
@@ -41,6 +45,7 @@ class JointMap:
         motor_positions: Positions of the motors, shape (T, m), [m or rad].
         motors_per_joints: H, rates of the motors over those of the joints, shape (T, m, k).
         joints_per_motors: G, rates of the joints over those of the motors, shape (T, k, m).
+        motions: Computes motions over one side, for `curvature`.
     """
 
     robot: HybridRobot = field(repr=False)
@@ -51,6 +56,7 @@ class JointMap:
     motor_positions: Array
     motors_per_joints: Array
     joints_per_motors: Array
+    motions: Motions = field(repr=False, compare=False)
 
     def motor_rates(self, joint_rates: ArrayLike) -> Array:
         """Compute rates of the motors from those of the joints, shape (m,) or (T, m)."""
@@ -125,11 +131,11 @@ class JointMap:
         q = np.atleast_2d(self.q)
         side = located(self.robot, self.joints, chosen=True)
         motors = located(self.robot, self.motors, chosen=False).columns
-        E = _motions(self.robot, q, np.zeros((len(q), self.robot.nv)), side)[0]
+        E = self.motions(q, None, side)[0]
 
         def drift(x: Array, rates: Array) -> Array:
             """Compute the motors' accelerations at zero accelerations of the joints."""
-            return _motions(self.robot, x, rates, side)[1][:, motors]
+            return self.motions(x, rates, side)[1][:, motors]
 
         bends = [polar_form(self.robot, drift, q, E[:, :, i], E) for i in range(len(self.joints))]
         out = np.stack(bends, axis=2) if bends else np.zeros((len(q), len(motors), 0, 0))
@@ -156,6 +162,23 @@ def joint_map(robot: HybridRobot, q: ArrayLike | Mapping[str, ArrayLike], joints
             joints or motors than freedoms.
         TrajectoryError: Arrays of the wrong shape, or not finite; a joint that cannot be a coordinate.
     """
+    return related(robot, q, joints, partial(side_motions, robot))
+
+
+def related(
+    robot: HybridRobot, q: ArrayLike | Mapping[str, ArrayLike], joints: Sequence[str], motions: Motions
+) -> JointMap:
+    """Compute `joint_map` with given motions over each side.
+
+    Args:
+        robot: The robot.
+        q: As in `joint_map`.
+        joints: As in `joint_map`.
+        motions: Computes motions over one side.
+
+    Raises:
+        HybridynError: As `joint_map` raises.
+    """
     names = tuple(joints)
     check_joints(robot, names)
     modules, motors = modules_of(robot, names), motors_beside(robot, names)
@@ -165,11 +188,11 @@ def joint_map(robot: HybridRobot, q: ArrayLike | Mapping[str, ArrayLike], joints
     for side in (outputs, driven):
         for k in modules:
             check_count(robot.modules[k], len(side.own[k]), side)
-    rest = np.zeros((len(q), robot.nv))
-    H = _motions(robot, q, rest, outputs)[0][:, driven.columns]
-    G = _motions(robot, q, rest, driven)[0][:, outputs.columns]
+    H = motions(q, None, outputs)[0][:, driven.columns]
+    G = motions(q, None, driven)[0][:, outputs.columns]
     arrays = q, positions_of(robot, q, names), positions_of(robot, q, motors), H, G
-    return JointMap(robot, names, motors, *(x[0] if single else x for x in arrays))
+    q, y, m, H, G = (x[0] if single else x for x in arrays)
+    return JointMap(robot, names, motors, q, y, m, H, G, motions)
 
 
 def motors_beside(robot: HybridRobot, joints: Sequence[str]) -> tuple[str, ...]:
@@ -178,9 +201,13 @@ def motors_beside(robot: HybridRobot, joints: Sequence[str]) -> tuple[str, ...]:
     return tuple(m for m in robot.motors if robot.body_owner[robot.body_of_joint[m]][0] in modules)
 
 
-def _motions(robot: HybridRobot, q: Array, v: Array, side: Coordinates) -> tuple[Array, Array]:
-    """Compute dv/d(side), shape (T, nv, N), and accelerations at rest of that side, shape (T, nv)."""
-    E, drift = np.zeros((len(q), robot.nv, side.size)), np.zeros_like(v)
+def side_motions(robot: HybridRobot, q: Array, v: Array | None, side: Coordinates) -> tuple[Array, Array]:
+    """Compute `Motions` of a robot; modules without joints of the side stay.
+
+    Raises:
+        HybridynError: As `joint_map` raises.
+    """
+    E, drift = np.zeros((len(q), robot.nv, side.size)), np.zeros((len(q), robot.nv))
     for s, own, freedoms in zip(closed_states(robot, q, v), side.own, side.freedoms, strict=True):
         if len(own):
             found = module_motions(s, q, v, freedoms, side)

@@ -103,13 +103,28 @@ def operational_inertia(
         AssemblyError, ModelError, TrajectoryError: As `delassus`.
     """
     D = delassus(robot, q, links, axes=axes, effects=effects)
-    single = D.ndim == 2
-    D = D[None] if single else D
+    return inverse_of(robot, D[None], links)[0] if D.ndim == 2 else inverse_of(robot, D, links)
+
+
+def inverse_of(
+    robot: HybridRobot, D: Array, links: str | Sequence[str], immovable: float = IMMOVABLE
+) -> Array:
+    """Compute the inverses of Delassus matrices by QR with column pivoting.
+
+    Args:
+        robot: The robot.
+        D: The matrices of some links, shape (T, 6 k, 6 k).
+        links: The links, for messages.
+        immovable: Reciprocal condition number, scaled by the robot's size, that is refused.
+
+    Raises:
+        SingularityError: The links cannot be moved in every direction.
+    """
     rows = D.shape[1]
     unit = np.tile([robot.bodies.size] * 3 + [1.0] * 3, rows // 6)
     right = np.broadcast_to(np.eye(rows), D.shape)
     R, order = pivoted_qr(np.concatenate([D / unit[:, None] / unit, right], axis=2), rows, rows)
-    lost = np.flatnonzero(pivot_ratio(R, rows) < IMMOVABLE)
+    lost = np.flatnonzero(pivot_ratio(R, rows) < immovable)
     if len(lost):
         t = int(lost[0])
         ratio = float(pivot_ratio(R[t : t + 1], rows)[0])
@@ -117,7 +132,7 @@ def operational_inertia(
         names = links if isinstance(links, str) else ", ".join(links)
         raise SingularityError(
             f"links {names}: they cannot be moved in every direction at sample {t} (condition number "
-            f"{condition:.1e}, limit {1 / IMMOVABLE:.0e}), and have no operational-space inertia. Take "
+            f"{condition:.1e}, limit {1 / immovable:.0e}), and have no operational-space inertia. Take "
             "hybridyn.delassus, its inverse, which always exists",
             what="operational inertia",
             condition=condition,
@@ -126,7 +141,7 @@ def operational_inertia(
     out = np.empty_like(D)
     np.put_along_axis(out, order[:, :, None], back_substitute(R[:, :, :rows], R[:, :, rows:]), axis=1)
     inertia: Array = (out + np.swapaxes(out, 1, 2)) / 2 / unit[:, None] / unit
-    return inertia[0] if single else inertia
+    return inertia
 
 
 def _in_link(motion: RigidMotion, W: Array) -> Array:

@@ -11,11 +11,9 @@ from numpy.typing import ArrayLike
 
 from ....dynamics.direct import acceleration_of_base
 from ....dynamics.energy import Energy, energy
-from ....dynamics.link_motion import named_links
 from ....dynamics.quantities.bias import bias, coriolis, gravity
-from ....dynamics.quantities.coordinates import independent_coordinates
+from ....dynamics.quantities.coordinates import Coordinates, independent_coordinates
 from ....dynamics.quantities.coriolis_matrix import coriolis_matrix
-from ....dynamics.quantities.link_jacobian import link_jacobian
 from ....dynamics.quantities.mass_matrix import mass_matrix
 from ....dynamics.quantities.motion_map import motion_map, rate_of_map, refuse_idle
 from ....dynamics.quantities.states import checked_state
@@ -24,10 +22,9 @@ from ....effects.elastic import Spring, Stop
 from ....errors import HybridynError
 from ....spatial import Array
 from ....structure.robot import HybridRobot
-from ....structure.samples import one_of
 from ...library.calls import Calls, Library, Numbers
 from .following import Following, following, in_parts
-from .rows import Computed, QuantityRows, energy_rows, link_rows
+from .rows import Computed, QuantityRows, energy_rows
 
 log = logging.getLogger("hybridyn.compiled")
 
@@ -158,26 +155,6 @@ class Quantities:
         E, E_dot = np.split(out, 2, axis=-1)
         return E, E_dot
 
-    def link_jacobian(
-        self, q: ArrayLike, link: str, *, joints: Joints = None, axes: str = "world"
-    ) -> Numbers:
-        """Compute the Jacobian of a link, shape (6, N) or (T, 6, N), like `hybridyn.link_jacobian`."""
-        moves = self._following(joints)
-        named_links(self.robot, [link])
-        one_of("axes", axes, "world", "link")
-        q, _, single = checked_state(self.robot, q, None)
-
-        def general(q: Array) -> Array:
-            """Compute it by the general path."""
-            return link_jacobian(self.robot, q, link, joints=joints, axes=axes)
-
-        def compiled(q: Array) -> Computed:
-            """Compute it in C, and where it can be trusted."""
-            assert moves is not None
-            return link_rows(self._trusted, moves, q, link, axes)
-
-        return self._finished("link_jacobian", compiled if moves else None, general, 6, single, q)
-
     def energy(self, q: ArrayLike, v: ArrayLike) -> Energy:
         """Compute kinetic and potential energy, shape () or (T,), like `hybridyn.energy`."""
         q, v, single = checked_state(self.robot, q, v)
@@ -202,11 +179,15 @@ class Quantities:
             """Return the input "parameters" of a program (`CompiledRobot`)."""
             ...
 
-    def _trusted(self, name: str, q: Array, v: Array, a: Array) -> Computed:
-        """Compute a model of the robot as it is, and which samples can be trusted."""
+    def _trusted(self, name: str, q: Array, v: Array, given: Array) -> Computed:
+        """Compute a model of the robot as it is, and which samples can be trusted.
+
+        Accelerations or, of "ddm", efforts are given; a moving base does not accelerate in "ddm".
+        """
         calls = self.library.programs[name]
+        base = [np.zeros((len(q), 6))] if name == "ddm" and self.robot.base == "moving" else []
         outputs, guard = calls.batch(
-            [q, v, a, *self._arguments(calls, None, (len(q),)).values()], self.threads
+            [q, v, given, *base, *self._arguments(calls, None, (len(q),)).values()], self.threads
         )
         return outputs[0], np.asarray(guard <= calls.trusted)
 
@@ -217,6 +198,11 @@ class Quantities:
     def _following(self, joints: Joints) -> Following | None:
         """Return the motions over some joints; None if the general path computes them."""
         u = independent_coordinates(self.robot, joints)
+        whole = all(len(own) == m.mobility for m, own in zip(self.robot.modules, u.own, strict=True))
+        return self._over(u) if whole else None
+
+    def _over(self, u: Coordinates) -> Following | None:
+        """Return the motions over coordinates; None if the general path computes them."""
         if u.joints not in self._followings:
             self._followings[u.joints] = following(self.robot, u, str(self.dtype))
         return self._followings[u.joints]

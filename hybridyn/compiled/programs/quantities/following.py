@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ....dynamics.quantities.coordinates import Coordinates
-from ....dynamics.quantities.motion_map import blocks, drift
+from ....dynamics.quantities.joint_map import side_motions
+from ....dynamics.quantities.motion_map import blocks
 from ....errors import CompileError, HybridynError
 from ....spatial import Array, Mask
 from ....structure.robot import HybridRobot
@@ -42,7 +43,7 @@ class Following:
     """Motions of all joints of a robot over independent coordinates.
 
     Attributes:
-        u: The coordinates, as many in each module as it has freedoms.
+        u: The coordinates, as many in each module as it has freedoms, or none: it then stays.
     """
 
     def __init__(self, robot: HybridRobot, u: Coordinates, dtype: str) -> None:
@@ -100,9 +101,9 @@ def following(robot: HybridRobot, u: Coordinates, dtype: str) -> Following | Non
     """Return the motions over independent coordinates, or None if only the general path computes them.
 
     It alone computes idle motions, which take least-norm rates, and it alone explains joints that are never
-    independent.
+    independent. Modules without coordinates stay.
     """
-    if any(len(own) != module.mobility for module, own in zip(robot.modules, u.own, strict=True)):
+    if any(len(own) not in (0, m.mobility) for m, own in zip(robot.modules, u.own, strict=True)):
         return None
     try:
         with as_compile_error(robot):
@@ -154,7 +155,7 @@ def _accept(robot: HybridRobot, u: Coordinates, dtype: str, built: Built) -> Non
         return
     wanted = [(rates[good], v[good])]
     try:
-        right = drift(robot, q[good], v[good], u)
+        right = side_motions(robot, q[good], v[good], u)[1]
         wanted.append((np.hstack([accelerations[good], v[good]]), np.hstack([right, v[good]])))
     except HybridynError:  # another sample is singular: the rates are compared alone
         log.debug("following: accelerations are not compared", exc_info=True)

@@ -4,6 +4,7 @@
     c + g = idm(q, v, E_dot u)                                              one row
     c     = (idm(q, s v, s^2 E_dot u) + idm(q, -s v, s^2 E_dot u) - 2 idm(q, 0, 0)) / (2 s^2)
     J     = J_tree E, with J_tree from the poses of kinematics(q)           one row
+    D     = J (ddm(q, 0, s J^T e_j) - ddm(q, 0, 0)) / s over u              a row for each wrench
 
 The powers of two s are so large that weights and springs take no digit from inertial terms; what is odd in
 the rates (friction) cancels. Efforts along other joints than the motors are H^T tau, H = d(motors)/du.
@@ -11,7 +12,7 @@ the rates (friction) cancels. Efforts along other joints than the motors are H^T
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -126,25 +127,56 @@ class QuantityRows:
         return along
 
 
-def link_rows(run: Run, moves: Following, q: Array, link: str, axes: str) -> Computed:
-    """Compute the Jacobian of a link, shape (T, 6, N), and which samples can be trusted.
+def link_rows(run: Run, moves: Following, q: Array, links: Sequence[str], axes: str) -> Computed:
+    """Compute the Jacobians of k links, shape (T, 6 k, N), and which samples can be trusted.
 
     The Jacobian of the spanning tree, whose columns come from the poses on the way to the root, times dq/du.
     """
-    robot = moves.robot
-    columns, bodies, linear, angular = _way_to_root(robot, link)
-    still = np.zeros((len(q), robot.nv))
+    still = np.zeros((len(q), moves.robot.nv))
     rows, trusted = run("kinematics", q, still, still)
-    x, (body, R, p) = rows.reshape(len(q), -1, WIDTH), robot.bodies.place[link]
-    turned = x[:, [*bodies, body], :9].reshape(len(q), -1, 3, 3)
+    E, good = moves.map(q)
+    x = rows.reshape(len(q), -1, WIDTH)
+    return np.concatenate([_link_jacobian(moves.robot, x, E, link, axes) for link in links], axis=1), (
+        good & trusted
+    )
+
+
+def _link_jacobian(robot: HybridRobot, x: Numbers, E: Numbers, link: str, axes: str) -> Numbers:
+    """Compute the Jacobian of a link, shape (T, 6, N), from the motions of bodies, (T, bodies, WIDTH)."""
+    columns, bodies, linear, angular = _way_to_root(robot, link)
+    body, R, p = robot.bodies.place[link]
+    turned = x[:, [*bodies, body], :9].reshape(len(x), -1, 3, 3)
     arm = x[:, None, body, 9:12] + (turned[:, -1] @ p)[:, None] - x[:, bodies, 9:12]
     w = np.matmul(turned[:, :-1], angular[..., None])[..., 0]
     twists = [np.matmul(turned[:, :-1], linear[..., None])[..., 0] + np.cross(w, arm), w]
     if axes == "link":
         twists = [np.matmul(part, turned[:, -1] @ R) for part in twists]
-    E, good = moves.map(q)
-    along = np.concatenate(twists, axis=2)
-    return np.matmul(np.swapaxes(along, 1, 2), E[:, columns]), good & trusted
+    along: Numbers = np.matmul(np.swapaxes(np.concatenate(twists, axis=2), 1, 2), E[:, columns])
+    return along
+
+
+def delassus_rows(run: Run, moves: Following, q: Array, links: Sequence[str], axes: str) -> Computed:
+    """Compute J M^-1 J^T of k links, shape (T, 6 k, 6 k), and which samples can be trusted.
+
+    The direct model at rest, under motor efforts that do the work of unit wrenches on the links.
+
+    Args:
+        run: Computes a model of the robot, whose base does not float.
+        moves: Motions of its joints over its motors, as many as its freedoms.
+        q: Positions, shape (T, nq).
+        links: The links.
+        axes: As in `hybridyn.delassus`.
+    """
+    J, good = link_rows(run, moves, q, links, axes)
+    T, rows, motors = J.shape
+    tau = J.reshape(T * rows, motors) * 2.0**FASTER
+    still = np.zeros((T * rows, moves.robot.nv))
+    pushed, trusted = run("ddm", np.repeat(q, rows, axis=0), still, tau)
+    weighed, at_rest = run("ddm", q, still[:T], np.zeros((T, motors)))
+    u_dot = (pushed.reshape(T, rows, -1) - weighed[:, None])[:, :, moves.u.columns] * 2.0**-FASTER
+    D = np.matmul(u_dot, np.swapaxes(J, 1, 2))
+    good = good & trusted.reshape(T, rows).all(axis=1) & at_rest
+    return (D + np.swapaxes(D, 1, 2)) / 2, good
 
 
 def _way_to_root(robot: HybridRobot, link: str) -> tuple[Index, list[int], Array, Array]:

@@ -1,0 +1,111 @@
+"""Quantities of links and output joints of compiled models, with the names and errors of the general path."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ....dynamics.link_motion import named_links
+from ....dynamics.quantities.coordinates import Coordinates
+from ....dynamics.quantities.joint_map import JointMap, related, side_motions
+from ....dynamics.quantities.link_jacobian import link_jacobian
+from ....dynamics.quantities.operational_inertia import (
+    IMMOVABLE,
+    delassus,
+    inverse_of,
+    operational_inertia,
+)
+from ....dynamics.quantities.states import checked_state
+from ....errors import SingularityError
+from ....spatial import Array
+from ....structure.samples import one_of
+from ...library.calls import Numbers
+from .calls import Joints, Quantities
+from .following import Following
+from .rows import Computed, delassus_rows, link_rows
+
+#: Reciprocal condition number of a compiled Delassus matrix below which the general path inverts it. In seven
+#: digits, rounding hides directions in which links cannot move.
+IMMOVABLE_AS_COMPUTED = {"float64": IMMOVABLE, "float32": 1e-4}
+
+
+class LinkQuantities(Quantities):
+    """The quantities of a `CompiledRobot` that belong to some of its links or joints, as in `Quantities`."""
+
+    def link_jacobian(
+        self, q: ArrayLike, link: str, *, joints: Joints = None, axes: str = "world"
+    ) -> Numbers:
+        """Compute the Jacobian of a link, shape (6, N) or (T, 6, N), like `hybridyn.link_jacobian`."""
+        moves = self._following(joints)
+        named_links(self.robot, [link])
+        one_of("axes", axes, "world", "link")
+        q, _, single = checked_state(self.robot, q, None)
+
+        def general(q: Array) -> Array:
+            """Compute it by the general path."""
+            return link_jacobian(self.robot, q, link, joints=joints, axes=axes)
+
+        def compiled(q: Array) -> Computed:
+            """Compute it in C, and where it can be trusted."""
+            assert moves is not None
+            return link_rows(self._trusted, moves, q, [link], axes)
+
+        return self._finished("link_jacobian", compiled if moves else None, general, 6, single, q)
+
+    def delassus(self, q: ArrayLike, links: str | Sequence[str], *, axes: str = "world") -> Numbers:
+        """Compute J M^-1 J^T of links, shape (6 k, 6 k) or (T, 6 k, 6 k), like `hybridyn.delassus`."""
+        names = [links] if isinstance(links, str) else list(links)
+        named_links(self.robot, names)
+        one_of("axes", axes, "world", "link")
+        q, _, single = checked_state(self.robot, q, None)
+        moves = self._over_motors()
+
+        def general(q: Array) -> Array:
+            """Compute it by the general path."""
+            return delassus(self.robot, q, names, axes=axes, effects=self.effects)
+
+        def compiled(q: Array) -> Computed:
+            """Compute it in C, and where it can be trusted."""
+            assert moves is not None
+            return delassus_rows(self._trusted, moves, q, names, axes)
+
+        return self._finished("delassus", compiled if moves else None, general, 6 * len(names), single, q)
+
+    def operational_inertia(
+        self, q: ArrayLike, links: str | Sequence[str], *, axes: str = "world"
+    ) -> Numbers:
+        """Compute (J M^-1 J^T)^-1 of links, shape as `delassus`, like `hybridyn.operational_inertia`."""
+        D = self.delassus(q, links, axes=axes).astype(float)
+        limit = IMMOVABLE_AS_COMPUTED[str(self.dtype)]
+        try:
+            out = inverse_of(self.robot, np.reshape(D, (-1, *D.shape[-2:])), links, limit)
+        except SingularityError:  # the general path decides, with its message
+            self.recomputed += len(D) if D.ndim == 3 else 1
+            out = operational_inertia(self.robot, q, links, axes=axes, effects=self.effects)
+        return out.reshape(D.shape).astype(self.dtype, copy=False)
+
+    def joint_map(self, q: ArrayLike | Mapping[str, ArrayLike], joints: Sequence[str]) -> JointMap:
+        """Compute the map between output joints and motors, like `hybridyn.joint_map`."""
+        return related(self.robot, q, joints, self._side_motions)
+
+    def _side_motions(self, q: Array, v: Array | None, side: Coordinates) -> tuple[Array, Array]:
+        """Compute motions over one side of a map, and with rates its accelerations at rest of that side."""
+        moves = self._over(side)
+
+        def general(q: Array, v: Array | None = v) -> Array:
+            """Compute what is asked for by the general path."""
+            E, drift = side_motions(self.robot, q, v, side)
+            return E if v is None else drift
+
+        if v is None:
+            E = self._finished("joint_map", moves.map if moves else None, general, 6, False, q)
+            return E, np.zeros((len(q), self.robot.nv))
+        drift = self._finished("joint_map", moves.drift if moves else None, general, 1, False, q, v)
+        return np.zeros((len(q), self.robot.nv, side.size)), drift
+
+    def _over_motors(self) -> Following | None:
+        """Return the motions over the motors if these determine every motion and accelerate it by efforts."""
+        driven = all(len(module.motors) == module.mobility for module in self.robot.modules)
+        return self._following(None) if driven and self.robot.base != "floating" else None
