@@ -71,3 +71,41 @@ def of_link(robot: HybridRobot, q: np.ndarray, v: np.ndarray, a: np.ndarray, lin
 def far_apart(robot: HybridRobot, q0: np.ndarray, q1: np.ndarray) -> float:
     """Return the largest joint step between two batches of postures, turns and signs of quaternions apart."""
     return float(max(np.abs(pin.difference(robot.model, x, y)).max() for x, y in zip(q0, q1, strict=True)))
+
+
+#: Values, rates and accelerations of coordinates by name.
+Coordinates = tuple[dict[str, np.ndarray], dict[str, np.ndarray], dict[str, np.ndarray]]
+#: Coordinates of a link's pose that determine the posture of the first module, by shipped robot.
+COORDINATES = {
+    "five_bar": {"m1_tool": ("x", "z")},
+    "delta": {"m1_platform": ("x", "y", "z")},
+    "rps3": {"m1_platform": ("z", "roll", "pitch")},
+    "tanev": {"m1_platform": ("z", "roll", "pitch")},
+}
+
+
+def swaying(robot: HybridRobot, phase: np.ndarray, size: float = 0.02) -> dict[str, Coordinates]:
+    """Return waves of some coordinates about the home posture, of a shipped robot.
+
+    Args:
+        robot: The robot.
+        phase: Angles of the wave, shape (T,); rates are those per radian of it.
+        size: Amplitude [m, rad].
+    """
+    still = np.zeros((1, robot.nv))
+    out = {}
+    for link, names in COORDINATES[robot.description.name].items():
+        pose = of_link(robot, robot.home[None], still, still, link, robot.description.root)[0][0]
+        R = pin.Quaternion(pose[6], *pose[3:6]).matrix()
+        home = dict(
+            zip(("x", "y", "z", "roll", "pitch"), [*pose[:3], *pin.rpy.matrixToRpy(R)[:2]], strict=True)
+        )
+        waves = [
+            (i, name, size * np.sin(phase + i), size * np.cos(phase + i)) for i, name in enumerate(names)
+        ]
+        out[link] = (
+            {name: home[name] + wave - size * np.sin(i) for i, name, wave, _ in waves},
+            {name: slope for _, name, _, slope in waves},
+            {name: -wave for _, name, wave, _ in waves},
+        )
+    return out

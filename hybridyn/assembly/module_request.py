@@ -172,7 +172,8 @@ def _coordinate_target(
     names = tuple(pose.coordinates)
     value, rate, acceleration = (np.stack([pose.coordinates[n][i] for n in names], 1) for i in range(3))
     units = _units(module.mechanism)[[COORDINATES.index(n) for n in names]]
-    return CoordinateTarget(body, names, other_R, other_p, (R, p), value, rate, acceleration, units)
+    links = pose.link, pose.other
+    return CoordinateTarget(body, links, names, other_R, other_p, (R, p), value, rate, acceleration, units)
 
 
 def _in_base(

@@ -104,6 +104,7 @@ class CoordinateTarget:
 
     Attributes:
         body: Number of the body.
+        links: The link, and the link in which the coordinates are measured.
         names: The prescribed coordinates, a subset of `COORDINATES`.
         R: Axes of the frame in which the coordinates are measured, shape (3, 3), base of the tree.
         p: Origin of that frame, shape (3,), [m], base of the tree.
@@ -115,6 +116,7 @@ class CoordinateTarget:
     """
 
     body: int
+    links: tuple[str, str]
     names: tuple[str, ...]
     R: Array
     p: Array

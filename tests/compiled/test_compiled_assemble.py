@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from typing import Any
 
+import casadi as ca
 import numpy as np
 import pytest
 
@@ -12,16 +14,23 @@ import hybridyn
 from hybridyn import AssemblyError, HybridRobot, closure_residual
 from hybridyn.assembly.assemble import first_guess
 from hybridyn.assembly.requests import gather_requests
+from hybridyn.compiled.equations.expressions import pack, unpack
+from hybridyn.compiled.equations.folding import Folding
 from hybridyn.compiled.model import CompiledRobot
 from hybridyn.compiled.programs.closing import assembling
 from hybridyn.compiled.programs.closing.assembling import Assembler
+from hybridyn.compiled.programs.closing.extended import extended
+from hybridyn.compiled.programs.closing.given import Coordinates, Given
+from hybridyn.compiled.programs.closing.kernels import ModuleKernels
+from hybridyn.compiled.programs.closing.rows import rows_at
 from hybridyn.oracle import Base
 from hybridyn.spatial import Array
 from hybridyn.structure.building import build_robot
+from hybridyn.studies.workspace.sweep import coordinate_target
 from tests.assembly.test_assembly import STEP, base_pose, stretched, waves
 from tests.dynamics.test_idm import symmetric_five_bar
 from tests.mechanisms import KINDS, random_mechanism, random_states
-from tests.posing import far_apart, of_joints, of_link, position
+from tests.posing import COORDINATES, far_apart, of_joints, of_link, position, swaying
 from tests.samples import slow
 from tests.shipped import shipped
 
@@ -75,6 +84,43 @@ def test_poses_give_the_rows_of_the_general_path(name: str) -> None:
         q, _, _ = compare(assembler, platforms=poses)
         assert far_apart(robot, q, states[0][: len(q)]) < SAME * 10
     assert assembler.recomputed == 0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", COORDINATES)
+def test_some_coordinates_of_a_pose_give_the_rows_of_the_general_path(name: str) -> None:
+    """The rest of the pose follows from the loops; other modules have motors."""
+    robot = build_robot(shipped(name))
+    phase = np.linspace(0, 2 * np.pi, 40)
+    rest = [motor for module in robot.modules[1:] for motor in module.motors]
+    motors = {motor: wave for motor, wave in waves(robot, phase, 0.02).items() if motor in rest}
+    assembler = Assembler(robot)
+    compare(assembler, motors=motors, platforms=swaying(robot, phase))
+    assert assembler.recomputed == 0
+
+
+def test_rows_of_coordinates_are_those_of_the_general_path() -> None:
+    """Residual and matrix of all six coordinates of the five-bar's tool, at any posture."""
+    robot = build_robot(shipped("five_bar"))
+    module, (link, base) = robot.modules[0], ("m1_tool", robot.description.root)
+    tree, rng = module.mechanism.tree, np.random.default_rng(0)
+    _, target = coordinate_target(robot, link, base, 1.0)
+    given = Given((), (), (), (Coordinates.of(target),))
+    kernels = ModuleKernels([module], given, (), (), (robot.bodies.place,) * 2)
+    x = ca.SX.sym("x", tree.nq + 6)
+    folding = Folding()
+    trees, own = [extended(module.mechanism)], unpack(x)
+    z = [own[at] for at in tree.q_slices]
+    rows = rows_at(trees, given, folding, z, own[tree.nq :], robot.bodies.place)
+    last = slice(kernels.loops - 6, kernels.loops)
+    written = ca.Function("rows", [x, folding.symbol()], [pack(rows.K[last]), pack(rows.residual[last])])
+    for posture in rng.uniform(-1.0, 1.0, (5, tree.nq)):
+        motion, wanted = tree.sweep(posture[None]), rng.uniform(-3.0, 3.0, 6)
+        K, off = written(np.concatenate([posture, wanted]), folding.table(1)[0].astype(float))
+        first = np.zeros(1, dtype=int)
+        right = replace(target, value=wanted[None]).residual(motion, first)
+        assert np.abs(np.array(off).ravel() - right).max() <= SAME
+        assert np.abs(np.array(K).reshape(6, tree.nv) - target.matrix(tree, motion)).max() <= SAME
 
 
 @pytest.mark.slow

@@ -10,9 +10,13 @@ import pytest
 
 import hybridyn
 from hybridyn import CompiledRobot, HybridRobot
+from hybridyn.assembly.requests import gather_requests
+from hybridyn.compiled.programs.closing.design_rows import DesignRows
 from hybridyn.compiled.programs.designs import changed
 from hybridyn.errors import HybridynError, ModelError, TrajectoryError
 from hybridyn.spatial import Array
+from hybridyn.structure.parameters.slots import Slot
+from tests.posing import swaying
 
 AGREE = 1e-11  # of the largest entry
 ROWS = 30
@@ -70,6 +74,53 @@ def test_designs_are_the_robots_with_these_numbers(name: str) -> None:
     again = compiled.assemble(motors=motors, parameters=p[3])
     np.testing.assert_allclose(again[0], one[0], rtol=0, atol=AGREE)
     assert (before, compiled.recomputed) == (0, ROWS)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("name", "parameters"),
+    [
+        ("five_bar", ["mass:m1_tool", "position:m1_left_elbow", "position:m1_tool_mount"]),
+        ("delta", ["position:m1_arm1_drive", "mass:m1_platform"]),
+        ("rps3", ["mass:m1_platform"]),
+    ],
+)
+def test_designs_follow_some_coordinates_of_a_pose(name: str, parameters: list[str]) -> None:
+    """Also those that place the link in its body; postures out of reach are counted as ever."""
+    robot = hybridyn.load(name)
+    compiled = hybridyn.compile(robot, parameters=parameters)
+    platforms = swaying(robot, np.linspace(0.0, 2 * np.pi, ROWS))
+    nominal = compiled.parameters.nominal
+    p = nominal * (1.0 + 0.04 * np.random.default_rng(2).uniform(-1.0, 1.0, (9, len(nominal))))
+    found = compiled.designs(p, platforms=platforms)
+    assert found.good.all()
+    assert found.recomputed == 0
+    for k in range(0, len(p), 4):
+        other = robot_of(compiled, p[k])
+        states = hybridyn.assemble(other, platforms=platforms)
+        efforts = hybridyn.idm(other, *states)
+        for x, wanted in zip((found.q, found.v, found.a, found.tau), (*states, efforts), strict=True):
+            np.testing.assert_allclose(x[k], wanted, rtol=0, atol=AGREE * np.abs(wanted).max())
+    if name == "rps3":  # its slides have no ends
+        return
+    far = {
+        link: tuple({**level, "z": 40 * level["z"]} for level in levels) for link, levels in platforms.items()
+    }
+    lost = compiled.designs(p[:2], platforms=far)
+    assert not lost.good.any()
+    assert lost.recomputed == 2
+    assert (~lost.reached).sum() > 0
+
+
+@pytest.mark.slow
+def test_whole_poses_of_links_that_a_parameter_places_are_left_to_the_general_path() -> None:
+    robot = hybridyn.load("rps3")
+    fixed = next(joint.name for joint in robot.description.joints if joint.kind == "fixed")
+    rows = DesignRows(robot, (Slot("joints", fixed, "placement", (0, 3)),))
+    link = next(joint.child for joint in robot.description.joints if joint.name == fixed)
+    pose = np.array([0.0, 0, 0.5, 0, 0, 0, 1])
+    assert rows._moves_posed_links(gather_requests(robot, {}, {link: pose}))
+    assert not rows._moves_posed_links(gather_requests(robot, {}, {link: {"z": 0.5}}))
 
 
 @pytest.mark.slow

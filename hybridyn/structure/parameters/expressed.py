@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
+from ...spatial import Array
 from ..bodies import Body
 from ..graph import find_modules, undo_cuts
 from ..module_spec import ModuleSpec, module_spec
@@ -20,10 +21,12 @@ class Expressed:
 
     Attributes:
         specs: The numbers of each module of the robot; entries that depend on slots are `Traced`.
+        place: `Bodies.place`, likewise.
         decisions: Comparisons of slots that decided the modules' structure.
     """
 
     specs: tuple[ModuleSpec, ...]
+    place: dict[str, tuple[int, Array, Array]]
     decisions: tuple[Decision, ...]
 
 
@@ -47,7 +50,7 @@ def expressed(robot: HybridRobot, slots: Sequence[Slot], symbols: Sequence[Any])
         if graph.wrists and not own.wrists:
             undo_cuts(bodies, graph)
         specs.append(module_spec(bodies, graph, own.home))
-    return Expressed(tuple(specs), tuple(record.decisions))
+    return Expressed(tuple(specs), bodies.place, tuple(record.decisions))
 
 
 def _nameless(body: Body) -> Body:

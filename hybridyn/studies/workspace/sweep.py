@@ -129,7 +129,10 @@ def coordinate_target(
     _, base_R, base_p = robot.bodies.place[base]
     zero = np.zeros((1, 6))
     units = np.array([length] * 3 + [1.0] * 3)
-    return number, CoordinateTarget(tree_body, COORDINATES, base_R, base_p, (R, p), zero, zero, zero, units)
+    target = CoordinateTarget(
+        tree_body, (link, base), COORDINATES, base_R, base_p, (R, p), zero, zero, zero, units
+    )
+    return number, target
 
 
 def coordinates_of(target: CoordinateTarget, motion: Motion) -> Array:

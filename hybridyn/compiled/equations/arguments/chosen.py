@@ -12,10 +12,10 @@ from ....structure.parameters.expressed import Expressed, expressed
 from ....structure.parameters.slots import Slot
 from ....structure.parameters.traced import Decision
 from ....structure.robot import HybridRobot
-from ..expressions import unpack
+from ..expressions import Expression, unpack
 from ..rigid import ten_expressions
 from .module_arguments import ModuleArguments
-from .numbers_of import depends, numbers_of
+from .numbers_of import depends, numbers_of, placed
 
 
 @dataclass(frozen=True)
@@ -49,6 +49,11 @@ class ChosenNumbers:
     def traced(self) -> Expressed:
         """The modules' numbers as functions of them."""
         return expressed(self.robot, self.slots, unpack(self.column).tolist())
+
+    @cached_property
+    def places(self) -> dict[str, tuple[int, Expression, Expression]]:
+        """Frames of the links in their bodies as functions of them (`Bodies.place`)."""
+        return placed(self.traced.place)
 
     @cached_property
     def of_modules(self) -> tuple[ModuleArguments | None, ...]:

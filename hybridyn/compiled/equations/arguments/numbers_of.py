@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -10,9 +11,11 @@ import numpy as np
 
 from ....linkage.closures import TreeClosure, TreeCoupling
 from ....linkage.joints import TreeJoint
+from ....spatial import Array
 from ....structure.bodies import Body
 from ....structure.module_spec import ModuleSpec, WristSpec
 from ....structure.parameters.traced import Traced
+from ..expressions import Expression
 
 
 def numbers_of(spec: ModuleSpec) -> ModuleSpec:
@@ -55,6 +58,17 @@ def numbers_of(spec: ModuleSpec) -> ModuleSpec:
         outputs_inertia=tuple(body(b) for b in spec.outputs_inertia),
         leg_bodies=tuple(None if b is None else body(b) for b in spec.leg_bodies),
     )
+
+
+def placed(
+    place: Mapping[str, tuple[int, Array, Array]],
+) -> dict[str, tuple[int, Expression, Expression]]:
+    """Return frames of links as expressions.
+
+    Args:
+        place: `Bodies.place`, whose entries may be `Traced`.
+    """
+    return {link: (body, _array(R), _array(p)) for link, (body, R, p) in place.items()}
 
 
 def depends(spec: ModuleSpec) -> bool:

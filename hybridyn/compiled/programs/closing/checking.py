@@ -86,6 +86,10 @@ def _move(part: Part, number: int, start: Array, wanted: State) -> State:
     held, bodies = part.given.columns(tree), part.given.bodies
     twists = [np.concatenate([motion.p_dot[0, b], motion.w[0, b]]) for b in bodies]
     accelerations = [np.concatenate([motion.p_ddot[0, b], motion.w_dot[0, b]]) for b in bodies]
+    for one in part.given.coordinates:
+        first = np.zeros(1, dtype=int)
+        twists.append((one.target.matrix(tree, motion) @ x_dot[0])[0])
+        accelerations.append(-one.target.rates(motion, first)[1][0])
     return (
         part.given.of_posture(tree, x)[0],
         np.concatenate([x_dot[0, held], *twists]),

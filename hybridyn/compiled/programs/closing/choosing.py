@@ -122,8 +122,8 @@ def _place(robot: HybridRobot, placed: Placed, pose: PoseRequest) -> None:
 def parts_of(robot: HybridRobot, wanted: list[ModuleRequest]) -> list[Part] | None:
     """Return the parts of a closing program; None if the general path must close the loops.
 
-    Kernels know no partial poses, no gears of continuous joints whose turns matter, and no motions that are
-    left to the least norm; and they do not average loops that contradict each other by a file's rounding.
+    Kernels know no gears of continuous joints whose turns matter, and no motions that are left to the least
+    norm; and they do not average loops that contradict each other by a file's rounding.
 
     Raises:
         AssemblyError: What is given does not determine the posture of a module.
@@ -134,8 +134,7 @@ def parts_of(robot: HybridRobot, wanted: list[ModuleRequest]) -> list[Part] | No
         task = module_task(robot, module, request)
         free = int(task.problem.free.sum())
         if (
-            given is None
-            or task.problem.winding is not None
+            task.problem.winding is not None
             or task.problem.rank != free
             or free > MOST_FREEDOMS
             or m.rounding > CONTRADICTING_FILE

@@ -35,6 +35,8 @@ def closing_programs(
         chosen: Numbers that are arguments, the input "parameters" of each program, or None.
     """
     shapes: dict[Any, list[int]] = {}
+    fixed = robot.bodies.place
+    places = fixed, fixed if chosen is None else chosen.places
     index = [robot.modules.index(part.module) for part in parts]
     own = [None if chosen is None else chosen.of_modules[i] for i in index]
     for k, part in enumerate(parts):
@@ -66,13 +68,12 @@ def closing_programs(
             writers[name].keep_base()
     for shape, numbers in shapes.items():
         same = [parts[k] for k in numbers]
-        kernels = ModuleKernels(
-            [part.module for part in same], same[0].given, same[0].blocks, [own[k] for k in numbers]
-        )
+        modules, arguments = [part.module for part in same], [own[k] for k in numbers]
+        kernels = ModuleKernels(modules, same[0].given, same[0].blocks, arguments, places)
         written = kernels.write()
-        places = _places(parts, numbers)
+        entries = _places(parts, numbers)
         for writer in writers.values():
-            writer.add(shape, written, places, len(numbers))
+            writer.add(shape, written, entries, len(numbers))
     return {name: writer.writer.program() for name, writer in writers.items()}
 
 

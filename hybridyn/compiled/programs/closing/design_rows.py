@@ -91,7 +91,8 @@ class DesignRows:
         T, D, robot = requests.samples, len(slots), self.robot
         q, v, a = (np.full((T, D, width), np.nan) for width in (robot.nq, robot.nv, robot.nv))
         out = DesignStates(q, v, a, np.zeros(D, dtype=bool))
-        wanted = module_requests(robot, requests) if robot.base == "fixed" else None
+        possible = robot.base == "fixed" and not self._moves_posed_links(requests)
+        wanted = module_requests(robot, requests) if possible else None
         closing = None if wanted is None else self._closing(requests, wanted)
         if wanted is None or closing is None:
             return out
@@ -109,6 +110,22 @@ class DesignRows:
             out.q[t, live], out.v[t, live], out.a[t, live] = at.q, v, a
         out.certain[live[good]] = True
         return out
+
+    def _moves_posed_links(self, requests: Requests) -> bool:
+        """Return whether a slot places a link in its body whose whole pose is prescribed.
+
+        Prescribed poses are those of bodies, computed once; those of coordinates are computed in C.
+        """
+        joints = self.robot.description.joints
+        above = {joint.child: joint for joint in joints if joint.kind == "fixed"}
+        placing = {slot.name for slot in self.slots if slot.table == "joints"}
+        for pose in requests.poses:
+            for link in (pose.link, pose.other) if pose.motion is not None else ():
+                while link in above:
+                    if above[link].name in placing:
+                        return True
+                    link = above[link].parent
+        return False
 
     def _home(self, parts: list[Part], designs: int) -> DesignPostures:
         """Return the robot's home posture for each design; its platforms are where the robot has them."""

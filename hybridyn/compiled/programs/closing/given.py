@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ....assembly.module_request import ModuleRequest
 from ....assembly.requests import Requests, gather_requests
-from ....linkage.targets import PoseTarget
+from ....linkage.targets import COORDINATES, CoordinateTarget, PoseTarget
 from ....linkage.tree import Tree
 from ....spatial import Array, Index, quaternion_from_rotation
 from ....structure.robot import HybridRobot
@@ -22,6 +22,40 @@ WIDTH, RATES = (1, 1, 7), (1, 1, 6)
 
 
 @dataclass(frozen=True)
+class Coordinates:
+    """Some coordinates of a link's pose that are prescribed.
+
+    Attributes:
+        body: Body of the tree after the cuts.
+        links: The link, and the link in which the coordinates are measured.
+        names: The coordinates.
+        target: The target with all coordinates zero, one sample.
+    """
+
+    body: int
+    links: tuple[str, str]
+    names: tuple[str, ...]
+    target: CoordinateTarget = field(compare=False)
+
+    @classmethod
+    def of(cls, target: CoordinateTarget) -> Coordinates:
+        """Return the coordinates that a target prescribes."""
+        zero = np.zeros((1, len(target.names)))
+        at_zero = replace(target, value=zero, rate=zero, acceleration=zero)
+        return cls(target.body, target.links, target.names, at_zero)
+
+    @property
+    def rows(self) -> tuple[int, ...]:
+        """Their places in `COORDINATES`."""
+        return tuple(COORDINATES.index(name) for name in self.names)
+
+    @property
+    def kinds(self) -> tuple[int, ...]:
+        """The kind of each: a number, or an angle."""
+        return tuple(ANGLE if row >= 3 else NUMBER for row in self.rows)
+
+
+@dataclass(frozen=True)
 class Given:
     """What is prescribed in a module.
 
@@ -29,16 +63,22 @@ class Given:
         joints: Joints of the tree after the cuts whose positions are given; platforms are among them.
         kinds: Their kinds: `NUMBER`, `ANGLE` or `POSE`.
         bodies: Bodies of that tree whose poses are targets.
+        coordinates: Links of which some coordinates of the pose are targets.
     """
 
     joints: tuple[int, ...]
     kinds: tuple[int, ...]
     bodies: tuple[int, ...]
+    coordinates: tuple[Coordinates, ...] = ()
 
     @property
     def all_kinds(self) -> tuple[int, ...]:
-        """The kind of each prescribed position: those of the joints, then the targets."""
-        return self.kinds + (POSE,) * len(self.bodies)
+        """The kind of each prescribed position: those of the joints, the poses, and the coordinates."""
+        return (
+            *self.kinds,
+            *(POSE,) * len(self.bodies),
+            *(kind for one in self.coordinates for kind in one.kinds),
+        )
 
     @property
     def size(self) -> int:
@@ -61,10 +101,11 @@ class Given:
         for joint, kind in zip(self.joints, self.kinds, strict=True):
             own = x[:, tree.q_slices[joint]]
             parts.append(np.arctan2(own[:, 1:], own[:, :1]) if kind == ANGLE else own)
-        motion = tree.sweep(x) if self.bodies else None
+        motion = tree.sweep(x)
         for body in self.bodies:
-            assert motion is not None
             parts += [motion.p[:, body], quaternion_from_rotation(motion.R[:, body])]
+        first = np.zeros(len(x), dtype=int)
+        parts += [one.target.residual(motion, first) for one in self.coordinates]
         return np.concatenate(parts, axis=1)
 
 
@@ -92,16 +133,15 @@ def requests_of_motors(
     return gather_requests(robot, motors, {})
 
 
-def given_of(request: ModuleRequest) -> Given | None:
-    """Return what a request prescribes; None for partial poses, which kernels do not support."""
+def given_of(request: ModuleRequest) -> Given:
+    """Return what a request prescribes."""
     tree = request.mechanism.tree
     kinds = {"continuous": ANGLE, "floating": POSE}
-    if not all(isinstance(target, PoseTarget) for target in request.targets):
-        return None
     return Given(
         tuple(request.given),
         tuple(kinds.get(tree.joints[joint].kind, NUMBER) for joint in request.given),
-        tuple(target.body for target in request.targets),
+        tuple(target.body for target in request.targets if isinstance(target, PoseTarget)),
+        tuple(Coordinates.of(target) for target in request.targets if isinstance(target, CoordinateTarget)),
     )
 
 
@@ -114,10 +154,13 @@ def numbers_of(request: ModuleRequest, given: Given) -> tuple[Array, Array, Arra
         positions.append(request.angles[joint][:, None] if kind == ANGLE else known)
         rates.append(request.known_v[:, tree.v_slices[joint]])
         accelerations.append(request.known_a[:, tree.v_slices[joint]])
-    for target in request.targets:
-        assert isinstance(target, PoseTarget)
-        positions += [target.p, quaternion_from_rotation(target.R)]
-        rates.append(target.velocity)
-        accelerations.append(target.acceleration)
+    for pose in (target for target in request.targets if isinstance(target, PoseTarget)):
+        positions += [pose.p, quaternion_from_rotation(pose.R)]
+        rates.append(pose.velocity)
+        accelerations.append(pose.acceleration)
+    for some in (target for target in request.targets if isinstance(target, CoordinateTarget)):
+        positions.append(some.value)
+        rates.append(some.rate)
+        accelerations.append(some.acceleration)
     whole = [np.concatenate(parts, axis=1) for parts in (positions, rates, accelerations)]
     return whole[0], whole[1], whole[2]

@@ -34,7 +34,7 @@ from ...equations.static_elimination import Pivots, choose_pivots, solve
 from .differences import joint_difference
 from .extended import Extended, extended, with_arguments
 from .given import ANGLE, WIDTH, Given
-from .rows import Rows, row_scales, rows_at
+from .rows import Places, Rows, row_scales, rows_at
 
 #: Pivots smaller than the best by this factor may be chosen to keep the rows sparse.
 SPARSE_CLOSING = 0.1
@@ -69,6 +69,7 @@ class ModuleKernels:
         given: Given,
         blocks: Sequence[Block],
         arguments: Sequence[ModuleArguments | None] = (),
+        places: tuple[Places, Places] = ({}, {}),
     ) -> None:
         """Choose the pivots.
 
@@ -77,7 +78,9 @@ class ModuleKernels:
             given: What is prescribed.
             blocks: Blocks of the free freedoms that do not depend on each other; none for one block.
             arguments: Arguments of each module, or None; nothing where no module has any.
+            places: Frames of the robot's links, and the same as functions of the arguments.
         """
+        self.places, self.places_with_arguments = places
         self.modules, self.given, self.blocks = modules, given, blocks
         self.m = modules[0].mechanism
         self.trees = [extended(module.mechanism) for module in modules]
@@ -129,8 +132,8 @@ class ModuleKernels:
                 out.append(self._of(f"q_{i}")[self.m.spanning.q_slices[source]])
         return out
 
-    def _poses(self) -> Expression:
-        """Return the poses of the targets."""
+    def _targets(self) -> Expression:
+        """Return the prescribed poses and coordinates."""
         return self._of("g")[self._starts[len(self.given.joints)] :]
 
     def _outside(self, z: Sequence[Expression]) -> tuple[ca.SX, ca.SX]:
@@ -150,7 +153,7 @@ class ModuleKernels:
     def pivots(self) -> Pivots:
         """Pivots over the free freedoms: those of the tree after the cuts, then those of the wrists."""
         folding = Folding()
-        rows = rows_at(self.trees, self.given, folding, self.positions(0), self._poses())
+        rows = rows_at(self.trees, self.given, folding, self.positions(0), self._targets(), self.places)
         function = ca.Function("K", [*self._symbols("q_0", "p_0", "g"), folding.symbol()], [pack(rows.K)])
         table, samples = folding.table(len(self.modules)), []
         for module, numbers in zip(self.modules, table, strict=True):
@@ -186,9 +189,14 @@ class ModuleKernels:
         """Write the kernels."""
         folding = Folding()
         z = self.positions(0)
-        rows = rows_at(self.with_arguments, self.given, folding, z, self._poses())
+        rows = self._rows(z, folding)
         functions = self._newton(rows, z, folding), self._settle(rows, z, folding)
         return Written(*functions, self._branch(rows, folding), folding.table(len(self.modules)))
+
+    def _rows(self, z: list[Expression], folding: Folding) -> Rows:
+        """Write the rows with arguments at positions of the joints."""
+        trees, places = self.with_arguments, self.places_with_arguments
+        return rows_at(trees, self.given, folding, z, self._targets(), places)
 
     def _closed(self, rows: Rows) -> ca.SX:
         """Return the largest residual without units."""
@@ -255,7 +263,10 @@ class ModuleKernels:
     def _wanted(self, rows: Rows, targets: Expression) -> Expression:
         """Return the prescribed rates (or accelerations) of all rows, shape (rows,)."""
         out = zeros(len(rows.residual))
-        first = self.loops - 6 * len(rows.frames)
+        poses = 6 * len(rows.frames)
+        coordinates = targets[poses:]
+        first = self.loops - poses - len(coordinates)
+        out[first + poses : self.loops] = coordinates
         for i, A in enumerate(rows.frames):
             own = targets[6 * i : 6 * i + 6]
             at = first + 6 * i
@@ -293,7 +304,7 @@ class ModuleKernels:
         The first posture is the start, the second the predicted one, the third the one that was found.
         """
         predicted, found = self.positions(1), self.positions(2)
-        there = rows_at(self.with_arguments, self.given, folding, found, self._poses())
+        there = self._rows(found, folding)
         tree = self.e.tree
         both = (np.concatenate([zeros(0), *z]) for z in (predicted, found))
         off = by_joint(tree, joint_difference, *both, positions=2)

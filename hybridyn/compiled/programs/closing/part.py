@@ -65,5 +65,5 @@ def motors_given(robot: HybridRobot, parts: Sequence[Part]) -> list[int]:
         source = part.module.mechanism.spec.tree_joint
         joints = [source[joint] for joint in part.given.joints]
         order += [number.get(part.module.joints[i], -1) if i is not None else -1 for i in joints]
-        order += [-1] * len(part.given.bodies)
+        order += [-1] * (len(part.given.all_kinds) - len(joints))
     return order if sorted(order) == list(range(len(robot.motors))) else []

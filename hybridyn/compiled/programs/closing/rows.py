@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -18,7 +19,12 @@ from ...equations.links import links_of
 from ...equations.residuals import Frames, SpanningRows, coupling_row
 from ...equations.rigid import quaternion_matrix
 from .extended import Extended
-from .given import Given
+from .given import ANGLE, Coordinates, Given
+
+#: For each link, its body and its placement (R, p) there, which may be arguments (`Bodies.place`).
+Places = Mapping[str, tuple[int, Any, Any]]
+#: Least cosine of the pitch at which rates of roll and yaw are computed.
+LEAST_COSINE = 1e-6
 
 
 @dataclass
@@ -39,7 +45,12 @@ class Rows:
 
 
 def rows_at(
-    trees: Sequence[Extended], given: Given, folding: Folding, z: Sequence[Expression], poses: Expression
+    trees: Sequence[Extended],
+    given: Given,
+    folding: Folding,
+    z: Sequence[Expression],
+    targets: Expression,
+    places: Places,
 ) -> Rows:
     """Write the rows of modules of one shape.
 
@@ -48,7 +59,8 @@ def rows_at(
         given: What is prescribed.
         folding: Collects the numbers in which they differ.
         z: Positions of each joint.
-        poses: Poses of the targets, shape (7 targets,).
+        targets: Prescribed poses, then coordinates, shape (7 poses + coordinates,).
+        places: Frames of the links whose coordinates are prescribed.
     """
     links = fold_links(folding, [links_of(t.joints, [np.zeros(10)] * len(t.joints)) for t in trees])
     nv = trees[0].tree.nv
@@ -64,12 +76,19 @@ def rows_at(
         out.K = np.concatenate([out.K, row[None]])
         out.residual = np.concatenate([out.residual, np.array([miss], dtype=object)])
     for i, body in enumerate(given.bodies):
-        pose = poses[7 * i : 7 * i + 7]
+        pose = targets[7 * i : 7 * i + 7]
         out.frames.append(quaternion_matrix(pose[3:]))
         target = TreeClosure(
             "", "", 0, np.eye(3), np.zeros(3), body, np.eye(3), np.zeros(3), (0, 1, 2), "fixed"
         )
         _add(out, chain, writer, target, (out.frames[-1], pose[:3], plain(np.eye(3)), zeros(3)))
+    at = 7 * len(given.bodies)
+    for some in given.coordinates:
+        frames = [x for link in reversed(some.links) for x in places[link][1:]]
+        other_R, other_p, R, p = (folding.array([x] * len(trees)) for x in frames)
+        wanted = targets[at : at + len(some.names)]
+        at += len(some.names)
+        _add_coordinates(out, chain, writer, some, wanted, (other_R, other_p, R, p))
     for same in zip(*(t.welds for t in trees), strict=True):
         _add(out, chain, writer, same[0], _folded(folding, same))
     return out
@@ -78,7 +97,9 @@ def rows_at(
 def row_scales(tree: Extended, given: Given) -> Array:
     """Return the factor that makes each row dimensionless, shape (rows,)."""
     pose = np.array([1.0 / tree.length] * 3 + [1.0] * 3)
-    return np.concatenate([tree.row_scale, *[pose] * (len(given.bodies) + len(tree.welds))])
+    coordinates = [1.0 / some.target.units for some in given.coordinates]
+    poses, welds = [pose] * len(given.bodies), [pose] * len(tree.welds)
+    return np.concatenate([tree.row_scale, *poses, *coordinates, *welds])
 
 
 def _folded(folding: Folding, same: Sequence[TreeClosure]) -> Frames:
@@ -102,3 +123,39 @@ def _add(out: Rows, chain: Chain, writer: SpanningRows, closure: TreeClosure, fr
         out.upright.append(
             cosines[2] if closure.rotation == "parallel" else cosines[0] + cosines[1] + cosines[2] - 1.0
         )
+
+
+def _add_coordinates(
+    out: Rows, chain: Chain, writer: SpanningRows, some: Coordinates, wanted: Expression, frames: Frames
+) -> None:
+    """Add the rows of coordinates of a link: x, y, z, roll, pitch and yaw as in `linkage.targets`.
+
+    Args:
+        out: The rows so far.
+        chain: The tree's motion.
+        writer: Writes rows of closures.
+        some: The coordinates.
+        wanted: Their prescribed values, shape (coordinates,).
+        frames: Axes and origin of the frame in which they are measured, and of the link in its body.
+    """
+    pose = TreeClosure(
+        "", "", 0, np.eye(3), np.zeros(3), some.body, np.eye(3), np.zeros(3), (0, 1, 2), "fixed"
+    )
+    off, over = writer.closure(pose, frames)  # the rates of the last three rows are angular velocities
+    R = dot(frames[0].T, dot(chain.R0[some.body], frames[2]))
+    squared = R[0, 0] ** 2 + R[1, 0] ** 2
+    cosine = ca.sqrt(squared)  # of the pitch
+    angles = [ca.atan2(R[2, 1], R[2, 2]), ca.atan2(-R[2, 0], cosine), ca.atan2(R[1, 0], R[0, 0])]
+    to_rates = plain(np.eye(3))
+    to_rates[0, :2] = R[0, 0] / squared, R[1, 0] / squared
+    to_rates[1, :2] = -R[1, 0] / cosine, R[0, 0] / cosine
+    to_rates[2, :2] = -R[2, 0] * to_rates[0, 0], -R[2, 0] * to_rates[0, 1]
+    values, rows = [*off[:3], *angles], [*over[:3], *dot(to_rates, over[3:])]
+    for row, kind, value in zip(some.rows, some.kinds, wanted, strict=True):
+        miss = values[row] - value
+        if kind == ANGLE:
+            miss = miss - 2 * np.pi * ca.floor(miss / (2 * np.pi) + 0.5)
+        out.K = np.concatenate([out.K, rows[row][None]])
+        out.residual = np.concatenate([out.residual, np.array([miss], dtype=object)])
+    if ANGLE in some.kinds:
+        out.upright.append(ca.SX(cosine - LEAST_COSINE))
