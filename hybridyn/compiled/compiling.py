@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
 
-from ..effects.choice import Choice, choose
-from ..errors import ModelError
+from ..effects.choice import Choice, Effects, choose
+from ..errors import CompileError, HybridynError, ModelError
 from ..linkage.threads import one_thread
 from ..structure.parameters.entries import Parameters
 from ..structure.parameters.slots import Slot
@@ -13,13 +16,17 @@ from ..structure.robot import HybridRobot
 from .code.scalars import Scalar
 from .equations.arguments.coefficients import at_robot, check_coefficients, with_stated_springs
 from .failures import as_compile_error
-from .library.cache import Built
+from .library.cache import Built, known
 from .library.calls import Library, loaded
 from .library.compilers import best_lanes, find_compiler
+from .library.replacing import Replacement, check_bits, receive, run_in_turn
 from .model import CompiledRobot
 from .programs.designs import AtDesign, designs_to_verify
-from .programs.sources import library_of
+from .programs.sources import MODELS, library_key, library_of
 from .verifying import verify
+
+#: Models that a quick build may begin with, the default first.
+FIRST = ("idm", "ddm")
 
 
 @one_thread()
@@ -30,7 +37,7 @@ def compile(
     parameters: Sequence[str | Slot] = (),
     threads: int = 1,
     dtype: str = "float64",
-    quick: bool = False,
+    quick: bool | str = False,
 ) -> CompiledRobot:
     """Generate C for a robot's models, build it, and check it against the general path.
 
@@ -44,9 +51,10 @@ def compile(
             them), or slots; all others are constants of the code.
         threads: Number of threads that share a batch.
         dtype: "float64", or "float32", which computes a batch twice as fast with seven digits.
-        quick: Whether to return after a quick build of the library (-O1), which gives the same bits in about
-            a third more time. A thread then builds the optimised one, and the model uses it when it is there.
-            A program that ends first ends its compiler, and the next one begins again.
+        quick: Whether to return after a quick build (-Og) of one model, which gives the same bits in about
+            half more time: of `idm` (True or "idm"), or of `ddm` ("ddm"). The first call that needs another
+            model builds all, quickly. A process of its own builds the optimised library, and the model uses
+            it when it is there. It ends with the program, and the next one begins again.
 
     Returns:
         The compiled models. Call `idm` and `ddm` like the functions of the general path.
@@ -60,32 +68,90 @@ def compile(
     """
     if dtype not in ("float64", "float32"):
         raise ModelError(f"dtype must be 'float64' or 'float32', not {dtype!r}")
+    if quick not in (True, False, *FIRST):
+        raise ModelError(f"quick must be True, False, 'idm' or 'ddm', not {quick!r}")
     if threads < 1:
         raise ModelError(f"threads must be at least 1, not {threads}")
     robot.check_model()
     on = choose(robot, effects)
     find_compiler()
-    scalar = Scalar(dtype, best_lanes(dtype))
-
     robot = with_stated_springs(robot, on) if parameters else robot
-    chosen = Parameters(robot.description, parameters)
-    check_coefficients(robot, on, chosen.slots)
+    asked = _Asked(robot, on, Parameters(robot.description, parameters), dtype)
+    check_coefficients(robot, on, asked.parameters.slots)
+    with as_compile_error(robot):
+        first = quick if isinstance(quick, str) else FIRST[0]
+        library = loaded(lambda: asked.quickly(first) if quick else asked.built())
+        compiled = CompiledRobot(robot, on, library, threads, asked.parameters)
+    if compiled.quick:
+        compiled.replace_later(
+            lambda: loaded(lambda: asked.built(quick=True)),
+            lambda use: Replacement(build_optimised, (asked, library.built), asked.known, use),
+        )
+    return compiled
 
-    def accept(built: Built) -> None:
+
+@dataclass(frozen=True)
+class _Asked:
+    """The library that is asked for."""
+
+    robot: HybridRobot
+    effects: Effects
+    parameters: Parameters
+    dtype: str
+
+    @property
+    def _key(self) -> tuple[HybridRobot, Effects, Scalar, Sequence[Slot]]:
+        """What determines the source."""
+        return self.robot, self.effects, Scalar(self.dtype, best_lanes(self.dtype)), self.parameters.slots
+
+    def built(self, models: tuple[str, ...] = MODELS, **options: Any) -> Built:
+        """Find or build the library; `options` are those of `cache.cached`.
+
+        Raises:
+            CompileError: As in `compile`.
+        """
+        return library_of(*self._key, models)(**{"accept": self.accept, **options})
+
+    def known(self, models: tuple[str, ...] = MODELS, *, quick: bool = False) -> Built | None:
+        """Return the library if it is in the cache."""
+        return known(library_key(*self._key, models), quick=quick)
+
+    def quickly(self, model: str) -> Built:
+        """Return the library if it is in the cache, else a quick build with one model.
+
+        Raises:
+            CompileError: As in `compile`.
+        """
+        if (found := self.known(quick=True)) is not None:
+            return found
+        try:
+            return self.built((model,), quick=True)
+        except CompileError:  # perhaps the other models serve
+            return self.built(quick=True)
+
+    def accept(self, built: Built) -> None:
         """Compare a new library with the general path at each design to verify."""
         library = Library(built)
-        for design, like, required in designs_to_verify(robot, chosen):
+        for design, like, required in designs_to_verify(self.robot, self.parameters):
             verify(
-                AtDesign(library, design) if parameters else library,
+                AtDesign(library, design) if self.parameters.size else library,
                 like,
-                at_robot(on, like) if parameters else on,
+                at_robot(self.effects, like) if self.parameters.size else self.effects,
                 required=required,
             )
 
-    with as_compile_error(robot):
-        find = library_of(robot, on, scalar, chosen.slots)
-        library = loaded(lambda: find(accept=accept, quick=quick))
-        compiled = CompiledRobot(robot, on, library, threads, chosen)
-    if compiled.quick:
-        compiled.optimise(find)
-    return compiled
+
+def build_optimised() -> None:
+    """Build the optimised library of a model, in a process of its own (`library.replacing`)."""
+    asked, quick = receive()
+    first = Library(quick)
+
+    def accept(built: Built) -> None:
+        """Compare with the general path, and with the quick library bit by bit."""
+        asked.accept(built)
+        check_bits(first, built)
+
+    try:
+        asked.built(accept=accept, run=run_in_turn)
+    except HybridynError as error:
+        sys.exit(str(error))

@@ -20,6 +20,7 @@ from .equations.arguments.coefficients import at_robot
 from .library.cache import Built
 from .library.calls import Calls, Library, Numbers
 from .library.compilers import best_lanes
+from .library.current import Current
 from .library.replacing import Replacement
 from .programs.body_rows import body_motion
 from .programs.designs import DesignsInSlots
@@ -65,30 +66,36 @@ class CompiledRobot(Postures, LinkQuantities):
         self.recomputed, self._followings = 0, {}
         self._begin_postures()
         self._moving = robot.base == "moving"
-        self._replacement: Replacement | None = None
-        self._use(library)
+        self._motors, self._rates = len(robot.motors), robot.nv
+        self._current = Current(library, self._use)
 
     def _use(self, library: Library) -> None:
         """Take the programs of a library; another thread may do this between two calls."""
-        self.library, self.dtype = library, library.dtype
-        self._idm, self._ddm = library.programs["idm"], library.programs["ddm"]
+        self.dtype = library.dtype
         plain = self.effects.limits is None and not self.parameters.size
-        self._idm_at_once = self._idm.at_once if self._idm.at_once and plain else refuse
-        self._ddm_at_once = self._ddm.at_once if self._ddm.at_once and plain and not self._moving else refuse
+        idm, ddm = (library.programs.get(name) for name in ("idm", "ddm"))
+        self._idm_at_once = idm.at_once if idm and idm.at_once and plain else refuse
+        self._ddm_at_once = ddm.at_once if ddm and ddm.at_once and plain and not self._moving else refuse
 
-    def optimise(self, find: Callable[..., Built]) -> None:
-        """Build the optimised library in a thread, and use it when it is there; `find` is `cache.cached`."""
-        self._replacement = Replacement(self.library, find, self._use)
+    @property
+    def library(self) -> Library:
+        """The loaded library of all models; after a quick build of one, the others are built now."""
+        return self._current.whole()
+
+    def replace_later(
+        self, build_all: Callable[[], Library], replacing: Callable[[Callable[[Library], None]], Replacement]
+    ) -> None:
+        """Use the optimised library when it is there, see `Current.replace_later`."""
+        self._current.replace_later(build_all, replacing)
 
     @property
     def quick(self) -> bool:
-        """Whether the programs are those of a quick build, with the same bits in a third more time."""
-        return self.library.built.quick
+        """Whether the programs are those of a quick build, with the same bits in half more time."""
+        return self._current.library.built.quick
 
     def wait_until_optimised(self) -> None:
         """Wait until the optimised programs have replaced the quick ones, or cannot be built."""
-        if self._replacement is not None:
-            self._replacement.wait()
+        self._current.wait()
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle the path of the library's file; the receiving process loads it again."""
@@ -112,7 +119,7 @@ class CompiledRobot(Postures, LinkQuantities):
         Raises:
             HybridynError: The same errors with the same messages as `hybridyn.idm`.
         """
-        out = np.empty(self._idm.size, self.dtype)
+        out = np.empty(self._motors, self.dtype)
         if parameters is None and self._idm_at_once(q, v, a, out) == 0:  # every tenth of a microsecond counts
             return out
         return self._run("idm", {"q": q, "v": v, "a": a}, parameters)
@@ -143,7 +150,7 @@ class CompiledRobot(Postures, LinkQuantities):
             HybridynError: The same errors with the same messages as `hybridyn.ddm`.
         """
         if base_acceleration is None and parameters is None:
-            out = np.empty(self._ddm.size, self.dtype)
+            out = np.empty(self._rates, self.dtype)
             if self._ddm_at_once(q, v, tau, out) == 0:
                 return out
         given = {"q": q, "v": v, "tau": tau}
@@ -163,7 +170,7 @@ class CompiledRobot(Postures, LinkQuantities):
         Returns:
             Accelerations, shape (T, nv), or None if the general path must compute some sample.
         """
-        calls = self._ddm
+        calls = self._current.program("ddm")
         arguments = self._arguments(calls, None, (len(q),))
         if len(q) == 1 and calls.at_once is not None and not self._moving and not arguments:
             x, x_dot, effort = q[0], v[0], tau[0]
@@ -236,7 +243,7 @@ class CompiledRobot(Postures, LinkQuantities):
 
     def _run(self, name: str, given: dict[str, ArrayLike], parameters: ArrayLike | None = None) -> Numbers:
         """Run a model for one sample or many."""
-        calls = self.library.programs[name]
+        calls = self._current.program(name)
         sizes = dict(calls.inputs)
         given = given | self._arguments(calls, parameters, np.shape(given["q"])[:-1])
         if given.keys() != sizes.keys():  # a base_acceleration for a base that does not move

@@ -143,7 +143,7 @@ class _Comparison:
     def __init__(self, library: Built, robot: HybridRobot, effects: Effects) -> None:
         self._library, self._robot, self._effects = library, robot, effects
         self._agree = MODEL_AGREES[str(library.dtype)]
-        self.computed, self.reason = {"ddm": 0, "idm": 0}, ""
+        self.computed, self.reason = {x: 0 for x in ("ddm", "idm") if x in library.programs}, ""
         self._lifted = "lift" not in library.programs
 
     def draw(self, seed: int) -> None:
@@ -157,8 +157,10 @@ class _Comparison:
         robot = self._robot
         q, v, tau = moving_states(robot, SAMPLES, seed)
         still = [np.zeros((SAMPLES, 6))] if robot.base == "moving" else []
-        (a,), guard = self._library.batch("ddm", q, v, tau, *still)
-        good = guard <= GUARD_LIMIT
+        a, good = np.zeros_like(v), np.zeros(SAMPLES, dtype=bool)
+        if "ddm" in self.computed:
+            (a,), guard = self._library.batch("ddm", q, v, tau, *still)
+            good = guard <= GUARD_LIMIT
         try:
             wanted = ddm(robot, q, v, tau, effects=self._effects)
         except HybridynError as error:  # correct, as long as it refuses none of the good samples
@@ -168,7 +170,8 @@ class _Comparison:
                 return
             q, v, tau, a, good = q[good], v[good], tau[good], a[good], good[good]
             wanted = self._general(ddm, "ddm", q, v, tau)
-        self._compare("ddm", ddm, (q[good], v[good], tau[good]), a[good], wanted[good])
+        if good.any():
+            self._compare("ddm", ddm, (q[good], v[good], tau[good]), a[good], wanted[good])
         self._at_accelerations(q, v, wanted)
 
     def _without_direct_model(self, q: Array, v: Array, tau: Array) -> None:
@@ -183,15 +186,17 @@ class _Comparison:
         self._at_accelerations(q, v, a)
 
     def _at_accelerations(self, q: Array, v: Array, a: Array) -> None:
-        """Compare kinematics, Newton's steps and the inverse model."""
-        (rows,), guard = self._library.batch("kinematics", q, v, a)
-        good = guard <= GUARD_LIMIT
-        if good.any():
-            given = (q[good], v[good], a[good])
-            self._compare("kinematics", body_rows, given, rows[good], body_rows(self._robot, *given))
+        """Compare kinematics, Newton's steps and the inverse model, as far as the library has them."""
+        if "kinematics" in self._library.programs:
+            (rows,), guard = self._library.batch("kinematics", q, v, a)
+            good = guard <= GUARD_LIMIT
+            if good.any():
+                given = (q[good], v[good], a[good])
+                self._compare("kinematics", body_rows, given, rows[good], body_rows(self._robot, *given))
         if not self._lifted:
             self._lifted = _lift(self._library, self._robot, q, v, self._agree)
-        self._inverse(q, v, a)
+        if "idm" in self.computed:
+            self._inverse(q, v, a)
 
     def _inverse(self, q: Array, v: Array, a: Array) -> None:
         """Compare the inverse model on samples that it computes itself."""

@@ -5,8 +5,11 @@ from __future__ import annotations
 import functools
 import logging
 import os
+import signal
 import subprocess
 import sys
+import time
+from collections.abc import Sequence
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -18,9 +21,17 @@ import hybridyn
 from hybridyn.compiled.code.library_source import Source, library_source
 from hybridyn.compiled.code.scalars import Scalar
 from hybridyn.compiled.library import replacing
-from hybridyn.compiled.library.cache import cached
+from hybridyn.compiled.library.cache import Built, cached, known
 from hybridyn.compiled.library.calls import Library
-from hybridyn.compiled.library.replacing import Replacement, different_programs
+from hybridyn.compiled.library.current import Current
+from hybridyn.compiled.library.replacing import (
+    Replacement,
+    check_bits,
+    different_programs,
+    receive,
+    run_in_turn,
+)
+from hybridyn.errors import CompileError
 from tests import ROOT
 from tests.compiled_toys import inputs, toy
 from tests.waiting import PATIENCE, wait_until
@@ -32,15 +43,22 @@ SLOW = "#!/bin/sh\nsleep 60 & echo $! > {pid}.new; mv {pid}.new {pid}; wait\n"
 
 #: A program that ends while its optimised library is built.
 PROGRAM = """
-import os, sys, time
-from hybridyn.compiled.library.replacing import Replacement
+import os, signal, sys, time
+from hybridyn.compiled.library.building import run_one
+from hybridyn.compiled.library.replacing import Replacement, receive
 class Model:
     def use(self, library):
         print("used")
-model = Model()
-Replacement(None, lambda accept, run: run([[sys.argv[1]]]), model.use)
-while not os.path.exists(sys.argv[2]):
-    time.sleep(0.01)
+def build():
+    run_one([receive()])
+build.__module__ = "builder"
+if __name__ == "__main__":
+    model = Model()
+    Replacement(build, sys.argv[1], lambda: None, model.use)
+    while not os.path.exists(sys.argv[2]):
+        time.sleep(0.01)
+    if "kill" in sys.argv:
+        os.kill(os.getpid(), signal.SIGKILL)
 """
 
 
@@ -54,14 +72,25 @@ def source() -> Source:
 
 
 find = functools.partial(cached, "a toy", source)
+kept = functools.partial(known, "a toy")
+
+
+def build_toy() -> None:
+    """Build the optimised library of the toy in a process of its own, or fail with other bits."""
+    quick, differing = receive()
+    replacing.different_programs = lambda *_: differing
+    try:
+        find(accept=functools.partial(check_bits, Library(quick)), run=run_in_turn)
+    except CompileError as error:
+        sys.exit(str(error))
 
 
 class Model:
     """An object that uses a library, and replaces it."""
 
-    def __init__(self, library: Library) -> None:
-        self.library = library
-        self.replacement = Replacement(library, find, self.use)
+    def __init__(self, quick: Built, differing: Sequence[str] = ()) -> None:
+        self.library = Library(quick)
+        self.replacement = Replacement(build_toy, (quick, differing), kept, self.use)
 
     def use(self, library: Library) -> None:
         """Take the library."""
@@ -76,7 +105,7 @@ def answers(library: Library) -> list[np.ndarray]:
 def test_the_optimised_library_takes_over_with_the_same_bits() -> None:
     quick = find(quick=True)
     assert quick.quick
-    model = Model(Library(quick))
+    model = Model(quick)
     before = answers(model.library)
     model.replacement.wait()
     assert not model.library.built.quick
@@ -85,15 +114,13 @@ def test_the_optimised_library_takes_over_with_the_same_bits() -> None:
     assert different_programs(Library(quick), model.library) == []
 
 
-def test_a_library_with_other_bits_is_not_used(
-    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
-) -> None:
-    model_library = Library(find(quick=True))
-    monkeypatch.setattr(replacing, "different_programs", lambda *_: ["idm"])
+def test_a_library_with_other_bits_is_not_used(caplog: pytest.LogCaptureFixture) -> None:
+    quick = find(quick=True)
     with caplog.at_level(logging.WARNING):
-        model = Model(model_library)
+        model = Model(quick, ["idm"])
+        first = model.library
         model.replacement.wait()
-    assert model.library is model_library
+    assert model.library is first
     assert "other bits in idm" in caplog.text
     assert find(quick=True).quick
 
@@ -117,36 +144,87 @@ def test_other_bits_are_found() -> None:
     assert different_programs(library, other) == [TOY.name]
 
 
-def test_no_compiler_outlives_the_program(tmp_path: Path) -> None:
-    pid, compiler = tmp_path / "pid", tmp_path / "slow-cc"
+@pytest.mark.parametrize("ending", ["", "kill"])
+def test_no_compiler_outlives_the_program(tmp_path: Path, ending: str) -> None:
+    pid, compiler, program = tmp_path / "pid", tmp_path / "slow-cc", tmp_path / "builder.py"
     compiler.write_text(SLOW.format(pid=pid))
     compiler.chmod(0o700)
+    program.write_text(PROGRAM)
     done = subprocess.run(
-        [sys.executable, "-c", PROGRAM, str(compiler), str(pid)],
+        [sys.executable, str(program), str(compiler), str(pid), ending],
         env=os.environ | {"PYTHONPATH": str(ROOT)},
         capture_output=True,
         text=True,
         timeout=PATIENCE,
     )
-    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+    assert (done.returncode, done.stdout, done.stderr) == (-signal.SIGKILL if ending else 0, "", "")
     number = int(pid.read_text())
     wait_until(lambda: not Path(f"/proc/{number}").exists(), "the end of what the compiler started")
 
 
+def wait_for_the_end() -> None:
+    """Be a build that ends with its program only."""
+    receive()
+    time.sleep(PATIENCE)
+
+
 @pytest.mark.filterwarnings("ignore::DeprecationWarning")  # of forks beside threads
-def test_a_fork_leaves_the_compiler_alone() -> None:
+def test_a_fork_leaves_the_process_alone() -> None:
     unused: Any = Shifted(SimpleNamespace(inputs=[]))
-    replacement = Replacement(unused, lambda accept, run: run([["sleep", "60"]]), unused.batch)
-    wait_until(lambda: replacement._process is not None, "the compiler")
-    process = replacement._process
-    assert process is not None
+    replacement = Replacement(wait_for_the_end, None, kept, unused.batch)
     if (fork := os.fork()) == 0:
         replacement.stop()
         os._exit(0)
     os.waitpid(fork, 0)
-    assert process.poll() is None
+    assert replacement._process.poll() is None
     replacement.stop()
-    assert process.poll() is not None
+    assert replacement._process.poll() is not None
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("first", ["idm", "ddm"])
+def test_the_first_model_is_built_alone(first: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The first library has one model; a call of another builds all, and none waits for the optimised one."""
+    monkeypatch.setattr(Replacement, "__init__", lambda self, *_: None)
+    robot = hybridyn.load("five_bar")
+    model = hybridyn.compile(robot, quick=first)
+    assert list(model._current.library.programs) == [first]
+    last = np.zeros(len(robot.motors) if first == "ddm" else robot.nv)
+    state = robot.home, np.zeros(robot.nv), last
+    assert np.allclose(getattr(model, first)(*state), getattr(hybridyn, first)(robot, *state))
+    assert list(model._current.library.programs) == [first]
+    assert {"idm", "ddm", "lift"} <= set(model.library.programs)
+    assert model.quick
+
+
+def test_a_program_that_is_missing_is_built_once() -> None:
+    first: Any = SimpleNamespace(programs={"idm": 1})
+    whole: Any = SimpleNamespace(programs={"idm": 2, "ddm": 3})
+    later: Any = SimpleNamespace(programs={"idm": 4, "ddm": 5})
+    used: list[Any] = []
+    built: list[int] = []
+    take: list[Any] = []
+    current: Any = Current(first, used.append)
+
+    def build() -> Any:
+        """Build all."""
+        built.append(1)
+        return whole
+
+    current.replace_later(build, take.append)
+    assert current.program("idm") == 1
+    assert not built
+    assert current.program("ddm") == 3
+    assert current.whole() is whole
+    take[0](later)
+    assert current.program("ddm") == 5
+    assert used == [first, whole, later]
+    assert built == [1]
+
+
+def test_an_unknown_first_model_is_refused() -> None:
+    with pytest.raises(hybridyn.HybridynError, match="quick must be True, False, 'idm' or 'ddm', not 'lift'"):
+        hybridyn.compile(hybridyn.load("five_bar"), quick="lift")
 
 
 @pytest.mark.slow
@@ -158,7 +236,7 @@ def test_robots_keep_their_bits(name: str, monkeypatch: pytest.MonkeyPatch) -> N
     generator = np.random.default_rng(3)
     q = np.tile(robot.home, (5, 1))
     v, a = generator.normal(size=(2, 5, robot.nv))
-    quick = compiled.library
+    quick = compiled._current.library
     before = quick.batch("idm", q, v, a)
     compiled.wait_until_optimised()
     assert not compiled.quick

@@ -74,40 +74,22 @@ def build(
 
 
 def run_one(command: list[str]) -> None:
-    """Run the compiler; errors are those of `start` and `finish`."""
-    finish(start(command), command)
-
-
-def start(command: list[str], *, apart: bool = False) -> subprocess.Popen[str]:
-    """Start the compiler.
-
-    Args:
-        command: Its command line.
-        apart: Whether it gets a process group of its own, with which all that it starts can be ended.
+    """Run the compiler.
 
     Raises:
-        CompileError: The compiler cannot be started.
+        CompileError: It cannot be started, or it fails.
     """
     try:
-        return subprocess.Popen(
+        process = subprocess.Popen(
             command,
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             text=True,
             errors="replace",
-            process_group=0 if apart else None,
         )
     except OSError as error:
         raise CompileError(f"the C compiler '{command[0]}' cannot be started: {error}") from error
-
-
-def finish(process: subprocess.Popen[str], command: list[str]) -> None:
-    """Wait for a compiler.
-
-    Raises:
-        CompileError: The compiler fails.
-    """
     with process:
         try:
             said, _ = process.communicate()

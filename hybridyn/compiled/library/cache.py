@@ -72,14 +72,11 @@ def cached(
         CompileError: There is no compiler, the compiler fails, the cache folder cannot be used, or other
             users can write in it.
     """
-    at = _writable(folder())
-    check_ownership(at)
-    for flags in (FLAGS, QUICK_FLAGS) if quick else (FLAGS,):
-        tools = _tools(libraries, flags)
-        pointer = at / "keys" / hashed(key, package_state(), tools)
-        with contextlib.suppress(OSError, ValueError):  # the file does not exist, or is no text
-            if is_own(pointer) and (known := _load(at, pointer.read_text())) is not None:
-                return replace(known, quick=flags is QUICK_FLAGS)
+    if (found := known(key, libraries, quick=quick)) is not None:
+        return found
+    flags = QUICK_FLAGS if quick else FLAGS
+    at, tools = _writable(folder()), _tools(libraries, flags)
+    pointer = _pointer(at, key, tools)
     source = make_source()
     name = hashed(*source.units, json.dumps(source.about, sort_keys=True), tools)
     try:
@@ -95,6 +92,23 @@ def cached(
             f"the cache folder '{at}' cannot be used: {error}; repair it, or name another in {VARIABLE}"
         ) from error
     return found
+
+
+def known(key: str, libraries: tuple[str, ...] = (), *, quick: bool = False) -> Built | None:
+    """Return the library that was built for a key, or None; arguments and errors are those of `cached`."""
+    at = _writable(folder())
+    check_ownership(at)
+    for flags in (FLAGS, QUICK_FLAGS) if quick else (FLAGS,):
+        pointer = _pointer(at, key, _tools(libraries, flags))
+        with contextlib.suppress(OSError, ValueError):  # the file does not exist, or is no text
+            if is_own(pointer) and (found := _load(at, pointer.read_text())) is not None:
+                return replace(found, quick=flags is QUICK_FLAGS)
+    return None
+
+
+def _pointer(at: Path, key: str, tools: str) -> Path:
+    """Return the file that leads from a key to the hash of its source."""
+    return at / "keys" / hashed(key, package_state(), tools)
 
 
 def _tools(libraries: tuple[str, ...], flags: tuple[str, ...]) -> str:

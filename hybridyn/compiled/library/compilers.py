@@ -27,8 +27,9 @@ FLAGS = (
     "-w",
 )
 
-#: Flags of a quick build, with the same bits: no flag lets the compiler reorder or contract arithmetic.
-QUICK_FLAGS = tuple("-O1" if flag == "-O3" else flag for flag in FLAGS)
+#: Flags of a quick build (-O1 takes half more time), with the same bits: no flag lets the compiler reorder
+#: or contract arithmetic.
+QUICK_FLAGS = tuple("-Og" if flag == "-O3" else flag for flag in FLAGS)
 
 NAMES = ("cc", "gcc", "clang")
 

@@ -1,8 +1,8 @@
 """Build the optimised library of a model while a program already runs on the quick one, and replace it.
 
-One thread runs the compiler, one unit after the other, so that the program keeps its other cores. The
-optimised library is used only if it gives the same bits. A program that ends first ends the compiler; the
-next one begins again. A program that a signal ends leaves the compiler at its unit, a few seconds at most.
+A process of its own writes the source and runs the compiler, one unit after the other, so that the program
+keeps its interpreter and its other cores. The optimised library is used only if it gives the same bits. The
+process ends with the program, whatever ends that; the next program begins again.
 """
 
 from __future__ import annotations
@@ -11,16 +11,19 @@ import atexit
 import contextlib
 import logging
 import os
+import pickle
 import signal
 import subprocess
+import sys
 import threading
 import weakref
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
 from ...errors import CompileError
-from .building import finish, start
+from .building import run_one
 from .cache import Built
 from .calls import Library
 
@@ -28,31 +31,50 @@ log = logging.getLogger("hybridyn.compiled")
 
 #: Samples on which the bits are compared: full vectors, and one that is not full.
 SAMPLES = 37
-#: Time that a program waits at its end for the thread to remove its files [s].
+#: Time that a program waits at its end for the process to remove its files [s].
 PATIENCE = 5.0
+#: Program of the process: the function that is named by its module and name, on the request in its input.
+PROGRAM = """
+import importlib, sys
+sys.path[:] = sys.argv[3:]
+getattr(importlib.import_module(sys.argv[1]), sys.argv[2])()
+"""
 
 
 class Replacement:
-    """The build of an optimised library in a thread."""
+    """The build of an optimised library in a process, and the thread that waits for it."""
 
     def __init__(
         self,
-        quick: Library,
-        find: Callable[..., Built],
+        build: Callable[[], None],
+        request: Any,
+        find: Callable[[], Built | None],
         use: Callable[[Library], None],
     ) -> None:
-        """Start the thread.
+        """Start the process.
 
         Args:
-            quick: The library in use.
-            find: Returns the optimised one: `cache.cached` without its key and source.
-            use: Method that receives the optimised library, in the thread, if its object is still in use.
+            build: Function of a module that builds the library; it begins with `receive`.
+            request: What it receives.
+            find: Returns the library that was built.
+            use: Method that receives the library, in the thread, if its object is still in use.
         """
-        self._quick, self._find, self._use = quick, find, weakref.WeakMethod(use)
-        self._lock, self._stopped = threading.Lock(), False
-        self._owner = os.getpid()
-        self._process: subprocess.Popen[str] | None = None
-        self._thread = threading.Thread(target=self._replace, name="hybridyn-build", daemon=True)
+        self._find, self._use = find, weakref.WeakMethod(use)
+        self._owner, self._stopped = os.getpid(), False
+        command = [sys.executable, "-c", PROGRAM, build.__module__, build.__name__, *sys.path]
+        try:
+            self._process = subprocess.Popen(
+                command,
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.STDOUT,
+                process_group=0,
+            )
+        except OSError as error:
+            raise CompileError(f"no process can be started for the optimised build: {error}") from error
+        self._thread = threading.Thread(
+            target=self._replace, args=[request], name="hybridyn-build", daemon=True
+        )
         atexit.register(self.stop)
         self._thread.start()
 
@@ -61,45 +83,71 @@ class Replacement:
         self._thread.join()
 
     def stop(self) -> None:
-        """End the compiler and the thread; do nothing in a fork of the process that started them."""
+        """End the process and the thread; do nothing in a fork of the process that started them."""
         if os.getpid() != self._owner:
             return
-        with self._lock:
-            self._stopped = True
-            if self._process is not None:
-                with contextlib.suppress(ProcessLookupError):
-                    os.killpg(self._process.pid, signal.SIGKILL)
-        self._thread.join(PATIENCE)
+        self._stopped = True
+        for ending in (signal.SIGTERM, signal.SIGKILL):
+            with contextlib.suppress(ProcessLookupError, PermissionError):
+                os.killpg(self._process.pid, ending)
+            self._thread.join(PATIENCE)
+            if not self._thread.is_alive():
+                return
 
-    def _replace(self) -> None:
-        """Build, compare and use the library; the quick one stays in use where that fails."""
+    def _replace(self, request: Any) -> None:
+        """Wait for the library and use it; the quick one stays in use where there is none."""
+        process = self._process
+        assert process.stdin is not None
+        assert process.stdout is not None
+        with process.stdout, contextlib.suppress(BrokenPipeError), process.stdin:
+            with contextlib.suppress(BrokenPipeError):  # it ended: its output says why
+                process.stdin.write(pickle.dumps(request))
+                process.stdin.flush()
+            said = process.stdout.read().decode(errors="replace").strip()
+            process.wait()
+        atexit.unregister(self.stop)
+        if self._stopped:
+            return
         try:
-            library = Library(self._find(accept=self._compare, run=self._run))
-            if (use := self._use()) is not None:
-                use(library)
+            built = self._find()
+            if process.returncode or built is None:
+                raise CompileError(said.splitlines()[-1] if said else f"status {process.returncode}")
+            library = Library(built)
         except (CompileError, OSError) as error:
-            if not self._stopped:
-                log.warning("the quick build stays in use: %s", error)
-        finally:
-            atexit.unregister(self.stop)
+            log.warning("the quick build stays in use: %s", error)
+            return
+        if (use := self._use()) is not None:
+            use(library)
 
-    def _run(self, commands: list[list[str]]) -> None:
-        """Run commands of the compiler one after the other, until `stop`."""
-        for command in commands:
-            with self._lock:
-                if self._stopped:
-                    raise CompileError("the program ends")
-                self._process = start(command, apart=True)
-            try:
-                finish(self._process, command)
-            finally:
-                with self._lock:
-                    self._process = None
 
-    def _compare(self, built: Built) -> None:
-        """Raise CompileError if a library does not give the bits of the quick one."""
-        if differing := different_programs(self._quick, Library(built)):
-            raise CompileError(f"the optimised build gives other bits in {', '.join(differing)}")
+def receive() -> Any:
+    """Read the request of the process that started this one; end this process group when that one ends."""
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))  # temporary files are removed
+    request = pickle.load(sys.stdin.buffer)
+    threading.Thread(target=_end_with_program, daemon=True).start()
+    return request
+
+
+def _end_with_program() -> None:
+    """Wait for the end of the input, then end this process and its compiler."""
+    os.read(sys.stdin.fileno(), 1)
+    os.killpg(0, signal.SIGTERM)
+
+
+def run_in_turn(commands: list[list[str]]) -> None:
+    """Run commands of the compiler one after the other; errors are those of `run_one`."""
+    for command in commands:
+        run_one(command)
+
+
+def check_bits(quick: Library, built: Built) -> None:
+    """Check that a library gives the bits of a quick one.
+
+    Raises:
+        CompileError: It does not.
+    """
+    if differing := different_programs(quick, Library(built)):
+        raise CompileError(f"the optimised build gives other bits in {', '.join(differing)}")
 
 
 def different_programs(first: Library, second: Library) -> list[str]:

@@ -13,7 +13,7 @@ from ...assembly.requests import Requests, gather_requests
 from ...effects.choice import Effects
 from ...spatial import Array
 from ...structure.robot import HybridRobot
-from ..library.calls import Calls
+from ..library.current import Current
 from ..library.direct_calls import REFUSED
 from .closing.assembling import Assembler
 from .closing.given import requests_of_motors
@@ -32,7 +32,7 @@ class Postures:
     threads: int
     recomputed: int
     _designs: DesignsInSlots
-    _idm: Calls
+    _current: Current
 
     def _begin_postures(self) -> None:
         """Prepare the closing of loops for `robot`; programs are built when they are first needed."""
@@ -138,7 +138,7 @@ class Postures:
     @cached_property
     def _evaluator(self) -> DesignEvaluator:
         """Compute many designs in C."""
-        return DesignEvaluator(self._designs, self.effects, self._idm, self.threads)
+        return DesignEvaluator(self._designs, self.effects, self._current.program("idm"), self.threads)
 
     def _assemble(self, requests: Requests, guess: Array | None) -> tuple[Array, Array, Array]:
         """Assemble postures for requests that have been gathered."""

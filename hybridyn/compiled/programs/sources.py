@@ -20,6 +20,9 @@ if TYPE_CHECKING:
     from ..code.library_source import Source
     from ..program import Program
 
+#: Models of a library.
+MODELS = ("idm", "ddm", "kinematics", "lift")
+
 
 def robot_key(robot: HybridRobot, effects: Effects | None) -> str:
     """Return a hash of everything that the models of a robot depend on; without effects, its kinematics."""
@@ -31,7 +34,11 @@ def robot_key(robot: HybridRobot, effects: Effects | None) -> str:
 
 
 def library_of(
-    robot: HybridRobot, effects: Effects, scalar: Scalar, parameters: Sequence[Slot] = ()
+    robot: HybridRobot,
+    effects: Effects,
+    scalar: Scalar,
+    parameters: Sequence[Slot] = (),
+    models: tuple[str, ...] = MODELS,
 ) -> Callable[..., Built]:
     """Return `cache.cached` for a robot's models, without its key and source; the source is generated once.
 
@@ -40,14 +47,30 @@ def library_of(
         effects: Effects in the models.
         scalar: Scalar type and number of lanes.
         parameters: Numbers of the description that are arguments of the models.
+        models: Names of the models.
     """
-    key = robot_key(robot, effects) + repr(scalar) + (repr(parameters) if parameters else "")
-    source = functools.cache(lambda: source_of(robot, effects, scalar, parameters))
-    return functools.partial(cached, key, source)
+    source = functools.cache(lambda: source_of(robot, effects, scalar, parameters, models))
+    return functools.partial(cached, library_key(robot, effects, scalar, parameters, models), source)
+
+
+def library_key(
+    robot: HybridRobot,
+    effects: Effects,
+    scalar: Scalar,
+    parameters: Sequence[Slot] = (),
+    models: tuple[str, ...] = MODELS,
+) -> str:
+    """Return the key of a library in the cache; the arguments are those of `library_of`."""
+    parts = [repr(parameters)] if parameters else []
+    return "".join([robot_key(robot, effects), repr(scalar), *parts, *(models if models != MODELS else ())])
 
 
 def source_of(
-    robot: HybridRobot, effects: Effects, scalar: Scalar, parameters: Sequence[Slot] = ()
+    robot: HybridRobot,
+    effects: Effects,
+    scalar: Scalar,
+    parameters: Sequence[Slot] = (),
+    models: tuple[str, ...] = MODELS,
 ) -> Source:
     """Generate the C source of a robot's models.
 
@@ -59,11 +82,16 @@ def source_of(
     needs_casadi()
     from ..code.library_source import library_source
 
-    return library_source(list(write_programs(robot, effects, scalar.name, parameters).values()), scalar)
+    written = write_programs(robot, effects, scalar.name, parameters, models)
+    return library_source(list(written.values()), scalar)
 
 
 def write_programs(
-    robot: HybridRobot, effects: Effects, dtype: str = "float64", parameters: Sequence[Slot] = ()
+    robot: HybridRobot,
+    effects: Effects,
+    dtype: str = "float64",
+    parameters: Sequence[Slot] = (),
+    models: tuple[str, ...] = MODELS,
 ) -> dict[str, Program]:
     """Generate the programs of a robot's models.
 
@@ -76,5 +104,5 @@ def write_programs(
     from .whole_robot import programs
 
     with as_compile_error(robot):
-        written = programs(robot, effects, dtype=dtype, parameters=parameters)
+        written = programs(robot, effects, models=models, dtype=dtype, parameters=parameters)
     return {name: replace(program, name=name) for name, program in written.items()}

@@ -22,7 +22,8 @@ from ....effects.elastic import Spring, Stop
 from ....errors import HybridynError
 from ....spatial import Array
 from ....structure.robot import HybridRobot
-from ...library.calls import Calls, Library, Numbers
+from ...library.calls import Calls, Numbers
+from ...library.current import Current
 from .following import Following, following, in_parts
 from .rows import Computed, QuantityRows, energy_rows
 
@@ -44,10 +45,10 @@ class Quantities:
 
     robot: HybridRobot
     effects: Effects
-    library: Library
     threads: int
     dtype: np.dtype[Any]
     recomputed: int
+    _current: Current
     _followings: dict[tuple[str, ...], Following | None]
 
     def mass_matrix(self, q: ArrayLike, *, joints: Joints = None) -> Numbers:
@@ -184,7 +185,7 @@ class Quantities:
 
         Accelerations or, of "ddm", efforts are given; a moving base does not accelerate in "ddm".
         """
-        calls = self.library.programs[name]
+        calls = self._current.program(name)
         base = [np.zeros((len(q), 6))] if name == "ddm" and self.robot.base == "moving" else []
         outputs, guard = calls.batch(
             [q, v, given, *base, *self._arguments(calls, None, (len(q),)).values()], self.threads
