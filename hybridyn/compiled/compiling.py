@@ -76,7 +76,7 @@ def compile(
     on = choose(robot, effects)
     find_compiler()
     robot = with_stated_springs(robot, on) if parameters else robot
-    asked = _Asked(robot, on, Parameters(robot.description, parameters), dtype)
+    asked = _Asked.of(robot, on, parameters, dtype)
     check_coefficients(robot, on, asked.parameters.slots)
     with as_compile_error(robot):
         first = quick if isinstance(quick, str) else FIRST[0]
@@ -97,12 +97,15 @@ class _Asked:
     robot: HybridRobot
     effects: Effects
     parameters: Parameters
-    dtype: str
+    scalar: Scalar
+    key: str
 
-    @property
-    def _key(self) -> tuple[HybridRobot, Effects, Scalar, Sequence[Slot]]:
-        """What determines the source."""
-        return self.robot, self.effects, Scalar(self.dtype, best_lanes(self.dtype)), self.parameters.slots
+    @staticmethod
+    def of(robot: HybridRobot, effects: Effects, parameters: Sequence[str | Slot], dtype: str) -> _Asked:
+        """Return what is asked for; the key is that of this process, as equal robots have several pickles."""
+        chosen, scalar = Parameters(robot.description, parameters), Scalar(dtype, best_lanes(dtype))
+        key = library_key(robot, effects, scalar, chosen.slots)
+        return _Asked(robot, effects, chosen, scalar, key)
 
     def built(self, models: tuple[str, ...] = MODELS, **options: Any) -> Built:
         """Find or build the library; `options` are those of `cache.cached`.
@@ -110,11 +113,12 @@ class _Asked:
         Raises:
             CompileError: As in `compile`.
         """
-        return library_of(*self._key, models)(**{"accept": self.accept, **options})
+        find = library_of(self.robot, self.effects, self.scalar, self.parameters.slots, models, self.key)
+        return find(**{"accept": self.accept, **options})
 
-    def known(self, models: tuple[str, ...] = MODELS, *, quick: bool = False) -> Built | None:
+    def known(self, *, quick: bool = False) -> Built | None:
         """Return the library if it is in the cache."""
-        return known(library_key(*self._key, models), quick=quick)
+        return known(self.key, quick=quick)
 
     def quickly(self, model: str) -> Built:
         """Return the library if it is in the cache, else a quick build with one model.

@@ -23,6 +23,7 @@ from hybridyn.compiled.code.scalars import Scalar
 from hybridyn.compiled.library import replacing
 from hybridyn.compiled.library.cache import Built, cached, known
 from hybridyn.compiled.library.calls import Library
+from hybridyn.compiled.library.compilers import find_compiler
 from hybridyn.compiled.library.current import Current
 from hybridyn.compiled.library.replacing import (
     Replacement,
@@ -229,8 +230,12 @@ def test_an_unknown_first_model_is_refused() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["lx4", "five_bar", "delta"])
-def test_robots_keep_their_bits(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_robots_keep_their_bits(
+    name: str, monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest
+) -> None:
     monkeypatch.delenv("CC", raising=False)
+    find_compiler.cache_clear()
+    request.addfinalizer(find_compiler.cache_clear)
     robot = hybridyn.load(name)
     compiled = hybridyn.compile(robot, quick=True)
     generator = np.random.default_rng(3)

@@ -111,7 +111,9 @@ class Replacement:
         try:
             built = self._find()
             if process.returncode or built is None:
-                raise CompileError(said.splitlines()[-1] if said else f"status {process.returncode}")
+                raise CompileError(
+                    said.splitlines()[-1] if said else f"there is none; status {process.returncode}"
+                )
             library = Library(built)
         except (CompileError, OSError) as error:
             log.warning("the quick build stays in use: %s", error)

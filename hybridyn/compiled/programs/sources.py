@@ -39,6 +39,7 @@ def library_of(
     scalar: Scalar,
     parameters: Sequence[Slot] = (),
     models: tuple[str, ...] = MODELS,
+    key: str = "",
 ) -> Callable[..., Built]:
     """Return `cache.cached` for a robot's models, without its key and source; the source is generated once.
 
@@ -48,21 +49,16 @@ def library_of(
         scalar: Scalar type and number of lanes.
         parameters: Numbers of the description that are arguments of the models.
         models: Names of the models.
+        key: Key of all models in the cache; empty to compute it.
     """
+    key = key or library_key(robot, effects, scalar, parameters)
     source = functools.cache(lambda: source_of(robot, effects, scalar, parameters, models))
-    return functools.partial(cached, library_key(robot, effects, scalar, parameters, models), source)
+    return functools.partial(cached, key if models == MODELS else " ".join([key, *models]), source)
 
 
-def library_key(
-    robot: HybridRobot,
-    effects: Effects,
-    scalar: Scalar,
-    parameters: Sequence[Slot] = (),
-    models: tuple[str, ...] = MODELS,
-) -> str:
-    """Return the key of a library in the cache; the arguments are those of `library_of`."""
-    parts = [repr(parameters)] if parameters else []
-    return "".join([robot_key(robot, effects), repr(scalar), *parts, *(models if models != MODELS else ())])
+def library_key(robot: HybridRobot, effects: Effects, scalar: Scalar, parameters: Sequence[Slot] = ()) -> str:
+    """Return the key of a robot's models in the cache; the arguments are those of `library_of`."""
+    return robot_key(robot, effects) + repr(scalar) + (repr(parameters) if parameters else "")
 
 
 def source_of(
