@@ -2,38 +2,71 @@
 """A minimal stand-in for the headers of ros2_control that an exported transmission includes, written for tests.
 
 It has the names, signatures and namespaces of hardware_interface, transmission_interface and pluginlib that
-the package uses, and nothing else.
+the package uses, and nothing else, as read in the sources of github.com/ros-controls/ros2_control. Handles
+differ between releases (`HANDLES`).
 """
 
-HEADERS = {
-    "transmission_interface/handle.hpp": """#pragma once
-#include <string>
+_NAMED = """#pragma once
 #include <stdexcept>
-namespace transmission_interface {
-class Handle {
+#include <string>
+namespace %s {
+class %s {
 public:
-  Handle(const std::string & prefix, const std::string & name, double * value)
+  %s(const std::string & prefix, const std::string & name, double * value = nullptr)
   : prefix_(prefix), name_(name), value_(value) {}
+  virtual ~%s() = default;
   operator bool() const {return value_ != nullptr;}
   const std::string get_name() const {return prefix_ + "/" + name_;}
   const std::string & get_interface_name() const {return name_;}
   const std::string & get_prefix_name() const {return prefix_;}
-  double get_value() const {if (!value_) {throw std::runtime_error("null");} return *value_;}
-  bool set_value(double value) {if (!value_) {throw std::runtime_error("null");} *value_ = value; return true;}
-private:
+  %s
+protected:
+  double & value() const {if (!value_) {throw std::runtime_error("null");} return *value_;}
   std::string prefix_, name_;
   double * value_;
 };
-class ActuatorHandle : public Handle {public: using Handle::Handle;};
-class JointHandle : public Handle {public: using Handle::Handle;};
 }
-""",
+"""
+_HANDLES = """
+namespace transmission_interface {
+class ActuatorHandle : public %s {public: using %s::%s;};
+class JointHandle : public %s {public: using %s::%s;};
+}
+"""
+
+
+def _handles(space: str, name: str, values: str) -> str:
+    """Return the header of handles whose base class has some name and methods for its value."""
+    base = f"{space}::{name}"
+    return _NAMED % (space, name, name, name, values) + _HANDLES % (base, base, name, base, base, name)
+
+
+#: transmission_interface/handle.hpp: "own" since May 2025 (#2223: rolling, jazzy), "hardware" before (commit
+#: b22a7a0), "read_write" in humble and iron.
+HANDLES = {
+    "own": _handles(
+        "transmission_interface", "Handle",
+        "double get_value() const {return value();} bool set_value(double x) {value() = x; return true;}",
+    ),
+    "hardware": _handles(
+        "hardware_interface", "Handle",
+        "[[deprecated]] double get_value() const {return value();}"
+        "template<typename T> [[nodiscard]] bool set_value(const T & x) {value() = x; return true;}",
+    ),
+    "read_write": _handles(
+        "hardware_interface", "ReadWriteHandle",
+        "double get_value() const {return value();} void set_value(double x) {value() = x;}",
+    ),
+}  # fmt: skip
+
+HEADERS = {
     "transmission_interface/exception.hpp": """#pragma once
 #include <exception>
 #include <string>
 namespace transmission_interface {
 class Exception : public std::exception {
 public:
+  explicit Exception(const char * message) : message_(message) {}
   explicit Exception(const std::string & message) : message_(message) {}
   const char * what() const noexcept override {return message_.c_str();}
 private:
@@ -69,7 +102,12 @@ struct JointInfo {
   std::string role;
   double mechanical_reduction = 1.0, offset = 0.0;
 };
-struct ActuatorInfo : JointInfo {};
+struct ActuatorInfo {
+  std::string name;
+  std::vector<std::string> state_interfaces, command_interfaces;
+  std::string role;
+  double mechanical_reduction = 1.0, offset = 0.0;
+};
 struct TransmissionInfo {
   std::string name, type;
   std::vector<JointInfo> joints;
@@ -118,9 +156,12 @@ int main() {
     words >> word;
     try {
       if (word == "actuator" || word == "joint") {
-        hardware_interface::ActuatorInfo one;
-        words >> one.name >> one.role >> one.mechanical_reduction >> one.offset;
-        if (word == "joint") {info.joints.push_back(one);} else {info.actuators.push_back(one);}
+        const auto read = [&words](auto one) {
+          words >> one.name >> one.role >> one.mechanical_reduction >> one.offset;
+          return one;
+        };
+        if (word == "joint") {info.joints.push_back(read(hardware_interface::JointInfo{}));}
+        else {info.actuators.push_back(read(hardware_interface::ActuatorInfo{}));}
       } else if (word == "handles") {
         quantities.clear();
         while (words >> word) {quantities.push_back(word);}

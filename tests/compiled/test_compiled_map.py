@@ -18,21 +18,22 @@ from hybridyn.compiled.library.compilers import find_compiler
 from hybridyn.errors import ModelError, SingularityError
 from tests.command_line import call
 from tests.comparing import SOLVED, close_to
-from tests.compiled.ros2_control import HEADERS, PROGRAM
+from tests.compiled.ros2_control import HANDLES, HEADERS, PROGRAM
 from tests.compiled.test_compiled_export import STRICT, run_test
 from tests.dynamics.test_idm import flat_five_bar
 from tests.quantities.ankle import JOINTS, MOTORS, ankle, ankle_text, leg
 
 PACKAGE = "ankle_transmission"
-GEAR, SHIFT = 20.0, 0.1
+GEAR, LEVER, SHIFT = 20.0, 4.0, 0.1
 #: Actuators and joints in another order than the robot's, by other names.
 PORTS = (
     ("actuator", "b_actuator", "motor_left", GEAR, SHIFT),
     ("actuator", "a_actuator", "motor_right", 1.0, 0.0),
-    ("joint", "z_roll", "roll", 1.0, 0.0),
+    ("joint", "z_roll", "roll", LEVER, 0.0),
     ("joint", "pitch", "pitch", 1.0, SHIFT),
 )
 CPP = ["g++", "-std=c++17", "-Wall", "-Wextra", "-Wpedantic", "-Wshadow", "-Wconversion", "-Werror"]
+HANDLE = "transmission_interface/handle.hpp"
 TARGETS = np.array([[0.1, -0.2], [0.3, 0.15], [-0.4, 0.1]])
 needs_cpp = pytest.mark.skipif(shutil.which("g++") is None, reason="there is no C++ compiler")
 
@@ -42,7 +43,7 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Export the ankle's transmission, and build it with a minimal stand-in of ros2_control's headers."""
     folder = tmp_path_factory.mktemp("ros2")
     export_transmission(ankle(folder), folder / PACKAGE, JOINTS)
-    for file, text in HEADERS.items():
+    for file, text in {**HEADERS, HANDLE: HANDLES["own"]}.items():
         (folder / file).parent.mkdir(exist_ok=True)
         (folder / file).write_text(text)
     (folder / "main.cpp").write_text(PROGRAM)
@@ -73,6 +74,11 @@ def told(built: Path, *lines: str) -> list[str]:
 
 def numbers(line: str) -> np.ndarray:
     return np.array(line.split(), dtype=float).reshape(-1, 2)
+
+
+def outside(joints: np.ndarray) -> np.ndarray:
+    """Return positions, rates and efforts of (pitch, roll) as the handles (roll, pitch) have them."""
+    return joints[:, ::-1] * [[1 / LEVER, 1], [1 / LEVER, 1], [LEVER, 1]] + [[0, SHIFT], [0, 0], [0, 0]]
 
 
 def shown(word: str, values: Iterable[np.ndarray]) -> str:
@@ -125,12 +131,13 @@ def test_a_transmission_maps_positions_velocities_and_efforts(built: Path, tmp_p
     for pitch, roll in TARGETS:
         found = hybridyn.joint_map(robot, {"pitch": pitch, "roll": roll}, JOINTS)
         rates, efforts = rng.normal(size=(2, 2))  # of the motors
-        outside = [(found.motor_positions - shift) * gear, rates * gear, efforts / gear]
-        lines.append(shown("to_joints", outside))
-        joints = [(pitch, roll), found.joint_rates(rates), found.joint_efforts(efforts)]
-        expected.append(np.array(joints)[:, ::-1] - [[0.0, SHIFT], [0.0, 0.0], [0.0, 0.0]])
+        driven = [(found.motor_positions - shift) * gear, rates * gear, efforts / gear]
+        lines.append(shown("to_joints", driven))
+        expected.append(
+            outside(np.array([(pitch, roll), found.joint_rates(rates), found.joint_efforts(efforts)]))
+        )
         rates, efforts = rng.normal(size=(2, 2))  # of the joints
-        lines.append(shown("to_actuators", [(roll, pitch - SHIFT), rates[::-1], efforts[::-1]]))
+        lines.append(shown("to_actuators", outside(np.array([(pitch, roll), rates, efforts]))))
         motors = found.motor_positions, found.motor_rates(rates), found.motor_efforts(efforts)
         expected.append(np.array([(motors[0] - shift) * gear, motors[1] * gear, motors[2] / gear]))
     answers = told(built, *lines)
@@ -141,9 +148,22 @@ def test_a_transmission_maps_positions_velocities_and_efforts(built: Path, tmp_p
 
 @pytest.mark.slow
 @needs_cpp
+@pytest.mark.parametrize("release", ["hardware", "read_write"])
+def test_it_builds_with_the_handles_of_other_releases(built: Path, tmp_path: Path, release: str) -> None:
+    (tmp_path / HANDLE).parent.mkdir()
+    (tmp_path / HANDLE).write_text(HANDLES[release])
+    include = [tmp_path, built, built / PACKAGE / "include", built / PACKAGE / "include" / PACKAGE]
+    for source in (built / PACKAGE / "src" / f"{PACKAGE}.cpp", built / "main.cpp"):
+        command = [*CPP, "-Wno-deprecated-declarations", "-fsyntax-only", *(f"-I{at}" for at in include)]
+        done = subprocess.run([*command, str(source)], capture_output=True, text=True)
+        assert (done.returncode, done.stderr) == (0, "")
+
+
+@pytest.mark.slow
+@needs_cpp
 def test_what_cannot_be_closed_is_nan_and_the_next_posture_is_not(built: Path) -> None:
     plan = ["handles position effort", "configure"]
-    asked = [(-0.2, 0.1), (0.0, 2.9), (float("nan"), 0.0), (1e9, 0.0), (-0.2, 0.1)]
+    asked = [(-0.05, 0.1), (0.0, 2.9), (float("nan"), 0.0), (1e9, 0.0), (-0.05, 0.1)]
     plan += [shown("to_actuators", [at, (1.0, 2.0)]) for at in asked]
     good, *bad, again = [numbers(line) for line in told(built, *plan)[1:]]
     assert np.isfinite(good).all()

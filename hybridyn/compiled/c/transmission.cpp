@@ -127,15 +127,22 @@ Motion<N> read(const Handles<Handle> & handles, const std::array<Port, N> & port
   Motion<N> out;
   for (std::size_t i = 0; i < N; i++) {
     const Port & port = ports[i];
-    out.position[i] = handles.position[i].get_value() / port.reduction + port.offset;
+    out.position[i] = handles.position[i].get_value() * port.scale + port.shift;
     if (!handles.velocity.empty()) {
-      out.velocity[i] = handles.velocity[i].get_value() / port.reduction;
+      out.velocity[i] = handles.velocity[i].get_value() * port.scale;
     }
     if (!handles.effort.empty()) {
-      out.effort[i] = handles.effort[i].get_value() * port.reduction;
+      out.effort[i] = handles.effort[i].get_value() / port.scale;
     }
   }
   return out;
+}
+
+/// Set a handle. Releases differ in whether this returns if it was done.
+template<class Handle>
+void set(Handle & handle, double value)
+{
+  static_cast<void>(handle.set_value(value));
 }
 
 /// Write one side: NaN where the loops are open; only quantities that the other side has handles of.
@@ -148,14 +155,13 @@ void write(
   for (std::size_t i = 0; i < N; i++) {
     const Port & port = ports[i];
     if (!handles.position.empty()) {
-      handles.position[i].set_value(
-        closed ? (motion.position[i] - port.offset) * port.reduction : none);
+      set(handles.position[i], closed ? (motion.position[i] - port.shift) / port.scale : none);
     }
     if (!handles.velocity.empty() && !from.velocity.empty()) {
-      handles.velocity[i].set_value(closed ? motion.velocity[i] * port.reduction : none);
+      set(handles.velocity[i], closed ? motion.velocity[i] / port.scale : none);
     }
     if (!handles.effort.empty() && !from.effort.empty()) {
-      handles.effort[i].set_value(closed ? motion.effort[i] / port.reduction : none);
+      set(handles.effort[i], closed ? motion.effort[i] * port.scale : none);
     }
   }
 }
@@ -171,6 +177,17 @@ std::array<Port, N> plain_ports(const std::array<Place, N> & places)
   return out;
 }
 
+/// Return the port of a joint or an actuator that the URDF states.
+Port port_of(const hardware_interface::JointInfo & info)
+{
+  return {info.name, info.mechanical_reduction, -info.offset * info.mechanical_reduction};
+}
+
+Port port_of(const hardware_interface::ActuatorInfo & info)
+{
+  return {info.name, 1.0 / info.mechanical_reduction, info.offset};
+}
+
 /// Return the ports that the URDF states.
 template<std::size_t N, class Info>
 std::array<Port, N> ports_of(const std::array<Place, N> & places, const std::vector<Info> & infos)
@@ -180,13 +197,11 @@ std::array<Port, N> ports_of(const std::array<Place, N> & places, const std::vec
     bool found = false;
     for (const auto & info : infos) {
       if (!found && (info.role.empty() ? info.name : info.role) == places[i].name) {
-        out[i].name = info.name;
-        out[i].reduction = info.mechanical_reduction;
-        out[i].offset = info.offset;
-        found = true;
+        out[i] = port_of(info);
+        found = std::isnormal(info.mechanical_reduction);
       }
     }
-    if (!found || infos.size() != N || !(out[i].reduction < 0.0 || out[i].reduction > 0.0)) {
+    if (!found || infos.size() != N) {
       throw transmission_interface::Exception(
         std::string("the transmission needs '") + places[i].name +
         "' by its name or role, with a reduction that is not zero, and no others on its side");

@@ -20,12 +20,12 @@ namespace @PACKAGE@
 {
 
 /// What a joint or motor is called outside, and the gear between it and that handle:
-/// position = handle / reduction + offset, velocity = handle / reduction, effort = handle * reduction.
+/// position = handle * scale + shift, velocity = handle * scale, effort = handle / scale.
 struct Port
 {
   std::string name;
-  double reduction = 1.0;
-  double offset = 0.0;
+  double scale = 1.0;
+  double shift = 0.0;
 };
 
 /// Handles of one side, in the robot's order; each list is whole or empty.
@@ -48,7 +48,8 @@ public:
   /// Joints and motors with the names that the robot's file gives them, without gears.
   Transmission();
 
-  /// Joints and actuators of the URDF: `role` is the name in the robot's file, or `name` where there is none.
+  /// Joints and actuators of the URDF, by `role` the names in the robot's file. As in ros2_control's own
+  /// transmissions, value in the robot = actuator / reduction + offset, joint = that / reduction + offset.
   explicit Transmission(const hardware_interface::TransmissionInfo & info);
 
   void configure(

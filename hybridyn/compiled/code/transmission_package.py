@@ -70,16 +70,19 @@ README = """# {package}
 
 {written}. {about}
 
-Copy this folder into the `src` of a workspace and build it with `colcon build`. The URDF names the plugin,
-the actuators and the joints; `role` is the name of a motor or joint in the file that hybridyn read, and may
-be left out where the name is the same:
+Copy this folder into the `src` of a workspace and build it with `colcon build`. These lines belong into the
+URDF's `<ros2_control>` of type "system", beside its `<joint>` elements, which have to name the same joints:
 
 ```xml
 {urdf}
 ```
 
-`mechanical_reduction` and `offset` may stand in each `actuator` and `joint`: value in the robot = value
-outside / reduction + offset. Handles are matched by name, in any order. Velocities and efforts need handles
+`name` is what handles are called; `role` is the name of the motor or joint in the file that hybridyn read.
+ros2_control's parser requires both. Elements `mechanical_reduction` and `offset` may stand in each and mean
+what they do in ros2_control's own transmissions: value in the robot = actuator / reduction + offset, and
+joint = value in the robot / reduction + offset.
+
+Handles are matched by name, in any order. Velocities and efforts need handles
 of the positions on the side that is read; for effort commands these are the measured positions of the joints.
 Results are NaN where the loops cannot be closed and near singular postures. Maintainer and licence in
 `package.xml` are yours to state.
