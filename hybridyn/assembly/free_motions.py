@@ -77,14 +77,11 @@ def free_motions_of(robot: HybridRobot) -> list[str]:
 
 
 def own_inertia(m: Mechanism, Psi: Array) -> Array:
-    """Compute the inertia of a module alone, along motions at its first generic posture.
+    """Compute the inertia of a module alone, along motions at its first generic posture, shape (N, N).
 
     Args:
         m: The module's numbers.
         Psi: The motions, shape (n, N), of the tree after the cuts.
-
-    Returns:
-        Shape (N, N).
     """
     posture = m.postures[:1]
     motion = m.tree.sweep(posture)

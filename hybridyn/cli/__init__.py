@@ -94,11 +94,7 @@ def commands(ctx: click.Context, debug: bool) -> None:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run the command line.
-
-    Args:
-        arguments: The words after `hybridyn`; None takes the program's own.
-    """
+    """Run the command line. `arguments`: the words after `hybridyn`; None takes the program's own."""
     start_none()
     words = sys.argv[1:] if arguments is None else list(arguments)
     debug = "--debug" in words

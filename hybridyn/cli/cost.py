@@ -52,12 +52,7 @@ def _table(ctx: click.Context, param: click.Parameter, value: str | None) -> str
 
 @click.command("cost", short_help="What accuracy costs in time, for your robot and motion.")
 @click.argument("source", callback=_source, metavar="ROBOT|SCENE", shell_complete=complete_robot)
-@click.argument(
-    "trajectory",
-    required=False,
-    callback=lambda c, p, v: v and existing_file(c, p, v),
-    shell_complete=complete_data,
-)
+@click.argument("trajectory", required=False, callback=existing_file, shell_complete=complete_data)
 @click.option(
     "--target",
     type=float,

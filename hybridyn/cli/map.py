@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import click
 
-from .common.files import complete_data, existing_file, result_file
+from .common.files import check_targets, complete_data, existing_file, result_file
 from .common.options import RobotCommand, split_names, takes_robot
 from .common.text import counted
 
@@ -47,17 +46,12 @@ def _grid(
     return ranges or counts[0]
 
 
-def _source(ctx: click.Context, param: click.Parameter, value: str | None) -> str | None:
-    """Check that the table exists, if one is named."""
-    return None if value is None else existing_file(ctx, param, value)
-
-
 @click.command(
     "map", cls=RobotCommand, short_help="Motors over output joints: a parallel ankle's pitch and roll."
 )
 @takes_robot
 @click.argument(
-    "source", metavar="[TRAJECTORY]", required=False, callback=_source, shell_complete=complete_data
+    "source", metavar="[TRAJECTORY]", required=False, callback=existing_file, shell_complete=complete_data
 )
 @click.option(
     "--joints", metavar="A,B,...", required=True, callback=split_names, help="The output joints, by name."
@@ -117,8 +111,7 @@ def command(
         return
     if (source is None) == (grid is None):
         raise click.UsageError("give a TRAJECTORY, or --grid, or --ros2")
-    if source and output and output != "-" and os.path.realpath(source) == os.path.realpath(output):
-        raise click.UsageError(f"'{output}' is read, and would be replaced")
+    check_targets([source or "-"], [output])
     if efforts and grid is not None:
         raise click.UsageError("--efforts needs a TRAJECTORY")
     robot = load()

@@ -7,7 +7,7 @@ import math
 import os
 import signal
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -16,7 +16,7 @@ import click
 
 from .common.engine import WORTH_IN_TIME, WORTH_OF_POSTURES, Engine, choose_engine, takes_engine
 from .common.figures import save_chart, takes_plot
-from .common.files import complete_robot, existing_file, result_file, scene_file
+from .common.files import check_targets, complete_robot, existing_file, result_file, scene_file
 from .common.progress import Progress
 from .common.summary import effects_line
 from .common.text import counted
@@ -49,7 +49,7 @@ AT_ONCE = 4096
 @click.option(
     "--resume",
     metavar="RUN",
-    callback=lambda ctx, param, value: value and existing_file(ctx, param, value),
+    callback=existing_file,
     help="Continue a run that was stopped: its result file, or the '.state' file beside it.",
 )
 @click.option("--allow-python", is_flag=True, help="Let the scene run the Python controller that it names.")
@@ -76,13 +76,15 @@ def command(
     '--resume' continues to the same bits as a run that was never stopped. FILE.state is also written every
     1,000 steps, and removed at the end.
     """
-    from ..scenes.stage import identity, play, stage
+    from ..scenes.stage import files_of, identity, play, stage
 
     started = time.perf_counter()
     ready = stage(scene, allow_python=allow_python)
     target = output or _own_target(ready)
     state = None if target is None or target == "-" or ready.motion is not None else f"{target}.state"
-    _check_targets(ready, (target, state, plot))
+    if state is not None and os.path.islink(state):  # a scene's folder may have come with it
+        raise click.UsageError(f"'{state}' is a link, whose file would be replaced: remove the link")
+    check_targets(files_of(ready.source), (target, state, plot))
     earlier = None if resume is None else _earlier(ready, resume, identity(ready.source))
     chosen = _engine(ready, engine)
     with Progress("steps") as bar, _between_steps() as stop:
@@ -208,26 +210,6 @@ def _earlier(ready: Stage, run: str, scene: str) -> str:
             f"was not begun with this scene as it stands in '{ready.source.file}' now", file=path
         )
     return path
-
-
-def _check_targets(ready: Stage, targets: Iterable[str | None]) -> None:
-    """Check that no file is written that the scene reads, none twice, and no state file through a link."""
-    from ..scenes.stage import files_of
-
-    read = {os.path.realpath(path) for path in files_of(ready.source)}
-    taken: set[str] = set()
-    for target in targets:
-        if target is None or target == "-":
-            continue
-        place = os.path.realpath(target)
-        if target.endswith(".state") and os.path.islink(target):  # a scene's folder may have come with it
-            raise click.UsageError(
-                f"'{target}' is a link, and the file behind it would be replaced: remove the link"
-            )
-        if place in read | taken:
-            reason = "is read, and would be replaced" if place in read else "is written already"
-            raise click.UsageError(f"'{target}' {reason}")
-        taken.add(place)
 
 
 def _write(ready: Stage, result: Result, target: str | None, engine: Engine) -> None:

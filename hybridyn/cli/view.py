@@ -39,11 +39,7 @@ def _size(ctx: click.Context, param: click.Parameter, value: str) -> tuple[int, 
 
 @click.command("view", cls=RobotCommand, short_help="The robot in 3-D: drag motors, play motions; PNG, MP4.")
 @takes_robot
-@click.argument(
-    "motion",
-    required=False,
-    callback=lambda ctx, param, value: value and existing_file(ctx, param, value),
-)
+@click.argument("motion", required=False, callback=existing_file)
 @click.option("--png", metavar="FILE", callback=ends_in(".png"), help="Write a picture instead.")
 @click.option(
     "--mp4",

@@ -9,6 +9,7 @@ import numpy as np
 
 from ..description.placement import placement_from, rotation_from_quaternion
 from ..description.records import Array, Description, Joint
+from ..description.zero_posture import outwards
 
 #: Difference from a whole turn that is rounding in a file.
 WHOLE = 1e-4
@@ -55,14 +56,8 @@ def poses_at(
         root: Pose of the root link, shape (4, 4); None for the identity.
     """
     poses = {d.root: np.eye(4) if root is None else root}
-    waiting = [d.root]
-    below: dict[str, list[Joint]] = {}
-    for joint in d.joints:
-        below.setdefault(joint.parent, []).append(joint)
-    while waiting:
-        for joint in below.get(waiting.pop(), ()):
-            poses[joint.child] = poses[joint.parent] @ joint.placement @ motion_of(joint, positions)
-            waiting.append(joint.child)
+    for joint in outwards(d.joints, [d.root]):
+        poses[joint.child] = poses[joint.parent] @ joint.placement @ motion_of(joint, positions)
     return poses
 
 

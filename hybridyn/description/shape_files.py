@@ -30,13 +30,17 @@ class MissingMeshError(Exception):
 class MeshFiles:
     """Finds the files of meshes."""
 
-    def __init__(self, folder: Path, package_dirs: Sequence[str | os.PathLike[str]]) -> None:
+    def __init__(
+        self, folder: Path, package_dirs: Sequence[str | os.PathLike[str]], *, named: bool = False
+    ) -> None:
+        """Find the folders; with `named`, a package's own folder has its name."""
         from .urdf.xacro import _share_dirs
 
-        self.folder = folder
-        shares = [Path(place) for place in _share_dirs()]
+        self.folder, self.named = folder, named
+        ros = filter(None, os.environ.get("ROS_PACKAGE_PATH", "").split(os.pathsep))
+        shares = [Path(place) for place in (*ros, *_share_dirs())]
         examples = [place / "example-robot-data" / "robots" for place in shares]
-        above = [folder.resolve(), *folder.resolve().parents][:4]
+        above = [folder.resolve(), *folder.resolve().parents][:5]
         self.roots = [*(Path(place) for place in package_dirs), *shares, *examples, *above]
 
     def __call__(self, name: str) -> Path:
@@ -52,13 +56,13 @@ class MeshFiles:
         for prefix in ("package://", "model://"):
             if name.startswith(prefix):
                 inside = name.removeprefix(prefix)
+                package, _, rest = inside.partition("/")
                 places = [root / inside for root in self.roots]
                 # The root may be the package's own folder, or hold its files without the package's name.
-                places += [root / inside.partition("/")[2] for root in self.roots]
+                places += [root / rest for root in self.roots if not self.named or root.name == package]
                 break
         else:
             places = [self.folder / name.removeprefix("file://")]
-        for place in places:
-            if place.is_file():
-                return place
+        if found := next((place for place in places if place.is_file()), None):
+            return found
         raise MissingMeshError(f"no file '{name}'")

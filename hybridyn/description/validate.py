@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections import Counter, deque
+from collections import Counter
 from collections.abc import Iterable
 
 import numpy as np
@@ -11,6 +11,7 @@ from ..errors import ModelError
 from .names import did_you_mean, listed
 from .records import Closure, Joint, Link
 from .robot_file import FREEDOMS, RobotFile
+from .zero_posture import outwards
 
 #: Tolerance of the triangle inequality, relative to the largest moment: CAD keeps 3 to 6 digits.
 INERTIA_SLACK = 1e-3
@@ -88,14 +89,7 @@ def _check_tree(robot: RobotFile) -> None:
 
 def _refuse_cycles(robot: RobotFile, root: str) -> None:
     """Raise for links that cannot be reached from the root: each has one parent, so they form a cycle."""
-    children: dict[str, list[str]] = {}
-    for joint in robot.joints:
-        children.setdefault(joint.parent, []).append(joint.child)
-    reached, queue = {root}, deque([root])
-    while queue:
-        below = children.get(queue.popleft(), [])
-        reached.update(below)
-        queue.extend(below)
+    reached = {root, *(joint.child for joint in outwards(robot.joints, [root]))}
     lost = [link for link in robot.links if link.name not in reached]
     if lost:
         raise ModelError(

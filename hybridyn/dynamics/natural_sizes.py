@@ -52,27 +52,21 @@ class NaturalSizes:
         return cls(relative.max(axis=1, initial=0.0), stated, gravity)
 
     def rate(self, length: float) -> Array:
-        """Compute the reference rate for the rounding of rates.
+        """Compute the reference rate for the rounding of rates, shape (T,), [rad/s].
 
         It is the largest of the robot's rates, the rate of a pendulum and `SLOWEST`.
 
         Args:
             length: Length of the pendulum [m].
-
-        Returns:
-            Shape (T,), [rad/s].
         """
         out: Array = np.maximum(self.speed, max(np.sqrt(self.gravity / length), SLOWEST))
         return out
 
     def acceleration(self, length: float) -> Array:
-        """Compute the reference acceleration for the rounding of accelerations.
+        """Compute the reference acceleration for the rounding of accelerations, shape (T,), [rad/s^2].
 
         Args:
             length: Length of the pendulum in `rate` [m].
-
-        Returns:
-            Shape (T,), [rad/s^2].
         """
         out: Array = np.maximum(self.stated, self.rate(length) ** 2)
         return out

@@ -43,11 +43,7 @@ class Group(NamedTuple):
 
 
 def groups(robot: HybridRobot, quantity: str) -> list[Group]:
-    """Return the motors grouped by panel.
-
-    Args:
-        quantity: One of `QUANTITIES`.
-    """
+    """Return the motors grouped by panel. `quantity`: one of `QUANTITIES`."""
     _, units, other = QUANTITIES[quantity]
     kinds = dict(zip(robot.joints, robot.kinds, strict=True))
     runs: list[list[int]] = []

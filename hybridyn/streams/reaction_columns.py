@@ -24,11 +24,7 @@ def reaction_columns(robot: HybridRobot) -> list[str]:
 
 
 def reaction_rows(robot: HybridRobot, reactions: Reactions) -> Array:
-    """Return the rows of reactions in the order of `reaction_columns`.
-
-    Returns:
-        Shape (T, columns), [N, N m].
-    """
+    """Return the rows of reactions in the order of `reaction_columns`, shape (T, columns), [N, N m]."""
     import numpy as np
 
     bodies = {robot.description.root: reactions.base, **reactions.modules}

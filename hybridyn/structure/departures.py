@@ -158,11 +158,7 @@ class Departures:
         return iter(self._found.values())
 
     def line(self, one: Departure) -> str:
-        """Describe where a joint exceeds its limit, and by how much.
-
-        Args:
-            one: One of the departures.
-        """
+        """Describe where a joint exceeds its limit, and by how much."""
         unit, many = one.unit, "" if one.count == 1 else "s"
         return (
             f"joint '{one.joint}' leaves its limits: {one.quantity} of {one.worst:.6g} {unit}, limit "

@@ -43,14 +43,11 @@ class Spline:
         self._levels = [_solved(spans, weights, values, -first_row % BLOCK)]
 
     def __call__(self, time: Array, order: int = 0) -> Array:
-        """Compute a derivative of the spline.
+        """Compute a derivative of the spline, shape (T, n).
 
         Args:
             time: Times within those of the samples, shape (T,), [s].
             order: Order of the derivative; 0 for the value.
-
-        Returns:
-            Shape (T, n).
         """
         degree = DEGREE - order
         spans, weights = self._basis(time, degree)

@@ -43,11 +43,7 @@ class Measures:
         self._functions = [near_singularity(robot, 0.0, what=what).function for what in kinds]
 
     def closeness(self, q: Array) -> Closeness:
-        """Compute the distances of a posture from singularities.
-
-        Args:
-            q: The posture, shape (nq,).
-        """
+        """Compute the distances of a posture, shape (nq,), from singularities."""
         still = np.zeros(self.robot.nv)
         closures, motors = (float(function(0.0, q, still)) for function in self._functions)
         return Closeness(max(closures, 0.0), max(motors, 0.0))

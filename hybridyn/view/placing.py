@@ -33,11 +33,7 @@ class Placement(NamedTuple):
 
 
 def place_bodies(robot: HybridRobot, q: Array) -> Placement:
-    """Compute the poses of all bodies in the world.
-
-    Args:
-        q: Its posture, shape (nq,).
-    """
+    """Compute the poses of all bodies in the world at a posture, shape (nq,)."""
     count = len(robot.bodies.bodies)
     R, p = np.zeros((count, 3, 3)), np.zeros((count, 3))
     R[0] = np.eye(3)

@@ -3,21 +3,23 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Iterable
+from typing import TYPE_CHECKING, TypeVar
 
 import click
 
 if TYPE_CHECKING:
     from click.shell_completion import CompletionItem
 
+Path = TypeVar("Path", str, str | None)
 
-def existing_file(ctx: click.Context, param: click.Parameter, value: str) -> str:
-    """Check that a file exists ("-" is standard input); the error suggests the nearest one.
+
+def existing_file(ctx: click.Context, param: click.Parameter, value: Path) -> Path:
+    """Check that a file exists, if one is named ("-" is standard input); the error suggests the nearest one.
 
     A word that is not a path may name a file of a shipped robot, "lx4/traj.csv".
     """
-    if value == "-" or os.path.isfile(value):
+    if value is None or value == "-" or os.path.isfile(value):
         return value
     if not os.path.exists(value):
         from ...description.shipped import find_data
@@ -127,3 +129,20 @@ def ends_in(*endings: str) -> Callable[[click.Context, click.Parameter, str | No
         return value
 
     return check
+
+
+def check_targets(read: Iterable[str], targets: Iterable[str | None]) -> None:
+    """Check that no file is written that the command reads, and none twice.
+
+    Raises:
+        click.UsageError: One is.
+    """
+    sources = {os.path.realpath(path) for path in read if path != "-"}
+    taken: set[str] = set()
+    for target in targets:
+        if target is not None and target != "-":
+            place = os.path.realpath(target)
+            if place in sources | taken:
+                reason = "is read, and would be replaced" if place in sources else "is written already"
+                raise click.UsageError(f"'{target}' {reason}")
+            taken.add(place)

@@ -184,16 +184,8 @@ class RobotChoice:
         """Load the robot."""
         import hybridyn
 
-        return hybridyn.load(
-            self.robot,
-            base=self.base,
-            motors=self.motors,
-            gravity=self.gravity,
-            xacro_args=self.xacro_args or None,
-            package_dirs=self.package_dirs,
-            rank_tolerance=self.rank_tolerance,
-            closure_tolerance=self.closure_tolerance,
-        )
+        words: dict[str, Any] = {**vars(self), "xacro_args": self.xacro_args or None}
+        return hybridyn.load(words.pop("robot"), **words)
 
 
 def takes_robot(function: Callable[..., Any]) -> Callable[..., Any]:

@@ -18,7 +18,7 @@ from ...streams.postures import Assemble
 from ...streams.workers import Workers
 from .batch import several, takes_many
 from .figures import Drawing, takes_plot
-from .files import complete_data, existing_file, result_file
+from .files import check_targets, complete_data, existing_file, result_file
 from .progress import Progress
 
 if TYPE_CHECKING:
@@ -112,7 +112,7 @@ def takes_source(
         """Check the table, or let several pass."""
         if value is not None and many and several(value):
             return value
-        return check(ctx, param, value)  # type: ignore[arg-type]
+        return check(ctx, param, value)
 
     return click.argument(
         "source",
@@ -179,7 +179,9 @@ def takes_table(
             **rest: Any,
         ) -> Any:
             """Check the files, and call the function with them."""
-            _check_targets(source, output, reactions)
+            check_targets([source], (output, reactions))
+            if reactions == "-" and output in (None, "-"):
+                raise click.UsageError("efforts and reactions cannot both go to standard output")
             return function(tables=Tables(source, output, reactions, jobs, quiet, plot), **rest)
 
         out = takes_many("", result_file)(body)
@@ -291,22 +293,3 @@ def _writer(tables: Tables, robot: HybridRobot, plan: Plan, timed: bool) -> Any:
                     to(rows if done.time is None else np.column_stack([done.time, rows]))
 
         yield write
-
-
-def _check_targets(source: str, output: str | None, reactions: str | None) -> None:
-    """Check that the source is not overwritten, and that no file is written twice."""
-    taken = [os.path.realpath(source)] if source != "-" else []
-    for target in (output, reactions):
-        if target is None or target == "-":
-            continue
-        place = os.path.realpath(target)
-        if place in taken:
-            reason = (
-                "is read, and would be replaced"
-                if place == os.path.realpath(source)
-                else "is written already"
-            )
-            raise click.UsageError(f"'{target}' {reason}")
-        taken.append(place)
-    if reactions == "-" and output in (None, "-"):
-        raise click.UsageError("efforts and reactions cannot both go to standard output")

@@ -34,11 +34,7 @@ class Softness(NamedTuple):
 
 
 def softness(d: Description, tightness: float) -> Softness:
-    """Return time step and time constant.
-
-    Args:
-        tightness: Distance by which closures may open [m].
-    """
+    """Return time step and time constant. `tightness`: distance by which closures may open [m]."""
     step = min(math.sqrt(tightness / acceleration(d)) / 2, LONGEST_STEP)
     unit = 10.0 ** (math.floor(math.log10(step)) - 1)
     step = float(f"{math.floor(step / unit * (1 + TWO_DIGITS)) * unit:.1e}")  # two digits, rounded down

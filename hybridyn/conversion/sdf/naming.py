@@ -12,11 +12,7 @@ from ..losses import Losses
 
 
 def allowed(d: Description, losses: Losses) -> Description:
-    """Return a robot whose names SDF allows.
-
-    Args:
-        losses: Receives the names that are changed.
-    """
+    """Return a robot whose names SDF allows. `losses`: receives the names that are changed."""
     taken: set[str] = set()
     joints = _names([joint.name for joint in d.joints], taken)
     closures = _names([closure.name for closure in d.closures], taken)

@@ -17,11 +17,7 @@ SAME_ROTATION = 1e-14
 
 
 def add_closure(root: ET.Element, closure: Closure, losses: Losses) -> None:
-    """Add a closure to a URDF.
-
-    Args:
-        losses: Receives a closure that `<loop>` cannot say.
-    """
+    """Add a closure to a URDF. `losses`: receives a closure that `<loop>` cannot say."""
     kind = kind_of(closure)
     if kind is None:
         losses.add("closures left out, since they have no row", closure.name)

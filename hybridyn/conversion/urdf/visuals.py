@@ -11,11 +11,7 @@ from ..request import Shape
 
 
 def add_visual(link: ET.Element, shape: Shape) -> None:
-    """Add a shape to a link.
-
-    Args:
-        link: The link's element.
-    """
+    """Add a shape to a link."""
     visual = ET.SubElement(link, "visual")
     at = shape.placement
     if not np.array_equal(at, np.eye(4)):

@@ -13,11 +13,7 @@ from .prims import Prim, turned_quaternion
 
 
 def add_body(parent: Prim, link: Link, placement: Array) -> Prim:
-    """Add a rigid body.
-
-    Args:
-        placement: Its placement in the world, shape (4, 4).
-    """
+    """Add a rigid body at a placement in the world, shape (4, 4)."""
     body = parent.child("Xform", link.name)
     body.apply("PhysicsRigidBodyAPI")
     body.apply("PhysicsMassAPI")

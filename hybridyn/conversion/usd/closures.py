@@ -26,11 +26,7 @@ TURNS = {"free": (), "perpendicular": ("rotX",), "parallel": ("rotX", "rotY"), "
 
 
 def add_closure(parent: Prim, closure: Closure, bodies: tuple[Prim, Prim], losses: Losses) -> None:
-    """Add a closure.
-
-    Args:
-        losses: Receives a closure that locks nothing.
-    """
+    """Add a closure. `losses`: receives a closure that locks nothing."""
     if not closure.translations and closure.rotation == "free":
         losses.add("closures left out, since they have no row", closure.name)
         return

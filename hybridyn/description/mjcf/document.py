@@ -14,6 +14,7 @@ from xml.sax.saxutils import quoteattr
 from lxml import etree
 
 from ...errors import ModelError
+from ..shipped import shown
 from ..urdf.robot_folders import RobotFolders
 from ..urdf.xml_node import LARGEST_FILE, MOST_ELEMENTS, Node, parse
 
@@ -119,7 +120,7 @@ class Document:
         name = node.text("file")
         content, path = self._read(node, name, number)
         self._refuse_too_much(node, name, content, path)
-        inner = parse(content, _shown(path))
+        inner = parse(content, shown(Path(path)))
         if inner.tag not in INCLUDED_ROOTS:
             raise node.error(f"the root element of '{name}' is <{inner.tag}> instead of <mujocoinclude>")
         self._count += sum(1 for _ in inner.xml.iter("*"))
@@ -173,9 +174,3 @@ def _start(node: Node) -> str:
             raise node.error(f"attribute '{name}' has a namespace, which MJCF does not know")
         written.append(f"{name}={quoteattr(value)}")
     return f"<{' '.join(written)}{'' if len(node.xml) else '/'}>"
-
-
-def _shown(path: str) -> str:
-    """Return a path as a user would write it."""
-    relative = os.path.relpath(path)
-    return path if relative.startswith("..") else relative

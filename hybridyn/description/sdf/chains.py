@@ -12,13 +12,13 @@ import numpy as np
 
 from ...spatial import quaternion_from_rotation, rotation_from_axis_angle
 from ..mjcf.naming import unique
-from ..placement import placement_from, rotation_from_quaternion
+from ..placement import inverse, placement_from, rotation_from_quaternion
 from ..records import Array, Joint, JointKind, Link
 from ..robot_file import RobotFile
 from .axes import Axis
 from .graph import Branch
 from .joints import Stated
-from .poses import Poses, inverse
+from .poses import Poses
 from .scopes import Item
 
 #: Largest distance at which an axis still passes through an origin, and largest part of a unit axis that is

@@ -113,9 +113,5 @@ def relative_to(node: Node | None) -> str:
 
 
 def unlimited(value: float) -> bool:
-    """Check whether a limit means that there is none.
-
-    Args:
-        value: The limit [m or rad].
-    """
+    """Check whether a limit [m or rad] means that there is none."""
     return abs(value) >= UNLIMITED

@@ -6,8 +6,10 @@ import os
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 from ...errors import ModelError
+from ..shipped import shown
 from ..urdf.robot_folders import RobotFolders
 from ..urdf.xml_node import LARGEST_FILE, MOST_ELEMENTS, Node, parse
 from .schema import READ, Unread, check
@@ -85,7 +87,7 @@ class Library:
             raise uri.error(f"includes are nested more than {DEEPEST} deep")
         content = self._read(uri, name, path)
         self._size += len(content)
-        root = parse(content, _shown(path))
+        root = parse(content, shown(Path(path)))
         self._refuse_too_much(uri, root)
         if root.tag != "sdf":
             raise uri.error(f"the root element of '{name}' is <{root.tag}> instead of <sdf>")
@@ -130,7 +132,7 @@ class Library:
         config = os.path.join(folder, "model.config")
         if not os.path.isfile(config):
             return "model.sdf"
-        root = parse(self._read(uri, name, config), _shown(config))
+        root = parse(self._read(uri, name, config), shown(Path(config)))
         stated: dict[int, str] = {}
         for node in root.children("sdf"):
             match = _VERSION.fullmatch(str(node.xml.get("version", "1.4")).strip())
@@ -170,9 +172,3 @@ def _minor(root: Node) -> int:
     if int(match[1]) < VERSIONS[0]:
         raise root.error(f"version '{text[:20]}' of SDFormat is too old; convert it with `gz sdf -p`")
     return int(match[1])
-
-
-def _shown(path: str) -> str:
-    """Return a path as a user would write it."""
-    relative = os.path.relpath(path)
-    return path if relative.startswith("..") else relative

@@ -7,13 +7,13 @@ import numpy as np
 from ..closure_forms import FORMS
 from ..mjcf.naming import unique
 from ..names import listed
-from ..placement import rotation_to_axis, turned
+from ..placement import inverse, rotation_to_axis, turned
 from ..records import Closure, Link
 from ..robot_file import RobotFile
 from .chains import Names, add_chain, tidy
 from .graph import KEPT, Branch
 from .joints import Stated
-from .poses import Poses, inverse
+from .poses import Poses
 from .scopes import Item
 
 #: Closures by the type of the joint.

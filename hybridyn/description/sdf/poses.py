@@ -7,7 +7,7 @@ from graphlib import CycleError, TopologicalSorter
 import numpy as np
 
 from ..names import listed
-from ..placement import placement_from
+from ..placement import inverse
 from ..records import Array
 from ..urdf.xml_node import Node
 from .scopes import Item, Scope, resolve
@@ -105,12 +105,6 @@ class Poses:
                 break
             item = item.scope.item
         return at
-
-
-def inverse(placement: Array) -> Array:
-    """Return the inverse of a placement, shape (4, 4)."""
-    turn = placement[:3, :3].T
-    return placement_from(turn, -turn @ placement[:3, 3])
 
 
 def _elements(scope: Scope) -> list[Item]:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..placement import placement_from
+from ..placement import inverse, placement_from
 from ..records import Array
 from ..urdf.xml_node import LARGEST_NUMBER
 from .stage import Prim, Stage
@@ -132,11 +132,6 @@ def _check_order(prim: Prim) -> None:
             raise prim.error(
                 f"xformOpOrder names '{name}', which the prim does not state; state or remove it"
             )
-
-
-def inverse(frame: Array) -> Array:
-    """Return the inverse of a placement, shape (4, 4)."""
-    return placement_from(frame[:3, :3].T, -frame[:3, :3].T @ frame[:3, 3])
 
 
 def _nearest_rotation(axes: Array) -> Array:

@@ -7,10 +7,10 @@ from collections.abc import Mapping
 import numpy as np
 
 from ..names import listed
-from ..placement import placement_from, rotation_from_quaternion
+from ..placement import inverse, placement_from, rotation_from_quaternion
 from ..records import Array
 from ..robot_file import RobotFile
-from .bodies import Bodies, inverse
+from .bodies import Bodies
 from .joints import DEGREES, UsdJoint, direction, relative
 
 #: Positions below this [rad, or of the robot's size] are single-precision rounding of transforms.

@@ -10,9 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..placement import placement_from
+from ..placement import inverse, placement_from
 from ..records import Array
-from .bodies import Bodies, inverse
+from .bodies import Bodies
 from .stage import Prim
 
 #: Axes of a generic joint, in the order in which a chain of joints moves along them.

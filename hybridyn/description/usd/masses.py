@@ -10,8 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..placement import inverse
 from ..records import Array
-from .bodies import Bodies, inverse
+from .bodies import Bodies
 from .shapes import FLAT, solid_of
 from .stage import Prim
 

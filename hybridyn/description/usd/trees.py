@@ -12,10 +12,9 @@ import numpy as np
 
 from ..closure_forms import ROWS, SINGLE_ROTATION, form_of_rows
 from ..mjcf.naming import unique
-from ..placement import turned
+from ..placement import inverse, turned
 from ..records import Array, Closure, Joint, JointKind, Link
 from ..robot_file import RobotFile
-from .bodies import inverse
 from .driving import Driving, is_driven, with_properties
 from .joints import AXES, UsdJoint, direction
 from .screening import weighs

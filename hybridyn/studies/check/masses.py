@@ -10,7 +10,6 @@ from ...description.records import Link
 from ...description.validate import INERTIA_SLACK
 from ...description.weightless import has_mass, weightless
 from .finding import Finding
-from .shapes import volume_of_box
 from .subject import Subject
 
 #: Largest density [kg/m^3]. The densest material, osmium, has 22,590 kg/m^3.
@@ -112,7 +111,7 @@ def _size(subject: Subject, link: Link) -> Iterator[Finding]:
             "the torques that accelerate it are computed too small",
             "a placeholder, or g m^2 read as kg m^2? Write the inertia in kg m^2 about the centre of mass",
         )
-    volume = volume_of_box(lower, upper)
+    volume = float(np.prod(upper - lower))
     if volume > 0 and link.mass > DENSEST * volume:
         yield subject.of_link(
             "too-dense",
@@ -128,9 +127,8 @@ def _too_large(subject: Subject, link: Link, gyration: float, size: float, what:
     return subject.of_link(
         "inertia-too-large",
         link.name,
-        f"its radius of gyration is {gyration:.3g} m; {what} is {size:.3g} m away"
-        if "point" in what
-        else f"its radius of gyration is {gyration:.3g} m; {what} is {size:.3g} m",
+        f"its radius of gyration is {gyration:.3g} m; {what} is {size:.3g} m"
+        + (" away" if "point" in what else ""),
         "an inertia that does not exist dominates the efforts of fast motions",
         unit_guess(gyration / size) + "write the inertia in kg m^2, about the centre of mass",
     )

@@ -6,18 +6,16 @@ if the robot's file names a mesh.
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
 from os import PathLike
 from pathlib import Path
-from urllib.parse import unquote
 
 import numpy as np
 
+from ...description.shape_files import MeshFiles, MissingMeshError
 from ...description.urdf.placement import origin_of
-from ...description.urdf.xacro import _share_dirs
 from ...description.urdf.xml_node import Node
 from ...errors import ModelError
 from ...spatial import Array
@@ -109,13 +107,7 @@ class _MeshBoxes:
     """Computes bounding boxes of meshes, and loads each file once."""
 
     def __init__(self, file: str, package_dirs: Sequence[str | PathLike[str]]) -> None:
-        self.folder = Path(file).parent
-        self.roots = [Path(folder) for folder in package_dirs]
-        paths = os.environ.get("ROS_PACKAGE_PATH", "").split(os.pathsep)
-        self.roots += [Path(path) for path in paths if path]
-        self.roots += [Path(folder) for folder in _share_dirs()]
-        self.roots += [folder / "example-robot-data" / "robots" for folder in self.roots]
-        self.roots += [self.folder.resolve(), *self.folder.resolve().parents][:5]
+        self.find = MeshFiles(Path(file).parent, package_dirs, named=True)
         self.known: dict[str, tuple[Array, Array] | str] = {}
 
     def __call__(self, name: str) -> tuple[Array, Array] | str:
@@ -125,8 +117,9 @@ class _MeshBoxes:
         return self.known[name]
 
     def _load(self, name: str) -> tuple[Array, Array] | str:
-        file = self._find(unquote(name))
-        if file is None:
+        try:
+            file = self.find(name)
+        except MissingMeshError:
             return "missing"
         if file.stat().st_size > LARGEST_MESH:
             return f"is larger than {LARGEST_MESH // 2**20} MiB"
@@ -145,20 +138,3 @@ class _MeshBoxes:
         if bounds is None or not np.isfinite(bounds).all():
             return "has no triangles"
         return np.asarray(bounds[0], dtype=float), np.asarray(bounds[1], dtype=float)
-
-    def _find(self, name: str) -> Path | None:
-        for prefix in ("package://", "model://"):
-            if name.startswith(prefix):
-                inside = name.removeprefix(prefix)
-                package, _, rest = inside.partition("/")
-                places = [root / inside for root in self.roots]
-                places += [root / rest for root in self.roots if root.name == package]
-                break
-        else:
-            places = [self.folder / name.removeprefix("file://")]
-        return next((place for place in places if place.is_file()), None)
-
-
-def volume_of_box(lower: Array, upper: Array) -> float:
-    """Return the volume of a box [m^3]."""
-    return float(np.prod(upper - lower))

@@ -11,6 +11,7 @@ import numpy as np
 
 from ...description.records import Description, Joint, Link
 from ...description.urdf.xml_node import Node
+from ...description.zero_posture import poses_at_zero
 from ...spatial import Array
 from ...structure.robot import HybridRobot
 from .finding import Finding
@@ -59,16 +60,7 @@ class Subject:
     @cached_property
     def extent(self) -> float:
         """Size of the robot [m]: diagonal of the box around frames and closures with all joints at zero."""
-        below: dict[str, list[Joint]] = {}
-        for joint in self.description.joints:
-            below.setdefault(joint.parent, []).append(joint)
-        place = {self.description.root: np.eye(4)}
-        waiting = [self.description.root]
-        while waiting:
-            parent = waiting.pop()
-            for joint in below.get(parent, ()):
-                place[joint.child] = place[parent] @ joint.placement
-                waiting.append(joint.child)
+        place = {self.description.root: np.eye(4)} | poses_at_zero(self.description.joints)
         points = [frame[:3, 3] for frame in place.values()]
         for closure in self.description.closures:
             points.append((place[closure.link_a] @ closure.frame_a)[:3, 3])
