@@ -27,7 +27,7 @@ from hybridyn.tables.trajectory import read_motions
 from tests import ROOT
 from tests.mutations import FLAT, TREE, change_number, swap_values
 from tests.posing import position
-from tests.samples import slow
+from tests.samples import fuzz, slow
 from tests.waiting import must_end
 
 CLOSED = 1e-6  # what the dynamic models ask of a state, relative to the robot's size
@@ -206,8 +206,7 @@ def test_mutations(tmp_path: Path, name: str, ending: str, count: int) -> None:
     assert 0 < through < count, "mutations must hit, and must not hit always"
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", range(1, 5))
+@pytest.mark.parametrize("seed", [slow(1), *(fuzz(seed) for seed in range(2, 5))])
 @pytest.mark.parametrize(("name", "ending", "count"), CASES)
 def test_more_mutations(tmp_path: Path, name: str, ending: str, count: int, seed: int) -> None:
     mutations(tmp_path, name, ending, count, seed)

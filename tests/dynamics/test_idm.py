@@ -21,7 +21,7 @@ from tests.samples import in_turn, slow
 from tests.shipped import ROBOTS, shipped, states_near_home
 
 BASES: tuple[Base, ...] = ("fixed", "moving", "floating")
-STATES = {"lx4": 3, "snake": 2}  # per robot by default; 10 for the others, four times as many in the slow variant
+STATES = {"lx4": 3, "snake": 2}  # per robot by default; 10 for the others
 PER_KIND = 2
 ALONE = 1e-13  # of the largest effort: NumPy sums batches of different length in different order
 

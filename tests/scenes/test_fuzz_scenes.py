@@ -19,6 +19,7 @@ from hybridyn.errors import HybridynError
 from hybridyn.scenes.stage import play, stage
 from hybridyn.simulation.result import Result
 from tests.robot_texts import door, save
+from tests.samples import fuzz, slow
 from tests.waiting import must_end
 
 ABSURD = (
@@ -131,9 +132,8 @@ def test_absurd_numbers(tmp_path: Path) -> None:
     assert 30 < judge_scenes(tmp_path, 0, 60) < 60
 
 
-@pytest.mark.slow
 @pytest.mark.usefixtures("load_once")
-@pytest.mark.parametrize("block", range(16))
+@pytest.mark.parametrize("block", [slow(0), *(fuzz(block) for block in range(1, 16))])
 def test_many_absurd_numbers(tmp_path: Path, block: int) -> None:
     assert 200 < judge_scenes(tmp_path, 1000 + 500 * block, 500) < 500
 

@@ -15,6 +15,7 @@ from hybridyn.structure.building import build_robot
 from hybridyn.structure.robot import HybridRobot
 from tests.generated import Case, State, generated
 from tests.generated_judge import condition, natural_acceleration
+from tests.samples import fuzz, slow
 from tests.waiting import must_end
 
 STEP = 1e-3  # of the runs [s]
@@ -81,7 +82,6 @@ def test_runs() -> None:
     judge_runs(0, 8, 4)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("block", range(20))
+@pytest.mark.parametrize("block", [slow(0), *(fuzz(block) for block in range(1, 20))])
 def test_many_runs(block: int) -> None:
     judge_runs(1000 + 50 * block, 50, 9)
