@@ -1,4 +1,4 @@
-"""Keep what is slow to compute from robot files: expanded xacro and checked tables, in the cache folder.
+"""Keep what is slow to compute from robot files in the cache folder: texts, checked tables, postures.
 
 An entry is JSON, named by a hash of all that it depends on. Entries are data and are never run. They are kept
 and read only in a folder that the user alone can write (`cache_folder`); where there is none, every text is
@@ -18,16 +18,18 @@ from ..errors import CompileError
 from .cache_folder import check_ownership, folder, is_own
 from .writing import appearing
 
-#: Most entries that are kept; those used least recently are removed.
+#: Most entries of a folder that are kept; those used least recently are removed.
 MOST_ENTRIES = 100
 #: Largest entry that is kept, compressed [bytes]; that of 300 six-legged modules.
 LARGEST_ENTRY = 2**20
+#: Folder of texts.
+TEXTS = "texts"
 
 
-def kept(name: str) -> Any:
-    """Return an entry, or None if there is none that can be trusted."""
+def kept(name: str, at: str = TEXTS) -> Any:
+    """Return an entry of a folder in the cache folder, or None if there is none that can be trusted."""
     with contextlib.suppress(OSError, ValueError, zlib.error, CompileError):
-        path = _texts() / name
+        path = folder() / at / name
         check_ownership(folder())
         if is_own(path):
             entry = json.loads(zlib.decompress(path.read_bytes()))
@@ -36,19 +38,19 @@ def kept(name: str) -> Any:
     return None
 
 
-def keep(name: str, entry: Any) -> None:
-    """Keep an entry; if the folder cannot be used, nothing is kept."""
+def keep(name: str, entry: Any, at: str = TEXTS) -> None:
+    """Keep an entry in a folder of the cache folder; if it cannot be used, nothing is kept."""
     content = zlib.compress(json.dumps(entry).encode(), 1)
     if len(content) > LARGEST_ENTRY:
         return
     with contextlib.suppress(OSError, CompileError):
-        at = _texts()
-        at.mkdir(parents=True, exist_ok=True, mode=0o700)
+        place = folder() / at
+        place.mkdir(parents=True, exist_ok=True, mode=0o700)
         check_ownership(folder())
-        with appearing(at / name) as draft:
+        with appearing(place / name) as draft:
             draft.touch(0o600)
             draft.write_bytes(content)
-        entries = sorted(at.iterdir(), key=lambda path: -path.lstat().st_mtime)
+        entries = sorted(place.iterdir(), key=lambda path: -path.lstat().st_mtime)
         for path in entries[MOST_ENTRIES:]:
             path.unlink(missing_ok=True)
 
@@ -58,7 +60,3 @@ def state_of(place: str | Path) -> str:
     with os.scandir(place) as entries:
         files = [(entry.name, entry.stat()) for entry in entries if entry.name.endswith(".py")]
     return " ".join(f"{name} {about.st_size} {about.st_mtime_ns}" for name, about in sorted(files))
-
-
-def _texts() -> Path:
-    return folder() / "texts"

@@ -101,7 +101,7 @@ def decide_rank(K: Array, tolerance: float) -> RankReport:
     if 0 in K.shape:
         return RankReport(0, rows, 1.0, 0.0)
     s = np.linalg.svd(K, compute_uv=False)
-    typical = np.median(s / size_of_rows(np.asarray(s, dtype=float), tolerance), axis=0)
+    typical = _medians(s / size_of_rows(np.asarray(s, dtype=float), tolerance))
     rank = int(np.sum(typical > tolerance))
     kept = float(typical[rank - 1]) if rank else 1.0
     dropped = float(typical[rank]) if rank < len(typical) else 0.0
@@ -109,6 +109,13 @@ def decide_rank(K: Array, tolerance: float) -> RankReport:
     gaps = np.flatnonzero((above >= RANK_GAP * below) & (below < SUSPECT))
     doubted = (float(above[gaps[0]]), float(below[gaps[0]])) if len(gaps) else None
     return RankReport(rank, rows, kept, dropped, doubted)
+
+
+def _medians(x: Array) -> Array:
+    """Return the median of each column, shape (samples, n); `np.median` first imports masked arrays."""
+    x, middle = np.sort(x, axis=0), len(x) // 2
+    out: Array = x[middle] if len(x) % 2 else (x[middle - 1] + x[middle]) / 2
+    return out
 
 
 class Reduction:

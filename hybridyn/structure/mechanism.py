@@ -18,8 +18,8 @@ import numpy as np
 
 from ..linkage.closures import Closures
 from ..linkage.elimination import least_squares
-from ..linkage.generic_postures import generic_postures
 from ..linkage.gimbal_lock import GIMBAL_LOCK
+from ..linkage.kept_postures import kept_generic_postures
 from ..linkage.newton import LoopProblem, close
 from ..linkage.reduction import RANK_TOLERANCE, Basis
 from ..linkage.tree import Motion
@@ -147,7 +147,7 @@ class Mechanism:
             self.postures = found.q[found.residual <= tolerance]
             self.best_residual = float(found.residual.min())
         elif self.closures.rows:
-            self.postures, self.best_residual = generic_postures(
+            self.postures, self.best_residual = kept_generic_postures(
                 self.closures, self.home, row_scale, col_scale, tolerance
             )
         return open_by

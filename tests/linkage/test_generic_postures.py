@@ -78,8 +78,10 @@ def test_postures_of_shipped_robots_keep_their_bits(name: str) -> None:
 
 def test_equal_modules_are_worked_out_once(monkeypatch: pytest.MonkeyPatch) -> None:
     calls: list[int] = []
-    search = mechanism.generic_postures
-    monkeypatch.setattr(mechanism, "generic_postures", lambda *a, **k: calls.append(1) or search(*a, **k))
+    search = mechanism.kept_generic_postures
+    monkeypatch.setattr(
+        mechanism, "kept_generic_postures", lambda *a, **k: calls.append(1) or search(*a, **k)
+    )
     robot = hybridyn.load("snake")
     assert len(calls) == len({id(m.mechanism) for m in robot.modules})
 
@@ -90,13 +92,13 @@ def test_small_matrices_start_no_threads(monkeypatch: pytest.MonkeyPatch, tmp_pa
         monkeypatch.delenv(name, raising=False)
     _controller.cache_clear()
     threads: list[int] = []
-    search = mechanism.generic_postures
+    search = mechanism.kept_generic_postures
 
     def watched(*arguments: object, **options: object) -> object:
         threads.extend(pool["num_threads"] for pool in pools.threadpool_info())
         return search(*arguments, **options)  # type: ignore[arg-type]
 
-    monkeypatch.setattr(mechanism, "generic_postures", watched)
+    monkeypatch.setattr(mechanism, "kept_generic_postures", watched)
     with pools.threadpool_limits(limits=2, user_api="blas"):
         hybridyn.load("five_bar")
         assert {p["num_threads"] for p in pools.threadpool_info() if p["user_api"] == "blas"} == {2}

@@ -91,7 +91,7 @@ def test_with_parameters_builds_the_robot_with_these_numbers(monkeypatch: pytest
     robot = build_robot(shipped("five_bar"))
     values = {"mass:m1_tool": 0.7, "position:m1_left_elbow": (0.27, 0.0, 0.0)}
     fresh = build_robot(replaced(robot.description, 0.7, 0.27))
-    monkeypatch.setattr("hybridyn.structure.mechanism.generic_postures", None)
+    monkeypatch.setattr("hybridyn.structure.mechanism.kept_generic_postures", None)
     other = robot.with_parameters(values)
     assert [m.mechanism.reduction.rank for m in other.modules] == [2]
     same_robot(other, fresh)
