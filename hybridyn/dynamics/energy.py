@@ -108,8 +108,8 @@ def effective_model(robot: HybridRobot, on: Effects) -> pin.Model:
     """
     robot.check_model()
     if on.gravity is not None and on.leg_inertia is not None:
-        return robot.model
-    model = pin.Model(robot.model)
+        return robot.unchanged_model
+    model = pin.Model(robot.unchanged_model)
     if on.gravity is None:
         model.gravity.linear = np.zeros(3)
     if on.leg_inertia is None:

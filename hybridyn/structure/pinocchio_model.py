@@ -16,8 +16,9 @@ from .leg_model import pinocchio_inertia, pinocchio_joint
 
 #: Parts of a model that a user is likely to change.
 PARTS = (
-    "gravity", "inertias", "jointPlacements", "frames", "armature", "damping", "friction", "effortLimit",
-    "velocityLimit", "lowerPositionLimit", "upperPositionLimit",
+    "gravity", "inertias", "jointPlacements", "frames", "armature", "rotorInertia", "rotorGearRatio",
+    "damping", "friction", "lowerDryFrictionLimit", "effortLimit", "velocityLimit", "lowerPositionLimit",
+    "upperPositionLimit", "name", "names", "parents",
 )  # fmt: skip
 #: Largest number of joints. The memory of Pinocchio's `Model` grows with its square, that of `Data` with its
 #: cube.

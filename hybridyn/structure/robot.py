@@ -7,6 +7,7 @@ first joint.
 
 from __future__ import annotations
 
+import sys
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Literal
@@ -18,6 +19,7 @@ from ..description.records import Description, Joint
 from ..linkage.joints import ROOT_JOINT
 from ..spatial import Array, Index, spatial_inertia
 from .bodies import Bodies
+from .model_readers import ModelReaders
 from .module import Module
 
 if TYPE_CHECKING:
@@ -183,7 +185,26 @@ class HybridRobot:
         Raises:
             ModelError: The robot has more than 10,000 joints, which Pinocchio cannot hold.
         """
+        self.model_readers.tell()
         return self._models[0]
+
+    @property
+    def unchanged_model(self) -> pin.Model:
+        """The same model for hybridyn's own functions; callers never hold it."""
+        return self._models[1]
+
+    @cached_property
+    def model_readers(self) -> ModelReaders:
+        """What to tell when somebody takes `model`."""
+        return ModelReaders()
+
+    @property
+    def model_is_held(self) -> bool:
+        """Whether somebody may hold `model`, or a part of it, and change it later."""
+        if "_models" not in self.__dict__:
+            return False
+        count = getattr(sys, "getrefcount", None)
+        return count is None or count(self._models[0]) > count(self._models[1])
 
     def with_parameters(self, values: Mapping[str, ArrayLike]) -> HybridRobot:
         """Build the robot with other parameters; where its topology is the same, ranks are only checked.
@@ -193,9 +214,10 @@ class HybridRobot:
                 in `hybridyn.compile`), or arguments of the robot's xacro file.
 
         Raises:
-            ModelError: A parameter is unknown, or there is no such robot.
+            ModelError: A parameter is unknown, there is no such robot, or `model` was changed.
             AssemblyError: No posture closes the loops of a module.
         """
+        self.check_model()
         assert self.rebuild is not None
         return self.rebuild(self, values)
 

@@ -44,6 +44,7 @@ def geometry_model(
     import pinocchio as pin
     from lxml import etree
 
+    robot.check_model()
     one_of("kind", kind, "visual", "collision")
     file = robot.description.source
     root = urdf_root(file, xacro_args or {}, package_dirs) if file else None
@@ -52,7 +53,7 @@ def geometry_model(
     _name_files(root, str(file), kind, MeshFiles(Path(str(file)).parent, package_dirs))
     wanted = pin.GeometryType.VISUAL if kind == "visual" else pin.GeometryType.COLLISION
     try:
-        return pin.buildGeomFromUrdfString(robot.model, etree.tostring(root).decode(), wanted)
+        return pin.buildGeomFromUrdfString(robot.unchanged_model, etree.tostring(root).decode(), wanted)
     except ValueError as error:
         raise ModelError(f"its shapes cannot be read: {error}", file=file) from error
 

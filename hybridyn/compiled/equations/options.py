@@ -151,11 +151,11 @@ def _usual(request: Request, k: int) -> tuple[float, ...]:
 
 def _locked(robot: HybridRobot) -> Array:
     """Compute the largest inertia of each freedom, other joints locked, over some postures, shape (nv,)."""
-    data, rng = robot.model.createData(), np.random.default_rng(0)
+    data, rng = robot.unchanged_model.createData(), np.random.default_rng(0)
     postures = [robot.home] + [
-        pin.integrate(robot.model, robot.home, rng.normal(size=robot.nv)) for _ in range(7)
+        pin.integrate(robot.unchanged_model, robot.home, rng.normal(size=robot.nv)) for _ in range(7)
     ]
-    out: Array = np.max([np.diag(pin.crba(robot.model, data, q)) for q in postures], axis=0)
+    out: Array = np.max([np.diag(pin.crba(robot.unchanged_model, data, q)) for q in postures], axis=0)
     return out
 
 

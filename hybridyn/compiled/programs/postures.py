@@ -67,6 +67,7 @@ class Postures:
         Raises:
             HybridynError: The same errors with the same messages as `hybridyn.assemble`.
         """
+        self._check_model()
         requests = gather_requests(self.robot, by_name(motors), by_name(platforms))
         if parameters is None:
             return self._assemble(requests, guess)
@@ -97,6 +98,7 @@ class Postures:
         Raises:
             TrajectoryError: The table or the parameters are wrong.
         """
+        self._check_model()
         found = self._evaluator.table(parameters, by_name(motors), by_name(platforms))
         self.recomputed += found.recomputed * found.q.shape[1]
         return found
@@ -130,15 +132,21 @@ class Postures:
         change = self._motors_still if acceleration is None else acceleration
         if self._close_at_once(last, position, speed, change, out) == 0:
             return out[:nq], out[nq : nq + nv], out[nq + nv :]
+        self._check_model()
         requests = requests_of_motors(self.robot, position, (rate, acceleration))
         q, v, a = self._assemble(requests, last)
-        self._close_at_once = self._assembler.follow_motors(requests, np.atleast_2d(q)[-1]) or refuse
+        at_once = self._assembler.follow_motors(requests, np.atleast_2d(q)[-1])
+        self._close_at_once = refuse if self.robot.model_is_held else at_once or refuse
         return q, v, a
 
     @cached_property
     def _evaluator(self) -> DesignEvaluator:
         """Compute many designs in C."""
         return DesignEvaluator(self._designs, self.effects, self._current.program("idm"), self.threads)
+
+    def _check_model(self) -> None:
+        """Refuse a changed `robot.model` (`CompiledRobot`)."""
+        self.robot.check_model()
 
     def _assemble(self, requests: Requests, guess: Array | None) -> tuple[Array, Array, Array]:
         """Assemble postures for requests that have been gathered."""

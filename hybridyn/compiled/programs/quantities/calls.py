@@ -180,6 +180,10 @@ class Quantities:
             """Return the input "parameters" of a program (`CompiledRobot`)."""
             ...
 
+        def _check_model(self) -> None:
+            """Refuse a changed `robot.model` (`CompiledRobot`)."""
+            ...
+
     def _trusted(self, name: str, q: Array, v: Array, given: Array) -> Computed:
         """Compute a model of the robot as it is, and which samples can be trusted.
 
@@ -242,6 +246,7 @@ class Quantities:
         Raises:
             HybridynError: As the general path raises.
         """
+        self._check_model()
         if compute is None:
             self.recomputed += len(arrays[0])
             out = general(*arrays).astype(self.dtype)
