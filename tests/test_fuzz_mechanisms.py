@@ -17,7 +17,7 @@ from hybridyn.compiled.equations.states import moving_states
 from hybridyn.compiled.verifying import BUG, verify
 from hybridyn.effects.choice import choose
 from hybridyn.errors import HybridynError
-from hybridyn.linkage.closures import common_measure
+from hybridyn.linkage.common_measure import common_measure
 from hybridyn.oracle import Oracle
 from hybridyn.structure.building import build_robot
 from hybridyn.structure.robot import HybridRobot

@@ -29,9 +29,10 @@ from ..structure.module import Module
 from ..structure.named_columns import is_table
 from ..structure.robot import HybridRobot
 from .determinacy import check_bounded, check_determined, full_rank_blocks
-from .follow import Task, follow
+from .follow import follow
 from .module_request import ModuleRequest, module_request
 from .requests import Requests, gather_requests
+from .task import Task
 
 #: Closures with a larger relative residual are closed once more, with all freedoms free.
 SETTLED = 1e-14

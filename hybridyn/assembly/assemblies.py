@@ -21,10 +21,11 @@ from ..structure.joint_position import joint_position
 from ..structure.module import Module
 from ..structure.robot import HybridRobot
 from .assemble import module_task, place_base, settled, spanning_positions
-from .follow import Task, first_posture
+from .follow import first_posture
 from .module_request import module_request
 from .requests import Requests, gather_requests
 from .residual import closure_residual
+from .task import Task
 
 #: Two postures are equal if no mark that distinguishes postures differs by more (module lengths, cosines).
 SAME_ASSEMBLY = 1e-5

@@ -7,15 +7,15 @@ divided into smaller ones.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from ..errors import AssemblyError
-from ..linkage.newton import RESIDUAL_ROUNDING, SMALLEST_STEP, Closed, LoopProblem, close
+from ..linkage.newton import Closed, close
 from ..linkage.winding import winding_of
 from ..spatial import Array, Index, Mask
+from .task import Task
 
 #: Largest deviation of a step between samples from its prediction, relative to it, plus `SMALL_STEP`.
 SAME_BRANCH = 0.25
@@ -24,74 +24,12 @@ SMALL_STEP = 1e-7
 #: Largest relative change of the Jacobian along a step. Two solutions across a fold differ by
 #: |J^-1 (J(x) - J)| = 1, however close to each other they are relative to the step.
 MOST_TURNING = 0.5
-#: Rows that contradict one another within the tolerance are accepted if their reciprocal condition number
-#: is above this.
-CONTRADICTING_RANK = 1e-9
 #: Strides at which samples are solved: first every eighth, then all.
 STRIDES = (8, 1)
 #: Largest number of parts into which a step is divided.
 FINEST = 4096
 #: The same if Newton does not converge at the end of the step.
 COARSEST = 16
-
-
-@dataclass(frozen=True)
-class Task:
-    """A problem at every sample of a trajectory.
-
-    Attributes:
-        problem: Rows and free freedoms.
-        known: Positions, shape (T, nq); only those of the joints in `given` are used.
-        given: Indices of the joints whose positions are given.
-        tolerance: Largest scaled residual of a closed posture.
-        module: The module's name, for messages.
-        row_names: Name of each row's closure, coupling or target, for messages.
-    """
-
-    problem: LoopProblem
-    known: Array
-    given: Sequence[int]
-    tolerance: float
-    module: str
-    row_names: Sequence[str]
-
-    def with_known(self, q: Array, samples: Index) -> Array:
-        """Return positions with the given joints set to their values."""
-        q = q.copy()
-        for joint in self.given:
-            at = self.problem.tree.q_slices[joint]
-            q[:, at] = self.known[samples, at]
-        if self.problem.winding is not None:
-            self.problem.winding.follow(q, samples)
-        return q
-
-    def solve(self, q: Array, samples: Index) -> Closed:
-        """Close the loops from starts q, with the given joints at their values."""
-        return close(self.problem, self.with_known(q, samples), samples)
-
-    def closed(self, result: Closed) -> Mask:
-        """Check which samples converged and closed, shape (T,)."""
-        settled = (result.step <= SMALLEST_STEP) | (result.residual <= RESIDUAL_ROUNDING)
-        out: Mask = settled & (result.residual <= self.tolerance)
-        doubtful = np.flatnonzero(out & (result.residual > RESIDUAL_ROUNDING))
-        if len(doubtful) and self.problem.rank:
-            # Where rows lose rank, a zero step proves nothing: the target may be just out of reach.
-            K = self.problem.matrix(self.problem.tree.sweep(result.q[doubtful]))[:, :, self.problem.free]
-            s = np.linalg.svd(K, compute_uv=False)
-            out[doubtful] = s[:, self.problem.rank - 1] > CONTRADICTING_RANK * s[:, 0]
-        return out
-
-    def between(self, sample: int, fractions: Array) -> Task:
-        """Interpolate the task from a sample to the next, one new sample per fraction, shape (n,)."""
-        tree = self.problem.tree
-        start = np.tile(self.known[sample], (len(fractions), 1))
-        whole = tree.difference(self.known[sample : sample + 1], self.known[sample + 1 : sample + 2])
-        known = tree.integrate(start, fractions[:, None] * whole)
-        known[fractions == 1.0] = self.known[sample + 1]
-        targets = [t.between(sample, fractions) for t in self.problem.targets]
-        winding = self.problem.winding
-        winding = None if winding is None else winding.between(sample, fractions, known)
-        return replace(self, problem=replace(self.problem, targets=targets, winding=winding), known=known)
 
 
 def follow(task: Task, guess: Array, *, keep_branch: bool = True) -> Array:

@@ -11,9 +11,9 @@ from ..linkage.threads import one_thread
 from ..spatial import Array, Index, Mask
 from ..structure.robot import HybridRobot
 from .assemble import first_guess, module_task, place_base, spanning_positions
-from .follow import Task
 from .module_request import module_request
 from .requests import gather_requests
+from .task import Task
 
 #: Rounds in which open samples are started again from the nearest closed ones.
 ROUNDS = 4

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..errors import ModelError
 from .names import did_you_mean, listed
-from .records import Closure, Joint, Link
+from .records import Closure, Coupling, Joint, Link
 from .robot_file import FREEDOMS, RobotFile
 from .zero_posture import outwards
 
@@ -61,16 +61,13 @@ def _check_tree(robot: RobotFile) -> None:
     for joint in robot.joints:
         for role, link in (("parent", joint.parent), ("child", joint.child)):
             if link not in names:
-                raise _joint_error(robot, joint, f"unknown {role} link '{link}'{did_you_mean(link, names)}")
+                raise _error(robot, joint, f"unknown {role} link '{link}'{did_you_mean(link, names)}")
         if joint.parent == joint.child:
-            raise _joint_error(robot, joint, f"joins link '{joint.child}' to itself")
+            raise _error(robot, joint, f"joins link '{joint.child}' to itself")
         if joint.child in parents:
             other = parents[joint.child].name
-            raise _joint_error(
-                robot,
-                joint,
-                f"link '{joint.child}' is already the child of joint '{other}'; {TWO_PARENTS_ADVICE}",
-            )
+            message = f"link '{joint.child}' is already the child of joint '{other}'; {TWO_PARENTS_ADVICE}"
+            raise _error(robot, joint, message)
         parents[joint.child] = joint
     roots = [link.name for link in robot.links if link.name not in parents]
     if not roots:
@@ -106,9 +103,9 @@ def _check_closures(robot: RobotFile) -> None:
     for closure in robot.closures:
         for link in (closure.link_a, closure.link_b):
             if link not in names:
-                raise _closure_error(robot, closure, f"unknown link '{link}'{did_you_mean(link, names)}")
+                raise _error(robot, closure, f"unknown link '{link}'{did_you_mean(link, names)}")
         if closure.link_a == closure.link_b:
-            raise _closure_error(robot, closure, f"joins link '{closure.link_a}' to itself")
+            raise _error(robot, closure, f"joins link '{closure.link_a}' to itself")
 
 
 def _check_couplings(robot: RobotFile) -> None:
@@ -122,12 +119,7 @@ def _check_couplings(robot: RobotFile) -> None:
             elif FREEDOMS[kinds[name]] != 1:
                 wrong = f"joint '{name}' is {kinds[name]}; only joints with one freedom can be coupled"
         if wrong:
-            raise ModelError(
-                f"coupling '{coupling.name}': {wrong}",
-                file=robot.file,
-                line=coupling.line,
-                element=coupling.name,
-            )
+            raise _error(robot, coupling, wrong)
 
 
 def _note_unphysical(robot: RobotFile) -> None:
@@ -146,13 +138,7 @@ def _is_physical(link: Link) -> bool:
     return bool(moments[0] >= -slack and moments[2] <= moments[0] + moments[1] + slack)
 
 
-def _joint_error(robot: RobotFile, joint: Joint, message: str) -> ModelError:
-    return ModelError(
-        f"joint '{joint.name}': {message}", file=robot.file, line=joint.line, element=joint.name
-    )
-
-
-def _closure_error(robot: RobotFile, closure: Closure, message: str) -> ModelError:
-    return ModelError(
-        f"closure '{closure.name}': {message}", file=robot.file, line=closure.line, element=closure.name
-    )
+def _error(robot: RobotFile, item: Joint | Closure | Coupling, message: str) -> ModelError:
+    """Return the error of an element, with its kind, name, file and line."""
+    what = f"{type(item).__name__.lower()} '{item.name}'"
+    return ModelError(f"{what}: {message}", file=robot.file, line=item.line, element=item.name)

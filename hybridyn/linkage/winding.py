@@ -19,7 +19,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..spatial import Array, Index, Mask
-from .closures import Closures, TreeCoupling, common_measure
+from .closures import Closures, TreeCoupling
+from .common_measure import common_measure
 
 #: Periods are equal if their relative difference is below this, the rounding of their quotient.
 ROUNDING = 1e-9

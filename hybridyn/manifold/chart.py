@@ -23,35 +23,12 @@ from itertools import pairwise
 
 import numpy as np
 
-from ..errors import AssemblyError
 from ..linkage.retraction import Retraction
 from ..spatial import Array, Index
-from ..structure.module import Module
-from .branch import LOST_RATES, Branch, branch_of, derivative
-from .loop_rows import LoopRows
+from .module_chart import LoopedModule, ModuleChart
 
-#: Newton has converged after a step of at most this (rad, module lengths); the next one would be rounding.
-LAST_STEP = 1e-12
-#: Largest residual of closed loops (relative to the module's length), in addition to rounding of the file.
-CHART_CLOSED = 1e-11
-#: Maximum number of Newton steps; if more are needed, the time step has to be shorter.
-MOST_STEPS = 20
-#: Largest displacement of dependent coordinates within a chart (rad, module lengths).
-FARTHEST = 1.0
 #: Closures are close to losing rank if their least singular value is below this part of its generic value.
 CLOSE = 1.0
-#: Another branch may be near if G's least singular value is below this part of its generic value.
-NARROW = 0.2
-#: In that case, largest ratio of Newton's second step to its first.
-CONTRACTION = 0.25
-#: Residuals below this are rounding: where closures lose rank, a Newton step from them is meaningless.
-CHART_ROUNDING = 2e-15
-#: Singular values below this part of the largest are dropped where positions are not resolved.
-HELD = 1e-3
-
-
-class AmbiguousBranchError(AssemblyError):
-    """Another branch of assembled postures is too near to identify the branch of a motion."""
 
 
 @dataclass(frozen=True)
@@ -67,26 +44,6 @@ class Posture:
     q: Array
     xi: Array
     v: Array
-
-
-@dataclass(frozen=True)
-class LoopedModule:
-    """A module with loops.
-
-    Attributes:
-        module: The module.
-        rows: Its closures.
-        retraction: Moves on its spanning tree.
-    """
-
-    module: Module
-    rows: LoopRows
-    retraction: Retraction
-
-    @property
-    def closed(self) -> float:
-        """Largest scaled residual of an assembled posture."""
-        return CHART_CLOSED + self.module.mechanism.rounding
 
 
 @dataclass(frozen=True)
@@ -108,139 +65,6 @@ class Space:
     prescribed: int
 
 
-class _Part:
-    """The part of a chart that belongs to one looped module."""
-
-    def __init__(self, looped: LoopedModule, q: Array, v: Array | None) -> None:
-        self.looped, self.q = looped, q
-        self.unit = looped.rows.unit
-        _, K = looped.rows.at(q)
-        r = looped.rows.rank
-        parts = U, s, Vt = np.linalg.svd(K)
-        branch = None if v is None else self._branch(K, v / self.unit, parts)
-        if branch is None:
-            self.U, self.V, self.Z = U[:, :r], Vt[:r].T, Vt[r:].T
-        else:
-            self.U, self.V, self.Z = branch.U, branch.V, branch.Z
-        self.pivot = float(s[r - 1] / s[0]) if r and s[0] > 0 else 1.0
-        self.w = np.zeros(r)
-        self.G = self.V.T @ self.V
-        self.K = K
-        self.narrow, self.lost = False, False
-
-    def _branch(self, K: Array, v: Array, parts: tuple[Array, Array, Array]) -> Branch | None:
-        """Compute the branch of scaled rates where closures lose rank; None elsewhere."""
-        rows, move = self.looped.rows, self.looped.retraction.move
-
-        def along(direction: Array) -> Array:
-            return derivative(lambda s: rows.at(move(self.q, s * direction * self.unit))[1])
-
-        return branch_of(K, rows.rank, v, along, self.looped.module.name, parts)
-
-    def lift(self, y: Array, near: Array | None = None) -> tuple[Array, Array]:
-        """Solve for displacement and positions at independent coordinates y, from a scaled guess `near`.
-
-        Raises:
-            AssemblyError: The loops do not close there.
-            AmbiguousBranchError: Another branch is too near.
-        """
-        looped, w, lengths = self.looped, self.w.copy() if near is None else self.V.T @ near, [np.inf]
-        along = self.Z @ y
-        for _ in range(MOST_STEPS):
-            q = looped.retraction.move(self.q, self.unit * (along + self.V @ w))
-            residual, K = looped.rows.at(q)
-            open_by = float(np.abs(residual).max())
-            G = self.U.T @ K @ self.V
-            step = self._newton_step(G, residual)
-            lengths.append(float(np.abs(step).max(initial=0.0)))
-            if open_by <= CHART_ROUNDING and lengths[-1] > LAST_STEP:
-                step, lengths[-1] = 0.0 * w, 0.0
-            if lengths[-1] <= LAST_STEP or (lengths[-1] >= lengths[-2] and open_by <= looped.closed):
-                if open_by > looped.closed:
-                    break
-                self._check_branch(G, lengths)
-                self.w, self.G, self.K = w - step, G, K
-                xi = self.unit * (along + self.V @ self.w)
-                return xi, looped.retraction.move(self.q, xi)
-            w = w - step
-            if not np.isfinite(lengths[-1]) or np.abs(w).max() > FARTHEST:
-                break
-        raise AssemblyError(
-            f"module '{looped.module.name}': its loops do not close {np.abs(along).max(initial=0.0):.2g} "
-            f"(rad or module lengths) away along its free motions; {len(lengths) - 1} Newton steps left a "
-            f"residual of {open_by:.2g} (limit {looped.closed:.0e}). The posture is out of reach, or the "
-            "step too long",
-            module=looped.module.name,
-            residual=open_by,
-            iterations=len(lengths) - 1,
-        )
-
-    def _newton_step(self, G: Array, residual: Array) -> Array:
-        """Compute the Newton step of the dependent coordinates.
-
-        Raises:
-            AmbiguousBranchError: G is singular, and the loops are open.
-        """
-        if not len(G):
-            return self.w
-        try:
-            return np.asarray(np.linalg.solve(G, self.U.T @ residual), dtype=float)
-        except np.linalg.LinAlgError:
-            if np.abs(residual).max() <= CHART_ROUNDING:
-                return np.zeros(len(G))
-            raise self._ambiguous() from None
-
-    def _check_branch(self, G: Array, lengths: list[float]) -> None:
-        """Check that Newton stayed on the branch; update `narrow` and `lost`.
-
-        Raises:
-            AmbiguousBranchError: G is nearly singular, and Newton did not contract from its first step on.
-        """
-        s = np.linalg.svd(G, compute_uv=False) if len(G) else np.ones(1)
-        usual = self.looped.module.mechanism.reduction.report.kept
-        self.narrow, self.lost = s[-1] <= NARROW * usual * s[0], s[-1] <= LOST_RATES * s[0]
-        if self.narrow and len(lengths) > 2 and lengths[2] > CONTRACTION * lengths[1]:
-            raise self._ambiguous()
-
-    def _ambiguous(self) -> AmbiguousBranchError:
-        name = self.looped.module.name
-        return AmbiguousBranchError(
-            f"module '{name}': its closures lose rank (constraint singularity) so near that its branch "
-            "cannot be distinguished from the others that meet there",
-            module=name,
-        )
-
-    def close(self) -> Array:
-        """Compute closed positions near the origin; weak rows are ignored if the others close the loops.
-
-        Raises:
-            AssemblyError: There are none.
-        """
-        if self.pivot <= HELD:
-            q = self.q
-            for _ in range(MOST_STEPS):
-                residual, K = self.looped.rows.at(q)
-                step = self.V @ (np.linalg.pinv(self.U.T @ K @ self.V, rcond=HELD) @ (self.U.T @ residual))
-                q = self.looped.retraction.move(q, -self.unit * step)
-                if np.abs(step).max() <= LAST_STEP:
-                    break
-            if np.abs(residual).max() <= self.looped.closed:
-                return q
-        return self.lift(np.zeros(self.Z.shape[1]), np.zeros(len(self.unit)))[1]
-
-    def rates(self, u: Array) -> Array:
-        """Compute the scaled rates at the posture of the last `lift`, u of shape (N,) or (N, k).
-
-        Where rank is lost, rows that are rounding are dropped, and rates keep the chart's direction.
-        """
-        along = self.Z @ u
-        right = self.U.T @ (self.K @ along)
-        inverse = np.linalg.pinv(self.G, rcond=HELD) if self.lost else None
-        dependent = np.linalg.solve(self.G, right) if inverse is None else inverse @ right
-        out: Array = along - self.V @ dependent
-        return out
-
-
 class Chart:
     """Independent coordinates about one posture.
 
@@ -257,7 +81,8 @@ class Chart:
         held = [m.module.v_index for m in self._looped]
         self._free = space.free if bound else np.arange(space.prescribed, len(space.unit))
         self._parts = [
-            _Part(m, q[m.module.q_index], None if v is None else v[m.module.v_index]) for m in self._looped
+            ModuleChart(m, q[m.module.q_index], None if v is None else v[m.module.v_index])
+            for m in self._looped
         ]
         self._held = held
         ends = np.cumsum([len(self._free)] + [p.Z.shape[1] for p in self._parts])

@@ -13,8 +13,9 @@ from ..linkage.retraction import Retraction
 from ..spatial import Array
 from ..structure.mechanism import Mechanism
 from ..structure.robot import HybridRobot
-from .chart import Chart, LoopedModule, Space
+from .chart import Chart, Space
 from .loop_rows import LoopRows
+from .module_chart import LoopedModule
 
 
 class Manifold:

@@ -34,7 +34,8 @@ import pinocchio as pin
 
 from ..dynamics.energy import effective_model
 from ..errors import ModelError, SingularityError
-from ..manifold.chart import AmbiguousBranchError, Chart
+from ..manifold.chart import Chart
+from ..manifold.module_chart import AmbiguousBranchError
 from ..spatial import Array
 from .motion_law import MotionLaw
 from .system import State, StepError, Stepped, System

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..compiled.library.steps import Control
 from ..errors import AssemblyError
-from ..manifold.chart import AmbiguousBranchError
+from ..manifold.module_chart import AmbiguousBranchError
 from ..spatial import Array, Index
 from .conserving import Conserving
 from .explicit import DOPRI5, RK4, Explicit

@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 
 from ..errors import HybridynError
-from ..manifold.chart import AmbiguousBranchError, Chart, Posture
+from ..manifold.chart import Chart, Posture
 from ..manifold.manifold import Manifold
+from ..manifold.module_chart import AmbiguousBranchError
 from ..spatial import LARGEST, Array
 from .motion_law import MotionLaw
 

@@ -17,7 +17,8 @@ import xacro
 from hybridyn.description.urdf import xacro as xacro_files
 from hybridyn.description.urdf import xacro_process
 from hybridyn.description.urdf.robot_folders import RobotFolders
-from hybridyn.description.urdf.xacro_child.expressions import Evaluator, RefusedError
+from hybridyn.description.urdf.xacro_child.bounds import RefusedError
+from hybridyn.description.urdf.xacro_child.expressions import Evaluator
 from hybridyn.description.urdf.xacro_child.functions import bound_functions, functions_in
 from hybridyn.errors import ModelError
 from tests import ROOT

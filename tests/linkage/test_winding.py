@@ -8,7 +8,7 @@ import pytest
 import hybridyn
 from hybridyn.assembly.assemble import move_module
 from hybridyn.errors import AssemblyError
-from hybridyn.linkage.closures import common_measure
+from hybridyn.linkage.common_measure import common_measure
 from hybridyn.streams import blocks as blocks_file
 from hybridyn.structure.robot import HybridRobot
 from tests.command_line import call, read_table, table_text

@@ -10,7 +10,8 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from ...linkage.closures import TreeClosure, TreeCoupling, common_measure
+from ...linkage.closures import TreeClosure, TreeCoupling
+from ...linkage.common_measure import common_measure
 from .chains import Chain
 from .expressions import Expression, cross, dot, zeros
 from .rigid import motion_to_parent

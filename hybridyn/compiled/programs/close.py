@@ -17,7 +17,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from ...linkage.closures import common_measure
+from ...linkage.common_measure import common_measure
 from ...linkage.tree import Tree
 from ...spatial import Array
 from ...structure.module import Module

@@ -27,27 +27,10 @@ READ_TAGS = (
 
 #: Elements below `<robot>` that do not affect the dynamics, unless they contain loops.
 HARMLESS_TAGS = (
-    "material",
-    "gazebo",
-    "sensor",
-    "ros2_control",
-    "mujoco",
-    "frame",
-    "fixed_frame",
-    "virtual_joint",
-    "group",
-    "group_state",
-    "end_effector",
-    "disable_collisions",
-    "passive_joint",
-    "version",
-    "author",
-    "license",
-    "description",
-    "plugin",
-    "drake:collision_filter_group",
-    "collision_filter_group",
-)
+    "material", "gazebo", "sensor", "ros2_control", "mujoco", "frame", "fixed_frame", "virtual_joint",
+    "group", "group_state", "end_effector", "disable_collisions", "passive_joint", "version", "author",
+    "license", "description", "plugin", "drake:collision_filter_group", "collision_filter_group",
+)  # fmt: skip
 
 #: Forms that are recognised but not read, with the supported way to write them.
 LEGACY_FORMS = {
@@ -73,17 +56,8 @@ _LOOP_WORDS = re.compile(
     r"loop|constraint|closure|closing|coupling|equality|weld|bushing|mimic|linkage", re.IGNORECASE
 )
 _END_WORDS = {
-    "predecessor",
-    "successor",
-    "link1",
-    "link2",
-    "link_a",
-    "link_b",
-    "body1",
-    "body2",
-    "joint1",
-    "joint2",
-}
+    "predecessor", "successor", "link1", "link2", "link_a", "link_b", "body1", "body2", "joint1", "joint2",
+}  # fmt: skip
 _NAMED_FRAME = re.compile(r"closed_?loop|fermeture|loop_?closure", re.IGNORECASE)
 
 

@@ -5,6 +5,7 @@ expressions cannot reach Python objects, the kernel locks the process, and the p
 modules in reading order:
 
     expressions    `${...}` and `$(eval ...)` are evaluated on their syntax trees, without Python's `eval`
+    bounds         what expressions may not do, and how large their values may become
     functions      the functions that expressions may call, each with a bound
     kernel_lock    the process permanently loses files, network and programs, if the kernel supports that
     asking         the parent opens files for the child: those in the robot's folders, and no others

@@ -11,7 +11,7 @@ import io
 import json
 from typing import Any, BinaryIO
 
-from .expressions import RefusedError
+from .bounds import RefusedError
 
 
 class Parent:

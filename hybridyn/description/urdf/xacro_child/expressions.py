@@ -11,18 +11,13 @@ from __future__ import annotations
 import ast
 import functools
 import operator
-import re
 from collections.abc import Callable, Iterable, Iterator
 from typing import Any, Protocol
 
+from .bounds import RefusedError, bounded, refuse_dunder, refuse_growth
+
 #: Longest expression [characters].
 LONGEST = 20_000
-
-#: Longest text or list that an expression may produce.
-LARGEST = 1_000_000
-
-#: Most bits of an integer; the largest float has 1024.
-MOST_BITS = 65_536
 
 #: Most elements over which the comprehensions of one robot may iterate.
 MOST_STEPS = 10_000_000
@@ -51,11 +46,6 @@ _METHODS: dict[type, frozenset[str]] = {
     dict: frozenset({"copy", "get", "items", "keys", "values"}),
     float: frozenset({"is_integer"}),
 }
-_WIDE_FIELD = re.compile(r"%[^a-zA-Z%]*(\d{5}|\*)")
-
-
-class RefusedError(Exception):
-    """The xacro file uses something that is not allowed."""
 
 
 class Names(Protocol):
@@ -108,7 +98,7 @@ class Evaluator:
         raise RefusedError(f"{node.value!r} is not allowed in an expression")
 
     def _name(self, node: ast.Name, names: Names) -> Any:
-        _refuse_dunder(node.id)
+        refuse_dunder(node.id)
         try:
             return names[node.id]
         except KeyError:
@@ -121,7 +111,7 @@ class Evaluator:
         left, right = self._value(node.left, names), self._value(node.right, names)
         if type(node.op) not in _OPERATORS:
             raise RefusedError(f"{type(node.op).__name__} is not allowed in an expression")
-        _refuse_growth(node.op, left, right)
+        refuse_growth(node.op, left, right)
         return bounded(_OPERATORS[type(node.op)](left, right))
 
     def _boolean(self, node: ast.BoolOp, names: Names) -> Any:
@@ -189,7 +179,7 @@ class Evaluator:
 
     def _element(self, value: Any, name: str) -> Any:
         """Return an element of a dictionary, written like an attribute."""
-        _refuse_dunder(name)
+        refuse_dunder(name)
         if not isinstance(value, self.spaces):
             raise RefusedError(f"attribute '{name}' is not allowed in an expression")
         elements: Any = value
@@ -267,44 +257,10 @@ def parsed(expression: str) -> ast.expr:
     return ast.parse(expression, "<expression>", "eval").body
 
 
-def bounded(value: Any) -> Any:
-    """Return a value unchanged; raise RefusedError if it is too large."""
-    if isinstance(value, str | list | tuple) and len(value) > LARGEST:
-        raise RefusedError(f"a text or list is too large: it has more than {LARGEST:,} elements")
-    return value
-
-
-def _refuse_growth(kind: ast.operator, left: Any, right: Any) -> None:
-    """Raise RefusedError if the result of an operator would be too large, before it is computed."""
-    if isinstance(kind, ast.Mod):
-        if isinstance(left, str) and _WIDE_FIELD.search(left):
-            raise RefusedError("a field of '%' is too wide")
-        return
-    bits = 0
-    if isinstance(left, int) and isinstance(right, int):
-        if isinstance(kind, ast.Pow):
-            bits = left.bit_length() * max(right, 0)
-        elif isinstance(kind, ast.LShift):
-            bits = left.bit_length() + right
-        elif isinstance(kind, ast.Mult):
-            bits = left.bit_length() + right.bit_length()
-    if bits > MOST_BITS:
-        raise RefusedError(f"a whole number is too large: it has more than {MOST_BITS:,} bits")
-    if isinstance(kind, ast.Mult):
-        many, times = (right, left) if isinstance(left, int) else (left, right)
-        if isinstance(many, str | list | tuple) and isinstance(times, int) and len(many) * times > LARGEST:
-            raise RefusedError(f"a text or list is too large: it has more than {LARGEST:,} elements")
-
-
-def _refuse_dunder(name: str) -> None:
-    if name.startswith("__"):
-        raise RefusedError(f"name '{name}' is not allowed in an expression")
-
-
 def _assign(target: ast.expr, value: Any, names: dict[str, Any]) -> None:
     """Assign a value to the name, or its elements to the names, of a comprehension's target."""
     if isinstance(target, ast.Name):
-        _refuse_dunder(target.id)
+        refuse_dunder(target.id)
         names[target.id] = value
     elif isinstance(target, ast.Tuple | ast.List):
         values = list(value)

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from .expressions import LARGEST, MOST_BITS, RefusedError
+from .bounds import LARGEST, MOST_BITS, RefusedError
 
 #: Functions of xacro's namespace `python` that inspect objects; a robot file does not need them.
 _INSPECTING = ("type", "vars", "issubclass")

@@ -18,7 +18,8 @@ from types import SimpleNamespace
 from typing import Any
 
 from .asking import Parent
-from .expressions import Evaluator, RefusedError
+from .bounds import RefusedError
+from .expressions import Evaluator
 from .functions import bound_functions, functions_in
 from .kernel_lock import lock
 from .replacing import replace_node
