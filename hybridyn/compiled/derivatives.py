@@ -174,7 +174,12 @@ class Derivatives:
         self._inputs, self._outputs = dict(about.inputs), dict(about.outputs)
         self._widths = {name: robot.nv if name == "q" else size for name, size in self._inputs.items()}
         self._rows, *ends = np.cumsum(list(self._outputs.values())).tolist()
-        self._ends = [self._rows, *ends]
+        self._size = [self._rows, *ends][-1]
+        starts = pairwise([self._rows, *ends])
+        pairs = zip(self._widths.items(), starts, strict=True)
+        self._blocks = [(name, slice(a, b), (self._rows, width)) for (name, width), (a, b) in pairs]
+        self._at_once = None if self.library is None else self.library.programs[f"{model}_jacobian"].at_once
+        self._last = (self._numbers,) if parameters else ()
 
     def _built(self) -> Library | None:
         """Return the library from the cache, or build it; None without a C compiler."""
@@ -210,20 +215,53 @@ class Derivatives:
             f"{self._model}_jacobian", columns, [*blocks, guard], names, [*(f"d_{n}" for n in names), "guard"]
         )
 
-    def __call__(self, *given: ArrayLike) -> Jacobians:
+    def allocate(self, samples: int | None = None) -> Jacobians:
+        """Return arrays for the argument `out` of calls, of one sample or of many.
+
+        Args:
+            samples: Number of samples; None for arrays without that dimension.
+        """
+        outs = [np.zeros((samples or 1, self._rows * width)) for width in self._widths.values()]
+        value = np.zeros((samples or 1, self._rows))
+        if samples is None:
+            flat = np.zeros(self._size)
+            return _Allocated(self, self._split(flat), (flat,))
+        pairs = zip(self._widths.items(), outs, strict=True)
+        blocks = {name: x.reshape(samples, self._rows, width) for (name, width), x in pairs}
+        return _Allocated(self, blocks, (value, *outs))
+
+    def __call__(self, *given: ArrayLike, out: Jacobians | None = None) -> Jacobians:
         """Evaluate at one sample or many.
 
         Args:
             given: The model's arguments, shapes (n,) or (T, n). The acceleration of a "moving" base is
                 optional and defaults to zero.
+            out: Arrays of `allocate`, which are filled and returned; None returns new arrays.
 
         Raises:
-            TrajectoryError: An array is missing, has a wrong shape, or has a number that is not finite.
+            TrajectoryError: An array is missing, has a wrong shape, or has a number that is not finite; or
+                `out` is not from `allocate`, or for another number of samples.
             HybridynError: The loops are open or rank is lost at a state (errors of the general path).
             SingularityError: The pivots of the elimination vanish at a state, so digits are lost.
         """
-        if (found := self._single(given)) is not None:
-            return found
+        if out is None:
+            if self._at_once is not None:
+                flat = np.empty(self._size)
+                if self._at_once(*given, *self._last, flat) == 0:
+                    return self._split(flat)
+            return self._checked(given, None)
+        if not isinstance(out, _Allocated) or out.owner is not self:
+            raise TrajectoryError("out must be what `allocate` of the same derivatives returned")
+        if self._at_once is not None and self._at_once(*given, *self._last, out.arrays[0]) == 0:
+            return out
+        return self._checked(given, out)
+
+    def _split(self, flat: Array) -> Jacobians:
+        """Return the blocks of one sample's outputs."""
+        return {name: flat[at].reshape(shape) for name, at, shape in self._blocks}
+
+    def _checked(self, given: tuple[ArrayLike, ...], filled: _Allocated | None) -> Jacobians:
+        """Check the arguments and evaluate."""
         wanted = {name: size for name, size in self._inputs.items() if name != "parameters"}
         if len(given) == 3 and "base_acceleration" in wanted:
             given = (*given, np.zeros((*np.shape(given[0])[:-1], 6)))
@@ -233,39 +271,37 @@ class Derivatives:
         checked = {name: as_batch(array, size, name) for array, (name, size) in pairs}
         arrays = {name: array for name, (array, _) in checked.items()}
         same_samples(**arrays)
-        (value, *flat), guard = self._run(arrays)
+        samples, single = len(arrays["q"]), checked["q"][1]
+        if filled is not None and filled.samples != (None if single else samples):
+            raise TrajectoryError(f"out is for {filled.samples or 'one'} samples; {samples} were given")
+        (value, *flat), guard = self._run(arrays, None if filled is None or single else filled.arrays)
         doubtful = np.flatnonzero(~(guard <= GUARD_LIMIT))
         if len(doubtful):
             self._check_doubtful(arrays, value, doubtful.tolist())
         pairs_out = zip(self._widths.items(), flat, strict=True)
-        out = {name: x.reshape(len(value), self._rows, width) for (name, width), x in pairs_out}
-        return {name: block[0] for name, block in out.items()} if checked["q"][1] else out
+        out = {name: x.reshape(samples, self._rows, width) for (name, width), x in pairs_out}
+        out = {name: block[0] for name, block in out.items()} if single else out
+        if filled is None:
+            return out
+        for name, block in filled.items():
+            block[...] = out[name]
+        return filled
 
-    def _single(self, given: tuple[ArrayLike, ...]) -> Jacobians | None:
-        """Evaluate one sample without checks; None unless C takes the arrays and trusts the result."""
-        at_once = None if self.library is None else self.library.programs[f"{self._model}_jacobian"].at_once
-        numbers = (*given, self._numbers) if self._parameters else given
-        if at_once is None or len(numbers) != len(self._inputs):
-            return None
-        out = np.empty(self._ends[-1])
-        if at_once(*numbers, out) != 0:
-            return None
-        pairs = zip(self._widths.items(), pairwise(self._ends), strict=True)
-        return {name: out[a:b].reshape(self._rows, width) for (name, width), (a, b) in pairs}
-
-    def _run(self, arrays: dict[str, Array]) -> tuple[tuple[Array, ...], Array]:
+    def _run(
+        self, arrays: dict[str, Array], outs: tuple[Array, ...] | None
+    ) -> tuple[tuple[Array, ...], Array]:
         """Return the program's outputs, shapes (T, size), and the samples' guards, shape (T,)."""
         samples = len(arrays["q"])
         rows = list(arrays.values())
         if self._parameters:
             rows.append(np.tile(self._numbers, (samples, 1)))
         if self.library is not None:
-            return self.library.batch(f"{self._model}_jacobian", *rows)
-        outs = tuple(np.empty((samples, size)) for size in (*self._outputs.values(), 1))
+            return self.library.batch(f"{self._model}_jacobian", *rows, outs=outs)
+        new = tuple(np.empty((samples, size)) for size in (*self._outputs.values(), 1))
         for t in range(samples):
-            for out, found in zip(outs, self._flat.call([x[t] for x in rows]), strict=True):
+            for out, found in zip(new, self._flat.call([x[t] for x in rows]), strict=True):
                 out[t] = np.array(found).ravel()
-        return outs[:-1], outs[-1][:, 0]
+        return new[:-1], new[-1][:, 0]
 
     @cached_property
     def _numbers(self) -> Array:
@@ -289,6 +325,24 @@ class Derivatives:
                     f"largest entry (limit {DERIVATIVE_AGREES:g}). Move away from that posture",
                     sample=t,
                 )
+
+
+class _Allocated(Jacobians):
+    """Blocks that calls fill.
+
+    Attributes:
+        owner: The derivatives that they belong to.
+        arrays: The arrays that hold them: all outputs of one sample, or those of all samples.
+    """
+
+    def __init__(self, owner: Derivatives, blocks: Jacobians, arrays: tuple[Array, ...]) -> None:
+        super().__init__(blocks)
+        self.owner, self.arrays = owner, arrays
+
+    @property
+    def samples(self) -> int | None:
+        """Number of samples; None for one sample without that dimension."""
+        return len(self.arrays[0]) if len(self.arrays) > 1 else None
 
 
 _prepared: dict[tuple[str, str, bool], Derivatives] = {}

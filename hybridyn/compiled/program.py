@@ -22,6 +22,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 if TYPE_CHECKING:
     import casadi as ca
 
@@ -92,6 +94,20 @@ class Own:
 
 
 @dataclass(frozen=True)
+class Turned:
+    """Read own numbers by columns: copy i reads entry `first` + i of `rows` copies' `size` numbers each."""
+
+    start: int
+    size: int
+    rows: int
+    first: int = 0
+
+    def index(self, copy: int) -> Index:
+        """Return where the numbers of a copy are, as for one copy after the other, shape (rows,)."""
+        return self.start + self.first + copy + np.arange(self.rows) * self.size
+
+
+@dataclass(frozen=True)
 class Add:
     """Add the outputs of all copies, in their order, to shared numbers from `start` on."""
 
@@ -104,7 +120,7 @@ class Worst:
     """Keep the largest output of all copies and calls as the sample's guard; NaN counts as largest."""
 
 
-Source = Given | Constants | Result | Shared | Each | Own
+Source = Given | Constants | Result | Shared | Each | Own | Turned
 Target = Result | Shared | Each | Own | Add | Worst
 
 

@@ -177,6 +177,7 @@ def test_batches_and_casadi(robot: HybridRobot) -> None:
     many = derive(q, v, a)
     assert many["q"].shape == (3, len(robot.motors), robot.nv)
     assert (many["q"][1] == derive(q[1], v[1], a[1])["q"]).all()
+    assert_filled(derive, q, v, a)
     assert derive.casadi.name_in() == ["q", "v", "a", "parameters"]
     assert derive.casadi.name_out() == ["d_q", "d_v", "d_a", "d_parameters", "guard"]
     found = derive.casadi.call([q[1], v[1], a[1], parameters_of(robot)])
@@ -186,12 +187,36 @@ def test_batches_and_casadi(robot: HybridRobot) -> None:
 
 def test_without_a_compiler_casadi_runs_them(monkeypatch: pytest.MonkeyPatch) -> None:
     robot = build_robot(shipped("five_bar"))
-    q, v, a, _ = random_states(robot, 2)
-    built = Derivatives(robot, "idm")(q, v, a)
+    q, v, _, tau = random_states(robot, 2)
+    derive = Derivatives(robot, "ddm")
+    built, one = derive(q, v, tau), derive(q[1], v[1], tau[1])
     monkeypatch.setenv("CC", "no-such-compiler")
-    run = Derivatives(robot, "idm")(q, v, a)
+    run = Derivatives(robot, "ddm")(q, v, tau)
     for name, block in built.items():
+        assert (one[name] == block[1]).all()
         np.testing.assert_allclose(run[name], block, atol=EXACT * np.abs(block).max())
+
+
+def test_calls_fill_arrays(interpreted: None) -> None:
+    robot = build_robot(shipped("five_bar"))
+    q, v, a, _ = random_states(robot, 2)
+    derive = Derivatives(robot, "idm")
+    assert_filled(derive, q, v, a)
+    with pytest.raises(TrajectoryError, match="out is for one samples; 2 were given"):
+        derive(q, v, a, out=derive.allocate())
+    with pytest.raises(TrajectoryError, match="must be what `allocate` of the same derivatives returned"):
+        derive(q, v, a, out=derive(q, v, a))
+
+
+def assert_filled(derive: Derivatives, *given: np.ndarray) -> None:
+    """Check that calls with `out` fill and return it, with the same numbers."""
+    for samples, arrays in ((None, [x[0] for x in given]), (len(given[0]), given)):
+        out = derive.allocate(samples)
+        places = {name: block.ctypes.data for name, block in out.items()}
+        assert derive(*arrays, out=out) is out
+        for name, block in derive(*arrays).items():
+            assert out[name].ctypes.data == places[name]
+            assert (out[name] == block).all()
 
 
 @pytest.mark.parametrize(

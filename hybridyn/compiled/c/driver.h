@@ -34,7 +34,11 @@ INLINE V none(const V *x, int n) {
     return (sum[0] + sum[1]) + (sum[2] + sum[3]);
 }
 INLINE S none_of(const S *x, int n) {
-    S sum[4] = {0, 0, 0, 0};
-    for (int k = 0; k < n; k++) sum[k % 4] += x[k] * 0;
-    return (sum[0] + sum[1]) + (sum[2] + sum[3]);
+    S sum[16] = {0};
+    int k = 0;
+    for (; k + 16 <= n; k += 16)
+        for (int i = 0; i < 16; i++) sum[i] += x[k + i] * 0;
+    for (; k < n; k++) sum[0] += x[k] * 0;
+    for (int i = 1; i < 16; i++) sum[0] += sum[i];
+    return sum[0];
 }

@@ -13,6 +13,13 @@ INLINE void scatter_lanes(S *to, const int *at, const V *from, int n, int valid)
     for (int l = 0; l < valid; l++, at += n)
         for (int k = 0; k < n; k++) to[at[k]] = from[k][l];
 }
+/* Lanes that lie one after the other. */
+INLINE void store_lanes(S *to, const int *at, const V *from, int n, int valid) {
+    if (valid == W)
+        for (int k = 0; k < n; k++) memcpy(to + at[k], &from[k], sizeof(V));
+    else
+        for (int k = 0; k < n; k++) memcpy(to + at[k], &from[k], valid * sizeof(S));
+}
 INLINE void spread_lanes(V *to, const V *from, int n, int valid) {
     for (int l = 0; l < valid; l++)
         for (int k = 0; k < n; k++) to[l * n + k] = C(from[k][l]);
@@ -68,15 +75,19 @@ INLINE void from_rows(V *to, const S *from, Long width, int valid) {
 #endif
     for (; k < width; k++) to[k] = (V){ROWS(row, k)};
 }
-INLINE void to_rows(S *to, const V *from, Long width, int valid) {
+/* Write rows; zero where all numbers are finite, else a NaN. */
+INLINE V to_rows(S *to, const V *from, Long width, int valid) {
     Long done = 0;
+    V sum = C(0);
 #ifdef TRANSPOSE
     for (; done + W <= width; done += W) {
         V r[W];
         transpose(from + done, r);
         for (int l = 0; l < valid; l++) memcpy(to + l * width + done, &r[l], sizeof(V));
+        sum += none(from + done, W);
     }
 #endif
     for (int l = 0; l < valid; l++)
         for (Long k = done; k < width; k++) to[l * width + k] = from[k][l];
+    return sum + none(from + done, (int)(width - done));
 }

@@ -4,7 +4,9 @@ INLINE void from_rows(V *to, const B *from, Long width, int valid) {
     (void)valid;
     for (Long k = 0; k < width; k++) to[k] = (V)from[k];
 }
-INLINE void to_rows(B *to, const V *from, Long width, int valid) {
+/* Write rows; zero where all numbers are finite, else a NaN. */
+INLINE V to_rows(B *to, const V *from, Long width, int valid) {
     (void)valid;
     for (Long k = 0; k < width; k++) to[k] = (B)from[k];
+    return none(from, (int)width);
 }

@@ -11,7 +11,21 @@ from functools import partial
 import numpy as np
 
 from ...spatial import Array, Index
-from ..program import Add, Call, Constants, Each, Given, Own, Program, Result, Shared, Source, Target, Worst
+from ..program import (
+    Add,
+    Call,
+    Constants,
+    Each,
+    Given,
+    Own,
+    Program,
+    Result,
+    Shared,
+    Source,
+    Target,
+    Turned,
+    Worst,
+)
 from .drivers import Block, driver
 from .tables import Tables, steps_of_one
 
@@ -31,26 +45,39 @@ def across_copies(program: Program, names: list[str], lanes: int, tables: Tables
     def call(step: Call, name: str) -> list[str]:
         """Return the lines of C that call a kernel for all copies: one by one, or in packs of lanes."""
         if step.copies == 1:
-            return _alone(step, name, tables)
+            return _alone(step, name, lanes, tables)
         packs = range(-(-step.copies // lanes))
         return [line for pack in packs for line in _Pack(step, pack, lanes, tables).text(name)]
 
     return driver(program, HEAD.format(name=program.name), names, tables, call)
 
 
-def _alone(call: Call, name: str, tables: Tables) -> list[str]:
+def _alone(call: Call, name: str, lanes: int, tables: Tables) -> list[str]:
     """Return the call of a kernel with one copy, the same in every lane."""
-    block = Block.of(call, partial(_alone_source, tables), partial(_alone_target, tables))
+    block = Block.of(call, partial(_alone_source, tables, lanes), partial(_alone_target, tables))
     return block.lines(name)
 
 
-def _alone_source(tables: Tables, n: int, source: Source, block: Block) -> str:
+def _turned(source: Turned, copies: Index, lanes: int) -> Index:
+    """Return where own numbers that are read by columns are, in single numbers, shape (rows, copies)."""
+    rows = np.arange(source.rows)
+    first = source.start + (rows // lanes) * source.size + source.first
+    at: Index = (first[:, None] + copies) * lanes + (rows % lanes)[:, None]
+    return at
+
+
+def _alone_source(tables: Tables, lanes: int, n: int, source: Source, block: Block) -> str:
     """Return an argument that is read; scalars are first spread over the lanes."""
     match source:
         case Shared(start, _) | Each(start, _):
             return f"shared + {start}"
         case Own(start, _):
             return f"own + {start}"
+        case Turned(rows=rows):
+            x = block.vector(f"x{n}", rows)
+            at = tables.places(_turned(source, np.zeros(1, dtype=int), lanes))
+            block.before.append(f"gather_all({x}, (const S *)own, {at}, {rows});")
+            return x
         case Constants(values):
             x = block.vector(f"x{n}", values.size)
             if values.size:
@@ -124,6 +151,8 @@ class _Pack:
                 at = (
                     start + size * self.copies + np.arange(size)[:, None]
                 ) * self.lanes  # first lane of each
+            case Turned(rows=size):
+                place, at = "(const S *)own", _turned(source, self.copies, self.lanes)
         x = block.vector(f"x{n}", size)
         if size:
             block.before.append(f"gather_lanes({x}, {place}, {self.tables.places(at.astype(int))}, {size});")
@@ -143,9 +172,12 @@ class _Pack:
             case Each(start, size):
                 block.after.append(f"spread_lanes(shared + {start + first * size}, {y}, {size}, {valid});")
             case Result(index):
-                size = index.shape[1]
-                if size:
-                    at = self.tables.places(index[first : first + valid])
+                size, rows = index.shape[1], index[first : first + valid]
+                if size and valid > 1 and (np.diff(rows, axis=0) == 1).all():
+                    at = self.tables.places(rows[0])
+                    block.after.append(f"store_lanes(result, {at}, {y}, {size}, {valid});")
+                elif size:
+                    at = self.tables.places(rows)
                     block.after.append(f"scatter_lanes(result, {at}, {y}, {size}, {valid});")
             case Worst():
                 size = 1

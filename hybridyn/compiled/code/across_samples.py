@@ -10,7 +10,21 @@ from functools import partial
 import numpy as np
 
 from ...spatial import Index
-from ..program import Add, Call, Constants, Each, Given, Own, Program, Result, Shared, Source, Target, Worst
+from ..program import (
+    Add,
+    Call,
+    Constants,
+    Each,
+    Given,
+    Own,
+    Program,
+    Result,
+    Shared,
+    Source,
+    Target,
+    Turned,
+    Worst,
+)
 from .drivers import Block, driver
 from .tables import Tables, steps_of_one
 
@@ -75,6 +89,11 @@ def _source(call: Call, tables: Tables, n: int, source: Source, block: Block) ->
             return f"shared + {_at(call, start, size)}"
         case Own(start, size):
             return f"own + {_at(call, start, size)}"
+        case Turned(rows=rows):
+            x = block.vector(f"x{n}", rows)
+            at = tables.places(np.asarray(source.index(0)))
+            block.before.append(f"gather({x}, own + {_at(call, 0, 1)}, {at}, {rows});")
+            return x
 
 
 def _target(call: Call, tables: Tables, n: int, target: Target, free: bool, block: Block) -> str:

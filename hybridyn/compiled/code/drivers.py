@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-from ..program import Call, Constants, Given, Program, Result, Source, Target
+from ..program import Call, Constants, Given, Program, Result, Source, Target, Turned
 from .rules import overlap, spans
 from .tables import Tables, steps_of_one
 
@@ -93,6 +93,6 @@ def _handed(source: Source) -> bool:
     match source:
         case Given(index) | Result(index):
             return steps_of_one(index)
-        case Constants():
+        case Constants() | Turned():
             return False
     return True

@@ -16,6 +16,8 @@ from .tables import Tables
 
 #: Largest number of statements of one C file of kernels; each file is compiled by its own process.
 STATEMENTS_PER_UNIT = 4000
+#: Widest input or output of which the next rows are fetched ahead; more would drive out the workspace.
+FETCHED = 512
 
 
 @dataclass(frozen=True)
@@ -159,12 +161,14 @@ def _batch(program: Program) -> str:
     reads, writes, ahead, at = [], [], [], 0
     for n, (_, size) in enumerate(program.inputs):
         reads.append(f"        from_rows(given + {at}, in[{n}] + s * {size}, {size}, valid);")
-        ahead.append(f"        ahead(in[{n}] + (s + W) * {size}, W * {size}, 0);")
+        if size <= FETCHED:
+            ahead.append(f"        ahead(in[{n}] + (s + W) * {size}, W * {size}, 0);")
         at += size
     at = 0
     for n, (_, size) in enumerate(program.outputs):
-        writes.append(f"        to_rows(out[{n}] + s * {size}, result + {at}, {size}, valid);")
-        ahead.append(f"        ahead(out[{n}] + (s + W) * {size}, W * {size}, 1);")
+        writes.append(f"        worst_yet += to_rows(out[{n}] + s * {size}, result + {at}, {size}, valid);")
+        if size <= FETCHED:
+            ahead.append(f"        ahead(out[{n}] + (s + W) * {size}, W * {size}, 1);")
         at += size
     return "\n".join(
         [
@@ -180,7 +184,6 @@ def _batch(program: Program) -> str:
             f"        for (int k = 0; k < {given}; k++) worst_yet += given[k] * C(0); /* not finite: NaN */",
             f"        {program.name}_samples(given, result, shared, own, &worst_yet);",
             *writes,
-            f"        worst_yet += none(result, {result}); /* not finite: NaN */",
             "        to_rows(guard + s, &worst_yet, 1, valid);",
             "    }",
             "}",

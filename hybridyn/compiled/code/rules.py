@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..program import Add, Call, Constants, Each, Given, Own, Program, Result, Shared, Start, Worst
+from ..program import Add, Call, Constants, Each, Given, Own, Program, Result, Shared, Start, Turned, Worst
 
 Span = tuple[str, int, int]
 
@@ -26,6 +26,8 @@ def spans(call: Call, given: int) -> list[Span]:
                 out.append(("shared", start, start + call.copies * size))
             case Own(start, size):
                 out.append(("own", start, start + call.copies * size))
+            case Turned(start, size, rows):
+                out.append(("own", start, start + rows * size))
             case Constants() | Worst():
                 out.append(("", 0, 0))
     return out
@@ -86,7 +88,8 @@ def check(program: Program) -> None:
                 raise ValueError(f"{where} reads a result that was not written")
             if place == "shared" and not shared[a:b].all():
                 raise ValueError(f"{where} reads shared numbers {a}..{b} that were not written")
-            if isinstance(source, Own) and own.get(source.start) != (source.size, step.copies):
+            rows = source.rows if isinstance(source, Turned) else step.copies
+            if isinstance(source, Own | Turned) and own.get(source.start) != (source.size, rows):
                 raise ValueError(f"{where} reads own numbers otherwise than they were written")
         for target, span in zip(step.targets, writes, strict=True):
             several = step.copies > 1 and isinstance(target, Shared | Add)
@@ -122,6 +125,8 @@ def _check_sizes(program: Program, call: Call, where: str) -> None:
                 shape = values.shape
             case Shared(_, n) | Add(_, n) | Each(_, n) | Own(_, n):
                 shape = (call.copies, n)
+            case Turned(_, n, rows, first):
+                shape = (call.copies, rows) if first + call.copies <= n else ()
             case Worst():
                 shape = (call.copies, 1)
         if shape != (call.copies, size):

@@ -89,18 +89,21 @@ class Library:
         out, _ = calls.single(*inputs)
         return calls.split(out), calls.guard
 
-    def batch(self, name: str, *inputs: ArrayLike, threads: int = 1) -> tuple[tuple[Numbers, ...], Numbers]:
+    def batch(
+        self, name: str, *inputs: ArrayLike, threads: int = 1, outs: tuple[Numbers, ...] | None = None
+    ) -> tuple[tuple[Numbers, ...], Numbers]:
         """Run a program for many samples.
 
         Args:
             name: The program.
             inputs: Its inputs, shapes (T, n).
             threads: Number of threads.
+            outs: Arrays to be filled with the outputs; None allocates them.
 
         Returns:
             Its outputs, shapes (T, n), and the samples' guards, shape (T,).
         """
-        return self.programs[name].batch(inputs, threads)
+        return self.programs[name].batch(inputs, threads, outs)
 
 
 class Calls:
@@ -184,12 +187,15 @@ class Calls:
             at += size
         return tuple(parts)
 
-    def batch(self, inputs: Any, threads: int) -> tuple[tuple[Numbers, ...], Numbers]:
+    def batch(
+        self, inputs: Any, threads: int, outs: tuple[Numbers, ...] | None = None
+    ) -> tuple[tuple[Numbers, ...], Numbers]:
         """Run many samples.
 
         Args:
             inputs: Inputs, shapes (T, n).
             threads: Number of threads.
+            outs: Contiguous arrays to be filled with the outputs, shapes (T, n); None allocates them.
 
         Returns:
             Outputs, shapes (T, n), and guards, shape (T,).
@@ -199,11 +205,11 @@ class Calls:
         for array, (name, size) in zip(arrays, self.inputs, strict=True):
             if array.shape != (samples, size):
                 raise ValueError(f"{name} has shape {array.shape}; wanted ({samples}, {size})")
-        if samples == 1 and self.at_once is not None:  # the same bits, without unused lanes
+        if samples == 1 and self.at_once is not None and outs is None:  # the same bits, without unused lanes
             rows, out = [array[0] for array in arrays], np.empty(self.size, self.dtype)
             if self.at_once(*rows, out) == 0:
                 return tuple(part[None] for part in self.split(out)), np.fmin(self._guard, self.trusted)
-        outs = tuple(np.empty((samples, size), self.dtype) for _, size in self.outputs)
+        outs = outs or tuple(np.empty((samples, size), self.dtype) for _, size in self.outputs)
         guard = np.empty(samples, self.dtype)
         pointers = [(ctypes.c_void_p * len(x))(*map(_address, x)) for x in (arrays, outs)]
         guard_at = _address(guard)

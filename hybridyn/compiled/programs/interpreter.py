@@ -7,7 +7,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from ..program import Add, Call, Constants, Each, Given, Own, Program, Result, Shared, Start, Worst
+from ..program import Add, Call, Constants, Each, Given, Own, Program, Result, Shared, Start, Turned, Worst
 
 
 def function_of(program: Program, symbol: Any = ca.SX) -> ca.Function:
@@ -72,6 +72,8 @@ def _call(
                     values = shared[start + i * size : start + (i + 1) * size]
                 case Own(start, size):
                     values = own[start + i * size : start + (i + 1) * size]
+                case Turned():
+                    values = [own[j] for j in source.index(i)]
             arguments.append(ca.vertcat(*values) if values else kind(0, 1))
         outputs = function.call(arguments)
         for target, output in zip(call.targets, outputs, strict=True):

@@ -16,7 +16,7 @@ from ..equations.options import InverseOptions, balance_options, inverse_options
 from ..equations.request import Request
 from ..equations.stages import Stage
 from ..equations.static_elimination import Pivots
-from ..program import Add, Each, Program, Shared, Source, Target, Worst
+from ..program import Add, Call, Each, Program, Shared, Source, Target, Worst
 from .efforts import Efforts
 from .module_calls import ModuleCalls, read
 from .roots import moving_base, same_structure, unit_base
@@ -27,19 +27,40 @@ PARTS = ["kinematics", "efforts"]
 
 
 @dataclass
-class _InverseCalls(ModuleCalls):
+class InverseCalls(ModuleCalls):
     """Calls of one module in the inverse model.
 
     Attributes:
         received: Wrench that the modules on each output require, by output.
         motors: Wrenches along delta of unit motor efforts in its groups of legs, by group.
+        calls: Its calls, in order.
+        left: What is left of the forces along its motions, if `write_balance` writes the calls.
+        F_base: Target of the wrench on its base; None on a fixed base.
     """
 
     options: InverseOptions
     written: InverseModule
-    below: _InverseCalls | None
+    below: InverseCalls | None
     received: dict[int, Add] = field(default_factory=dict)
     motors: dict[int, Each] = field(default_factory=dict)
+    calls: list[Call] = field(default_factory=list)
+    left: Shared | None = None
+    F_base: Target | None = None
+
+
+@dataclass(frozen=True)
+class Balance:
+    """Calls that compute what is left of the forces.
+
+    Attributes:
+        modules: The calls of each module.
+        root: Twist and acceleration of a base whose motion is given, else None.
+        root_calls: The calls that compute them.
+    """
+
+    modules: list[InverseCalls]
+    root: tuple[Source, Source] | None
+    root_calls: list[Call]
 
 
 def inverse_program(request: Request) -> Program:
@@ -62,29 +83,31 @@ def write_inverse_sweeps(request: Request, w: Writer) -> None:
     _write_sweeps(request, w, None)
 
 
-def write_balance(request: Request, w: Writer) -> list[Shared]:
+def write_balance(request: Request, w: Writer) -> Balance:
     """Add the sweeps that compute what is left of the forces along each module's motions, zero for `ddm`.
 
     The inputs are those of the direct model, and its accelerations.
-
-    Returns:
-        Place of the remaining forces of each module, shape (mobility,).
     """
-    balance = [w.shared(module.mobility) for module in request.robot.modules]
-    _write_sweeps(request, w, balance)
-    return balance
+    return _write_sweeps(request, w, [w.shared(module.mobility) for module in request.robot.modules])
 
 
-def _write_sweeps(request: Request, w: Writer, balance: list[Shared] | None) -> None:
+def _write_sweeps(request: Request, w: Writer, balance: list[Shared] | None) -> Balance:
     """Add the sweeps; with `balance` (see `write_balance`), motor efforts are inputs."""
     robot = request.robot
+    start = len(w.steps)
     root = moving_base(request, w, w.from_given("a", np.arange(6)), report=False)
+    root_calls = w.calls_from(start)
     sweeps = _Sweeps(request, w, root, balance)
-    modules: list[_InverseCalls] = []
+    modules: list[InverseCalls] = []
     for k in range(len(robot.modules)):
+        start = len(w.steps)
         modules.append(sweeps.outwards(k, modules))
+        modules[k].calls += w.calls_from(start)
     for calls in reversed(modules):
+        start = len(w.steps)
         sweeps.inwards(calls)
+        calls.calls += w.calls_from(start)
+    return Balance(modules, root, root_calls)
 
 
 class _Sweeps:
@@ -103,7 +126,7 @@ class _Sweeps:
         self._leg_code: dict[Any, tuple[list[Stage], Array]] = {}
         self._pivots: dict[Any, Pivots | None] = {}
 
-    def outwards(self, k: int, modules: list[_InverseCalls]) -> _InverseCalls:
+    def outwards(self, k: int, modules: list[InverseCalls]) -> InverseCalls:
         """Add the motion outwards, and the legs' forces."""
         w, calls = self.w, self._calls(k, modules)
         targets = calls.place_platforms(24)
@@ -117,7 +140,7 @@ class _Sweeps:
             self._legs_outwards(calls, n)
         return calls
 
-    def inwards(self, calls: _InverseCalls) -> None:
+    def inwards(self, calls: InverseCalls) -> None:
         """Add the efforts inwards."""
         sources = calls.sources() | calls.summed()
         sources |= {f"F {o}": read(wrench) for o, wrench in calls.received.items()}
@@ -129,14 +152,14 @@ class _Sweeps:
         if self.balance is None:
             targets["tau"] = self.w.result("tau", calls.module.motor_index)
         else:
-            targets["Q"] = self.balance[calls.k]
+            calls.left = targets["Q"] = self.balance[calls.k]
         if calls.below is not None:
-            targets["F_base"] = calls.below.received[calls.module.parent_output]
+            calls.F_base = targets["F_base"] = calls.below.received[calls.module.parent_output]
         elif self.root is not None:
-            targets["F_base"] = self.w.shared(6)
+            calls.F_base = targets["F_base"] = self.w.shared(6)
         calls.stages.call(1, sources, targets)
 
-    def _calls(self, k: int, modules: list[_InverseCalls]) -> _InverseCalls:
+    def _calls(self, k: int, modules: list[InverseCalls]) -> InverseCalls:
         """Return the still empty calls of module k; equal modules share their code."""
         balance = self.balance is not None
         plan = self.request.plans[k]
@@ -149,7 +172,7 @@ class _Sweeps:
         written, parent = self._code[key], self.request.robot.modules[k].parent
         stages = Stages(self.w, key, written.stages, PARTS)
         below = modules[parent] if parent >= 0 else None
-        return _InverseCalls(self.request, self.w, k, options, written, stages, below, self.root)
+        return InverseCalls(self.request, self.w, k, options, written, stages, below, self.root)
 
     def _motor_pivots(self, k: int, options: InverseOptions) -> Pivots | None:
         """Return the pivots of the motor map of module k; equal modules share them."""
@@ -160,7 +183,7 @@ class _Sweeps:
             self._pivots[key] = motor_pivots(plan, positions, motors)
         return self._pivots[key]
 
-    def _legs_outwards(self, calls: _InverseCalls, n: int) -> None:
+    def _legs_outwards(self, calls: InverseCalls, n: int) -> None:
         """Add the forces of a group of legs, summed by platform."""
         plan, options, group = self.request.plans[calls.k], calls.options, calls.groups[n]
         lawful, driven = lawful_joints(group[0], options), driven_joints(group[0], options)

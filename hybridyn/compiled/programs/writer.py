@@ -132,6 +132,10 @@ class Writer:
         assert isinstance(step, Call)
         return step
 
+    def calls_from(self, step: int) -> list[Call]:
+        """Return the calls among the steps from a number on."""
+        return [call for call in self.steps[step:] if isinstance(call, Call)]
+
     def program(self) -> Program:
         """Return the program."""
         return Program(

@@ -37,14 +37,12 @@ class Coordinates:
 
 def coordinates_of(robot: HybridRobot) -> list[Coordinates]:
     """Return the coordinates of each module, preceded by those of a base with a prescribed motion."""
-    out, left = [], set(range(robot.nv))
-    for module in robot.modules:
-        out.append(_coordinates(robot, set(module.v_index.tolist())))
-        left -= set(module.v_index.tolist())
-    return [_coordinates(robot, left), *out] if left else out
+    modules = [set(module.v_index.tolist()) for module in robot.modules]
+    left = set(range(robot.nv)).difference(*modules)
+    return [coordinates_of_freedoms(robot, x) for x in ([left] if left else []) + modules]
 
 
-def _coordinates(robot: HybridRobot, freedoms: set[int]) -> Coordinates:
+def coordinates_of_freedoms(robot: HybridRobot, freedoms: set[int]) -> Coordinates:
     """Return the coordinates of some freedoms."""
     joints = [i for i, at in enumerate(robot.v_slices) if at.start in freedoms]
     q = [k for i in joints for k in range(robot.q_slices[i].start, robot.q_slices[i].stop)]
@@ -107,13 +105,19 @@ def add_up(
 
     kernel = w.kernel(("collect", reading.key, kinds, len(targets)), function, PART)
     w.call(kernel, adjoints.rows, [*q, *reading.blocks], list(targets))
-    pattern = np.array([adjoints.pattern(parts) for parts in read]).reshape(len(read), adjoints.rows)
-    if not kinds:
-        return pattern.T
-    ends = np.cumsum([0, *(NQ[kind] for kind in kinds)]).tolist()
-    joints = zip(kinds, pairwise(ends), strict=True)
-    rows = [pattern[a:b].any(axis=0) for kind, (a, b) in joints for _ in range(NV[kind])]
-    return np.array(rows).T
+    return pattern_of(adjoints, read, kinds)
+
+
+def pattern_of(adjoints: Adjoints, read: list[Parts], kinds: tuple[str, ...] = ()) -> Pattern:
+    """Return which sums are not always zero, shape (rows, sums); with kinds, along the freedoms of joints."""
+    pattern = np.array([adjoints.pattern(parts) for parts in read], dtype=bool)
+    pattern = pattern.reshape(len(read), adjoints.rows)
+    if kinds:
+        ends = np.cumsum([0, *(NQ[kind] for kind in kinds)]).tolist()
+        joints = zip(kinds, pairwise(ends), strict=True)
+        rows = [pattern[a:b].any(axis=0) for kind, (a, b) in joints for _ in range(NV[kind])]
+        pattern = np.array(rows, dtype=bool).reshape(len(rows), adjoints.rows)
+    return pattern.T
 
 
 #: Kinds of joints with one coordinate, whose rate is the coordinate's.

@@ -1,44 +1,26 @@
-"""Dense steps between the modules: factors of the mass matrix, solves, and products of rows with blocks.
+"""Products and eliminations of small dense matrices, one row or one column in each lane.
 
-Matrices over the modules' motions are kept in blocks of columns, one block for each module, with one row in
-each lane. Right-hand sides are solved with one column in each lane.
+A matrix that all lanes read is stored for all of them, by rows or by columns.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from math import isqrt
 from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
 
 from ...equations.expressions import Expression, dot, eye, pack, symbols
-from ...program import Constants, Each, Own, Shared, Source, Target
+from ...program import Each, Own, Shared, Source, Target
 from ..writer import Writer
-from .adjoints import PART, Pattern, block_size
-
-
-class Term(NamedTuple):
-    """Rows times a matrix.
-
-    Attributes:
-        rows: The rows.
-        matrix: The matrix, for all lanes.
-        pattern: Which of its entries are not always zero; None: all.
-        by_columns: Whether it is kept column by column.
-    """
-
-    rows: Own
-    matrix: Shared
-    pattern: Pattern | None = None
-    by_columns: bool = False
+from .adjoints import PART, Pattern
 
 
 @dataclass(frozen=True)
 class Block:
-    """A block of columns.
+    """A matrix.
 
     Attributes:
         rows: Its rows in lanes.
@@ -50,13 +32,9 @@ class Block:
     all: Each
     pattern: Pattern | None = None
 
-    def some(self, first: int, count: int) -> Shared:
-        """Return some rows for all lanes."""
-        return Shared(self.all.start + first * self.all.size, count * self.all.size)
-
 
 def new_block(w: Writer, rows: int, columns: int) -> Block:
-    """Allocate a block."""
+    """Allocate a matrix."""
     return Block(w.own(rows, columns), w.each(rows, columns))
 
 
@@ -66,66 +44,136 @@ def matrix(name: str, rows: int, columns: int) -> tuple[ca.SX, Expression]:
     return column, entries.reshape(rows, columns)
 
 
-@dataclass(frozen=True)
-class Factors:
-    """Factors of a symmetric positive definite matrix M = L D L^T, block by block.
+class Term(NamedTuple):
+    """A matrix times a column.
 
     Attributes:
-        below: Rows of L under each block's diagonal block, for all lanes.
-        own: L within each diagonal block, by rows below its diagonal, and then the reciprocals of D.
+        matrix: The matrix, for all lanes, stored column by column.
+        column: The column, one in each lane.
+        size: Number of entries of the column.
     """
 
-    below: list[Shared]
-    own: list[Shared]
-
-    @property
-    def sizes(self) -> tuple[int, ...]:
-        """Number of columns of each block."""
-        return tuple((isqrt(8 * own.size + 1) - 1) // 2 for own in self.own)
+    matrix: Shared
+    column: Source
+    size: int
 
 
-def factorise(w: Writer, blocks: list[Block]) -> Factors:
-    """Add the calls that factorise a symmetric positive definite matrix by L D L^T, block by block.
+def by_columns(all: Each, first: int, count: int) -> Shared:
+    """Return some columns of a matrix that is stored column by column, for all lanes."""
+    return Shared(all.start + first * all.size, count * all.size)
+
+
+def add_terms(w: Writer, copies: int, terms: Sequence[Term], more: Sequence[Source], target: Target) -> None:
+    """Add the call that computes sum_i A_i x_i + sum_j y_j, one column in each lane.
 
     Args:
         w: The program under construction.
-        blocks: The matrix; block j has as many columns as module j has motions.
+        copies: Number of columns.
+        terms: Matrices A_i and columns x_i.
+        more: Further columns y_j.
+        target: Target of the columns.
     """
-    rows, first = sum(block.rows.size for block in blocks), 0
-    factors = Factors([], [])
+    sizes = tuple((term.matrix.size // term.size, term.size) for term in terms)
 
-    def kernel(make: Callable[..., ca.Function], *sizes: Any) -> int:
-        """Return a kernel, which equal sizes share."""
-        return w.kernel((make.__name__, *sizes), lambda: make(*sizes), PART)
+    def function() -> ca.Function:
+        """Return the sum."""
+        total, columns = sum_of(sizes, sizes[0][0], len(more))
+        return ca.Function("columns", columns, [pack(total)])
 
-    while blocks:
-        n, others = blocks[0].rows.size, blocks[1:]
-        own = w.shared(n * (n + 1) // 2)
-        w.call(kernel(_pivot, n), 1, [blocks[0].some(first, n)], [own])
-        lower, scaled, first = w.each(rows, n), w.own(rows, n), first + n
-        factors.own.append(own)
-        factors.below.append(Shared(lower.start + first * n, (rows - first) * n))
-        if others:
-            w.call(kernel(_below, n), rows, [blocks[0].rows, own], [lower, scaled])
-            widths = tuple(block.rows.size for block in others)
-            left = [new_block(w, rows, width) for width in widths]
-            sources: list[Source] = [scaled, factors.below[-1], *(block.rows for block in others)]
-            targets: list[Target] = [*(block.rows for block in left), left[0].all]
-            w.call(kernel(_update, n, widths), rows, sources, targets)
-            others = left
-        blocks = others
-    return factors
+    kernel = w.kernel(("columns", sizes, len(more)), function, PART)
+    w.call(kernel, copies, [*sources_of(terms), *more], [target])
 
 
-def _triangle(n: int, numbers: Expression) -> tuple[Expression, Expression]:
-    """Return L within a diagonal block, and the reciprocals of D."""
-    L = eye(n)
-    L[np.tril_indices(n, -1)] = numbers[: n * (n - 1) // 2]
-    return L, numbers[n * (n - 1) // 2 :]
+def sources_of(terms: Sequence[Term]) -> list[Source]:
+    """Return the sources of terms in the order of `sum_of`."""
+    return [source for term in terms for source in (term.matrix, term.column)]
+
+
+def sum_of(sizes: Sequence[tuple[int, int]], rows: int, more: int) -> tuple[Expression, list[ca.SX]]:
+    """Return sum_i A_i x_i + sum_j y_j, and the columns of symbols in it.
+
+    Args:
+        sizes: Shapes of the matrices.
+        rows: Number of entries of the sum.
+        more: Number of columns y_j.
+    """
+    total: Any = np.zeros(rows).astype(object)
+    columns: list[ca.SX] = []
+    for shape in sizes:
+        (kept, A), (column, x) = matrix("A", *shape[::-1]), symbols("x", shape[1])
+        total = total + dot(A.T, x)
+        columns += [kept, column]
+    for _ in range(more):
+        column, y = symbols("y", rows)
+        total = total + y
+        columns.append(column)
+    return total, columns
+
+
+@dataclass(frozen=True)
+class Elimination:
+    """Elimination of a group's motions.
+
+    Attributes:
+        factors: L of D = L diag L^T by rows below its diagonal, and then the reciprocals of diag.
+        E: The wrench on the base over the motions, row by row.
+        motions: Number of motions.
+        rows: Number of motions, and six if there is a wrench on the base.
+    """
+
+    factors: Shared
+    E: Shared
+    motions: int
+    rows: int
+
+    @classmethod
+    def of(cls, w: Writer, over_u: Each, rows: int) -> Elimination:
+        """Factorise the upper rows of a matrix, which are symmetric positive definite.
+
+        Args:
+            w: The program under construction.
+            over_u: The remaining forces, and below them the wrench on the base, over the motions.
+            rows: Number of rows of both.
+        """
+        n = over_u.size
+        factors = w.shared(n * (n + 1) // 2)
+        if n:
+            kernel = w.kernel(("pivot", n), lambda: _pivot(n), PART)
+            w.call(kernel, 1, [Shared(over_u.start, n * n)], [factors])
+        return cls(factors, Shared(over_u.start + n * n, (rows - n) * n), n, rows)
+
+    def columns(self, w: Writer, count: int, right: Source, motion: Target, wrench: Target | None) -> None:
+        """Add the call that solves for the motions that columns cause, u = -D^-1 r.
+
+        Args:
+            w: The program under construction.
+            count: Number of columns.
+            right: The columns [r; F].
+            motion: Target of u.
+            wrench: Target of F + E u; None if there is no wrench.
+        """
+        kernel = w.kernel(("eliminate", self.motions, self.rows), self._function, PART)
+        w.call(kernel, count, [right, self.factors, self.E], [motion, *([wrench] if wrench else [])])
+
+    def _function(self) -> ca.Function:
+        """Return the function of `columns`."""
+        n = self.motions
+        (right, b), (factors, numbers) = symbols("b", self.rows), symbols("factors", self.factors.size)
+        E_column, E = matrix("E", self.rows - n, n)
+        L = eye(n)
+        L[np.tril_indices(n, -1)] = numbers[: n * (n - 1) // 2]
+        x = b[:n].copy()
+        for i in range(1, n):
+            x[i] = x[i] - dot(L[i, :i], x[:i])[()]
+        x = -(x * numbers[n * (n - 1) // 2 :])
+        for i in reversed(range(n - 1)):
+            x[i] = x[i] - dot(L[i + 1 :, i], x[i + 1 :])[()]
+        outputs = [pack(x), pack(b[n:] + dot(E, x))] if self.rows > n else [pack(x)]
+        return ca.Function("eliminate", [right, factors, E_column], outputs)
 
 
 def _pivot(n: int) -> ca.Function:
-    """Return the factors of a diagonal block."""
+    """Return the factors of a symmetric matrix."""
     column, W = matrix("W", n, n)
     L, reciprocals = eye(n), []
     for i in range(n):
@@ -135,121 +183,3 @@ def _pivot(n: int) -> ca.Function:
             for c in range(i + 1, j + 1):
                 W[j, c] = W[j, c] - L[j, i] * W[c, i]
     return ca.Function("pivot", [column], [pack(L[np.tril_indices(n, -1)], reciprocals)])
-
-
-def _below(n: int) -> ca.Function:
-    """Return a row of L under a diagonal block, and the same times D."""
-    (row_column, row), (own_column, numbers) = symbols("row", n), symbols("own", n * (n + 1) // 2)
-    L, reciprocals = _triangle(n, numbers)
-    scaled = _forward(L, row)
-    return ca.Function("below", [row_column, own_column], [pack(scaled * reciprocals), pack(scaled)])
-
-
-def _update(n: int, widths: tuple[int, ...]) -> ca.Function:
-    """Return what the elimination of a block leaves of a row of the others; the first of them twice."""
-    (scaled_column, scaled), (below_column, below) = symbols("scaled", n), matrix("L", sum(widths), n)
-    rows = [symbols("row", width) for width in widths]
-    parts = np.split(below, np.cumsum(widths)[:-1])
-    out = [pack(row - dot(L, scaled)) for (_, row), L in zip(rows, parts, strict=True)]
-    return ca.Function("update", [scaled_column, below_column, *(c for c, _ in rows)], [*out, out[0]])
-
-
-def _forward(L: Expression, b: Expression) -> Expression:
-    """Solve L x = b for a unit lower triangle."""
-    x = b.copy()
-    for i in range(1, len(b)):
-        x[i] = x[i] - dot(L[i, :i], x[:i])[()]
-    return x
-
-
-def solve(w: Writer, factors: Factors, right: Each, columns: int) -> list[Shared]:
-    """Add the calls that solve M X = -B.
-
-    Args:
-        w: The program under construction.
-        factors: Factors of M.
-        right: The rows of B.
-        columns: Number of columns of B.
-
-    Returns:
-        The rows of X that belong to each block, column by column.
-    """
-    sizes = factors.sizes
-    n = sum(sizes)
-
-    def transposed() -> ca.Function:
-        """Return the columns of a matrix one after the other."""
-        column, B = matrix("B", n, columns)
-        return ca.Function("transposed", [column], [pack(B.T)])
-
-    turned = w.shared(n * columns)
-    kernel = w.kernel(("transposed", n, columns), transposed, PART)
-    w.call(kernel, 1, [Shared(right.start, n * columns)], [turned])
-    kernel = w.kernel(("solve", sizes), lambda: _solve(sizes), PART)
-    out = [w.each(columns, size) for size in sizes]
-    w.call(kernel, columns, [Each(turned.start, n), *factors.below, *factors.own], list(out))
-    return [Shared(place.start, columns * place.size) for place in out]
-
-
-def _solve(sizes: tuple[int, ...]) -> ca.Function:
-    """Return -M^-1 b from the factors of M, in blocks."""
-    n, first = sum(sizes), 0
-    right, b = symbols("b", n)
-    L = eye(n)
-    reciprocals: list[Any] = []
-    below, own = [], []
-    for size in sizes:
-        last = first + size
-        column, L[last:, first:last] = matrix("below", n - last, size)
-        below.append(column)
-        column, numbers = symbols("own", size * (size + 1) // 2)
-        L[first:last, first:last], D = _triangle(size, numbers)
-        own.append(column)
-        reciprocals.extend(-D)
-        first = last
-    x = _forward(L, b) * np.array(reciprocals)
-    for i in reversed(range(n - 1)):
-        x[i] = x[i] - dot(L[i + 1 :, i], x[i + 1 :])[()]
-    return ca.Function(
-        "solve", [right, *below, *own], [pack(part) for part in np.split(x, np.cumsum(sizes)[:-1])]
-    )
-
-
-def add_product(
-    w: Writer,
-    copies: int,
-    terms: Sequence[Term],
-    more: Sequence[Own | Constants],
-    targets: list[Target],
-) -> None:
-    """Add the call that computes sum_i x_i B_i + sum_j y_j for each row.
-
-    Args:
-        w: The program under construction.
-        copies: Number of rows.
-        terms: Rows x_i and matrices B_i.
-        more: Further rows y_j.
-        targets: Targets of the result, which all receive it.
-    """
-    sizes = tuple((term.rows.size, term.matrix.size // term.rows.size) for term in terms)
-    shapes = tuple(size[::-1] if term.by_columns else size for size, term in zip(sizes, terms, strict=True))
-    patterns = tuple(None if term.pattern is None else term.pattern.tobytes() for term in terms)
-    widths = tuple(map(block_size, more))
-    key = ("product", sizes, tuple(term.by_columns for term in terms), patterns, widths, len(targets))
-
-    def function() -> ca.Function:
-        """Return the product."""
-        rows = [symbols("x", n) for n, _ in sizes]
-        matrices = [matrix("B", n, m) for n, m in shapes]
-        others = [symbols("y", m) for m in widths]
-        total: Any = 0.0
-        for _, y in others:
-            total = total + y
-        for (_, x), (_, kept), term in zip(rows, matrices, terms, strict=True):
-            B = kept.T if term.by_columns else kept
-            total = total + dot(x, B if term.pattern is None else np.where(term.pattern, B, 0.0))
-        columns = [column for part in (rows, matrices, others) for column, _ in part]
-        return ca.Function("product", columns, [pack(total)] * len(targets))
-
-    sources: list[Source] = [*(term.rows for term in terms), *(term.matrix for term in terms), *more]
-    w.call(w.kernel(key, function, PART), copies, sources, targets)

@@ -1,9 +1,10 @@
 """Program of the derivatives of the direct model, from those of the balance of forces that it solves.
 
 At the solution the remaining forces r(q, v, a, tau) vanish, and in each module a = Psi(q) u_dot + a_0(q, v).
-So with M = r_a Psi, and the index x for derivatives over q, v, tau or parameters,
-
-    u_dot_x = -M^-1 (r_x + r_a (Psi_x u_dot + a_0,x)),   a_x = Psi u_dot_x + Psi_x u_dot + a_0,x
+Changes of u_dot and of the base's acceleration are eliminated group by group, as the model itself does it:
+an input changes the forces and outputs of its own group alone, and through them the wrench on the group's
+base and the motion of its outputs. All other groups respond to these (`responses`), so that only the dense
+rows that are asked for grow with the square of the number of modules.
 
 Along motions that keep the loops closed this is the derivative of the direct model. Single columns, which
 open the loops, may differ from those of its program where a base that moves carries a module with closures in
@@ -12,20 +13,27 @@ its core: there the program projects the base's forces by the closures, and r by
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field
+
+import casadi as ca
 import numpy as np
 
 from ....spatial import Index
+from ...equations.expressions import dot, pack, symbols
 from ...equations.request import Request
-from ...program import Call, Constants, Own, Program, Shared
-from ..direct import DirectCalls, direct_inputs, write_direct_sweeps
-from ..inverse import write_balance
+from ...program import Constants, Own, Program, Shared, Source, Target, Turned
+from ..direct import direct_inputs, write_direct_sweeps
+from ..inverse import Balance, write_balance
 from ..writer import Writer
-from .adjoints import Adjoints
+from .adjoints import PART, Adjoints
 from .columns import Coordinates, collect, coordinates_of, parameters_of
-from .dense import Block, Term, add_product, factorise, new_block, solve
+from .dense import Term, by_columns, matrix, sources_of, sum_of
+from .groups import BASE, Group, groups_of
 from .memory import compacted
-from .motion import Motions
+from .motion import Motion, Motions
 from .nodes import Joiner
+from .relations import Builder, Relations
+from .responses import Responses
 
 
 def direct_derivatives(request: Request) -> Program:
@@ -39,123 +47,243 @@ def direct_derivatives(request: Request) -> Program:
     outputs = [("a", robot.nv)] + [(f"d_{name}", robot.nv * width) for name, width in widths.items()]
     w = Writer("ddm_jacobian", inputs, outputs, computed=("a",))
     modules = write_direct_sweeps(request, w, motions=True)
-    rows = _Rows(request, w, modules, widths)
-    for j, at in enumerate(rows.coordinates):
-        rows.add_motion(j, at)
-    for module in robot.modules:
-        if len(module.motor_index):
-            rows.add("tau", module.motor_index)
-    for index in parameters_of(request):
-        rows.add("parameters", index)
+    start = len(w.steps)
+    balance = write_balance(request, w)
+    steps = w.calls_from(start)
+    groups = groups_of(request, balance)
+    live = {("given", k) for k in range(sum(size for _, size in w.inputs))}
+    live |= {("result", k) for k in range(robot.nv)}
+    builder, motions = Builder(w, steps, live), Motions(w)
+    moving = {group: motions.of([modules[x.k] for x in group.modules], group.at) for group in groups}
+    relations: dict[Group, Relations] = {}
+    bodies = {f"parameters {i}": index for i, index in enumerate(parameters_of(request))}
+    for group in reversed(groups):
+        columns = {"q": group.at.v, "v": group.at.v, "tau": group.motors} | bodies
+        columns = {name: index for name, index in columns.items() if len(index)}
+        relations[group] = builder.of(group, moving[group], columns, relations)
+    relations = dict(reversed(relations.items()))
+    results = _Results(w, widths, relations, Responses(w, relations))
+    if balance.root is not None:
+        results.add_base(balance, coordinates_of(robot)[0])
+    for group in groups:
+        for name in ("q", "v", "tau"):
+            if name in relations[group].inputs:
+                results.add(name, relations[group].inputs[name], [results.caused(relations[group], name)])
+    for name, index in bodies.items():
+        causes = [results.caused(x, name) for x in relations.values() if name in x.inputs]
+        results.add(name, index, causes)
     return compacted(w.program())
 
 
-class _Rows:
-    """Add columns to all rows of the derivatives.
+@dataclass
+class _Cause:
+    """What a change of an input causes, one column in each lane.
 
     Attributes:
-        coordinates: Coordinates of the base, if its motion is given, and of each module.
+        group: The group that reads the input; None for a base whose motion is given.
+        motions: Motions of the group, without those that the wrench on its base causes.
+        wrench: Change of the wrench on its base; None if there is none.
+        outputs: Changes of acceleration and twist of its outputs; the twist is None where it stays.
+        more: Further changes of the group's accelerations, and how many numbers they have.
     """
 
+    group: Group | None
+    motions: Own | None = None
+    wrench: Own | None = None
+    outputs: dict[tuple[int, int], tuple[Source, Source | None]] = field(default_factory=dict)
+    more: Source | None = None
+
+
+class _Results:
+    """Add the derivatives to the results: for each input the columns of each group's accelerations."""
+
     def __init__(
-        self, request: Request, w: Writer, modules: list[DirectCalls], widths: dict[str, int]
+        self, w: Writer, widths: dict[str, int], relations: dict[Group, Relations], responses: Responses
     ) -> None:
-        """Add the derivatives of the remaining forces and of the motions, and factorise the mass matrix."""
-        self._w, self._widths = w, widths
-        self.coordinates = coordinates_of(request.robot)
-        start = len(w.steps)
-        balance = write_balance(request, w)
-        calls = [step for step in w.steps[start:] if isinstance(step, Call)]
-        sizes = [place.size for place in balance]
-        self._adjoints = Adjoints(w, sum(sizes))
-        for left, first in zip(balance, np.cumsum([0, *sizes]).tolist(), strict=False):
-            self._adjoints.seed(left, first)
+        self._w, self._widths, self._relations, self._responses = w, widths, relations, responses
+        self._base: Coordinates | None = None
+
+    def caused(self, x: Relations, name: str) -> _Cause:
+        """Add what an input of a group causes."""
+        w, group, count = self._w, x.group, len(x.inputs[name])
+        motions, wrench = w.own(count, group.mobility), w.own(count, 6) if x.wrenches else None
+        right = Turned(x.forces[name].start, x.forces[name].size, x.elimination.rows)
+        if x.elimination.rows:
+            x.elimination.columns(w, count, right, motions, wrench)
+        out = _Cause(group, motions, wrench)
+        if name in ("q", "v"):
+            over = x.motion.over_q if name == "q" else x.motion.over_v
+            if over.pattern is not None and over.pattern.any():
+                out.more = Turned(over.rows.start, count, len(group.at.v))
+        if group.children:
+            self._outputs(x, name, out)
+        return out
+
+    def _outputs(self, x: Relations, name: str, out: _Cause) -> None:
+        """Add the changes of a group's outputs."""
+        w, group, count = self._w, x.group, len(x.inputs[name])
+        sizes = [(A.size, V.size) for A, V, _ in map(group.output, group.children)]
+        total, n = sum(map(sum, sizes)), group.mobility
+        pattern = np.array([row.any() for row in x.patterns.get(name, np.zeros((total, 0)))], dtype=bool)
+        over_u = x.patterns["u"]
+        own: list[Source] = [Turned(x.outputs[name].start, count, total)] if pattern.any() else []
+        sources: list[Source] = [Shared(x.S_u.start, total * n), *own]
+        assert out.motions is not None
+        sources.append(out.motions)
+        passed = out.wrench is not None and group in self._responses.own
+        if passed and out.wrench is not None:
+            sources.append(out.wrench)
+            sources += [by_columns(self._responses.onwards[place], 0, 6) for place in group.children]
+        targets: list[Target] = []
+        first, twists = 0, []
+        for place, (a, v) in zip(group.children, sizes, strict=True):
+            moves = bool(pattern[first + a : first + a + v].any())
+            A, V = w.own(count, a), w.own(count, v) if moves else None
+            out.outputs[place] = A, V
+            targets += [A, *([V] if V else [])]
+            twists.append(moves)
+            first += a + v
+
+        def function() -> ca.Function:
+            """Return the outputs' changes of one column."""
+            kept, S = matrix("S", total, n)
+            columns, s = [kept], np.zeros(total).astype(object)
+            if own:
+                column, entries = symbols("s", total)
+                columns.append(column)
+                s = np.where(pattern, entries, 0.0)
+            column, u = symbols("u", n)
+            columns.append(column)
+            s = s + dot(np.where(over_u, S, 0.0), u)
+            if passed:
+                column, wrench = symbols("wrench", 6)
+                columns.append(column)
+            parts, first = [], 0
+            for (a, v), moves in zip(sizes, twists, strict=True):
+                A = s[first : first + a]
+                if passed:
+                    column, onto = matrix("onto", 6, 6)
+                    columns.append(column)
+                    A = A + dot(onto.T, wrench)
+                parts += [A, *([s[first + a : first + a + v]] if moves else [])]
+                first += a + v
+            return ca.Function("outputs", columns, [pack(part) for part in parts])
+
+        key = ("outputs", tuple(sizes), n, pattern.tobytes(), over_u.tobytes(), passed, bool(own))
+        w.call(w.kernel(key, function, PART), count, sources, targets)
+
+    def add_base(self, balance: Balance, at: Coordinates) -> None:
+        """Add the columns of a base whose motion is given."""
+        w = self._w
+        self._base = at
+        assert balance.root is not None
         live = {("given", k) for k in range(sum(size for _, size in w.inputs))}
-        self._adjoints.sweep(
-            Joiner(w.kernels, w.handed).nodes(calls), live | {("result", k) for k in range(request.robot.nv)}
-        )
-        self._root = len(self.coordinates) - len(modules)
-        motions = Motions(w)
-        self._motions = [
-            motions.of(*pair) for pair in zip(modules, self.coordinates[self._root :], strict=True)
-        ]
-        self._over_a = [w.own(self._adjoints.rows, len(at.v)) for at in self.coordinates]
-        for at, place in zip(self.coordinates, self._over_a, strict=True):
-            self._collect("a", at.v, place)
-        self._moving = [k for k, size in enumerate(sizes) if size]
-        self._factors = factorise(w, [self._mass(k) for k in self._moving])
+        live |= {("result", int(k)) for k in at.v}
+        nodes = Joiner(w.kernels, w.handed).nodes(balance.root_calls)
+        found: dict[str, list[Source]] = {"q": [], "v": [], "base_acceleration": []}
+        for end in reversed(balance.root):
+            assert isinstance(end, Shared)
+            adjoints = Adjoints(w, end.size)
+            adjoints.seed(end)
+            adjoints.sweep(nodes, set(live))
+            for name in found:
+                rows = w.own(end.size, len(at.v))
+                given, index = ("q", at.q) if name == "q" else ("v" if name == "v" else "a", at.v)
+                collect(adjoints, given, index, [rows], at if name == "q" else None)
+                found[name].append(Turned(rows.start, rows.size, end.size))
+        for name, (A, V) in found.items():
+            index = np.arange(6) if name == "base_acceleration" else at.v
+            self.add(name, index, [_Cause(None, outputs={BASE: (A, V)})])
 
-    def _mass(self, k: int) -> Block:
-        """Add the columns of the mass matrix of module k's motions, M = r_a Psi."""
-        motion, rows = self._motions[k], self._adjoints.rows
-        block = new_block(self._w, rows, motion.Psi.rows.size)
-        over_a = self._over_a[self._root + k]
-        term = Term(over_a, motion.Psi.some(0, over_a.size), motion.Psi.pattern)
-        read = [block.all] if k == self._moving[0] else []
-        add_product(self._w, rows, [term], [], [block.rows, *read])
-        return block
-
-    def add_motion(self, j: int, at: Coordinates) -> None:
-        """Add the columns of some coordinates: positions, rates, and the acceleration of a moving base."""
-        if j < self._root:
-            for name in ("q", "v"):
-                self.add(name, at.v, at if name == "q" else None)
-            self._spread("base_acceleration", np.arange(6), [], self._over_a[j], -1)
-            return
-        motion = self._motions[j - self._root]
-        for name, over in (("q", motion.over_q), ("v", motion.over_v)):
-            remaining = self._w.own(self._adjoints.rows, len(at.v))
-            self._collect(name, at.q if name == "q" else at.v, remaining, at if name == "q" else None)
-            term = Term(self._over_a[j], over.some(0, len(at.v)), over.pattern)
-            self._spread(name, at.v, [term], remaining, j - self._root, over.rows)
-
-    def add(self, name: str, index: Index, at: Coordinates | None = None) -> None:
-        """Add the columns of some inputs on which no motion depends."""
-        remaining = self._w.own(self._adjoints.rows, len(index))
-        self._collect(name, index if at is None else at.q, remaining, at)
-        self._spread(name, index, [], remaining, -1)
-
-    def _collect(self, name: str, index: Index, place: Own, at: Coordinates | None = None) -> None:
-        """Add up the derivatives of the remaining forces over some inputs."""
-        if self._adjoints.rows:
-            collect(self._adjoints, name, index, [place], at)
-
-    def _spread(
-        self,
-        name: str,
-        index: Index,
-        terms: list[Term],
-        remaining: Own,
-        module: int,
-        own: Own | None = None,
-    ) -> None:
-        """Add columns from the remaining forces' derivatives, r_x = remaining + the terms.
+    def add(self, name: str, index: Index, causes: list[_Cause]) -> None:
+        """Add columns of the derivatives of all accelerations.
 
         Args:
-            name: The user input.
-            index: Indices of the columns.
-            terms: Derivatives of the remaining forces over accelerations, and these over the columns.
-            remaining: Derivatives of the remaining forces.
-            module: The module whose motion depends on the columns, or -1.
-            own: Derivatives of its accelerations at fixed u_dot.
+            name: The input; a number may follow the user input's name.
+            index: Indices of the columns in the user input.
+            causes: What the input causes, for each group that reads it.
         """
-        w, n, columns = self._w, self._adjoints.rows, len(index)
-        u_dot: dict[int, Shared] = {}
-        if n:
-            forces = w.each(n, columns)
-            add_product(w, n, terms, [remaining], [forces])
-            u_dot = dict(zip(self._moving, solve(w, self._factors, forces, columns), strict=True))
-        for i, at in enumerate(self.coordinates):
-            k = i - self._root
-            more: list[Own | Constants] = []
-            moved: list[Term] = []
-            if k == module and own is not None:
-                more.append(own)
-            if k < 0:
-                more = [Constants(np.eye(6) if name == "base_acceleration" else np.zeros((6, columns)))]
-            elif k in self._moving:
-                moved.append(Term(self._motions[k].Psi.rows, u_dot[k], by_columns=True))
-            elif not more:
-                more = [Constants(np.zeros((len(at.v), columns)))]
-            place = w.result(f"d_{name}", at.v[:, None] * self._widths[name] + index)
-            add_product(w, len(at.v), moved, more, [place])
+        name = name.split()[0]
+
+        def place(rows: Index) -> Target:
+            """Return the place of some rows of the columns."""
+            return self._w.result(f"d_{name}", rows * self._widths[name] + index[:, None])
+
+        if self._base is not None:
+            one = name == "base_acceleration"
+            self._write(place(self._base.v), np.eye(6) if one else np.zeros((len(index), 6)))
+        for group, x in self._relations.items():
+            self._add_to(x.motion, group, len(index), causes, place(group.at.v))
+
+    def _add_to(self, motion: Motion, group: Group, count: int, causes: list[_Cause], place: Target) -> None:
+        """Add the columns of one group's accelerations."""
+        w, n, Psi = self._w, group.mobility, motion.Psi
+        terms: list[Term] = []
+        motions: list[Source] = []
+        more: list[Source] = []
+        for cause in causes:
+            terms += self._terms(cause, group)
+            if cause.group is group:
+                motions += [cause.motions] if cause.motions and n else []
+                more += [cause.more] if cause.more else []
+        if not n or not (terms or motions):
+            terms, motions = [], []
+        if not (terms or motions or more):
+            self._write(place, np.zeros((count, len(group.at.v))))
+            return
+        sizes = tuple((term.matrix.size // term.size, term.size) for term in terms)
+        pattern = Psi.pattern if terms or motions else np.zeros((len(group.at.v), 0), dtype=bool)
+        assert pattern is not None
+
+        def function() -> ca.Function:
+            """Return one column of accelerations."""
+            u, columns = sum_of(sizes, pattern.shape[1], len(motions))
+            kept, entries = matrix("Psi", *pattern.shape)
+            a = dot(np.where(pattern, entries, 0.0), u)
+            columns.append(kept)
+            for _ in more:
+                column, y = symbols("more", len(a))
+                a = a + y
+                columns.append(column)
+            return ca.Function("accelerations", columns, [pack(a)])
+
+        key = ("accelerations", sizes, pattern.shape, pattern.tobytes(), len(motions), len(more))
+        matrix_of = Shared(Psi.all.start, pattern.size)
+        w.call(
+            w.kernel(key, function, PART), count, [*sources_of(terms), *motions, matrix_of, *more], [place]
+        )
+
+    def _terms(self, cause: _Cause, group: Group) -> list[Term]:
+        """Return the motions of a group that a cause in another, or at its own base, brings about."""
+        responses = self._responses
+        for output, (A, V) in cause.outputs.items():
+            if group in responses.to_motion[output]:
+                known = responses.to_motion[output][group]
+                size = self._width(V)
+                twist = [Term(by_columns(known, 6, size), V, size)] if V else []
+                return [Term(by_columns(known, 0, 6), A, 6), *twist]
+        if cause.group is None or cause.wrench is None:
+            return []
+        if cause.group is group:
+            found = responses.own.get(group)
+        else:
+            found = responses.to_wrench.get(cause.group.base, {}).get(group)
+        return [Term(by_columns(found, 0, 6), cause.wrench, 6)] if found else []
+
+    @staticmethod
+    def _width(end: Source | None) -> int:
+        """Return how many numbers a column has."""
+        return end.rows if isinstance(end, Turned) else end.size if isinstance(end, Own) else 0
+
+    def _write(self, place: Target, values: np.ndarray) -> None:
+        """Add a call that writes constants, one column in each lane."""
+        size = values.shape[1]
+
+        def function() -> ca.Function:
+            """Return a column as it is."""
+            column, x = symbols("x", size)
+            return ca.Function("constants", [column], [pack(x)])
+
+        if values.size:
+            kernel = self._w.kernel(("constants", size), function, PART)
+            self._w.call(kernel, len(values), [Constants(values)], [place])

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from ...code.rules import check
-from ...program import Add, Call, Each, Own, Program, Shared, Start
+from ...program import Add, Call, Each, Own, Program, Shared, Start, Turned
 
 
 @dataclass
@@ -39,7 +39,7 @@ def compacted(program: Program) -> Program:
 
     def moved(end: Any) -> Any:
         """Return a source or target in its new place."""
-        if isinstance(end, Own):
+        if isinstance(end, Own | Turned):
             return replace(end, start=moved_own.get(end.start, 0))
         return (
             replace(end, start=moved_shared.get(end.start, 0))
@@ -62,11 +62,15 @@ def _spans(step: Start | Call, shared: bool) -> list[tuple[int, int]]:
     if isinstance(step, Start):
         return [(step.start, step.start + len(step.values))] if shared and len(step.values) else []
     ends = (*step.sources, *step.targets)
-    places = [end for end in ends if isinstance(end, Own | Shared | Each | Add)]
+    places = [end for end in ends if isinstance(end, Own | Turned | Shared | Each | Add)]
+    copies = {Own: step.copies, Each: step.copies}
     return [
-        (end.start, end.start + (step.copies if isinstance(end, Each | Own) else 1) * end.size)
+        (
+            end.start,
+            end.start + (end.rows if isinstance(end, Turned) else copies.get(type(end), 1)) * end.size,
+        )
         for end in places
-        if end.size and isinstance(end, Own) != shared
+        if end.size and isinstance(end, Own | Turned) != shared
     ]
 
 

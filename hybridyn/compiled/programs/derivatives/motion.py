@@ -1,4 +1,4 @@
-"""Derivatives of each module's joint accelerations at given accelerations along its motions."""
+"""Derivatives of modules' joint accelerations at given accelerations along their motions."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from .nodes import Joiner, numbers_of
 
 @dataclass(frozen=True)
 class Motion:
-    """Derivatives of a module's accelerations, a = Psi u_dot + a_0.
+    """Derivatives of the accelerations of connected modules, a = Psi u_dot + a_0.
 
     Attributes:
         Psi: Over u_dot.
-        over_q, over_v: Over its positions (along its freedoms) and rates, at fixed u_dot.
+        over_q, over_v: Over their positions (along their freedoms) and rates, at fixed u_dot.
     """
 
     Psi: Block
@@ -39,24 +39,24 @@ class Motions:
         self._code: dict[Any, list[Stage]] = {}
         self._joiner = Joiner(writer.kernels, writer.handed, limit=0.0)
 
-    def of(self, calls: DirectCalls, at: Coordinates) -> Motion:
-        """Add the calls of one module.
+    def of(self, modules: list[DirectCalls], at: Coordinates) -> Motion:
+        """Add the calls of connected modules.
 
         Args:
-            calls: Its calls in the direct model, which has run.
-            at: Its coordinates.
+            modules: Their calls in the direct model, which has run.
+            at: Their coordinates.
         """
         w, rows = self._writer, len(at.v)
-        assert calls.u_dot is not None
-        nodes = self._joiner.nodes(self._calls(calls))
+        nodes = self._joiner.nodes([call for calls in modules for call in self._calls(calls)])
         adjoints = Adjoints(w, rows)
         adjoints.seed(w.result("a", at.v))
-        leaves = (w.from_given("q", at.q), w.from_given("v", at.v), calls.u_dot)
+        motions = [calls.u_dot for calls in modules if calls.u_dot is not None]
+        leaves = [w.from_given("q", at.q), w.from_given("v", at.v), *motions]
         adjoints.sweep(nodes, {x for leaf in leaves for x in numbers_of(leaf, 0)})
-        blocks = [new_block(w, rows, size) for size in (calls.u_dot.size, rows, rows)]
+        blocks = [new_block(w, rows, size) for size in (sum(u.size for u in motions), rows, rows)]
         places: list[list[Target]] = [[block.rows, block.all] for block in blocks]
         patterns = (
-            add_up(adjoints, adjoints.parts(calls.u_dot), places[0]),
+            add_up(adjoints, [parts for u in motions for parts in adjoints.parts(u)], places[0]),
             collect(adjoints, "q", at.q, places[1], at),
             collect(adjoints, "v", at.v, places[2]),
         )

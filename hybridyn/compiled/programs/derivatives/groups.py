@@ -1,0 +1,96 @@
+"""Groups of modules whose motions are eliminated together, as one module of the recursion."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ....spatial import Index
+from ...equations.request import Request
+from ...program import Shared, Source
+from ..inverse import Balance, InverseCalls
+from ..module_calls import read
+from .columns import Coordinates, coordinates_of_freedoms
+
+#: Largest number of motions of modules that are joined: what the lanes of a vector hold.
+JOINED = 8
+
+#: Output of a module: the module's number and the output's. The robot's base is `BASE`.
+Place = tuple[int, int]
+BASE: Place = (-1, 0)
+
+
+@dataclass(eq=False)
+class Group:
+    """Connected modules.
+
+    Attributes:
+        modules: Calls of its modules, outwards.
+        parent: The group that carries it; None on the robot's base.
+        at: Its coordinates.
+        children: Groups on its outputs, by output.
+    """
+
+    modules: list[InverseCalls]
+    parent: Group | None
+    at: Coordinates
+    children: dict[Place, list[Group]] = field(default_factory=dict)
+
+    @property
+    def base(self) -> Place:
+        """The output that carries it."""
+        module = self.modules[0].module
+        return BASE if module.parent < 0 else (module.parent, module.parent_output)
+
+    @property
+    def mobility(self) -> int:
+        """Number of its motions."""
+        return sum(calls.module.mobility for calls in self.modules)
+
+    @property
+    def motors(self) -> Index:
+        """Indices of its motors in tau."""
+        return np.concatenate([calls.module.motor_index for calls in self.modules]).astype(int)
+
+    def moved(self) -> list[Source]:
+        """Return the sources of its base's acceleration and twist; none on a fixed base."""
+        known = self.modules[0].sources()
+        return [known[name] for name in ("A_base", "V_base") if name in known]
+
+    def output(self, place: Place) -> tuple[Shared, Shared, Shared]:
+        """Return acceleration and twist of an output, and the wrench that its children require."""
+        calls = next(calls for calls in self.modules if calls.k == place[0])
+        return calls.A[place[1]], calls.V[place[1]], read(calls.received[place[1]])
+
+    def subtree(self) -> list[Group]:
+        """Return the group and all groups that it carries."""
+        return [self, *(x for place in self.children for x in self.on(place))]
+
+    def on(self, place: Place) -> list[Group]:
+        """Return all groups that one of its outputs carries."""
+        return [x for child in self.children[place] for x in child.subtree()]
+
+
+def groups_of(request: Request, balance: Balance) -> list[Group]:
+    """Join modules to groups, outwards."""
+    members: list[list[InverseCalls]] = []
+    of: dict[int, list[InverseCalls]] = {}
+    for calls in balance.modules:
+        below = of.get(calls.module.parent)
+        if below and sum(x.module.mobility for x in below) + calls.module.mobility <= JOINED:
+            below.append(calls)
+        else:
+            members.append(below := [calls])
+        of[calls.k] = below
+    groups: list[Group] = []
+    by_module: dict[int, Group] = {}
+    for modules in members:
+        freedoms = {int(k) for calls in modules for k in calls.module.v_index}
+        parent = by_module.get(modules[0].module.parent)
+        group = Group(modules, parent, coordinates_of_freedoms(request.robot, freedoms))
+        groups.append(group)
+        by_module |= {calls.k: group for calls in modules}
+        if parent:
+            parent.children.setdefault(group.base, []).append(group)
+    return groups
