@@ -75,19 +75,22 @@ INLINE void from_rows(V *to, const S *from, Long width, int valid) {
 #endif
     for (; k < width; k++) to[k] = (V){ROWS(row, k)};
 }
-/* Write rows; zero where all numbers are finite, else a NaN. */
-INLINE V to_rows(S *to, const V *from, Long width, int valid) {
+/* Write rows that begin `apart` numbers apart; zero where all numbers are finite, else a NaN. */
+INLINE V to_rows_apart(S *to, const V *from, Long width, Long apart, int valid) {
     Long done = 0;
     V sum = C(0);
 #ifdef TRANSPOSE
     for (; done + W <= width; done += W) {
         V r[W];
         transpose(from + done, r);
-        for (int l = 0; l < valid; l++) memcpy(to + l * width + done, &r[l], sizeof(V));
+        for (int l = 0; l < valid; l++) memcpy(to + l * apart + done, &r[l], sizeof(V));
         sum += none(from + done, W);
     }
 #endif
     for (int l = 0; l < valid; l++)
-        for (Long k = done; k < width; k++) to[l * width + k] = from[k][l];
+        for (Long k = done; k < width; k++) to[l * apart + k] = from[k][l];
     return sum + none(from + done, (int)(width - done));
+}
+INLINE V to_rows(S *to, const V *from, Long width, int valid) {
+    return to_rows_apart(to, from, width, width, valid);
 }

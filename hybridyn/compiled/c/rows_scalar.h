@@ -10,3 +10,7 @@ INLINE V to_rows(B *to, const V *from, Long width, int valid) {
     for (Long k = 0; k < width; k++) to[k] = (B)from[k];
     return none(from, (int)width);
 }
+INLINE V to_rows_apart(B *to, const V *from, Long width, Long apart, int valid) {
+    (void)apart;
+    return to_rows(to, from, width, valid);
+}

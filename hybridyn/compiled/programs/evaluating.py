@@ -18,7 +18,7 @@ from ...spatial import Array, Index, Mask
 from ...structure.robot import HybridRobot
 from ..equations.arguments.coefficients import at_robot
 from ..library.calls import Calls
-from .closing.design_rows import DesignRows
+from .closing.design_rows import DesignRequests, DesignRows
 from .designs import DesignsInSlots
 
 #: Numbers of the states that are computed at once: they stay in the processor's cache.
@@ -86,7 +86,7 @@ class DesignEvaluator:
         """
         self.designs, self.effects = designs, effects
         self._inverse, self._threads = inverse, threads
-        self.rows = DesignRows(designs.robot, designs.parameters.slots)
+        self.rows = DesignRows(designs, threads)
 
     def assemble(self, numbers: Array, requests: Requests) -> tuple[Array, Array, Array, int]:
         """Assemble the postures of one design, with numbers in the slots of shape (slots,).
@@ -97,9 +97,9 @@ class DesignEvaluator:
         Raises:
             HybridynError: The same errors as `hybridyn.assemble` of the design.
         """
-        found = self.rows.follow(requests, numbers[None])
+        found = self.rows.follow(self.rows.requests(requests), numbers[None])
         if found.certain[0]:
-            return found.q[:, 0], found.v[:, 0], found.a[:, 0], 0
+            return found.q[0], found.v[0], found.a[0], 0
         robot = self.designs.robot_of(numbers)
         return *assemble_requests(robot, requests, robot.home), requests.samples
 
@@ -130,7 +130,8 @@ class DesignEvaluator:
         q, v, a, tau = (np.empty((D, T, width)) for width in widths)
         reached, singular = (np.zeros((D, T), dtype=bool) for _ in range(2))
         out = DesignTable(q, v, a, tau, reached, singular, {}, 0)
-        others = [self._chunk(out, at, numbers, wanted.requests) for at in range_of(D, chunk)]
+        rows = self.rows.requests(wanted.requests)
+        others = [self._chunk(out, at, numbers, rows) for at in range_of(D, chunk)]
         recomputed = np.concatenate([np.zeros(0, dtype=int), *others])
         for design in recomputed.tolist():
             if doubtful:
@@ -139,16 +140,15 @@ class DesignEvaluator:
                 out.errors[design] = "not certain"
         return replace(out, recomputed=len(recomputed) if doubtful else 0)
 
-    def _chunk(self, out: DesignTable, at: slice, numbers: Array, requests: Requests) -> Index:
+    def _chunk(self, out: DesignTable, at: slice, numbers: Array, rows: DesignRequests) -> Index:
         """Evaluate some designs; return those that are left to the general path."""
-        T, own = requests.samples, numbers[at]
-        found = self.rows.follow(requests, own)
+        T, own = rows.samples, numbers[at]
+        found = self.rows.follow(rows, own, (out.q[at], out.v[at], out.a[at]))
         states = [x.reshape(T * len(own), -1) for x in (found.q, found.v, found.a)]
-        tau, trusted = self._efforts([*states, np.tile(own, (T, 1))])
-        for room, rows in zip((out.q, out.v, out.a, out.tau), (*states, tau), strict=True):
-            room[at] = rows.reshape(T, len(own), -1).swapaxes(0, 1)
+        tau, trusted = self._efforts([*states, np.repeat(own, T, axis=0)])
+        out.tau[at] = tau.reshape(len(own), T, -1)
         out.reached[at] = True
-        certain = trusted.reshape(T, len(own)).all(axis=0) & found.certain
+        certain = trusted.reshape(len(own), T).all(axis=1) & found.certain
         left: Index = np.flatnonzero(~certain) + at.start
         return left
 

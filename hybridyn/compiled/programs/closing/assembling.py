@@ -23,7 +23,7 @@ from ...library.closed_rows import ClosedRows, Place
 from ...library.compilers import best_lanes
 from ...needs import needs_casadi
 from ..sources import robot_key
-from .checking import check_rows
+from .checking import check_rows, from_place
 from .choosing import module_requests, numbers, parts_of, structure_of
 from .part import Part, lanes_for
 from .starting import place_of
@@ -128,7 +128,7 @@ class Assembler:
 
         def accept(built: Built) -> None:
             with as_compile_error(robot):
-                check_rows(ClosedRows(built), robot, parts)
+                check_rows(from_place(ClosedRows(built), robot, parts), robot, parts)
 
         try:
             name = f"closing {key!r} {robot_key(robot, None)} {scalar!r}"

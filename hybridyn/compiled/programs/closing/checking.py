@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from ....assembly.assemble import spanning_positions
@@ -20,13 +22,27 @@ POSTURES, ROW_AWAY = 4, 1e-3
 ROWS_AGREE = 1e-8
 
 State = tuple[Array, Array, Array]
+#: Function that closes one row, see `check_rows`.
+Closer = Callable[[Array, State, State], bool]
 
 
-def check_rows(rows: ClosedRows, robot: HybridRobot, parts: list[Part]) -> None:
+def from_place(rows: ClosedRows, robot: HybridRobot, parts: list[Part]) -> Closer:
+    """Return the function that closes a row by a library for one robot, for `check_rows`."""
+
+    def close(start: Array, given: State, room: State) -> bool:
+        """Close a row, shapes (1, n), near a posture; return whether it is certain."""
+        place = place_of(robot, parts, start)
+        return place is not None and bool(rows.follow(place, given, room, False))
+
+    return close
+
+
+def check_rows(close: Closer, robot: HybridRobot, parts: list[Part]) -> None:
     """Compare rows near generic postures with moving states of the general path.
 
     Args:
-        rows: The loaded library.
+        close: Closes a row near a posture, from what is prescribed to room for q, v, a, and returns whether
+            the row is certain.
         robot: The robot.
         parts: The modules that it closes.
 
@@ -39,10 +55,8 @@ def check_rows(rows: ClosedRows, robot: HybridRobot, parts: list[Part]) -> None:
         for part in parts:
             for own, new in zip(given, _move(part, number, start, wanted), strict=True):
                 own.append(new)
-        place = place_of(robot, parts, start)
-        room = tuple(x[None].copy() for x in wanted)
-        prescribed = tuple(np.concatenate(own)[None] for own in given)
-        if place is None or not rows.follow(place, prescribed, room, False):  # type: ignore[arg-type]
+        room, (g, g_dot, g_ddot) = _as_rows(wanted), (np.concatenate(own) for own in given)
+        if not close(start, _as_rows((g, g_dot, g_ddot)), room):
             continue
         for found, right in zip(room, wanted, strict=True):
             off = np.abs(found[0] - right).max() / (1.0 + np.abs(right).max())
@@ -52,6 +66,12 @@ def check_rows(rows: ClosedRows, robot: HybridRobot, parts: list[Part]) -> None:
                     f"path by {off:.2g} (limit {ROWS_AGREE:g}) at a random state: they are not used. This is "
                     "a bug: report it with the robot's files; the general path is right"
                 )
+
+
+def _as_rows(state: State) -> State:
+    """Copy a state, shapes (n,), to arrays of one row, shapes (1, n)."""
+    q, v, a = state
+    return q[None].copy(), v[None].copy(), a[None].copy()
 
 
 def _move(part: Part, number: int, start: Array, wanted: State) -> State:

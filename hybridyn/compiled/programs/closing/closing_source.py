@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from ....assembly.follow import MOST_TURNING, SAME_BRANCH, SMALL_STEP
 from ....linkage.newton import LONGEST_STEP
 from ....structure.robot import HybridRobot
 from ...code.library_source import Source, library_source
 from ...code.scalars import Scalar, text_of
+from ...program import Program
 from .closing_programs import closing_programs
 from .part import CLOSED_TO_ROUNDING, ITERATIONS, LAST_ROW_STEP, PATIENCE, QUADRATIC, Part, motors_given
 
@@ -25,18 +26,23 @@ def closing_source(robot: HybridRobot, parts: Sequence[Part], scalar: Scalar) ->
         scalar: Number type and lanes, more than one.
     """
     programs = closing_programs(robot, parts)
-    settle, newton = (dict(programs[name].outputs) for name in ("settle", "newton"))
-    given = dict(programs["settle"].inputs)
     kinds = [str(kind) for part in parts for kind in part.given.all_kinds]
-    names = {
-        "NQ": settle["q"], "NP": settle["p"], "NV": settle["v"], "NG": given["g"], "NR": given["g_dot"],
-        "MODULES": newton["step"], "ITERATIONS": ITERATIONS, "PATIENCE": PATIENCE, "LONGEST": LONGEST_STEP,
-        "NEAR": QUADRATIC, "LAST_STEP": LAST_ROW_STEP, "OPEN": CLOSED_TO_ROUNDING, "SHORTEST": SHORTEST,
-        "SAME_BRANCH": SAME_BRANCH, "SMALL_STEP": SMALL_STEP, "MOST_TURNING": MOST_TURNING,
-    }  # fmt: skip
+    names = constants_of(programs) | {"SHORTEST": SHORTEST}
     lines = [f"#define {name} {value!r}" for name, value in names.items()]
     order = motors_given(robot, parts)
     if order:
         lines.append(f"#define MOTORS {', '.join(map(str, order))}")
     lines += [f"static const int KINDS[] = {{{', '.join([*kinds, '-1'])}}};", text_of("closing.h")]
     return library_source(list(programs.values()), scalar, "\n".join(lines))
+
+
+def constants_of(programs: Mapping[str, Program]) -> dict[str, float]:
+    """Return the sizes of the programs and the limits of the steps, by their names in C."""
+    settle, newton = (dict(programs[name].outputs) for name in ("settle", "newton"))
+    given = dict(programs["settle"].inputs)
+    return {
+        "NQ": settle["q"], "NP": settle["p"], "NV": settle["v"], "NG": given["g"], "NR": given["g_dot"],
+        "MODULES": newton["step"], "ITERATIONS": ITERATIONS, "PATIENCE": PATIENCE, "LONGEST": LONGEST_STEP,
+        "NEAR": QUADRATIC, "LAST_STEP": LAST_ROW_STEP, "OPEN": CLOSED_TO_ROUNDING,
+        "SAME_BRANCH": SAME_BRANCH, "SMALL_STEP": SMALL_STEP, "MOST_TURNING": MOST_TURNING,
+    }  # fmt: skip

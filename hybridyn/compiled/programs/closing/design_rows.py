@@ -1,33 +1,33 @@
 """Rows of a table closed for many designs at once: each lane of the vector unit holds a design.
 
 The steps are those of `c/closing.h`, row after row: Newton's method from the row before, until the step is
-rounding, and the comparison of the step with its prediction. Designs at which that is not certain are left to
-the general path.
+rounding, and the comparison of the step with its prediction (`c/design_rows.h`). Designs at which that is not
+certain are left to the general path.
 """
 
 from __future__ import annotations
 
 import logging
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ....assembly.follow import MOST_TURNING, SAME_BRANCH, SMALL_STEP
 from ....assembly.requests import Requests
 from ....errors import CompileError, HybridynError
-from ....spatial import Array, Index, Mask
-from ....structure.parameters.slots import Slot
+from ....spatial import Array, Mask
 from ....structure.robot import HybridRobot
-from ...code.scalars import GUARD_LIMIT, Scalar
+from ...code.scalars import Scalar
 from ...failures import as_compile_error
-from ...library.cache import cached
-from ...library.calls import Library, loaded
+from ...library.cache import Built, cached
+from ...library.closed_designs import ClosedDesigns
 from ...library.compilers import best_lanes
 from ...needs import needs_casadi
+from ..designs import DesignsInSlots, designs_to_verify
 from ..sources import robot_key
+from .checking import Closer, check_rows
 from .choosing import module_requests, numbers, parts_of, structure_of
-from .part import CLOSED_TO_ROUNDING, ITERATIONS, LAST_ROW_STEP, PATIENCE, QUADRATIC, Part
+from .part import Part
 
 if TYPE_CHECKING:
     from ....assembly.module_request import ModuleRequest
@@ -35,28 +35,7 @@ if TYPE_CHECKING:
 
 log = logging.getLogger("hybridyn.compiled")
 
-#: Most last steps: each squares the one before.
-LAST_STEPS = 3
-
-
-@dataclass
-class DesignPostures:
-    """Postures of designs, (q, p) as in `kernels`."""
-
-    q: Array
-    p: Array
-
-    def take(self, rows: Index | Mask) -> DesignPostures:
-        """Return those of some designs."""
-        return DesignPostures(self.q[rows], self.p[rows])
-
-    def moved(self, other: DesignPostures, where: Mask) -> DesignPostures:
-        """Return those of another step for some designs: no design depends on how many steps others need."""
-        if where.all():
-            return other
-        return DesignPostures(
-            *(np.where(where[:, None], x, y) for x, y in ((other.q, self.q), (other.p, self.p)))
-        )
+States = tuple[Array, Array, Array]
 
 
 @dataclass(frozen=True)
@@ -64,8 +43,8 @@ class DesignStates:
     """States of designs along a table.
 
     Attributes:
-        q, v, a: Shapes (T, designs, nq), (T, designs, nv), (T, designs, nv).
-        certain: Designs whose states are certain at every row, shape (designs,).
+        q, v, a: Shapes (designs, T, nq), (designs, T, nv), (designs, T, nv).
+        certain: Designs whose states are certain at every row, shape (designs,); others have no states.
     """
 
     q: Array
@@ -74,42 +53,50 @@ class DesignStates:
     certain: Mask
 
 
+@dataclass(frozen=True)
+class DesignClosing:
+    """The program for one choice of given joints and targets.
+
+    Attributes:
+        parts: The modules that it closes.
+        library: The loaded library.
+    """
+
+    parts: list[Part]
+    library: ClosedDesigns
+
+
+@dataclass(frozen=True)
+class DesignRequests:
+    """A table as the programs take it.
+
+    Attributes:
+        samples: Number of rows T.
+        closing: The program, or None if the general path must close the loops.
+        given: What is prescribed, its rates and accelerations, shapes (T, numbers), (T, rates), (T, rates).
+    """
+
+    samples: int
+    closing: DesignClosing | None
+    given: States
+
+
 class DesignRows:
     """Closes rows for designs of one robot; programs are kept for each choice of given joints and targets."""
 
-    def __init__(self, robot: HybridRobot, slots: tuple[Slot, ...]) -> None:
-        self.robot, self.slots = robot, slots
-        self._known: dict[tuple[object, ...], tuple[list[Part], Library] | None] = {}
+    def __init__(self, designs: DesignsInSlots, threads: int = 1) -> None:
+        self.designs, self.robot, self.threads = designs, designs.robot, threads
+        self._known: dict[tuple[object, ...], DesignClosing | None] = {}
 
-    def follow(self, requests: Requests, slots: Array) -> DesignStates:
-        """Compute the states of each design along a table.
-
-        Args:
-            requests: The table.
-            slots: Numbers in the slots, shape (designs, slots).
-        """
-        T, D, robot = requests.samples, len(slots), self.robot
-        q, v, a = (np.full((T, D, width), np.nan) for width in (robot.nq, robot.nv, robot.nv))
-        out = DesignStates(q, v, a, np.zeros(D, dtype=bool))
+    def requests(self, requests: Requests) -> DesignRequests:
+        """Return a table as the programs take it."""
+        robot = self.robot
         possible = robot.base == "fixed" and not self._moves_posed_links(requests)
         wanted = module_requests(robot, requests) if possible else None
         closing = None if wanted is None else self._closing(requests, wanted)
         if wanted is None or closing is None:
-            return out
-        parts, library = closing
-        g, g_dot, g_ddot = numbers(parts, wanted)
-        step = _Step(library, slots, len(parts), robot.nv)
-        live = np.arange(D)
-        at, good = step.reached(self._home(parts, D), g[0])
-        for t in range(T):
-            if not good.all():
-                live, at = live[good], at.take(good)
-            if not len(live):
-                return out
-            at, v, a, good = step.advanced(live, at, (g[t], g_dot[t], g_ddot[t]), free=t == 0)
-            out.q[t, live], out.v[t, live], out.a[t, live] = at.q, v, a
-        out.certain[live[good]] = True
-        return out
+            return DesignRequests(requests.samples, None, (np.zeros((0, 0)),) * 3)
+        return DesignRequests(requests.samples, closing, numbers(closing.parts, wanted))
 
     def _moves_posed_links(self, requests: Requests) -> bool:
         """Return whether a slot places a link in its body whose whole pose is prescribed.
@@ -118,7 +105,7 @@ class DesignRows:
         """
         joints = self.robot.description.joints
         above = {joint.child: joint for joint in joints if joint.kind == "fixed"}
-        placing = {slot.name for slot in self.slots if slot.table == "joints"}
+        placing = {slot.name for slot in self.designs.parameters.slots if slot.table == "joints"}
         for pose in requests.poses:
             for link in (pose.link, pose.other) if pose.motion is not None else ():
                 while link in above:
@@ -127,124 +114,128 @@ class DesignRows:
                     link = above[link].parent
         return False
 
-    def _home(self, parts: list[Part], designs: int) -> DesignPostures:
-        """Return the robot's home posture for each design; its platforms are where the robot has them."""
-        q, poses = self.robot.home, [np.zeros(0)]
+    def follow(
+        self,
+        table: DesignRequests,
+        slots: Array,
+        out: States | None = None,
+        guess: Array | None = None,
+    ) -> DesignStates:
+        """Compute the states of each design along a table.
+
+        Args:
+            table: The table.
+            slots: Numbers in the slots, shape (designs, slots).
+            out: Room for q, v, a, see `DesignStates`.
+            guess: Posture at which Newton's method starts, shape (nq,), the home posture by default.
+        """
+        room = self._room(len(slots), table.samples) if out is None else out
+        if table.closing is None:
+            return _without_states(room, np.zeros(len(slots), dtype=bool))
+        start = self._guess(table.closing.parts, self.robot.home if guess is None else guess)
+        return _without_states(
+            room, table.closing.library.close(slots, start, table.given, room, self.threads)
+        )
+
+    def each(self, table: DesignRequests, slots: Array, guess: Array) -> DesignStates:
+        """Compute a state of each design: design k has row k of a table.
+
+        Args:
+            table: The table.
+            slots: Numbers in the slots, shape (T, slots).
+            guess: Postures at which Newton's method starts, shape (nq,) or (T, nq).
+
+        Returns:
+            States of shapes (T, 1, nq), (T, 1, nv), (T, 1, nv).
+        """
+        room = self._room(len(slots), 1)
+        if table.closing is None:
+            return _without_states(room, np.zeros(len(slots), dtype=bool))
+        g, g_dot, g_ddot = (x[:, None] for x in table.given)
+        start = self._guess(table.closing.parts, guess)
+        found = table.closing.library.close(slots, start, (g, g_dot, g_ddot), room, self.threads)
+        return _without_states(room, found)
+
+    def _room(self, designs: int, rows: int) -> States:
+        """Return room for states."""
+        nq, nv = self.robot.nq, self.robot.nv
+        return np.empty((designs, rows, nq)), np.empty((designs, rows, nv)), np.empty((designs, rows, nv))
+
+    def _guess(self, parts: list[Part], q: Array) -> tuple[Array, Array]:
+        """Return a guess, shape (nq,) or (T, nq), and its platforms, which are where the robot has them."""
+        rows = np.atleast_2d(q)
+        poses = [np.zeros((len(rows), 0))]
         for part in parts:
             m = part.module.mechanism
-            x = m.cut.positions(q[None, part.module.q_index])[0]
-            poses += [x[m.tree.q_slices[i]] for i in m.spec.platforms]
-        return DesignPostures(np.tile(q, (designs, 1)), np.tile(np.concatenate(poses), (designs, 1)))
+            x = m.cut.positions(rows[:, part.module.q_index])
+            poses += [x[:, m.tree.q_slices[i]] for i in m.spec.platforms]
+        p = np.concatenate(poses, axis=1)
+        return (q, p[0]) if q.ndim == 1 else (q, p)
 
-    def _closing(self, requests: Requests, wanted: list[ModuleRequest]) -> tuple[list[Part], Library] | None:
-        """Return the parts and the library for a choice of given joints and targets, or None."""
+    def _closing(self, requests: Requests, wanted: list[ModuleRequest]) -> DesignClosing | None:
+        """Return the program for a choice of given joints and targets, or None."""
         key = structure_of(requests)
         if key not in self._known:
             try:
                 parts = parts_of(self.robot, wanted)
-                self._known[key] = None if parts is None else (parts, self._library(parts, key))
-            except CompileError as error:
+                known = None if parts is None else DesignClosing(parts, self._library(parts, key))
+            except (CompileError, OSError) as error:
                 log.warning("designs: the general path closes the loops (%s)", error)
-                self._known[key] = None
+                known = None
             except HybridynError:  # the nominal design cannot be assembled: others may be
                 return None
+            self._known[key] = known
         return self._known[key]
 
-    def _library(self, parts: list[Part], key: tuple[object, ...]) -> Library:
-        """Load the library, and build it if it is new."""
-        scalar, robot = Scalar("float64", best_lanes()), self.robot
+    def _library(self, parts: list[Part], key: tuple[object, ...]) -> ClosedDesigns:
+        """Load the library; build it if it is new, and compare it with the general path at some designs."""
+        scalar, robot, slots = Scalar("float64", best_lanes()), self.robot, self.designs.parameters.slots
 
         def source() -> Source:
             """Generate the C source."""
             needs_casadi()
-            from ...code.library_source import library_source
             from ...equations.arguments.chosen import ChosenNumbers
-            from .closing_programs import closing_programs
+            from .design_source import design_source
 
             with as_compile_error(robot):
-                programs = closing_programs(robot, parts, ChosenNumbers(robot, self.slots))
-                return library_source(list(programs.values()), scalar)
+                return design_source(robot, parts, ChosenNumbers(robot, slots), scalar)
 
-        name = f"designs {key!r} {robot_key(robot, None)} {scalar!r} {self.slots!r}"
-        return loaded(lambda: cached(name, source))
+        def accept(built: Built) -> None:
+            library = ClosedDesigns(built)
+            with as_compile_error(robot):
+                for design, like, _ in designs_to_verify(robot, self.designs.parameters):
+                    own = _like(parts, like)
+                    if own:
+                        check_rows(self._closer(library, own, design), like, own)
+
+        name = f"designs {key!r} {robot_key(robot, None)} {scalar!r} {slots!r}"
+        return ClosedDesigns(cached(name, source, accept=accept))
+
+    def _closer(self, library: ClosedDesigns, parts: list[Part], design: Array) -> Closer:
+        """Return the function that closes a row of one design, for `check_rows`."""
+
+        def close(start: Array, given: States, room: States) -> bool:
+            """Close a row, shapes (1, n), near a posture; return whether it is certain."""
+            states = (room[0][None], room[1][None], room[2][None])
+            return bool(library.close(design[None], self._guess(parts, start), given, states)[0])
+
+        return close
 
 
-class _Step:
-    """One row for many designs."""
+def _like(parts: list[Part], robot: HybridRobot) -> list[Part]:
+    """Return the parts of another design; none if its modules have another structure."""
+    modules = {module.name: module for module in robot.modules}
+    out = []
+    for part in parts:
+        module = modules.get(part.module.name)
+        if module is None or module.mechanism.spec.topology != part.module.mechanism.spec.topology:
+            return []
+        out.append(replace(part, module=module))
+    return out
 
-    def __init__(self, library: Library, slots: Array, modules: int, rates: int) -> None:
-        self.library, self.slots, self.modules, self.rates = library, slots, modules, rates
 
-    def _run(self, name: str, live: Index, *inputs: Array) -> tuple[list[Array], Mask]:
-        """Run a program for designs; return its outputs and where its guard is within the limit."""
-        slots = self.slots if len(live) == len(self.slots) else self.slots[live]
-        outputs, guard = self.library.batch(name, *inputs, slots)
-        return list(outputs), guard <= GUARD_LIMIT
-
-    def reached(self, at: DesignPostures, g: Array) -> tuple[DesignPostures, Mask]:
-        """Go by Newton's method from a guess to the given positions, without damping (`reaches`)."""
-        live = np.arange(len(at.q))
-        given, good = np.tile(g, (len(live), 1)), np.ones(len(live), dtype=bool)
-        before, near = np.full((len(live), self.modules), np.inf), ~good
-        for _ in range(PATIENCE):
-            (q, p, step, wrist, far), trusted = self._run("newton", live, at.q, at.p, given)
-            good &= near | trusted & ((far < before) | (step < QUADRATIC)).all(axis=1)
-            at, before = at.moved(DesignPostures(q, p), ~near), far
-            near |= (np.maximum(step, wrist) <= QUADRATIC).all(axis=1)
-            if near[good].all():
-                break
-        return at, good & near
-
-    def advanced(
-        self, live: Index, start: DesignPostures, given: tuple[Array, Array, Array], *, free: bool
-    ) -> tuple[DesignPostures, Array, Array, Mask]:
-        """Close a row on the branch of the row before; `free` where there is no row before.
-
-        Returns:
-            The postures, rates, accelerations, and where they are certain.
-        """
-        many = [np.broadcast_to(x, (len(live), len(x))) for x in given]
-        (q, p, first, wrist, _), good = self._run("newton", live, start.q, start.p, many[0])
-        at = predicted = DesignPostures(q, p)
-        before = np.maximum(first, wrist).max(axis=1)
-        for _ in range(ITERATIONS):
-            left = before > QUADRATIC
-            if not left[good].any():
-                break
-            (q, p, step, wrist, _), trusted = self._run("newton", live, at.q, at.p, many[0])
-            size = np.maximum(step, wrist).max(axis=1)
-            good &= ~left | (trusted & (size <= before))
-            at, before = at.moved(DesignPostures(q, p), left), np.where(left, size, before)
-        good &= before <= QUADRATIC
-        left, v, a = np.ones(len(live), dtype=bool), *np.empty((2, len(live), self.rates))
-        for _ in range(LAST_STEPS):
-            (q, p, *rates, step, far), trusted = self._run("settle", live, at.q, at.p, *many)
-            at = at.moved(DesignPostures(q, p), left)
-            v, a = (np.where(left[:, None], new, old) for new, old in zip(rates, (v, a), strict=True))
-            settled = step.max(axis=1) <= LAST_ROW_STEP
-            good &= ~left | (trusted & (~settled | (far.max(axis=1) <= CLOSED_TO_ROUNDING)))
-            left &= ~settled
-            if not left[good].any():
-                break
-        good &= ~left
-        if not free:
-            good &= self._on_branch(live, start, predicted, at, many[0], first)
-        return at, v, a, good
-
-    def _on_branch(
-        self,
-        live: Index,
-        start: DesignPostures,
-        predicted: DesignPostures,
-        found: DesignPostures,
-        g: Array,
-        first: Array,
-    ) -> Mask:
-        """Compare a step with its prediction, as `assembly.follow` does."""
-        (off, turned), trusted = self._run(
-            "branch", live, start.q, start.p, predicted.q, predicted.p, found.q, found.p, g
-        )
-        near = off <= SAME_BRANCH * first + SMALL_STEP
-        straight = (first <= SMALL_STEP) | (turned <= MOST_TURNING)
-        out: Mask = trusted & near.all(axis=1) & straight.all(axis=1)
-        return out
+def _without_states(room: States, certain: Mask) -> DesignStates:
+    """Return the states of designs, NaN for those that are not certain."""
+    for x in room if not certain.all() else ():
+        x[~certain] = np.nan
+    return DesignStates(*room, certain)

@@ -1,0 +1,173 @@
+/* Rows of a table closed for W designs at once, each lane from its own row before, with the steps of `closing.h`.
+   Needs NQ, NP, NV, NG, NR, SLOTS, MODULES, the constants of `design_source`, and the programs "newton", "settle"
+   and "branch" with their parameters. */
+typedef struct {
+    V q[NQ], p[NP];
+} Posture;
+typedef struct {
+    Posture at;
+    V g[NG], slots[SLOTS];
+} NewtonIn;
+typedef struct {
+    Posture at;
+    V step[MODULES], wrist[MODULES], open[MODULES];
+} NewtonOut;
+typedef struct {
+    Posture at;
+    V g[NG], g_dot[NR], g_ddot[NR], slots[SLOTS];
+} SettleIn;
+typedef struct {
+    Posture at;
+    V v[NV], a[NV], step[MODULES], open[MODULES];
+} SettleOut;
+typedef struct {
+    Posture start, predicted, found;
+    V g[NG], slots[SLOTS];
+} BranchIn;
+typedef struct {
+    V off[MODULES], turned[MODULES];
+} BranchOut;
+typedef struct {
+    NewtonIn newton;
+    NewtonOut moved;
+    SettleIn settle;
+    SettleOut settled;
+    BranchIn branch;
+    BranchOut about;
+    Posture at;
+    V v[NV], a[NV], first[MODULES], before[MODULES], certain, programs[PROGRAMS_WORK];
+} Work;
+EXPORT Long designs_work = sizeof(Work);
+
+#define EVERY LE(C(0), C(0))
+#define NUMBERS(x) (sizeof(x) / sizeof(V))
+/* Run a program; gives the lanes in which its guard is within the limit. */
+#define RUN(program, in, out) run(program##_samples, program##_SHARED, (V *)&(in), NUMBERS(in), (V *)&(out), NUMBERS(out), w)
+typedef void Samples(const V *given, V *result, V *shared, V *own, V *guard);
+INLINE M run(Samples *samples, Long shared, const V *in, Long given, V *out, Long result, Work *w) {
+    V worst_yet = C(0);
+    for (Long k = 0; k < given; k++) worst_yet += in[k] * C(0); /* not finite: NaN */
+    samples(in, out, w->programs, w->programs + shared, &worst_yet);
+    worst_yet += none(out, (int)result); /* not finite: NaN */
+    return LE(worst_yet, C(GUARD_LIMIT));
+}
+
+/* Numbers of each lane's row; lanes beyond the valid ones repeat the last. */
+INLINE void fill(V *to, const S *from, Long n, Long apart, int valid) {
+    S *x = (S *)to;
+    for (int l = 0; l < W; l++) {
+        const S *row = from + (l < valid ? l : valid - 1) * apart;
+        for (Long k = 0; k < n; k++) x[k * W + l] = row[k];
+    }
+}
+INLINE void take(M where, V *to, const V *from, Long n) {
+    for (Long k = 0; k < n; k++) to[k] = SELECT(where, from[k], to[k]);
+}
+INLINE V largest_lanes(const V *x) {
+    V out = x[0];
+    for (int m = 1; m < MODULES; m++) out = FMAX(out, x[m]);
+    return out;
+}
+INLINE V size_of(const NewtonOut *out) { return FMAX(largest_lanes(out->step), largest_lanes(out->wrist)); }
+
+/* Newton's method from the guess in `at` without damping; gives where it comes to the positions. */
+static M reached(Work *w) {
+    M good = EVERY, near = NOT(EVERY);
+    for (int m = 0; m < MODULES; m++) w->before[m] = C(INFINITY);
+    for (int k = 0; k < PATIENCE; k++) {
+        w->newton.at = w->at;
+        const M trusted = RUN(newton, w->newton, w->moved);
+        M nearer = EVERY, there = EVERY;
+        for (int m = 0; m < MODULES; m++) {
+            const V step = w->moved.step[m], far = w->moved.open[m];
+            nearer = AND(nearer, OR(LT(far, w->before[m]), LT(step, C(NEAR))));
+            there = AND(there, AND(LE(step, C(NEAR)), LE(w->moved.wrist[m], C(NEAR))));
+            w->before[m] = far;
+        }
+        good = AND(good, OR(near, AND(trusted, nearer)));
+        take(NOT(near), (V *)&w->at, (V *)&w->moved.at, NUMBERS(Posture));
+        near = OR(near, there);
+        if (!ANY(AND(good, NOT(near)))) break;
+    }
+    return AND(good, near);
+}
+
+/* Compare a step with its prediction, as `assembly.follow` does. */
+static M on_branch(Work *w) {
+    w->branch.found = w->at;
+    M good = RUN(branch, w->branch, w->about);
+    for (int m = 0; m < MODULES; m++) {
+        const M near = LE(w->about.off[m], C(SAME_BRANCH) * w->first[m] + C(SMALL_STEP));
+        const M straight = OR(LE(w->first[m], C(SMALL_STEP)), LE(w->about.turned[m], C(MOST_TURNING)));
+        good = AND(good, AND(near, straight));
+    }
+    return good;
+}
+
+/* Close a row on the branch of the row before, in `at`; `lone` where there is none. Gives where it is certain. */
+static M advanced(Work *w, M certain, int lone) {
+    w->newton.at = w->branch.start = w->at;
+    M good = AND(certain, RUN(newton, w->newton, w->moved));
+    w->at = w->branch.predicted = w->moved.at;
+    memcpy(w->first, w->moved.step, sizeof(w->first));
+    V before = size_of(&w->moved);
+    for (int k = 0; k < ITERATIONS; k++) {
+        const M left = NOT(LE(before, C(NEAR)));
+        if (!ANY(AND(left, good))) break;
+        w->newton.at = w->at;
+        const M trusted = RUN(newton, w->newton, w->moved);
+        const V size = size_of(&w->moved);
+        good = AND(good, OR(NOT(left), AND(trusted, LE(size, before))));
+        take(left, (V *)&w->at, (V *)&w->moved.at, NUMBERS(Posture));
+        before = SELECT(left, size, before);
+    }
+    good = AND(good, LE(before, C(NEAR)));
+    M left = EVERY;
+    for (int k = 0; k < LAST_STEPS; k++) {
+        w->settle.at = w->at;
+        const M trusted = RUN(settle, w->settle, w->settled);
+        take(left, (V *)&w->at, (V *)&w->settled.at, NUMBERS(Posture));
+        take(left, w->v, w->settled.v, NV);
+        take(left, w->a, w->settled.a, NV);
+        const M open = NOT(LE(largest_lanes(w->settled.step), C(LAST_STEP)));
+        good = AND(good, OR(NOT(left), AND(trusted, OR(open, LE(largest_lanes(w->settled.open), C(OPEN))))));
+        left = AND(left, open);
+        if (!ANY(AND(left, good))) break;
+    }
+    good = AND(good, NOT(left));
+    return lone || !ANY(good) ? good : AND(good, on_branch(w));
+}
+
+/* Close the rows of designs `from` to `to`, each from its guess.
+
+   q_0, p_0: the guesses, whose rows are `apart` (0 or 1) rows apart. g, g_dot, g_ddot: `rows` rows for all designs, or
+   for each (`own`). q, v, a: `rows` rows for each design. certain: 1 where all rows of a design are, else 0. */
+EXPORT void closed_designs(Long from, Long to, Long rows, const S *slots, Long apart, const S *q_0, const S *p_0,
+                           Long own, const S *g, const S *g_dot, const S *g_ddot, S *q, S *v, S *a, S *certain,
+                           Work *w) {
+    for (Long d = from; d < to; d += W) {
+        const int valid = to - d < W ? (int)(to - d) : W;
+        const Long first = own ? d * rows : 0, stride = own ? rows : 0;
+        fill(w->newton.slots, slots + d * SLOTS, SLOTS, SLOTS, valid);
+        memcpy(w->settle.slots, w->newton.slots, sizeof(w->newton.slots));
+        memcpy(w->branch.slots, w->newton.slots, sizeof(w->newton.slots));
+        fill(w->at.q, q_0 + d * apart * NQ, NQ, apart * NQ, valid);
+        fill(w->at.p, p_0 + d * apart * NP, NP, apart * NP, valid);
+        M good = EVERY;
+        for (Long t = 0; t < rows && ANY(good); t++) {
+            const Long row = first + t;
+            fill(w->newton.g, g + row * NG, NG, stride * NG, valid);
+            memcpy(w->settle.g, w->newton.g, sizeof(w->newton.g));
+            memcpy(w->branch.g, w->newton.g, sizeof(w->newton.g));
+            fill(w->settle.g_dot, g_dot + row * NR, NR, stride * NR, valid);
+            fill(w->settle.g_ddot, g_ddot + row * NR, NR, stride * NR, valid);
+            if (!t) good = reached(w);
+            good = advanced(w, good, !t);
+            to_rows_apart(q + (d * rows + t) * NQ, w->at.q, NQ, rows * NQ, valid);
+            to_rows_apart(v + (d * rows + t) * NV, w->v, NV, rows * NV, valid);
+            to_rows_apart(a + (d * rows + t) * NV, w->a, NV, rows * NV, valid);
+        }
+        w->certain = NUMBER(good);
+        to_rows(certain + d, &w->certain, 1, valid);
+    }
+}
