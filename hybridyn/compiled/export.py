@@ -61,7 +61,7 @@ def export(
         dtype: "float64", or "float32" for processors with single precision only.
         map_joints: Output joints whose map to their motors is written, too, as for `hybridyn.joint_map`.
         parameters: Numbers of the robot that are arguments of the functions, as for `hybridyn.compile`; the
-            header lists them. The functions that close loops are then left out.
+            header lists them. The function `close_platforms` is then left out.
 
     Returns:
         Paths of the written files.
@@ -100,7 +100,7 @@ def export(
             f"{name}.c": plain_source(models, name, dtype),
             f"test_{name}.c": test_text(robot, on, models, name, dtype, map_joints, values),
             "Makefile": _makefile(name),
-            "README.md": _readme(robot, on.names, models, name, dtype, closes=not slots),
+            "README.md": _readme(robot, on.names, models, name, dtype, arguments=bool(slots)),
         }
     return written(Path(directory), contents)
 
@@ -211,11 +211,12 @@ def _readme(
     name: str,
     dtype: str,
     *,
-    closes: bool,
+    arguments: bool,
 ) -> str:
     """Return the README."""
     functions = "\n".join(f"    {prototype(program, name, dtype)};" for program in programs)
-    closing = _closing(robot, programs, name) if closes else ". `parameters` are numbers of the robot"
+    closing = _closing(robot, programs, name)
+    closing += ". `parameters` are numbers of the robot" if arguments else ""
     return f"""# Dynamics of '{robot.description.name}' in C
 
 {WRITTEN}. C99, also for C++ (compile the source as C). The code allocates no memory and needs no library but

@@ -23,9 +23,13 @@ from hybridyn.dynamics.inverse import idm
 from hybridyn.manifold.manifold import Manifold
 from hybridyn.oracle import Base
 from hybridyn.structure.building import build_robot
+from hybridyn.structure.parameters.entries import Parameters
 from tests.linkage.test_winding import OFFSET, gear
 from tests.mechanisms import KINDS, random_mechanism
+from tests.shipped import shipped
 
+#: A number that is an argument of the program, and its value in another design.
+DESIGN = "position:m1_left_elbow", (0.27, 0.0, 0.0)
 AWAY = 1e-3  # rad, module lengths: how far the others were at the last tick
 CALLS = 6  # Newton needs four from there
 AGREE = 1e-9  # of the largest rate and acceleration: closures closed to 1e-11, times their condition
@@ -138,3 +142,23 @@ def test_motors_turn_as_far_between_calls_as_their_gears_allow(tmp_path: Path) -
 @pytest.mark.parametrize("ratio", [3.14, 0.558])
 def test_no_gear_loses_count_of_its_turns(ratio: float, tmp_path: Path) -> None:
     assert programs(gear(tmp_path, ratio), models=("close",)) == {}
+
+
+def test_loops_of_a_design_are_closed_by_one_program() -> None:
+    """The rows of another design's posture; a design whose loops do not close is refused."""
+    robot = build_robot(shipped("five_bar"))
+    parameters = Parameters(robot.description, [DESIGN[0]])
+    function = function_of(programs(robot, models=("close",), parameters=parameters.slots)["close"])
+    other = robot.with_parameters(dict([DESIGN]))
+    q, v, a, _ = (x[0] for x in random_states(other, 1, seed=2))
+    off = np.array([2e-4 if name not in robot.motors else 0.0 for name in robot.joints])
+    near = q + off
+    for _ in range(CALLS):
+        near, rates, accelerations, guard = (np.array(x).ravel() for x in function(near, v, a, DESIGN[1]))
+    assert guard <= 1
+    np.testing.assert_allclose(near, q, atol=CLOSED)
+    np.testing.assert_allclose(rates, v, atol=AGREE * np.abs(v).max())
+    np.testing.assert_allclose(accelerations, a, atol=AGREE * np.abs(a).max())
+    for _ in range(CALLS):  # out of the plane: rows that were redundant do not close
+        near, _, _, guard = (np.array(x).ravel() for x in function(near, v, a, (0.27, 0.01, 0.0)))
+    assert guard > 1

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,10 +13,13 @@ import pytest
 import hybridyn
 from hybridyn import CompiledRobot, HybridRobot
 from hybridyn.assembly.requests import gather_requests
+from hybridyn.compiled.library.closed_designs import ClosedDesigns
 from hybridyn.compiled.programs.closing.design_rows import DesignRows
-from hybridyn.compiled.programs.designs import changed
+from hybridyn.compiled.programs.designs import DesignsInSlots, changed
+from hybridyn.description.cache_folder import VARIABLE
 from hybridyn.errors import HybridynError, ModelError, TrajectoryError
-from hybridyn.spatial import Array
+from hybridyn.spatial import Array, Mask
+from hybridyn.structure.parameters.entries import Parameters
 from hybridyn.structure.parameters.slots import Slot
 from tests.posing import swaying
 
@@ -70,7 +75,7 @@ def test_designs_are_the_robots_with_these_numbers(name: str) -> None:
     np.testing.assert_allclose(one[0], found.q[3], rtol=0, atol=AGREE)
     rows, before = compiled._evaluator.rows, compiled.recomputed
     follow = rows.follow
-    rows.follow = lambda *given: replace(follow(*given), certain=np.zeros(1, bool))  # type: ignore[method-assign]
+    rows.follow = lambda *given, **more: replace(follow(*given, **more), certain=np.zeros(1, bool))  # type: ignore[method-assign]
     again = compiled.assemble(motors=motors, parameters=p[3])
     np.testing.assert_allclose(again[0], one[0], rtol=0, atol=AGREE)
     assert (before, compiled.recomputed) == (0, ROWS)
@@ -116,11 +121,64 @@ def test_designs_follow_some_coordinates_of_a_pose(name: str, parameters: list[s
 def test_whole_poses_of_links_that_a_parameter_places_are_left_to_the_general_path() -> None:
     robot = hybridyn.load("rps3")
     fixed = next(joint.name for joint in robot.description.joints if joint.kind == "fixed")
-    rows = DesignRows(robot, (Slot("joints", fixed, "placement", (0, 3)),))
+    parameters = Parameters(robot.description, [Slot("joints", fixed, "placement", (0, 3))])
+    rows = DesignRows(DesignsInSlots(robot, parameters))
     link = next(joint.child for joint in robot.description.joints if joint.name == fixed)
     pose = np.array([0.0, 0, 0.5, 0, 0, 0, 1])
     assert rows._moves_posed_links(gather_requests(robot, {}, {link: pose}))
     assert not rows._moves_posed_links(gather_requests(robot, {}, {link: {"z": 0.5}}))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", NAMES)
+def test_loops_of_designs_are_closed_from_the_motors(name: str) -> None:
+    robot = hybridyn.load(name)
+    compiled = hybridyn.compile(robot, parameters=NAMES[name])
+    levels = waves(robot, SWING[name]).values()
+    x, x_dot, x_ddot = (np.array([level[i] for level in levels]).T for i in range(3))
+    nominal = compiled.parameters.nominal
+    p = nominal * (1.0 + 0.02 * np.random.default_rng(1).uniform(-1.0, 1.0, (ROWS, len(nominal))))
+    wanted = hybridyn.assemble(robot_of(compiled, p[4]), motors=waves(robot, SWING[name]))
+    found = compiled.close(x, x_dot, x_ddot, parameters=p[4])  # one design, row after row
+    for one, right in zip(found, wanted, strict=True):
+        np.testing.assert_allclose(one, right, rtol=AGREE, atol=AGREE)
+    lone = compiled.close(x[4], x_dot[4], x_ddot[4], last=found[0][3], parameters=p[4])
+    each = compiled.close(x, x_dot, x_ddot, last=found[0], parameters=p)  # another design in each row
+    for one, many, right in zip(lone, each, wanted, strict=True):
+        np.testing.assert_allclose(one, right[4], rtol=AGREE, atol=AGREE)
+        np.testing.assert_allclose(many[4], right[4], rtol=AGREE, atol=AGREE)
+    for k in (0, ROWS - 1):
+        other = robot_of(compiled, p[k])
+        right = hybridyn.assemble(other, motors=dict(zip(robot.motors, x[k], strict=True)), guess=found[0][k])
+        np.testing.assert_allclose(each[0][k], right[0], rtol=AGREE, atol=AGREE)
+    assert compiled.recomputed == 0
+    far = np.tile(nominal, (2, 1))
+    far[1, 1] += 5.0  # too long to close
+    with pytest.raises(HybridynError):
+        compiled.close(x[:2], parameters=far)
+    with pytest.raises(TrajectoryError, match="last has shape"):
+        compiled.close(x, last=found[0][:2], parameters=p)
+
+
+@pytest.mark.slow
+def test_a_library_that_differs_from_the_general_path_is_not_used(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture, tmp_path: Path
+) -> None:
+    """A new library is compared with the general path at some designs; here its rates are off."""
+    monkeypatch.setenv(VARIABLE, str(tmp_path))
+    right = ClosedDesigns.close
+
+    def close(self: ClosedDesigns, slots: Array, *given: Any) -> Mask:
+        certain = right(self, slots, *given)
+        given[2][1][:] *= 1.0 + 1e-6
+        return certain
+
+    monkeypatch.setattr(ClosedDesigns, "close", close)
+    compiled = hybridyn.compile(hybridyn.load("five_bar"), parameters=["mass:m1_tool"])
+    table = compiled.designs([[0.4]], motors=waves(compiled.robot, 0.1))
+    assert (table.recomputed, compiled.recomputed) == (1, ROWS)
+    assert "the compiled loops of the robot" in caplog.text
+    assert "differ from the general path" in caplog.text
 
 
 @pytest.mark.slow

@@ -303,8 +303,10 @@ def test_exported_functions_take_parameters(tmp_path: Path) -> None:
     assert main([*command]) == 0
     header = (tmp_path / "bar.h").read_text()
     assert "0  mass of 'm1_tool' (0.4)" in header
-    assert "bar_close(" not in header
-    assert "idm 0: guard" in run_test(tmp_path, "bar")
+    assert "bar_close(" in header
+    printed = run_test(tmp_path, "bar")
+    assert "idm 0: guard" in printed
+    assert "close 0: guard" in printed
     library = tmp_path / "bar.so"
     sources = [
         *find_compiler().command,
@@ -326,3 +328,10 @@ def test_exported_functions_take_parameters(tmp_path: Path) -> None:
         given = [q[t], v[t], a[t], np.array([0.7, 0.27, 0.0, 0.0]), found, work]
         assert model(*(ctypes.c_void_p(x.ctypes.data) for x in map(np.ascontiguousarray, given))) <= 1.0
         np.testing.assert_allclose(found, hybridyn.idm(other, q, v, a)[t], rtol=1e-11)
+    close = ctypes.CDLL(str(library)).bar_close
+    close.restype = ctypes.c_double
+    states = [np.empty(size) for size in (robot.nq, robot.nv, robot.nv)]
+    given = [q[0], v[0], a[0], np.array([0.7, 0.27, 0.0, 0.0]), *states, np.empty(10_000)]
+    assert close(*(ctypes.c_void_p(x.ctypes.data) for x in given)) <= 1.0
+    for found, wanted in zip(states, (q[0], v[0], a[0]), strict=True):
+        np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-9 * np.abs(wanted).max())

@@ -9,6 +9,7 @@ import casadi as ca
 import numpy as np
 
 from ...structure.module import Module
+from ...structure.module_spec import ModuleSpec
 from .chains import sweep
 from .expressions import Expression, pack, symbols, zeros
 from .folding import Folding, scalar
@@ -44,7 +45,7 @@ def shape_of(module: Module, *more: Any) -> Any:
 
 
 def spanning_closures(
-    modules: list[Module], folding: Folding, q: Expression
+    modules: list[Module], folding: Folding, q: Expression, specs: Sequence[ModuleSpec] = ()
 ) -> tuple[Expression, Expression]:
     """Compute the Jacobian, shape (rows, nv), and residual, shape (rows,), of all closures.
 
@@ -52,10 +53,11 @@ def spanning_closures(
         modules: Modules of one shape.
         folding: Collects the numbers in which they differ.
         q: Positions of the spanning tree.
+        specs: The modules' numbers where some are arguments.
     """
     tree = modules[0].mechanism.spanning
     positions = [q[at] for at in tree.q_slices]
-    specs = [module.mechanism.spec for module in modules]
+    specs = specs or [module.mechanism.spec for module in modules]
     links = fold_links(folding, [links_of(s.spanning, [np.zeros(10)] * len(s.spanning)) for s in specs])
     nv = sum(link.nv for link in links)
     chain = sweep(links, q, zeros(nv), zeros(6))

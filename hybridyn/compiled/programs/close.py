@@ -11,7 +11,7 @@ computes their rates and accelerations:
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import casadi as ca
@@ -21,15 +21,17 @@ from ...linkage.common_measure import common_measure
 from ...linkage.tree import Tree
 from ...spatial import Array
 from ...structure.module import Module
+from ...structure.module_spec import ModuleSpec
 from ...structure.robot import HybridRobot
+from ..equations.arguments.chosen import ChosenNumbers
 from ..equations.displacement import by_joint, moved_joint, position_rate
 from ..equations.expressions import Expression, dot, pack, symbols, unpack, zeros
 from ..equations.folding import Folding
-from ..equations.guards import GUARD_CLOSED, largest, trusted
+from ..equations.guards import GUARD_CLOSED, TINY_RATE, largest, trusted
 from ..equations.request import Request
 from ..equations.spanning import dependent_pivots, shape_of, spanning_closures
 from ..equations.static_elimination import solve
-from ..program import Constants, Program, Source, Target, Worst
+from ..program import Program, Source, Target, Worst
 from .writer import Writer
 
 #: The program is left out if a motor must turn by less than this [rad] between calls (`largest_turn`).
@@ -60,20 +62,26 @@ def following_program(request: Request, name: str, driven: set[int]) -> Program:
     """Build the program in which all joints follow the freedoms `driven`, with the arrays of "close"."""
     robot = request.robot
     shapes: dict[Any, list[Module]] = {}
-    for module in robot.modules:
-        shapes.setdefault(shape_of(module, motor_freedoms(module, driven)), []).append(module)
-    inputs = [("near", robot.nq), ("v", robot.nv), ("a", robot.nv)]
+    specs: dict[Any, list[ModuleSpec]] = {}
+    chosen = request.arguments if isinstance(request.arguments, ChosenNumbers) else None
+    every = [None] * len(robot.modules) if chosen is None else chosen.of_modules
+    for module, own in zip(robot.modules, every, strict=True):
+        shape = shape_of(module, motor_freedoms(module, driven))
+        shapes.setdefault(shape, []).append(module)
+        specs.setdefault(shape, []).append(module.mechanism.spec if own is None else own.spec)
+    inputs = [("near", robot.nq), ("v", robot.nv), ("a", robot.nv), *request.parameter_inputs]
     w = Writer(name, inputs, [("q", robot.nq), ("v_closed", robot.nv), ("a_closed", robot.nv)])
     if robot.base == "moving":
         keep_base(w)
     for shape, modules in shapes.items():
-        function, table = by_motors(modules, motor_freedoms(modules[0], driven), GUARD_CLOSED[request.dtype])
+        motors, closed = motor_freedoms(modules[0], driven), GUARD_CLOSED[request.dtype]
+        function, table = by_motors(modules, motors, closed, () if chosen is None else specs[shape])
         q, v = (np.array([getattr(m, index) for m in modules]) for index in ("q_index", "v_index"))
         sources: list[Source] = [
             w.from_given("near", q),
             w.from_given("v", v),
             w.from_given("a", v),
-            Constants(table),
+            w.numbers(table, None if chosen is None else chosen.column),
         ]
         targets: list[Target] = [w.result("q", q), w.result("v_closed", v), w.result("a_closed", v), Worst()]
         w.call(w.kernel(shape, function, "closures"), len(modules), sources, targets)
@@ -113,8 +121,18 @@ def motor_freedoms(module: Module, driven: set[int]) -> tuple[int, ...]:
     return tuple(k for k, column in enumerate(module.v_index.tolist()) if column in driven)
 
 
-def by_motors(modules: list[Module], motors: tuple[int, ...], closed: float) -> tuple[ca.Function, Array]:
-    """Return the closing kernel of modules of one shape, and the table of numbers in which they differ."""
+def by_motors(
+    modules: list[Module], motors: tuple[int, ...], closed: float, specs: Sequence[ModuleSpec] = ()
+) -> tuple[ca.Function, Array]:
+    """Return the closing kernel of modules of one shape, and the table of numbers in which they differ.
+
+    Args:
+        modules: The modules.
+        motors: Freedoms of their motors.
+        closed: Largest step of closed loops.
+        specs: The modules' numbers where some are arguments. The guard then includes the rows without a
+            pivot, which may depend on the others no longer.
+    """
     m, folding = modules[0].mechanism, Folding()
     tree = m.spanning
     (q_col, q), (v_col, v), (a_col, a) = symbols("q", tree.nq), symbols("v", tree.nv), symbols("a", tree.nv)
@@ -122,7 +140,7 @@ def by_motors(modules: list[Module], motors: tuple[int, ...], closed: float) -> 
     if m.spanning_closures.rows:
         pivots = dependent_pivots(modules, motors)
         dependent = list(pivots.cols)
-        K, residual = spanning_closures(modules, folding, q)
+        K, residual = spanning_closures(modules, folding, q, specs)
         v, a = v.copy(), a.copy()
         v[dependent] = a[dependent] = 0.0
         solved, trust = solve(K, np.stack([-residual, -dot(K, v)], axis=1), pivots)
@@ -130,6 +148,11 @@ def by_motors(modules: list[Module], motors: tuple[int, ...], closed: float) -> 
         drift = _drift(K, q_col, v, tree)
         a[dependent] = solve(K, (-dot(K, a) - drift)[:, None], pivots)[0][dependent, 0]
         guard = ca.fmax(trusted(trust), largest(step / m.spanning_col_scale) / closed)
+        if specs:
+            scale, unit = m.spanning_row_scale, m.spanning_col_scale
+            speed = largest(v / unit)
+            guard = ca.fmax(guard, largest(residual * scale) / closed)
+            guard = ca.fmax(guard, largest(dot(K, v) * scale) / (closed * (TINY_RATE + speed)))
     moved = by_joint(tree, moved_joint, q, step, positions=1)
     outputs = [pack(moved), pack(v), pack(a), ca.SX(guard)]
     return ca.Function("close", [q_col, v_col, a_col, folding.symbol()], outputs), folding.table(len(modules))

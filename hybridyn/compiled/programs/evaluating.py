@@ -88,8 +88,15 @@ class DesignEvaluator:
         self._inverse, self._threads = inverse, threads
         self.rows = DesignRows(designs, threads)
 
-    def assemble(self, numbers: Array, requests: Requests) -> tuple[Array, Array, Array, int]:
-        """Assemble the postures of one design, with numbers in the slots of shape (slots,).
+    def assemble(
+        self, numbers: Array, requests: Requests, guess: Array | None = None
+    ) -> tuple[Array, Array, Array, int]:
+        """Assemble the postures of one design.
+
+        Args:
+            numbers: Numbers in the slots, shape (slots,).
+            requests: The postures.
+            guess: Initial posture, shape (nq,); the design's home posture by default.
 
         Returns:
             q, v, a, shapes (T, nq), (T, nv), (T, nv), and how many of them the general path computed.
@@ -97,11 +104,35 @@ class DesignEvaluator:
         Raises:
             HybridynError: The same errors as `hybridyn.assemble` of the design.
         """
-        found = self.rows.follow(self.rows.requests(requests), numbers[None])
+        found = self.rows.follow(self.rows.requests(requests), numbers[None], guess=guess)
         if found.certain[0]:
             return found.q[0], found.v[0], found.a[0], 0
         robot = self.designs.robot_of(numbers)
-        return *assemble_requests(robot, requests, robot.home), requests.samples
+        start = robot.home if guess is None else guess
+        return *assemble_requests(robot, requests, start), requests.samples
+
+    def each(self, numbers: Array, requests: Requests, guess: Array) -> tuple[Array, Array, Array, int]:
+        """Assemble one posture of each design.
+
+        Args:
+            numbers: Numbers in the slots of each design, shape (T, slots).
+            requests: The postures, T samples.
+            guess: Initial postures, shape (nq,) or (T, nq).
+
+        Returns:
+            q, v, a, shapes (T, nq), (T, nv), (T, nv), and how many of them the general path computed.
+
+        Raises:
+            HybridynError: The same errors as `hybridyn.assemble` of a design.
+        """
+        found = self.rows.each(self.rows.requests(requests), numbers, guess)
+        q, v, a = found.q[:, 0], found.v[:, 0], found.a[:, 0]
+        left = np.flatnonzero(~found.certain).tolist()
+        for k in left:
+            robot, start = self.designs.robot_of(numbers[k]), guess if guess.ndim == 1 else guess[k]
+            rows = assemble_requests(robot, requests.part(k, k + 1), start)
+            q[k], v[k], a[k] = (x[0] for x in rows)
+        return q, v, a, len(left)
 
     def table(
         self,

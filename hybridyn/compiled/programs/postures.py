@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from ...assembly.assemble import by_name, first_guess
 from ...assembly.requests import Requests, gather_requests
 from ...effects.choice import Effects
+from ...errors import TrajectoryError
 from ...spatial import Array
 from ...structure.robot import HybridRobot
 from ..library.current import Current
@@ -110,6 +111,7 @@ class Postures:
         acceleration: ArrayLike | None = None,
         *,
         last: Array | None = None,
+        parameters: ArrayLike | None = None,
     ) -> tuple[Array, Array, Array]:
         """Compute the motion of all joints from the motors', as a controller needs it at every tick.
 
@@ -118,7 +120,10 @@ class Postures:
             rate: Their rates, of the same shape; zero by default.
             acceleration: Their accelerations, of the same shape; zero by default.
             last: Posture of the last tick, shape (nq,), as this function returned it; the home posture by
-                default. A row from another posture takes longer.
+                default. A row from another posture takes longer. With parameters of each sample also
+                (T, nq).
+            parameters: Numbers of one design, shape (k,), whose samples follow one another; or of a design
+                for each sample, shape (T, k), which all start at `last`; None for those of the robot.
 
         Returns:
             q, v, a on the spanning tree, on the assembly branch of `last`; a base keeps its pose.
@@ -127,6 +132,8 @@ class Postures:
             HybridynError: The same errors with the same messages as `hybridyn.assemble`.
         """
         nq, nv = self.robot.nq, self.robot.nv
+        if parameters is not None:
+            return self._close_designs(position, (rate, acceleration), last, parameters)
         out = np.empty(nq + 2 * nv)
         speed = self._motors_still if rate is None else rate
         change = self._motors_still if acceleration is None else acceleration
@@ -138,6 +145,26 @@ class Postures:
         at_once = self._assembler.follow_motors(requests, np.atleast_2d(q)[-1])
         self._close_at_once = refuse if self.robot.model_is_held else at_once or refuse
         return q, v, a
+
+    def _close_designs(
+        self,
+        position: ArrayLike,
+        rates: tuple[ArrayLike | None, ArrayLike | None],
+        last: Array | None,
+        parameters: ArrayLike,
+    ) -> tuple[Array, Array, Array]:
+        """Compute the motion of all joints of one design, or of a design for each sample, see `close`."""
+        requests = requests_of_motors(self.robot, position, rates)
+        each = np.ndim(parameters) == 2
+        numbers = self._designs.numbers(parameters, (requests.samples,) if each else ())
+        start = np.zeros(0) if last is None else np.asarray(last, dtype=float)
+        if each and start.ndim == 2 and start.shape != (requests.samples, self.robot.nq):
+            raise TrajectoryError(f"last has shape {start.shape}; wanted {(requests.samples, self.robot.nq)}")
+        guess = start if each and start.ndim == 2 else first_guess(self.robot, last)
+        close = self._evaluator.each if each else self._evaluator.assemble
+        q, v, a, others = close(numbers, requests, guess)
+        self.recomputed += others
+        return (q[0], v[0], a[0]) if requests.single else (q, v, a)
 
     @cached_property
     def _evaluator(self) -> DesignEvaluator:

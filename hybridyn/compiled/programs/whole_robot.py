@@ -40,7 +40,7 @@ def programs(
             otherwise they are turned away from them.
         parameters: Numbers of the description that are an input ("parameters"); True for the inertial
             parameters of the bodies, ten for each body of `robot.bodies` in the order and frame of
-            `pinocchio.Inertia.toDynamicParameters`. Programs that close loops are then left out.
+            `pinocchio.Inertia.toDynamicParameters`. "lift" is then left out, and for True "close", too.
         dtype: Type of the arithmetic, "float64" or "float32". The general path computes samples whose loops
             are open by more than its rounding.
         counted: Whether kernels state which operations belong to which part, for `operations`.
@@ -59,6 +59,7 @@ def programs(
         "close": close_program,
     }
     if asked.arguments is not None:
-        models = tuple(name for name in models if name in ("idm", "ddm", "kinematics"))
+        known = ("idm", "ddm", "kinematics", "close" if parameters is not True else "idm")
+        models = tuple(name for name in models if name in known)
     written = {name: write[name](asked) for name in models}
     return {name: program for name, program in written.items() if program is not None}
