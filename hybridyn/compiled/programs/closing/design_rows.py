@@ -8,7 +8,7 @@ certain are left to the general path.
 from __future__ import annotations
 
 import logging
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -178,7 +178,7 @@ class DesignRows:
         if key not in self._known:
             try:
                 parts = parts_of(self.robot, wanted)
-                known = None if parts is None else DesignClosing(parts, self._library(parts, key))
+                known = None if parts is None else DesignClosing(parts, self._library(parts, requests))
             except (CompileError, OSError) as error:
                 log.warning("designs: the general path closes the loops (%s)", error)
                 known = None
@@ -187,7 +187,7 @@ class DesignRows:
             self._known[key] = known
         return self._known[key]
 
-    def _library(self, parts: list[Part], key: tuple[object, ...]) -> ClosedDesigns:
+    def _library(self, parts: list[Part], requests: Requests) -> ClosedDesigns:
         """Load the library; build it if it is new, and compare it with the general path at some designs."""
         scalar, robot, slots = Scalar("float64", best_lanes()), self.robot, self.designs.parameters.slots
 
@@ -204,11 +204,11 @@ class DesignRows:
             library = ClosedDesigns(built)
             with as_compile_error(robot):
                 for design, like, _ in designs_to_verify(robot, self.designs.parameters):
-                    own = _like(parts, like)
+                    own = _like(parts, like, requests)
                     if own:
                         check_rows(self._closer(library, own, design), like, own)
 
-        name = f"designs {key!r} {robot_key(robot, None)} {scalar!r} {slots!r}"
+        name = f"designs {structure_of(requests)!r} {robot_key(robot, None)} {scalar!r} {slots!r}"
         return ClosedDesigns(cached(name, source, accept=accept))
 
     def _closer(self, library: ClosedDesigns, parts: list[Part], design: Array) -> Closer:
@@ -222,16 +222,17 @@ class DesignRows:
         return close
 
 
-def _like(parts: list[Part], robot: HybridRobot) -> list[Part]:
-    """Return the parts of another design; none if its modules have another structure."""
-    modules = {module.name: module for module in robot.modules}
-    out = []
-    for part in parts:
-        module = modules.get(part.module.name)
-        if module is None or module.mechanism.spec.topology != part.module.mechanism.spec.topology:
-            return []
-        out.append(replace(part, module=module))
-    return out
+def _like(parts: list[Part], robot: HybridRobot, requests: Requests) -> list[Part]:
+    """Return the parts of another design for the same requests; none if its structure is another."""
+    try:
+        wanted = module_requests(robot, requests)
+        own = None if wanted is None else parts_of(robot, wanted)
+    except HybridynError:
+        return []
+    structures = [
+        [(part.given, part.module.mechanism.spec.topology) for part in group] for group in (own or [], parts)
+    ]
+    return own if own and structures[0] == structures[1] else []
 
 
 def _without_states(room: States, certain: Mask) -> DesignStates:
