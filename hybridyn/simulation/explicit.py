@@ -64,13 +64,13 @@ class Explicit:
             control: Chooses the lengths of the steps; None for equal ones.
 
         Returns:
-            The states after the steps; None without a compiled path, or if it cannot take the first step.
+            The states after the steps, fewer than asked for where the general path must take the next one;
+            None without a compiled path.
         """
         law = system.law
         if law.steps is None or law.in_c is None or not system.bound:
             return None
-        taken = law.steps.take(self.tableau, law.in_c, (state.q, state.v, state.a), t, h, control)
-        return taken if len(taken.q) else None
+        return law.steps.take(self.tableau, law.in_c, (state.q, state.v, state.a), t, h, control)
 
     def step(self, system: System, state: State, h: float) -> Stepped:
         """Advance a state by h [s], on the compiled path where it is valid.
@@ -79,13 +79,21 @@ class Explicit:
             AssemblyError: A stage is out of reach.
         """
         taken = self.steps(system, state, np.array([state.t, state.t + h]), h)
-        if taken is None:
-            with system.law.counted_as_general() if system.law.steps else contextlib.nullcontext():
-                return in_quickest_chart(system, state, lambda chart: self._step(system, state, h, chart))
+        if taken is None or not len(taken.q):
+            return self.general_step(system, state, h)
         system.law.evaluations += len(self.b)
         errors = (None, None) if self.e is None or taken.error is None else taken.error
         after = State(state.t + h, taken.q[0], taken.v[0], taken.a[0])
         return Stepped(after, errors[0], errors[1], 0, float(taken.pivot[0]))
+
+    def general_step(self, system: System, state: State, h: float) -> Stepped:
+        """Advance a state by h [s] on the general path.
+
+        Raises:
+            AssemblyError: A stage is out of reach.
+        """
+        with system.law.counted_as_general() if system.law.steps else contextlib.nullcontext():
+            return in_quickest_chart(system, state, lambda chart: self._step(system, state, h, chart))
 
     def _step(self, system: System, state: State, h: float, chart: Coordinates) -> Stepped:
         """Advance a state by h [s] in a chart.

@@ -188,11 +188,12 @@ class MotionLaw:
     def driven(self, t: Array, q: Array, v: Array) -> tuple[Array, Array]:
         """Compute what `accelerations` does, and the efforts within their limits, shape (T, motors)."""
         base = np.array([self.place_base(*s) for s in zip(t, q, v, strict=True)])
-        tau = self._efforts(t, q, v)
+        tau, fell_back = self._efforts(t, q, v)
         self.evaluations += len(t)
         if self._compiled is not None:
             quick = self._compiled.accelerations(q, v, tau, base)
             if quick is not None:
+                self._compiled.recomputed += len(t) if fell_back else 0
                 return quick, tau
         loads = all_loads(self.robot, self.on, q, v, t, self._gather(t, q, v))
         a = np.zeros_like(v)
@@ -205,14 +206,16 @@ class MotionLaw:
         accelerate(self.robot, modules, root, q, v, a)
         return a, tau
 
-    def _efforts(self, t: Array, q: Array, v: Array) -> Array:
-        """Compute the motor efforts within their limits, shape (T, motors)."""
-        if self.steps is not None and self.in_c is not None and not self.in_c.calls:
-            quick = self.steps.efforts(self.in_c, t, q, v)
+    def _efforts(self, t: Array, q: Array, v: Array) -> tuple[Array, bool]:
+        """Compute the motor efforts within their limits, (T, motors), and whether C left them to Python."""
+        steps = None if self.in_c is None or self.in_c.calls else self.steps
+        if steps is not None and self.in_c is not None:
+            quick = steps.efforts(self.in_c, t, q, v)
             if quick is not None:
-                return quick
+                return quick, False
         tau = np.array([self.effort(*s) for s in zip(t, q, v, strict=True)]).reshape(len(t), -1)
-        return tau if self.on.limits is None else self.on.limits.clip(self.robot, tau)
+        clipped = tau if self.on.limits is None else self.on.limits.clip(self.robot, tau)
+        return clipped, steps is not None
 
     def _gather(self, t: Array, q: Array, v: Array) -> Mapping[str, Array] | None:
         """Return the wrenches of a batch by link, shape (T, 6) or (6,) each."""

@@ -132,9 +132,10 @@ class Run:
             return
         sign, at, between = self._stepper.sign, -1, None
         reached = sign * leap.t
-        while self._next < len(self._wanted) and sign * self._wanted[self._next] <= reached[-1]:
-            t = float(self._wanted[self._next])
-            k = int(np.searchsorted(reached, sign * t))
+        ahead = sign * self._wanted[self._next :]
+        ahead = ahead[: np.searchsorted(ahead, reached[-1], side="right")]
+        steps = np.searchsorted(reached, ahead).tolist()
+        for t, k in zip((sign * ahead).tolist(), steps, strict=True):
             if t == leap.t[k]:
                 self._add(t, leap.q[k], leap.v[k])
             else:

@@ -102,6 +102,7 @@ class Stepper:
         self.next_step = self.sign * (solver.step or self._first(begin))
         self._ahead: Leap | None = None
         self._reached: State | None = None
+        self._refused: tuple[State, float] | None = None  # a step that the compiled path has just refused
 
     def resume(self, next_step: float, on_grid: int, start: float) -> None:
         """Continue with the next step and the grid of an earlier run."""
@@ -162,6 +163,9 @@ class Stepper:
         taken = self.method.steps(self._system, state, times, h, None if fixed else self._control(state.t))
         if taken is None:
             return None
+        if not len(taken.q):
+            self._refused = None if taken.shortened else (state, h)
+            return None
         t = taken.t[1:]
         if fixed:
             t[self.sign * (t - self._end) > -SAME_POINT * abs(h)] = self._end
@@ -194,7 +198,7 @@ class Stepper:
             AmbiguousBranchError: The shortest parts come too near, too.
         """
         try:
-            return self.method.step(self._system, state, h)
+            return self._one(state, h)
         except AmbiguousBranchError:
             if not splits:
                 raise
@@ -202,6 +206,18 @@ class Stepper:
         second = self._in_parts(first.state, state.t + h - first.state.t, splits - 1)
         self.counters.iterations += first.iterations
         return replace(second, error_q=None, error_v=None, pivot=min(first.pivot, second.pivot))
+
+    def _one(self, state: State, h: float) -> Stepped:
+        """Take one step; on the general path if the compiled path has just refused it.
+
+        Raises:
+            AssemblyError: As in `Method.step`, like StepError.
+        """
+        refused, self._refused = self._refused, None
+        again = refused is not None and refused[0] is state and refused[1] == h
+        if again and isinstance(self.method, Explicit):
+            return self.method.general_step(self._system, state, h)
+        return self.method.step(self._system, state, h)
 
     def _chosen(self, state: State) -> Stepped:
         """Take an adaptive step, repeated with shorter lengths until its error is within the tolerances."""
@@ -214,7 +230,7 @@ class Stepper:
                 h = left
             failure: AssemblyError | StepError | None = None
             try:
-                stepped = self.method.step(self._system, state, h)
+                stepped = self._one(state, h)
                 error = self._error(state, stepped)
             except (AssemblyError, StepError) as caught:
                 failure, error = caught, np.inf

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 
 import hybridyn
+from hybridyn.compiled.library.steps import Steps, Taken
 from hybridyn.compiled.model import CompiledRobot
 from hybridyn.compiled.programs.torque import closing_of_motors
 from hybridyn.description.shipped import shipped_robots
@@ -196,3 +198,35 @@ def test_steps_of_the_general_path_are_counted(
     monkeypatch.setattr(Explicit, "steps", lambda *_: None)  # as near a singularity
     flown(np.ones(2), end=5e-3)
     assert model.recomputed - before == 5 * len(RK4.b)
+
+
+def test_a_step_that_c_refuses_is_not_tried_twice(
+    flown: Run, model: CompiledRobot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tried: list[float] = []
+    take = Steps.take
+
+    def refused(self: Steps, *given: Any) -> Taken:
+        """Take nothing."""
+        tried.append(float(given[3][0]))
+        found = take(self, *given)
+        empty = {name: getattr(found, name)[:0] for name in ("q", "v", "a", "pivot", "next_step", "rejected")}
+        return replace(found, t=found.t[:1], **empty)
+
+    monkeypatch.setattr(Steps, "take", refused)
+    before = model.recomputed
+    result = flown(np.ones(2), end=5e-3)
+    assert len(tried) == result.counters.steps == 5
+    assert model.recomputed - before == 5 * len(RK4.b)
+
+
+def test_efforts_that_c_leaves_to_python_are_counted(
+    flown: Run, model: CompiledRobot, laws: dict[str, Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    before = model.recomputed
+    expected = flown(laws["torque"], end=5e-3)
+    assert model.recomputed == before
+    monkeypatch.setattr(Steps, "efforts", lambda *_: None)  # as near a singularity
+    found = flown(laws["torque"], end=5e-3)
+    assert model.recomputed - before == 1 + len(found.t)  # also the first accelerations
+    assert np.allclose(found.tau, expected.tau, rtol=1e-9)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,8 @@ import pytest
 
 import hybridyn
 from hybridyn.compiled.equations.states import moving_states
-from hybridyn.errors import AssemblyError, SingularityError, TrajectoryError
+from hybridyn.compiled.programs.quantities import following
+from hybridyn.errors import AssemblyError, CompileError, SingularityError, TrajectoryError
 from hybridyn.oracle import Oracle
 from hybridyn.structure.robot import HybridRobot
 from tests.comparing import SOLVED, close_to
@@ -210,3 +212,15 @@ def test_bad_questions_are_refused(bar: hybridyn.CompiledRobot) -> None:
         bar.link_jacobian(robot.home, "what")
     with pytest.raises(TrajectoryError, match=r"q has shape \(3,\); wanted"):
         bar.gravity(np.zeros(3))
+
+
+def test_a_motion_map_that_is_trusted_nowhere_is_not_used(monkeypatch: pytest.MonkeyPatch) -> None:
+    robot = hybridyn.load("five_bar")
+
+    def batch(_: object, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> Any:
+        """Trust nothing."""
+        return (q, v, a), np.full(len(q), np.inf)
+
+    monkeypatch.setattr(following, "Library", lambda _: SimpleNamespace(batch=batch))
+    with pytest.raises(CompileError, match="trusted at none of 96 random states"):
+        following._accept(robot, None, "float64", None)  # type: ignore[arg-type]

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import io
 import os
 import signal
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
@@ -70,3 +73,35 @@ def test_an_expansion_that_does_not_end_ends_alone(file: str, monkeypatch: pytes
         xacro.expand(file, {}, ())
     Path(file).write_text(TEXT)
     assert xacro.expand(file, {}, ()) == good
+
+
+def test_pipes_of_a_child_have_no_buffer(file: str) -> None:
+    """A fork would copy a buffer's lock and content while another thread is using it."""
+    xacro.expand(file, {}, ())
+    child = xacro_process._kept.child
+    assert child is not None
+    assert isinstance(child.stdin, io.RawIOBase)
+    assert isinstance(child.stdout, io.RawIOBase)
+
+
+def test_lines_and_blocks_are_read_from_what_comes_in_parts() -> None:
+    parts = [b"one", b"\ntwo\nabc", b"de", b"f\nlong", b"er", b""]
+    pipe: Any = SimpleNamespace(read=lambda _: parts.pop(0) if parts else b"")
+    reader = xacro._Reader(pipe)
+    assert [reader.line(100), reader.line(100), reader.block(6), reader.line(100)] == [
+        b"one\n", b"two\n", b"abcdef", b"\n",
+    ]  # fmt: skip
+    assert [reader.line(5), reader.block(9), reader.line(9)] == [b"longe", b"r", b""]
+
+
+def test_what_does_not_fit_into_a_pipe_is_sent_in_parts() -> None:
+    sent: list[bytes] = []
+
+    def write(some: Any) -> int:
+        """Take three bytes."""
+        sent.append(bytes(some[:3]))
+        return len(sent[-1])
+
+    pipe: Any = SimpleNamespace(write=write)
+    xacro._send(pipe, {"size": 4}, b"abcd")
+    assert b"".join(sent) == b'{"size": 4}\nabcd'

@@ -76,6 +76,7 @@ class Taken:
         pivot: Smallest pivot of the closures in each step, over its usual size, shape (steps,).
         next_step: Length of the step that is to follow each one, shape (steps,), [s].
         rejected: How often each step was repeated with a shorter length, shape (steps,).
+        shortened: Whether the step that could not be taken was a repeated one.
         error: Estimated errors of positions and rates over the last step, shape (2, nv), or None.
     """
 
@@ -86,6 +87,7 @@ class Taken:
     pivot: Array
     next_step: Array
     rejected: Index
+    shortened: bool
     error: Array | None
 
 
@@ -186,7 +188,8 @@ class Steps:
             law.check_pending()
         q, v, a = (row[1 : taken + 1] for row in rows)
         times, lengths = times[: taken + 1], lengths[1 : taken + 1]
-        return Taken(times, q, v, a, pivots[:taken], lengths, rejected[:taken], error)
+        shortened = taken < count and bool(rejected[taken])
+        return Taken(times, q, v, a, pivots[:taken], lengths, rejected[:taken], shortened, error)
 
     def efforts(self, law: Law, t: Array, q: Array, v: Array) -> Array | None:
         """Compute a law's efforts, shape (T, motors), at states of shapes (T,), (T, nq), (T, nv).

@@ -41,6 +41,8 @@ MOST_QUESTIONS = 10_000
 
 #: Longest line that the child may send [bytes].
 LONGEST_LINE = 2**20
+#: Bytes that are read from the child at once.
+AT_ONCE = 2**16
 
 #: Note on an expansion without restrictions by the kernel.
 UNLOCKED = "xacro: this system's kernel restricts nothing; only hybridyn's own limits hold (README, Security)"
@@ -127,14 +129,15 @@ def _converse(
     assert child.stdout is not None
     with contextlib.suppress(BrokenPipeError):  # the child has ended; `_reason` explains why
         _send(child.stdin, request)
+        answers = _Reader(child.stdout)
         for _ in range(MOST_QUESTIONS):
-            line = child.stdout.readline(LONGEST_LINE)
+            line = answers.line(LONGEST_LINE)
             if not line:
                 break
             header = _header(line, file)
             if "ask" not in header:
                 size = header.pop("size", 0)
-                text = child.stdout.read(min(int(size), LARGEST_FILE + 1))
+                text = answers.block(min(int(size), LARGEST_FILE + 1))
                 if len(text) > LARGEST_FILE:
                     raise ModelError(f"xacro: expands to more than {LARGEST_FILE // 2**20} MiB", file=file)
                 return header, text
@@ -158,9 +161,42 @@ def _header(line: bytes, file: str) -> dict[str, Any]:
     return header
 
 
-def _send(stream: IO[bytes], header: Mapping[str, Any], content: bytes = b"") -> None:
-    stream.write(json.dumps(header).encode() + b"\n" + content)
-    stream.flush()
+def _send(pipe: IO[bytes], header: Mapping[str, Any], content: bytes = b"") -> None:
+    """Write a header and content into a pipe without a buffer."""
+    left = memoryview(json.dumps(header).encode() + b"\n" + content)
+    while left:
+        left = left[pipe.write(left) :]
+
+
+class _Reader:
+    """Reads lines and blocks from a pipe without a buffer."""
+
+    def __init__(self, pipe: IO[bytes]) -> None:
+        self._pipe, self._rest = pipe, bytearray()
+
+    def line(self, most: int) -> bytes:
+        """Return the next line, cut after `most` bytes; empty at the end."""
+        while b"\n" not in self._rest and len(self._rest) < most and self._more():
+            pass
+        return self._taken(min(self._rest.find(b"\n") + 1 or most, most))
+
+    def block(self, size: int) -> bytes:
+        """Return the next bytes, fewer at the end."""
+        while len(self._rest) < size and self._more():
+            pass
+        return self._taken(size)
+
+    def _more(self) -> bool:
+        """Read what is there; return False at the end."""
+        read = self._pipe.read(AT_ONCE)
+        self._rest += read
+        return bool(read)
+
+    def _taken(self, size: int) -> bytes:
+        """Return the first bytes that were read."""
+        out = bytes(self._rest[:size])
+        del self._rest[:size]
+        return out
 
 
 def _answer(folders: RobotFolders, what: str, of: str) -> tuple[dict[str, Any], bytes]:

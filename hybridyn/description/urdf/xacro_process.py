@@ -100,6 +100,9 @@ def child_of(file: str, *, kept: bool) -> Iterator[subprocess.Popen[bytes]]:
 def _start(file: str) -> subprocess.Popen[bytes]:
     """Start a child, in a process group of its own, to which its forks belong.
 
+    Its pipes are not buffered: a fork of this process would copy the lock and the content of a buffer that
+    another thread is using.
+
     It writes no bytecode (-B): on a full disk, or under a limit on file sizes, Python leaves truncated files
     behind, and every later expansion would fail.
     """
@@ -107,7 +110,7 @@ def _start(file: str) -> subprocess.Popen[bytes]:
     try:
         return subprocess.Popen(
             command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, env={},
-            process_group=0,
+            process_group=0, bufsize=0,
         )  # fmt: skip
     except OSError as error:
         raise ModelError(f"xacro: no child process could be started: {error.strerror}", file=file) from None

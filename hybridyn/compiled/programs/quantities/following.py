@@ -35,6 +35,8 @@ log = logging.getLogger("hybridyn.compiled")
 #: Number of random states that a new program is compared at, and the largest difference from the general
 #: path, relative to the largest entry of them all: rounding, through the condition of loops at any posture.
 SAMPLES, FOLLOWING_AGREES = 12, {"float64": 1e-9, "float32": 1e-2}
+#: Most draws of random states, until the program can be trusted at one.
+ROUNDS = 8
 #: Rows of lanes that are computed at once: their arrays stay in the processor's cache.
 ROWS_AT_ONCE = 4096
 
@@ -144,15 +146,22 @@ def _accept(robot: HybridRobot, u: Coordinates, dtype: str, built: Built) -> Non
     """Compare a new library with the general path at random states.
 
     Raises:
-        CompileError: They differ.
+        CompileError: They differ, or the program can be trusted at none of the states.
     """
     from ...equations.states import moving_states
 
-    q, v, _ = moving_states(robot, SAMPLES)
-    (_, rates, accelerations), guard = Library(built).batch("following", q, v, np.zeros_like(v))
-    good = guard <= GUARD_LIMIT
-    if not good.any():
-        return
+    library = Library(built)
+    for seed in range(ROUNDS):
+        q, v, _ = moving_states(robot, SAMPLES, seed)
+        (_, rates, accelerations), guard = library.batch("following", q, v, np.zeros_like(v))
+        good = guard <= GUARD_LIMIT
+        if good.any():
+            break
+    else:
+        raise CompileError(
+            f"the compiled motion map of the robot '{robot.description.name}' can be trusted at none of "
+            f"{ROUNDS * SAMPLES} random states: it is not used"
+        )
     wanted = [(rates[good], v[good])]
     try:
         right = side_motions(robot, q[good], v[good], u)[1]
