@@ -17,6 +17,7 @@ import pytest
 import hybridyn
 from hybridyn.compiled.equations.actuation import motor_efforts
 from hybridyn.compiled.equations.expressions import symbols
+from hybridyn.compiled.equations.guards import Scale as Limits
 from hybridyn.compiled.equations.static_elimination import Pivots, solve_definite
 from hybridyn.compiled.programs.interpreter import function_of
 from hybridyn.compiled.programs.whole_robot import programs
@@ -201,7 +202,7 @@ def test_nothing_over_nothing_is_not_trusted() -> None:
     assert float(trust(0.0)) == 0.0
     assert float(trust(1.0)) > TRUSTED
     B = np.array([[a, 2 * a]], dtype=object)
-    terms = (ca.SX(1.0), np.ones(1), 1e-11)
+    terms = (ca.SX(1.0), np.ones(1), Limits(1.0, 1e-11))
     guard = ca.Function(
         "guard", [column], [motor_efforts(B, one[0], terms, np.ones(2), Pivots((), (), ()))[1]]
     )

@@ -8,7 +8,8 @@ from __future__ import annotations
 from ...spatial import Array
 from ..program import Kernel
 from .fusing import fused
-from .graph import TRUTH, Graph, Node, graph_of
+from .graph import TRUTH, Graph, Node
+from .quotients import operations_of
 
 INFIX = {"add": "+", "sub": "-", "mul": "*", "div": "/"}
 #: C name of the fused a b + c, by the signs of the product and of c (True: positive).
@@ -17,7 +18,7 @@ FUSED = {(True, True): "FMA", (True, False): "FMS", (False, True): "FNMA", (Fals
 
 def kernel_graph(kernel: Kernel) -> Graph:
     """Return a kernel's operations in the form that is printed, with fused products."""
-    return fused(graph_of(kernel.function))
+    return fused(operations_of(kernel.function))
 
 
 def kernel_text(graph: Graph) -> str:

@@ -5,12 +5,10 @@ from __future__ import annotations
 from collections import Counter
 
 from ..program import Add, Call, Kernel, Program
-from .graph import graph_of
+from .quotients import costing, operations_of
 
 #: Kinds of operations: sums and differences; products; quotients; square roots; sines and cosines; others.
 KINDS = ("add", "mul", "div", "sqrt", "trig", "other")
-
-FREE = ("input", "constant", "neg")
 
 _KIND = {"add": "add", "sub": "add", "mul": "mul", "div": "div", "sqrt": "sqrt", "sin": "trig", "cos": "trig"}
 
@@ -43,8 +41,8 @@ def _by_part(kernel: Kernel) -> dict[str, Counter[str]]:
     out: dict[str, Counter[str]] = {}
     before: Counter[str] = Counter()
     for part, function in (*kernel.shares, (kernel.part, kernel.function)):
-        nodes = graph_of(function).nodes
-        count = Counter(_KIND.get(node.name, "other") for node in nodes if node.name not in FREE)
+        nodes = costing(operations_of(function))
+        count = Counter(_KIND.get(node.name, "other") for node in nodes)
         out[part] = Counter(count)
         out[part].subtract(before)
         before = count

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import casadi as ca
@@ -10,12 +11,12 @@ import numpy as np
 from ...dynamics.actuation import UNDRIVEN
 from ...spatial import Array
 from .expressions import Expression, dot, is_zero, times, zeros
-from .guards import TINY_RATE, largest, trusted
+from .guards import Scale, least_trusted, trusted, weighed
 from .static_elimination import Pivots, solve
 
 
 def motor_efforts(
-    B: Expression, Q: Expression, terms: tuple[Any, Array, float], share: Array, pivots: Pivots | None
+    B: Expression, Q: Expression, terms: tuple[Any, Array, Scale], share: Array, pivots: Pivots | None
 ) -> tuple[Expression, Any]:
     """Compute the efforts of a module's motors and the guard of the motor map.
 
@@ -23,7 +24,7 @@ def motor_efforts(
         B: Work of each motor along each motion, shape (N, motors).
         Q: Required generalised force, shape (N,).
         terms: The size of the terms of Q as work per scaled coordinate [N m], the unit of each motion,
-            shape (N,), and how far loops may be open (`guards.GUARD_CLOSED`).
+            shape (N,), and the scales of closure residuals.
         share: Each motor's share of the load if there are more motors than motions, shape (motors,).
         pivots: Pivots of B (`motor_pivots`); not read if there are more motors than motions.
     """
@@ -37,15 +38,16 @@ def motor_efforts(
     X, trust = solve(B, Q[:, None], pivots)
     guard = trusted(trust)
     if motors < N:
-        guard = ca.fmax(guard, _undriven(Q - dot(B, X[:, 0]), *terms))
+        guard = guard + _undriven(Q - dot(B, X[:, 0]), *terms)
     return X[:, 0], guard
 
 
-def _undriven(left: Expression, size: Any, units: Array, closed: float) -> Any:
+def _undriven(left: Expression, size: Any, units: Array, scale: Scale) -> Any:
     """Return the guard of generalised forces that no motor can produce."""
     if all(is_zero(x) for x in left):
         return ca.SX(0.0)
-    return largest(left * units) / (min(closed, UNDRIVEN) * (size + TINY_RATE))
+    limits = replace(scale, closed=min(scale.closed, UNDRIVEN))
+    return weighed([(left * units, 1.0)], limits.weight(size))
 
 
 def _least_norm(B: Expression, Q: Expression, share: Array) -> tuple[Expression, Any]:
@@ -80,4 +82,4 @@ def _least_norm(B: Expression, Q: Expression, share: Array) -> tuple[Expression,
     for k in range(N):
         small, big = ca.fmin(small, ca.fabs(R[k, k])), ca.fmax(big, ca.fabs(R[k, k]))
     tau = np.array([times(float(s), x) for s, x in zip(share, y, strict=True)], dtype=object)
-    return tau, trusted(ca.if_else(big > 0, small / big, 0.0))  # fmax would ignore the NaN of 0 / 0
+    return tau, least_trusted(ca.if_else(big > 0, small / big, 0.0))  # fmax would ignore the NaN of 0 / 0

@@ -13,7 +13,7 @@ from ...structure.mechanism import Mechanism
 from .arguments.structure_guard import dependence
 from .chains import Chain, Placed, split_positions, sweep
 from .expressions import Expression, dot, pack, plain, symbols, zeros
-from .guards import Scale, size_of
+from .guards import GUARD_CLOSED, TINY_RATE, Scale, size_of
 from .legs import PlatformMotion, leg_pivots
 from .links import units_of
 from .loops import Rows, write_rows
@@ -54,13 +54,13 @@ class Plan:
         return self.parts.mechanism
 
 
-def plan_module(parts: Parts, positions: Array, closed: float) -> Plan:
+def plan_module(parts: Parts, positions: Array, dtype: str) -> Plan:
     """Choose all pivots of a module.
 
     Args:
         parts: Its core and its legs.
         positions: Positions of its spanning tree at generic assembled postures, shape (samples, nq).
-        closed: How far loops may be open (`guards.GUARD_CLOSED`).
+        dtype: Type of the arithmetic, "float64" or "float32".
     """
     m = parts.mechanism
     paths = tuple(path_of(m, m.spec, wrist) for wrist in m.spec.wrists)
@@ -73,7 +73,14 @@ def plan_module(parts: Parts, positions: Array, closed: float) -> Plan:
         groups.append(leg_pivots(group, postures, (rows, col_scale[leg.tree_v])))
     loops = _loop_pivots(parts, m.postures, row_scale[list(parts.closure_rows)], col_scale[parts.tree_v])
     wrists = [wrist_pivots(path, positions[:, path.q], m.length) for path in paths]
-    return Plan(parts, paths, loops, tuple(groups), tuple(wrists), Scale(m.length, closed))
+    return Plan(
+        parts,
+        paths,
+        loops,
+        tuple(groups),
+        tuple(wrists),
+        Scale(m.length, GUARD_CLOSED[dtype], TINY_RATE[dtype]),
+    )
 
 
 def _loop_pivots(parts: Parts, postures: Array, rows: Array, cols: Array) -> Pivots:
@@ -89,7 +96,7 @@ def _loop_pivots(parts: Parts, postures: Array, rows: Array, cols: Array) -> Piv
     chain = sweep(list(parts.links), q, zeros(nv), zeros(6), placed=placed)
     positions = split_positions(list(parts.links), q)
     written = write_rows(
-        chain, parts.closures, parts.couplings, positions, zeros(nv), None, Scale(1.0, 1.0), 1.0
+        chain, parts.closures, parts.couplings, positions, zeros(6 + nv), None, Scale(1.0, 1.0), [1.0]
     )
     function = ca.Function("K", [column], [pack(written.K[:, 6:])])
     shape = written.K[:, 6:].shape
@@ -109,7 +116,6 @@ class Core:
         outputs: Body in the core of each output.
         v: Rates of its tree, zero for platforms.
         units: Unit of each freedom.
-        speed: Size of its rates.
     """
 
     chain: Chain
@@ -119,7 +125,6 @@ class Core:
     outputs: list[int]
     v: Expression
     units: Array
-    speed: Any
 
     def motion(self) -> ca.SX:
         """Return the motion of all bodies and the rows of the closures as one column."""
@@ -156,19 +161,39 @@ def write_core(
             i = platform_link(plan, path)
             R, p, V = chain.R0[-1], chain.p0[-1], chain.V[-1]
             placed[i] = Placed(R, p, V, zeros(6) if a is None else chain.c[-1])
-            platforms[i] = PlatformMotion(R, p, motion_to_parent(R, p, V))
+            platforms[i] = _platform(Placed(R, p, V, chain.c[-1]), (V_base, A_base), plan.scale)
     tree_q, tree_v = _pick(q, parts.q), _pick(v, parts.v)
     tree_a = None if a is None else _pick(a, parts.v)
     chain = sweep(list(parts.links), tree_q, tree_v, V_base, tree_a, A_base, placed)
     length = plan.mechanism.length
     units = np.concatenate([np.zeros(0), *(units_of(link, length) for link in parts.links)])
-    speed = size_of(tree_v, units, [V_base, *(p.V for p in platforms.values())], length)
+    sizes = [size_of(tree_v, units, [V_base, *(p.V for p in platforms.values())], length)]
+    twists = tree_v.copy()
+    for i, motion in platforms.items():
+        twists[chain.v_slices[i]] = motion.V
+    if tree_a is not None and A_base is not None:
+        haste = size_of(tree_a, units, [A_base, *(p.A for p in platforms.values())], length)
+        sizes.append(haste + sizes[0] * sizes[0])
     positions = split_positions(list(parts.links), tree_q)
-    rows = write_rows(chain, parts.closures, parts.couplings, positions, tree_v, tree_a, plan.scale, speed)
+    rates = np.concatenate([V_base, twists])
+    weights = [plan.scale.weight(size) for size in sizes]
+    rows = write_rows(chain, parts.closures, parts.couplings, positions, rates, tree_a, plan.scale, weights)
     if plan.mechanism.reduction.rounded:  # the choice of dependent rows differs from posture to posture
         rows.guard = ca.SX(np.inf)
     outputs = [parts.bodies.index(o) for o in plan.mechanism.spec.outputs]
-    return Core(chain, platforms, rows, paths, outputs, tree_v, units, speed)
+    return Core(chain, platforms, rows, paths, outputs, tree_v, units)
+
+
+def _platform(at: Placed, base: tuple[Expression, Expression | None], scale: Scale) -> PlatformMotion:
+    """Return a platform's motion for its legs; the base's acceleration is None without accelerations."""
+    V_base, A_base = base
+    V = motion_to_parent(at.R, at.p, at.V)
+    speed = size_of(zeros(0), [], [V_base, V], scale.length)
+    if A_base is None:
+        return PlatformMotion(at.R, at.p, V, scale.weight(speed))
+    A = motion_to_parent(at.R, at.p, at.c)
+    haste = size_of(zeros(0), [], [A_base, A], scale.length) + speed * speed
+    return PlatformMotion(at.R, at.p, V, scale.weight(speed), A, scale.weight(haste))
 
 
 def platform_link(plan: Plan, path: Path) -> int:

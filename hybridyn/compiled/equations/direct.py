@@ -163,7 +163,7 @@ def _motion_outwards(core: Core, plan: Plan, options: DirectOptions) -> dict[str
     """Return the platforms' motion for the legs, and twists and biases of carrying outputs, Eq. (38)."""
     out: dict[str, ca.SX] = {}
     for i, motion in sorted(core.platforms.items()):
-        out[f"platform {i}"] = pack(motion.R, motion.p, motion.V)
+        out[f"platform {i}"] = motion.column()
     for o, body in enumerate(core.outputs):
         if not options.carries[o]:
             continue
@@ -185,7 +185,7 @@ def _solve(core: Core, plan: Plan, options: DirectOptions, M: Expression, b: Exp
     E = dot(Psi.T, M_yb + dot(M_yy, Psi_b))  # Eq. (42)
     Q_0 = -dot(Psi.T, f)  # Eq. (44) and the motors
     solved, definite = solve_definite(A_t, np.concatenate([E, Q_0[:, None]], axis=1), WITHOUT_INERTIA)
-    guard = rank_guard(plan, core.rows, ca.fmax(core.rows.guard, trusted(trust)), Psi)
+    guard = rank_guard(plan, core.rows, core.rows.guard + trusted(trust), Psi)
     guard = ca.SX(np.inf) if options.massless else ca.fmax(guard, 2.0 - ca.fmin(definite, 2.0))
     for k, usual in enumerate(options.usual):
         if usual > 0:

@@ -31,13 +31,12 @@ def write_direct_legs(plan: Plan, n: int, options: DirectOptions) -> tuple[list[
     leg, forced = group[0], forced_joints(group[0], options)
     (q_column, q), (v_column, v) = symbols("q", len(leg.q)), symbols("v", len(leg.v))
     base = base_motion(options.base, options.velocity)
-    p_column, p = symbols("platform", 18)
+    p_column, platform = PlatformMotion.symbols(accelerations=False)
     tau_column, given = symbols("tau", len(forced))
     delta_column, delta = symbols("delta", 6)
     tau = zeros(len(leg.v))
     tau[forced] = given
-    platform = PlatformMotion(p[:9].reshape(3, 3), p[9:12], p[12:])
-    written = write_leg(group, q, v, base.V, platform, plan.scale, plan.leg_pivots[n])
+    written = write_leg(group, q, v, (base.V, base.A), platform, plan.scale, plan.leg_pivots[n])
     rotor = written.folding.array([np.array([options.rotor[c] for c in leg.tree_v]) for leg in group])
     sums = leg_sums(written, tau, options.velocity, rotor)
     inputs = {"numbers": written.folding.symbol(), "q": q_column, "v": v_column, "platform": p_column}

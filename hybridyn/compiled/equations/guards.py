@@ -3,6 +3,9 @@
 A guard is at most 1 where the compiled model can be trusted. It exceeds 1 if a pivot becomes small that is
 large at generic postures, or if positions or rates leave the loops open by more than rounding. There the
 compiled model loses digits, and the general path computes the sample or raises the error.
+
+A guard is a sum of squares, each of a number over its limit. So it exceeds 1 as soon as one number exceeds
+its limit, it is NaN if one number is, and it needs two operations a number and no branch.
 """
 
 from __future__ import annotations
@@ -12,12 +15,14 @@ from typing import Any
 
 import casadi as ca
 
-from .expressions import Expression, is_zero
-from .static_elimination import TRUSTED_PIVOT
+from .expressions import Expression, is_zero, times
+from .static_elimination import TRUSTED_PIVOT, Trust
 
 #: Largest closure residual relative to the module's length (or a radian), and of rates relative to their
 #: size: ten thousand roundings of the model's arithmetic.
 GUARD_CLOSED = {"float64": 1e-11, "float32": 3e-3}
+#: Added to rates to avoid 0 / 0; smaller than any rate that matters, and squares of limits stay numbers.
+TINY_RATE = {"float64": 1e-140, "float32": 1e-16}
 
 
 @dataclass(frozen=True)
@@ -27,54 +32,54 @@ class Scale:
     Attributes:
         length: The module's length, [m].
         closed: One of `GUARD_CLOSED`.
+        tiny: One of `TINY_RATE`.
     """
 
     length: float
     closed: float
+    tiny: float = TINY_RATE["float64"]
+
+    def weight(self, size: Any) -> Any:
+        """Compute the weight of squared residuals of rates, or accelerations, of a given size."""
+        per = 1.0 / (self.closed * (size + self.tiny))
+        return per * per
+
+    @property
+    def weight_of_positions(self) -> float:
+        """Weight of squared residuals of positions."""
+        return 1.0 / self.closed**2
 
 
-#: Added to rates to avoid 0 / 0; smaller than any rate that matters.
-TINY_RATE = 1e-290
+def trusted(trust: Trust) -> Any:
+    """Return the guard of pivots: above 1 if one is below `TRUSTED_PIVOT` times its usual size."""
+    return squares(trust.doubts)
 
 
-def trusted(trust: ca.SX) -> Any:
-    """Return the guard of a pivot that is `trust` times its usual size."""
-    return 2.0 - trust / TRUSTED_PIVOT
+def least_trusted(ratio: ca.SX) -> Any:
+    """Return the guard of the smallest of some pivots over the largest."""
+    return 2.0 - ratio / TRUSTED_PIVOT
 
 
-def loops_closed(
-    positions: list[tuple[Expression, float]],
-    rates: list[tuple[Expression, float]],
-    speed: Any,
-    closed: float,
-) -> Any:
-    """Compute the guard of closures.
+def squares(values: Expression) -> Any:
+    """Compute the sum of the squares of values."""
+    out: Any = ca.SX(0.0)
+    for value in values.ravel():
+        if not is_zero(value):
+            out = out + value * value
+    return out
+
+
+def weighed(residuals: list[tuple[Expression, float]], weight: Any) -> Any:
+    """Compute the guard of closure residuals.
 
     Args:
-        positions: Position residuals, each with its unit.
-        rates: Rate residuals, each with its unit.
-        speed: Size of the module's rates (`size_of`).
-        closed: Largest relative residual, one of `GUARD_CLOSED`.
+        residuals: Residuals, each with its unit.
+        weight: Weight of their squares without units (`Scale.weight`, `Scale.weight_of_positions`).
     """
-    worst: Any = ca.SX(0.0)
-    for values, unit in positions:
-        worst = ca.fmax(worst, largest(values) / (closed * unit))
-    for values, unit in rates:
-        worst = ca.fmax(worst, largest(values) / (closed * unit * (speed + TINY_RATE)))
-    return worst
-
-
-def accelerating_apart(values: Expression, size: Any, closed: float) -> Any:
-    """Compute the guard of acceleration residuals.
-
-    Args:
-        values: Residuals, without units.
-        size: Size of the module's accelerations, including its squared speed.
-        closed: Largest relative residual, one of `GUARD_CLOSED`.
-    """
-    if all(is_zero(x) for x in values):
-        return ca.SX(0.0)
-    return largest(values) / (closed * (size + TINY_RATE))
+    total: Any = ca.SX(0.0)
+    for values, unit in residuals:
+        total = total + times(squares(values), 1.0 / unit**2)
+    return times(total, weight)
 
 
 def size_of(joints: Expression, units: Any, motions: list[Expression], length: float) -> Any:

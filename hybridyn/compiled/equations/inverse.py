@@ -17,7 +17,7 @@ from .actuation import motor_efforts
 from .chains import Chain, Placed, forces, motion_map, sweep
 from .core import Core, Plan, own_inertia, rank_guard, write_core
 from .expressions import Expression, cross, dot, pack, symbols, zeros
-from .guards import accelerating_apart, size_of, trusted
+from .guards import trusted
 from .inverse_legs import LEG_SUMS
 from .module_graph import (
     BaseMotion,
@@ -29,7 +29,7 @@ from .module_graph import (
     twist_width,
 )
 from .options import InverseOptions
-from .rigid import classical, crf, momentum, motion_to_parent, resting, to_child, to_parent
+from .rigid import classical, crf, momentum, resting, to_child, to_parent
 from .stages import cut
 from .static_elimination import Pivots, solve
 
@@ -114,13 +114,12 @@ def write_inverse(
     at = 6 + np.array(laws, dtype=int)
     needed.b[at] = needed.b[at] - law
     X, trust = solve(core.rows.K[:, 6:], zeros(len(core.rows.K), 1), plan.loop_pivots)
-    guard = ca.fmax(ca.fmax(core.rows.guard, trusted(trust)), _acceleration_guard(core, plan, a, base.A))
-    guard = rank_guard(plan, core.rows, guard, X[:, 1:])
+    guard = rank_guard(plan, core.rows, core.rows.guard + trusted(trust), X[:, 1:])
     if balance:
         efforts = {"guard": ca.SX(guard), "Q": pack(dot(X[:, 1:].T, needed.b[6:]))}
     else:
         tau, measure = _efforts(core, plan, options, X[:, 1:], needed, pivots)
-        efforts = {"guard": ca.SX(ca.fmax(guard, measure))} | ({"tau": pack(tau)} if len(tau) else {})
+        efforts = {"guard": ca.SX(guard + measure)} | ({"tau": pack(tau)} if len(tau) else {})
     if options.base is None:
         efforts["F_base"] = pack(_base_wrench(core, needed.b))
     stages = cut(
@@ -136,8 +135,7 @@ def _motion_outwards(core: Core, options: InverseOptions) -> dict[str, ca.SX]:
     """Return the platforms' motion for the legs, and the motion of outputs that carry modules."""
     out: dict[str, ca.SX] = {}
     for i, motion in sorted(core.platforms.items()):
-        A = motion_to_parent(motion.R, motion.p, core.chain.c[i + 1])
-        out[f"platform {i}"] = pack(motion.R, motion.p, motion.V, A)
+        out[f"platform {i}"] = motion.column()
     for o, body in enumerate(core.outputs):
         if options.carries[o]:
             V, A = _relative_motion(core.chain, body, options.velocity)
@@ -201,7 +199,7 @@ def _efforts(
         return zeros(len(options.motors)), ca.SX(np.inf)  # the general path raises the error
     size = needed.size() if len(moving) < B.shape[0] else ca.SX(0.0)
     free = [k for k in range(len(parts.tree_v)) if k not in plan.loop_pivots.cols]
-    summed = (size, plan.mechanism.reduction.col_scale[parts.tree_v[free]], plan.scale.closed)
+    summed = (size, plan.mechanism.reduction.col_scale[parts.tree_v[free]], plan.scale)
     tau = zeros(len(options.motors))
     tau[list(moving)], guard = motor_efforts(
         B, dot(Psi.T, needed.b[6:]), summed, np.array(options.share), pivots
@@ -215,14 +213,6 @@ def _base_wrench(core: Core, b: Expression) -> Expression:
     for i in sorted(core.chain.platforms):
         F = F + b[core.chain.columns_of(i + 1)]
     return F
-
-
-def _acceleration_guard(core: Core, plan: Plan, a: Expression, A_base: Expression) -> Any:
-    """Return the guard that accelerations keep the core's loops closed."""
-    own = np.array([a[k] if k >= 0 else 0.0 for k in plan.parts.v], dtype=object)
-    motions = [A_base, *(core.chain.c[i + 1] for i in core.platforms)]
-    haste = size_of(own, core.units, motions, plan.mechanism.length) + core.speed * core.speed
-    return accelerating_apart(core.rows.apart, haste, plan.scale.closed)
 
 
 def _without_rates(core: Core, plan: Plan, q: Expression, a: Expression, base: BaseMotion) -> Chain:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import casadi as ca
 import numpy as np
 
@@ -11,9 +9,7 @@ from ...spatial import Array
 from .chains import Chain, forces, sweep
 from .core import Plan
 from .expressions import Expression, dot, pack, symbols, zeros
-from .guards import Scale, accelerating_apart, size_of
 from .legs import PlatformMotion, WrittenLeg, write_leg
-from .links import units_of
 from .module_graph import BaseMotion, base_motion
 from .options import InverseOptions
 from .parts import Leg
@@ -45,16 +41,15 @@ def write_inverse_legs(plan: Plan, n: int, options: InverseOptions) -> tuple[lis
     q, v, a = (entries for _, entries in columns.values())
     base = base_motion(options.base, options.velocity)
     laws_column, laws = symbols("laws", len(lawful))
-    p_column, p = symbols("platform", 24)
-    platform, A = PlatformMotion(p[:9].reshape(3, 3), p[9:12], p[12:18]), p[18:]
-    written = write_leg(group, q, v, base.V, platform, plan.scale, plan.leg_pivots[n])
+    p_column, platform = PlatformMotion.symbols(accelerations=True)
+    written = write_leg(group, q, v, (base.V, base.A), platform, plan.scale, plan.leg_pivots[n], a)
     law = zeros(len(leg.v))
     law[lawful] = laws
     rotor = written.folding.array([np.array([options.rotor[c] for c in leg.tree_v]) for leg in group])
     b = forces(_moving(written, q, v, a, base, options.velocity))
     H = b[6:] - law + a * rotor
     outputs = {"b_base": pack(b[:6]), "b_delta": pack(written.wrench(dot(written.X.T, H)))}
-    outputs["guard"] = ca.SX(ca.fmax(written.guard, _acceleration_guard(written, a, A, base.A, plan.scale)))
+    outputs["guard"] = ca.SX(written.guard)
     if driven:
         outputs["motors"] = pack(*(written.wrench(written.X[k]) for k in driven))
     inputs = {name: column for name, (column, _) in columns.items()} | base.V_column | base.A_column
@@ -68,18 +63,5 @@ def _moving(
 ) -> Chain:
     """Compute a leg's motion for inertial forces; its rates are zero without velocity terms."""
     if velocity:
-        return sweep(leg.chain.links, q, v, base.V, a, base.A)
+        return leg.chain
     return sweep(leg.chain.links, q, zeros(len(v)), zeros(6), a, base.A)
-
-
-def _acceleration_guard(
-    leg: WrittenLeg, a: Expression, A: Expression, A_base: Expression, scale: Scale
-) -> Any:
-    """Return the guard that a leg's end accelerates with its platform.
-
-    The leg is written at zero accelerations; a, A, A_base are those of joints, platform and base, base frame.
-    """
-    unit = np.concatenate([units_of(link, scale.length) for link in leg.chain.links])
-    apart = leg.accelerating_apart(a, A - A_base) / unit
-    haste = size_of(a, unit, [A, A_base], scale.length) + leg.speed * leg.speed
-    return accelerating_apart(apart, haste, scale.closed)

@@ -10,7 +10,7 @@ so the leg acts on the module only through its inertia over [V_dot_base; delta].
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import casadi as ca
@@ -20,8 +20,8 @@ from ...spatial import Array
 from .chains import Chain, forces, mass_matrix, point_acceleration, point_velocity, sweep
 from .expressions import Expression, congruence, cross, dot, hat, numbers, pack, symbols, upper, zeros
 from .folding import Folding
-from .guards import Scale, loops_closed, size_of, trusted
-from .links import Link, units_of
+from .guards import Scale, trusted, weighed
+from .links import Link
 from .parts import Leg, width_of
 from .rigid import matrix_moved, to_child, to_parent
 from .static_elimination import Pivots, choose_pivots, solve
@@ -34,11 +34,33 @@ class PlatformMotion:
     Attributes:
         R, p: Axes and origin in the base.
         V: Twist, in the base's frame.
+        rate_weight: Weight of squared closure residuals of rates (`guards.Scale.weight`).
+        A: Acceleration less gravity, in the base's frame, for the inverse model; else zeros.
+        acceleration_weight: As `rate_weight`, of accelerations.
     """
 
     R: Expression
     p: Expression
     V: Expression
+    rate_weight: Any
+    A: Expression = field(default_factory=lambda: zeros(6))
+    acceleration_weight: Any = None
+
+    def column(self) -> ca.SX:
+        """Return the motion as one column, as `symbols` reads it."""
+        motion = (self.R, self.p, self.V, [self.rate_weight])
+        return (
+            pack(*motion)
+            if self.acceleration_weight is None
+            else pack(*motion, self.A, [self.acceleration_weight])
+        )
+
+    @classmethod
+    def symbols(cls, *, accelerations: bool) -> tuple[ca.SX, PlatformMotion]:
+        """Return the motion as symbols, and their column."""
+        column, p = symbols("platform", 26 if accelerations else 19)
+        motion = cls(p[:9].reshape(3, 3), p[9:12], p[12:18], p[18])
+        return column, replace(motion, A=p[19:25], acceleration_weight=p[25]) if accelerations else motion
 
 
 @dataclass
@@ -50,8 +72,7 @@ class WrittenLeg:
         chain: Its motion, including that of the base.
         point: The closure's point in the base's frame, shape (3,).
         X: Joint rates over the relative motion [v, w] of the closure's point, base axes, shape (nv, 6).
-        y0: Joint accelerations at delta = 0, shape (nv,).
-        speed: Size of its rates.
+        y0: Joint accelerations at delta = 0, shape (nv,); not of a leg with accelerations.
         guard: The leg's guard.
     """
 
@@ -60,16 +81,11 @@ class WrittenLeg:
     point: Expression
     X: Expression
     y0: Expression
-    speed: Any
     guard: ca.SX
 
     def to_base(self, M: Expression) -> Expression:
         """Transform an inertia at the closure's point to the base's frame, shape (6, 6)."""
         return matrix_moved(M, numbers(np.eye(3)), self.point)
-
-    def accelerating_apart(self, a: Expression, delta: Expression) -> Expression:
-        """Compute the difference of the joint accelerations that follow the platform and `a`, shape (nv,)."""
-        return leg_accelerations(self, delta) - a
 
     def wrench(self, F: Expression) -> Expression:
         """Transform a wrench at the closure's point to the base's frame, shape (6,)."""
@@ -128,10 +144,11 @@ def write_leg(
     group: tuple[Leg, ...],
     q: Expression,
     v: Expression,
-    V_base: Expression,
+    base: tuple[Expression, Expression],
     platform: PlatformMotion,
     scale: Scale,
     pivots: Pivots | None,
+    a: Expression | None = None,
     folding: Folding | None = None,
 ) -> WrittenLeg:
     """Write the kinematics of a group's legs.
@@ -140,28 +157,28 @@ def write_leg(
         group: The legs.
         q: Positions of the leg.
         v: Its rates.
-        V_base: Twist of the base, own frame.
+        base: Twist of the base, and its acceleration less gravity if accelerations are given; own frame.
         platform: Motion of the platform.
         scale: Scales of closure residuals.
         pivots: Pivots of the leg's closure.
+        a: Accelerations of the leg, for the inverse model. They then have to close the loop.
         folding: Collects the numbers in which the legs differ; default a new one.
     """
     folding = Folding() if folding is None else folding
     links = fold_links(folding, [list(leg.links) for leg in group])
     R_s, p_s, R_o, p_o = _frames(folding, group)
     leg = group[0]
-    units = np.concatenate([units_of(link, scale.length) for link in links])
-    chain = sweep(links, q, v, V_base)
+    chain = sweep(links, q, v, base[0], a, None if a is None else base[1])
     R0, V, c = chain.R0[leg.end], chain.V[leg.end], chain.c[leg.end]
     point = chain.p0[leg.end] + dot(R0, p_s)
     rotation = leg.closure.rotation
     N = _rows(rotation, R_s)
     J = dot(N, _jacobian(chain, leg.end, p_s))
-    v_other, w_other = platform.V[:3] + cross(platform.V[3:], point), platform.V[3:]
+    v_other, w_other = point_velocity(platform.V, point), platform.V[3:]
     apart = dot(R0.T, v_other) - point_velocity(V, p_s)
     turning = dot(R0.T, w_other) - V[3:]
-    drift = dot(R0.T, cross(w_other, v_other)) - point_acceleration(V, c, p_s)
-    k = dot(N, np.concatenate([drift, -c[3:]]))
+    drift = dot(R0.T, point_acceleration(platform.V, platform.A, point)) - point_acceleration(V, c, p_s)
+    k = dot(N, np.concatenate([drift, dot(R0.T, platform.A[3:]) - c[3:]]))
     if rotation == "parallel":
         k[3:] = k[3:] + [dot(cross(V[3:], R_s[:, i]), turning[:, None])[0] for i in range(2)]
     right = np.concatenate([dot(N, _both(R0.T)), k[:, None]], axis=1)
@@ -173,12 +190,12 @@ def write_leg(
         (other - point, scale.length),
         *_turned_apart(rotation, dot(R0, R_s), dot(platform.R, R_o)),
     ]
-    slipping = [(apart, scale.length)]
-    if rotation != "free":
-        slipping.append((dot(N[3:, 3:], turning), 1.0))
-    speed = size_of(v, units, [platform.V, V_base], scale.length)
-    guard = ca.fmax(trusted(trust), loops_closed(open_by, slipping, speed, scale.closed))
-    return WrittenLeg(folding, chain, point, X[:, :6], X[:, 6], speed, guard)
+    slipping = [(apart, scale.length), (dot(N[3:, 3:], turning), 1.0)]
+    guard = trusted(trust) + weighed(open_by, scale.weight_of_positions)
+    guard = guard + weighed(slipping, platform.rate_weight)
+    if a is not None:
+        guard = guard + weighed([(k[:3], scale.length), (k[3:], 1.0)], platform.acceleration_weight)
+    return WrittenLeg(folding, chain, point, X[:, :6], X[:, 6], guard)
 
 
 def _both(R: Expression) -> Expression:

@@ -11,7 +11,7 @@ import numpy as np
 from ...linkage.closures import TreeClosure, TreeCoupling
 from .chains import Chain, motion_map, point_acceleration, point_velocity
 from .expressions import Expression, cross, dot, numbers, zeros
-from .guards import Scale, loops_closed
+from .guards import Scale, weighed
 from .links import units_of
 from .residuals import coupling_row
 from .rigid import to_parent
@@ -24,14 +24,11 @@ class Rows:
     Attributes:
         K: Shape (rows, 6 + nv): K s + gamma = 0.
         gamma: Shape (rows,).
-        apart: Accelerations that open the loops, without units (lengths over the module's length): gamma, and
-            those of couplings if accelerations are given.
-        guard: Guard of the positions and rates of closures and couplings.
+        guard: Guard of the positions and rates of closures and couplings, and of accelerations if given.
     """
 
     K: Expression
     gamma: Expression
-    apart: Expression
     guard: ca.SX
 
 
@@ -70,7 +67,7 @@ def write_rows(
     rates: Expression,
     accelerations: Expression | None,
     scale: Scale,
-    speed: Any,
+    weights: list[Any],
 ) -> Rows:
     """Write the rows of closures and couplings.
 
@@ -79,31 +76,31 @@ def write_rows(
         closures: The closures.
         couplings: The couplings.
         q: Positions of each joint.
-        rates: Rates of the joints.
+        rates: Twist of the base and rates of the joints; those of platforms are their twists, base's frame.
         accelerations: Accelerations of the joints, for the inverse model.
         scale: Scales of closure residuals.
-        speed: Size of the module's rates.
+        weights: Weights of squared residuals of rates and, if given, of accelerations (`Scale.weight`).
     """
-    K, gamma, apart = [zeros(0, 6 + chain.nv)], [zeros(0)], [zeros(0)]
+    K, gamma = [zeros(0, 6 + chain.nv)], [zeros(0)]
     guard = ca.SX(0.0)
     for c in closures:
         a = _side(chain, c.body_a, numbers(c.R_a), numbers(c.p_a))
         b = _side(chain, c.body_b, numbers(c.R_b), numbers(c.p_b))
-        rows, drift, measure = _closure(c, a, b, scale, speed)
+        rows, drift, open_by = _closure(c, a, b)
         K, gamma = [*K, rows], [*gamma, drift]
-        unit = np.array([scale.length] * len(c.translations) + [1.0] * (c.rows - len(c.translations)))
-        apart = [*apart, drift / unit]
-        guard = ca.fmax(guard, measure)
+        along, units = len(c.translations), (scale.length, 1.0)
+        guard = guard + weighed(list(zip(open_by, units, strict=True)), scale.weight_of_positions)
+        for weight, values in zip(weights, (dot(rows, rates), drift), strict=False):
+            guard = guard + weighed(list(zip((values[:along], values[along:]), units, strict=True)), weight)
     for coupling in couplings:
         opened, row = coupling_row(chain, coupling, q, coupling.offset)
-        size = _unit_of(chain, coupling, scale.length)
+        unit = _unit_of(chain, coupling, scale.length)
         K, gamma = [*K, np.concatenate([zeros(6), row])[None]], [*gamma, zeros(1)]
-        positions = [(np.array([opened], dtype=object), size)]
-        measure = loops_closed(positions, [(dot(row[None], rates), size)], speed, scale.closed)
-        guard = ca.fmax(guard, measure)
-        if accelerations is not None:
-            apart = [*apart, dot(row[None], accelerations) / size]
-    return Rows(np.concatenate(K), np.concatenate(gamma), np.concatenate(apart), guard)
+        guard = guard + weighed([(np.array([opened], dtype=object), unit)], scale.weight_of_positions)
+        moving = [rates[6:]] if accelerations is None else [rates[6:], accelerations]
+        for weight, motion in zip(weights, moving, strict=True):
+            guard = guard + weighed([(dot(row[None], motion), unit)], weight)
+    return Rows(np.concatenate(K), np.concatenate(gamma), guard)
 
 
 def _unit_of(chain: Chain, coupling: TreeCoupling, length: float) -> float:
@@ -112,24 +109,22 @@ def _unit_of(chain: Chain, coupling: TreeCoupling, length: float) -> float:
 
 
 def _closure(
-    c: TreeClosure, a: _Side, b: _Side, scale: Scale, speed: Any
-) -> tuple[Expression, Expression, ca.SX]:
-    """Compute rows, drift and guard of one closure."""
+    c: TreeClosure, a: _Side, b: _Side
+) -> tuple[Expression, Expression, tuple[Expression, Expression]]:
+    """Compute rows and drift of one closure, and the residuals of its translations and rotations."""
     r, relative = b.p - a.p, b.J - a.J
     w = b.w - a.w
     axes = [a.A[:, i] for i in c.translations]
+    opened = np.array([_along(n, r) for n in axes], dtype=object)
     if len(axes) == 3:
-        r = zeros(3)  # the loop is closed, and all three rows together may use any axes
+        opened, r = r, zeros(3)  # the loop is closed, and all three rows together may use any axes
         axes = [numbers(np.eye(3)[i]) for i in range(3)]
-    slide = b.v - a.v - cross(a.w, r)
     apart = b.a - a.a - cross(a.alpha, r) - 2 * cross(a.w, b.v - a.v) + cross(a.w, cross(a.w, r))
     normals = [to_parent(numbers(np.eye(3)), b.p, np.concatenate([n, zeros(3)])) for n in axes]
     gamma = [_along(n, apart) for n in axes]
-    opened = b.p - a.p
-    positions = [(np.array([_along(a.A[:, i], opened) for i in c.translations], dtype=object), scale.length)]
-    rates = [(np.array([_along(n, slide) for n in axes], dtype=object), scale.length)]
     z = b.A[:, 2]
     turning: list[tuple[Expression, Expression]] = []
+    pairs: list[tuple[int, int]] = []
     if c.rotation == "fixed":
         turning = [(numbers(np.eye(3)[i]), zeros(3)) for i in range(3)]
         pairs = [(0, 1), (1, 2), (2, 0)]
@@ -143,16 +138,12 @@ def _closure(
     for n, n_dot in turning:
         normals.append(np.concatenate([zeros(3), n]))
         gamma.append(_along(n, b.alpha - a.alpha) + _along(n_dot, w))
-    if turning:
-        angles = np.array([_along(a.A[:, i], b.A[:, j]) for i, j in pairs], dtype=object)
-        positions.append((angles, 1.0))
-        rates.append((np.array([_along(n, w) for n, _ in turning], dtype=object), 1.0))
     rows = [dot(n[None], relative)[0] for n in normals]
-    drift = np.array(gamma, dtype=object)
+    angles = np.array([_along(a.A[:, i], b.A[:, j]) for i, j in pairs], dtype=object)
     return (
         np.array(rows, dtype=object).reshape(len(rows), a.J.shape[1]),
-        drift,
-        loops_closed(positions, rates, speed, scale.closed),
+        np.array(gamma, dtype=object),
+        (opened, angles),
     )
 
 

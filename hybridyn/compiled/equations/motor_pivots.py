@@ -42,7 +42,7 @@ def motor_pivots(plan: Plan, positions: Array, motors: tuple[int, ...]) -> Pivot
         for leg in group:
             platform = core.platforms[leg.platform]
             written = write_leg(
-                (leg,), q[leg.q], zeros(len(leg.v)), zeros(6), platform, loose, plan.leg_pivots[n]
+                (leg,), q[leg.q], zeros(len(leg.v)), (zeros(6), zeros(6)), platform, loose, plan.leg_pivots[n]
             )
             guard = ca.fmax(guard, written.guard)
             at = core.chain.columns_of(leg.platform + 1)

@@ -15,7 +15,7 @@ from .chains import Chain, sweep
 from .expressions import Expression, dot, pack, symbols, zeros
 from .links import Link, links_of
 from .rigid import to_child
-from .static_elimination import Pivots, choose_pivots, solve
+from .static_elimination import Pivots, Trust, choose_pivots, solve
 
 
 @dataclass(frozen=True)
@@ -87,7 +87,7 @@ def wrist_jacobian(path: Path, chain: Chain) -> Expression:
 
 def wrist_accelerations(
     path: Path, chain: Chain, target: Expression, pivots: Pivots
-) -> tuple[Expression, ca.SX]:
+) -> tuple[Expression, Trust]:
     """Solve for the wrist's accelerations that give its end a required acceleration.
 
     Args:
@@ -97,7 +97,7 @@ def wrist_accelerations(
         pivots: Pivots of the wrist's Jacobian.
 
     Returns:
-        Accelerations, shape (wrist nv,), and the smallest pivot over its usual size.
+        Accelerations, shape (wrist nv,), and the trust in the pivots.
     """
     miss = target - chain.c[-1]
     X, trust = solve(wrist_jacobian(path, chain), miss[:, None], pivots)

@@ -19,7 +19,6 @@ from .arguments.chosen import ChosenNumbers
 from .arguments.module_arguments import ModuleArguments
 from .core import Plan, plan_module
 from .expressions import settled
-from .guards import GUARD_CLOSED
 from .parts import Parts, parts_of
 from .paths import path_of
 from .rigid import ten_expressions, ten_numbers
@@ -100,7 +99,7 @@ class Request:
             key = (id(module.mechanism), self.marks(module))
             if key not in known:
                 own = None if inertias is None else inertias[k]
-                plan = plan_module(self._parts(module, own), self.positions(module), GUARD_CLOSED[self.dtype])
+                plan = plan_module(self._parts(module, own), self.positions(module), self.dtype)
                 if own is not None:
                     outputs = tuple(own.own[o - 1] for o in own.spec.outputs)
                     plan = replace(plan, inertias=outputs, column=own.column)

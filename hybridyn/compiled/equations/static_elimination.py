@@ -33,6 +33,27 @@ class Pivots:
     sizes: tuple[float, ...]
 
 
+@dataclass(frozen=True)
+class Trust:
+    """How far the pivots of an elimination can be trusted.
+
+    Attributes:
+        ratios: Absolute value of each pivot over its usual size.
+        doubts: Least trusted absolute value of each pivot over the pivot.
+    """
+
+    ratios: Expression
+    doubts: Expression
+
+    @property
+    def least(self) -> ca.SX:
+        """The smallest pivot over its usual size (1 if there is no pivot)."""
+        least = ca.SX(1.0)
+        for ratio in self.ratios:
+            least = ca.fmin(least, ratio)
+        return least
+
+
 def choose_pivots(
     samples: Array, rank: int, row_scale: Array, col_scale: Array, sparse: float = SPARSE_PIVOT
 ) -> Pivots:
@@ -99,7 +120,7 @@ def samples_pivot(pivot: Array, row_scale: float, col_scale: float) -> Array:
     return out
 
 
-def solve(K: Expression, right: Expression, pivots: Pivots) -> tuple[Expression, ca.SX]:
+def solve(K: Expression, right: Expression, pivots: Pivots) -> tuple[Expression, Trust]:
     """Solve K x = right for the pivots' unknowns in terms of the others.
 
     Args:
@@ -109,17 +130,18 @@ def solve(K: Expression, right: Expression, pivots: Pivots) -> tuple[Expression,
 
     Returns:
         X: All unknowns over [right-hand sides, unknowns without pivots in order], shape (n, k + free).
-        trust: Smallest pivot over its usual size (1 if there is no pivot).
+        trust: Trust in the pivots.
     """
     n, k = K.shape[1], right.shape[1]
     free = [c for c in range(n) if c not in pivots.cols]
     W = np.concatenate([K[:, list(pivots.cols)], right, -K[:, free]], axis=1)[list(pivots.rows)]
     rank = len(pivots.rows)
-    trust, inverses = ca.SX(1.0), []
+    ratios, doubts, inverses = zeros(rank), zeros(rank), []
     for i in range(rank):
         pivot = W[i, i]
-        trust = ca.fmin(trust, ca.fabs(pivot) / pivots.sizes[i])
+        ratios[i] = ca.fabs(pivot) / pivots.sizes[i]
         inverses.append(1.0 / pivot)
+        doubts[i] = times(TRUSTED_PIVOT * pivots.sizes[i], inverses[i])
         for j in range(i + 1, rank):
             if is_zero(W[j, i]):
                 continue
@@ -137,7 +159,7 @@ def solve(K: Expression, right: Expression, pivots: Pivots) -> tuple[Expression,
         X[c] = solved[i]
     for i, c in enumerate(free):
         X[c, k + i] = 1.0
-    return X, trust
+    return X, Trust(ratios, doubts)
 
 
 def solve_definite(A: Expression, right: Expression, noise: float) -> tuple[Expression, ca.SX]:

@@ -107,7 +107,7 @@ class _Sweeps:
     def outwards(self, k: int, modules: list[DirectCalls]) -> DirectCalls:
         """Add the motion outwards: platforms, twists, and the legs' inertias and biases."""
         w, calls = self.w, self._calls(k, modules)
-        targets = calls.place_platforms(18)
+        targets = calls.place_platforms(19)
         for o, carried in enumerate(calls.options.carries):
             if carried:
                 calls.V[o] = w.shared(twist_width(calls.options.velocity))

@@ -129,7 +129,7 @@ class _Sweeps:
     def outwards(self, k: int, modules: list[InverseCalls]) -> InverseCalls:
         """Add the motion outwards, and the legs' forces."""
         w, calls = self.w, self._calls(k, modules)
-        targets = calls.place_platforms(24)
+        targets = calls.place_platforms(26)
         for o, carried in enumerate(calls.options.carries):
             if carried:
                 calls.V[o], calls.A[o] = w.shared(twist_width(calls.options.velocity)), w.shared(6)

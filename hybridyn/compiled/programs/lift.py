@@ -88,7 +88,8 @@ def _write(modules: list[Module]) -> tuple[ca.Function, Array]:
         K, residual = spanning_closures(modules, folding, by_joint(tree, moved_joint, q_0, xi, positions=1))
         dependent, rates = list(pivots.cols), v.copy()
         independent[dependent] = rates[dependent] = 0.0
-        X, pivot = solve(K, np.stack([-residual, -dot(K, rates)], axis=1), pivots)
+        X, trust = solve(K, np.stack([-residual, -dot(K, rates)], axis=1), pivots)
+        pivot = trust.least
         step[dependent], rates[dependent] = X[dependent, 0], X[dependent, 1]
         size = largest(step / m.spanning_col_scale)
         open_by = largest(residual * m.spanning_row_scale)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from ...effects.choice import Choice
 from ...structure.robot import HybridRobot
-from ..code.graph import graph_of
-from ..code.operations import FREE, operations_table
+from ..code.operations import operations_table
+from ..code.quotients import costing, operations_of
 from ..needs import needs_casadi
 from ..program import Program
 
@@ -67,5 +67,5 @@ def flattened(program: Program) -> tuple[int, int]:
     symbols = [ca.SX.sym(name, size) for name, size in program.inputs]
     outputs = function_of(program).call(symbols)
     both = (ca.Function("flat", symbols, ca.cse(wanted)) for wanted in (outputs, outputs[:-1]))
-    with_guard, alone = (sum(node.name not in FREE for node in graph_of(f).nodes) for f in both)
+    with_guard, alone = (len(costing(operations_of(f))) for f in both)
     return with_guard, alone

@@ -30,7 +30,7 @@ from ...equations.expressions import Expression, dot, is_zero, pack, symbols, un
 from ...equations.folding import Folding
 from ...equations.guards import largest, trusted
 from ...equations.states import generic_positions, seen_postures
-from ...equations.static_elimination import Pivots, choose_pivots, solve
+from ...equations.static_elimination import Pivots, Trust, choose_pivots, solve
 from .differences import joint_difference
 from .extended import Extended, extended, with_arguments
 from .given import ANGLE, WIDTH, Given
@@ -202,7 +202,7 @@ class ModuleKernels:
         """Return the largest residual without units."""
         return ca.SX(largest(rows.residual * self.scale))
 
-    def _guard(self, trust: ca.SX, rows: Rows) -> Any:
+    def _guard(self, trust: Trust, rows: Rows) -> Any:
         """Return the guard of pivots and of axes that must not point the wrong way."""
         guard = trusted(trust)
         for cosine in rows.upright:
@@ -214,7 +214,7 @@ class ModuleKernels:
         size = step[self.free] / self.e.unit[self.free]
         return ca.SX(largest(size[: self.own])), ca.SX(largest(size[self.own :]))
 
-    def _solved(self, rows: Rows, right: Expression) -> tuple[Expression, ca.SX]:
+    def _solved(self, rows: Rows, right: Expression) -> tuple[Expression, Trust]:
         """Solve K_f x = right; the entries of given freedoms are zero, shape (nv, k)."""
         out = zeros(self.e.tree.nv, right.shape[1])
         solved, trust = solve(rows.K[:, self.free], right, self.pivots)

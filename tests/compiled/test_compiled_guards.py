@@ -1,0 +1,68 @@
+"""Guards of open loops, and one division per divisor."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import pytest
+
+import hybridyn
+from hybridyn.compiled.code.graph import graph_of
+from hybridyn.compiled.code.quotients import costing, operations_of
+from hybridyn.compiled.equations.states import random_states
+from hybridyn.compiled.programs.interpreter import function_of
+from hybridyn.compiled.programs.whole_robot import programs
+from hybridyn.errors import AssemblyError
+from hybridyn.structure.building import build_robot
+from hybridyn.structure.robot import HybridRobot
+from tests.shipped import shipped
+
+CLEARLY = 1e-2  # a joint moved by so much opens its loop so far that the general path raises
+BARELY = 1e-8  # relative; a hundredth of what the general path lets pass, a thousand times the guard's limit
+
+
+def refused(robot: HybridRobot, name: str, states: list[Any]) -> bool:
+    """Return whether the general path refuses a state because its loops are open."""
+    try:
+        getattr(hybridyn, name)(robot, *states)
+    except AssemblyError:
+        return True
+    return False
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["five_bar", *(pytest.param(x, marks=pytest.mark.slow) for x in ("delta", "gough_stewart", "tanev"))],
+)
+def test_each_joint_that_opens_a_loop_is_noticed(name: str) -> None:
+    """Change single joints a little, wherever the general path refuses a larger change."""
+    robot = build_robot(shipped(name))
+    q, v, a, tau = (x[0] for x in random_states(robot, 1))
+    seen = 0
+    for model, program in programs(robot, models=("idm", "ddm")).items():
+        function = function_of(program)
+        third = a if model == "idm" else tau
+        assert float(function(q, v, third)[1]) <= 1.0
+        given = [q, v, a] if model == "idm" else [q, v]
+        for which, column in enumerate(given):
+            size = np.abs(column).max() if which else 1.0
+            for k in range(len(column)):
+                moved, nearly = [q, v, third], [q, v, third]
+                moved[which], nearly[which] = column.copy(), column.copy()
+                moved[which][k] += CLEARLY * size
+                nearly[which][k] += BARELY * size
+                if refused(robot, model, moved):
+                    seen += 1
+                    assert not float(function(*nearly)[1]) <= 1.0, (model, which, k)
+    assert seen >= robot.nv
+
+
+def test_a_divisor_divides_once() -> None:
+    a, b, c = ca.SX.sym("a"), ca.SX.sym("b"), ca.SX.sym("c")
+    f = ca.Function("f", [a, b, c], [ca.vertcat(a / c, b / c, a / 3, b / a)])
+    assert sum(node.name == "div" for node in graph_of(f).nodes) == 4
+    costs = [node.name for node in costing(operations_of(f))]
+    assert costs.count("div") == 2  # 1 / c, b / a
+    assert costs.count("mul") == 3
