@@ -119,7 +119,6 @@ def prepared(robot: HybridRobot, model: str, effects: Choice = None, parameters:
     """Return the derivatives of a model, which are kept for the last `KEPT` robots and models.
 
     Args:
-        robot: The robot.
         model: "idm" or "ddm".
         effects: Effects to include, as for `hybridyn.idm`.
         parameters: Whether to differentiate over inertial parameters, too.
@@ -150,7 +149,6 @@ class Derivatives:
         Without a C compiler CasADi runs them.
 
         Args:
-            robot: The robot.
             model: "idm" or "ddm".
             effects: Effects to include, as for `hybridyn.idm`.
             parameters: Whether to differentiate over inertial parameters, too.

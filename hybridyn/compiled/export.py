@@ -54,7 +54,6 @@ def export(
     """Write a robot's models as C source for other programs.
 
     Args:
-        robot: The robot.
         directory: Folder for the files; it is created if it does not exist.
         effects: Effects to include, as for `hybridyn.idm`.
         name: Prefix of the files and of all C identifiers; default the robot's name.
@@ -111,13 +110,9 @@ def export_transmission(
     """Write a ROS 2 package: a transmission of ros2_control around the map between joints and motors in C.
 
     Args:
-        robot: The robot.
         directory: Folder of the package; it is created if it does not exist.
         joints: The output joints, as for `hybridyn.joint_map`.
         name: Prefix of the package and of all C identifiers; default the robot's name.
-
-    Returns:
-        Paths of the written files.
 
     Raises:
         SingularityError, TrajectoryError: The output joints do not fit their modules, or are unknown.

@@ -74,9 +74,7 @@ def test_text(
     """Generate the test in C.
 
     Args:
-        robot: The robot.
         effects: Effects in the models.
-        programs: The models.
         name: Prefix of the files and of all C identifiers.
         dtype: "float64" or "float32".
         map_joints: Output joints of the programs of the map.
@@ -152,7 +150,6 @@ def guards_of(programs: list[Program], parameters: Array) -> Callable[..., dict[
     """Return a function of q, v, a, tau that computes the guards of the models, for `check_trusted`.
 
     Args:
-        programs: The models.
         parameters: Values of the input "parameters", shape (slots,).
     """
     from .programs.interpreter import function_of

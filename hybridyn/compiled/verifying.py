@@ -61,8 +61,6 @@ def verify(library: Built, robot: HybridRobot, effects: Effects, *, required: bo
     """Compare models with the general path on random states that the models compute themselves.
 
     Args:
-        library: The models.
-        robot: The robot.
         effects: Effects in the models.
         required: Whether a model must compute some of the states itself.
 
@@ -92,7 +90,6 @@ def check_trusted(guards: Callable[..., dict[str, Array]], robot: HybridRobot, e
 
     Args:
         guards: Function of q, v, a, tau, each of shape (T, n), that returns the guards of each model, (T,).
-        robot: The robot.
         effects: Effects in the models.
 
     Raises:

@@ -33,14 +33,7 @@ HEAD = "static void {name}_copies(const S *given, S *result, V *shared, V *own, 
 
 
 def across_copies(program: Program, names: list[str], lanes: int, tables: Tables) -> str:
-    """Return the C function `<program>_copies`.
-
-    Args:
-        program: The program.
-        names: C name of each kernel.
-        lanes: Number of lanes.
-        tables: Collects its tables.
-    """
+    """Return the C function `<program>_copies`."""
 
     def call(step: Call, name: str) -> list[str]:
         """Return the lines of C that call a kernel for all copies: one by one, or in packs of lanes."""

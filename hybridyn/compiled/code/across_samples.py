@@ -32,13 +32,7 @@ HEAD = "static void {name}_samples(const V *given, V *result, V *shared, V *own,
 
 
 def across_samples(program: Program, names: list[str], tables: Tables) -> str:
-    """Return the C function `<program>_samples`.
-
-    Args:
-        program: The program.
-        names: C name of each kernel.
-        tables: Collects its tables.
-    """
+    """Return the C function `<program>_samples`."""
     head = HEAD.format(name=program.name)
     return driver(program, head, names, tables, lambda call, name: _call(call, name, tables))
 

@@ -59,7 +59,6 @@ def driver(
     """Return the C function that runs a program's steps in order.
 
     Args:
-        program: The program.
         head: First line of the function.
         names: C name of each kernel.
         tables: Collects its tables.

@@ -19,21 +19,9 @@ ODD = ("sin", "tan", "asin", "atan", "sinh", "tanh", "asinh", "atanh", "erf", "s
 EVEN = ("cos", "cosh", "fabs")
 ONE = ("sqrt", "acos", "exp", "log", "log1p", "expm1", "acosh", "floor", "ceil", "not")
 TWO = (
-    "fmin",
-    "fmax",
-    "atan2",
-    "pow",
-    "fmod",
-    "hypot",
-    "copysign",
-    "remainder",
-    "lt",
-    "le",
-    "eq",
-    "ne",
-    "and",
+    "fmin", "fmax", "atan2", "pow", "fmod", "hypot", "copysign", "remainder", "lt", "le", "eq", "ne", "and",
     "or",
-)
+)  # fmt: skip
 #: Operations whose result is true or false.
 TRUTH = ("lt", "le", "eq", "ne", "not", "and", "or")
 
@@ -172,9 +160,6 @@ class Graph:
 
 def graph_of(function: ca.Function) -> Graph:
     """Convert a CasADi function of scalars to a graph.
-
-    Args:
-        function: SX function with dense inputs and outputs.
 
     Raises:
         ValueError: An operation cannot be printed, or an output is sparse.

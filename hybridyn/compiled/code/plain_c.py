@@ -46,7 +46,6 @@ def plain_source(programs: list[Program], name: str, dtype: str = "float64") -> 
     """Return the C source of programs.
 
     Args:
-        programs: The programs.
         name: Prefix of every public identifier.
         dtype: "float64" or "float32".
     """

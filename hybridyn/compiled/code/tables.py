@@ -14,11 +14,7 @@ class Tables:
     """Collect tables; `text` declares them in C."""
 
     def __init__(self, dtype: str = "float64") -> None:
-        """Start with no tables.
-
-        Args:
-            dtype: Type that numbers are rounded to before they are printed.
-        """
+        """Start with no tables. `dtype`: type that numbers are rounded to before they are printed."""
         self._known: dict[str, str] = {}
         self._dtype = dtype
 

@@ -113,15 +113,7 @@ def transmission_package(
     sides: tuple[Sequence[Place], Sequence[Place]],
     home: Sequence[float],
 ) -> dict[str, str]:
-    """Return the files of the package by their paths.
-
-    Args:
-        robot: The robot's name.
-        name: Prefix of the exported C.
-        exported: Header and source of the map by file.
-        sides: Output joints and motors.
-        home: Positions at home.
-    """
+    """Return the files of the package by their paths."""
     joints, motors = sides
     package = f"{name}_transmission"
     listed = [", ".join(place.name for place in side) for side in sides]

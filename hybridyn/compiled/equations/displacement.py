@@ -25,7 +25,6 @@ def by_joint(tree: Tree, function: JointMap, *values: Expression, positions: int
     """Apply a function of one joint to the values of a whole tree, joint by joint.
 
     Args:
-        tree: The tree.
         function: Takes a joint's kind and its slice of each value.
         values: Arrays over the tree: first those over coordinates, then those over freedoms.
         positions: Number of arrays over coordinates.

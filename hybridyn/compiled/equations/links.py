@@ -59,7 +59,6 @@ def aligned(links: list[Link], fixed: frozenset[int]) -> tuple[list[Link], list[
     """Turn bodies' frames so that the axis of every joint of one freedom is a coordinate axis.
 
     Args:
-        links: The links.
         fixed: Bodies whose frames must not change.
 
     Returns:

@@ -100,7 +100,6 @@ def parts_of(
     """Split a module into its core and its groups of legs.
 
     Args:
-        mechanism: The module.
         marks: Motors and laws on each freedom of its tree; equal legs have equal marks.
         leg_inertia: Whether legs have mass.
         regroup: Whether base inertial parameters are used.

@@ -25,8 +25,6 @@ def quadratic_form(
     """Compute M, shape (6 + nv, 6 + nv), and b, shape (6 + nv,).
 
     Args:
-        core: The core.
-        plan: The module.
         options: Options of the direct model.
         forced: Freedoms of the core on which an effort acts.
         received: Filled with the columns of symbols that other kernels provide, by name.

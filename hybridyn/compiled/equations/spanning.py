@@ -29,12 +29,7 @@ LAST = 1e-4
 
 
 def shape_of(module: Module, *more: Any) -> Any:
-    """Return a key that is equal for modules that share one kernel.
-
-    Args:
-        module: The module.
-        more: Further parts of the key.
-    """
+    """Return a key that is equal for modules that share one kernel."""
     spec = module.mechanism.spec
     if not module.mechanism.spanning_closures.rows:
         return tuple(joint.kind for joint in spec.spanning), *more
@@ -78,7 +73,6 @@ def dependent_pivots(modules: list[Module], last: Sequence[int] = ()) -> Pivots:
     """Choose dependent coordinates with large pivots at generic postures of all modules of a shape.
 
     Args:
-        modules: The modules.
         last: Freedoms that should stay independent if possible.
     """
     m, folding = modules[0].mechanism, Folding()

@@ -45,7 +45,6 @@ def build(
 
     Args:
         units: C sources.
-        compiler: The compiler.
         target: Path of the library; the sources are kept beside it during the build.
         libraries: Linker flags of further libraries; -lm is always linked.
         flags: Flags of every unit.

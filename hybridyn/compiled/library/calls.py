@@ -53,11 +53,7 @@ class Library:
     """
 
     def __init__(self, built: Built) -> None:
-        """Load a library.
-
-        Args:
-            built: Its file and the description of its programs.
-        """
+        """Load a library."""
         self.built, self.about = built, built.about
         self.dtype = np.dtype(BORDER[built.about["number"]])
         free = ctypes.CDLL(str(built.path))  # releases the interpreter's lock during a call
@@ -79,7 +75,6 @@ class Library:
         """Run a program for one sample.
 
         Args:
-            name: The program.
             inputs: Its inputs, shapes (n,).
 
         Returns:
@@ -95,7 +90,6 @@ class Library:
         """Run a program for many samples.
 
         Args:
-            name: The program.
             inputs: Its inputs, shapes (T, n).
             threads: Number of threads.
             outs: Arrays to be filled with the outputs; None allocates them.

@@ -23,11 +23,7 @@ ABANDONED = 86400.0
 
 
 def remove_unused(at: Path) -> None:
-    """Remove libraries beyond `LIMIT`, the records and keys that lead to them, and abandoned files.
-
-    Args:
-        at: The cache's folder.
-    """
+    """Remove libraries beyond `LIMIT`, the records and keys that lead to them, and abandoned files."""
     libraries, models, room = at / "libraries", at / "models", LIMIT
     for path in sorted(libraries.glob("*.so"), key=_age_and_size):
         age, size = _age_and_size(path)

@@ -161,12 +161,7 @@ class Law:
 
     @staticmethod
     def function(effort: Callable[[float, Array, Array], Array], sizes: tuple[int, int, int]) -> Law:
-        """Return efforts that a program in Python computes.
-
-        Args:
-            effort: The program.
-            sizes: Sizes of positions, rates and efforts.
-        """
+        """Return efforts that a program in Python computes."""
         q, v, tau = (np.zeros(size) for size in sizes)
         shape = tau.shape
 

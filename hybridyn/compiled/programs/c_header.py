@@ -63,8 +63,6 @@ def header_text(
     """Return the header.
 
     Args:
-        robot: The robot.
-        programs: The models.
         name: Prefix of the files and of all C identifiers.
         dtype: "float64" or "float32".
         joints: Output joints of the programs of the map.

@@ -46,12 +46,7 @@ class AtDesign:
 def designs_to_verify(
     robot: HybridRobot, parameters: Parameters
 ) -> Iterator[tuple[Array, HybridRobot, bool]]:
-    """Yield the designs at which a new model is verified: numbers in slots, the robot, whether it must work.
-
-    Args:
-        robot: The robot.
-        parameters: Its parameters.
-    """
+    """Yield the designs at which a new model is verified: numbers in slots, the robot, whether it must work."""
     for factor in TRIED if parameters.size else TRIED[:1]:
         numbers = parameters.slot_values(parameters.near(factor)[None])[0]
         if factor == 1.0:
@@ -118,7 +113,6 @@ class DesignsInSlots:
 
         Args:
             numbers: Numbers in the slots, shape (T, slots).
-            rows: The samples.
 
         Raises:
             HybridynError: A design is no robot.

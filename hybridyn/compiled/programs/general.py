@@ -72,8 +72,6 @@ def general_rows(
     """Compute some samples of a batch by the general path.
 
     Args:
-        robot: The robot.
-        effects: The effects.
         name: Name of the model.
         given: Its arguments, shape (T, width) each.
         rows: Numbers of the samples.

@@ -14,7 +14,6 @@ def function_of(program: Program, symbol: Any = ca.SX) -> ca.Function:
     """Convert a program to one CasADi function.
 
     Args:
-        program: The program.
         symbol: `casadi.SX` for one flat graph, `casadi.MX` for a graph of calls.
 
     Returns:

@@ -63,10 +63,6 @@ def map_programs(request: Request, joints: Sequence[str]) -> list[Program]:
     ("joints_per_motors", "motors_per_joints"). The guard is at most 1 if the loops were closed before the
     step; else call again with "q".
 
-    Args:
-        request: The robot.
-        joints: The output joints.
-
     Raises:
         SingularityError: The joints do not fit their modules.
         TrajectoryError: A joint is unknown, or has several freedoms.
@@ -104,9 +100,7 @@ def map_values(robot: HybridRobot, q: Array, joints: Sequence[str], rates: Array
     """Compute inputs and outputs of both programs at postures by the general path, by name.
 
     Args:
-        robot: The robot.
         q: Positions, shape (T, nq). Singular ones get zeros.
-        joints: The output joints.
         rates: Any numbers, shape (T, n), from which rates and efforts of the motors are taken.
     """
     motors = len(motors_beside(robot, joints))

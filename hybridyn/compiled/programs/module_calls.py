@@ -94,12 +94,7 @@ class ModuleCalls:
         return {f"platform {i}": place for i, place in self.platforms.items()}
 
     def sums_of(self, platform: int, parts: tuple[tuple[str, int], ...]) -> dict[str, Target]:
-        """Return the targets of a platform's sums over its legs, which start at zero, and of their guards.
-
-        Args:
-            platform: The platform's link of the core.
-            parts: Name and size of each sum.
-        """
+        """Return the targets of a platform's sums over its legs, which start at zero, and of their guards."""
         for name, size in parts:
             if (platform, name) not in self.sums:
                 self.sums[platform, name] = self.writer.start(self.writer.shared(size), np.zeros(size))

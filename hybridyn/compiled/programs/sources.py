@@ -44,7 +44,6 @@ def library_of(
     """Return `cache.cached` for a robot's models, without its key and source; the source is generated once.
 
     Args:
-        robot: The robot.
         effects: Effects in the models.
         scalar: Scalar type and number of lanes.
         parameters: Numbers of the description that are arguments of the models.

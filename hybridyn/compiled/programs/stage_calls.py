@@ -26,13 +26,7 @@ class Stages:
         self._handed: dict[tuple[int, int], Shared | Own] = {}
 
     def call(self, s: int, sources: dict[str, Source], targets: dict[str, Target]) -> None:
-        """Add the call of a stage; a stage without outputs is skipped.
-
-        Args:
-            s: Index of the stage.
-            sources: Sources of its inputs, by name.
-            targets: Targets of its outputs, by name.
-        """
+        """Add the call of a stage; a stage without outputs is skipped."""
         stage = self._stages[s]
         if not stage.outputs:
             return

@@ -30,7 +30,6 @@ def programs(
     """Build a robot's models as programs.
 
     Args:
-        robot: The robot.
         effects: Effects to include, as for `hybridyn.idm`.
         models: Names of the models: "idm", "ddm", "kinematics"; "lift", a Newton step onto the assembled
             postures, left out if the robot has no such program; "close", the motion of all joints from the

@@ -146,19 +146,14 @@ def forces_at_rest(
     time: Array | None = None,
     base: Array | None = None,
 ) -> Array:
-    """Compute the generalised force along u at u_dot = 0.
+    """Compute the generalised force along u at u_dot = 0, shape (T, N), [N or N m].
 
     Args:
-        robot: The robot.
         q: Positions, shape (T, nq).
         v: Rates, shape (T, nv).
-        u: The independent coordinates.
         on: What is computed.
         time: Times, shape (T,), [s], or None.
         base: Acceleration of a prescribed base, shape (T, 6), or None for zero.
-
-    Returns:
-        Shape (T, N), [N or N m].
     """
     loads = all_loads(robot, on, q, v, time, None)
     v = v if on.inertia else np.zeros_like(v)

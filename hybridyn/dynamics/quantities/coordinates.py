@@ -54,7 +54,6 @@ def independent_coordinates(robot: HybridRobot, joints: Sequence[str] | None) ->
     """Return the independent coordinates of a robot.
 
     Args:
-        robot: The robot.
         joints: Names of joints with one freedom each, as many in each module as it has freedoms; the motors
             where left out.
 
@@ -77,7 +76,6 @@ def located(robot: HybridRobot, names: tuple[str, ...], *, chosen: bool) -> Coor
     """Return where joints lie in v and in the modules.
 
     Args:
-        robot: The robot.
         names: Known joints.
         chosen: Whether the caller chose them.
     """

@@ -51,7 +51,6 @@ def independent_motions(
         states: States of its modules.
         q: Positions, shape (T, nq).
         v: Rates that the states have, shape (T, nv); None where no drift is needed.
-        u: The independent coordinates.
 
     Raises:
         SingularityError: Closures lose rank, or the coordinates are not independent at a sample.
@@ -133,7 +132,6 @@ def _right_inverse(s: ModuleState, rates: Array, freedoms: Index, u: Coordinates
         s: State of the module.
         rates: Rates of the spanning tree along orthonormal motions Q, shape (T, nv, N).
         freedoms: The chosen freedoms of the spanning tree, shape (m,).
-        u: The independent coordinates.
 
     Returns:
         Shapes (T, N, m) and (T, N, N - m).

@@ -171,7 +171,6 @@ def related(
     """Compute `joint_map` with given motions over each side.
 
     Args:
-        robot: The robot.
         q: As in `joint_map`.
         joints: As in `joint_map`.
         motions: Computes motions over one side.

@@ -76,9 +76,7 @@ def regular_map(robot: HybridRobot, q: Array, joints: Sequence[str]) -> tuple[Jo
     """Compute the map at the postures that are not singular.
 
     Args:
-        robot: The robot.
         q: Positions, shape (T, nq).
-        joints: The output joints.
 
     Returns:
         The map, or None if no posture is left, and the samples that are.

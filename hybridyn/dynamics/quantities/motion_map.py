@@ -76,10 +76,8 @@ def drift(robot: HybridRobot, q: Array, v: Array, u: Coordinates) -> Array:
     """Compute E_dot u: the accelerations of the spanning tree at u_dot = 0, shape (T, nv).
 
     Args:
-        robot: The robot.
         q: Positions, shape (T, nq).
         v: Rates, shape (T, nv).
-        u: The independent coordinates.
     """
     motions = independent_motions(forward(robot, q, v, None, None), q, v, u)
     return whole_drift(robot, motions, len(q))
@@ -126,11 +124,9 @@ def rate_of_map(
     do not depend on each other: the columns of equal number of all modules are computed at once.
 
     Args:
-        robot: The robot.
         q: Positions, shape (T, nq).
         v: Rates, shape (T, nv).
         E: dq/du, shape (T, nv, N).
-        u: The independent coordinates.
         drift_of: The drift at positions (S, nq) and rates (S, nv), shape (S, nv).
     """
     refuse_idle(robot, u, "the rate of dq/du")

@@ -112,7 +112,6 @@ def inverse_of(
     """Compute the inverses of Delassus matrices by QR with column pivoting.
 
     Args:
-        robot: The robot.
         D: The matrices of some links, shape (T, 6 k, 6 k).
         links: The links, for messages.
         immovable: Reciprocal condition number, scaled by the robot's size, that is refused.

@@ -17,7 +17,6 @@ def polar_form(robot: HybridRobot, f: Callable[[Array, Array], Array], q: Array,
     """Compute the polar form of a quadratic function of the rates, between v and each column of E.
 
     Args:
-        robot: The robot.
         f: The function of positions (S, nq) and rates (S, nv), with results of shape (S, k).
         q: Positions, shape (T, nq).
         v: Rates, shape (T, nv).

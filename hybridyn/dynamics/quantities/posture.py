@@ -93,11 +93,8 @@ def _held_joints(module: Module) -> Iterator[str]:
 def postures_on_grid(robot: HybridRobot, values: Mapping[str, Array]) -> Iterator[tuple[Array, Array | None]]:
     """Assemble a posture at every point of a grid of joint positions, from the point nearest to home on.
 
-    A point's guess is the posture of a neighbour that was found: all belong to home's assembly branch.
-
-    Args:
-        robot: The robot.
-        values: Increasing positions by joint.
+    Each joint's positions increase. A point's guess is the posture of a neighbour that was found: all belong
+    to home's assembly branch.
 
     Yields:
         For each point, the last joint's position changing first: the positions, shape (joints,), and the

@@ -29,7 +29,6 @@ def closed_states(robot: HybridRobot, q: Array, v: Array | None = None) -> list[
     """Compute the states of the modules, without weights and accelerations.
 
     Args:
-        robot: The robot.
         q: Positions, shape (T, nq).
         v: Rates, shape (T, nv); zero where left out.
 

@@ -24,7 +24,6 @@ def column_of(robot: HybridRobot, block: Postures, tau: Array, column: str) -> A
     """Return a column of the motion, shape (T,).
 
     Args:
-        robot: The robot.
         block: The postures.
         tau: Efforts of the motors, shape (T, motors).
         column: `<joint>/position|velocity|acceleration` of a joint with one freedom, `<motor>/effort|power`,

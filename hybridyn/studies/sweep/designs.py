@@ -30,9 +30,6 @@ class Designs:
     def __init__(self, source: StudyFile) -> None:
         """Prepare the designs.
 
-        Args:
-            source: The study.
-
         Raises:
             ModelError: A grid is too large.
             HybridynError: SALib is missing.
@@ -109,12 +106,7 @@ class Designs:
 
 
 def generator(seed: int, design: int) -> np.random.Generator:
-    """Return the random numbers of a design: `SeedSequence(seed).spawn(n)[design]`, without the others.
-
-    Args:
-        seed: Seed of the study.
-        design: Number of the design.
-    """
+    """Return the random numbers of a design: `SeedSequence(seed).spawn(n)[design]`, without the others."""
     return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(design,)))
 
 

@@ -36,11 +36,6 @@ class Expression:
     def __init__(self, text: str, columns: Sequence[str], what: str) -> None:
         """Parse an expression.
 
-        Args:
-            text: The expression.
-            columns: Columns of the table.
-            what: Where it stands, for messages.
-
         Raises:
             HybridynError: It is no expression, or there is no such column.
         """
@@ -55,11 +50,7 @@ class Expression:
         self._check(self._tree)
 
     def __call__(self, columns: Mapping[str, Any]) -> Any:
-        """Evaluate the expression.
-
-        Args:
-            columns: Columns by name, shape (rows,) each.
-        """
+        """Evaluate the expression. `columns`: columns by name, shape (rows,) each."""
         with np.errstate(all="ignore"):
             return self._value(self._tree, columns)
 

@@ -76,9 +76,6 @@ class Track:
     def motions(self, robot: HybridRobot) -> Iterator[tuple[Layout, Motion]]:
         """Return the motion of a robot's joints and platforms, block by block.
 
-        Args:
-            robot: The robot.
-
         Raises:
             TrajectoryError: The table is wrong, or does not determine the motion of this robot.
         """
@@ -109,14 +106,9 @@ def follow(robot: HybridRobot, track: Track, how: Follower, use: Use) -> Postmor
     """Compute the efforts of a robot along a trajectory, and count the postures at which it cannot be.
 
     Args:
-        robot: The robot.
-        track: The trajectory.
         how: How it is computed.
         use: Called with the postures of each block and their efforts, shape (T, motors). After an error it is
             called no more.
-
-    Returns:
-        The errors.
 
     Raises:
         HybridynError: The table does not belong to this robot.

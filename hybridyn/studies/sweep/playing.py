@@ -27,10 +27,6 @@ class Player:
     def __init__(self, study: StudyFile, task: str) -> None:
         """Read the scene.
 
-        Args:
-            study: The study.
-            task: Name of the task.
-
         Raises:
             ModelError: The scene is wrong.
         """
@@ -76,10 +72,6 @@ class Player:
         self, robot: HybridRobot, functions: Mapping[str, Callable[..., Any]]
     ) -> tuple[Postmortem, dict[str, float]]:
         """Simulate the scene with a robot.
-
-        Args:
-            robot: The robot of a design.
-            functions: The functions in Python by measure.
 
         Returns:
             What went wrong, and the measures where nothing did.

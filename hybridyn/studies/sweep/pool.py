@@ -25,11 +25,6 @@ class Pool(Protocol):
     def run(self, function: Callable[..., Any], tasks: Iterable[Any], *, at_once: int) -> Iterator[Any]:
         """Call a function of each task, and yield the results as they come.
 
-        Args:
-            function: The function.
-            tasks: Tuples of arguments, taken one by one.
-            at_once: Largest number of tasks that wait or run.
-
         Raises:
             WorkerDiedError: A process ended; the tasks without a result have to be given again.
         """

@@ -61,9 +61,6 @@ class Index(NamedTuple):
 def sensitivity(folder: str | PathLike[str]) -> list[Index]:
     """Compute the sensitivity of each measure to each parameter, over the designs whose status is "ok".
 
-    Args:
-        folder: Folder of the results.
-
     Raises:
         HybridynError: SALib is missing, the folder has no results, or too few designs.
     """

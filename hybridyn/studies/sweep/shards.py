@@ -153,7 +153,6 @@ def read_shards(folder: str | Path, columns: Iterable[str] | None = None) -> Ite
     """Read the shards of a folder one after the other, in the order of the designs.
 
     Args:
-        folder: The folder.
         columns: Columns to read; all by default.
 
     Yields:

@@ -30,7 +30,6 @@ def closing_programs(
     module; "step", "wrist", "open", "off" and "turned" have an entry for each module.
 
     Args:
-        robot: The robot.
         parts: Its modules but a free base.
         chosen: Numbers that are arguments, the input "parameters" of each program, or None.
     """

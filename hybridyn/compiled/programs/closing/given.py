@@ -115,7 +115,6 @@ def requests_of_motors(
     """Return the requests that prescribe all motors.
 
     Args:
-        robot: The robot.
         position: Positions in the order of `robot.motors`, shape (motors,) or (T, motors), [m or rad].
         rates: Their rates and accelerations, of the same shape; zero where left out.
 

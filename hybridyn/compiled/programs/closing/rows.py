@@ -55,7 +55,6 @@ def rows_at(
     """Write the rows of modules of one shape.
 
     Args:
-        trees: Their extended trees.
         given: What is prescribed.
         folding: Collects the numbers in which they differ.
         z: Positions of each joint.
@@ -134,7 +133,6 @@ def _add_coordinates(
         out: The rows so far.
         chain: The tree's motion.
         writer: Writes rows of closures.
-        some: The coordinates.
         wanted: Their prescribed values, shape (coordinates,).
         frames: Axes and origin of the frame in which they are measured, and of the link in its body.
     """

@@ -16,7 +16,6 @@ def place_of(robot: HybridRobot, parts: list[Part], guess: Array) -> Place | Non
     """Return the closed posture at a guess; None if its loops do not close near it.
 
     Args:
-        robot: The robot.
         parts: Its modules but a free base.
         guess: Positions of the spanning tree, shape (nq,).
     """

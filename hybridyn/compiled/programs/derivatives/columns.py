@@ -62,7 +62,6 @@ def collect(
     """Add the call that adds up the adjoints of numbers of a user input.
 
     Args:
-        adjoints: The adjoints.
         name: The user input (or computed output).
         index: Indices of the numbers in it.
         targets: Targets of the sums, which all receive the same.
@@ -125,13 +124,7 @@ ONE = ("revolute", "prismatic")
 
 
 def along_freedoms(kinds: Sequence[str], x: Expression, values: list[Any]) -> list[Any]:
-    """Convert derivatives over coordinates to derivatives over freedoms.
-
-    Args:
-        kinds: Kinds of the joints.
-        x: Their coordinates.
-        values: Derivatives over the coordinates.
-    """
+    """Convert derivatives over coordinates to derivatives over freedoms."""
     out: list[Any] = []
     at = 0
     for kind in kinds:

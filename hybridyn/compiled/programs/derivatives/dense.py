@@ -64,15 +64,7 @@ def by_columns(all: Each, first: int, count: int) -> Shared:
 
 
 def add_terms(w: Writer, copies: int, terms: Sequence[Term], more: Sequence[Source], target: Target) -> None:
-    """Add the call that computes sum_i A_i x_i + sum_j y_j, one column in each lane.
-
-    Args:
-        w: The program under construction.
-        copies: Number of columns.
-        terms: Matrices A_i and columns x_i.
-        more: Further columns y_j.
-        target: Target of the columns.
-    """
+    """Add the call that computes sum_i A_i x_i + sum_j y_j, one column in each lane."""
     sizes = tuple((term.matrix.size // term.size, term.size) for term in terms)
 
     def function() -> ca.Function:
@@ -90,13 +82,7 @@ def sources_of(terms: Sequence[Term]) -> list[Source]:
 
 
 def sum_of(sizes: Sequence[tuple[int, int]], rows: int, more: int) -> tuple[Expression, list[ca.SX]]:
-    """Return sum_i A_i x_i + sum_j y_j, and the columns of symbols in it.
-
-    Args:
-        sizes: Shapes of the matrices.
-        rows: Number of entries of the sum.
-        more: Number of columns y_j.
-    """
+    """Return sum_i A_i x_i + sum_j y_j, and the columns of symbols in it."""
     total: Any = np.zeros(rows).astype(object)
     columns: list[ca.SX] = []
     for shape in sizes:

@@ -38,7 +38,6 @@ def local_jacobian(
     """Differentiate a node.
 
     Args:
-        node: The node.
         ins: Sources over which to differentiate.
         outs: Targets to differentiate.
         common_in: Whether all copies read the same numbers, for each of `ins`.

@@ -40,12 +40,7 @@ class Motions:
         self._joiner = Joiner(writer.kernels, writer.handed, limit=0.0)
 
     def of(self, modules: list[DirectCalls], at: Coordinates) -> Motion:
-        """Add the calls of connected modules.
-
-        Args:
-            modules: Their calls in the direct model, which has run.
-            at: Their coordinates.
-        """
+        """Add the calls of connected modules."""
         w, rows = self._writer, len(at.v)
         nodes = self._joiner.nodes([call for calls in modules for call in self._calls(calls)])
         adjoints = Adjoints(w, rows)

@@ -236,7 +236,6 @@ class Quantities:
         """Compute a quantity, by the general path at samples that cannot be trusted or where it alone can.
 
         Args:
-            name: The quantity.
             compute: Computes results of shape (T, ...) and which samples can be trusted, or None.
             general: Computes results of the general path.
             lanes: Rows of models for each sample.

@@ -164,7 +164,6 @@ def delassus_rows(run: Run, moves: Following, q: Array, links: Sequence[str], ax
         run: Computes a model of the robot, whose base does not float.
         moves: Motions of its joints over its motors, as many as its freedoms.
         q: Positions, shape (T, nq).
-        links: The links.
         axes: As in `hybridyn.delassus`.
     """
     J, good = link_rows(run, moves, q, links, axes)
