@@ -46,7 +46,7 @@ class AtDesign:
 def designs_to_verify(
     robot: HybridRobot, parameters: Parameters
 ) -> Iterator[tuple[Array, HybridRobot, bool]]:
-    """Yield the designs at which a new model is verified: numbers in slots, the robot, whether it must work."""
+    """Yield designs at which a new model is verified: numbers in slots, the robot, if it must work."""
     for factor in TRIED if parameters.size else TRIED[:1]:
         numbers = parameters.slot_values(parameters.near(factor)[None])[0]
         if factor == 1.0:
