@@ -40,11 +40,7 @@ def check_determined(module: Module, problem: LoopProblem, generic: Array) -> in
 
 
 def _check_idle(module: Module, problem: LoopProblem, motion: Array) -> None:
-    """Check that free motions, shape (nv, count), move no motor, no output, and no leg's centre of mass.
-
-    Raises:
-        AssemblyError: One of them does.
-    """
+    """Check that free motions, shape (nv, count), move no motor, no output, and no leg's centre of mass."""
     m = module.mechanism
     moved = motion * problem.col_scale[:, None]
     posture = m.tree.sweep(m.postures[:1])

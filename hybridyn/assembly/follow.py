@@ -223,11 +223,7 @@ def _steps_as_predicted(task: Task, q: Array, samples: Index) -> Mask:
 
 
 def _walk(task: Task, q: Array, sample: int) -> Array:
-    """Follow the branch from a sample to the next, with steps as long as predictions hold.
-
-    Raises:
-        AssemblyError: A target along the path is out of reach, or the branch ends.
-    """
+    """Follow the branch from a sample to the next, with steps as long as predictions hold."""
     there = task.solve(q[None], np.array([sample + 1]))
     shortest = 1 / (FINEST if task.closed(there)[0] else COARSEST)
     done, step = 0.0, 0.25
@@ -246,11 +242,7 @@ def _walk(task: Task, q: Array, sample: int) -> Array:
 
 
 def _at_once(task: Task, q: Array, sample: int) -> Array:
-    """Solve the next sample on any branch.
-
-    Raises:
-        AssemblyError: The target is out of reach.
-    """
+    """Solve the next sample on any branch."""
     result = task.solve(q[None], np.array([sample + 1]))
     if not task.closed(result)[0]:
         raise unreachable(task, result, sample + 1, result.iterations)

@@ -156,11 +156,7 @@ def _units(m: Mechanism) -> Array:
 def _coordinate_target(
     robot: HybridRobot, module: Module, base_body: int, pose: PoseRequest, place: tuple[int, Array, Array]
 ) -> CoordinateTarget:
-    """Build the target of a partial pose; `place` is the link's body and its placement in the body.
-
-    Raises:
-        AssemblyError: The pose is not relative to the module's base.
-    """
+    """Build the target of a partial pose; `place` is the link's body and its placement in the body."""
     other_body, other_R, other_p = robot.bodies.place[pose.other]
     if other_body != base_body:
         raise AssemblyError(
@@ -184,11 +180,7 @@ def _in_base(
     pose: PoseRequest,
     motion: RigidMotion,
 ) -> RigidMotion:
-    """Compute a link's prescribed motion in its module's base body.
-
-    Raises:
-        AssemblyError: The pose is relative to a link further out.
-    """
+    """Compute a link's prescribed motion in its module's base body."""
     other_body, R, p = robot.bodies.place[pose.other]
     if other_body not in bodies:
         raise AssemblyError(
@@ -201,11 +193,7 @@ def _in_base(
 
 
 def _check_range(name: str, position: Array, limit: float, unit: str) -> None:
-    """Check that positions, shape (T,), are within a limit that catches mistakes in units.
-
-    Raises:
-        AssemblyError: One is not; the message names joint and sample.
-    """
+    """Check that positions, shape (T,), are within a limit that catches mistakes in units."""
     bad = np.flatnonzero(np.abs(position) > limit)
     if len(bad):
         raise AssemblyError(

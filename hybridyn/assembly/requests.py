@@ -115,11 +115,7 @@ def gather_requests(
 
 
 def _known(name: str, known: Mapping[str, object], what: str) -> None:
-    """Check that a name is known.
-
-    Raises:
-        TrajectoryError: It is not; the message suggests the nearest known name.
-    """
+    """Check that a name is known."""
     if name not in known:
         raise TrajectoryError(f"unknown {what} '{name}'{did_you_mean(name, known)}", column=name)
 
@@ -134,11 +130,7 @@ def _triple(value: object) -> tuple[object, object, object]:
 
 
 def _three(value: object, name: str) -> list[Array]:
-    """Return position, rate and acceleration of a joint, each of shape () or (T,), zero where omitted.
-
-    Raises:
-        TrajectoryError: A shape is wrong, or a number is not finite.
-    """
+    """Return position, rate and acceleration of a joint, each of shape () or (T,), zero where omitted."""
     parts = [np.asarray(0.0 if x is None else x, dtype=float) for x in _triple(value)]
     for x in parts:
         if x.ndim > 1 or not np.isfinite(x).all():
@@ -193,11 +185,7 @@ def _pose(robot: HybridRobot, key: str, parts: Sequence[object], T: int) -> Pose
 
 
 def _array(key: str, value: object, width: int, T: int) -> Array:
-    """Return one part of a pose, shape (T, width), zero where omitted.
-
-    Raises:
-        TrajectoryError: A shape is wrong, or a number is not finite.
-    """
+    """Return one part of a pose, shape (T, width), zero where omitted."""
     if value is None:
         return np.zeros((T, width))
     out = np.asarray(value, dtype=float)

@@ -192,11 +192,7 @@ def _between_steps() -> Iterator[list[int]]:
 
 
 def _earlier(ready: Stage, run: str, scene: str) -> str:
-    """Find the state file of a run that was stopped.
-
-    Raises:
-        TrajectoryError: There is none, or it belongs to another scene.
-    """
+    """Find the state file of a run that was stopped."""
     from ..errors import TrajectoryError
     from ..simulation.result import Result
 

@@ -171,11 +171,7 @@ def written(folder: Path, contents: Mapping[str, str]) -> list[Path]:
 
 
 def _check_replaceable(path: Path) -> None:
-    """Check that a path is free or has a file that hybridyn wrote.
-
-    Raises:
-        ModelError: Another file is at this path.
-    """
+    """Check that a path is free or has a file that hybridyn wrote."""
     if path.exists() and WRITTEN not in path.read_text(encoding="utf-8", errors="replace"):
         raise ModelError(f"'{path}' exists and was not written by hybridyn: name another folder")
 

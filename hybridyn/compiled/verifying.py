@@ -204,11 +204,7 @@ class _Comparison:
             self._compare("idm", idm, (q, v, a), tau, self._general(idm, "idm", q, v, a))
 
     def _general(self, model: Callable[..., Array], name: str, *given: Array) -> Array:
-        """Compute samples by the general path that the compiled model computes itself.
-
-        Raises:
-            CompileError: The general path refuses them.
-        """
+        """Compute samples by the general path that the compiled model computes itself."""
         try:
             return model(self._robot, *given, effects=self._effects)
         except HybridynError as error:
@@ -220,11 +216,7 @@ class _Comparison:
     def _compare(
         self, name: str, model: Callable[..., Array], given: tuple[Array, ...], result: Numbers, wanted: Array
     ) -> None:
-        """Check that no difference exceeds both `MODEL_AGREES` and `ROUNDINGS` of the general path's own.
-
-        Raises:
-            CompileError: A difference exceeds both.
-        """
+        """Check that no difference exceeds both `MODEL_AGREES` and `ROUNDINGS` of the general path's own."""
         if name in self.computed:
             self.computed[name] += len(wanted)
         off = difference(result, wanted)
@@ -263,9 +255,6 @@ def _lift(library: Built, robot: HybridRobot, q: Array, v: Array, agree: float) 
 
     Returns:
         Whether the steps converged at some sample.
-
-    Raises:
-        CompileError: The steps converged, but the loops are not closed.
     """
     manifold = Manifold(robot)
     xi = AWAY * manifold.unit * np.random.default_rng(0).choice([-1.0, 1.0], size=v.shape)

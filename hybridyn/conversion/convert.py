@@ -113,11 +113,7 @@ def _as_loaded(robot: HybridRobot) -> Description:
 
 
 def _refuse_names(d: Description) -> None:
-    """Refuse names that no text file can hold.
-
-    Raises:
-        ModelError: A name has control characters.
-    """
+    """Refuse names that no text file can hold."""
     names = [d.name, *(link.name for link in d.links), *(joint.name for joint in d.joints)]
     names += [*(closure.name for closure in d.closures), *(coupling.name for coupling in d.couplings)]
     for name in names:
@@ -126,11 +122,7 @@ def _refuse_names(d: Description) -> None:
 
 
 def _check_target(target: Path) -> None:
-    """Check, before any work is done, that a file can be written.
-
-    Raises:
-        ModelError: It is a folder or no regular file, or its folder does not exist.
-    """
+    """Check, before any work is done, that a file can be written."""
     if target.exists() and not target.is_file():
         raise ModelError("is a folder" if target.is_dir() else "is not a regular file", file=str(target))
     if not target.parent.is_dir():
@@ -138,21 +130,13 @@ def _check_target(target: Path) -> None:
 
 
 def _refuse_input(target: Path, source: str) -> None:
-    """Refuse to replace the robot's own file.
-
-    Raises:
-        ModelError: They are the same file.
-    """
+    """Refuse to replace the robot's own file."""
     if target.exists() and os.path.exists(source) and os.path.samefile(target, source):
         raise ModelError("is the robot's own file; write to another one", file=str(target))
 
 
 def _write(target: Path, written: Written) -> Conversion:
-    """Write the files; one that convert did not write stays as it is.
-
-    Raises:
-        ModelError: A file beside the target has to be written, but another program wrote it.
-    """
+    """Write the files; one that convert did not write stays as it is."""
     texts = {MODEL: "", SIDE_CAR: ""} | dict(written.beside)
     files = {ending: file_beside(target, ending) for ending in texts}
     if not texts[MODEL] and find_model_file(str(target)) not in (None, files[MODEL]):

@@ -66,11 +66,7 @@ def read_shapes(
 
 
 def _shape(link: str, visual: Node, colours: Mapping[str, Colour | None], find: MeshFiles) -> Shape:
-    """Return a shape.
-
-    Raises:
-        ModelError: It is none of URDF's shapes, or a number is missing.
-    """
+    """Return a shape."""
     placement = origin_of(visual.child("origin"))
     material = visual.child("material")
     colour = None

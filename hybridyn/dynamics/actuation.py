@@ -176,11 +176,7 @@ def load_share(robot: HybridRobot, module: Module, sharing: Sharing, among: Inde
 
 
 def _check_driven(module: Module, Psi: Array, missing: Array, need: Need, sharing: Sharing) -> None:
-    """Raise if a motion that no motor drives needs an effort; idle motions are excepted.
-
-    Raises:
-        ActuationError: The message names the joint, the effort and the sample.
-    """
+    """Raise if a motion that no motor drives needs an effort; idle motions are excepted."""
     lack = np.abs(missing).max(axis=1, initial=0.0)
     bad = np.flatnonzero(lack > np.maximum(UNDRIVEN * need.size, need.rounding))
     if not len(bad) or (sharing.on_singular != "raise" and len(module.motors) >= module.mobility):

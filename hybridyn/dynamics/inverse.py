@@ -161,11 +161,7 @@ def inverse_model(
 
 
 def _weights(robot: HybridRobot, weights: Mapping[str, float] | Array | None) -> Array | None:
-    """Return the weights in the order of the motors, shape (motors,), or None.
-
-    Raises:
-        ActuationError: A weight is missing, unknown or not positive.
-    """
+    """Return the weights in the order of the motors, shape (motors,), or None."""
     if weights is None:
         return None
     if isinstance(weights, Mapping):

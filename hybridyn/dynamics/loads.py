@@ -190,11 +190,7 @@ def _enter(robot: HybridRobot, loads: Loads, wrenches: Mapping[str, Array], samp
 
 
 def _wrench(robot: HybridRobot, link: str, given: Array, samples: int) -> Array:
-    """Check a wrench on a link and return it for every sample, shape (samples, 6).
-
-    Raises:
-        TrajectoryError: The link is unknown, the shape is wrong, or a number is not finite.
-    """
+    """Check a wrench on a link and return it for every sample, shape (samples, 6)."""
     if link not in robot.bodies.place:
         raise TrajectoryError(f"wrench on unknown link '{link}'{did_you_mean(link, robot.bodies.place)}")
     wrench = np.asarray(given, dtype=float)

@@ -95,11 +95,7 @@ def _check_wrists(state: ModuleState, slack: float, natural: NaturalSizes, accel
 
 
 def _check_limit(module: Module, value: Array, limit: Array, what: str, how: str) -> None:
-    """Raise if an absolute residual, shape (T, rows), exceeds the limit of its sample, shape (T,).
-
-    Raises:
-        AssemblyError: The message names the residual that exceeds its limit and is the largest.
-    """
+    """Raise if an absolute residual, shape (T, rows), exceeds the limit of its sample, shape (T,)."""
     excess = np.where(value > limit[:, None], value, 0.0)
     if not excess.any():
         return

@@ -276,11 +276,7 @@ def stated_names(robot: HybridRobot) -> tuple[str, ...]:
 
 
 def _stated(robot: HybridRobot, name: str) -> list[Any]:
-    """Build the objects of a named effect with the parameters of the robot's files.
-
-    Raises:
-        ModelError: The files do not state any.
-    """
+    """Build the objects of a named effect with the parameters of the robot's files."""
     tables = [values for stated, values in robot.description.effects if stated == name]
     if tables:
         return [UNITS[name](**values) for values in tables]

@@ -123,11 +123,7 @@ class ModuleChart:
         )
 
     def _newton_step(self, G: Array, residual: Array) -> Array:
-        """Compute the Newton step of the dependent coordinates.
-
-        Raises:
-            AmbiguousBranchError: G is singular, and the loops are open.
-        """
+        """Compute the Newton step of the dependent coordinates."""
         if not len(G):
             return self.w
         try:
@@ -138,11 +134,7 @@ class ModuleChart:
             raise self._ambiguous() from None
 
     def _check_branch(self, G: Array, lengths: list[float]) -> None:
-        """Check that Newton stayed on the branch; update `narrow` and `lost`.
-
-        Raises:
-            AmbiguousBranchError: G is nearly singular, and Newton did not contract from its first step on.
-        """
+        """Check that Newton stayed on the branch; update `narrow` and `lost`."""
         s = np.linalg.svd(G, compute_uv=False) if len(G) else np.ones(1)
         usual = self.looped.module.mechanism.reduction.report.kept
         self.narrow, self.lost = s[-1] <= NARROW * usual * s[0], s[-1] <= LOST_RATES * s[0]

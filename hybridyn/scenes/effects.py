@@ -59,11 +59,7 @@ def _made(source: SceneFile, keys: Keys, kind: type[Any], values: dict[str, Any]
 
 
 def _check_names(source: SceneFile, robot: HybridRobot, name: str, values: dict[str, Any]) -> None:
-    """Check that the robot has the joints or links that an effect names.
-
-    Raises:
-        ModelError: It does not; the message suggests the nearest name.
-    """
+    """Check that the robot has the joints or links that an effect names."""
     points = name == "ground_contact"
     known = robot.bodies.place if points else robot.body_of_joint
     for key, numbers in values.items():

@@ -177,11 +177,7 @@ def _xacro(value: str | bool | int | float) -> str:
 
 
 def _output_times(source: SceneFile, robot: HybridRobot) -> Array | None:
-    """Return the times of the samples, shape (T,), [s], or None for every step.
-
-    Raises:
-        HybridynError: A time is after the end, or rows or steps do not fit in memory.
-    """
+    """Return the times of the samples, shape (T,), [s], or None for every step."""
     scene = source.scene
     steps = scene.duration / scene.solver.step if scene.solver.step and scene.motion is None else 0.0
     with naming(source, ("solver", "step")):
@@ -203,11 +199,7 @@ def _output_times(source: SceneFile, robot: HybridRobot) -> Array | None:
 def _reference(
     source: SceneFile, keys: Keys, table: ReferenceTable, robot: HybridRobot, start: Array
 ) -> Reference:
-    """Build a reference motion, and check that it covers the scene.
-
-    Raises:
-        HybridynError: The reference is wrong or too short.
-    """
+    """Build a reference motion, and check that it covers the scene."""
     if table.points is not None:
         for i, point in enumerate(table.points):
             for name in point.joints:

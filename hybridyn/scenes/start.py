@@ -75,11 +75,7 @@ def _positions(source: SceneFile, robot: HybridRobot) -> dict[str, float]:
 
 
 def _check_rates(source: SceneFile, robot: HybridRobot, v: Array) -> None:
-    """Check that the given rates keep the loops closed, since `assemble` changes rates that do not.
-
-    Raises:
-        ModelError: They do not; the message names the joint.
-    """
+    """Check that the given rates keep the loops closed, since `assemble` changes rates that do not."""
     rates = source.scene.initial.rates.joints
     at = {name: robot.v_slices[robot.joint_index[name]].start for name in rates}
     found = {name: float(v[i]) for name, i in at.items()}

@@ -90,11 +90,7 @@ class MotionLaw:
                 )
 
     def _check_compiled(self, compiled: CompiledRobot) -> None:
-        """Check that compiled models are of this robot and these effects, and that there are no wrenches.
-
-        Raises:
-            ModelError: One of these does not hold.
-        """
+        """Check that compiled models are of this robot and these effects, and that there are no wrenches."""
         if compiled.robot is not self.robot:
             raise ModelError(f"compiled: these models are of another robot object, '{compiled.robot.name}'")
         if compiled.effects.names != self.on.names:

@@ -131,11 +131,7 @@ def simulate(
 
 
 def _check_resumed(earlier: Result, origin: Origin, times: Array, file: str | None) -> None:
-    """Check that an earlier run is of the same robot, method and scene, and ended after this run's start.
-
-    Raises:
-        TrajectoryError: It is not; the message names the file.
-    """
+    """Check that an earlier run is of the same robot, method and scene, and ended after this run's start."""
     there = earlier.origin
     if (there.robot, there.method) != (origin.robot, origin.method):
         message = f"resume: that run was of '{there.robot}' by '{there.method}'"
@@ -151,11 +147,7 @@ def _check_resumed(earlier: Result, origin: Origin, times: Array, file: str | No
 
 
 def _times(times: Sequence[float] | Array, name: str) -> Array:
-    """Return times as an array, shape (T,), [s].
-
-    Raises:
-        TrajectoryError: They are not finite, not in order, or too few.
-    """
+    """Return times as an array, shape (T,), [s]."""
     out = np.asarray(times, dtype=float)
     least = 2 if name == "times" else 1
     if out.ndim != 1 or len(out) < least or not np.isfinite(out).all():
@@ -176,9 +168,6 @@ def _check_projected_rates(manifold: Manifold, given: Array, v: Array, rest: flo
         given: Initial rates, shape (nv,).
         v: Projected rates, shape (nv,).
         rest: Rates up to this are rounding [rad/s], as in a module that its loops lock.
-
-    Raises:
-        SingularityError: Projection changed them.
     """
     change, size = (float(np.abs(x / manifold.unit).max(initial=0.0)) for x in (v - given, given))
     if change > max(MOST_RATE_CHANGE * size, rest):

@@ -183,11 +183,7 @@ class System:
         return p
 
     def _check_prediction(self, v: Array, predicted: Array, t: float) -> None:
-        """Check that rates are near their prediction.
-
-        Raises:
-            AmbiguousBranchError: They are not.
-        """
+        """Check that rates are near their prediction."""
         unit = self.manifold.unit
         off, size = (float(np.abs(x / unit).max(initial=0.0)) for x in (v - predicted, predicted))
         if off > TURN * size:

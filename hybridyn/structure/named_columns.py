@@ -84,11 +84,7 @@ def _with_cosines(robot: HybridRobot, values: Array) -> Array:
 
 
 def _chosen(table: Any, names: Sequence[str], quantity: str, joints: Sequence[str]) -> Array:
-    """Return the named columns of a table, shape (T, names).
-
-    Raises:
-        TrajectoryError: A column is missing or unknown, or does not hold numbers.
-    """
+    """Return the named columns of a table, shape (T, names)."""
     there = [str(column) for column in table.columns]
     suffix = f"/{quantity}"
     short = {name: name.removesuffix(suffix) for name in names if name.endswith(suffix)}

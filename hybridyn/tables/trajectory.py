@@ -207,11 +207,7 @@ def _levels(signal: Signal, window: Window, fits: Fits, file: str | None) -> Tri
 
 
 def _fits(layout: Layout, window: Window, time: Array | None) -> Fits:
-    """Fit all signals that lack rates at once, and return two derivatives of their samples by signal.
-
-    Raises:
-        TrajectoryError: An orientation turns too far between two rows, or the times have no spline.
-    """
+    """Fit all signals that lack rates at once, and return two derivatives of their samples by signal."""
     assert time is not None  # read_layout requires it where rates are missing
     signals = [signal for signal in layout.signals if signal.missing]
     for signal in signals:

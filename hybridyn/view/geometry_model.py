@@ -59,11 +59,7 @@ def geometry_model(
 
 
 def _name_files(root: Any, file: str, kind: str, find: MeshFiles) -> None:
-    """Replace the addresses of meshes by paths, which Pinocchio opens as they are.
-
-    Raises:
-        ModelError: A mesh is missing.
-    """
+    """Replace the addresses of meshes by paths, which Pinocchio opens as they are."""
     for mesh in root.iterfind(f"link/{kind}/geometry/mesh"):
         try:
             mesh.set("filename", str(find(mesh.get("filename", ""))))

@@ -90,11 +90,7 @@ def read_visuals(
 
 
 def _mesh(geometry: Any, find: MeshFiles) -> Any:
-    """Build the triangles of a shape.
-
-    Raises:
-        MissingMeshError: The shape cannot be loaded.
-    """
+    """Build the triangles of a shape."""
     import trimesh
 
     if geometry.box is not None:

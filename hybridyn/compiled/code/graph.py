@@ -189,11 +189,7 @@ def graph_of(function: ca.Function) -> Graph:
 
 
 def _operation(graph: Graph, name: str, code: int, x: list[Reference]) -> Reference:
-    """Return the reference of a CasADi instruction.
-
-    Raises:
-        ValueError: The instruction cannot be printed.
-    """
+    """Return the reference of a CasADi instruction."""
     if code in _ARITHMETIC:
         return _ARITHMETIC[code](graph, x)
     for known in (*ONE, *ODD, *EVEN):

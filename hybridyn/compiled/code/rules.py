@@ -108,11 +108,7 @@ def check(program: Program) -> None:
 
 
 def _check_sizes(program: Program, call: Call, where: str) -> None:
-    """Check that sources and targets have the sizes of the kernel.
-
-    Raises:
-        ValueError: A number or a size of theirs differs.
-    """
+    """Check that sources and targets have the sizes of the kernel."""
     f = program.kernels[call.kernel].function
     pairs = [(f.nnz_in(i), x) for i, x in enumerate(call.sources)] if f.n_in() == len(call.sources) else None
     if pairs is None or f.n_out() != len(call.targets):

@@ -172,11 +172,7 @@ def _write(path: Path, content: bytes) -> None:
 
 @cache
 def _writable(at: Path) -> Path:
-    """Return the cache folder, created if missing; if it cannot be written, a temporary folder.
-
-    Raises:
-        CompileError: No temporary folder can be created either.
-    """
+    """Return the cache folder, created if missing; if it cannot be written, a temporary folder."""
     try:
         at.mkdir(parents=True, exist_ok=True, mode=0o700)
         with tempfile.TemporaryFile(dir=at):

@@ -74,11 +74,7 @@ def find_compiler() -> Compiler:
 
 
 def _words(command: str) -> list[str]:
-    """Split a command into words, as a shell does.
-
-    Raises:
-        CompileError: A quotation is not closed.
-    """
+    """Split a command into words, as a shell does."""
     try:
         return shlex.split(command)
     except ValueError as error:

@@ -129,11 +129,7 @@ class Efforts:
 
 
 def _written(effect: Any, p: ca.SX, x: Any, v: ca.SX) -> Any:
-    """Return a law's effort as an expression by running its NumPy code on symbols.
-
-    Raises:
-        ModelError: The code does not run on symbols.
-    """
+    """Return a law's effort as an expression by running its NumPy code on symbols."""
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", FutureWarning)  # CasADi's, on NumPy functions of its symbols

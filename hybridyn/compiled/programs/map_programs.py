@@ -215,9 +215,6 @@ def _followed(
 
     Returns:
         x, shape (nv,), the guard of the pivots, and the rates, shape (len(B), len(A)).
-
-    Raises:
-        SingularityError: The joints of A are not independent at any generic posture.
     """
     pivots = dependent_pivots([module], tuple(A))
     if set(pivots.cols) & set(A):

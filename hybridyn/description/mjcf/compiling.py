@@ -163,11 +163,7 @@ def _silent(mujoco: Any) -> Iterator[None]:
 
 
 def _module(file: str) -> Any:
-    """Import MuJoCo.
-
-    Raises:
-        ModelError: It is not installed, or too old.
-    """
+    """Import MuJoCo."""
     try:
         mujoco = importlib.import_module("mujoco")
     except ImportError:

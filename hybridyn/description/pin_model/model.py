@@ -153,11 +153,7 @@ def _add_frames(robot: RobotFile, model: pin.Model, names: Sequence[str], first:
 
 
 def _posture(model: pin.Model, home: Any, notes: list[str]) -> Array:
-    """Return the configuration of the home posture, shape (nq,).
-
-    Raises:
-        ModelError: There is no such reference configuration, or its length is not nq.
-    """
+    """Return the configuration of the home posture, shape (nq,)."""
     stated = {str(item.key()): np.array(item.data()) for item in model.referenceConfigurations}
     if home is None:
         if not stated:

@@ -160,11 +160,7 @@ class Library:
 
 
 def _minor(root: Node) -> int:
-    """Return the minor number of a file's version.
-
-    Raises:
-        ModelError: It is absent, or not read.
-    """
+    """Return the minor number of a file's version."""
     text = root.text("version")
     match = _VERSION.fullmatch(text)
     if not match or int(match[1]) > VERSIONS[1]:

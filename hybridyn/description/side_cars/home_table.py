@@ -75,11 +75,7 @@ def _with_table(text: str, table: str) -> str:
 
 
 def _check(before: str, after: str, home: Mapping[str, tuple[float, ...]], file: str) -> None:
-    """Check that only home has changed.
-
-    Raises:
-        ModelError: The file is no TOML, or states home otherwise than as the table `[home]`.
-    """
+    """Check that only home has changed."""
     old = parse_toml(before.encode(), file)[1]
     try:
         new = parse_toml(after.encode(), file)[1]

@@ -125,11 +125,7 @@ def apply_model_file(
 
 
 def _apply_effects(robot: RobotFile, model: Mapping[str, Any], text: str, file: str) -> None:
-    """Set the robot's effects from the model file.
-
-    Raises:
-        ModelError: An effect names an unknown joint or link.
-    """
+    """Set the robot's effects from the model file."""
     movable = [joint.name for joint in robot.joints if joint.kind != "fixed"]
     links = [link.name for link in robot.links]
     own = dict(model["effects"])

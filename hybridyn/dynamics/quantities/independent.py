@@ -156,9 +156,6 @@ def _refuse_dependent(module: Module, S: Array, samples: Index, freedoms: Index,
     """Refuse samples at which the coordinates are not independent.
 
     S are their scaled rates along orthonormal motions, shape (samples, m, N).
-
-    Raises:
-        SingularityError: Singular values confirm it.
     """
     U, sizes, _ = np.linalg.svd(S, full_matrices=False)
     lost = np.flatnonzero(sizes[:, -1] <= SINGULAR_MOTOR_MAP * sizes[:, 0])

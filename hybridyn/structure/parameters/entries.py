@@ -172,22 +172,14 @@ def _entry(
 
 
 def _known(name: str, of: str, names: Sequence[str], what: str) -> None:
-    """Check that a record exists.
-
-    Raises:
-        ModelError: It does not.
-    """
+    """Check that a record exists."""
     if of not in names:
         hint = did_you_mean(of, names)
         raise ModelError(f"parameter '{name}': there is no {what} '{of}'{hint}", element=of)
 
 
 def _one(name: str, of: str, names: Sequence[str], what: str) -> None:
-    """Check that there is exactly one record of a name.
-
-    Raises:
-        ModelError: There is none, or there are several, which no parameter can tell apart.
-    """
+    """Check that there is exactly one record of a name."""
     _known(name, of, names, what)
     if names.count(of) > 1:
         raise ModelError(
@@ -196,11 +188,7 @@ def _one(name: str, of: str, names: Sequence[str], what: str) -> None:
 
 
 def _check_load(name: str, description: Description, of: str) -> None:
-    """Check that a link has the numbers of its own and of its payload.
-
-    Raises:
-        ModelError: They were changed after the payload was added.
-    """
+    """Check that a link has the numbers of its own and of its payload."""
     link = next(link for link in description.links if link.name == of)
     own = loaded(link, next(load for load in description.loads if load.name == of))
     if not all(np.array_equal(getattr(link, field), getattr(own, field)) for field in NUMBERS["links"]):

@@ -132,11 +132,7 @@ def differences(one: Description, other: Description) -> list[Slot]:
 
 
 def _differing(table: str, x: Any, y: Any) -> list[Slot]:
-    """Return the slots in which two records differ.
-
-    Raises:
-        ModelError: They differ elsewhere.
-    """
+    """Return the slots in which two records differ."""
     out = []
     for field in fields(x):
         a, b = getattr(x, field.name), getattr(y, field.name)

@@ -168,11 +168,7 @@ def _stated(file: str) -> dict[str, object]:
 
 
 def _number(name: str, value: object, file: str) -> float:
-    """Return an argument as a number.
-
-    Raises:
-        ModelError: It is none.
-    """
+    """Return an argument as a number."""
     try:
         return float(str(value))
     except ValueError:

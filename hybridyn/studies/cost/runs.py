@@ -219,9 +219,6 @@ def _reference(runner: Runner) -> tuple[Array, float, str]:
 
     Returns:
         The last posture, shape (nq,), its own error, and a description of the run.
-
-    Raises:
-        HybridynError: Fewer than two runs of either method finish.
     """
     dtype = "float64"
     try:

@@ -75,11 +75,7 @@ def cores() -> int:
 
 
 def _package(name: str, extra: str) -> Any:
-    """Import a package of an extra.
-
-    Raises:
-        HybridynError: It is not installed.
-    """
+    """Import a package of an extra."""
     try:
         return import_module(name)
     except ImportError:

@@ -51,11 +51,7 @@ class RayPool:
 
 
 def _result(task: Any) -> Any:
-    """Return the result of a task that has ended.
-
-    Raises:
-        WorkerDiedError: Its process or machine is gone.
-    """
+    """Return the result of a task that has ended."""
     try:
         return ray.get(task)
     except GONE as error:

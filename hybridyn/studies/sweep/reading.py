@@ -35,11 +35,7 @@ def read_study(path: str | Path, *, allow_python: bool = False) -> StudyFile:
 
 
 def _check(source: StudyFile, allow_python: bool) -> None:
-    """Check the measures' names, the files, and the permission to run Python.
-
-    Raises:
-        ModelError: One of these is wrong.
-    """
+    """Check the measures' names, the files, and the permission to run Python."""
     for name, task in source.study.tasks.items():
         for measure, word in task.wanted.items():
             keys: Keys = ("tasks", name, "measure", *([measure] if isinstance(task.measure, dict) else []))

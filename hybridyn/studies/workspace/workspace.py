@@ -128,12 +128,7 @@ def workspace(
 
 
 def _steps(robot: HybridRobot, sweep: Sweep, given: Mapping[str, float]) -> Array:
-    """Return the step of each swept coordinate, shape (axes,), [m, rad].
-
-    Raises:
-        TrajectoryError: A step is given for a coordinate that is not swept.
-        ModelError: A step is not positive.
-    """
+    """Return the step of each swept coordinate, shape (axes,), [m, rad]."""
     for name in given:
         if name not in sweep.axes:
             raise TrajectoryError(f"'{name}' is not swept; the swept coordinates are {', '.join(sweep.axes)}")
@@ -142,11 +137,7 @@ def _steps(robot: HybridRobot, sweep: Sweep, given: Mapping[str, float]) -> Arra
 
 
 def _check_origin(close: Closing, q: Array) -> None:
-    """Check that the posture at the origin, shape (nq of the module,), is within the joint limits.
-
-    Raises:
-        ModelError: A joint is outside its limits.
-    """
+    """Check that the posture at the origin, shape (nq of the module,), is within the joint limits."""
     joint = close.limits.broken(q[None])[0]
     if joint == REACHED:
         return
@@ -184,11 +175,7 @@ def _closed_home(robot: HybridRobot) -> Array:
 
 
 def _at_start(close: Closing, start: Array, home: Array) -> Array:
-    """Step from home to the lattice's origin and return the module's posture there, shape (its nq,).
-
-    Raises:
-        AssemblyError: The origin cannot be reached.
-    """
+    """Step from home to the lattice's origin and return the module's posture there, shape (its nq,)."""
     sweep = close.sweep
     q: Array = home[close.robot.modules[sweep.module].q_index]
     if (start == sweep.home).all():

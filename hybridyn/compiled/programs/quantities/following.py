@@ -143,11 +143,7 @@ def _source(robot: HybridRobot, u: Coordinates, scalar: Scalar) -> Source:
 
 
 def _accept(robot: HybridRobot, u: Coordinates, dtype: str, built: Built) -> None:
-    """Compare a new library with the general path at random states.
-
-    Raises:
-        CompileError: They differ, or the program can be trusted at none of the states.
-    """
+    """Compare a new library with the general path at random states."""
     from ...equations.states import moving_states
 
     library = Library(built)

@@ -120,11 +120,7 @@ def _path_of(layer: Any, asset: str) -> str:
 
 
 def _checked_size(asset: str, path: str, folders: Sequence[str]) -> int:
-    """Return the size of a layer's file [bytes].
-
-    Raises:
-        RefusedError: It does not exist, lies outside the folders, or is hidden or not a regular file.
-    """
+    """Return the size of a layer's file [bytes]."""
     real = os.path.realpath(path)
     around = [at for at in folders if at != os.sep and os.path.commonpath([real, at]) == at]
     inside = [os.path.relpath(real, at) for at in around]
