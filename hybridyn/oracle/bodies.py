@@ -13,8 +13,8 @@ from .tree import Posture
 
 Wrenches = Mapping[str, Any]
 
-#: Pivots of an inertia below this part of its trace are rounding of the file's numbers.
-DATA_ROUNDING = 1e-15
+#: Pivots of an inertia below this part of its trace are rounding: six rounded numbers, three in a product, 18 eps.
+DATA_ROUNDING = 4e-15
 
 
 class Bodies:
