@@ -148,6 +148,10 @@ def _summary(state: Swept, output: str) -> list[str]:
         lines.append(f"postures out of reach: {state.unreachable:,}; singular: {state.singular:,}")
     if state.compiled:
         lines.append(f"by compiled models: {state.compiled:,}")
+        lines.append(
+            f"compared with robots built for their designs: {state.checked:,}, largest difference "
+            f"{state.difference:.1e}"
+        )
     if state.why_general:
         lines.append(f"by the general path, without compiled models: {state.why_general}")
     if state.restarts:

@@ -12,6 +12,7 @@ from pathlib import Path
 
 from ..errors import ModelError
 from .closing_frames import apply_closing_frames
+from .files_read import record
 from .frame_names import apply_frame_names
 from .motors import choose_motors
 from .names import listed
@@ -232,7 +233,9 @@ def read_bytes(file: str) -> bytes:
             raise ModelError("is not a regular file", file=file)
         if path.stat().st_size > LARGEST_FILE:
             raise ModelError(f"is larger than {LARGEST_FILE // 2**20} MiB", file=file)
-        return path.read_bytes()
+        content = path.read_bytes()
+        record(file, content)
+        return content
     except OSError as error:
         raise ModelError(f"cannot be read: {error.strerror}", file=file) from None
     except ValueError as error:

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..description.records import Joint
 from ..spatial import Array
 from ..structure.departures import TOUCHING, position_limits
 from ..structure.robot import HybridRobot
@@ -106,9 +107,15 @@ class MotorLoad:
 class Sizing:
     """Loads of a robot's motors over a motion, accumulated block by block in time order."""
 
-    def __init__(self, robot: HybridRobot) -> None:
-        """Start without samples."""
-        self.joints = [robot.records[name] for name in robot.motors]
+    def __init__(self, robot: HybridRobot, joints: Sequence[Joint] | None = None) -> None:
+        """Start without samples.
+
+        Args:
+            robot: The robot.
+            joints: The motors; those of the robot by default. Motors of several designs may stand side by
+                side, which changes no bit of their loads.
+        """
+        self.joints = [robot.records[name] for name in robot.motors] if joints is None else list(joints)
         count = len(self.joints)
         self.samples, self.duration = 0, 0.0
         self._peaks = {name: _Peaks(count) for name in ("effort", "speed", "power", "braking")}
@@ -207,18 +214,18 @@ class Sizing:
 
 
 def motor_rows(robot: HybridRobot, q: Array, v: Array) -> tuple[Array, Array]:
-    """Return positions and rates of the motors, shapes (T, motors); positions of continuous joints are nan.
+    """Return positions and rates of the motors, shapes (..., motors); positions of continuous joints are nan.
 
     Args:
-        q: Positions of the spanning tree, shape (T, nq).
-        v: Rates, shape (T, nv).
+        q: Positions of the spanning tree, shape (..., nq).
+        v: Rates, shape (..., nv).
     """
-    position, speed = np.full((2, len(q), len(robot.motors)), np.nan)
+    position, speed = np.full((2, *q.shape[:-1], len(robot.motors)), np.nan)
     for i, name in enumerate(robot.motors):
         joint = robot.joint_index[name]
-        speed[:, i] = v[:, robot.v_slices[joint].start]
+        speed[..., i] = v[..., robot.v_slices[joint].start]
         if robot.kinds[joint] != "continuous":
-            position[:, i] = q[:, robot.q_slices[joint].start]
+            position[..., i] = q[..., robot.q_slices[joint].start]
     return position, speed
 
 

@@ -6,6 +6,7 @@ import itertools
 import re
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,8 +18,10 @@ from hybridyn.cli import main
 from hybridyn.errors import HybridynError, ModelError
 from hybridyn.studies.sweep import sweep as sweeping
 from hybridyn.studies.sweep.best import find_best
+from hybridyn.studies.sweep.compiled_designs import Plan
 from hybridyn.studies.sweep.designs import Designs, generator
 from hybridyn.studies.sweep.evaluation import Chunk, Row, evaluate
+from hybridyn.studies.sweep.identity import identity
 from hybridyn.studies.sweep.pool import WorkerDiedError
 from hybridyn.studies.sweep.reading import read_study
 from hybridyn.studies.sweep.sensitivity import sensitivity
@@ -87,6 +90,13 @@ def written(designs: str, parameters: str = SCALES, measure: str = '["peak_effor
         text = text.replace("pendulum.urdf.xacro", "pendulum.urdf")
     path = Path("study.toml")
     path.write_text(text)
+    return path
+
+
+def plain(designs: str, parameters: str) -> Path:
+    """A study of the pendulum whose file is no xacro."""
+    path = written(designs, parameters)
+    path.write_text(path.read_text().replace("pendulum.urdf.xacro", "pendulum.urdf"))
     return path
 
 
@@ -230,6 +240,91 @@ def test_a_sweep_continues_from_its_shards(folder: Path, here: Any) -> None:
     assert hybridyn.sweep(study, "out", resume=True).now == 0
     with pytest.raises(HybridynError, match="of another study"):
         hybridyn.sweep(written("method = 'grid'", measure='["rms_effort"]'), "out", resume=True)
+
+
+def digest(study: Path) -> str:
+    """The identity of a study."""
+    source = read_study(study, allow_python=True)
+    return identity(source, Designs(source))
+
+
+def test_a_changed_side_car_or_function_is_another_study(folder: Path) -> None:
+    Path("cost.py").write_text("def cost(robot, motion):\n    return 1.0\n")
+    study = written("method = 'grid'", measure='{ c = "cost.py:cost" }')
+    seen = [digest(study)]
+    for file, text in (
+        ("cost.py", "def cost(robot, motion):\n    return 2.0\n"),
+        ("pendulum.model.toml", "[joints.turn]\ndamping = 0.1\n"),
+        ("pendulum.model.toml", "[joints.turn]\ndamping = 0.2\n"),
+    ):
+        Path(file).write_text(text)
+        seen.append(digest(study))
+    assert len(set(seen)) == len(seen)
+    study.write_text(study.read_text().replace("method = 'grid'", "method = 'grid'\ncheck = 3"))
+    assert digest(study) == seen[-1]  # no row depends on how many designs are compared
+
+
+@pytest.mark.slow
+def test_a_changed_include_is_another_study_and_its_shards_are_not_taken_over(
+    folder: Path, here: Any
+) -> None:
+    here(Here())
+    Path("part.xacro").write_text(
+        "<robot xmlns:xacro='http://www.ros.org/wiki/xacro'><link name='more'/></robot>"
+    )
+    joint = '<joint name="fix" type="fixed"><parent link="tip"/><child link="more"/></joint></robot>'
+    text = PENDULUM.replace("</robot>", f'<xacro:include filename="part.xacro"/>{joint}')
+    Path("pendulum.urdf.xacro").write_text(text)
+    study = written("method = 'grid'", "length = { values = [0.5, 1.5] }")
+    hybridyn.sweep(study, "out", format="csv")
+    assert hybridyn.sweep(study, "out", resume=True).now == 0
+    for _ in range(2):  # an expansion that is kept is recorded, too
+        digest(study)
+    Path("part.xacro").write_text(Path("part.xacro").read_text().replace("/></robot>", " /></robot>"))
+    with pytest.raises(HybridynError, match="of another study"):
+        hybridyn.sweep(study, "out", resume=True)
+
+
+NUMBERS = "length = { values = [0.5, 1.5] }\nheavier = { values = [1.0, 3.0] }\n[numbers]\n"
+STATED = '"centre:rod.x" = "length"\n"mass:rod" = "2 * heavier"\n"inertia:rod.yy" = "0.1 * heavier"\n'
+
+
+def test_numbers_of_the_description_are_set_by_expressions(folder: Path) -> None:
+    study = read_study(plain("method = 'grid'", NUMBERS + STATED))
+    designs = Designs(study)
+    rows = evaluate(study, Chunk(0, designs.values(0, 4))).rows
+    for row in rows:
+        wanted = np.abs(effort(*row.values)).max()
+        assert row.status == "ok"
+        assert abs(row.measures[0] - wanted) <= ROUNDING * wanted
+
+
+@pytest.mark.parametrize(
+    ("line", "message"),
+    [
+        ('"mass:bar" = "length"', "no link 'bar'"),
+        ('"centre:rod" = "length"', r"'centre:rod' has 3 numbers: name one, such as 'centre:rod.x'"),
+        ('"mass:rod" = "-length"', r"mass of 'rod' cannot be -0.5"),
+        ('"mass:rod" = "lenght"', "no column 'lenght'.*did you mean 'length'"),
+        ('"mass:rod" = "length;"', "is no expression"),
+    ],
+)
+def test_wrong_numbers_are_named(folder: Path, here: Any, line: str, message: str) -> None:
+    here(Here())
+    parameters = "length = { scale_inertia = 'base', values = [0.5, 0.6] }\n[numbers]\n" + line
+    with pytest.raises(HybridynError, match=message):
+        hybridyn.sweep(plain("method = 'grid'", parameters), "out", format="csv")
+    assert not Path("out").exists()
+
+
+def test_designs_to_compare_are_spread_evenly_however_the_work_is_divided() -> None:
+    plan = Plan("", np.zeros(0), (), 1003, 100, at_once=True)
+    whole = plan.checks(0, 1003)
+    assert len(whole) == len(set(whole)) == 100
+    assert set(np.diff(whole)) <= {10, 11}
+    edges = [0, 1, 2, 11, 500, 501, 1003]
+    assert [k for a, b in itertools.pairwise(edges) for k in plan.checks(a, b)] == whole
+    assert replace(plan, check=0).checks(0, 1003) == []
 
 
 def test_a_full_disk_keeps_what_was_done(folder: Path, here: Any, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -40,6 +40,28 @@ fast = "max m1_left_elbow/velocity"
 """
 
 
+#: No design's file is read; arms of some do not reach the path.
+NUMBERS = """[robot]
+file = "five_bar"
+[designs]
+method = "random"
+count = 12
+check = 12
+[parameters]
+arm = { range = [0.14, 0.28] }
+tool = { scale_inertia = "m1_tool", range = [0.5, 2.0] }
+apart = { range = [0.1, 0.3] }
+[numbers]
+"position:m1_left_drive.x" = "-apart / 2"
+"position:m1_right_drive.x" = "apart / 2"
+"position:m1_left_elbow.x" = "arm"
+"position:m1_right_elbow.x" = "arm"
+[tasks.swing]
+trajectory = "tool.csv"
+measure = { peak = "peak_effort", mean = "mean_power", w = "rms m1_left_elbow/velocity" }
+"""
+
+
 @pytest.fixture(autouse=True)
 def few(monkeypatch: pytest.MonkeyPatch) -> None:
     """Compile models for few designs."""
@@ -88,6 +110,8 @@ def test_compiled_rows_are_those_of_the_general_path_however_the_work_is_divided
     study = five_bar_in(folder)
     state = hybridyn.sweep(study, "compiled", format="csv")
     assert state.why_general == ""
+    assert 0 < state.checked <= 2  # a tenth
+    assert 0 < state.difference <= SAME
     assert 8 <= state.compiled <= state.statuses["ok"] < 16
     general = hybridyn.sweep(study, "general", format="csv", compiled=False)
     assert (state.statuses, state.unreachable) == (general.statuses, general.unreachable)
@@ -118,18 +142,34 @@ def refuse(*_: object) -> None:
 
 
 @pytest.mark.slow
-def test_models_that_differ_are_refused_and_tables_of_some_coordinates_are_left(
-    folder: Path, here: Any, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_models_that_differ_are_refused(folder: Path, here: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     needs("compiled")
     here(Here())
     study = five_bar_in(folder)
     monkeypatch.setattr(compiled_designs, "EQUAL", 0.0)
     with pytest.raises(HybridynError, match=r"design \d+, task 'swing': compiled .* differ by"):
         hybridyn.sweep(study, "out", format="csv")
-    rows = np.column_stack([np.linspace(0, 0.1, 9), np.linspace(0, 0.01, 9), np.full(9, -0.45)])
-    header = "time,m1_tool/pose/x,m1_tool/pose/z"
-    np.savetxt("motors.csv", rows, "%.17g", ",", header=header, comments="")
-    state = hybridyn.sweep(study, "out", format="csv")
-    assert "some coordinates of a pose" in state.why_general
-    assert state.compiled == 0
+
+
+@pytest.mark.slow
+def test_some_coordinates_of_a_pose_and_stated_numbers_give_the_rows_of_the_general_path(
+    folder: Path, here: Any
+) -> None:
+    """Designs that do not reach the path are counted the same."""
+    needs("compiled")
+    here(Here())
+    t = np.linspace(0, 0.8, 21)
+    rows = np.column_stack([t, 0.15 * np.sin(8 * t), np.full(21, -0.48)])
+    np.savetxt("tool.csv", rows, "%.17g", ",", header="time,m1_tool/pose/x,m1_tool/pose/z", comments="")
+    study = folder / "five_bar.toml"
+    study.write_text(NUMBERS)
+    state = hybridyn.sweep(study, "compiled", format="csv")
+    assert state.why_general == ""
+    assert state.checked + state.statuses["unreachable"] == 12
+    assert 0 < state.difference <= SAME
+    assert 6 <= state.compiled == state.statuses["ok"] < 12
+    general = hybridyn.sweep(study, "general", format="csv", compiled=False)
+    assert (state.statuses, state.unreachable) == (general.statuses, general.unreachable)
+    ours, theirs = rows_of("compiled"), rows_of("general")
+    for name in about_of("compiled").measures:
+        assert np.allclose(ours[name], theirs[name], rtol=SAME, atol=0, equal_nan=True)

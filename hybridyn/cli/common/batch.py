@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from ...description.files_read import recorded
 from ...errors import HybridynError
 from .one_table import Outcome, bodies, outcomes
 from .options import RobotChoice
@@ -185,13 +186,15 @@ class _Batch:
         return {**self.options, **own, "load": load, **({"quiet": True} if "quiet" in self.options else {})}
 
     def _identity(self) -> str:
-        """Compute a digest of the command, its options and the robot's file."""
+        """Compute a digest of the command, its options, and the files of the robot but meshes."""
         load: RobotChoice = self.options["load"]
         said = {key: repr(self.options[key]) for key in sorted(self.options)}
         for key in ("source", "output", "jobs", "quiet"):
             said.pop(key, None)
         digest = hashlib.sha256(json.dumps([self.module, said]).encode())
-        digest.update(Path(load.robot).read_bytes())
+        with recorded() as files:
+            load()
+        digest.update(json.dumps([files[path] for path in sorted(files)]).encode())
         return digest.hexdigest()
 
 

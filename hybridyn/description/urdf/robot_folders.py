@@ -16,6 +16,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from ...errors import ModelError
+from ..files_read import record
 
 #: Entries that mark the folder of a package: its package file, a folder of robot files, `model.config`.
 MARKS = ("package.xml", "urdf", "xacro", "robots", "meshes", "model.config")
@@ -67,7 +68,9 @@ class RobotFolders:
                 raise ModelError(f"'{path}' is not a regular file")
             if about.st_size > self.largest:
                 raise ModelError(f"'{path}' is larger than {self.largest // 2**20} MiB")
-            return file.read(self.largest)
+            content = file.read(self.largest)
+        record(path, content)
+        return content
 
     def glob(self, pattern: str) -> list[str]:
         """Return the files that match a glob pattern, sorted.

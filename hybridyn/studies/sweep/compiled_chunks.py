@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 from uuid import uuid4
 
 import numpy as np
@@ -19,6 +20,9 @@ from .study_file import StudyFile
 
 #: Fewest designs of a study for which models are compiled, which takes as long as some ten to a hundred.
 LEAST_DESIGNS = 200
+
+#: Designs that are compared with robots built for them: one in this many, and at most so many in all.
+CHECKED_SHARE, MOST_CHECKED = 10, 1000
 
 #: The models of the last run, by its identity.
 _kept: dict[str, CompiledDesigns] = {}
@@ -51,7 +55,8 @@ def evaluate_chunk(source: StudyFile, chunk: Chunk, plan: Plan | None) -> Evalua
 
     Raises:
         ModelError: A Python file of the study fails.
-        HybridynError: This process cannot build the compiled models.
+        HybridynError: This process cannot build the compiled models, or a design differs from the general
+            path.
     """
     if plan is None:
         return evaluate(source, chunk)
@@ -59,12 +64,12 @@ def evaluate_chunk(source: StudyFile, chunk: Chunk, plan: Plan | None) -> Evalua
     models = models_of(source, plan)
     started = time.perf_counter()
     with np.errstate(all="ignore"):  # overflow shows in the results
-        rows, compiled = models.rows(chunk)
-    return Evaluated(rows, time.perf_counter() - started, compiled)
+        found = models.rows(chunk)
+    return replace(found, seconds=time.perf_counter() - started)
 
 
 def plan_for(source: StudyFile, designs: Designs, numbers: Index) -> tuple[Plan | None, str]:
-    """Choose what is compiled for a study, compile it, and compare a few designs with the general path.
+    """Choose what is compiled for a study, and compile it.
 
     The choice depends on the study alone, so that a run that continues makes the same.
 
@@ -75,28 +80,24 @@ def plan_for(source: StudyFile, designs: Designs, numbers: Index) -> tuple[Plan 
 
     Returns:
         The plan; or None, and why there are no compiled models.
-
-    Raises:
-        HybridynError: A compiled design differs from the general path.
     """
     if designs.count < LEAST_DESIGNS:
         return None, ""
     keep_child()  # each design expands its own file
     values = [designs.values(number, number + 1)[0] for number in numbers.tolist()]
     try:
-        plan = _plan(source, values)
+        plan = _plan(source, designs, values)
         models = models_of(source, plan)
     except HybridynError as error:
         return None, str(error)
-    if not models.check(zip(numbers.tolist(), values, strict=True)):
-        return None, (
-            f"compiled models are certain of none of {len(values)} designs; they close no loops from some "
-            "coordinates of a pose"
-        )
+    slotted = models.numbers(np.array(values))
+    tables = models.tables(slotted.p) if slotted.possible.any() else []
+    if not tables or not np.logical_and.reduce([table.good for table in tables]).any():
+        return None, f"compiled models are certain of none of {len(values)} designs"
     return plan, ""
 
 
-def _plan(source: StudyFile, values: list[Array]) -> Plan:
+def _plan(source: StudyFile, designs: Designs, values: list[Array]) -> Plan:
     """Find the numbers that differ between designs with some values of the parameters.
 
     Raises:
@@ -108,13 +109,16 @@ def _plan(source: StudyFile, values: list[Array]) -> Plan:
     base = next((own for own in values if designer(0, own).status == "ok"), None)
     if base is None:
         raise ModelError(f"none of {len(values)} designs, spread over the study, can make its motions")
-    names = list(source.study.parameters)
-    description = designer.variants.description(dict(zip(names, base.tolist(), strict=True)))
+    variants = designer.variants
+    description = variants.description(variants.named(base))
     slots: set[Slot] = set()
     for own in values:
         try:
-            other = designer.variants.description(dict(zip(names, own.tolist(), strict=True)))
-            slots |= set(differences(description, other))
+            slots |= set(differences(description, variants.description(variants.named(own))))
         except HybridynError:  # no robot, or of another structure
             continue
-    return Plan(uuid4().hex, base, tuple(sorted(slots)))
+    check = source.study.designs.check
+    if check is None:
+        check = min(MOST_CHECKED, -(-designs.count // CHECKED_SHARE))
+    count, at_once = designs.count, not variants.arguments
+    return Plan(uuid4().hex, base, tuple(sorted(slots)), count, min(check, count), at_once)

@@ -8,36 +8,35 @@ certain, and finds what is wrong with those that cannot make the motion.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ...compiled.compiling import compile
 from ...compiled.programs.designs import DesignsInSlots
 from ...compiled.programs.evaluating import DesignEvaluator, DesignTable
-from ...description.records import Description
 from ...effects import choose
 from ...errors import HybridynError, ModelError
-from ...spatial import Array
-from ...streams.postures import Postures
-from ...structure.parameters.slots import Slot, differences, values_of
+from ...spatial import Array, Index
+from ...structure.parameters.slots import Slot
+from ...structure.robot import HybridRobot
 from ...tables.trajectory import Motion
-from .evaluation import Chunk, Designer, Row
+from .design_measures import measures_of
+from .evaluation import Chunk, Designer, Evaluated, Row
 from .following import Follower, follow
-from .measures import OF_MOTORS, Gauge
+from .measures import OF_MOTORS
+from .slot_numbers import SlotNumbers, Slotted
 from .study_file import PYTHON, StudyFile
 from .study_tables import TaskTable
 
 #: Numbers of the motions that are computed at once; bounds the memory of a process.
-AT_ONCE = 5_000_000
+AT_ONCE = 10_000_000
 #: Most designs that are computed at once; bounds the memory of their descriptions.
-MOST_AT_ONCE = 512
+MOST_AT_ONCE = 4096
 #: Parts into which the steps between rows are divided for designs that turn far between two rows.
 STEPS = 4
-#: Designs per run that are compared with robots built for them.
-CHECKED = 4
 #: Largest difference of a motion or its efforts to those of a robot built for the design, over the largest
 #: number of the same kind.
 EQUAL = 1e-11
@@ -51,11 +50,22 @@ class Plan:
         run: Identity of the run.
         base: Values of the parameters of the design whose robot is compiled, shape (parameters,).
         slots: The numbers of the robot's description that differ between designs.
+        designs: Number of designs of the study.
+        check: Number of those that are compared with robots built for them.
+        at_once: Whether no xacro argument differs, so that no design's file is read.
     """
 
     run: str
     base: Array
     slots: tuple[Slot, ...]
+    designs: int
+    check: int
+    at_once: bool
+
+    def checks(self, start: int, stop: int) -> list[int]:
+        """Return the designs to compare from `start` to before `stop`, spread evenly over the study."""
+        first, last = (-(-number * self.check // self.designs) for number in (start, stop))
+        return [k * self.designs // self.check for k in range(first, last)]
 
 
 class _Task(NamedTuple):
@@ -81,21 +91,16 @@ class CompiledDesigns:
             HybridynError: The study or its robot has no compiled models.
         """
         self.source, self.designer = source, Designer(source)
-        variants = self.designer.variants
-        self.robot = variants.robot(variants.description(self._named(plan.base)))
-        self.slots, self._known = plan.slots, set(plan.slots)
+        self.plan, variants = plan, self.designer.variants
+        self.robot = variants.robot(variants.description(variants.named(plan.base)))
         if self.robot.base != "fixed":
             raise ModelError(f"the base is {self.robot.base}")
-        self._masses = np.array([slot.field == "mass" for slot in self.slots], dtype=bool)
+        self.numbers = SlotNumbers(variants, self.robot.description, plan.slots)
         self.tasks = [self._task(name, task) for name, task in source.study.tasks.items()]
         robot = self.robot
-        width = robot.nq + 2 * robot.nv + len(robot.motors) + len(self._known)
+        width = robot.nq + 2 * robot.nv + len(robot.motors) + len(plan.slots)
         longest = max(task.motion.size for task in self.tasks)
         self._at_once = min(max(1, AT_ONCE // (width * longest)), MOST_AT_ONCE)
-
-    def _named(self, values: Array) -> dict[str, float]:
-        """Return the values of the parameters by name."""
-        return dict(zip(self.source.study.parameters, values.tolist(), strict=True))
 
     def _task(self, name: str, task: TaskTable) -> _Task:
         """Compile the model of a task.
@@ -112,58 +117,56 @@ class CompiledDesigns:
             )
         chosen = choose(self.robot, task.effects)
         chosen = chosen.only([effect for effect in chosen.names if effect != "limits"])
-        compiled = compile(self.robot, chosen, parameters=self.slots)
+        compiled = compile(self.robot, chosen, parameters=self.plan.slots)
         designs = DesignsInSlots(self.robot, compiled.parameters)
         evaluator = DesignEvaluator(designs, compiled.effects, compiled.library.programs["idm"])
         return _Task(name, task, motion, evaluator)
 
-    def rows(self, chunk: Chunk) -> tuple[tuple[Row, ...], int]:
-        """Evaluate the designs of a chunk.
+    def rows(self, chunk: Chunk) -> Evaluated:
+        """Evaluate the designs of a chunk, and compare some of them with robots built for them.
 
-        Returns:
-            The rows, and the number of those from compiled models.
+        Raises:
+            HybridynError: A design differs by more than `EQUAL`.
         """
         rows: list[Row] = []
-        compiled = 0
+        found = Evaluated((), 0.0)
         for start in range(0, len(chunk.values), self._at_once):
             values = chunk.values[start : start + self._at_once]
-            measured = self._measured(values)
-            compiled += sum(one is not None for one in measured)
-            for one, own in zip(measured, values, strict=True):
-                i = chunk.start + len(rows)
-                row = None if one is None else Row(i, tuple(own.tolist()), "ok", 0, 0, one, "")
-                rows.append(row or self.designer(i, own))
-        return tuple(rows), compiled
+            first = chunk.start + start
+            measured, seen = self._measured(first, values)
+            for i, (own, one) in enumerate(zip(values, measured, strict=True)):
+                row = None if one is None else Row(first + i, tuple(own.tolist()), "ok", 0, 0, one, "")
+                rows.append(row or self.designer(first + i, own))
+            found = replace(
+                found,
+                compiled=found.compiled + sum(one is not None for one in measured),
+                checked=found.checked + len(seen),
+                difference=max([found.difference, *seen]),
+            )
+        return replace(found, rows=tuple(rows))
 
-    def _measured(self, values: Array) -> list[tuple[float, ...] | None]:
-        """Measure designs; None for those that are left to the general path."""
+    def _measured(self, first: int, values: Array) -> tuple[list[tuple[float, ...] | None], list[float]]:
+        """Measure designs from number `first` on; None for those that are left to the general path.
+
+        Returns:
+            The measures, and the largest difference of each design that was compared.
+        """
         out: list[tuple[float, ...] | None] = [None] * len(values)
-        descriptions, p = self._described(values)
-        places = sorted(descriptions)
-        if not places:
-            return out
-        tables = self.tables(p)
-        good = np.logical_and.reduce([table.good for table in tables])
-        for k in np.flatnonzero(good).tolist():
-            out[places[k]] = self._measures(descriptions[places[k]], tables, k)
-        return out
-
-    def _described(self, values: Array) -> tuple[dict[int, Description], Array]:
-        """Return the descriptions of the designs that differ in the models' arguments only, and these."""
-        found: dict[int, Description] = {}
-        numbers = [np.zeros((0, len(self.slots)))]
-        for i, own in enumerate(values):
-            try:
-                description = self.designer.variants.description(self._named(own))
-                others = set(differences(self.robot.description, description)) - self._known
-            except Exception:  # the general path says what is wrong
-                continue
-            p = np.array(values_of(description, self.slots))
-            possible = np.isfinite(p).all() and (p[self._masses] >= 0).all()
-            if possible and not others and _home(description) == _home(self.robot.description):
-                found[i] = description
-                numbers.append(p[None])
-        return found, np.concatenate(numbers)
+        slotted = self.numbers(values)
+        if not slotted.possible.any():
+            return out, []
+        tables = self.tables(slotted.p)
+        good = np.flatnonzero(np.logical_and.reduce([table.good for table in tables]))
+        places = np.flatnonzero(slotted.possible)[good].tolist()
+        for place, one in zip(places, self._measures(slotted, tables, good), strict=True):
+            out[place] = one
+        wanted = set(self.plan.checks(first, first + len(values)))
+        seen = [
+            self._compared(first + place, values[place], tables, k)
+            for k, place in zip(good.tolist(), places, strict=True)
+            if first + place in wanted and out[place] is not None
+        ]
+        return out, seen
 
     def tables(self, p: Array) -> list[DesignTable]:
         """Compute the motions and efforts of designs for each task.
@@ -174,58 +177,47 @@ class CompiledDesigns:
         return [_table(task, p) for task in self.tasks]
 
     def _measures(
-        self, description: Description, tables: Sequence[DesignTable], k: int
-    ) -> tuple[float, ...] | None:
-        """Return the measures of design k, whose limits are those of its description; None on an error."""
-        robot = replace(self.robot, description=description)
-        found: dict[str, float] = {}
-        try:
-            for task, table in zip(self.tasks, tables, strict=True):
-                gauge = Gauge(robot, task.stated.wanted, {})
-                gauge.add(Postures(task.motion, table.q[k], table.v[k], table.a[k]), table.tau[k])
-                found |= {self.source.column(task.name, key): x for key, x in gauge.values().items()}
-        except Exception:
-            return None
-        return tuple(found.get(column, math.nan) for column in self.source.columns)
+        self, slotted: Slotted, tables: Sequence[DesignTable], chosen: Index
+    ) -> list[tuple[float, ...] | None]:
+        """Return the measures of chosen designs, whose limits are those of their descriptions."""
+        descriptions = [slotted.descriptions[k] for k in chosen.tolist()]
+        found: list[dict[str, float] | None] = [{} for _ in descriptions]
+        for task, table in zip(self.tasks, tables, strict=True):
+            own = measures_of(self.robot, descriptions, task.stated.wanted, task.motion, table, chosen)
+            for i, one in enumerate(own):
+                before = found[i]
+                named = {self.source.column(task.name, key): x for key, x in (one or {}).items()}
+                found[i] = None if one is None or before is None else before | named
+        columns = self.source.columns
+        return [None if x is None else tuple(x.get(name, math.nan) for name in columns) for x in found]
 
-    def check(self, designs: Iterable[tuple[int, Array]]) -> int:
-        """Compare the motions and efforts of a few designs with those of robots built for them.
-
-        Args:
-            designs: Numbers and values of designs; those that are left to the general path are skipped.
-
-        Returns:
-            The number of designs compared, at most `CHECKED`.
+    def _compared(self, number: int, values: Array, tables: Sequence[DesignTable], k: int) -> float:
+        """Return the largest relative difference of design k of tables to the robot built for it.
 
         Raises:
-            HybridynError: They differ by more than `EQUAL`.
+            HybridynError: It is more than `EQUAL`.
         """
-        checked = 0
-        for number, values in designs:
-            descriptions, p = self._described(values[None])
-            tables = self.tables(p) if descriptions and checked < CHECKED else []
-            if not tables or not all(table.good.all() for table in tables):
-                continue
-            for task, table in zip(self.tasks, tables, strict=True):
-                off = self._difference(descriptions[0], task, table)
-                if not off <= EQUAL:
-                    raise HybridynError(
-                        f"{self.source.file}: design {number}, task '{task.name}': compiled models and the "
-                        f"general path differ by {off:.1e} of the largest number: sweep without compiled "
-                        "models (--no-compile)"
-                    )
-            checked += 1
-        return checked
+        variants, largest = self.designer.variants, 0.0
+        robot = variants(variants.named(values))
+        for task, table in zip(self.tasks, tables, strict=True):
+            off = self._difference(robot, task, [x[k] for x in _numbers(table)])
+            if not off <= EQUAL:
+                raise HybridynError(
+                    f"{self.source.file}: design {number}, task '{task.name}': compiled models and the "
+                    f"general path differ by {off:.1e} of the largest number: sweep without compiled "
+                    "models (--no-compile)"
+                )
+            largest = max(largest, off)
+        return largest
 
-    def _difference(self, description: Description, task: _Task, table: DesignTable) -> float:
-        """Return the largest relative difference of a table with one design to a robot built for it."""
-        robot = self.designer.variants.robot(description)
+    def _difference(self, robot: HybridRobot, task: _Task, ours: Sequence[Array]) -> float:
+        """Return the largest relative difference of a motion and its efforts to those of a robot."""
         found: list[tuple[Array, ...]] = []
         how = Follower(task.stated.passive, choose(robot, task.evaluator.effects.names))
         follow(robot, self.designer.tracks[task.name], how, lambda at, tau: found.append((*at[1:], tau)))
         if not found:
             return math.inf
-        pairs = zip((x[0] for x in _numbers(table)), found[0], strict=True)
+        pairs = zip(ours, found[0], strict=True)
         return max(float(np.abs(x - y).max(initial=0) / np.abs(y).max(initial=1e-300)) for x, y in pairs)
 
 
@@ -234,9 +226,11 @@ def _table(task: _Task, p: Array) -> DesignTable:
     motion, evaluator = task.motion, task.evaluator
     table = evaluator.table(p, motion.joints, motion.platforms, doubtful=False)
     left = np.array(sorted(table.errors), dtype=int)
-    if len(left) and not motion.platforms:
+    whole = any(not isinstance(levels[0], dict) for levels in motion.platforms.values())
+    if len(left) and not whole:
         joints = {name: _divided(levels) for name, levels in motion.joints.items()}
-        finer = evaluator.table(p[left], joints, {}, doubtful=False)
+        platforms = {name: _divided_coordinates(levels) for name, levels in motion.platforms.items()}
+        finer = evaluator.table(p[left], joints, platforms, doubtful=False)
         good = finer.good
         for all_rows, rows in zip(_numbers(table), _numbers(finer), strict=True):
             all_rows[left[good]] = rows[good, ::STEPS]
@@ -257,14 +251,23 @@ def _divided(levels: Sequence[Array]) -> tuple[Array, ...]:
     return position, *rates
 
 
+def _divided_coordinates(levels: Sequence[Any]) -> tuple[dict[str, Array], ...]:
+    """Return coordinates of a pose, their rates and accelerations, divided like those of joints."""
+    value, *rates = levels
+    each = {
+        name: _divided([_unwrapped(name, x), *(rate[name] for rate in rates)]) for name, x in value.items()
+    }
+    return tuple({name: parts[i] for name, parts in each.items()} for i in range(3))
+
+
+def _unwrapped(name: str, x: Array) -> Array:
+    """Return a coordinate without jumps by whole turns."""
+    return x if name in ("x", "y", "z") else np.unwrap(x)
+
+
 def _numbers(table: DesignTable) -> tuple[Array, ...]:
     """Return the motion and the efforts of a table."""
     return table.q, table.v, table.a, table.tau
-
-
-def _home(description: Description) -> tuple[object, ...]:
-    """Return the home posture of a description."""
-    return description.home, description.base_home
 
 
 def check_task(name: str, task: TaskTable) -> None:

@@ -80,11 +80,15 @@ class Evaluated:
         rows: The rows.
         seconds: Time that they took [s].
         compiled: Number of rows from compiled models.
+        checked: Number of those that were compared with robots built for their designs.
+        difference: Largest relative difference found.
     """
 
     rows: tuple[Row, ...]
     seconds: float
     compiled: int = 0
+    checked: int = 0
+    difference: float = 0.0
 
 
 @one_thread()
@@ -130,7 +134,7 @@ class Designer:
         row = partial(Row, design, tuple(values.tolist()))
         nothing = (math.nan,) * len(self.source.columns)
         try:
-            robot = self.variants(dict(zip(self.source.study.parameters, values.tolist(), strict=True)))
+            robot = self.variants(self.variants.named(values))
         except Exception as error:
             return row("not loaded", 0, 0, nothing, said(error))
         try:

@@ -178,21 +178,23 @@ class Gauge:
     robot: HybridRobot
     wanted: Mapping[str, str]
     functions: Mapping[str, Callable[..., Any]]
-    _sizing: Sizing = field(init=False)
+    _sizing: Sizing | None = field(init=False)
     _columns: dict[str, list[Array]] = field(init=False)
     _times: list[Array] = field(default_factory=list)
     _blocks: list[tuple[Postures, Array]] = field(default_factory=list)
 
     def __post_init__(self) -> None:
-        self._sizing = Sizing(self.robot)
+        of_motors = any(word in OF_MOTORS for word in self.wanted.values())
+        self._sizing = Sizing(self.robot) if of_motors else None
         asked = [word.partition(" ")[2] for word in self.wanted.values() if PYTHON not in word]
         self._columns = {column: [] for column in asked if column}
 
     def add(self, block: Postures, tau: Array) -> None:
         """Add the postures of a block and their efforts, shape (T, motors)."""
         motion = block.motion
-        position, speed = motor_rows(self.robot, block.q, block.v)
-        self._sizing.add(motion.time, motion.first_row, position, speed, tau)
+        if self._sizing is not None:
+            position, speed = motor_rows(self.robot, block.q, block.v)
+            self._sizing.add(motion.time, motion.first_row, position, speed, tau)
         for column, parts in self._columns.items():
             parts.append(column_of(self.robot, block, tau, column))
         if motion.time is not None:
@@ -206,7 +208,7 @@ class Gauge:
         Raises:
             ModelError: A function in Python fails.
         """
-        loads = self._sizing.loads()
+        loads = [] if self._sizing is None else self._sizing.loads()
         time = np.concatenate(self._times) if self._times else None
         out: dict[str, float] = {}
         for name, word in self.wanted.items():

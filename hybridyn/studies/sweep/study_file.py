@@ -16,11 +16,9 @@ Paths are relative to the study's folder; a shipped robot needs only its name.
 
 from __future__ import annotations
 
-import hashlib
 from dataclasses import dataclass
 from pathlib import Path
 
-from ...description.reading import read_bytes
 from ...description.shipped import find_robot
 from ...scenes.scene_file import read_scene
 from ...scenes.stage import files_of
@@ -72,14 +70,6 @@ class StudyFile(TomlSource):
             found += scene_files(self.beside(task.scene)) if task.scene else []
             found += [self.beside(python_of(word)[0]) for word in task.wanted.values() if PYTHON in word]
         return list(dict.fromkeys(found))
-
-    @property
-    def identity(self) -> str:
-        """A digest of the study and of the files that it reads."""
-        digest = hashlib.sha256(self.study.model_dump_json().encode())
-        for path in self.files:
-            digest.update(read_bytes(path))
-        return digest.hexdigest()
 
 
 def scene_files(file: str) -> list[str]:

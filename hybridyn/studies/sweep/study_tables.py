@@ -26,6 +26,7 @@ class DesignsTable(Schema):
     method: Method
     count: Annotated[int, Field(ge=1, le=MOST_DESIGNS)] | None = None
     seed: Annotated[int, Field(ge=0)] = 0
+    check: Annotated[int, Field(ge=0)] | None = None
     table: str | None = None
 
     @model_validator(mode="after")
@@ -113,6 +114,7 @@ class Study(Schema):
     robot: RobotTable
     designs: DesignsTable
     parameters: Annotated[dict[Name, ParameterTable], Field(min_length=1)]
+    numbers: dict[str, str] = Field(default_factory=dict)
     tasks: Annotated[dict[Name, TaskTable], Field(min_length=1)]
 
     @model_validator(mode="after")

@@ -19,6 +19,7 @@ from .compiled_designs import Plan
 from .designs import Designs
 from .engines import Engine, check_engine, open_pool
 from .evaluation import Chunk, Designer, Evaluated, Row
+from .identity import identity
 from .pool import Pool, WorkerDiedError
 from .reading import read_study
 from .shards import About, Shards, best_format, read_shards, shards_in
@@ -26,10 +27,11 @@ from .study_file import StudyFile
 
 #: Work of a chunk [s]: long against the transfer to another process, short against a wait.
 CHUNK_SECONDS = 1.0
-#: Work of a chunk of compiled models over that: their calls cost as much for one design as for many.
-COMPILED_CHUNKS = 5
 #: Largest number of designs in a chunk.
 MOST_IN_CHUNK = 10_000
+#: Fewest designs in a chunk of compiled models without xacro arguments, and the longest that it may take [s]:
+#: calls of compiled models take as long for one design as for some hundred, and so do steps that are divided.
+LEAST_COMPILED, LONGEST_COMPILED = 4096, 60.0
 #: Designs, spread over the study, of which one has to load before the sweep starts.
 TRIALS = 16
 #: Chunks per process that are drawn in advance.
@@ -55,6 +57,8 @@ class Swept:
         seconds: Wall time [s].
         work: Time of all processes spent on designs [s].
         compiled: Number of designs that compiled models evaluated now.
+        checked: Number of those that were compared with robots built for them.
+        difference: Largest relative difference found.
         why_general: Why the general path evaluates all designs, or "".
     """
 
@@ -70,6 +74,8 @@ class Swept:
     seconds: float = 0.0
     work: float = 0.0
     compiled: int = 0
+    checked: int = 0
+    difference: float = 0.0
     why_general: str = ""
 
 
@@ -142,8 +148,8 @@ def _sweep(
         if compiled:
             plan, state.why_general = plan_for(source, designs, _tried(designs))
     about = About(
-        str(study), source.identity, designs.count, designs.names, source.columns, format or best_format(),
-        designs.method, plan is not None,
+        str(study), identity(source, designs), designs.count, designs.names, source.columns,
+        format or best_format(), designs.method, plan is not None,
     )  # fmt: skip
     shards = Shards.create(Path(output), about, resume=resume)
     _count_rows(state)
@@ -194,6 +200,8 @@ class _Run:
         self.given.pop(done.rows[0].design, None)
         self.state.work += done.seconds
         self.state.compiled += done.compiled
+        self.state.checked += done.checked
+        self.state.difference = max(self.state.difference, done.difference)
         self.state.now += len(done.rows)
         if done.seconds > 0:
             self.pace += (done.seconds / len(done.rows) - self.pace) / 2
@@ -206,14 +214,19 @@ class _Run:
     def _chunks(self, gaps: list[tuple[int, int]]) -> Iterator[Chunk]:
         """Divide designs into chunks of about a second, by the pace so far."""
         self.given.clear()
-        seconds = CHUNK_SECONDS if self.plan is None else COMPILED_CHUNKS * CHUNK_SECONDS
         for start, stop in gaps:
             while start < stop:
-                size = min(max(1, round(seconds / max(self.pace, 1e-9))), MOST_IN_CHUNK, stop - start)
+                size = min(self._size(), stop - start)
                 chunk = Chunk(start, self.designs.values(start, start + size))
                 self.given[start] = chunk
                 yield chunk
                 start += size
+
+    def _size(self) -> int:
+        """Return the number of designs in the next chunk."""
+        many = self.plan is not None and self.plan.at_once and LEAST_COMPILED * self.pace < LONGEST_COMPILED
+        size = max(LEAST_COMPILED if many else 1, round(CHUNK_SECONDS / max(self.pace, 1e-9)))
+        return min(size, MOST_IN_CHUNK)
 
     def _alone(self, chunk: Chunk) -> None:
         """Evaluate a chunk that may have ended its process, with nothing beside: whole, else by designs."""

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 from ...description.names import did_you_mean
 from ...description.reading import read
 from ...description.records import Description
 from ...scenes.toml_source import naming
+from ...spatial import Array
 from ...structure.building import build_robot
+from .numbers import Numbers
 from .study_file import StudyFile
 
 if TYPE_CHECKING:
@@ -21,7 +24,7 @@ class Variants:
     """Builds the robots of designs. The last description is kept: designs may differ in scales only."""
 
     def __init__(self, source: StudyFile) -> None:
-        self.source, self.file = source, source.robot
+        self.source, self.file, self.numbers = source, source.robot, Numbers(source)
         self._last: tuple[dict[str, str], Description] | None = None
 
     def __call__(self, values: Mapping[str, float]) -> HybridRobot:
@@ -45,17 +48,36 @@ class Variants:
         Raises:
             HybridynError: The files are wrong with these values, or a link is unknown.
         """
-        stated, parameters = self.source.study.robot, self.source.study.parameters
-        arguments = {name: argument(value) for name, value in stated.xacro.items()}
-        arguments |= {
-            one.xacro or name: argument(values[name]) for name, one in parameters.items() if not one.links
-        }
+        arguments = {xacro: argument(values[name]) for name, xacro in self.arguments.items()}
         description = self._read(arguments)
-        for name, one in parameters.items():
+        for name, one in self.source.study.parameters.items():
             for link in one.links:
                 with naming(self.source, ("parameters", name, "scale_inertia")):
                     description = scaled(description, link, values[name])
-        return description
+        return self.numbers.described(description, values)
+
+    def named(self, values: Array) -> dict[str, float]:
+        """Return the values of a design's parameters by name.
+
+        Args:
+            values: The values, shape (parameters,).
+        """
+        return dict(zip(self.source.study.parameters, values.tolist(), strict=True))
+
+    @cached_property
+    def arguments(self) -> dict[str, str]:
+        """The xacro argument that each parameter sets, by the parameter's name."""
+        parameters = self.source.study.parameters
+        return {
+            name: one.xacro or name
+            for name, one in parameters.items()
+            if one.xacro or not (one.links or name in self.numbers.parameters)
+        }
+
+    @property
+    def unscaled(self) -> Description:
+        """Description of all designs without scales and stated numbers, where no xacro argument differs."""
+        return self._read({})
 
     def robot(self, description: Description) -> HybridRobot:
         """Build the robot of a design's description.
@@ -71,9 +93,11 @@ class Variants:
             gravity=None if gravity is None else (gravity[0], gravity[1], gravity[2]),
         )
 
-    def _read(self, arguments: dict[str, str]) -> Description:
+    def _read(self, differing: dict[str, str]) -> Description:
+        """Read the robot's file with the study's xacro arguments and those in which designs differ."""
+        stated = self.source.study.robot
+        arguments = {name: argument(value) for name, value in stated.xacro.items()} | differing
         if self._last is None or self._last[0] != arguments:
-            stated = self.source.study.robot
             folders = [self.source.beside(folder) for folder in stated.package_dirs]
             made = read(self.file, motors=stated.motors, xacro_args=arguments or None, package_dirs=folders)
             self._last = (arguments, made)
