@@ -67,14 +67,14 @@ def loops(robot: HybridRobot) -> Loops:
 
 
 def tree(robot: HybridRobot) -> pin.Model:
-    """Return the spanning tree's model.
+    """Return a copy of the spanning tree's model: compiled robots watch the model itself while it is held.
 
     Raises:
         NotMeasuredError: Couplings hold it.
     """
     if robot.description.couplings:
         raise NotMeasuredError("couplings of joints are no closures for Pinocchio")
-    return robot.model
+    return robot.model.copy()
 
 
 def closure_kind(robot: HybridRobot, name: str) -> str:
