@@ -70,8 +70,18 @@ def coriolis_matrix(
     E = whole_map(robot, motions, u, len(q))
     C = polar_form(robot, lambda x, y: forces_at_rest(robot, x, y, u, on), q, v, E)
     if robot.base == "floating":
-        M = composite_inertia(robot, states, motions, u, on, len(q))
-        twist = np.broadcast_to(v[:, None, :6], (len(q), 6, 6))
-        brackets = np.swapaxes(crm(twist, np.broadcast_to(np.eye(6), twist.shape)), 1, 2)
-        C[:, :, :6] += np.matmul(M[:, :, :6], brackets) / 2
+        C[:, :, :6] += of_brackets(composite_inertia(robot, states, motions, u, on, len(q)), v)
     return C[0] if single else C
+
+
+def of_brackets(M: Array, v: Array) -> Array:
+    """Compute half the Lie brackets of a floating base's twist with its columns, times M, shape (T, N, 6).
+
+    Args:
+        M: Mass matrices, shape (T, N, N).
+        v: Rates, shape (T, nv).
+    """
+    twist = np.broadcast_to(v[:, None, :6], (len(v), 6, 6))
+    brackets = np.swapaxes(crm(twist, np.broadcast_to(np.eye(6), twist.shape)), 1, 2)
+    out: Array = np.matmul(M[:, :, :6], brackets) / 2
+    return out

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Sequence
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
@@ -25,6 +26,7 @@ from ....structure.robot import HybridRobot
 from ...library.calls import Calls, Numbers
 from ...library.current import Current
 from .following import Following, following, in_parts
+from .held_base import HeldBase, held_base
 from .rows import Computed, QuantityRows, energy_rows
 
 log = logging.getLogger("hybridyn.compiled")
@@ -215,14 +217,29 @@ class Quantities:
     def _rows(self, joints: Joints) -> QuantityRows | None:
         """Return what computes forces along some joints; None if the general path does.
 
-        The inverse model has no row for the wrench on a floating base, and needs a motor for each freedom.
+        The inverse model needs a motor for each freedom, and on a floating base a model on a held one.
         """
         moves = self._following(joints)
-        driven = all(len(module.motors) >= module.mobility for module in self.robot.modules)
-        if moves is None or self.robot.base == "floating" or not driven:
+        if moves is None or not all(motors >= freedoms for motors, freedoms in self._driven):
             return None
-        by_motors = moves.u.joints == tuple(self.robot.motors)
-        return QuantityRows(self.robot, self._trusted, moves, by_motors)
+        if self.robot.base != "floating":
+            driven = np.array(
+                [self.robot.v_slices[self.robot.joint_index[m]].start for m in self.robot.motors]
+            )
+            return QuantityRows(self.robot, partial(self._trusted, "idm"), driven, moves)
+        held = self._held_base
+        return None if held is None else QuantityRows(self.robot, held.forces, held.columns, moves)
+
+    @property
+    def _driven(self) -> list[tuple[int, int]]:
+        """Number of motors and of freedoms of each module; a floating base has no motors and is left out."""
+        modules = self.robot.modules[self.robot.base == "floating" :]
+        return [(len(module.motors), module.mobility) for module in modules]
+
+    @cached_property
+    def _held_base(self) -> HeldBase | None:
+        """Models of a floating robot with its base held; None if the general path computes forces."""
+        return held_base(self.robot, self.effects, str(self.dtype), self._trusted, self.threads)
 
     def _finished(
         self,

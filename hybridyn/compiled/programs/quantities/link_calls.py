@@ -23,7 +23,6 @@ from ....spatial import Array
 from ....structure.samples import one_of
 from ...library.calls import Numbers
 from .calls import Joints, Quantities
-from .following import Following
 from .rows import Computed, delassus_rows, link_rows
 
 #: Reciprocal condition number of a compiled Delassus matrix below which the general path inverts it. In seven
@@ -60,7 +59,12 @@ class LinkQuantities(Quantities):
         named_links(self.robot, names)
         one_of("axes", axes, "world", "link")
         q, _, single = checked_state(self.robot, q, None)
-        moves = self._over_motors()
+        floating = self.robot.base == "floating"
+        moves = (
+            self._following(None) if all(motors == freedoms for motors, freedoms in self._driven) else None
+        )
+        held = self._held_base if floating and moves else None
+        moves = None if floating and held is None else moves
 
         def general(q: Array) -> Array:
             """Compute it by the general path."""
@@ -69,6 +73,8 @@ class LinkQuantities(Quantities):
         def compiled(q: Array) -> Computed:
             """Compute it in C, and where it can be trusted."""
             assert moves is not None
+            if held is not None:
+                return held.delassus(moves, q, names, axes)
             return delassus_rows(self._trusted, moves, q, names, axes)
 
         return self._finished("delassus", compiled if moves else None, general, 6 * len(names), single, q)
@@ -104,8 +110,3 @@ class LinkQuantities(Quantities):
             return E, np.zeros((len(q), self.robot.nv))
         drift = self._finished("joint_map", moves.drift if moves else None, general, 1, False, q, v)
         return np.zeros((len(q), self.robot.nv, side.size)), drift
-
-    def _over_motors(self) -> Following | None:
-        """Return the motions over the motors if these determine every motion and accelerate it by efforts."""
-        driven = all(len(module.motors) == module.mobility for module in self.robot.modules)
-        return self._following(None) if driven and self.robot.base != "floating" else None

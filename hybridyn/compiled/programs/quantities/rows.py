@@ -18,6 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ....dynamics.energy import add_energy_of_laws, leg_bodies
+from ....dynamics.quantities.coriolis_matrix import of_brackets
 from ....dynamics.quantities.polar import polar_form
 from ....effects.choice import Effects
 from ....spatial import Array, Index, Mask
@@ -39,23 +40,29 @@ class QuantityRows:
     """Quantities at samples that compiled models compute, each with which of them can be trusted.
 
     Attributes:
-        robot: The robot, on a fixed or a moving base.
-        run: Computes a model.
+        robot: The robot.
+        efforts: Computes forces on some entries of v, those of the motors and of a floating base, at states
+            q, v, a.
+        driven: These entries, shape (k,).
         moves: Motions of its joints over the independent coordinates.
-        by_motors: Whether these are its motors, in their order.
     """
 
     robot: HybridRobot
-    run: Run
+    efforts: Callable[[Array, Array, Array], Computed]
+    driven: Index
     moves: Following
-    by_motors: bool
+
+    @property
+    def by_motors(self) -> bool:
+        """Whether the independent coordinates are the driven ones, in their order."""
+        return np.array_equal(self.driven, self.moves.u.columns)
 
     def mass(self, q: Array) -> Computed:
         """Compute the mass matrix, shape (T, N, N)."""
         E, good = self.moves.map(q)
         T, lanes = len(q), self.moves.u.size
         a = np.swapaxes(E, 1, 2).reshape(T * lanes, -1) * 2.0**FASTER
-        tau, trusted = self._efforts(np.repeat(q, lanes, axis=0), np.zeros_like(a), a)
+        tau, trusted = self.efforts(np.repeat(q, lanes, axis=0), np.zeros_like(a), a)
         rest, still = self._at_rest(q)
         tau = (tau.reshape(T, lanes, -1) - rest[:, None]) * 2.0**-FASTER
         good &= trusted.reshape(T, lanes).all(axis=1) & still
@@ -67,7 +74,7 @@ class QuantityRows:
         a, good = self.moves.drift(q, v)
         if self.robot.base == "moving":
             a[:, :6] = base
-        tau, trusted = self._efforts(q, v, a)
+        tau, trusted = self.efforts(q, v, a)
         force, mapped = self._mapped(q, tau)
         return force, good & trusted & mapped
 
@@ -77,7 +84,7 @@ class QuantityRows:
         s = FASTER - np.frexp(np.abs(v).max(axis=1, initial=0.0))[1][:, None]
         fast, a = np.ldexp(v, s), np.ldexp(d, 2 * s)
         (there, one), (back, other), (rest, still) = (
-            self._efforts(q, fast, a), self._efforts(q, -fast, a), self._at_rest(q),
+            self.efforts(q, fast, a), self.efforts(q, -fast, a), self._at_rest(q),
         )  # fmt: skip
         force, mapped = self._mapped(q, np.ldexp((there + back) / 2 - rest, -2 * s))
         return force, good & one & other & still & mapped
@@ -94,6 +101,10 @@ class QuantityRows:
             return out
 
         C = polar_form(self.robot, force, q, v, E)
+        if self.robot.base == "floating":
+            M, known = self.mass(q)
+            parts.append(known)
+            C[:, :, :6] += of_brackets(M, v)
         return C, np.logical_and.reduce(parts)
 
     def gravity(self, q: Array) -> Computed:
@@ -102,28 +113,23 @@ class QuantityRows:
         force, mapped = self._mapped(q, rest)
         return force, good & mapped
 
-    def _efforts(self, q: Array, v: Array, a: Array) -> Computed:
-        """Return motor efforts, shape (T, motors)."""
-        return self.run("idm", q, v, a)
-
     def _at_rest(self, q: Array) -> Computed:
-        """Return the motor efforts that hold the robot at rest, shape (T, motors)."""
+        """Return the forces that hold the robot at rest, shape (T, k)."""
         still = np.zeros((len(q), self.robot.nv))
-        return self._efforts(q, still, still)
+        return self.efforts(q, still, still)
 
     def _mapped(self, q: Array, tau: Numbers) -> Computed:
-        """Return efforts along u, shape (T, N), from those of the motors."""
+        """Return efforts along u, shape (T, N), from those on the driven entries."""
         if self.by_motors:
             return tau, np.ones(len(q), dtype=bool)
         E, good = self.moves.map(q)
         return self._along(E, tau[:, :, None])[:, :, 0], good
 
     def _along(self, E: Numbers, tau: Numbers) -> Numbers:
-        """Return efforts along u, shape (T, N, k), from columns of motor efforts, shape (T, motors, k)."""
+        """Return efforts along u, shape (T, N, c), from columns of those on driven entries, (T, k, c)."""
         if self.by_motors:
             return tau
-        columns = [self.robot.v_slices[self.robot.joint_index[motor]].start for motor in self.robot.motors]
-        along: Numbers = np.matmul(np.swapaxes(E[:, columns], 1, 2), tau)
+        along: Numbers = np.matmul(np.swapaxes(E[:, self.driven], 1, 2), tau)
         return along
 
 
@@ -203,22 +209,29 @@ def _way_to_root(robot: HybridRobot, link: str) -> tuple[Index, list[int], Array
     return np.concatenate(columns), bodies, subspace[:, :3], subspace[:, 3:]
 
 
-def energy_rows(run: Run, robot: HybridRobot, on: Effects, q: Array, v: Array) -> Computed:
-    """Compute kinetic and potential energy, shape (T, 2), and which samples can be trusted."""
-    rows, trusted = run("kinematics", q, v, np.zeros_like(v))
+def inertial_bodies(robot: HybridRobot, on: Effects) -> tuple[list[int], Array, Array, Array]:
+    """Return the bodies whose inertia counts: numbers, mass (k,), centre (k, 3), inertia there (k, 3, 3)."""
     legs = leg_bodies(robot) if on.leg_inertia is None else set()
-    counted = [
+    numbers = [
         i
         for i, body in enumerate(robot.bodies.bodies)
         if (i or robot.base != "fixed") and i not in legs and not body.massless
     ]
-    x = rows.reshape(len(q), -1, WIDTH)[:, counted]
-    bodies = [robot.bodies.bodies[i] for i in counted]
+    bodies = [robot.bodies.bodies[i] for i in numbers]
     mass = np.array([body.mass for body in bodies])
+    com = np.array([body.com for body in bodies]).reshape(-1, 3)
+    return numbers, mass, com, np.array([body.inertia for body in bodies]).reshape(-1, 3, 3)
+
+
+def energy_rows(run: Run, robot: HybridRobot, on: Effects, q: Array, v: Array) -> Computed:
+    """Compute kinetic and potential energy, shape (T, 2), and which samples can be trusted."""
+    rows, trusted = run("kinematics", q, v, np.zeros_like(v))
+    counted, mass, com, inertia = inertial_bodies(robot, on)
+    x = rows.reshape(len(q), -1, WIDTH)[:, counted]
     R, w = x[:, :, :9].reshape(*x.shape[:2], 3, 3), x[:, :, 15:18]
-    arm = np.matmul(R, np.array([body.com for body in bodies]).reshape(-1, 3, 1))[..., 0]
+    arm = np.matmul(R, com[:, :, None])[..., 0]
     own = np.matmul(np.swapaxes(R, 2, 3), w[..., None])
-    spin = np.matmul(np.array([body.inertia for body in bodies]).reshape(-1, 3, 3), own)
+    spin = np.matmul(inertia, own)
     speed = x[:, :, 12:15] + np.cross(w, arm)
     kinetic = ((speed**2).sum(axis=2) @ mass + (own * spin).sum(axis=(1, 2, 3))) / 2
     weight = robot.gravity if on.gravity is not None else np.zeros(3)
