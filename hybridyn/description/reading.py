@@ -6,7 +6,7 @@ Each format is one entry of `FORMATS`: the name of its root element, and the fun
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -22,7 +22,7 @@ from .side_cars.companions import find_model_file, find_side_car, find_submechan
 from .unread_forms import unread_form, unread_format
 from .urdf.foreign import refuse_unclosed_frames, refuse_unread_side_cars
 from .urdf.urdf import read_urdf
-from .urdf.xacro import expand
+from .urdf.xacro import expand, expand_each
 from .urdf.xml_node import LARGEST_FILE, Node, parse
 from .validate import validate
 
@@ -37,6 +37,9 @@ FORMATS: dict[str, Callable[[Node, Sequence[str | os.PathLike[str]]], RobotFile]
 #: First bytes of USD files: text, binary, package. USD is no XML: an empty element `USD` stands for it.
 USD_STARTS = (b"#usda", b"#sdf", b"PXR-USDC", b"PK\x03\x04")
 USD = b"<_usd/>"
+
+#: Number of sets of arguments with which one child expands a file.
+EXPANDED_AT_ONCE = 32
 
 
 def read(
@@ -63,8 +66,46 @@ def read(
     Raises:
         ModelError: A file is invalid; the message names the file, the line and the correction.
     """
-    file = split_model(path)[0]
-    root, notes = _open(path, xacro_args or {}, package_dirs)
+    opened = _open(path, xacro_args or {}, package_dirs)
+    return _description(split_model(path)[0], opened, motors, xacro_args or {}, package_dirs)
+
+
+def read_each(
+    path: str,
+    many: Sequence[Mapping[str, object]],
+    *,
+    motors: Sequence[str] | None = None,
+    package_dirs: Sequence[str | os.PathLike[str]] = (),
+) -> Iterator[Description | ModelError]:
+    """Read a xacro file with each set of arguments, as `read` does; yield descriptions or errors.
+
+    Args:
+        path: The file.
+        many: Sets of arguments by name.
+        motors: As in `read`.
+        package_dirs: As in `read`.
+    """
+    for start in range(0, len(many), EXPANDED_AT_ONCE):
+        part = many[start : start + EXPANDED_AT_ONCE]
+        for arguments, found in zip(part, expand_each(path, part, package_dirs), strict=True):
+            try:
+                if isinstance(found, ModelError):
+                    raise found
+                opened = parse(found[0], f"{path} (expanded)"), found[1]
+                yield _description(path, opened, motors, arguments, package_dirs)
+            except ModelError as error:
+                yield error
+
+
+def _description(
+    file: str,
+    opened: tuple[Node, list[str]],
+    motors: Sequence[str] | None,
+    xacro_args: Mapping[str, object],
+    package_dirs: Sequence[str | os.PathLike[str]],
+) -> Description:
+    """Return the description of a robot file's root element and the notes of xacro, see `read`."""
+    root, notes = opened
     robot = _reader(root)(root, package_dirs)
     robot.notes += notes
     if root.tag == "robot":
@@ -77,7 +118,7 @@ def read(
         read_from=ReadFrom(
             file,
             None if motors is None else tuple(motors),
-            dict(xacro_args or {}),
+            dict(xacro_args),
             tuple(os.fspath(folder) for folder in package_dirs),
         ),
     )

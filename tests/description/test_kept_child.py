@@ -54,6 +54,33 @@ def test_expansions_of_a_kept_child_are_those_of_fresh_ones(file: str) -> None:
     assert kept == [xacro.expand(file, {"a": a}, ()) for a in (1, 2, 3)]
 
 
+def test_one_child_expands_many_sets_of_arguments(file: str) -> None:
+    """Each set starts afresh, also after one that is refused."""
+    many = [{"a": 1}, {"a": 6}, {"b": 6}, {}, {"a": 3}]
+    for _ in range(2):
+        found = xacro.expand_each(file, many, ())
+        for arguments, one in zip(many, found, strict=True):
+            if isinstance(one, ModelError):
+                with pytest.raises(ModelError) as caught:
+                    xacro.expand(file, arguments, ())
+                assert str(caught.value) == str(one)
+            else:
+                assert one == xacro.expand(file, arguments, ())
+        assert [isinstance(one, ModelError) for one in found] == [False, True, True, False, False]
+        xacro_process.drop_child()
+
+
+@pytest.mark.slow
+def test_sets_of_arguments_that_take_too_long_together_are_expanded_alone(
+    file: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(xacro, "SECONDS", 1)
+    Path(file).write_text(ENDLESS.replace("'a' * 60", "'a' * (60 if $(arg a) > 5 else 2)"))
+    slow, *others = xacro.expand_each(file, [{"a": 6}, {"a": 1}, {"a": 2}], ())
+    assert "more than 1 s of processor time" in str(slow)
+    assert not any(isinstance(one, ModelError) for one in others)
+
+
 def test_a_child_that_was_killed_is_replaced(file: str) -> None:
     good = xacro.expand(file, {}, ())
     child = xacro_process._kept.child

@@ -15,7 +15,7 @@ import os
 import signal
 import subprocess
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import IO, Any
 
@@ -60,39 +60,83 @@ def expand(
         ModelError: xacro reports an error, or the expansion exceeds its limits; the message names the file
             and the macro.
     """
-    path, again = os.path.abspath(file), is_kept()  # once: another thread may change it meanwhile
-    paths = [_folder_of(module) for module in PACKAGES]
-    request = {
-        "file": path,
-        "folder": os.getcwd(),
-        "arguments": {str(name): str(value) for name, value in arguments.items()},
-        "paths": paths,
-        "memory": MEMORY,
-        "seconds": SECONDS,
-        "again": again,
-    }
-    named = [os.fspath(folder) for folder in package_dirs]
-    folders = functools.partial(RobotFolders, path, named, _share_dirs(), LARGEST_FILE, _shipped_dirs())
+    again = is_kept()  # once: another thread may change it meanwhile
+    request, folders = _request(file, [arguments], package_dirs, again)
     own = Path(__file__).parent / "xacro_child"
-    codes = [own, *(Path(of, package) for of, package in zip(paths, PACKAGES, strict=True))]
+    codes = [own, *(Path(of, package) for of, package in zip(request["paths"], PACKAGES, strict=True))]
     name = hashed(START, sys.version, json.dumps(request, sort_keys=True), *map(state_of, codes))
     known = None if again else kept(name)
     if known is not None and _unchanged(folders(), known["replies"]):
         return known["text"].encode(errors="surrogateescape"), known["notes"]
     replies: list[list[str]] = []
     with child_of(file, kept=again) as child:
-        header, text = _converse(child, file, request, folders(), replies)
+        (answer,) = _converse(child, file, request, folders(), replies)
+    text, notes = _result(file, *answer)
+    if not again:  # the many files of a sweep would replace those of the next commands
+        keep(name, {"replies": replies, "text": text.decode(errors="surrogateescape"), "notes": notes})
+    return text, notes
+
+
+def expand_each(
+    file: str, many: Sequence[Mapping[str, object]], package_dirs: Sequence[str | os.PathLike[str]]
+) -> list[tuple[bytes, list[str]] | ModelError]:
+    """Expand a xacro file with each set of arguments, in one child; return results or errors.
+
+    The child reads each file once. If it ends before the last set, for its time or its memory, each set has a
+    child of its own.
+    """
+    again = is_kept()
+    request, folders = _request(file, many, package_dirs, again)
+    try:
+        with child_of(file, kept=again) as child:
+            answers = _converse(child, file, request, folders(), [])
+        expansions = [functools.partial(_result, file, *answer) for answer in answers]
+    except ModelError:
+        expansions = [functools.partial(expand, file, arguments, package_dirs) for arguments in many]
+    results: list[tuple[bytes, list[str]] | ModelError] = []
+    for expansion in expansions:
+        try:
+            results.append(expansion())
+        except ModelError as error:
+            results.append(error)
+    return results
+
+
+def _request(
+    file: str,
+    many: Sequence[Mapping[str, object]],
+    package_dirs: Sequence[str | os.PathLike[str]],
+    again: bool,
+) -> tuple[dict[str, Any], Callable[[], RobotFolders]]:
+    """Return the request to the child, and a function that returns the folders which it may read."""
+    path = os.path.abspath(file)
+    request = {
+        "file": path,
+        "folder": os.getcwd(),
+        "arguments": [{str(name): str(value) for name, value in one.items()} for one in many],
+        "paths": [_folder_of(module) for module in PACKAGES],
+        "memory": MEMORY,
+        "seconds": SECONDS,
+        "again": again,
+    }
+    named = [os.fspath(folder) for folder in package_dirs]
+    return request, lambda: RobotFolders(path, named, _share_dirs(), LARGEST_FILE, _shipped_dirs())
+
+
+def _result(file: str, header: Mapping[str, Any], text: bytes) -> tuple[bytes, list[str]]:
+    """Return the XML and the notes of an answer of the child.
+
+    Raises:
+        ModelError: It is an error.
+    """
     if "error" in header:
         inner = header["file"]
-        where = file if inner in (None, path) else os.path.relpath(inner)
+        where = file if inner in (None, os.path.abspath(file)) else os.path.relpath(inner)
         message = f"xacro: {header['error']}{_extra_for(header['error'])}"
         if len(message) > LONGEST_MESSAGE:
             message = message[:LONGEST_MESSAGE] + " ..."
         raise ModelError(message, file=where, line=header["line"])
-    notes = list(header["notes"]) + ([] if header["locks"] else [UNLOCKED])
-    if not again:  # the many files of a sweep would replace those of the next commands
-        keep(name, {"replies": replies, "text": text.decode(errors="surrogateescape"), "notes": notes})
-    return text, notes
+    return text, list(header["notes"]) + ([] if header["locks"] else [UNLOCKED])
 
 
 def _reply_hash(reply: tuple[dict[str, Any], bytes]) -> str:
@@ -120,13 +164,14 @@ def _converse(
     request: Mapping[str, Any],
     folders: RobotFolders,
     replies: list[list[str]],
-) -> tuple[dict[str, Any], bytes]:
-    """Answer the child's file requests until it sends its result; return the last header and the XML.
+) -> list[tuple[dict[str, Any], bytes]]:
+    """Answer the child's file requests until it has sent all results; return their headers and XML.
 
     `replies` receives each request and a hash of its reply.
     """
     assert child.stdin is not None
     assert child.stdout is not None
+    results: list[tuple[dict[str, Any], bytes]] = []
     with contextlib.suppress(BrokenPipeError):  # the child has ended; `_reason` explains why
         _send(child.stdin, request)
         answers = _Reader(child.stdout)
@@ -140,7 +185,10 @@ def _converse(
                 text = answers.block(min(int(size), LARGEST_FILE + 1))
                 if len(text) > LARGEST_FILE:
                     raise ModelError(f"xacro: expands to more than {LARGEST_FILE // 2**20} MiB", file=file)
-                return header, text
+                results.append((header, text))
+                if len(results) == len(request["arguments"]):
+                    return results
+                continue
             asked = str(header["ask"]), str(header["of"])
             reply = _answer(folders, *asked)
             replies.append([*asked, _reply_hash(reply)])

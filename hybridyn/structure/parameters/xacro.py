@@ -9,9 +9,8 @@ from typing import Any
 import numpy as np
 
 from ...description.names import did_you_mean
-from ...description.reading import read
+from ...description.reading import read, read_each
 from ...description.records import Description
-from ...description.urdf.xacro_process import drop_child, is_kept, keep_child
 from ...description.urdf.xml_node import parse
 from ...errors import ModelError
 from ...spatial import Array
@@ -95,18 +94,24 @@ class XacroArguments:
             ModelError: A design has another structure, or numbers change that did not change before.
         """
         designs, which = np.unique(p, axis=0, return_inverse=True)
-        kept = is_kept()
-        keep_child()  # of many expansions
-        try:
-            rows = np.array([self._numbers(design) for design in designs])
-        finally:
-            if not kept:
-                drop_child()
-        return rows[which.ravel()].reshape(len(p), len(self.slots))
+        slots = self.slots
+        found = read_each(
+            self._origin.file,
+            [self._arguments(design.tolist()) for design in designs],
+            motors=self._origin.motors,
+            package_dirs=self._origin.package_dirs,
+        )
+        rows = np.array([self._numbers(*one) for one in zip(designs, found, strict=True)])
+        return rows[which.ravel()].reshape(len(p), len(slots))
 
-    def _numbers(self, values: Array) -> list[float]:
-        """Return the numbers in the slots of one design."""
-        description = self.expanded(values.tolist())
+    def _numbers(self, values: Array, description: Description | ModelError) -> list[float]:
+        """Return the numbers in the slots of one design.
+
+        Raises:
+            ModelError: The file is wrong with it, it has another structure, or other numbers change.
+        """
+        if isinstance(description, ModelError):
+            raise description
         try:
             others = set(differences(self._description, description)) - set(self.slots)
         except ModelError as error:
@@ -128,14 +133,13 @@ class XacroArguments:
         Raises:
             ModelError: The file is wrong with them.
         """
+        origin, arguments = self._origin, self._arguments(values)
+        return read(origin.file, motors=origin.motors, xacro_args=arguments, package_dirs=origin.package_dirs)
+
+    def _arguments(self, values: Sequence[Any]) -> dict[str, object]:
+        """Return all arguments of the file with other values of these."""
         chosen = {name: text_of(value) for name, value in zip(self.names, values, strict=True)}
-        origin = self._origin
-        return read(
-            origin.file,
-            motors=origin.motors,
-            xacro_args=origin.xacro_args | chosen,
-            package_dirs=origin.package_dirs,
-        )
+        return {**self._origin.xacro_args, **chosen}
 
     def _changes(self, values: Array) -> list[Slot]:
         """Return the numbers that change with other values."""

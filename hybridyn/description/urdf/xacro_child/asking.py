@@ -24,6 +24,7 @@ class Parent:
 
     def __init__(self, answers: BinaryIO, questions: BinaryIO) -> None:
         self.answers, self.questions = answers, questions
+        self.known: dict[tuple[str, str], bytes] = {}
 
     def request(self) -> dict[str, Any] | None:
         """Read a request of the parent, one line; None at the end."""
@@ -37,19 +38,22 @@ class Parent:
         self.questions.flush()
 
     def ask(self, what: str, of: str) -> bytes:
-        """Send a file request and return the content of the reply.
+        """Send a file request and return the content of the reply, which is kept.
 
         Raises:
             OSError: The system cannot open or read the file.
             RefusedError: The parent rejects the request.
         """
+        if (what, of) in self.known:
+            return self.known[what, of]
         self.answer({"ask": what, "of": of}, b"")
         header = json.loads(self.answers.readline())
         if "errno" in header:
             raise OSError(header["errno"], header["error"], of)
         if "error" in header:
             raise RefusedError(header["error"])
-        return self.answers.read(header["size"])
+        content = self.known[what, of] = self.answers.read(header["size"])
+        return content
 
     def open(self, path: str) -> io.TextIOWrapper:
         """Open a text file for reading."""

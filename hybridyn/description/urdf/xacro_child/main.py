@@ -1,8 +1,8 @@
-"""Expand one xacro file with the restrictions that the package's docstring lists.
+"""Expand one xacro file with one or many sets of arguments, as restricted as the package's docstring says.
 
 Protocol: standard input receives the request, one line of JSON, and then the replies to file requests.
-Standard output carries the file requests (`asking`), then one line of JSON (`notes` and `locks`, or `error`
-with `file` and `line`), and, if there was no error, the XML.
+Standard output carries the file requests (`asking`) and, for each set of arguments, one line of JSON (`notes`
+and `locks`, or `error` with `file` and `line`), and, if there was no error, the XML.
 """
 
 from __future__ import annotations
@@ -36,10 +36,16 @@ ENCODINGS = (encodings.cp1252, encodings.latin_1, xml.dom.expatbuilder)
 class Arguments(dict[str, str]):
     """Arguments of the file; `asked` records the names that the file asks for."""
 
-    def __init__(self, given: dict[str, str]) -> None:
-        super().__init__(given)
-        self.given = list(given)
+    def __init__(self) -> None:
+        super().__init__()
+        self.given: list[str] = []
         self.asked: list[str] = []
+
+    def renew(self, given: dict[str, str]) -> None:
+        """Replace all arguments, for the next expansion."""
+        self.clear()
+        self.update(given)
+        self.given, self.asked = list(given), []
 
     def __contains__(self, name: object) -> bool:
         self.asked.append(str(name))
@@ -79,22 +85,28 @@ def end_as(status: int) -> None:
 
 
 def expand(xacro: Any, substitution_args: Any, parent: Parent, request: dict[str, Any]) -> None:
-    """Expand the file that a request names, and answer. Afterwards this process can do nothing else."""
+    """Expand the file that a request names with each set of arguments, and answer.
+
+    Afterwards this process can do nothing else.
+    """
     notes: list[str] = []
-    arguments = Arguments(request["arguments"])
+    arguments = Arguments()
     prepare(xacro, substitution_args, parent, arguments, request["folder"], notes)
     limit_resources(request["memory"], request["seconds"])
     locks = lock()
     sys.path.clear()
     sys.addaudithook(refuse_events)
-    try:
-        document = xacro.process_file(request["file"], mappings=arguments, verbosity=0)
-        refuse_unused(arguments)
-        text = document.toxml(encoding="utf-8")
-    except Exception as error:
-        parent.answer(failure(xacro, error), b"")
-    else:
-        parent.answer({"notes": notes, "locks": locks, "size": len(text)}, text)
+    for given in request["arguments"]:
+        arguments.renew(given)
+        notes.clear()
+        try:
+            document = xacro.process_file(request["file"], mappings=arguments, verbosity=0)
+            refuse_unused(arguments)
+            text = document.toxml(encoding="utf-8")
+        except Exception as error:
+            parent.answer(failure(xacro, error), b"")
+        else:
+            parent.answer({"notes": notes, "locks": locks, "size": len(text)}, text)
 
 
 def limit_resources(memory: int, seconds: int) -> None:
@@ -127,7 +139,7 @@ def prepare(
     xacro: Any, substitution_args: Any, parent: Parent, arguments: Arguments, folder: str, notes: list[str]
 ) -> None:
     """Replace xacro's functions that read files, evaluate expressions and find packages by our own."""
-    expand, absolute = xacro.parse, xacro.abs_filename_spec
+    expand, absolute, evaluate_text = xacro.parse, xacro.abs_filename_spec, xacro.eval_text
 
     def note(*words: Any, **options: Any) -> str:
         """Keep a message of xacro as a note."""
@@ -139,6 +151,10 @@ def prepare(
         if text is not None or filename is None:
             return expand(text, filename)
         return xml.dom.minidom.parseString(read_xml(xacro, parent, filename))
+
+    def eval_text(text: str, symbols: Any) -> Any:
+        """Evaluate a text; one without expressions is itself, for which xacro searches four times."""
+        return text if text and "$" not in text else evaluate_text(text, symbols)
 
     def locate(name: str) -> str:
         """Return the path of an included file."""
@@ -162,7 +178,7 @@ def prepare(
 
     xacro.safe_eval = lambda expression, names, local_names=None: evaluate(expression, names)
     xacro.parse, xacro.warning, xacro.abs_filename_spec = parse, note, locate
-    xacro.print_location, xacro.replace_node = lambda: None, replace_node
+    xacro.print_location, xacro.replace_node, xacro.eval_text = lambda: None, replace_node, eval_text
     xacro.open, xacro.glob = parent.open, SimpleNamespace(glob=parent.glob)
     xacro.root_dir = folder
     substitution_args._eval, substitution_args._eval_find = dollar_eval, parent.find
