@@ -27,7 +27,7 @@ from .library.calls import Library, loaded
 from .library.compilers import best_lanes, find_compiler
 from .needs import WITHOUT_CASADI
 from .program import Program
-from .programs.general import GENERAL, general
+from .programs.general import GENERAL, general, named
 
 try:
     import casadi as ca
@@ -265,7 +265,8 @@ class Derivatives:
             given = (*given, np.zeros((*np.shape(given[0])[:-1], 6)))
         if len(given) != len(wanted):
             raise TrajectoryError(f"expected the arrays {', '.join(wanted)}; {len(given)} were given")
-        pairs = zip(given, wanted.items(), strict=True)
+        arguments = named(self._robot, dict(zip(wanted, given, strict=True))).values()
+        pairs = zip(arguments, wanted.items(), strict=True)
         checked = {name: as_batch(array, size, name) for array, (name, size) in pairs}
         arrays = {name: array for name, (array, _) in checked.items()}
         same_samples(**arrays)

@@ -24,7 +24,7 @@ from .library.current import Current
 from .library.replacing import Replacement
 from .programs.body_rows import body_motion
 from .programs.designs import DesignsInSlots
-from .programs.general import as_batches, check_batches, everywhere, general, general_rows
+from .programs.general import as_batches, check_batches, everywhere, general, general_rows, named
 from .programs.postures import Postures, refuse
 from .programs.quantities.link_calls import LinkQuantities
 from .programs.sources import library_of, write_programs
@@ -70,6 +70,11 @@ class CompiledRobot(Postures, LinkQuantities):
         robot.check_model()
         robot.model_readers.add(self._look_at_model)
         self._current = Current(library, self._use)
+
+    def __repr__(self) -> str:
+        """Describe the models in two lines: the robot and what is computed, and its coordinates."""
+        robot, coordinates = repr(self.robot).split("\n")
+        return f"Compiled models ({self.dtype}; {', '.join(self.effects.names)}) of {robot}\n{coordinates}"
 
     def _use(self, library: Library) -> None:
         """Take the programs of a library; another thread may do this between two calls."""
@@ -236,8 +241,8 @@ class CompiledRobot(Postures, LinkQuantities):
         self, q: Array, v: Array, a: Array | None = None, links: Sequence[str] | None = None
     ) -> dict[str, LinkMotion]:
         """Compute poses, twists and accelerations of links, like `hybridyn.kinematics`."""
-        a = np.zeros(np.shape(v)) if a is None else a
-        rows = self._run("kinematics", {"q": q, "v": v, "a": a})
+        given = named(self.robot, {"q": q, "v": v} | ({} if a is None else {"a": a}))
+        rows = self._run("kinematics", given | {"a": given.get("a", np.zeros(np.shape(given["v"])))})
         places = self.robot.bodies.place
         wanted = list(named_links(self.robot, links))
         bodies = {body: body_motion(np.atleast_2d(rows), body) for body in {places[x][0] for x in wanted}}
@@ -283,6 +288,7 @@ class CompiledRobot(Postures, LinkQuantities):
         self._check_model()
         calls = self._current.program(name)
         sizes = dict(calls.inputs)
+        given = named(self.robot, given)
         given = given | self._arguments(calls, parameters, np.shape(given["q"])[:-1])
         if given.keys() != sizes.keys():  # a base_acceleration for a base that does not move
             return general(self.robot, self.effects, name, given)

@@ -1,5 +1,7 @@
 """Read positions, rates, accelerations and efforts from a table with named columns (pandas, polars).
 
+A row of such a table (a pandas Series with named entries) is a single sample.
+
 The columns are those of hybridyn's own tables: `<joint>/position`, `<joint>/velocity`,
 `<joint>/acceleration` and `<motor>/effort`, by components where a joint has several freedoms
 (`tables/columns.py`). One table may therefore stand for several arguments: `idm(robot, table, table, table)`.
@@ -8,6 +10,7 @@ A table of one quantity may name its columns by the joints alone.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from typing import Any
 
@@ -25,8 +28,14 @@ QUANTITIES = ("position", "velocity", "acceleration", "effort")
 
 
 def is_table(array: object) -> bool:
-    """Return whether an argument is a table with named columns."""
-    return hasattr(array, "columns")
+    """Return whether an argument is a table with named columns, or a row of one."""
+    return hasattr(array, "columns") or is_row(array)
+
+
+def is_row(array: object) -> bool:
+    """Return whether an argument is a row of a table, whose entries have names."""
+    labels = getattr(array, "index", None)
+    return not (labels is None or callable(labels)) and any(isinstance(x, str) for x in labels)
 
 
 def of_joints(robot: HybridRobot, table: Any, quantity: str) -> Array:
@@ -38,8 +47,8 @@ def of_joints(robot: HybridRobot, table: Any, quantity: str) -> Array:
         quantity: "position", "velocity" or "acceleration".
 
     Returns:
-        Shape (T, nq) for positions, else (T, nv). The angle of a continuous joint becomes its cosine and
-        sine.
+        Shape (T, nq) for positions, else (T, nv); without T for a row of a table. The angle of a continuous
+        joint becomes its cosine and sine.
 
     Raises:
         TrajectoryError: A column is missing or unknown, or the robot's base moves.
@@ -55,17 +64,19 @@ def of_joints(robot: HybridRobot, table: Any, quantity: str) -> Array:
         parts = places if quantity == "position" else rates
         names += [f"{joint}/{quantity}/{part}" if part else f"{joint}/{quantity}" for part in parts]
     values = _chosen(table, names, quantity, robot.joints)
-    return _with_cosines(robot, values) if quantity == "position" else values
+    values = _with_cosines(robot, values) if quantity == "position" else values
+    return values[0] if is_row(table) else values
 
 
 def of_motors(robot: HybridRobot, table: Any) -> Array:
-    """Return the efforts in the order of the motors, shape (T, motors).
+    """Return the efforts in the order of the motors, shape (T, motors), or (motors,) for a row of a table.
 
     Raises:
         TrajectoryError: A column is missing or unknown.
     """
     names = [f"{motor}/effort" for motor in robot.motors]
-    return _chosen(table, names, "effort", robot.joints)
+    values = _chosen(table, names, "effort", robot.joints)
+    return values[0] if is_row(table) else values
 
 
 def _with_cosines(robot: HybridRobot, values: Array) -> Array:
@@ -85,7 +96,10 @@ def _with_cosines(robot: HybridRobot, values: Array) -> Array:
 
 def _chosen(table: Any, names: Sequence[str], quantity: str, joints: Sequence[str]) -> Array:
     """Return the named columns of a table, shape (T, names)."""
-    there = [str(column) for column in table.columns]
+    there = [str(column) for column in (table.index if is_row(table) else table.columns)]
+    for column, count in Counter(there).items():
+        if count > 1:
+            raise TrajectoryError(f"{quantity}: the table has {count} columns '{column}'")
     suffix = f"/{quantity}"
     short = {name: name.removesuffix(suffix) for name in names if name.endswith(suffix)}
     if not any(suffix in column for column in there):
@@ -96,7 +110,7 @@ def _chosen(table: Any, names: Sequence[str], quantity: str, joints: Sequence[st
         foreign = slash and owner in joints and rest.split("/")[0] in QUANTITIES
         if column not in known and not foreign:
             raise TrajectoryError(
-                f"{quantity}: the table has an unknown column '{column}'{did_you_mean(column, names)}"
+                f"{quantity}: the table has an unknown column '{column}'{_alike(column, names)}"
             )
     missing = [name for name in names if name not in there]
     if missing:
@@ -105,3 +119,10 @@ def _chosen(table: Any, names: Sequence[str], quantity: str, joints: Sequence[st
         return np.array([np.asarray(table[name], dtype=float) for name in names]).T.reshape(-1, len(names))
     except (TypeError, ValueError) as error:
         raise TrajectoryError(f"{quantity}: a column does not hold numbers: {error}") from None
+
+
+def _alike(column: str, names: Sequence[str]) -> str:
+    """Return a hint at a column of the same quantity whose name is alike."""
+    quantity = next((word for word in QUANTITIES if f"/{word}" in column), "")
+    owners = {name.partition("/")[0] for name in names}
+    return did_you_mean(column, [f"{owner}/{quantity}" for owner in owners] if quantity else names)

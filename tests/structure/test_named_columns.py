@@ -57,6 +57,55 @@ def test_one_table_is_position_rate_and_acceleration(robot: HybridRobot, state: 
     assert (ours.kinetic == theirs.kinetic).all()
 
 
+class Row:
+    """What a row of pandas' frames has: names of its entries, and the entries by name."""
+
+    ndim = 1
+
+    def __init__(self, table: Table, t: int) -> None:
+        self.index, self._entries = list(table), {name: values[t] for name, values in table.items()}
+
+    def __getitem__(self, name: str) -> float:
+        return float(self._entries[name])
+
+
+def test_a_row_of_a_table_is_one_sample(robot: HybridRobot, state: State) -> None:
+    """Entries are matched by name, not by place."""
+    row = Row(table_of(robot, state), 2)
+    tau = hybridyn.idm(robot, *(x[2] for x in state))
+    found = hybridyn.idm(robot, row, row, row)  # type: ignore[arg-type]
+    assert found.shape == tau.shape
+    assert (found == tau).all()
+
+
+def test_compiled_models_read_tables(robot: HybridRobot, state: State) -> None:
+    compiled, table = hybridyn.compile(robot), table_of(robot, state)
+    assert repr(compiled).splitlines()[1:] == repr(robot).splitlines()[1:]
+    tau = compiled.idm(*state)
+    assert (compiled.idm(table, table, table) == tau).all()
+    table |= {f"{motor}/effort": tau[:, i] for i, motor in enumerate(robot.motors)}
+    assert (compiled.ddm(table, table, table) == compiled.ddm(*state[:2], tau)).all()
+    ours, theirs = (compiled.kinematics(*x)["m1_tool"] for x in ((table, table), state[:2]))
+    assert (ours.twist == theirs.twist).all()
+    ours, theirs = (compiled.kinematics(*x)["m1_tool"] for x in ((table, table, table), state))
+    assert (ours.acceleration == theirs.acceleration).all()
+    with pytest.raises(TrajectoryError, match="the table lacks the columns"):
+        compiled.idm(table, table, Table(time=np.arange(float(SAMPLES))))
+
+
+def test_columns_that_are_there_twice_are_refused(robot: HybridRobot, state: State) -> None:
+    class Twice(Table):
+        """A table whose first column is there twice."""
+
+        @property
+        def columns(self) -> list[str]:
+            """Names of the columns."""
+            return [*self, next(iter(self))]
+
+    with pytest.raises(TrajectoryError, match="position: the table has 2 columns 'time'"):
+        hybridyn.gravity(robot, Twice(table_of(robot, state)))
+
+
 def test_frames_of_polars(robot: HybridRobot, state: State) -> None:
     """Each array a frame of its own, its columns named by the joints alone."""
     polars = needs("io")

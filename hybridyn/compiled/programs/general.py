@@ -13,11 +13,13 @@ from ...dynamics.inverse import idm
 from ...effects.choice import Effects
 from ...errors import HybridynError
 from ...spatial import Array, Index
-from ...structure.named_columns import is_table
+from ...structure.named_columns import is_table, of_joints, of_motors
 from ...structure.robot import HybridRobot
 from ...structure.samples import as_batch, as_positions, same_samples
 from .body_rows import body_rows
 
+#: Quantity of the columns of a table that stands for an argument.
+QUANTITY_OF = {"q": "position", "v": "velocity", "a": "acceleration"}
 GENERAL: dict[str, Callable[..., Any]] = {"idm": idm, "ddm": ddm}
 
 
@@ -31,8 +33,6 @@ def as_batches(given: Mapping[str, ArrayLike], sizes: dict[str, int]) -> dict[st
     Raises:
         TrajectoryError: An array has a wrong shape, or is no array of numbers.
     """
-    if any(map(is_table, given.values())):
-        check_batches(given, sizes)
     try:
         arrays = {key: np.asarray(value, dtype=float) for key, value in given.items()}
     except (TypeError, ValueError):
@@ -45,6 +45,24 @@ def as_batches(given: Mapping[str, ArrayLike], sizes: dict[str, int]) -> dict[st
         check_batches(arrays, sizes)
     same_samples(**many)
     return many
+
+
+def named(robot: HybridRobot, given: Mapping[str, ArrayLike]) -> dict[str, ArrayLike]:
+    """Return the arguments of a model with tables of named columns turned into arrays in the robot's order.
+
+    Raises:
+        TrajectoryError: A column is missing or unknown, or an argument is no table of joints.
+    """
+    if not any(map(is_table, given.values())):
+        return dict(given)
+    return {key: of_table(robot, key, value) if is_table(value) else value for key, value in given.items()}
+
+
+def of_table(robot: HybridRobot, key: str, table: ArrayLike) -> ArrayLike:
+    """Return an argument of a model from a table with named columns."""
+    if key in QUANTITY_OF:
+        return of_joints(robot, table, QUANTITY_OF[key])
+    return of_motors(robot, table) if key == "tau" else table
 
 
 def check_batches(arrays: Mapping[str, ArrayLike], sizes: dict[str, int]) -> None:
