@@ -191,6 +191,8 @@ def from_table(robot: HybridRobot, path: str) -> Reference:
         TrajectoryError: The table is wrong, or has no time.
         AssemblyError: A row is out of reach.
     """
+    from ..compiled.programs.closing.tables import TableAssembler
+
     axes = MotorAxes.of(robot)
     motion = read_motion(robot, path)
     if motion.time is None:
@@ -199,7 +201,7 @@ def from_table(robot: HybridRobot, path: str) -> Reference:
         x = np.stack([np.stack(motion.joints[name]) for name in robot.motors], axis=2)
         return Reference(motion.time, x, False, robot.home)
     try:
-        q, v, a = assemble(robot, motors=motion.joints, platforms=motion.platforms)
+        q, v, a = TableAssembler(robot)(motors=motion.joints, platforms=motion.platforms)
     except AssemblyError as error:
         error.args = (f"{path}: {error}",)
         raise

@@ -3,5 +3,5 @@
 Read `blocks` (the loop over blocks), `postures` (from a table's motion to postures), `workers` (other
 processes).
 
-May import: `dynamics`, `assembly`, `tables` and below.
+May import: `compiled`, `dynamics`, `assembly`, `tables` and below.
 """

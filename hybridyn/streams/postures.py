@@ -79,7 +79,7 @@ def postures(
 def all_postures(
     robot: HybridRobot, file: str, instead: tuple[Sequence[str], Sequence[str]] = ((), ())
 ) -> tuple[Layout, list[Postures]]:
-    """Read a whole table and compute its postures.
+    """Read a whole table and compute its postures, in C where they are many.
 
     Args:
         instead: Joints, and the motors that a table which names one of these joints need not name.
@@ -90,11 +90,13 @@ def all_postures(
     Raises:
         HybridynError: The table is wrong, or a row cannot be assembled.
     """
+    from ..compiled.programs.closing.tables import TableAssembler
     from ..tables.columns import read_layout
     from ..tables.opening import open_table
     from ..tables.trajectory import read_motions
 
     found: list[Postures] = []
+    assemble = TableAssembler(robot)
     with open_table(file) as table:
         joints, replaced = instead
         motors: Sequence[str] = robot.motors
@@ -105,7 +107,7 @@ def all_postures(
         )
         for motion in read_motions(table, layout):
             connected = found and layout.time is not None and not layout.full_state
-            found.append(postures(robot, motion, layout, found[-1].q[-1] if connected else None))
+            found.append(postures(robot, motion, layout, found[-1].q[-1] if connected else None, assemble))
     return layout, found
 
 

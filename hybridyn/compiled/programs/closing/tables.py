@@ -1,0 +1,46 @@
+"""Postures of whole tables, for commands and scenes that need no model: in C where the table is long."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from ....assembly.assemble import assemble_requests, by_name, first_guess
+from ....assembly.requests import gather_requests
+from ....linkage.threads import one_thread
+from ....spatial import Array
+from ....structure.robot import HybridRobot
+from .assembling import Assembler
+
+#: Rows from which building a program pays: some 3 ms each on the general path for any robot.
+LONG_TABLE = 2_000
+
+
+class TableAssembler:
+    """Assembles the rows of one robot's table, in one call or in several.
+
+    Attributes:
+        rows: Number of rows so far; from `LONG_TABLE` on they are computed in C.
+    """
+
+    def __init__(self, robot: HybridRobot) -> None:
+        """Start on the general path."""
+        self._robot, self._assembler, self.rows = robot, Assembler(robot), 0
+
+    @one_thread()
+    def __call__(
+        self,
+        *,
+        motors: Mapping[str, object] | None = None,
+        platforms: Mapping[str, object] | None = None,
+        guess: Array | None = None,
+    ) -> tuple[Array, Array, Array]:
+        """Compute postures; arguments, results and errors are those of `hybridyn.assemble`."""
+        requests = gather_requests(self._robot, by_name(motors), by_name(platforms))
+        start = first_guess(self._robot, guess)
+        self.rows += requests.samples
+        if self.rows < LONG_TABLE:
+            q, v, a = assemble_requests(self._robot, requests, start)
+        else:
+            self._robot.check_model()
+            q, v, a = self._assembler.assemble(requests, start)
+        return (q[0], v[0], a[0]) if requests.single else (q, v, a)

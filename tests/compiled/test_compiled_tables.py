@@ -1,0 +1,56 @@
+"""Commands assemble long tables in C, with the postures and the errors of the general path."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import hybridyn
+from hybridyn.compiled.programs.closing import tables
+from hybridyn.compiled.programs.closing.tables import TableAssembler
+from hybridyn.streams.postures import all_postures
+from tests import ROOT
+
+SAME = 1e-12  # of the largest entry: rounding
+TABLE = str(ROOT / "models/five_bar/traj.csv")
+
+
+def test_long_tables_are_assembled_in_c(monkeypatch: pytest.MonkeyPatch) -> None:
+    robot = hybridyn.load("five_bar")
+    made: list[TableAssembler] = []
+    start = TableAssembler.__init__
+
+    def kept(self: TableAssembler, robot: hybridyn.HybridRobot) -> None:
+        """Keep the object."""
+        made.append(self)
+        start(self, robot)
+
+    monkeypatch.setattr(TableAssembler, "__init__", kept)
+    layout, general = all_postures(robot, TABLE)
+    assert not layout.full_state
+    monkeypatch.setattr(tables, "LONG_TABLE", 10)
+    _, blocks = all_postures(robot, TABLE)
+    short, long = made
+    assert short.rows == long.rows == sum(len(block.q) for block in general)
+    assert not short._assembler._known
+    assert any(long._assembler._known.values())
+    assert long._assembler.recomputed == 0
+    for one, other in zip(blocks, general, strict=True):
+        for x, y in ((one.q, other.q), (one.v, other.v), (one.a, other.a)):
+            assert np.abs(x - y).max() <= SAME * (1.0 + np.abs(y).max())
+
+
+def test_errors_are_those_of_the_general_path(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(tables, "LONG_TABLE", 2)
+    robot = hybridyn.load("five_bar")
+    still: dict[str, object] = dict.fromkeys(robot.motors, np.zeros(4))
+    unknown: dict[str, Any] = {"motors": {"nothing": np.zeros(4)}}
+    short: dict[str, Any] = {"motors": still, "guess": np.zeros(3)}
+    for wanted in (unknown, short):
+        with pytest.raises(hybridyn.HybridynError) as general:
+            hybridyn.assemble(robot, **wanted)
+        with pytest.raises(type(general.value)) as found:
+            TableAssembler(robot)(**wanted)
+        assert str(found.value) == str(general.value)
