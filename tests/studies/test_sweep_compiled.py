@@ -10,10 +10,14 @@ import pytest
 
 import hybridyn
 from hybridyn.errors import HybridynError
+from hybridyn.structure.parameters.slots import differences
 from hybridyn.studies.sweep import compiled_chunks, compiled_designs
 from hybridyn.studies.sweep import sweep as sweeping
+from hybridyn.studies.sweep import variants as variants_module
 from hybridyn.studies.sweep.compiled_designs import _divided
+from hybridyn.studies.sweep.reading import read_study
 from hybridyn.studies.sweep.shards import about_of
+from hybridyn.studies.sweep.variants import Variants
 from tests.extras import needs
 from tests.studies.test_sweep import SCALES, Here, folder, here, rows_of, written
 
@@ -136,9 +140,27 @@ def test_compiled_rows_are_those_of_the_general_path_however_the_work_is_divided
         hybridyn.sweep(study, "compiled", format="csv", resume=True)
 
 
-def refuse(*_: object) -> None:
+def refuse(*_: object, **__: object) -> None:
     """Stand for a machine without a compiler."""
     raise hybridyn.CompileError("no C compiler")
+
+
+@pytest.mark.slow
+def test_descriptions_of_many_designs_are_those_of_each(
+    folder: Path, here: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """One child of xacro expands them; others are read when they are asked for."""
+    here(Here())
+    variants = Variants(read_study(five_bar_in(folder)))
+    values = np.array([[0.20, 1.0, 0.3], [0.25, 1.1, 0.3], [0.20, 0.9, 0.3]])
+    each = [variants.description(variants.named(own)) for own in values]
+    variants = Variants(variants.source)
+    variants.prepare(values)
+    monkeypatch.setattr(variants_module, "read", refuse)
+    for own, wanted in zip(values, each, strict=True):
+        assert differences(variants.description(variants.named(own)), wanted) == []
+    with pytest.raises(HybridynError, match="no C compiler"):
+        variants.description(variants.named(np.array([0.28, 1.0, 0.3])))
 
 
 @pytest.mark.slow

@@ -105,6 +105,7 @@ def evaluate(source: StudyFile, chunk: Chunk) -> Evaluated:
     started = time.perf_counter()
     keep_child()  # each design expands its own file
     designer = Designer(source)
+    designer.variants.prepare(chunk.values)
     with np.errstate(all="ignore"):  # overflow shows in the results
         rows = tuple(designer(chunk.start + i, values) for i, values in enumerate(chunk.values))
     return Evaluated(rows, time.perf_counter() - started)

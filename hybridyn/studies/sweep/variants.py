@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
 from ...description.names import did_you_mean
-from ...description.reading import read
+from ...description.reading import read, read_each
 from ...description.records import Description
 from ...scenes.toml_source import naming
 from ...spatial import Array
@@ -20,12 +21,17 @@ if TYPE_CHECKING:
     from ...structure.robot import HybridRobot
 
 
+#: The xacro arguments of a description, by name.
+Key = tuple[tuple[str, str], ...]
+
+
 class Variants:
-    """Builds the robots of designs. The last description is kept: designs may differ in scales only."""
+    """Builds the robots of designs. What was read last is kept: designs may differ in scales only."""
 
     def __init__(self, source: StudyFile) -> None:
         self.source, self.file, self.numbers = source, source.robot, Numbers(source)
-        self._last: tuple[dict[str, str], Description] | None = None
+        self._last: tuple[Key, Description] | None = None
+        self._prepared: dict[Key, Description] = {}
 
     def __call__(self, values: Mapping[str, float]) -> HybridRobot:
         """Build the robot of a design.
@@ -48,13 +54,32 @@ class Variants:
         Raises:
             HybridynError: The files are wrong with these values, or a link is unknown.
         """
-        arguments = {xacro: argument(values[name]) for name, xacro in self.arguments.items()}
-        description = self._read(arguments)
+        description = self._read(self._differing(values))
         for name, one in self.source.study.parameters.items():
             for link in one.links:
                 with naming(self.source, ("parameters", name, "scale_inertia")):
                     description = scaled(description, link, values[name])
         return self.numbers.described(description, values)
+
+    def prepare(self, values: Array) -> None:
+        """Read the robot's file for many designs, of which one child of xacro expands many.
+
+        Designs that cannot be read are left to `description`, which says why.
+
+        Args:
+            values: Values of the parameters, shape (designs, parameters).
+        """
+        many = [self._all_arguments(self._differing(self.named(own))) for own in values]
+        each = {tuple(sorted(arguments.items())): arguments for arguments in many}
+        if len(each) < 2 or not self.file.endswith(".xacro"):
+            return
+        stated, folders = self.source.study.robot, self._folders()
+        self._prepared = {}
+        with contextlib.suppress(Exception):
+            found = read_each(self.file, [*each.values()], motors=stated.motors, package_dirs=folders)
+            for key, one in zip(each, found, strict=True):
+                if isinstance(one, Description):
+                    self._prepared[key] = one
 
     def named(self, values: Array) -> dict[str, float]:
         """Return the values of a design's parameters by name.
@@ -95,13 +120,27 @@ class Variants:
 
     def _read(self, differing: dict[str, str]) -> Description:
         """Read the robot's file with the study's xacro arguments and those in which designs differ."""
-        stated = self.source.study.robot
-        arguments = {name: argument(value) for name, value in stated.xacro.items()} | differing
-        if self._last is None or self._last[0] != arguments:
-            folders = [self.source.beside(folder) for folder in stated.package_dirs]
-            made = read(self.file, motors=stated.motors, xacro_args=arguments or None, package_dirs=folders)
-            self._last = (arguments, made)
+        arguments = self._all_arguments(differing)
+        key = tuple(sorted(arguments.items()))
+        if key in self._prepared:
+            return self._prepared[key]
+        if self._last is None or self._last[0] != key:
+            motors, folders = self.source.study.robot.motors, self._folders()
+            made = read(self.file, motors=motors, xacro_args=arguments or None, package_dirs=folders)
+            self._last = (key, made)
         return self._last[1]
+
+    def _differing(self, values: Mapping[str, float]) -> dict[str, str]:
+        """Return the xacro arguments of a design in which designs differ."""
+        return {xacro: argument(values[name]) for name, xacro in self.arguments.items()}
+
+    def _all_arguments(self, differing: dict[str, str]) -> dict[str, str]:
+        """Return the study's xacro arguments and those in which designs differ."""
+        return {name: argument(value) for name, value in self.source.study.robot.xacro.items()} | differing
+
+    def _folders(self) -> list[str]:
+        """Return the study's folders of packages."""
+        return [self.source.beside(folder) for folder in self.source.study.robot.package_dirs]
 
 
 def argument(value: str | float) -> str:
