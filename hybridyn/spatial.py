@@ -58,20 +58,17 @@ def cross(a: Array, b: Array) -> Array:
 
 def compose(A: Array, B: Array) -> Array:
     """Compute A B for matrices (..., 3, 3); einsum keeps the memory order, matmul would not."""
-    out: Array = np.einsum("...ij,...jk->...ik", A, B)
-    return out
+    return np.einsum("...ij,...jk->...ik", A, B)
 
 
 def rotate(R: Array, x: Array) -> Array:
     """Compute R x for matrices (..., 3, 3) and vectors (..., 3)."""
-    out: Array = np.einsum("...ij,...j->...i", R, x)
-    return out
+    return np.einsum("...ij,...j->...i", R, x)
 
 
 def rotate_back(R: Array, x: Array) -> Array:
     """Compute R^T x for matrices (..., 3, 3) and vectors (..., 3)."""
-    out: Array = np.einsum("...ji,...j->...i", R, x)
-    return out
+    return np.einsum("...ji,...j->...i", R, x)
 
 
 def hat(x: Array) -> Array:
@@ -180,8 +177,7 @@ def quaternion_from_rotation(R: Array) -> Array:
     best = np.argmax(np.diagonal(rows, axis1=-2, axis2=-1), axis=-1)
     quat = np.take_along_axis(rows, best[..., None, None], axis=-2)[..., 0, :]
     quat = quat / np.linalg.norm(quat, axis=-1, keepdims=True)
-    out: Array = np.where(quat[..., 3:] < 0, -quat, quat)
-    return out
+    return np.where(quat[..., 3:] < 0, -quat, quat)
 
 
 def rotation_vector(R: Array) -> Array:

@@ -272,8 +272,7 @@ def _reached(task: Task, q: Array) -> Array:
         if not len(active):
             break
     result = task.solve(q[there], np.zeros(there.sum(), dtype=int))
-    closed: Array = result.q[task.closed(result)]
-    return closed
+    return result.q[task.closed(result)]
 
 
 def _marks(module: Module, x: Array) -> Array:

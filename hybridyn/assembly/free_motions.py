@@ -115,8 +115,7 @@ def are_idle(module: Module, motions: Array, motion: Motion) -> Mask:
         motion: Motion of its tree, T samples.
     """
     effects = np.matmul(_effects(module.mechanism, motion) * module.mechanism.reduction.col_scale, motions)
-    out: Mask = np.linalg.norm(effects, axis=(1, 2)) <= IDLE
-    return out
+    return np.linalg.norm(effects, axis=(1, 2)) <= IDLE
 
 
 def _undriven(module: Module, motions: Array, effects: Array) -> tuple[Array, Array]:
@@ -147,16 +146,14 @@ def _null_space(A: Array, tolerance: float) -> Array:
         return np.zeros((0, 0))
     _, s, Vt = np.linalg.svd(A, full_matrices=True)
     rank = int(np.sum(s > tolerance))
-    out: Array = Vt[rank:].T
-    return out
+    return Vt[rank:].T
 
 
 def _complement(Q: Array) -> Array:
     """Compute an orthonormal basis of the complement of orthonormal columns Q."""
     if not Q.shape[1]:
         return np.eye(len(Q))
-    out: Array = np.linalg.svd(Q, full_matrices=True)[0][:, Q.shape[1] :]
-    return out
+    return np.linalg.svd(Q, full_matrices=True)[0][:, Q.shape[1] :]
 
 
 def _named(motions: Array, names: list[str]) -> tuple[str, ...]:

@@ -58,8 +58,7 @@ class Need:
 
 def motor_units(module: Module) -> Array:
     """Return the factor that converts each motor's effort to work per scaled coordinate, shape (motors,)."""
-    out: Array = module.mechanism.reduction.col_scale[module.motor_columns]
-    return out
+    return module.mechanism.reduction.col_scale[module.motor_columns]
 
 
 def motor_efforts(robot: HybridRobot, module: Module, Psi: Array, need: Need, sharing: Sharing) -> Array:
@@ -144,8 +143,7 @@ def _least_norm(
             sample=sample,
         )
     y = np.where(keep, np.einsum("tji,tj->ti", U, Q) / np.where(keep, s, 1.0), 0.0)
-    out: Array = np.einsum("tji,tj->ti", Vt, y) * share
-    return out
+    return np.einsum("tji,tj->ti", Vt, y) * share
 
 
 def load_share(robot: HybridRobot, module: Module, sharing: Sharing, among: Index) -> Array:

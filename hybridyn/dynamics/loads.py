@@ -129,8 +129,7 @@ class Loads:
             return None
         out = np.zeros((1, state.mechanism.tree.nv))
         state.mechanism.cut.to_tree(self.rotors[None, state.module.v_index], out)
-        diagonal: Array = out[0]
-        return diagonal
+        return out[0]
 
 
 def all_loads(

@@ -88,13 +88,11 @@ class OnJoints:
 
     def energy(self, q: Array) -> Array:
         """Compute the stored energy, shape (T,), [J]."""
-        out: Array = self.effect.energy(self.p, self.positions(q)).sum(axis=1)
-        return out
+        return self.effect.energy(self.p, self.positions(q)).sum(axis=1)
 
     def power(self, q: Array, v: Array) -> Array:
         """Compute the dissipated power, shape (T,), [W]."""
-        out: Array = self.effect.power(self.p, self.positions(q), v[:, self.columns]).sum(axis=1)
-        return out
+        return self.effect.power(self.p, self.positions(q), v[:, self.columns]).sum(axis=1)
 
 
 def placed(effect: JointEffect, robot: HybridRobot) -> OnJoints | None:

@@ -25,8 +25,7 @@ def page_of_chart(chart: Chart) -> str:
 
 def page_of_figure(figure: Figure) -> str:
     """Return a plotly figure as the text of a self-contained HTML file."""
-    text: str = figure.to_html(include_plotlyjs=True, full_html=True)
-    return text
+    return figure.to_html(include_plotlyjs=True, full_html=True)
 
 
 def subplots(rows: int, columns: int, **options: Any) -> Figure:

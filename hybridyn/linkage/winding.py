@@ -92,8 +92,7 @@ class Gear:
         total = self.given[samples + 1] - self.given[samples]
         for term in self.terms:
             total = total + term.weight * step[:, term.to]
-        out: Mask = np.abs(total) < self.period / 2
-        return out
+        return np.abs(total) < self.period / 2
 
     def near(self, q: Array) -> Gear:
         """Return the gear with its unknown turns fixed as in a posture, shape (nq,)."""
@@ -214,14 +213,12 @@ class Winding:
         )
 
     def _at(self, joint: int) -> int:
-        start: int = self.closures.tree.q_slices[joint].start
-        return start
+        return self.closures.tree.q_slices[joint].start
 
 
 def _nearest(angle: Array, near: Array) -> Array:
     """Add to angles the whole turns that bring them nearest to others."""
-    out: Array = angle + 2 * np.pi * np.round((near - angle) / (2 * np.pi))
-    return out
+    return angle + 2 * np.pi * np.round((near - angle) / (2 * np.pi))
 
 
 def turns_decide(unknown: Sequence[float], known: Sequence[float]) -> bool:

@@ -80,8 +80,7 @@ class EffortTable:
         """
         times = np.array([t])
         self._pieces.check("efforts: its table", times)
-        tau: Array = self._pieces.at(times)[0][0]
-        return tau
+        return self._pieces.at(times)[0][0]
 
     def in_c(self, compiled: CompiledRobot) -> Law | None:
         """Return the table for steps in C."""
@@ -108,8 +107,7 @@ class Pd:
     def __call__(self, t: float, q: Array, v: Array) -> Array:
         """Return the efforts, shape (motors,)."""
         x, x_dot, _ = self._reference.at(t)
-        out: Array = self._kp * self._axes.error(x, q) + self._kd * (x_dot - v[self._axes.columns])
-        return out
+        return self._kp * self._axes.error(x, q) + self._kd * (x_dot - v[self._axes.columns])
 
     def in_c(self, compiled: CompiledRobot) -> Law | None:
         """Return the control for steps in C."""
@@ -149,8 +147,7 @@ class ComputedTorque:
         a = np.zeros(self._robot.nv)
         a[self._axes.columns] = x_ddot + feedback
         found = inverse_model(self._robot, q, v, a, effects=self._on, time=t, passive="solved")
-        tau: Array = found.tau[0]
-        return tau
+        return found.tau[0]
 
     def in_c(self, compiled: CompiledRobot) -> Law | None:
         """Return the control for steps in C; None if motors do not determine the motion.

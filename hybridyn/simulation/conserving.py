@@ -252,8 +252,7 @@ class Conserving:
     def _force(self, end: _End, B: Array, drift: Array) -> Array:
         """Compute B^T (M drift + c + gravity - elastic), shape (N,)."""
         force = pin.rnea(self._model, self._data, end.q, end.v, drift) + self._rotors * drift - end.elastic
-        out: Array = B.T @ force
-        return out
+        return B.T @ force
 
 
 def _mean_basis(B0: Array, B1: Array) -> Array:
@@ -265,8 +264,7 @@ def _mean_basis(B0: Array, B1: Array) -> Array:
 def _orthonormal(B: Array) -> Array:
     """Compute B (B^T B)^-1/2, the closest orthonormal basis of the same space."""
     square, turn = np.linalg.eigh(B.T @ B)
-    out: Array = B @ (turn / np.sqrt(square)) @ turn.T
-    return out
+    return B @ (turn / np.sqrt(square)) @ turn.T
 
 
 def _broyden(inverse: Array, dz: Array, dF: Array) -> Array:
@@ -275,8 +273,7 @@ def _broyden(inverse: Array, dz: Array, dF: Array) -> Array:
     scale = dz @ moved
     if scale == 0.0 or not np.isfinite(scale):
         return inverse
-    out: Array = inverse + np.outer(dz - moved, dz @ inverse) / scale
-    return out
+    return inverse + np.outer(dz - moved, dz @ inverse) / scale
 
 
 def _check_inertia(end: _End) -> None:

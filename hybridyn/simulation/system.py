@@ -115,8 +115,7 @@ class System:
 
     def acceleration(self, t: float, q: Array, v: Array) -> Array:
         """Compute the accelerations at one state, shape (nv,)."""
-        out: Array = self.accelerations(np.array([t]), q[None], v[None])[0]
-        return out
+        return self.accelerations(np.array([t]), q[None], v[None])[0]
 
     def accelerations(self, t: Array, q: Array, v: Array) -> Array:
         """Compute the accelerations at many states, with Baumgarte's stabilisation if set, shape (T, nv).

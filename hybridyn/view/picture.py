@@ -113,8 +113,7 @@ class Picture:
     @property
     def centre(self) -> Array:
         """Centre of the robot at home, shape (3,), [m]."""
-        middle: Array = self.corners.mean(axis=0)
-        return middle
+        return self.corners.mean(axis=0)
 
     @property
     def floor(self) -> float:

@@ -226,14 +226,12 @@ class Calls:
         if not hasattr(self._memory, "array"):
             self._memory.array = np.zeros(self._work + 64, np.uint8)
             self._memory.at = -(-self._memory.array.ctypes.data // 64) * 64
-        at: int = self._memory.at
-        return at
+        return self._memory.at
 
 
 def _address(array: Numbers) -> int:
     """Return the address of an array's numbers; `array.ctypes.data` takes five times as long."""
-    at: int = array.__array_interface__["data"][0]
-    return at
+    return array.__array_interface__["data"][0]
 
 
 @cache

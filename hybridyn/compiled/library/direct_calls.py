@@ -33,8 +33,7 @@ class Method(ctypes.Structure):
         new = ctypes.pythonapi.PyCFunction_NewEx
         new.restype = ctypes.py_object
         new.argtypes = [ctypes.POINTER(Method), ctypes.c_void_p, ctypes.c_void_p]
-        made: Callable[..., int] = new(ctypes.byref(self), None, None)
-        return made
+        return new(ctypes.byref(self), None, None)
 
 
 def knows_arrays(held: ctypes.PyDLL, dtype: np.dtype[Any]) -> bool:

@@ -181,8 +181,7 @@ def _axis(joint: pin.JointModel, kind: JointKind) -> Array:
     """Return the axis of a joint with one freedom, shape (3,), by its motion subspace."""
     letter = joint.shortname()[-1]
     if letter in "XYZ":
-        aligned: Array = np.eye(3)["XYZ".index(letter)]
-        return aligned
+        return np.eye(3)["XYZ".index(letter)]
     inner = joint.extract()
     if hasattr(inner, "axis"):
         return np.array(inner.axis, dtype=float).reshape(3)
@@ -195,5 +194,4 @@ def _axis(joint: pin.JointModel, kind: JointKind) -> Array:
 
 
 def _unit(vector: Array) -> Array:
-    out: Array = vector / np.linalg.norm(vector)
-    return out
+    return vector / np.linalg.norm(vector)

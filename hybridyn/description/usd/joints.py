@@ -216,8 +216,7 @@ def _unit(prim: Prim, axis: str) -> float:
 
 def direction(axis: str) -> Array:
     """Return the unit vector of an axis, shape (3,)."""
-    out: Array = np.eye(3)["XYZ".index(axis[-1])]
-    return out
+    return np.eye(3)["XYZ".index(axis[-1])]
 
 
 def relative(bodies: Bodies, joint: UsdJoint) -> Array:
@@ -226,5 +225,4 @@ def relative(bodies: Bodies, joint: UsdJoint) -> Array:
         (np.eye(4) if body is None else bodies.pose(body).frame) @ frame
         for body, frame in zip(joint.bodies, joint.frames, strict=True)
     )
-    out: Array = inverse(first) @ second
-    return out
+    return inverse(first) @ second

@@ -94,8 +94,7 @@ def _asked(file: str, request: dict[str, Any]) -> dict[str, Any]:
                 raise
     if header["status"] or not text:
         raise ModelError(_reason(header["status"]), file=file)
-    answer: dict[str, Any] = json.loads(text)
-    return answer
+    return json.loads(text)
 
 
 def _reason(status: int) -> str:

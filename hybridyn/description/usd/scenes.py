@@ -45,8 +45,7 @@ def _of_scene(scene: Prim) -> Array:
 
 
 def _down(stage: Stage) -> Array:
-    down: Array = -np.eye(3)["XYZ".index(stage.up)]
-    return down
+    return -np.eye(3)["XYZ".index(stage.up)]
 
 
 def _tuple(vector: Array) -> tuple[float, float, float]:

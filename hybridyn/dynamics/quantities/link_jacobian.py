@@ -96,8 +96,6 @@ def _relative(s: ModuleState, motions: ModuleMotions, body: int) -> Array:
     """Compute the twist of a body relative to its module's base, in its own axes, over u_k, (T, 6, m)."""
     m = s.mechanism
     if body in m.spec.tree_body:
-        out: Array = np.matmul(m.jacobian(s.motion, m.spec.tree_body.index(body)), motions.basis.Psi)
-        return out
+        return np.matmul(m.jacobian(s.motion, m.spec.tree_body.index(body)), motions.basis.Psi)
     J = to_body_axes(s.spanning.R[:, body], m.spanning.jacobian(s.spanning, body))
-    of_wrist: Array = np.matmul(J, motions.E)
-    return of_wrist
+    return np.matmul(J, motions.E)

@@ -139,8 +139,7 @@ def inverse_of(
         )
     out = np.empty_like(D)
     np.put_along_axis(out, order[:, :, None], back_substitute(R[:, :, :rows], R[:, :, rows:]), axis=1)
-    inertia: Array = (out + np.swapaxes(out, 1, 2)) / 2 / unit[:, None] / unit
-    return inertia
+    return (out + np.swapaxes(out, 1, 2)) / 2 / unit[:, None] / unit
 
 
 def _in_link(motion: RigidMotion, W: Array) -> Array:

@@ -60,5 +60,4 @@ def judge_way(
 
 
 def _ways(name: str) -> Ways:
-    ways: Ways = importlib.import_module(f"{__package__}.engines.{name}_engine").ways
-    return ways
+    return importlib.import_module(f"{__package__}.engines.{name}_engine").ways

@@ -80,8 +80,7 @@ class DrakeEngine:
                 context, self.map.rates(force, plant.num_velocities())
             )
             derivatives = plant.EvalTimeDerivatives(context).CopyToVector()
-            out: Array = np.asarray(derivatives)[plant.num_positions() :]
-            return out
+            return np.asarray(derivatives)[plant.num_positions() :]
 
         def discrete() -> Array:
             plant.get_applied_generalized_force_input_port().FixValue(
@@ -89,8 +88,7 @@ class DrakeEngine:
             )
             values = plant.EvalUniquePeriodicDiscreteUpdate(context)
             after = np.asarray(values.get_vector(0).CopyToVector())[plant.num_positions() :][: len(now)]
-            out: Array = (after - now) / SHORT_STEP
-            return out
+            return (after - now) / SHORT_STEP
 
         return discrete if self.discrete else continuous
 

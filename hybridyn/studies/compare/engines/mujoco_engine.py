@@ -99,8 +99,7 @@ class MujocoEngine:
     def forward(self, q: Array, v: Array, force: Array) -> Array:
         """Compute accelerations by `mj_forward`."""
         self.call(q, v, force)()
-        out: Array = self._turns(q) @ self.data.qacc + self._drift(q, v)
-        return out
+        return self._turns(q) @ self.data.qacc + self._drift(q, v)
 
     def call(self, q: Array, v: Array, force: Array) -> Callable[[], object]:
         """Return `mj_forward` at a state."""
@@ -116,8 +115,7 @@ class MujocoEngine:
         self.data.qacc[:] = T.T @ (a - self._drift(q, v))
         out = np.zeros(self.model.nv)
         self._mujoco.mj_rne(self.model, self.data, 1, out)
-        forces: Array = T @ out
-        return forces
+        return T @ out
 
     def freedoms(self, q: Array) -> int:
         """Count freedoms by the rank of the equalities' Jacobian."""
