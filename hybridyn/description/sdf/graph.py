@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 
+from ..groups import Groups
 from .joints import Stated
 from .scopes import Item
 
@@ -79,7 +80,7 @@ def span(links: Iterable[Item], joints: list[Stated], named: Collection[Item], f
     ranks: dict[tuple[bool, int], list[int]] = {}
     for number, joint in enumerate(joints):
         ranks.setdefault((joint.cut, -importance(joint, named)), []).append(number)
-    groups = _Groups()
+    groups = Groups()
     kept: set[int] = set()
     parented: set[Item | None] = {None}
     for rank in sorted(ranks):
@@ -125,27 +126,3 @@ def _reach(
                 reached.add(other)
                 forward[number] = joints[number].parent is link
                 waiting.append(other)
-
-
-class _Groups:
-    """Groups of links that joints connect (union and find)."""
-
-    def __init__(self) -> None:
-        self._above: dict[Item | None, Item | None] = {}
-
-    def join(self, one: Item | None, other: Item | None) -> bool:
-        """Join the groups of two links; return False if they are one group already."""
-        first, second = self._top(one), self._top(other)
-        if first is second:
-            return False
-        self._above[second] = first
-        return True
-
-    def _top(self, link: Item | None) -> Item | None:
-        passed = []
-        while self._above.setdefault(link, link) is not link:
-            passed.append(link)
-            link = self._above[link]
-        for step in passed:
-            self._above[step] = link
-        return link

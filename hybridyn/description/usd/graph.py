@@ -8,9 +8,10 @@ coupled, without armature, friction and limits, ball joints first, far from the 
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Hashable, Iterable
 from dataclasses import dataclass
 
+from ..groups import Groups
 from ..names import listed
 from .joints import UsdJoint
 from .screening import weighs
@@ -47,13 +48,11 @@ def grow(bodies: Iterable[Prim], joints: list[UsdJoint], bound: Collection[str],
     Raises:
         ModelError: A joint of the tree is one that only closes loops here.
     """
-    paths = [body.path for body in bodies]
-    parts = _Parts([WORLD, *paths])
+    parts, chosen = Groups(), Groups()
     for joint in joints:
         parts.join(*joint.ends)
     roots = _roots(list(bodies), joints, parts)
     depths = _depths([WORLD, *roots], joints)
-    chosen = _Parts([WORLD, *paths])
 
     def rank(joint: UsdJoint) -> tuple[bool, bool, bool, bool, bool, int]:
         """Return the key of a joint in the order in which the tree takes joints."""
@@ -101,14 +100,14 @@ def _note(joints: list[UsdJoint], closures: list[UsdJoint], notes: list[str]) ->
         )
 
 
-def _roots(bodies: list[Prim], joints: list[UsdJoint], parts: _Parts) -> list[str]:
+def _roots(bodies: list[Prim], joints: list[UsdJoint], parts: Groups) -> list[str]:
     """Return the root of every part that no joint ties to the world.
 
     It is the body with ArticulationRootAPI, else the only body that is never the second of a joint, else the
     first in the file.
     """
     seconds = {joint.ends[1] for joint in joints if not joint.excluded}
-    groups: dict[str, list[Prim]] = {}
+    groups: dict[Hashable, list[Prim]] = {}
     for body in bodies:
         if parts.of(body.path) != parts.of(WORLD):
             groups.setdefault(parts.of(body.path), []).append(body)
@@ -157,23 +156,3 @@ def _outwards(roots: list[str], joints: list[UsdJoint]) -> tuple[dict[UsdJoint, 
                 parents[other] = body
                 waiting.append(other)
     return directions, parents
-
-
-class _Parts:
-    """Bodies that are joined, directly or through others."""
-
-    def __init__(self, bodies: Iterable[str]) -> None:
-        self._above = {body: body for body in bodies}
-
-    def of(self, body: str) -> str:
-        """Return the body that stands for all that are joined to one."""
-        while self._above[body] != body:
-            self._above[body] = self._above[self._above[body]]
-            body = self._above[body]
-        return body
-
-    def join(self, one: str, other: str) -> bool:
-        """Join two bodies; return False if they were joined before."""
-        first, second = self.of(one), self.of(other)
-        self._above[max(first, second)] = min(first, second)
-        return first != second
