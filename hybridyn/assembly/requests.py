@@ -21,7 +21,6 @@ class PoseRequest:
     """A pose of a link relative to another: complete (`motion`) or partial (`coordinates`).
 
     Attributes:
-        link: The link.
         other: The reference link.
         motion: The complete pose with rates and accelerations, in the reference link, or None.
         coordinates: Coordinate name to its value, rate and acceleration, shape (3, T).
@@ -46,7 +45,6 @@ class Requests:
         samples: Number of samples.
         single: Whether the input is a single sample without a batch axis.
         joints: Joint name to its position, rate and acceleration, shape (3, T).
-        poses: The poses.
         base: Motion of a moving or floating base in the world, or None.
         base_quaternion: Its quaternions as given, shape (T, 4), or None.
     """

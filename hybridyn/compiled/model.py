@@ -98,7 +98,6 @@ class CompiledRobot(Postures, LinkQuantities):
         """Return a single call that refuses a changed `robot.model`."""
 
         def call(*given: Any) -> int:
-            """Look at the model, then compute."""
             self._check_model()
             return at_once(*given) if at_once else refuse()
 

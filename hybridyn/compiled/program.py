@@ -157,7 +157,6 @@ class Program:
         name: A C identifier: "idm", "ddm", "kinematics".
         inputs: Name and length of each user input, in the order of `given` (q, v, a or tau, ...).
         outputs: Name and length of each user output, in the order of `result`.
-        kernels: The kernels.
         steps: Starts and calls, in order.
         shared: Number of shared numbers.
         own: Number of the copies' own numbers.

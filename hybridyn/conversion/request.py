@@ -20,7 +20,6 @@ class Shape:
     """A visual shape of a link.
 
     Attributes:
-        link: Name of the link.
         kind: One of `ShapeKind`.
         placement: The shape's frame in the link, shape (4, 4). Boxes, cylinders (along z) and spheres are
             centred on it.

@@ -96,7 +96,6 @@ def module_reactions(
             def wrench(
                 x: Array, cut: TreeClosure = m.closures.closures[i], author: TreeClosure = author
             ) -> Array:
-                """Compute the wrench of this closure."""
                 return _closure_wrench(state, cut, author, x)
 
             lam = wrench(lam) + _from_cut_wrists(state, load, author)

@@ -32,7 +32,6 @@ class Group(NamedTuple):
     Attributes:
         title: Name of their module.
         colour: Colour of the module, "#rrggbb".
-        motors: Names of the motors.
         unit: Unit of their values.
     """
 

@@ -31,7 +31,6 @@ class Cloud:
     """What is drawn of one motor.
 
     Attributes:
-        motor: Name of the motor.
         units: Units of speed and effort.
         points: Speed and effort of the samples, shape (T, 2).
         peak: Speed and effort where the effort is largest, or None without samples.

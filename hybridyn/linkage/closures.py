@@ -43,7 +43,6 @@ class TreeClosure:
     """A closure between two bodies of a tree (defined in `description.records.Closure`).
 
     Attributes:
-        name: Name of the closure.
         kind: Its kind as written in the file.
         body_a: Index of the predecessor body.
         R_a: Axes of frame A, shape (3, 3), frame of body A.
@@ -79,7 +78,6 @@ class TreeCoupling:
     """A linear relation between joint positions of a tree: sum of coefficient x position = offset.
 
     Attributes:
-        name: Name of the coupling.
         terms: Pairs (joint index in the tree, coefficient).
         offset: Right-hand side.
     """

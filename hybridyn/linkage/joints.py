@@ -40,7 +40,6 @@ class TreeJoint:
     """A joint of a tree; the child of joint i is body i + 1 (body 0 is the base).
 
     Attributes:
-        name: Name of the joint.
         kind: Kind of joint (never "fixed").
         parent: Index of the parent body.
         R: Child axes at joint position zero, shape (3, 3), parent frame.

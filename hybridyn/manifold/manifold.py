@@ -22,7 +22,6 @@ class Manifold:
     """The manifold of all assembled postures of a robot.
 
     Attributes:
-        robot: The robot.
         looped: Modules with loops.
         retraction: Moves on the whole spanning tree.
         unit: Unit of each freedom, shape (nv,).

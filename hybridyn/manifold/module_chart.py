@@ -40,7 +40,6 @@ class LoopedModule:
     """A module with loops.
 
     Attributes:
-        module: The module.
         rows: Its closures.
         retraction: Moves on its spanning tree.
     """

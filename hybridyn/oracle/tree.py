@@ -60,7 +60,6 @@ class Posture:
     """Kinematic quantities that depend on the posture alone.
 
     Attributes:
-        links: Frame of every link.
         joints: The moving joints, parents first.
         closures: The closures, in the description's order.
         G: Jacobian of body velocities over tree velocities, shape (6 bodies, nv).

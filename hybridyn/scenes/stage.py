@@ -42,7 +42,6 @@ class Stage:
     """A loaded scene, its start assembled.
 
     Attributes:
-        source: The file.
         robot: The robot, with its payloads.
         effects: The effects that are computed.
         q0: Positions at the start, shape (nq,).

@@ -28,7 +28,6 @@ class TomlSource:
 
     Attributes:
         file: Path as the user gave it.
-        text: The text.
     """
 
     file: str

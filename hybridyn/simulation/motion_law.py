@@ -45,7 +45,6 @@ class MotionLaw:
     """Accelerations of a robot as a function of time and state.
 
     Attributes:
-        robot: The robot.
         on: The effects that are computed.
         evaluations: Number of states at which the direct model was evaluated so far.
     """

@@ -90,7 +90,6 @@ class Stepper:
         next_step: Length of the next step, signed [s].
         on_grid: Fixed steps taken since `start`.
         start: Start of the grid of fixed steps [s].
-        method: The method.
     """
 
     def __init__(self, system: System, method: Method, solver: Solver, end: float, begin: State) -> None:

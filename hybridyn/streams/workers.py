@@ -31,11 +31,7 @@ ENVIRONMENT = {
 
 @dataclass(frozen=True)
 class Failure:
-    """The result of a task that raised an error.
-
-    Attributes:
-        error: The error.
-    """
+    """The result of a task that raised an error."""
 
     error: Exception
 

@@ -29,7 +29,6 @@ class Departure:
     """Samples at which a joint exceeds one of its limits.
 
     Attributes:
-        joint: Name of the joint.
         quantity: "position", "speed" or "effort".
         unit: Unit of the quantity.
         limit: The limit that is exceeded most.

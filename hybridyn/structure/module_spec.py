@@ -46,7 +46,6 @@ class ModuleSpec:
     """The numbers of one module.
 
     Attributes:
-        spanning: Joints of the spanning tree.
         tree: Joints of the tree after the cuts.
         tree_joint: For each joint of `tree`, its number in `spanning`, or None for a platform.
         tree_body: For each body of `tree`, its number in `spanning`.
@@ -59,7 +58,6 @@ class ModuleSpec:
         legs: Bodies of `tree` in each leg.
         outputs: Bodies of `tree` whose inertia belongs to the module and not to its legs: platforms, bases of
             other modules and, in a serial module, all bodies.
-        outputs_inertia: Inertias of the outputs.
         leg_bodies: For each body of `tree` after the base, its inertia, or None for an output.
         home: Home position of the spanning tree, shape (nq,).
     """

@@ -31,7 +31,6 @@ class ModuleState:
     """State of one module at every sample.
 
     Attributes:
-        module: The module.
         spanning: Motion of its spanning tree relative to its base.
         motion: The same motion on the tree after the cuts.
         q: Positions on the tree after the cuts, shape (T, nq).

@@ -69,7 +69,6 @@ class Solid:
     """A triangle mesh fixed to a body.
 
     Attributes:
-        name: Its link.
         module: Number of its module, -1 for the ground.
         body: Number of its body.
         vertices: Corners in the body's frame, shape (V, 3), [m].

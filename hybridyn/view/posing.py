@@ -35,7 +35,6 @@ class Lever:
     """A joint that can be moved by hand.
 
     Attributes:
-        joint: Its name.
         module: Number of its module.
         low: Lowest position [m or rad].
         high: Highest position [m or rad].

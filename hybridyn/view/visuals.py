@@ -34,7 +34,6 @@ class Visual:
     """One shape of a link.
 
     Attributes:
-        link: Name of the link.
         vertices: Corners in the link's frame, shape (V, 3), [m].
         faces: Corners of each triangle, shape (F, 3).
         colour: The colour from its file, "#rrggbb".

@@ -94,7 +94,6 @@ class Place:
     """A joint on one side of a map.
 
     Attributes:
-        name: Its name.
         at: Its first entry of q.
         turns: Whether q has its cosine and sine.
         step: Largest step in which positions are followed, [m or rad].

@@ -73,7 +73,6 @@ class WrittenLeg:
         point: The closure's point in the base's frame, shape (3,).
         X: Joint rates over the relative motion [v, w] of the closure's point, base axes, shape (nv, 6).
         y0: Joint accelerations at delta = 0, shape (nv,); not of a leg with accelerations.
-        guard: The leg's guard.
     """
 
     folding: Folding

@@ -18,7 +18,6 @@ class WrittenModule:
     """The stages of one module's model, and the coordinates that they read.
 
     Attributes:
-        stages: The stages.
         q, v: Coordinates and freedoms of the spanning tree in the inputs "q" and "v" (and "a").
         platforms: Links of the core that are platforms, in the order of the outputs "platform i".
     """

@@ -32,8 +32,6 @@ class Request:
     """A robot and the effects to compile.
 
     Attributes:
-        robot: The robot.
-        on: The effects.
         regroup: Whether base inertial parameters are used.
         align: Whether body axes are aligned with the joint axes.
         arguments: Numbers that are inputs of the model ("parameters"), or None.

@@ -53,7 +53,6 @@ class Balance:
     """Calls that compute what is left of the forces.
 
     Attributes:
-        modules: The calls of each module.
         root: Twist and acceleration of a base whose motion is given, else None.
         root_calls: The calls that compute them.
     """

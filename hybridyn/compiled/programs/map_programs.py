@@ -47,7 +47,6 @@ class Side:
 
     Attributes:
         name: "motor" or "joint".
-        joints: Their names.
     """
 
     name: str

@@ -28,7 +28,6 @@ class ModuleCalls:
         k: Index of the module.
         options: Options that its code depends on.
         written: Its code.
-        stages: Calls of its stages.
         below: The module that carries it, None for a module on the robot's base.
         root: Twist and acceleration of the robot's base if it moves, else None.
         V, A: Twist and acceleration of its outputs that carry modules, by output.

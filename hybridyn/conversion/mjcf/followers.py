@@ -44,10 +44,8 @@ class Follower:
     """A body that hangs on one link of a closure and is welded to the other.
 
     Attributes:
-        name: Name of the closure.
         on: Name of the link that it hangs on.
         frame: Its frame in that link at joint positions zero, shape (4, 4).
-        joints: Its joints.
         body: Its inertia, in its frame.
         first: Whether it hangs on the closure's first link.
     """

@@ -35,7 +35,6 @@ class Place(NamedTuple):
     """The place of an element.
 
     Attributes:
-        file: Path of its file.
         line: Its line, from 1, or None.
     """
 

@@ -45,7 +45,6 @@ class Piece:
     """One joint of the description that stands for a Pinocchio joint or a part of it.
 
     Attributes:
-        kind: Kind of the joint.
         ending: Ending of its name after the name of the Pinocchio joint; "" if it stands for the whole joint.
         placement: Its placement behind the piece before, shape (4, 4).
         axis: Unit axis, shape (3,).

@@ -23,7 +23,6 @@ class Branch:
     """A joint of the tree.
 
     Attributes:
-        joint: The joint.
         forward: Whether its parent link is nearer to the root than its child link.
     """
 

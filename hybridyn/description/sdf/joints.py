@@ -35,7 +35,6 @@ class Stated:
         parent: Parent link, None for the world.
         child: Child link, None for the world.
         at: Pose of the joint in the world, shape (4, 4).
-        axes: Its axes.
         cut: Whether the file asks that it closes a loop.
         pitch: Way of a screw along its axis [m/rad].
         position: Position of the joint in the posture of the file, () for zero.

@@ -84,7 +84,6 @@ class Unread:
 
     Attributes:
         custom: Elements with a namespace.
-        plugins: Names of plugins.
     """
 
     custom: list[str] = field(default_factory=list)

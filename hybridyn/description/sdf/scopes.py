@@ -27,7 +27,6 @@ class Item:
 
     Attributes:
         kind: What it is; the frame of a nested model has kind "model".
-        name: Its own name.
         scope: The model, or world, in which it stands.
         node: The element.
         pose: What `<pose>` states, shape (4, 4).

@@ -24,7 +24,6 @@ class YamlFile:
     """A YAML document as plain lists, dicts, texts and numbers.
 
     Attributes:
-        file: Path of the file.
         data: The content.
         lines: Line and column (from 1) of every value, by its keys and indices from the top.
     """

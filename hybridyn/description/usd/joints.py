@@ -35,7 +35,6 @@ class UsdJoint:
     """A joint.
 
     Attributes:
-        prim: Its prim.
         bodies: The two bodies that it joins; None is the world.
         frames: Its frame in each of them, shape (4, 4), [m].
         free: The axes along which it moves, a subset of `AXES` in their order.

@@ -26,7 +26,6 @@ class Rod:
     """A distance joint with equal distances.
 
     Attributes:
-        prim: Its prim.
         bodies: The two bodies that it joins; None is the world.
         points: Its ends in them, shape (3,), [m].
         length: The distance [m].

@@ -26,7 +26,6 @@ class Prim:
 
     Attributes:
         stage: The stage that holds it.
-        path: Its path.
         kind: Its type, "" for none.
         schemas: Names of its applied schemas; instances of one are named "PhysicsDriveAPI:angular".
         values: Authored values by name of the attribute.

@@ -26,7 +26,6 @@ class MapTable:
     """Rows of a map.
 
     Attributes:
-        columns: Names of the columns.
         rows: Numbers, shape (T, columns).
         condition: Condition number of H at each row, shape (T,).
     """

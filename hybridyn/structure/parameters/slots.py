@@ -33,8 +33,6 @@ class Slot:
 
     Attributes:
         table: One of `TABLES`.
-        name: Name of the record.
-        field: Name of its field.
         index: Indices of the entry in the field; empty for a plain number. A symmetric matrix has slots in
             its upper triangle.
     """

@@ -42,7 +42,6 @@ class Traced:
     """A number with its value and its expression.
 
     Attributes:
-        value: The value.
         expression: The expression; it supports the operators of arithmetic.
         record: Record of the decisions.
     """

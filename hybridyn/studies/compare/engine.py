@@ -72,7 +72,6 @@ class SingleJoints:
     """The map between the coordinates of an engine whose joints have one freedom each, and the robot's.
 
     Attributes:
-        robot: The robot.
         q_at: Index in the engine's positions of each joint of the robot, shape (joints,).
         v_at: Index in the engine's velocities, shape (joints,).
     """

@@ -38,7 +38,6 @@ class ClosureFate:
     """What an engine makes of a closure or coupling.
 
     Attributes:
-        name: Its name.
         left: Opening acceleration in the engine over that of the tree without closures; 0 is rigid.
         fate: "held", "softened" or "ignored".
         drift: Largest residual in the simulation, over the module's length, or None.
@@ -55,8 +54,6 @@ class Verdict:
     """What one engine makes of the robot in one way.
 
     Attributes:
-        engine: Name of the engine.
-        version: Its version.
         way: How the robot came into it.
         refusal: Why it cannot be compared, or "".
         freedoms: Freedoms that it leaves, or None if it does not say.

@@ -33,7 +33,6 @@ class DaskPool:
 
     Attributes:
         workers: Number of threads of the workers.
-        client: The client.
     """
 
     workers: int

@@ -77,7 +77,6 @@ class Evaluated:
     """The rows of a chunk.
 
     Attributes:
-        rows: The rows.
         seconds: Time that they took [s].
         compiled: Number of rows from compiled models.
         checked: Number of those that were compared with robots built for their designs.

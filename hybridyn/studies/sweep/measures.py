@@ -170,7 +170,6 @@ class Gauge:
     """Collects what the measures of a trajectory need, block by block.
 
     Attributes:
-        robot: The robot.
         wanted: The measures by name.
         functions: The functions in Python by measure.
     """

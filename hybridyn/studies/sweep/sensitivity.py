@@ -43,8 +43,6 @@ class Index(NamedTuple):
     """An index.
 
     Attributes:
-        measure: The measure.
-        parameter: The parameter.
         value: The index; a first-order index of 1 explains the whole variance. `mu*` and `sigma` have the
             measure's unit, for a change of the parameter over its whole range.
         bound: Half of its 95 % confidence interval, nan for "sigma".

@@ -26,7 +26,6 @@ class Sweep:
 
     Attributes:
         module: Number of the module.
-        link: The link.
         base: The module's base link.
         names: Coordinates that together determine the link's motion, in the order of `COORDINATES`.
         axes: Those that are swept.

@@ -20,11 +20,7 @@ AS_PINOCCHIO = np.array([0, 1, 2, 3, 4, 5, 7, 6, 8, 9])
 
 @dataclass(frozen=True)
 class BodyInertias:
-    """Ten inertial parameters of each body of a robot as arguments; equal modules share their code.
-
-    Attributes:
-        robot: The robot.
-    """
+    """Ten inertial parameters of each body of a robot as arguments; equal modules share their code."""
 
     robot: HybridRobot
 

@@ -20,12 +20,7 @@ from .numbers_of import depends, numbers_of, placed
 
 @dataclass(frozen=True)
 class ChosenNumbers:
-    """Chosen numbers of a robot's description as arguments of its models.
-
-    Attributes:
-        robot: The robot.
-        slots: The numbers.
-    """
+    """Chosen numbers of a robot's description as arguments of its models."""
 
     robot: HybridRobot
     slots: tuple[Slot, ...]

@@ -58,7 +58,6 @@ class Assembler:
     """Assembles one robot in C.
 
     Attributes:
-        robot: The robot.
         recomputed: Number of samples that the general path has computed so far.
     """
 
@@ -119,7 +118,6 @@ class Assembler:
         scalar, robot = Scalar("float64", min(lanes, lanes_for(parts))), self.robot
 
         def source() -> Source:
-            """Generate the C source."""
             needs_casadi()
             from .closing_source import closing_source
 

@@ -28,7 +28,6 @@ class Extended:
         cut: Number of joints of `Mechanism.tree`.
         source: For each joint its number in the spanning tree, or None for a platform.
         closures: The closures after the cuts.
-        couplings: The couplings.
         welds: A closure for each wrist, from its end to its target.
         unit: Unit of each freedom, shape (nv,).
         row_scale: Factor of each row of closures and couplings, shape (rows,).

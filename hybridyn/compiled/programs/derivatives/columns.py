@@ -94,7 +94,6 @@ def add_up(
     w, reading = adjoints.writer, Reading.of(read)
 
     def function() -> ca.Function:
-        """Return the sums."""
         blocks, values = reading.symbols()
         columns = list(blocks)
         if kinds:

@@ -28,7 +28,6 @@ class Group:
     Attributes:
         modules: Calls of its modules, outwards.
         parent: The group that carries it; None on the robot's base.
-        at: Its coordinates.
         children: Groups on its outputs, by output.
     """
 
