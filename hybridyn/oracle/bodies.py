@@ -13,7 +13,7 @@ from .tree import Posture
 
 Wrenches = Mapping[str, Any]
 
-#: Pivots of an inertia below this part of its trace are rounding: six rounded numbers, three in a product, 18 eps.
+#: Pivots of an inertia below this part of its trace are rounding: six numbers, three in a product, 18 eps.
 DATA_ROUNDING = 4e-15
 
 
