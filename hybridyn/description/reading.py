@@ -80,7 +80,6 @@ def read_each(
     """Read a xacro file with each set of arguments, as `read` does; yield descriptions or errors.
 
     Args:
-        path: The file.
         many: Sets of arguments by name.
         motors: As in `read`.
         package_dirs: As in `read`.

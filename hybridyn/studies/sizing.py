@@ -111,7 +111,6 @@ class Sizing:
         """Start without samples.
 
         Args:
-            robot: The robot.
             joints: The motors; those of the robot by default. Motors of several designs may stand side by
                 side, which changes no bit of their loads.
         """

@@ -150,11 +150,7 @@ class _Batch:
             click.echo(line, err=True)
 
     def _shards(self) -> dict[str, Path]:
-        """Return the shard of each table.
-
-        Raises:
-            click.UsageError: There is no table or no folder for the shards, or two tables have one name.
-        """
+        """Return the shard of each table."""
         source, output = self.options["source"], self.options["output"]
         if output is None or output == "-" or (os.path.exists(output) and not os.path.isdir(output)):
             raise click.UsageError("several tables need a folder for their shards: -o FOLDER")
@@ -201,9 +197,6 @@ def _begin(folder: Path, identity: str, shards: dict[str, Path], *, resume: bool
     """Begin or continue the shards in a folder, and return the tables to compute.
 
     A table that is newer than its shard is computed again.
-
-    Raises:
-        HybridynError: There are shards and `resume` is false, or they are of other options.
     """
     folder.mkdir(parents=True, exist_ok=True)
     about = folder / ABOUT

@@ -22,11 +22,7 @@ def kernel_graph(kernel: Kernel) -> Graph:
 
 
 def kernel_text(graph: Graph) -> str:
-    """Return the arguments and body of a kernel in C, without a name: `(const V *restrict x0, ...) {...}`.
-
-    Args:
-        graph: The kernel's operations.
-    """
+    """Return the arguments and body of a kernel in C, without a name: `(const V *restrict x0, ...) {...}`."""
     arguments = [f"const V *restrict x{i}" for i, _ in enumerate(graph.sizes)]
     arguments += [f"V *restrict y{i}" for i, _ in enumerate(graph.outputs)]
     written: dict[int, list[str]] = {}

@@ -18,9 +18,6 @@ Counts = dict[str, dict[str, int]]
 def operations(program: Program) -> Counts:
     """Count operations by part (`Kernel.part`) and kind, over all calls and copies.
 
-    Args:
-        program: The program.
-
     Returns:
         For each part, in the order of the calls, the number of operations of each kind.
     """
@@ -50,11 +47,7 @@ def _by_part(kernel: Kernel) -> dict[str, Counter[str]]:
 
 
 def operations_table(variants: dict[str, Program]) -> str:
-    """Return a printable table of the operations of variants of one model.
-
-    Args:
-        variants: Programs by the name of the variant.
-    """
+    """Return a printable table of the operations of variants of one model."""
     counts = {name: operations(program) for name, program in variants.items()}
     parts = list(dict.fromkeys(part for table in counts.values() for part in table))
     width = max(len(x) for x in [*parts, *variants, "total"]) + 2

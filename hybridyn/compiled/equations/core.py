@@ -143,9 +143,7 @@ def write_core(
     """Write the motion of a module's core and of its platforms.
 
     Args:
-        plan: The module.
         q: Positions of its spanning tree.
-        v: Its rates.
         V_base: Twist of its base, own frame.
         a: Accelerations of its spanning tree, for the inverse model.
         A_base: Acceleration of its base less gravity, for the inverse model.
@@ -210,7 +208,6 @@ def rank_guard(plan: Plan, rows: Rows, guard: Any, Psi: Expression) -> Any:
     """Return a guard that is also above 1 where arguments change the rank of the core's closures.
 
     Args:
-        plan: The module.
         rows: Rows of its closures.
         guard: The guard so far.
         Psi: Motions of the core that the rows with pivots allow, shape (n, motions).

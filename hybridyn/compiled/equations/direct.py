@@ -95,7 +95,6 @@ def write_direct(
 
     Args:
         name: Prefix of the functions' names.
-        plan: The module.
         options: Options of the direct model.
         motions: Whether the third stage has the output "u_dot", the accelerations along its motions.
         counted: As in `Request`.

@@ -91,7 +91,6 @@ def write_inverse(
 
     Args:
         name: Prefix of the functions' names.
-        plan: The module.
         options: Options of the inverse model.
         pivots: Pivots of the motor map.
         balance: Whether the output is "Q" = Psi^T b, what is left of the forces along the module's motions,

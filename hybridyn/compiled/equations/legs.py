@@ -153,9 +153,7 @@ def write_leg(
     """Write the kinematics of a group's legs.
 
     Args:
-        group: The legs.
         q: Positions of the leg.
-        v: Its rates.
         base: Twist of the base, and its acceleration less gravity if accelerations are given; own frame.
         platform: Motion of the platform.
         scale: Scales of closure residuals.
@@ -216,7 +214,6 @@ def leg_pivots(group: tuple[Leg, ...], mechanism_postures: Array, scales: tuple[
     """Choose the pivots of a group's closures at generic postures of every leg.
 
     Args:
-        group: The legs.
         mechanism_postures: Postures of the tree after the cuts, shape (samples, nq).
         scales: Factor of each row of the closure, and unit of each freedom of the leg.
     """
@@ -240,7 +237,6 @@ def leg_sums(leg: WrittenLeg, tau: Expression, velocity: bool, rotor: Expression
     """Compute a leg's contributions to the direct model, over [V_dot_base; delta].
 
     Args:
-        leg: The leg.
         tau: Generalised forces on its joints.
         velocity: Whether velocity terms are on.
         rotor: Rotor inertias of its joints, shape (nv,).

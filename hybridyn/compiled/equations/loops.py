@@ -73,8 +73,6 @@ def write_rows(
 
     Args:
         chain: Motion of the core.
-        closures: The closures.
-        couplings: The couplings.
         q: Positions of each joint.
         rates: Twist of the base and rates of the joints; those of platforms are their twists, base's frame.
         accelerations: Accelerations of the joints, for the inverse model.

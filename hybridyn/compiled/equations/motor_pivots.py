@@ -20,7 +20,6 @@ def motor_pivots(plan: Plan, positions: Array, motors: tuple[int, ...]) -> Pivot
     """Choose the pivots of a module's motor map at generic positions of its spanning tree.
 
     Args:
-        plan: The module.
         positions: Positions of its spanning tree, shape (samples, nq).
         motors: Freedoms of the tree after the cuts that are driven and can move.
 

@@ -91,7 +91,6 @@ def wrist_accelerations(
     """Solve for the wrist's accelerations that give its end a required acceleration.
 
     Args:
-        path: The path.
         chain: Its motion, with the accelerations of the joints before the wrist and zeros for the wrist.
         target: Required acceleration of the end, end frame, shape (6,).
         pivots: Pivots of the wrist's Jacobian.

@@ -125,7 +125,6 @@ def solve(K: Expression, right: Expression, pivots: Pivots) -> tuple[Expression,
     Args:
         K: Matrix, shape (m, n); rows without a pivot are assumed to depend on the others.
         right: Right-hand sides, shape (m, k).
-        pivots: The choice.
 
     Returns:
         X: All unknowns over [right-hand sides, unknowns without pivots in order], shape (n, k + free).

@@ -104,7 +104,6 @@ class Steps:
         """Find the functions.
 
         Args:
-            held: The library.
             lifted: Names and lengths of the outputs of the program "lift".
             motors: Number of motors.
         """
@@ -155,8 +154,6 @@ class Steps:
         """Take steps as long as they can be trusted.
 
         Args:
-            tableau: The method.
-            law: The efforts.
             state: Assembled positions, rates and accelerations, shapes (nq,), (nv,), (nv,).
             t: Times of the start and after each step, shape (steps + 1,), [s]; with `control`, only the
                 first is read.

@@ -127,7 +127,6 @@ def by_motors(
     """Return the closing kernel of modules of one shape, and the table of numbers in which they differ.
 
     Args:
-        modules: The modules.
         motors: Freedoms of their motors.
         closed: Largest step of closed loops.
         specs: The modules' numbers where some are arguments. The guard then includes the rows without a

@@ -124,11 +124,7 @@ def _request(
 
 
 def _result(file: str, header: Mapping[str, Any], text: bytes) -> tuple[bytes, list[str]]:
-    """Return the XML and the notes of an answer of the child.
-
-    Raises:
-        ModelError: It is an error.
-    """
+    """Return the XML and the notes of an answer of the child."""
     if "error" in header:
         inner = header["file"]
         where = file if inner in (None, os.path.abspath(file)) else os.path.relpath(inner)

@@ -31,10 +31,6 @@ _kept: dict[str, CompiledDesigns] = {}
 def models_of(source: StudyFile, plan: Plan) -> CompiledDesigns:
     """Return the models of a run, which each process builds once.
 
-    Args:
-        source: The study.
-        plan: What is compiled.
-
     Raises:
         HybridynError: The models cannot be built.
     """
@@ -49,8 +45,6 @@ def evaluate_chunk(source: StudyFile, chunk: Chunk, plan: Plan | None) -> Evalua
     """Evaluate the designs of a chunk. Nothing of a design depends on the others.
 
     Args:
-        source: The study.
-        chunk: The designs.
         plan: What is compiled; None for the general path.
 
     Raises:
@@ -74,8 +68,6 @@ def plan_for(source: StudyFile, designs: Designs, numbers: Index) -> tuple[Plan 
     The choice depends on the study alone, so that a run that continues makes the same.
 
     Args:
-        source: The study.
-        designs: Its designs.
         numbers: Numbers of some designs, spread over the study.
 
     Returns:
@@ -98,11 +90,7 @@ def plan_for(source: StudyFile, designs: Designs, numbers: Index) -> tuple[Plan 
 
 
 def _plan(source: StudyFile, designs: Designs, values: list[Array]) -> Plan:
-    """Find the numbers that differ between designs with some values of the parameters.
-
-    Raises:
-        HybridynError: A task has no compiled model, or none of these designs can make its motions.
-    """
+    """Find the numbers that differ between designs with some values of the parameters."""
     for name, task in source.study.tasks.items():
         check_task(name, task)
     designer = Designer(source)

@@ -83,10 +83,6 @@ class CompiledDesigns:
     def __init__(self, source: StudyFile, plan: Plan) -> None:
         """Build the models, or load them from the cache.
 
-        Args:
-            source: The study.
-            plan: What is compiled.
-
         Raises:
             HybridynError: The study or its robot has no compiled models.
         """
@@ -103,11 +99,7 @@ class CompiledDesigns:
         self._at_once = min(max(1, AT_ONCE // (width * longest)), MOST_AT_ONCE)
 
     def _task(self, name: str, task: TaskTable) -> _Task:
-        """Compile the model of a task.
-
-        Raises:
-            HybridynError: There is none.
-        """
+        """Compile the model of a task."""
         check_task(name, task)
         blocks = [*self.designer.tracks[name].motions(self.robot)]
         layout, motion = blocks[0]
@@ -192,11 +184,7 @@ class CompiledDesigns:
         return [None if x is None else tuple(x.get(name, math.nan) for name in columns) for x in found]
 
     def _compared(self, number: int, values: Array, tables: Sequence[DesignTable], k: int) -> float:
-        """Return the largest relative difference of design k of tables to the robot built for it.
-
-        Raises:
-            HybridynError: It is more than `EQUAL`.
-        """
+        """Return the largest relative difference, at most `EQUAL`, of design k to the robot built for it."""
         variants, largest = self.designer.variants, 0.0
         robot = variants(variants.named(values))
         for task, table in zip(self.tasks, tables, strict=True):

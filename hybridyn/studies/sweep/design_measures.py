@@ -31,7 +31,6 @@ def measures_of(
         robot: The robot whose models were compiled.
         descriptions: Description of each chosen design, of which limits are read.
         wanted: The measures by name; none is a function in Python.
-        motion: The trajectory.
         table: Motions and efforts of designs.
         chosen: Numbers of the chosen designs in the table.
 
@@ -79,5 +78,4 @@ def _loads(
 
 def _aside(x: Array) -> Array:
     """Return rows of designs, shape (designs, T, motors), side by side, shape (T, designs x motors)."""
-    rows: Array = x.swapaxes(0, 1).reshape(x.shape[1], -1)
-    return rows
+    return x.swapaxes(0, 1).reshape(x.shape[1], -1)

@@ -94,10 +94,6 @@ class Evaluated:
 def evaluate(source: StudyFile, chunk: Chunk) -> Evaluated:
     """Evaluate the designs of a chunk. Nothing of a design depends on those before it.
 
-    Args:
-        source: The study.
-        chunk: The designs.
-
     Raises:
         ModelError: A Python file of the study fails.
     """
@@ -128,7 +124,6 @@ class Designer:
         """Evaluate a design.
 
         Args:
-            design: Its number.
             values: Values of the parameters, shape (parameters,).
         """
         row = partial(Row, design, tuple(values.tolist()))

@@ -20,10 +20,6 @@ def identity(source: StudyFile, designs: Designs) -> str:
     These are the files that the study names, functions in Python among them, those that the robot's file
     includes for the first design, and `model.toml` and other files beside it.
 
-    Args:
-        source: The study.
-        designs: Its designs.
-
     Raises:
         ModelError: A file that the study names cannot be read.
     """

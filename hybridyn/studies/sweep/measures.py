@@ -115,9 +115,7 @@ def check_word(source: StudyFile, keys: Keys, word: str, kind: str, *, named: bo
     """Check the form of a measure.
 
     Args:
-        source: The study.
         keys: Place of the measure in the file.
-        word: The measure.
         kind: Kind of its task.
         named: Whether it has a name of its own.
 

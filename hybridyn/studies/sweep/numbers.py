@@ -32,9 +32,6 @@ class Numbers:
     def __init__(self, source: StudyFile) -> None:
         """Parse the expressions.
 
-        Args:
-            source: The study.
-
         Raises:
             HybridynError: One is no expression of parameters.
         """
@@ -72,10 +69,6 @@ class Numbers:
     def described(self, description: Description, values: Mapping[str, float]) -> Description:
         """Return a description with the numbers of a design.
 
-        Args:
-            description: The robot's description.
-            values: Values of the study's parameters by name.
-
         Raises:
             ModelError: A name is unknown, a number is not finite, or a mass is negative.
         """
@@ -89,11 +82,7 @@ class Numbers:
 
 
 def _entry(description: Description, name: str) -> Entry:
-    """Return the parameter to which a number belongs.
-
-    Raises:
-        ModelError: There is none.
-    """
+    """Return the parameter to which a number belongs."""
     whole, _, label = name.rpartition(".")
     if label in ("x", "y", "z", "roll", "pitch", "yaw", "xx", "xy", "xz", "yy", "yz", "zz"):
         found = entry_of(description, whole)

@@ -273,8 +273,7 @@ def _add(state: Swept, status: str, unreachable: int, singular: int) -> None:
 
 def _tried(designs: Designs) -> Index:
     """Return the numbers of designs that are spread over the study."""
-    out: Index = np.unique(np.linspace(0, designs.count - 1, TRIALS).astype(int))
-    return out
+    return np.unique(np.linspace(0, designs.count - 1, TRIALS).astype(int))
 
 
 def _try_some(source: StudyFile, designs: Designs) -> float:

@@ -36,9 +36,6 @@ class Variants:
     def __call__(self, values: Mapping[str, float]) -> HybridRobot:
         """Build the robot of a design.
 
-        Args:
-            values: Values of the parameters by name.
-
         Raises:
             HybridynError: The files are wrong with these values, a link is unknown, or no posture closes the
                 loops.
@@ -47,9 +44,6 @@ class Variants:
 
     def description(self, values: Mapping[str, float]) -> Description:
         """Return the description of a design.
-
-        Args:
-            values: Values of the parameters by name.
 
         Raises:
             HybridynError: The files are wrong with these values, or a link is unknown.
@@ -154,11 +148,6 @@ def argument(value: str | float) -> str:
 
 def scaled(description: Description, link: str, factor: float) -> Description:
     """Return a description in which a link's mass and inertia are multiplied; its centre stays.
-
-    Args:
-        description: The robot's description.
-        link: Name of the link.
-        factor: The factor.
 
     Raises:
         ModelError: The link is unknown, or the factor is negative.

@@ -43,7 +43,6 @@ def check_rows(close: Closer, robot: HybridRobot, parts: list[Part]) -> None:
     Args:
         close: Closes a row near a posture, from what is prescribed to room for q, v, a, and returns whether
             the row is certain.
-        robot: The robot.
         parts: The modules that it closes.
 
     Raises:

@@ -21,7 +21,6 @@ def closing_source(robot: HybridRobot, parts: Sequence[Part], scalar: Scalar) ->
     """Generate the C source for one choice of given joints and targets.
 
     Args:
-        robot: The robot.
         parts: Its modules but a free base.
         scalar: Number type and lanes, more than one.
     """

@@ -124,7 +124,6 @@ class DesignRows:
         """Compute the states of each design along a table.
 
         Args:
-            table: The table.
             slots: Numbers in the slots, shape (designs, slots).
             out: Room for q, v, a, see `DesignStates`.
             guess: Posture at which Newton's method starts, shape (nq,), the home posture by default.
@@ -141,7 +140,6 @@ class DesignRows:
         """Compute a state of each design: design k has row k of a table.
 
         Args:
-            table: The table.
             slots: Numbers in the slots, shape (T, slots).
             guess: Postures at which Newton's method starts, shape (nq,) or (T, nq).
 

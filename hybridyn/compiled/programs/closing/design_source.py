@@ -17,14 +17,7 @@ LAST_STEPS = 3
 
 
 def design_source(robot: HybridRobot, parts: Sequence[Part], chosen: ChosenNumbers, scalar: Scalar) -> Source:
-    """Generate the C source for one choice of given joints and targets.
-
-    Args:
-        robot: The robot.
-        parts: Its modules.
-        chosen: The numbers in which designs differ.
-        scalar: Number type and lanes.
-    """
+    """Generate the C source for one choice of given joints and targets."""
     programs = closing_programs(robot, parts, chosen)
     names = constants_of(programs) | {"SLOTS": chosen.size, "LAST_STEPS": LAST_STEPS}
     names["PROGRAMS_WORK"] = max(program.shared + program.own for program in programs.values()) + 1

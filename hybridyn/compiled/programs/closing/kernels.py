@@ -74,7 +74,6 @@ class ModuleKernels:
         """Choose the pivots.
 
         Args:
-            modules: The modules.
             given: What is prescribed.
             blocks: Blocks of the free freedoms that do not depend on each other; none for one block.
             arguments: Arguments of each module, or None; nothing where no module has any.

@@ -51,7 +51,6 @@ class HeldBase:
         """Load the library from the cache, or build it and compare it with the general path.
 
         Args:
-            robot: The floating robot.
             on: Effects in its models, velocity terms among them.
             dtype: Type of the arithmetic.
             run: Computes "kinematics" of the robot.
@@ -155,11 +154,7 @@ def _through_base(robot: HybridRobot, S: Numbers, across: Numbers) -> Computed:
 
 
 def _accept(held: HybridRobot, on: Effects, dtype: str, built: Built) -> None:
-    """Compare a new library with the general path at random states.
-
-    Raises:
-        CompileError: They differ.
-    """
+    """Compare a new library with the general path at random states."""
     from ...equations.states import moving_states
 
     q, v, tau = moving_states(held, SAMPLES)
