@@ -215,3 +215,32 @@ def test_bad_questions_are_refused() -> None:
         hybridyn.link_jacobian(robot, q, "nothing")
     with pytest.raises(TrajectoryError, match=r"axes must be 'world' or 'link', not 'local'"):
         hybridyn.delassus(robot, q, robot.description.root, axes="local")
+
+
+def test_the_words_of_the_inverse_model_with_the_samples_number(tmp_path: Path) -> None:
+    """At a change point of a parallelogram and in a flat five-bar, in the third sample of a batch."""
+    robot = parallelogram(tmp_path)
+    q, _, _ = hybridyn.assemble(robot, motors={"a": (np.array([0.4, 0.5, 0.6]), 0.0, 0.0)}, guess=robot.home)
+    q[2] = 0.0
+    rest, link = np.zeros((3, robot.nv)), list(robot.bodies.place)[-1]
+    with pytest.raises(SingularityError) as of_idm:
+        hybridyn.idm(robot, q, rest, rest)
+    assert "closures lose rank at sample 2" in str(of_idm.value)
+    for call in (
+        lambda: hybridyn.mass_matrix(robot, q),
+        lambda: hybridyn.delassus(robot, q, link),
+        lambda: hybridyn.operational_inertia(robot, q, link),
+        lambda: hybridyn.joint_map(robot, q, robot.joints[1:2]),
+    ):
+        with pytest.raises(SingularityError) as found:
+            call()
+        assert str(found.value) == str(of_idm.value)
+    robot, flat = flat_five_bar()
+    q, rest = np.array([robot.home, robot.home, flat]), np.zeros((3, robot.nv))
+    words = (
+        r"its motors lose a direction at sample 2 \(parallel singularity; .* motor 'left' is affected most\)"
+    )
+    with pytest.raises(SingularityError, match=words):
+        hybridyn.idm(robot, q, rest, rest)
+    with pytest.raises(SingularityError, match=words):
+        hybridyn.bias(robot, q, rest)

@@ -7,8 +7,10 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 import pytest
+from lxml import etree
 
 import hybridyn
+from hybridyn.description.shape_files import urdf_root
 from hybridyn.errors import ModelError
 from tests.comparing import ROUNDING
 from tests.extras import needs, robots_of_others, skip
@@ -32,6 +34,22 @@ def test_shapes_move_with_their_links() -> None:
         link = pin.XYZQUATToSE3(poses[frame.name].pose)
         stated = frame.placement.actInv(shape.placement)
         assert (link * stated).isApprox(shapes.oMg[number], ROUNDING)
+
+
+def test_placements_are_those_of_pinocchios_own_loader() -> None:
+    """Its URDF reader knows the spanning tree alone, in the same coordinates."""
+    robot = hybridyn.load("delta")
+    text = etree.tostring(urdf_root(robot.description.source, {}, ())).decode()
+    own = pin.buildModelFromXML(text)
+    shapes = pin.buildGeomFromUrdfString(own, text, pin.GeometryType.VISUAL)
+    q, _, _ = hybridyn.assemble(robot, motors={m: 0.1 * i for i, m in enumerate(robot.motors)})
+    placed = []
+    for model, geometry in ((own, shapes), (robot.model, hybridyn.geometry_model(robot))):
+        data = geometry.createData()
+        pin.updateGeometryPlacements(model, model.createData(), geometry, data, q)
+        placed.append({x.name: at for x, at in zip(geometry.geometryObjects, data.oMg, strict=True)})
+    assert placed[0].keys() == placed[1].keys()
+    assert all(at.isApprox(placed[1][name], ROUNDING) for name, at in placed[0].items())
 
 
 def test_a_stated_origin_is_read(tmp_path: Path) -> None:

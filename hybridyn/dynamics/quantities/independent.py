@@ -169,8 +169,9 @@ def _refuse_dependent(module: Module, S: Array, samples: Index, freedoms: Index,
     raise SingularityError(
         f"module '{module.name}': its {u.words} lose a direction at sample {samples[t]} ("
         + ("they are not independent" if u.chosen else "parallel singularity")
-        + f"; condition number {condition:.1e}, limit {1 / SINGULAR_MOTOR_MAP:.0e}; joint '{joint}' is most "
-        "concerned). Move the trajectory away from it, or choose other joints with joints=[...]",
+        + f"; condition number {condition:.1e}, limit {1 / SINGULAR_MOTOR_MAP:.0e}; "
+        f"{'joint' if u.chosen else 'motor'} '{joint}' is affected most). Move the trajectory away from it, "
+        "or choose other joints with joints=[...]",
         module=module.name,
         what="joints" if u.chosen else "motors",
         condition=condition,

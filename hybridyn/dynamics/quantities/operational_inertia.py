@@ -11,11 +11,11 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ...effects.choice import Choice
+from ...effects.choice import Choice, Effects
 from ...errors import SingularityError
 from ...linkage.elimination import back_substitute, pivot_ratio, pivoted_qr
 from ...linkage.rigid_motion import RigidMotion
-from ...spatial import Array, rotate_back
+from ...spatial import Array, Index, rotate_back
 from ...structure.robot import HybridRobot
 from ...structure.samples import as_positions, one_of
 from ..direct import direct_model
@@ -62,18 +62,13 @@ def delassus(
     on = chosen_effects(robot, effects).only(INERTIAL)
     q, single = as_positions(robot, q)
     T, rows = len(q), 6 * len(names)
-    many = np.repeat(q, rows, axis=0)
-    rest = np.zeros((len(many), robot.nv))
-    units = np.tile(np.eye(rows).reshape(rows, len(names), 6), (T, 1, 1))
-    placed = link_motions(robot, many, rest, names)
-    wrenches = {name: np.zeros((len(many), 6)) for name in names}
-    for i, name in enumerate(names):
-        wrenches[name] += _in_link(placed[name], units[:, i]) if axes == "world" else units[:, i]
-    a = direct_model(
-        robot, many, rest, np.zeros((len(many), len(robot.motors))), wrenches=wrenches, effects=on
-    ).a
-    moved = link_motions(robot, many, a, names)
-    out = np.concatenate([_twist(moved[name], axes) for name in names], axis=1).reshape(T, rows, rows)
+    try:
+        twists = _pushed(robot, q, names, axes, on, np.arange(rows))
+    except SingularityError as error:
+        if error.sample is not None and error.sample >= T:  # the message needs the number in the batch
+            _pushed(robot, q, names, axes, on, np.array([error.sample // T]))
+        raise
+    out = np.swapaxes(twists.reshape(rows, T, rows), 0, 1)
     out = (out + np.swapaxes(out, 1, 2)) / 2
     return out[0] if single else out
 
@@ -140,6 +135,30 @@ def inverse_of(
     out = np.empty_like(D)
     np.put_along_axis(out, order[:, :, None], back_substitute(R[:, :, :rows], R[:, :, rows:]), axis=1)
     return (out + np.swapaxes(out, 1, 2)) / 2 / unit[:, None] / unit
+
+
+def _pushed(
+    robot: HybridRobot, q: Array, names: list[str], axes: str, on: Effects, directions: Index
+) -> Array:
+    """Compute the accelerations of k links per unit wrench in some of their 6 k directions, from rest.
+
+    Returns:
+        Shape (directions T, 6 k), the samples of the first direction first.
+
+    Raises:
+        HybridynError: As the direct model raises; its samples are the rows of the result.
+    """
+    many = np.tile(q, (len(directions), 1))
+    rest = np.zeros((len(many), robot.nv))
+    units = np.repeat(np.eye(6 * len(names))[directions].reshape(-1, len(names), 6), len(q), axis=0)
+    placed = link_motions(robot, many, rest, names)
+    wrenches = {name: np.zeros((len(many), 6)) for name in names}
+    for i, name in enumerate(names):
+        wrenches[name] += _in_link(placed[name], units[:, i]) if axes == "world" else units[:, i]
+    still = np.zeros((len(many), len(robot.motors)))
+    a = direct_model(robot, many, rest, still, wrenches=wrenches, effects=on).a
+    moved = link_motions(robot, many, a, names)
+    return np.concatenate([_twist(moved[name], axes) for name in names], axis=1)
 
 
 def _in_link(motion: RigidMotion, W: Array) -> Array:
