@@ -22,20 +22,17 @@ from ..structure.module import Module
 from ..structure.robot import HybridRobot
 from .assemble import module_task, place_base, settled, spanning_positions
 from .follow import first_posture
+from .marks import SAME_ASSEMBLY, grouped, marks_of, unchanged_by_idle_motions
 from .module_request import module_request
 from .requests import Requests, gather_requests
 from .residual import closure_residual
 from .task import Task
 
-#: Two postures are equal if no mark that distinguishes postures differs by more (module lengths, cosines).
-SAME_ASSEMBLY = 1e-5
 #: Longest step of the search [rad, module lengths], maximum number of steps, and the residual of a start
 #: that has converged.
 LONGEST_STEP, MOST_STEPS, CONVERGED = 1.0, 60, 1e-10
 #: Regularisation of the normal equations of the least-norm steps, relative to their trace.
 REGULARISATION = 1e-12
-#: A mark that an idle motion of size `NUDGE` changes by `NUDGED` or more does not distinguish postures.
-NUDGE, NUDGED = 1e-3, 1e-5
 #: Number of starts per batch: small enough that their arrays stay in the cache.
 STARTS_AT_ONCE = 1000
 #: Maximum number of postures of a robot; the numbers of stacked modules multiply.
@@ -238,8 +235,8 @@ def postures(robot: HybridRobot, module: Module, task: Task, starts: int, seed: 
             noise = rng.uniform(-spread, spread, (min(STARTS_AT_ONCE, starts - first), m.tree.nv))
             reached.append(_reached(task, m.tree.integrate(np.tile(m.home, (len(noise), 1)), noise)))
     x = settled(m, np.concatenate(reached))
-    marks = _marks(module, x)[:, _unchanged_by_idle_motions(task, module, x[:8])]
-    label, counts = _grouped(marks)
+    marks = marks_of(module, x)[:, unchanged_by_idle_motions(task, module, x[:8])]
+    label, counts = grouped(marks)
     counts[0] = counts[0] - 1 if m.closures.rows else starts  # the posture of `assemble` is no random start
     turned = np.abs(m.tree.difference(np.tile(m.home, (len(x), 1)), x) / task.problem.col_scale).sum(axis=1)
     kept = np.array([np.flatnonzero(label == i)[np.argmin(turned[label == i])] for i in range(len(counts))])
@@ -273,48 +270,3 @@ def _reached(task: Task, q: Array) -> Array:
             break
     result = task.solve(q[there], np.zeros(there.sum(), dtype=int))
     return result.q[task.closed(result)]
-
-
-def _marks(module: Module, x: Array) -> Array:
-    """Compute the dimensionless marks that distinguish postures, shape (T, marks): see `assemblies`."""
-    m = module.mechanism
-    motion = m.tree.sweep(x)
-    marks = [motion.p[:, 1:].reshape(len(x), -1) / m.length]
-    for i, link in enumerate(m.spec.leg_bodies):
-        if link is not None and link.mass:
-            marks.append((motion.p[:, i + 1] + motion.R[:, i + 1] @ link.com) / m.length)
-    for c in m.closures.closures:
-        marks.append((motion.p[:, c.body_a] + motion.R[:, c.body_a] @ c.p_a) / m.length)
-        marks.append((motion.p[:, c.body_b] + motion.R[:, c.body_b] @ c.p_b) / m.length)
-    marks += [motion.R[:, body].reshape(len(x), 9) for body in m.spec.outputs]
-    for i, (joint, at) in enumerate(zip(m.tree.joints, m.tree.q_slices, strict=True)):
-        if m.tree.v_slices[i].start in module.motor_columns:
-            value = x[:, at]
-            angle = [np.cos(value), np.sin(value)]
-            marks += {"revolute": angle, "prismatic": [value / m.length]}.get(joint.kind, [value])
-    return np.concatenate(marks, axis=1)
-
-
-def _unchanged_by_idle_motions(task: Task, module: Module, x: Array) -> Mask:
-    """Determine the marks that no idle motion changes, shape (marks,), from a few postures (T, nq)."""
-    problem = task.problem
-    K = problem.matrix(problem.tree.sweep(x))[:, :, problem.free]
-    here = _marks(module, x)
-    still = np.ones(here.shape[1], dtype=bool)
-    for idle in np.moveaxis(np.linalg.svd(K)[2][:, problem.rank or 0 :], 1, 0):
-        dx = np.zeros((len(x), problem.tree.nv))
-        dx[:, problem.free] = NUDGE * idle
-        moved = _marks(module, problem.tree.integrate(x, dx * problem.col_scale))
-        still &= np.abs(moved - here).max(axis=0) < NUDGED
-    return still
-
-
-def _grouped(marks: Array) -> tuple[Index, Index]:
-    """Group equal rows of marks, shape (n, marks); return the group of each row and the group sizes."""
-    label = np.full(len(marks), -1)
-    groups = 0
-    while (label < 0).any():
-        rest = np.flatnonzero(label < 0)
-        label[rest[np.abs(marks[rest] - marks[rest[0]]).max(axis=1, initial=0.0) <= SAME_ASSEMBLY]] = groups
-        groups += 1
-    return label, np.bincount(label)
