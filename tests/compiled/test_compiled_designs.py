@@ -22,6 +22,7 @@ from hybridyn.spatial import Array, Mask
 from hybridyn.structure.parameters.entries import Parameters
 from hybridyn.structure.parameters.slots import Slot
 from tests.posing import swaying
+from tests.structure.test_parameters import COUNTED
 
 AGREE = 1e-11  # of the largest entry
 ROWS = 30
@@ -200,6 +201,39 @@ def test_postures_that_cannot_be_are_counted() -> None:
             with pytest.raises(HybridynError, match=re.escape(found.errors[k])):
                 hybridyn.assemble(robot_of(compiled, p[k]), motors=wide)
     assert found.recomputed >= 2
+
+
+#: A rod that carries a ballast where it is long.
+CARRYING = COUNTED.replace(
+    '<xacro:rods i="0" n="$(arg rods)"/>',
+    """<xacro:rods i="0" n="$(arg rods)"/><xacro:if value="${$(arg length) &gt; 0.7}"><link name="ballast"/>
+    <joint name="hold" type="fixed"><parent link="rod_1"/><child link="ballast"/></joint></xacro:if>""",
+)
+
+
+@pytest.mark.slow
+def test_a_design_of_another_structure_gets_a_model_of_its_own(tmp_path: Path) -> None:
+    """It has an error in a table; the robot with its arguments has a model like any other."""
+    file = tmp_path / "stack.urdf.xacro"
+    file.write_text(CARRYING)
+    robot = hybridyn.load(file)
+    compiled = hybridyn.compile(robot, parameters=["length"])
+    motors = waves(robot, 0.3)
+    found = compiled.designs([[0.4], [0.9], [0.6]], motors=motors)
+    assert list(found.errors) == [1]
+    assert "with length = 0.9, the links are others" in found.errors[1]
+    assert (found.recomputed, found.reached.all(axis=1).tolist()) == (0, [True, False, True])
+    assert np.isnan(found.q[1]).all()
+    with pytest.raises(ModelError, match="compile a model of its own"):
+        compiled.idm(found.q[0], found.v[0], found.a[0], parameters=[0.9])
+    other = hybridyn.compile(robot.with_parameters({"length": 0.9}), parameters=["length"])
+    more = other.designs([[0.9], [0.8]], motors=motors)
+    assert more.good.all()
+    for table, k, length in ((found, 0, 0.4), (more, 0, 0.9)):
+        fresh = hybridyn.load(file, xacro_args={"length": length})
+        states = hybridyn.assemble(fresh, motors=motors)
+        efforts = hybridyn.idm(fresh, *states)
+        np.testing.assert_allclose(table.tau[k], efforts, rtol=0, atol=AGREE * np.abs(efforts).max())
 
 
 @pytest.mark.slow

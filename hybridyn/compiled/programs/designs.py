@@ -99,11 +99,31 @@ class DesignsInSlots:
                 + f" ({', '.join(self.parameters.labels[:6])}{', ...' if size > 6 else ''})"
             )
         slots = self.parameters.slot_values(np.atleast_2d(values))
+        self._check_signs(slots)
+        return slots[0] if not shape else np.broadcast_to(slots, (*shape, slots.shape[1]))
+
+    def possible(self, p: Array) -> tuple[Array, dict[int, ModelError]]:
+        """Return the numbers in the slots of designs, NaN for those of another structure, and their errors.
+
+        Args:
+            p: Parameters of each design, shape (designs, k).
+        """
+        if p.shape[1:] != (self.parameters.size,) or not np.isfinite(p).all():
+            return self.numbers(p, (len(p),)), {}  # says what is wrong
+        slots, errors = self.parameters.possible(p)
+        self._check_signs(slots)
+        return slots, errors
+
+    def _check_signs(self, slots: Array) -> None:
+        """Check that no number is negative that must not be.
+
+        Args:
+            slots: Numbers in the slots of each design, shape (designs, slots).
+        """
         for i, slot in enumerate(self.parameters.slots):
             if slot.field in NOT_NEGATIVE and (slots[:, i] < 0).any():
                 first = int(np.flatnonzero(slots[:, i] < 0)[0])
                 raise ModelError(f"{slot} is negative in design {first}", element=slot.name)
-        return slots[0] if not shape else np.broadcast_to(slots, (*shape, slots.shape[1]))
 
     def by_design(self, numbers: Array, rows: Index) -> Iterator[tuple[HybridRobot, Index]]:
         """Yield the robot of each design among some samples, and the samples.

@@ -153,7 +153,7 @@ class DesignEvaluator:
         """
         robot = self.designs.robot
         p = np.atleast_2d(np.asarray(parameters, dtype=float))
-        numbers = self.designs.numbers(p, (len(p),))
+        numbers, refused = self.designs.possible(p)
         wanted = _Wanted(motors, platforms, gather_requests(robot, motors, platforms))
         T, D = wanted.requests.samples, len(p)
         chunk = max(LEAST_DESIGNS, AT_ONCE // (T * (robot.nq + 2 * robot.nv + numbers.shape[1])))
@@ -163,13 +163,15 @@ class DesignEvaluator:
         out = DesignTable(q, v, a, tau, reached, singular, {}, 0)
         rows = self.rows.requests(wanted.requests)
         others = [self._chunk(out, at, numbers, rows) for at in range_of(D, chunk)]
-        recomputed = np.concatenate([np.zeros(0, dtype=int), *others])
-        for design in recomputed.tolist():
-            if doubtful:
+        left = np.concatenate([np.zeros(0, dtype=int), *others]).tolist()
+        for design in left:
+            if design in refused:
+                out.errors[design], out.reached[design] = str(refused[design]), False
+            elif doubtful:
                 self._by_the_general_path(out, design, numbers[design], wanted)
             else:
                 out.errors[design] = "not certain"
-        return replace(out, recomputed=len(recomputed) if doubtful else 0)
+        return replace(out, recomputed=len(left) - len(refused) if doubtful else 0)
 
     def _chunk(self, out: DesignTable, at: slice, numbers: Array, rows: DesignRequests) -> Index:
         """Evaluate some designs; return those that are left to the general path."""

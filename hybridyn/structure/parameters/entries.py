@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,8 +12,8 @@ from ...description.names import did_you_mean
 from ...description.records import Description
 from ...errors import ModelError
 from ...spatial import Array
-from ..payload import loaded
-from .slots import NUMBERS, Slot, values_of
+from .checks import check_known, check_load, check_one
+from .slots import Slot, values_of
 from .xacro import XacroArguments
 
 
@@ -27,6 +27,8 @@ class Entry:
         slots: The slots that it sets.
         numbers: Computes the numbers in the slots, shape (T, slots), from the parameter's, shape (T, size).
         own: Computes the parameter's numbers, shape (size,), from those in the slots, shape (slots,).
+        possible: Computes `numbers` with NaN for designs that are not possible, and these designs' errors;
+            None where every design is.
     """
 
     name: str
@@ -34,6 +36,7 @@ class Entry:
     slots: tuple[Slot, ...]
     numbers: Callable[[Array], Array]
     own: Callable[[Array], Array]
+    possible: Callable[[Array], tuple[Array, dict[int, ModelError]]] | None = None
 
     @property
     def of_matrix(self) -> bool:
@@ -130,31 +133,31 @@ def entry_of(description: Description, name: str) -> Entry:
         )
     if kind in _OF_LINKS:
         field, places, labels = _OF_LINKS[kind]
-        _known(name, of, [link.name for link in description.links], "link")
+        check_known(name, of, [link.name for link in description.links], "link")
         return _entry(name, labels, [Slot("links", of, field, at) for at in places])
     if kind == "offset":
-        _known(name, of, [c.name for c in description.couplings], "coupling")
+        check_known(name, of, [c.name for c in description.couplings], "coupling")
         return _entry(name, ("offset",), [Slot("couplings", of, "offset")])
     if kind in _OF_SPRINGS:
-        _one(name, of, [spring.name for spring in description.springs], "spring on the joint")
+        check_one(name, of, [spring.name for spring in description.springs], "spring on the joint")
         return _entry(name, (kind,), [Slot("springs", of, _OF_SPRINGS[kind])])
     if kind.startswith(PAYLOAD):
-        _one(name, of, [load.name for load in description.loads], "payload on the link")
-        _check_load(name, description, of)
+        check_one(name, of, [load.name for load in description.loads], "payload on the link")
+        check_load(name, description, of)
         field, places, labels = _OF_LINKS[kind.removeprefix(PAYLOAD)]
         return _entry(name, labels, [Slot("loads", of, field, at) for at in places])
     joints = [joint.name for joint in description.joints]
     if kind in OF_EFFECTS:
-        _known(name, of, joints, "joint")
+        check_known(name, of, joints, "joint")
         return _entry(name, (kind,), [Slot("joints", of, OF_EFFECTS[kind])])
     labels, places, numbers, own = _FRAMED[kind]
     base, _, side = of.rpartition("/")
     if side in _SIDES:
-        _known(name, base, [c.name for c in description.closures], "closure")
+        check_known(name, base, [c.name for c in description.closures], "closure")
         slots = [Slot("closures", base, _SIDES[side], at) for at in places]
     else:
         ends = [f"{c.name}/{side}" for c in description.closures for side in _SIDES]
-        _known(name, of, [*joints, *ends], "joint or side of a closure")
+        check_known(name, of, [*joints, *ends], "joint or side of a closure")
         slots = [Slot("joints", of, "placement", at) for at in places]
     return _entry(name, labels, slots, numbers, own)
 
@@ -171,34 +174,6 @@ def _entry(
     return Entry(name, full, tuple(slots), numbers, own)
 
 
-def _known(name: str, of: str, names: Sequence[str], what: str) -> None:
-    """Check that a record exists."""
-    if of not in names:
-        hint = did_you_mean(of, names)
-        raise ModelError(f"parameter '{name}': there is no {what} '{of}'{hint}", element=of)
-
-
-def _one(name: str, of: str, names: Sequence[str], what: str) -> None:
-    """Check that there is exactly one record of a name."""
-    _known(name, of, names, what)
-    if names.count(of) > 1:
-        raise ModelError(
-            f"parameter '{name}': there are {names.count(of)} of {what} '{of}': state one instead", element=of
-        )
-
-
-def _check_load(name: str, description: Description, of: str) -> None:
-    """Check that a link has the numbers of its own and of its payload."""
-    link = next(link for link in description.links if link.name == of)
-    own = loaded(link, next(load for load in description.loads if load.name == of))
-    if not all(np.array_equal(getattr(link, field), getattr(own, field)) for field in NUMBERS["links"]):
-        raise ModelError(
-            f"parameter '{name}': the numbers of link '{of}' were changed after its payload was added: add "
-            "the payload last",
-            element=of,
-        )
-
-
 def of_slot(slot: Slot) -> Entry:
     """Return the parameter that is a slot."""
     return _entry(str(slot), ("value",), [slot])
@@ -207,8 +182,9 @@ def of_slot(slot: Slot) -> Entry:
 def of_xacro(arguments: XacroArguments) -> Entry:
     """Return the parameter whose numbers are arguments of a xacro file."""
     return Entry(
-        ", ".join(arguments.names), arguments.names, arguments.slots, arguments.numbers, arguments.own
-    )
+        ", ".join(arguments.names), arguments.names, arguments.slots, arguments.numbers, arguments.own,
+        arguments.possible,
+    )  # fmt: skip
 
 
 class Parameters:
@@ -274,11 +250,25 @@ class Parameters:
 
     def slot_values(self, p: Array) -> Array:
         """Compute the numbers in the slots, shape (T, slots), from parameters, shape (T, size)."""
-        parts, at = [np.zeros((len(p), 0))], 0
+        parts = [entry.numbers(own) for entry, own in self._each(p)]
+        return np.concatenate([np.zeros((len(p), 0)), *parts], axis=1)
+
+    def possible(self, p: Array) -> tuple[Array, dict[int, ModelError]]:
+        """Compute `slot_values` with NaN for designs that are not possible, and these designs' errors."""
+        parts = [np.zeros((len(p), 0))]
+        errors: dict[int, ModelError] = {}
+        for entry, own in self._each(p):
+            values, wrong = (entry.numbers(own), {}) if entry.possible is None else entry.possible(own)
+            parts.append(values)
+            errors |= wrong
+        return np.concatenate(parts, axis=1), errors
+
+    def _each(self, p: Array) -> Iterator[tuple[Entry, Array]]:
+        """Yield each parameter and its numbers, shape (T, its size)."""
+        at = 0
         for entry in self.entries:
-            parts.append(entry.numbers(p[:, at : at + entry.size]))
+            yield entry, p[:, at : at + entry.size]
             at += entry.size
-        return np.concatenate(parts, axis=1)
 
     def vector(self, values: Mapping[str, Any]) -> Array:
         """Return the numbers of all parameters, shape (size,), those left out as in the description.
@@ -289,7 +279,7 @@ class Parameters:
         out, at = self.nominal.copy(), 0
         names = [entry.name for entry in self.entries]
         for name in values:
-            _known(name, name, names, "parameter")
+            check_known(name, name, names, "parameter")
         for entry in self.entries:
             if entry.name in values:
                 own = np.asarray(values[entry.name], dtype=float).ravel()

@@ -93,6 +93,13 @@ class XacroArguments:
         Raises:
             ModelError: A design has another structure, or numbers change that did not change before.
         """
+        rows, errors = self.possible(p)
+        if errors:
+            raise errors[min(errors)]
+        return rows
+
+    def possible(self, p: Array) -> tuple[Array, dict[int, ModelError]]:
+        """Compute `numbers` with NaN for designs that are not possible, and these designs' errors."""
         designs, which = np.unique(p, axis=0, return_inverse=True)
         slots = self.slots
         found = read_each(
@@ -101,8 +108,14 @@ class XacroArguments:
             motors=self._origin.motors,
             package_dirs=self._origin.package_dirs,
         )
-        rows = np.array([self._numbers(*one) for one in zip(designs, found, strict=True)])
-        return rows[which.ravel()].reshape(len(p), len(slots))
+        rows, wrong = np.full((len(designs), len(slots)), np.nan), {}
+        for k, description in enumerate(found):
+            try:
+                rows[k] = self._numbers(designs[k], description)
+            except ModelError as error:
+                wrong[k] = error
+        place = which.ravel().tolist()
+        return rows[place], {i: wrong[k] for i, k in enumerate(place) if k in wrong}
 
     def _numbers(self, values: Array, description: Description | ModelError) -> list[float]:
         """Return the numbers in the slots of one design.
