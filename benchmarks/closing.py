@@ -1,9 +1,10 @@
 """Loops closed in C: one control step, and rows of a table, beside the inverse model of the same robot.
 
 Run `python -m benchmarks.closing [robots]`. A step closes the loops from the motors' positions, rates and
-accelerations and the posture before, and computes the efforts; all calls are made from Python. Rows are those
-of a table of motors and, for robots whose platforms have six freedoms, of poses. Ratios are to a single call
-of `idm` of the same compiled model.
+accelerations and the posture before, and computes the efforts; all calls are made from Python. "Closed in C
+alone" is the same without Python: rows of the motors' motion, one call for all. Rows are those of a table of
+motors and, for robots whose platforms have six freedoms, of poses. Ratios are to a single call of `idm` of
+the same compiled model.
 """
 
 from __future__ import annotations
@@ -18,7 +19,11 @@ import hybridyn
 from benchmarks.timing import interleaved, one_thread
 from hybridyn import HybridRobot
 from hybridyn.compiled.model import CompiledRobot
+from hybridyn.compiled.programs.closing.assembling import Assembler
+from hybridyn.compiled.programs.closing.choosing import module_requests, numbers
+from hybridyn.compiled.programs.closing.given import requests_of_motors
 from hybridyn.compiled.programs.closing.platform_program import platform_motions, posed_modules
+from hybridyn.compiled.programs.closing.starting import place_of
 from hybridyn.spatial import Array
 
 ROBOTS = ("five_bar", "gough_stewart", "lx4")
@@ -46,6 +51,7 @@ def measured(compiled: CompiledRobot) -> Iterator[tuple[str, list[float]]]:
     """Yield what was measured, with the least time and percentiles [us]; a single call of `idm` first."""
     motors = ticks(compiled.robot)
     yield from steps(compiled, motors)
+    yield "closed in C alone", [alone(compiled, motors)]
     for what, call in tables(compiled, motors):
         call()
         least = interleaved([call], ROUNDS)[0].least
@@ -82,6 +88,29 @@ def steps(compiled: CompiledRobot, motors: tuple[Array, Array, Array]) -> Iterat
         yield what, [float(x.min()), *np.percentile(x, [50, 90, 99, 99.9]).tolist()]
     if compiled.recomputed:
         print(f"{compiled.recomputed} ticks were computed by the general path")
+
+
+def alone(compiled: CompiledRobot, motors: tuple[Array, Array, Array]) -> float:
+    """Return the least time of a row that is closed without Python [us]."""
+    robot = compiled.robot
+    requests = requests_of_motors(robot, motors[0], motors[1:])
+    assembler = Assembler(robot)
+    q, _, _ = assembler.assemble(requests, robot.home)
+    closing, wanted = assembler.closing_of(requests), module_requests(robot, requests)
+    if closing is None or wanted is None:
+        return float("nan")
+    given = numbers(closing.parts, wanted)
+    out = tuple(np.empty((ROWS, size)) for size in (robot.nq, robot.nv, robot.nv))
+    least = float("inf")
+    for _ in range(ROUNDS):
+        place = place_of(robot, closing.parts, q[0])
+        if place is None:
+            return float("nan")
+        start = time.perf_counter()
+        done = closing.rows.follow(place, given, (out[0], out[1], out[2]), False)
+        if done == ROWS:
+            least = min(least, time.perf_counter() - start)
+    return 1e6 * least / ROWS
 
 
 def tables(

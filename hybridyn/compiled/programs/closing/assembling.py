@@ -67,6 +67,10 @@ class Assembler:
         self._known: dict[tuple[object, ...], Closing | None] = {}
         self._home: dict[tuple[object, ...], Place | None] = {}
 
+    def closing_of(self, requests: Requests) -> Closing | None:
+        """Return the program for requests that have been assembled before, if there is one."""
+        return self._known.get(structure_of(requests))
+
     def follow_motors(self, requests: Requests, q: Array) -> Callable[..., int] | None:
         """Return the call that closes a row from motors after a posture, see `ClosedRows.from_motors`.
 
@@ -74,7 +78,7 @@ class Assembler:
             requests: The requests for the posture, which has been assembled: positions of all motors.
             q: The posture, shape (nq,).
         """
-        closing = self._known.get(structure_of(requests))
+        closing = self.closing_of(requests)
         place = None if closing is None else place_of(self.robot, closing.parts, q)
         if closing is None or place is None:
             return None
