@@ -1,8 +1,8 @@
 """Generate C source from programs. Nothing here depends on robots.
 
-Read `graph` (operations), `fusing`, `kernels` (C of one kernel), `scalars` (number types), `rules` (checks of
-a program), the drivers `across_samples` and `across_copies`, then `library_source` and `plain_c`. `c/` holds
-the headers.
+Read `graph` (operations), `quotients` and `fusing`, `kernels` (C of one kernel), `scalars` (number types),
+`rules` (checks of a program), the drivers `across_samples` and `across_copies`, `alone` (single calls), then
+`library_source` and `plain_c`. `c/` holds the headers.
 
 May import: `program`, `spatial`, `errors`.
 """

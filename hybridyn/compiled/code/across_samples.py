@@ -28,13 +28,18 @@ from ..program import (
 from .drivers import Block, driver
 from .tables import Tables, steps_of_one
 
-HEAD = "static void {name}_samples(const V *given, V *result, V *shared, V *own, V *guard) {{"
+HEAD = "static void {name}_samples(const V *given, V *result, V *shared, V *own, V *guard)"
 
 
-def across_samples(program: Program, names: list[str], tables: Tables) -> str:
-    """Return the C function `<program>_samples`."""
-    head = HEAD.format(name=program.name)
-    return driver(program, head, names, tables, lambda call, name: _call(call, name, tables))
+def across_samples(program: Program, names: list[str], tables: Tables, head: str = HEAD) -> str:
+    """Return the C function `<program>_samples`, or the one that `head` declares."""
+    return driver(
+        program,
+        f"{head.format(name=program.name)} {{",
+        names,
+        tables,
+        lambda call, name: _call(call, name, tables),
+    )
 
 
 def _call(call: Call, name: str, tables: Tables) -> list[str]:

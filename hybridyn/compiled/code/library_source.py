@@ -9,6 +9,7 @@ from typing import Any
 from ..program import Call, Program
 from .across_copies import across_copies
 from .across_samples import across_samples
+from .alone import declaration, numbers_unit, on_numbers
 from .kernels import kernel_graph, kernel_text
 from .rules import check, trimmed
 from .scalars import GUARD_LIMIT, Scalar, text_of
@@ -57,7 +58,10 @@ def library_source(programs: list[Program], scalar: Scalar, more: str = "") -> S
             name = f"k{hashlib.sha256(text.encode()).hexdigest()[:12]}"
             bodies[name] = text
             names[program.name].append(name)
-    units = [*_kernel_units(bodies, scalar), _driver_unit(programs, names, bodies, scalar, more)]
+    lengths = {name: text.count("\n") for name, text in bodies.items()}
+    alone = [p for p in programs if on_numbers(p, [lengths[k] for k in names[p.name]], scalar.lanes)]
+    units = [*_kernel_units(bodies, scalar), _driver_unit(programs, alone, names, bodies, scalar, more)]
+    units += [numbers_unit(p, names[p.name], bodies, scalar.name) for p in alone]
     about = {
         "number": scalar.name,
         "lanes": scalar.lanes,
@@ -101,17 +105,19 @@ def _kernel_units(bodies: dict[str, str], scalar: Scalar) -> list[str]:
 
 
 def _driver_unit(
-    programs: list[Program], names: dict[str, list[str]], bodies: dict[str, str], scalar: Scalar, more: str
-) -> str:
-    """Return the file with the drivers and tables."""
+    programs: list[Program], alone: list[Program], names: dict[str, list[str]], bodies: dict[str, str],
+    scalar: Scalar, more: str,
+) -> str:  # fmt: skip
+    """Return the file with the drivers and tables; single calls of programs `alone` are on plain numbers."""
     tables = Tables()
-    drivers: list[str] = []
+    drivers = [declaration(program.name) for program in alone]
     for program in programs:
         drivers.append(across_samples(program, names[program.name], tables))
         drivers.append(_batch(program))
         if scalar.lanes > 1:
-            drivers.append(across_copies(program, names[program.name], scalar.lanes, tables))
-            drivers.append(_single(program))
+            if program not in alone:
+                drivers.append(across_copies(program, names[program.name], scalar.lanes, tables))
+            drivers.append(_single(program, "one" if program in alone else "copies"))
     if steps_in_c(programs, scalar):
         drivers.append(_steps(programs))
     if more:
@@ -191,7 +197,7 @@ def _batch(program: Program) -> str:
     )
 
 
-def _single(program: Program) -> str:
+def _single(program: Program, driver: str) -> str:
     """Return the C functions that run one sample, from NumPy arrays and from pointers."""
     given, _, shared, own = _sizes(program)
     count = sum(size for _, size in program.outputs)
@@ -204,16 +210,16 @@ def _single(program: Program) -> str:
         at += size
     handed = [f"a[{n}]" for n in range(len(program.inputs) + 1)]
     all_there = " && ".join([f"in{n}" for n, _ in enumerate(program.inputs)] + ["out"])
-    name = program.name
+    name, numbers = program.name, "S" if driver == "one" else "V"
     return "\n".join(
         [
-            f"static V {name}_work[{shared + own + 1}];",
+            f"static {numbers} {name}_work[{shared + own + 1}];",
             f"static S {name}_given[{max(given, 1)}] ALIGNED;",
             f"EXPORT S {name}_guard;",
             f"static int {name}_run(S *out) {{",
             "    S worst_yet = 0;",
             f"    for (int k = 0; k < {given}; k++) worst_yet += {name}_given[k] * 0; /* not finite: NaN */",
-            f"    {name}_copies({name}_given, out, {name}_work, {name}_work + {shared}, &worst_yet);",
+            f"    {name}_{driver}({name}_given, out, {name}_work, {name}_work + {shared}, &worst_yet);",
             f"    worst_yet += none_of(out, {count}); /* not finite: NaN */",
             f"    {name}_guard = worst_yet;",
             "    return worst_yet <= GUARD_LIMIT ? 0 : 2;",

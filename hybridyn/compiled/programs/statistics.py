@@ -4,8 +4,11 @@ from __future__ import annotations
 
 from ...effects.choice import Choice
 from ...structure.robot import HybridRobot
+from ..code.alone import describe_single
 from ..code.operations import operations_table
 from ..code.quotients import costing, operations_of
+from ..code.rules import trimmed
+from ..library.compilers import best_lanes
 from ..needs import needs_casadi
 from ..program import Program
 
@@ -45,9 +48,11 @@ def statistics(robot: HybridRobot, effects: Choice = None) -> str:
     tables = []
     for model, title in titles.items():
         table = operations_table({name: models[model] for name, models in variants.items()})
-        with_guard, alone = flattened(variants["base inertial parameters"][model])
+        program = trimmed(variants["base inertial parameters"][model])
+        with_guard, alone = flattened(program)
+        single = describe_single(program, best_lanes())
         shared = f"as one expression, shared across legs and stages: {with_guard}; without the guard: {alone}"
-        tables.append(f"{title}\n\n{table}\n{shared}")
+        tables.append(f"{title}\n\n{table}\n{shared}\n{single}")
     return "\n\n".join(tables)
 
 
