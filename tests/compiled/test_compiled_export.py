@@ -23,6 +23,7 @@ from hybridyn.compiled.library.compilers import find_compiler
 from hybridyn.compiled.programs.c_header import comment
 from hybridyn.compiled.programs.whole_robot import programs
 from hybridyn.description.shipped import shipped_robots
+from hybridyn.effects import Payload, Spring, with_effects
 from hybridyn.errors import ModelError
 from tests.compiled_toys import toy
 
@@ -335,3 +336,16 @@ def test_exported_functions_take_parameters(tmp_path: Path) -> None:
     assert close(*(ctypes.c_void_p(x.ctypes.data) for x in given)) <= 1.0
     for found, wanted in zip(states, (q[0], v[0], a[0]), strict=True):
         np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-9 * np.abs(wanted).max())
+
+
+@pytest.mark.slow
+def test_exported_springs_and_payloads_are_parameters(tmp_path: Path) -> None:
+    joint, link = "m1_left_elbow", "m1_tool"
+    robot = with_effects(shipped("five_bar"), [Payload(link, 0.5, (0.1, 0.0, 0.0))])
+    names = [f"spring_rest:{joint}", f"payload_mass:{link}"]
+    effects = ["default", Spring({joint: 3.0}, {joint: 0.2})]
+    export(robot, tmp_path, effects, name="bar", parameters=names)
+    header = (tmp_path / "bar.h").read_text()
+    assert f"0  rest of '{joint}' (0.2)" in header
+    assert f"1  payload's mass of '{link}' (0.5)" in header
+    assert "close 4: guard" in run_test(tmp_path, "bar")

@@ -24,10 +24,11 @@ from ...structure.module import Module
 from ...structure.module_spec import ModuleSpec
 from ...structure.robot import HybridRobot
 from ..equations.arguments.chosen import ChosenNumbers
+from ..equations.arguments.structure_guard import OTHER_STRUCTURE
 from ..equations.displacement import by_joint, moved_joint, position_rate
 from ..equations.expressions import Expression, dot, pack, symbols, unpack, zeros
 from ..equations.folding import Folding
-from ..equations.guards import GUARD_CLOSED, TINY_RATE, largest, trusted
+from ..equations.guards import GUARD_CLOSED, largest, trusted
 from ..equations.request import Request
 from ..equations.spanning import dependent_pivots, shape_of, spanning_closures
 from ..equations.static_elimination import solve
@@ -151,7 +152,8 @@ def by_motors(
             scale, unit = m.spanning_row_scale, m.spanning_col_scale
             speed = largest(v / unit)
             guard = ca.fmax(guard, largest(residual * scale) / closed)
-            guard = ca.fmax(guard, largest(dot(K, v) * scale) / (closed * (TINY_RATE + speed)))
+            held = largest(dot(K, v) * scale) <= closed * speed
+            guard = ca.fmax(guard, ca.if_else(held, 0.0, OTHER_STRUCTURE))
     moved = by_joint(tree, moved_joint, q, step, positions=1)
     outputs = [pack(moved), pack(v), pack(a), ca.SX(guard)]
     return ca.Function("close", [q_col, v_col, a_col, folding.symbol()], outputs), folding.table(len(modules))
