@@ -59,6 +59,7 @@ def test_an_ankle_from_positions_by_name(tmp_path: Path) -> None:
     agrees(compiled, JOINTS)
     given = {"pitch": np.linspace(0.0, 0.4, 5), "roll": np.full(5, -0.2)}
     same(compiled.joint_map(given, JOINTS), hybridyn.joint_map(compiled.robot, given, JOINTS))
+    assert compiled.recomputed == 0
 
 
 @pytest.mark.slow

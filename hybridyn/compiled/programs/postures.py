@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from ...assembly.assemble import by_name, first_guess
 from ...assembly.requests import Requests, gather_requests
+from ...dynamics.quantities.posture import holding, posture_at
 from ...effects.choice import Effects
 from ...errors import TrajectoryError
 from ...spatial import Array
@@ -38,6 +39,7 @@ class Postures:
     def _begin_postures(self) -> None:
         """Prepare the closing of loops for `robot`; programs are built when they are first needed."""
         self._assembler = Assembler(self.robot)
+        self._assemblers = {frozenset[str](): self._assembler}
         self._close_at_once: Callable[..., int] = refuse
         self._motors_still = np.zeros(len(self.robot.motors))
 
@@ -175,11 +177,28 @@ class Postures:
         """Refuse a changed `robot.model` (`CompiledRobot`)."""
         self.robot.check_model()
 
-    def _assemble(self, requests: Requests, guess: Array | None) -> tuple[Array, Array, Array]:
-        """Assemble postures for requests that have been gathered."""
-        before = self._assembler.recomputed
-        q, v, a = self._assembler.assemble(requests, first_guess(self.robot, guess))
-        self.recomputed += self._assembler.recomputed - before
+    def _posture_at(self, positions: Mapping[str, ArrayLike]) -> Array:
+        """Assemble a posture from positions of some modules' joints, also those of wrists that were cut."""
+        self._check_model()
+        cut = self.robot.cut_joints & set(positions)
+        if cut not in self._assemblers:
+            self._assemblers[cut] = Assembler(holding(self.robot, cut))
+        assembler = self._assemblers[cut]
+
+        def close(motors: Mapping[str, object], guess: Array) -> tuple[Array, Array, Array]:
+            """Close the loops in C."""
+            return self._assemble(gather_requests(assembler.robot, motors, {}), guess, assembler)
+
+        return posture_at(assembler.robot, positions, close=close)
+
+    def _assemble(
+        self, requests: Requests, guess: Array | None, assembler: Assembler | None = None
+    ) -> tuple[Array, Array, Array]:
+        """Assemble postures for requests that have been gathered, by default for `robot`."""
+        assembler = assembler or self._assembler
+        before = assembler.recomputed
+        q, v, a = assembler.assemble(requests, first_guess(assembler.robot, guess))
+        self.recomputed += assembler.recomputed - before
         return (q[0], v[0], a[0]) if requests.single else (q, v, a)
 
 

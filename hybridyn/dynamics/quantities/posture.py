@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from functools import partial
 from itertools import product
 
 import numpy as np
@@ -56,13 +57,19 @@ def holding(robot: HybridRobot, joints: Iterable[str]) -> HybridRobot:
     )  # fmt: skip
 
 
-def posture_at(robot: HybridRobot, positions: Mapping[str, ArrayLike], guess: Array | None = None) -> Array:
+def posture_at(
+    robot: HybridRobot,
+    positions: Mapping[str, ArrayLike],
+    guess: Array | None = None,
+    close: Callable[..., tuple[Array, Array, Array]] | None = None,
+) -> Array:
     """Assemble a posture from positions of some modules' joints; the joints of all others stay.
 
     Args:
         robot: The robot (`holding` these joints).
         positions: A position, a number or shape (T,), by joint.
         guess: A posture near it, shape (nq,); home where left out.
+        close: Closes the loops like `hybridyn.assemble` of this robot, which does it where left out.
 
     Returns:
         Positions of the spanning tree, shape (nq,) or (T, nq).
@@ -77,7 +84,8 @@ def posture_at(robot: HybridRobot, positions: Mapping[str, ArrayLike], guess: Ar
     others = [j for k, module in enumerate(robot.modules) if k not in moved for j in _held_joints(module)]
     held = dict(zip(others, positions_of(robot, near[None], others)[0], strict=True))
     given = {name: (value, 0.0, 0.0) for name, value in {**held, **positions}.items()}
-    return assemble(robot, motors=given, guess=near)[0]
+    close = partial(assemble, robot) if close is None else close
+    return close(motors=given, guess=near)[0]
 
 
 def _held_joints(module: Module) -> Iterator[str]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any, overload
 
@@ -175,6 +175,10 @@ class Quantities:
 
         def _check_model(self) -> None:
             """Refuse a changed `robot.model` (`CompiledRobot`)."""
+            ...
+
+        def _posture_at(self, positions: Mapping[str, ArrayLike]) -> Array:
+            """Assemble a posture from positions of some modules' joints (`Postures`)."""
             ...
 
     def _trusted(self, name: str, q: Array, v: Array, given: Array) -> Computed:

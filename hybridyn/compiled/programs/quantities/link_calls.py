@@ -90,6 +90,7 @@ class LinkQuantities(Quantities):
 
     def joint_map(self, q: ArrayLike | Mapping[str, ArrayLike], joints: Sequence[str]) -> JointMap:
         """Compute the map between output joints and motors, like `hybridyn.joint_map`."""
+        q = self._posture_at(q) if isinstance(q, Mapping) else q
         return related(self.robot, q, joints, self._side_motions)
 
     def _side_motions(self, q: Array, v: Array | None, side: Coordinates) -> tuple[Array, Array]:
