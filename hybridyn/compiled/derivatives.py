@@ -282,8 +282,9 @@ class Derivatives:
         out = {name: block[0] for name, block in out.items()} if single else out
         if filled is None:
             return out
-        for name, block in filled.items():
-            block[...] = out[name]
+        if single or self.library is None:
+            for name, block in filled.items():
+                block[...] = out[name]
         return filled
 
     def _run(

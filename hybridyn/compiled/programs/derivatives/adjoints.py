@@ -15,10 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...equations.expressions import pack
-from ...program import Add, Constants, Own, Shared, Source, Target
+from ...program import Add, Constants, Each, Own, Shared, Source, Target
 from ..writer import Writer
 from .local import Local, local_jacobian
-from .nodes import Node, Number, numbers_of
+from .nodes import Node, Number, identity, numbers_of
 
 #: Heading of derivatives in operation counts.
 PART = "derivatives"
@@ -86,11 +86,13 @@ class Adjoints:
         writer: The program under construction.
         rows: Number of rows.
         of: The parts of each number's adjoint.
+        known: Places of local derivatives, which several sweeps may share.
         patterns: Which entries of each block are not always zero, by the block's identity.
     """
 
     writer: Writer
     rows: int
+    known: dict[Any, tuple[Shared, Each]] = field(default_factory=dict)
     of: dict[Number, Parts] = field(default_factory=dict)
     patterns: dict[int, Pattern] = field(default_factory=dict)
 
@@ -137,17 +139,25 @@ class Adjoints:
         common_in = [alone or isinstance(node.sources[n], Shared) for n in ins]
         common_out = [alone or isinstance(node.targets[n], Add) for n in outs]
         local = local_jacobian(node, ins, outs, common_in, common_out)
-        w = self.writer
-        summed = w.shared(len(local.summed))
-        added: Target = summed if alone else w.start(summed, np.zeros(summed.size))
-        each = w.each(node.copies, len(local.own))
-        kernel = w.kernel(("local", local.key), local.function, PART)
-        w.call(kernel, node.copies, list(node.sources), [added, each])
+        key = local.key, tuple(map(identity, node.sources))
+        if key not in self.known:
+            self.known[key] = self._evaluated(node, local)
+        summed, each = self.known[key]
         if local.summed:
             self._one(node, 0, local, summed, True, live)
         if local.own:
             for i in copies:
                 self._one(node, i, local, Shared(each.start + i * each.size, each.size), False, live)
+
+    def _evaluated(self, node: Node, local: Local) -> tuple[Shared, Each]:
+        """Add the call that evaluates local derivatives: sums over the copies, and those of each copy."""
+        w = self.writer
+        summed = w.shared(len(local.summed))
+        added: Target = summed if node.copies == 1 else w.start(summed, np.zeros(summed.size))
+        each = w.each(node.copies, len(local.own))
+        kernel = w.kernel(("local", local.key), local.function, PART)
+        w.call(kernel, node.copies, list(node.sources), [added, each])
+        return summed, each
 
     def _one(
         self, node: Node, copy: int, local: Local, values: Shared, summed: bool, live: set[Number]

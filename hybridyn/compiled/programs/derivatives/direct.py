@@ -53,7 +53,8 @@ def direct_derivatives(request: Request) -> Program:
     groups = groups_of(request, balance)
     live = {("given", k) for k in range(sum(size for _, size in w.inputs))}
     live |= {("result", k) for k in range(robot.nv)}
-    builder, motions = Builder(w, steps, live), Motions(w)
+    motions = Motions(w)
+    builder = Builder(w, steps, live, motions)
     moving = {group: motions.of([modules[x.k] for x in group.modules], group.at) for group in groups}
     relations: dict[Group, Relations] = {}
     bodies = {f"parameters {i}": index for i, index in enumerate(parameters_of(request))}
@@ -112,9 +113,9 @@ class _Results:
             x.elimination.columns(w, count, right, motions, wrench)
         out = _Cause(group, motions, wrench)
         if name in ("q", "v"):
-            over = x.motion.over_q if name == "q" else x.motion.over_v
-            if over.pattern is not None and over.pattern.any():
-                out.more = Turned(over.rows.start, count, len(group.at.v))
+            over, changed = x.motion.over_q if name == "q" else x.motion.over_v
+            if changed.any():
+                out.more = Turned(over.start, count, len(group.at.v))
         if group.children:
             self._outputs(x, name, out)
         return out

@@ -7,14 +7,14 @@ from typing import Any
 
 from ...equations.direct import write_motion
 from ...equations.stages import Stage
-from ...program import Call, Target
+from ...program import Call, Each, Own, Shared, Target
 from ..direct import DirectCalls
 from ..stage_calls import Stages
 from ..writer import Writer
-from .adjoints import Adjoints
+from .adjoints import Adjoints, Pattern
 from .columns import Coordinates, add_up, collect
 from .dense import Block, new_block
-from .nodes import Joiner, numbers_of
+from .nodes import Joiner, Node, numbers_of
 
 
 @dataclass(frozen=True)
@@ -22,41 +22,54 @@ class Motion:
     """Derivatives of the accelerations of connected modules, a = Psi u_dot + a_0.
 
     Attributes:
-        Psi: Over u_dot.
-        over_q, over_v: Over their positions (along their freedoms) and rates, at fixed u_dot.
+        nodes: Nodes that lead from u_dot to the accelerations.
+        u_dot: Accelerations along the motions of each module.
+        Psi: Derivatives over u_dot.
+        over_q, over_v: Over their positions (along their freedoms) and rates, at fixed u_dot, and which
+            accelerations they change.
     """
 
+    nodes: list[Node]
+    u_dot: list[Shared]
     Psi: Block
-    over_q: Block
-    over_v: Block
+    over_q: tuple[Own, Pattern]
+    over_v: tuple[Own, Pattern]
 
 
 class Motions:
-    """Add the derivatives of modules' motions to a program; equal modules share their code."""
+    """Add the derivatives of modules' motions to a program; equal modules share their code.
+
+    Attributes:
+        known: Places of local derivatives, for sweeps that go on through the motions.
+    """
 
     def __init__(self, writer: Writer) -> None:
         self._writer = writer
         self._code: dict[Any, list[Stage]] = {}
         self._joiner = Joiner(writer.kernels, writer.handed, limit=0.0)
+        self.known: dict[Any, tuple[Shared, Each]] = {}
 
     def of(self, modules: list[DirectCalls], at: Coordinates) -> Motion:
         """Add the calls of connected modules."""
         w, rows = self._writer, len(at.v)
         nodes = self._joiner.nodes([call for calls in modules for call in self._calls(calls)])
-        adjoints = Adjoints(w, rows)
+        adjoints = Adjoints(w, rows, self.known)
         adjoints.seed(w.result("a", at.v))
         motions = [calls.u_dot for calls in modules if calls.u_dot is not None]
+        self.through(adjoints, nodes, motions, at)
+        Psi = new_block(w, rows, sum(u.size for u in motions))
+        read = [parts for u in motions for parts in adjoints.parts(u)]
+        Psi = replace(Psi, pattern=add_up(adjoints, read, [Psi.all]))
+        q, v = w.own(rows, rows), w.own(rows, rows)
+        over_q = q, collect(adjoints, "q", at.q, [q], at).any(axis=1)
+        over_v = v, collect(adjoints, "v", at.v, [v]).any(axis=1)
+        return Motion(nodes, motions, Psi, over_q, over_v)
+
+    def through(self, adjoints: Adjoints, nodes: list[Node], motions: list[Shared], at: Coordinates) -> None:
+        """Sweep back from accelerations to positions, rates and u_dot."""
+        w = self._writer
         leaves = [w.from_given("q", at.q), w.from_given("v", at.v), *motions]
         adjoints.sweep(nodes, {x for leaf in leaves for x in numbers_of(leaf, 0)})
-        blocks = [new_block(w, rows, size) for size in (sum(u.size for u in motions), rows, rows)]
-        places: list[list[Target]] = [[block.rows, block.all] for block in blocks]
-        patterns = (
-            add_up(adjoints, [parts for u in motions for parts in adjoints.parts(u)], places[0]),
-            collect(adjoints, "q", at.q, places[1], at),
-            collect(adjoints, "v", at.v, places[2]),
-        )
-        pairs = zip(blocks, patterns, strict=True)
-        return Motion(*(replace(block, pattern=pattern) for block, pattern in pairs))
 
     def _calls(self, calls: DirectCalls) -> list[Call]:
         """Return the calls that lead from u_dot to the accelerations; they are not made."""

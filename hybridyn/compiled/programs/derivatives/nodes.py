@@ -114,11 +114,11 @@ class Joiner:
                     producer, n = producers[place]
                     arguments.append((n, tree(producer)))
                     continue
-                identity = _identity(source)
-                if identity not in known:
-                    known[identity] = len(sources)
+                same = identity(source)
+                if same not in known:
+                    known[same] = len(sources)
                     sources.append(source)
-                arguments.append(known[identity])
+                arguments.append(known[same])
             return (call.kernel, *arguments)
 
         whole = tree(call)
@@ -162,7 +162,7 @@ def _place(end: Source | Target) -> Shared | Own | None:
     return end if isinstance(end, Shared | Own) else None
 
 
-def _identity(source: Source) -> Any:
+def identity(source: Source) -> Any:
     """Return what equal sources have in common."""
     match source:
         case Given(index) | Result(index):

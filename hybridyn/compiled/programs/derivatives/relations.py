@@ -24,7 +24,7 @@ from ..writer import Writer
 from .adjoints import PART, Adjoints, Parts, Pattern
 from .dense import Elimination, by_columns, matrix
 from .groups import Group, Place
-from .motion import Motion
+from .motion import Motion, Motions
 from .nodes import Joiner, Node, Number, numbers_of
 from .rows import Rows
 
@@ -84,15 +84,16 @@ class Relations:
 class Builder:
     """Add the relations of groups to a program, inwards."""
 
-    def __init__(self, writer: Writer, steps: list[Call], live: set[Number]) -> None:
+    def __init__(self, writer: Writer, steps: list[Call], live: set[Number], motions: Motions) -> None:
         """Prepare the relations.
 
         Args:
             writer: The program under construction.
             steps: Calls that compute what is left of the forces.
             live: Numbers over which they may be differentiated: user inputs and accelerations.
+            motions: Derivatives of accelerations.
         """
-        self._w, self._steps, self._live = writer, steps, live
+        self._w, self._steps, self._live, self._motions = writer, steps, live, motions
         self._joiner = Joiner(writer.kernels, writer.handed)
 
     def of(self, group: Group, motion: Motion, inputs: Columns, above: dict[Group, Relations]) -> Relations:
@@ -113,12 +114,14 @@ class Builder:
         wrench = [group.modules[0].F_base] if group.parent else []
         backwards = self._swept(nodes, [*left, *(end for end in wrench if end is not None)], live)
         onwards = self._swept(nodes, [end for A, V, _ in outputs for end in (A, V)], live)
+        for adjoints in (backwards, onwards):
+            self._motions.through(adjoints, motion.nodes, motion.u_dot, at)
 
         def parts(adjoints: Adjoints) -> dict[str, list[Parts]]:
             """Return the parts of the adjoints of the inputs that are used, by name."""
             out = {"W": [x for *_, W in outputs for x in adjoints.parts(W)]}
             out["moved"] = [x for end in moved for x in adjoints.parts(end)]
-            out["a"] = adjoints.parts(w.from_given("a", at.v))
+            out["u"] = [x for u in motion.u_dot for x in adjoints.parts(u)]
             for name, index in inputs.items():
                 found = adjoints.parts(w.from_given(name.split()[0], at.q if name == "q" else index))
                 if name in ("q", "v") or any(found):
@@ -126,10 +129,10 @@ class Builder:
             return out
 
         carried = [[above[child].H for child in children] for children in group.children.values()]
-        rows, sent = Rows(w, group, motion), {}
+        rows, sent = Rows(w, group), {}
         if outputs:
             read = parts(onwards)
-            sent = rows.add(onwards, {name: read[name] for name in ("W", "moved", "a", "q", "v")}, [], {})
+            sent = rows.add(onwards, {name: read[name] for name in ("W", "moved", "u", "q", "v")}, [], {})
         read = parts(backwards)
         received = rows.add(backwards, read, carried, sent)
         unit = len(read["W"]) + len(read["moved"])
@@ -156,7 +159,7 @@ class Builder:
     def _swept(self, nodes: list[Node], ends: list[Target], live: set[Number]) -> Adjoints:
         """Return the adjoints of some results, one row for each of their numbers."""
         counts = [len(numbers_of(end, 0)) for end in ends]
-        adjoints = Adjoints(self._w, sum(counts))
+        adjoints = Adjoints(self._w, sum(counts), self._motions.known)
         for end, first in zip(ends, np.cumsum([0, *counts]).tolist(), strict=False):
             adjoints.seed(end, first)
         adjoints.sweep(nodes, set(live))

@@ -16,15 +16,13 @@ from .adjoints import PART, Adjoints, Parts, Pattern, Reading
 from .columns import ONE, along_freedoms, pattern_of
 from .dense import Block, matrix, new_block
 from .groups import Group
-from .motion import Motion
 
 
 class Rows:
     """Add the rows of a group's relations."""
 
-    def __init__(self, writer: Writer, group: Group, motion: Motion) -> None:
+    def __init__(self, writer: Writer, group: Group) -> None:
         self._w, self._group = writer, group
-        self._over = {"u": motion.Psi, "q": motion.over_q, "v": motion.over_v}
 
     def add(
         self,
@@ -33,23 +31,23 @@ class Rows:
         carried: list[list[Shared]],
         sent: dict[str, Block],
     ) -> dict[str, Block]:
-        """Add up adjoints, and add what changes of the group's accelerations and outputs cause.
+        """Add up adjoints, and add what changes of the group's outputs cause.
 
         Args:
             adjoints: The adjoints, one row for each result.
-            read: Parts of the adjoints of inputs, and of the accelerations "a".
+            read: Parts of the adjoints of the motions "u", the outputs' wrenches "W", the base's motion
+                "moved", and the inputs.
             carried: For each output the wrenches over its motion, of all that it carries.
             sent: Rows of the outputs; without them, the rows are those of the outputs.
 
         Returns:
             Rows over the motions "u", over "unit" columns, and over the inputs.
         """
-        w, at, over, whole = self._w, self._group.at, self._over, not carried and bool(self._group.children)
+        w, at, whole = self._w, self._group.at, not carried and bool(self._group.children)
         reading = Reading.of([x for parts in read.values() for x in parts])
         kinds = at.kinds if any(kind not in ONE for kind in at.kinds) else ()
         widths = {name: len(parts) for name, parts in read.items()}
-        matrices = over | {f"S {name}": block for name, block in sent.items()}
-        names = ["u", "unit", *(name for name in read if name not in ("W", "moved", "a"))]
+        names = ["u", "unit", *(name for name in read if name not in ("W", "moved", "u"))]
         given = [w.from_given("q", np.tile(at.q, (adjoints.rows, 1)))] if kinds else []
 
         def function() -> ca.Function:
@@ -61,13 +59,10 @@ class Rows:
                 column, q = symbols("q", len(row["q"]))
                 columns = [column, *columns]
                 row["q"] = filled(along_freedoms(kinds, q, list(row["q"])))
-            row["u"] = filled([0.0] * over["u"].rows.size)
-            B = {}
-            for name, block in matrices.items():
-                column, B[name] = _masked(name, block)
+            S = {}
+            for name, block in sent.items():
+                column, S[name] = _masked(name, block)
                 columns.append(column)
-            for name in over:
-                row[name] = row[name] + dot(row["a"], B[name])
             W: list[Expression] = []
             for o, wrenches in enumerate(carried):
                 H: Any = 0.0
@@ -78,25 +73,25 @@ class Rows:
                 W.append(dot(row["W"][6 * o : 6 * o + 6], H))
             for name in sent:
                 if name == "unit":
-                    row["moved"] = row["moved"] + dot(np.concatenate(W), B["S unit"][:, len(row["W"]) :])
+                    row["moved"] = row["moved"] + dot(np.concatenate(W), S["unit"][:, len(row["W"]) :])
                 else:
-                    row[name] = row[name] + dot(np.concatenate(W), B[f"S {name}"])
+                    row[name] = row[name] + dot(np.concatenate(W), S[name])
             row["unit"] = np.concatenate([row["W"], row["moved"]])
             stored = [row[name] for name in names for _ in range(2 if whole and name != "u" else 1)]
             return ca.Function("rows", columns, [pack(x) for x in stored])
 
-        sizes = {"u": over["u"].rows.size, "unit": widths["W"] + widths["moved"]}
+        sizes = {"u": widths["u"], "unit": widths["W"] + widths["moved"]}
         sizes |= {name: len(at.v) if name == "q" else widths[name] for name in names[2:]}
         out = {name: new_block(w, adjoints.rows, sizes[name]) for name in names}
         targets: list[Target] = [out["u"].all]
         for name in names[1:]:
             targets += [out[name].rows, *([out[name].all] if whole else [])]
-        shapes = tuple((name, block.rows.size, _pattern(block).tobytes()) for name, block in matrices.items())
+        shapes = tuple((name, block.rows.size, _pattern(block).tobytes()) for name, block in sent.items())
         wrenches = tuple(tuple(H.size for H in x) for x in carried)
         key = ("rows", reading.key, tuple(widths.items()), kinds, shapes, wrenches, whole)
         if adjoints.rows:
             sources: list[Source] = [*given, *reading.blocks]
-            sources += [Shared(x.all.start, len(_pattern(x)) * x.all.size) for x in matrices.values()]
+            sources += [Shared(x.all.start, len(_pattern(x)) * x.all.size) for x in sent.values()]
             sources += [H for wrenches_of in carried for H in wrenches_of]
             w.call(w.kernel(key, function, PART), adjoints.rows, sources, targets)
         patterns = self._patterns(adjoints, read, kinds)
@@ -107,9 +102,6 @@ class Rows:
     ) -> dict[str, Pattern]:
         """Return which entries are not always zero, for rows of outputs."""
         of = {name: pattern_of(adjoints, parts, kinds if name == "q" else ()) for name, parts in read.items()}
-        for name, block in self._over.items():
-            moved = (of["a"].astype(int) @ _pattern(block).astype(int)) > 0
-            of[name] = of[name] | moved if name in of else moved
         of["unit"] = np.concatenate([of["W"], of["moved"]], axis=1)
         return of
 
