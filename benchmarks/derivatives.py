@@ -26,10 +26,14 @@ from hybridyn.compiled.code.kernels import kernel_graph
 from hybridyn.compiled.derivatives import Derivatives
 from hybridyn.compiled.equations.states import random_states
 from hybridyn.compiled.program import Call, Program
+from hybridyn.compiled.programs.derivatives.adjoints import DENSE
+from hybridyn.compiled.programs.whole_robot import programs
 from hybridyn.oracle import Oracle
 from hybridyn.spatial import Array
 
 ROBOTS = ("ur5", "five_bar", "gough_stewart", "lx4")
+#: Names of our calls: with new arrays, and with arrays that are filled again, as Pinocchio's data are.
+OURS, GIVEN = "hybridyn, compiled", "hybridyn, compiled, given arrays"
 #: Largest error of hybridyn's derivatives.
 LIMIT = 1e-10
 #: Step of the differences: its fourth power, and the rounding of long doubles over it, are about 1e-15.
@@ -129,9 +133,16 @@ def _measure(robot: HybridRobot, case: str, model: Model, given: Blocks, rounds:
     error = reference.off(tuple(found[name] for name in ("q", "v", "a" if model == "idm" else "tau")))  # type: ignore[arg-type]
     refuse(error, LIMIT, f"{what} of {case}")
     out.append(Check(case, f"{what} by hybridyn, compiled", error, LIMIT))
-    count = f"{operations(derive.program):,} operations"
-    rows = [("hybridyn, compiled", count, 1, error), ("hybridyn, compiled", count, batch, error)]
-    calls: list[Callable[[], object]] = [lambda: derive(q, v, x), lambda: derive(*given)]
+    model_alone = operations(programs(robot, models=(model,))[model])
+    dense, whole = operations(derive.program, DENSE), operations(derive.program)
+    ratios = f"{whole / model_alone:.3g}", f"{(whole - dense) / model_alone:.3g}"
+    count = f"{ratios[0]} times the model's operations, {ratios[1]} without dense products"
+    rows = [(name, count, samples, error) for name in (OURS, GIVEN) for samples in (1, batch)]
+    one, many = derive.allocate(), derive.allocate(batch)
+    calls: list[Callable[[], object]] = [
+        lambda: derive(q, v, x), lambda: derive(*given), lambda: derive(q, v, x, out=one),
+        lambda: derive(*given, out=many),
+    ]  # fmt: skip
     try:
         for name, setting, blocks, call in peers(robot, model, (q, v, x)):
             rows.append((name, written(setting), 1, reference.off(blocks)))
@@ -196,10 +207,12 @@ def _constrained(robot: HybridRobot, given: Blocks, setting: Setting) -> Peer:
     return "pin.computeConstraintDynamicsDerivatives", setting, blocks, call
 
 
-def operations(program: Program) -> int:
-    """Return the number of operations of one sample; a product fused with a sum counts as two."""
+def operations(program: Program, part: str = "") -> int:
+    """Return the number of operations of one sample, or of one part; a fused product counts as two."""
     counts = [
         sum({"input": 0, "constant": 0, "fma": 2}.get(node.name, 1) for node in kernel_graph(kernel).nodes)
         for kernel in program.kernels
     ]
-    return sum(step.copies * counts[step.kernel] for step in program.steps if isinstance(step, Call))
+    calls = [step for step in program.steps if isinstance(step, Call)]
+    wanted = [call for call in calls if part in ("", program.kernels[call.kernel].part)]
+    return sum(call.copies * counts[call.kernel] for call in wanted)

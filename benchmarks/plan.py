@@ -140,7 +140,7 @@ def full() -> list[Task]:
             out.append(
                 Task("throughput", f"{case} {model}", throughput.measure, (model, case, throughput.Load()))
             )
-    out += [Task("derivatives", case, derivatives.measure, (case, 100, 15)) for case in derivatives.ROBOTS]
+    out += [Task("derivatives", case, derivatives.measure, (case, 100, 40)) for case in derivatives.ROBOTS]
     out += [Task("singular", name, singular.measure, (name, DISTANCES)) for name in singular.APPROACHES]
     for case in ("gough_stewart", "lx4"):
         for model in ("ddm", "idm"):

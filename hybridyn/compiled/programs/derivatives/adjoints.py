@@ -22,6 +22,8 @@ from .nodes import Node, Number, identity, numbers_of
 
 #: Heading of derivatives in operation counts.
 PART = "derivatives"
+#: Heading of what grows as the result does, with the square of the number of modules.
+DENSE = "dense derivatives"
 
 Pattern = NDArray[np.bool_]
 #: Parts of an adjoint: the block and the entry in it.
@@ -87,12 +89,14 @@ class Adjoints:
         rows: Number of rows.
         of: The parts of each number's adjoint.
         known: Places of local derivatives, which several sweeps may share.
+        part: Heading of its products in operation counts.
         patterns: Which entries of each block are not always zero, by the block's identity.
     """
 
     writer: Writer
     rows: int
     known: dict[Any, tuple[Shared, Each]] = field(default_factory=dict)
+    part: str = PART
     of: dict[Number, Parts] = field(default_factory=dict)
     patterns: dict[int, Pattern] = field(default_factory=dict)
 
@@ -192,7 +196,7 @@ class Adjoints:
 
         w = self.writer
         places = [w.own(self.rows, len(cols)) for cols in columns.values()]
-        w.call(w.kernel(key, function, PART), self.rows, [values, *reading.blocks], list(places))
+        w.call(w.kernel(key, function, self.part), self.rows, [values, *reading.blocks], list(places))
         rows = {(n, row): self.pattern(self.of[numbers[n][row]]) for n, row in wanted}
         for place, (s, cols) in zip(places, columns.items(), strict=True):
             source = numbers_of(node.sources[s], copy)

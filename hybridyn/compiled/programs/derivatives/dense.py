@@ -15,7 +15,7 @@ import numpy as np
 from ...equations.expressions import Expression, dot, eye, pack, symbols
 from ...program import Each, Own, Shared, Source, Target
 from ..writer import Writer
-from .adjoints import PART, Pattern
+from .adjoints import DENSE, PART, Pattern
 
 
 @dataclass(frozen=True)
@@ -72,7 +72,7 @@ def add_terms(w: Writer, copies: int, terms: Sequence[Term], more: Sequence[Sour
         total, columns = sum_of(sizes, sizes[0][0], len(more))
         return ca.Function("columns", columns, [pack(total)])
 
-    kernel = w.kernel(("columns", sizes, len(more)), function, PART)
+    kernel = w.kernel(("columns", sizes, len(more)), function, DENSE)
     w.call(kernel, copies, [*sources_of(terms), *more], [target])
 
 

@@ -25,7 +25,7 @@ from ...program import Constants, Own, Program, Shared, Source, Target, Turned
 from ..direct import direct_inputs, write_direct_sweeps
 from ..inverse import Balance, write_balance
 from ..writer import Writer
-from .adjoints import PART, Adjoints
+from .adjoints import DENSE, PART, Adjoints
 from .columns import Coordinates, collect, coordinates_of, parameters_of
 from .dense import Term, by_columns, matrix, sources_of, sum_of
 from .groups import BASE, Group, groups_of
@@ -251,7 +251,7 @@ class _Results:
         key = ("accelerations", sizes, pattern.shape, pattern.tobytes(), len(motions), len(more))
         matrix_of = Shared(Psi.all.start, pattern.size)
         w.call(
-            w.kernel(key, function, PART), count, [*sources_of(terms), *motions, matrix_of, *more], [place]
+            w.kernel(key, function, DENSE), count, [*sources_of(terms), *motions, matrix_of, *more], [place]
         )
 
     def _terms(self, cause: _Cause, group: Group) -> list[Term]:
@@ -286,5 +286,5 @@ class _Results:
             return ca.Function("constants", [column], [pack(x)])
 
         if values.size:
-            kernel = self._w.kernel(("constants", size), function, PART)
+            kernel = self._w.kernel(("constants", size), function, DENSE)
             self._w.call(kernel, len(values), [Constants(values)], [place])

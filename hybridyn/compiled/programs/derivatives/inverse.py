@@ -9,7 +9,7 @@ from ...equations.request import Request
 from ...program import Call, Program, Target
 from ..inverse import inverse_inputs, write_inverse_sweeps
 from ..writer import Writer
-from .adjoints import Adjoints
+from .adjoints import DENSE, Adjoints
 from .columns import collect, coordinates_of, parameters_of
 from .memory import compacted
 from .nodes import Joiner
@@ -29,7 +29,7 @@ def inverse_derivatives(request: Request) -> Program:
     if not motors:
         return compacted(w.program())
     nodes = Joiner(w.kernels, w.handed).nodes(step for step in w.steps if isinstance(step, Call))
-    adjoints = Adjoints(w, motors)
+    adjoints = Adjoints(w, motors, part=DENSE)
     adjoints.seed(w.result("tau", np.arange(motors)))
     adjoints.sweep(nodes, {("given", k) for k in range(sum(size for _, size in inputs))})
 
